@@ -128,7 +128,7 @@ Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) 
 
 Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::string_view exercise_id,
                                             std::string_view course_id, std::int64_t otherwise) {
-  // the order of precedence as a number; an assignment without a date of its own says nothing
+  // the order of precedence as a number; skips assignments without a due date
   auto row = connection_.query(
       "SELECT due_unix_ns FROM assignments WHERE due_unix_ns IS NOT NULL"
       " AND (exercise_id = ?2 OR course_id = ?3) AND (trainee = ?1"

@@ -13,8 +13,8 @@ namespace {
 constexpr std::uint32_t kMostLines = 1000;
 constexpr std::size_t kMaxBytes = 1000;
 
-/// The text cut at a whole character. Bytes that are not UTF-8 become a note, because the log itself must
-/// always be written.
+/// Truncates the text at a character boundary. Replaces bytes that are not UTF-8 by a note, because the audit
+/// log must always be written.
 std::string shown(const std::string& text) {
   if (!isUtf8(text)) return fmt::format("({} bytes that are no text)", text.size());
   if (text.size() <= kMaxBytes) return text;

@@ -25,7 +25,7 @@ namespace {
 
 constexpr int kPagesPerStep = 4096;
 
-/// Removes the unfinished copy unless it was renamed into place.
+/// Removes the unfinished copy unless it was renamed to its final name.
 class Partial {
  public:
   explicit Partial(std::filesystem::path path) : path_(std::move(path)) { remove(); }
@@ -50,7 +50,7 @@ bool isSet(const std::atomic<bool>* flag) {
 }
 
 Status copy(Connection& reader, const std::filesystem::path& path, const std::atomic<bool>* cancelled) {
-  // an empty file first, so that nobody else can ever read the copy
+  // create an empty private file first, so that other users can never read the copy
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (fd < 0) return systemError(path, "create the copy");
   ::close(fd);
@@ -65,7 +65,7 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
   };
   if (opened != SQLITE_OK) return failure(opened);
 
-  // one view of the source for all steps: otherwise each commit of the writer would start the copy again
+  // one view of the source for all steps: otherwise each commit of the writer would restart the copy
   auto view = Transaction::begin(reader, Transaction::Kind::kRead);
   if (!view) {
     sqlite3_close(target);
@@ -81,7 +81,7 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
     return cancelledError();
   }
   if (rc != SQLITE_DONE || finished != SQLITE_OK) return failure(rc != SQLITE_DONE ? rc : finished);
-  // one plain file without a log beside it
+  // a single file without a write-ahead log
   if (const int mode = sqlite3_exec(target, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
       mode != SQLITE_OK) {
     return failure(mode);
@@ -90,11 +90,11 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
   return {};
 }
 
-/// What the copy covers beyond what was covered before.
+/// Sessions whose covered chunks in the copy exceed the previous watermark.
 Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
   std::vector<BackupResult::Covered> covered;
-  // a session that is open here may be closed by now: its end is not in the copy. Its last chunk does not
-  // count, so that the station keeps the whole until a backup holds the end as well.
+  // A session that is open in the copy may be closed by now, and the copy lacks its end. Its last chunk does
+  // not count, so that the station keeps the whole session until a backup contains the end as well.
   auto rows = copy.query(
       "SELECT id, covered"
       " FROM (SELECT s.id, s.safe_chunks, coalesce(p.chunks,"
@@ -151,8 +151,8 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
   ::close(fd);
   if (!synced) return error;
   result.bytes = static_cast<std::uint64_t>(info.st_size);
-  // not a plain rename: it must fail when the target was made meanwhile. Disks without hard links (USB
-  // sticks with FAT) support the other call.
+  // not a plain rename: it must fail if the target was created meanwhile. The other call is for disks without
+  // hard links (USB sticks with FAT).
   if (::link(partial.path().c_str(), target.c_str()) != 0 &&
       (errno == EEXIST ||
        ::renameat2(AT_FDCWD, partial.path().c_str(), AT_FDCWD, target.c_str(), RENAME_NOREPLACE) != 0))
@@ -170,7 +170,7 @@ std::string backupName(std::int64_t now_unix_ns) {
 }
 
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep) {
-  // exactly our own names: all other files of that folder belong to others
+  // only this program's names: other files in the folder belong to others
   const auto is_ours = [](const std::string& name) {
     constexpr std::string_view kShape = "needlelab-00000000T000000Z.db";
     if (name.size() != kShape.size()) return false;
@@ -190,7 +190,7 @@ Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::si
     std::error_code ignored;
     const std::string name = at->path().filename().string();
     if (!is_ours(name) || name == newest || !at->is_regular_file(ignored)) continue;
-    // a name from the future was given while the clock was ahead: the age of that backup is unknown
+    // a name in the future was given while the clock was ahead: the backup's real age is unknown
     (name < newest ? older : old.later).push_back(at->path());
   }
   if (error)
@@ -198,7 +198,7 @@ Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::si
   // names sort by time
   std::sort(older.begin(), older.end());
   std::sort(old.later.begin(), old.later.end());
-  // the new one is one of those that stay
+  // the new backup counts towards `keep`
   const std::size_t stay = keep > 0 ? keep - 1 : 0;
   if (older.size() <= stay) return old;
   older.resize(older.size() - stay);

@@ -11,14 +11,14 @@
 namespace needlelab {
 namespace {
 
-/// What was noted of the recording that is there.
+/// Stored facts about the session's recording.
 struct Noted {
   StoredRecording recording;
   std::uint64_t samples = 0;
   std::uint64_t stored_bytes = 0;
   std::optional<Digest> hash;           ///< nothing while the session is open
-  std::optional<Digest> original_hash;  ///< of a thinned one: what it says that it was made from
-  std::string remark;                   ///< of a sound one
+  std::optional<Digest> original_hash;  ///< of a thinned recording: hash of its original, as stored
+  std::string remark;                   ///< set for an intact recording
 };
 
 Result<std::uint64_t> count(Connection& connection, std::string_view sql, std::int64_t session,
@@ -28,7 +28,7 @@ Result<std::uint64_t> count(Connection& connection, std::string_view sql, std::i
   return rows.natural(0);
 }
 
-/// Faults of the rows beside the session's: its counters and those of retention, missing ones and stray ones.
+/// Faults in the rows related to the session: its counters and retention's rows, missing or superfluous.
 Result<std::vector<std::string>> bookFaults(Connection& connection, const std::string& name,
                                             const SessionRow& row) {
   std::vector<std::string> faults;
@@ -47,7 +47,7 @@ Result<std::vector<std::string>> bookFaults(Connection& connection, const std::s
   if (query.natural(1) != 4 * row.chunks)
     faults.push_back(fmt::format("{}: the CRCs of {} removed chunks are noted, there were {}", name,
                                  query.natural(1) / 4, row.chunks));
-  // an original on its way out: its remaining rows are not a fault
+  // an original being removed: its remaining rows are not a fault
   if (query.integer(0) == 1) return faults;
   ASSIGN_OR_RETURN(
       const auto left,
@@ -83,14 +83,14 @@ Result<Noted> notedOf(Connection& connection, const std::string& name, const Ses
   return noted;
 }
 
-/// Runs a pragma whose rows are faults, except a single "ok".
+/// Runs a pragma; each row is a fault, except a single "ok".
 Status collect(Connection& connection, std::string_view pragma, std::string_view prefix,
                std::vector<std::string>& faults) {
   auto rows = connection.prepare(pragma);
   for (;;) {
     const auto row = rows.step();
     if (!row) {
-      // too damaged to be examined any further: that is a finding, too
+      // the database is too damaged for this check: also a finding
       if (row.error().code != ErrorCode::kCorrupt) return row.error();
       faults.push_back(row.error().message);
       return {};
@@ -160,7 +160,7 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
     check.samples += item->samples;
   }
   check.hash = hash.digest();
-  // the sums say nothing new once a chunk is known to be bad
+  // after a bad chunk the sums add no information
   if (!check.faults.empty()) return finished();
   if (row.recording == StoredRecording::Kind::kDeleted) {
     check.text = noted->remark;

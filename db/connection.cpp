@@ -16,10 +16,10 @@
 namespace needlelab {
 namespace {
 
-/// Statements kept prepared per connection; the stores together use fewer.
+/// Maximum number of cached statements per connection; all stores together use fewer.
 constexpr std::size_t kMaxIdle = 128;
 
-/// Failures after which what is on the disk is in doubt.
+/// True for failures that put the data on disk in doubt.
 bool isDamage(int rc) {
   switch (rc & 0xff) {
     case SQLITE_IOERR:
@@ -55,7 +55,7 @@ ErrorCode codeOf(int rc) {
   }
 }
 
-/// The last error of the system that the files themselves noted, the log's first; else 0.
+/// The last system error that SQLite recorded for its files, the log's first; else 0.
 int fileErrorOf(sqlite3* handle) {
   if (handle == nullptr) return 0;
   int number = 0;
@@ -67,13 +67,13 @@ int fileErrorOf(sqlite3* handle) {
   return number;
 }
 
-/// The errno behind SQLite's error, where it concerns the disk; else 0.
+/// The errno behind SQLite's error, when it concerns the disk; else 0.
 int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
   switch (rc & 0xff) {
     case SQLITE_FULL:
       return ENOSPC;
     case SQLITE_READONLY:
-      // SQLite opens for reading what it may not open for writing
+      // SQLite opens a file read-only when it may not write to it
       return ::access(path.c_str(), W_OK) == 0 ? 0 : errno;
     case SQLITE_CORRUPT: {
       // SQLite reports a page that the disk cannot read as corrupt
@@ -83,7 +83,7 @@ int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
     case SQLITE_IOERR:
     case SQLITE_CANTOPEN: {
       int number = handle == nullptr ? 0 : sqlite3_system_errno(handle);
-      // a COMMIT that fails does not tell its connection
+      // a failed COMMIT does not set the connection's errno
       if (number == 0) number = fileErrorOf(handle);
       return number == 0 && (rc & 0xff) == SQLITE_IOERR ? EIO : number;
     }
@@ -100,7 +100,7 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   if (!options.create && options.vfs == nullptr && ::stat(path.c_str(), &info) != 0) {
     return Error{ErrorCode::kNotFound, path.string() + ": there is no database here"};
   }
-  // readers open for writing too: WAL needs its shared memory; query_only below forbids changes
+  // readers also open for writing, because WAL needs its shared memory; query_only below forbids changes
   const int flags =
       SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | (writer && options.create ? SQLITE_OPEN_CREATE : 0);
   sqlite3* handle = nullptr;
@@ -109,12 +109,13 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, options.busy_timeout_ms);
-  // by default the last connection to close checkpoints: only the writer may, and it does so itself
+  // by default the last connection checkpoints on close; only the writer may checkpoint, and it does so
+  // itself
   sqlite3_db_config(handle, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
-  // a hostile file's schema must not run code of its choice
+  // a hostile file's schema must not execute functions
   sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
 
-  // first of all: from here on no statement checkpoints by itself
+  // before anything else: disables automatic checkpoints
   RETURN_IF_ERROR(connection.script("PRAGMA wal_autocheckpoint=0"));
   if (writer) {
     auto mode = connection.prepare("PRAGMA journal_mode=WAL");
@@ -130,8 +131,9 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
                                                           : "PRAGMA synchronous=FULL;") +
       "PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
       "PRAGMA cell_size_check=ON;" +
-      // the pages that a thousand open sessions' next chunks touch: some 1,500, where SQLite would keep 500;
-      // deleted rows are overwritten: an erased person must not be readable from free pages
+      // a large enough cache for the pages that the next chunks of a thousand open sessions touch: some
+      // 1,500, where SQLite's default is 500; overwrite deleted rows, so that an erased person cannot be read
+      // from free pages
       (writer ? "PRAGMA cache_size=-16384; PRAGMA secure_delete=ON;" : "PRAGMA query_only=ON;");
   RETURN_IF_ERROR(connection.script(settings));
   return connection;
@@ -168,7 +170,7 @@ void Connection::close() {
 }
 
 Statement Connection::prepare(std::string_view sql) {
-  // called five times for each chunk that comes in: neither key nor entry is allocated again
+  // called five times for each incoming chunk: avoids allocating key and entry again
   thread_local std::string key;
   key.assign(sql);
   if (const auto found = idle_.find(key); found != idle_.end() && found->second != nullptr)
@@ -191,7 +193,7 @@ void Connection::giveBack(sqlite3_stmt* statement) {
   } else if (found != idle_.end() && found->second == nullptr) {
     found->second = statement;
   } else {
-    // a second statement of the same text was in use at the same time: one is enough
+    // another statement with the same text was in use at the same time: keep only one
     sqlite3_finalize(statement);
   }
 }
@@ -226,7 +228,7 @@ Status Connection::checkpointPassive(WalProgress* progress) {
 }
 
 std::uint64_t Connection::walBytes() {
-  // through SQLite's own handle, so that it is right in every VFS
+  // through SQLite's own file handle, which is correct for every VFS
   sqlite3_file* file = nullptr;
   if (sqlite3_file_control(handle_, "main", SQLITE_FCNTL_JOURNAL_POINTER, &file) != SQLITE_OK) return 0;
   sqlite3_int64 size = 0;
@@ -286,7 +288,7 @@ Statement& Statement::bind(double value) {
 }
 
 Statement& Statement::bind(std::string_view value) {
-  // an empty view may have no address, which SQLite would take for NULL
+  // an empty view may have a null address, which SQLite would bind as NULL
   const char* text = value.data() == nullptr ? "" : value.data();
   if (handle_ != nullptr) {
     check(sqlite3_bind_text64(handle_, ++bound_, text, value.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
@@ -339,7 +341,7 @@ std::string Statement::text(int column) const {
 }
 
 ByteView Statement::bytes(int column) const {
-  // the address first: asking for it may convert the value, and with it the length
+  // read the address first: this may convert the value and change its length
   const auto* data = static_cast<const std::uint8_t*>(sqlite3_column_blob(handle_, column));
   const int size = sqlite3_column_bytes(handle_, column);
   return data == nullptr ? ByteView{} : ByteView{data, static_cast<std::size_t>(size)};
@@ -353,7 +355,7 @@ Result<Transaction> Transaction::begin(Connection& connection, Kind kind) {
   RETURN_IF_ERROR(connection.run(kind == Kind::kWrite ? "BEGIN IMMEDIATE" : "BEGIN"));
   Transaction transaction(connection);
   if (kind == Kind::kRead) {
-    // BEGIN alone reads nothing yet; this fixes what is seen
+    // BEGIN alone does not read; this query fixes the view
     RETURN_IF_ERROR(connection.run("SELECT count(*) FROM sqlite_schema"));
   }
   return transaction;
@@ -369,7 +371,7 @@ Transaction::Transaction(Transaction&& other) noexcept
     : connection_(std::exchange(other.connection_, nullptr)) {}
 
 Transaction::~Transaction() {
-  // SQLite rolls back by itself on some errors; then there is nothing left to do
+  // after some errors SQLite has already rolled back
   if (connection_ != nullptr && connection_->inTransaction()) (void)connection_->run("ROLLBACK");
 }
 

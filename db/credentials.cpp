@@ -11,13 +11,13 @@
 namespace needlelab {
 namespace {
 
-/// libsodium must be initialised once, by whichever thread comes first.
+/// Initialises libsodium once, on the first caller's thread.
 void initialise() {
   static const int rc = sodium_init();
-  (void)rc;  // fails only without a source of random numbers; then the calls below fail
+  (void)rc;  // fails only without a random source; then the calls below fail
 }
 
-/// A hash of random bytes that nobody knows, which stands in for an empty hash.
+/// A hash of discarded random bytes, used in place of an empty hash.
 const std::string& decoyHash() {
   static const std::string hash = [] {
     std::array<char, 32> secret;
@@ -125,7 +125,7 @@ Result<bool> StationStore::checkKey(std::string_view name, std::string_view key)
   StationKeyBytes given{};
   if (key.size() != given.size()) return false;
   std::copy(key.begin(), key.end(), given.begin());
-  // hashed and compared for unknown names as well, so that all take the same time
+  // hash and compare for unknown names as well, so that the time is the same
   const StationKeyBytes stored = station ? station->key_hash : StationKeyBytes{};
   const bool same = sameHash(hashStationKey(given), stored);
   return same && station && !station->revoked;

@@ -45,8 +45,8 @@ Status DbWriter::post(Work work, Done done) {
           fmt::format("the database writer's queue is full with {} items: try again later", queue_.size())};
     }
     queue_.push_back({std::move(work), std::move(done)});
-    // items between the first of a group and the one that fills it change nothing for the writer: each would
-    // only wake it to wait again
+    // Wake the writer only for a group's first item and for the item that fills it: in between, it would only
+    // wake to wait again.
     wakes = queue_.size() == 1 || queue_.size() == options_.max_group;
   }
   if (wakes) wake_.notify_one();
@@ -54,7 +54,7 @@ Status DbWriter::post(Work work, Done done) {
 }
 
 Status DbWriter::run(Work work) {
-  // shared: the writer may still be inside set_value() when the waiting thread goes on
+  // shared: the writer may still be inside set_value() when the waiting thread continues
   const auto promise = std::make_shared<std::promise<Status>>();
   auto future = promise->get_future();
   RETURN_IF_ERROR(post(std::move(work), [promise](const Status& status) { promise->set_value(status); }));
@@ -106,13 +106,13 @@ void DbWriter::loop() {
     const std::lock_guard lock(mutex_);
     if (stopping_ && queue_.empty()) break;
   }
-  // leave a database that needs no recovery: nothing is lost if this fails
+  // leave a database that needs no recovery; a failure here loses nothing
   (void)connection_.checkpointPassive();
 }
 
 std::vector<DbWriter::Item> DbWriter::takeGroup() {
   std::unique_lock lock(mutex_);
-  // idle until there is work, or a checkpoint is due
+  // idle until there is work or a checkpoint is due
   const auto has_work = [this] { return stopping_ || !queue_.empty(); };
   if (uncheckpointed_) {
     wake_.wait_until(lock, next_checkpoint_, has_work);
@@ -120,7 +120,7 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
     wake_.wait(lock, has_work);
   }
   if (queue_.empty()) return {};
-  // let others join this commit
+  // wait for more items for this commit
   wake_.wait_for(lock, options_.window, [this] { return stopping_ || queue_.size() >= options_.max_group; });
   const std::size_t count = std::min(queue_.size(), options_.max_group);
   std::vector<Item> group(std::make_move_iterator(queue_.begin()),
@@ -130,8 +130,8 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
 }
 
 Status DbWriter::runWork(const Item& item) {
-  // sound: statements and savepoints are given back as the stack unwinds, so the item is undone as one that
-  // failed; and the lessons of others go on
+  // Safe: stack unwinding releases statements and savepoints, so the item is rolled back like a failed one;
+  // other items continue.
   try {
     return item.work(connection_);
   } catch (const std::exception& thrown) {
@@ -148,7 +148,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
   if (!transaction) {
     if (connection_.damaged()) return fail(transaction.error(), group), false;
-    // somebody else holds the write lock (an SQLite shell, say): nothing is in doubt, nothing was stored
+    // another process holds the write lock (e.g. an SQLite shell): nothing is in doubt, nothing was stored
     const Status status(transaction.error());
     for (const Item& item : group) {
       if (item.done) item.done(status);
@@ -158,7 +158,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     return true;
   }
 
-  // each item alone: what fails is undone, the rest goes on
+  // each item in its own savepoint: a failed item is rolled back, the others continue
   std::vector<Status> results;
   results.reserve(group.size());
   std::uint64_t refused = 0;
@@ -170,7 +170,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
       result = runWork(item);
       if (result.ok()) result = savepoint->release();
     }
-    // an error that undoes the whole transaction, or puts the disk in doubt, is not one item's affair
+    // an error that rolled back the whole transaction, or puts the disk in doubt, concerns all items
     if (connection_.damaged() || !connection_.inTransaction()) {
       const Error cause =
           result.ok() ? Error{ErrorCode::kFailed, "the transaction ended unasked"} : result.error();
@@ -205,7 +205,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.group_items.add(static_cast<std::int64_t>(group.size()));
     counters_.wal_bytes = wal_bytes;
   }
-  // only now: the data is on the disk
+  // only now is the data on disk
   if (!planted(PlantedBug::kAckBeforeCommit)) report();
   return true;
 }

@@ -128,7 +128,7 @@ Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
 }
 
 Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
-  // its exercises replace those of the revision before
+  // the exercises replace those of the previous revision
   RETURN_IF_ERROR(connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id));
   std::int64_t position = 0;
   for (const StoredExercise& item : curriculum.exercises) {

@@ -21,7 +21,7 @@ struct NameColumn {
   std::string_view table, column;
 };
 
-/// Columns that hold the name of a person who did something. The rows stay.
+/// Columns with the name of the person who did something. The rows stay.
 constexpr std::array kDoers = {
     NameColumn{"profiles", "author"},
     NameColumn{"curricula", "author"},
@@ -144,15 +144,15 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
                         " passed = NULL, events = 0, recording = 3, clock_offset_ns = NULL,"
                         " clock_round_trip_ns = NULL WHERE number = ?",
                         pseudonym, viewOf(description.SerializeAsString()), session.number));
-    // an open one ends here; its hash was never known, and no chunks are left to hash
+    // close an open session; its hash was never computed, and no chunks will be left to hash
     if (session.state == pb::SESSION_OPEN) {
       RETURN_IF_ERROR(connection_.run(
           "UPDATE sessions SET state = ?, hash = zeroblob(32), closed_unix_ns = ? WHERE number = ?",
           static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, session.number));
     }
     if (session.recording != 3) erasure.set_recordings(erasure.recordings() + (session.chunks > 0 ? 1 : 0));
-    // retention removes the chunks in pieces; CRCs are not needed any more, because chunks that a station
-    // sends again are accepted unread
+    // Retention removes the chunks in pieces. Their CRCs are not needed, because chunks that a station sends
+    // again are accepted unread.
     RETURN_IF_ERROR(
         connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
                         " reason, by_whom, leftover, crcs)"
@@ -177,7 +177,7 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
 
 Status ErasureStore::eraseRemarks(const ErasedNames& names) {
   // remarks also name people in other people's sessions; parts of a full name are replaced only in the
-  // person's own
+  // person's own sessions
   for (const bool own : {true, false}) {
     ASSIGN_OR_RETURN(
         const auto remarks,
@@ -201,7 +201,7 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
                                         " = ? WHERE " + std::string(column) + " = ?",
                                     names.in_its_place, names.name));
   }
-  // the log keeps its lines and their order; only the name in them changes
+  // the audit log keeps its lines and their order; only the name changes
   ASSIGN_OR_RETURN(const auto lines,
                    textRows(connection_.prepare("SELECT id, who, action, subject, detail FROM audit"), 4));
   for (const TextRow& line : lines) {
@@ -267,7 +267,7 @@ Result<PseudonymKey> ErasureStore::key() {
 Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesystem::path& folder) {
   std::vector<ErasureToRepeat> repeat;
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
-  // also those that the database knows: older records may have come back
+  // also erasures in the database: imported older records may have brought people back
   std::set<std::string> known;
   auto rows = connection_.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
   for (;;) {
@@ -292,7 +292,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
     if (!more) return repeat;
     const auto hash = key.nameHash(names.text(0));
     for (const ErasureLine& line : lines) {
-      // a person who got the name later is another person
+      // a person created later with the same name is another person
       const bool before = !known.contains(line.pseudonym) || names.integer(1) <= line.unix_ns;
       if (line.name_hash == hash && before) repeat.push_back({names.text(0), line.pseudonym, line.unix_ns});
     }

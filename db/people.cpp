@@ -50,7 +50,7 @@ Error noGroup(std::string_view id) {
   return {ErrorCode::kNotFound, "there is no group '" + std::string(id) + "'"};
 }
 
-/// Sorted, each once. kInvalidInput.
+/// Sorted, without duplicates. kInvalidInput.
 Result<std::vector<std::string>> membersOf(const pb::Group& group) {
   if (group.members_size() > kMaxGroupMembers)
     return Error{ErrorCode::kInvalidInput, fmt::format("group '{}', members: has {}, allowed are at most {}",
@@ -157,7 +157,7 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
   RETURN_IF_ERROR(checkText("group '" + group.id() + "', name", group.name(), 1, 200));
   ASSIGN_OR_RETURN(const auto wanted, membersOf(group));
 
-  // a removed group's revisions go on, but an edit does not find it
+  // a removed group's revision numbers continue, but an edit does not find the group
   std::uint32_t last = 0;
   {
     auto row = connection_.query("SELECT revision, removed FROM groups WHERE id = ?", group.id());

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::string_view kFullNameWords = "full name: '";
 
-/// Actions whose subject is always a person. The detail decides for those of "assign".
+/// Actions whose subject is always a person. For "assign" the detail decides.
 constexpr std::array<std::string_view, 10> kAboutPeople = {
     "user add", "user passwd",   "user disable", "user change",  "user import",
     "consent",  "person export", "person erase", "access ended", "access valid again"};
@@ -40,7 +40,7 @@ bool standsAlone(std::string_view text, std::size_t begin, std::size_t end) {
 
 enum class Case : bool { kEither, kOwn };
 
-/// Where `word` stands from `from` on; npos.
+/// The position of `word` at or after `from`; npos when it is absent.
 std::size_t findWord(std::string_view text, std::string_view word, std::size_t from, Case letters) {
   while (from < text.size()) {
     const auto begin = text.begin() + static_cast<std::ptrdiff_t>(from);
@@ -55,7 +55,7 @@ std::size_t findWord(std::string_view text, std::string_view word, std::size_t f
   return std::string_view::npos;
 }
 
-/// Whether one of `others` stands around [begin, end).
+/// True when one of `others` contains [begin, end) in the text.
 bool isWithinOther(std::string_view text, std::size_t begin, std::size_t end,
                    const std::vector<std::string>& others) {
   return std::any_of(others.begin(), others.end(), [&](const std::string& other) {
@@ -84,7 +84,7 @@ void replaceWord(std::string& text, std::string_view word, std::string_view in_i
   }
 }
 
-/// Each word of a full name that is longer than two bytes.
+/// Calls `take` for each word of a full name longer than two bytes.
 template <typename Take>
 void eachPart(std::string_view full_name, const Take& take) {
   for (std::size_t at = 0; at < full_name.size();) {
@@ -94,7 +94,7 @@ void eachPart(std::string_view full_name, const Take& take) {
   }
 }
 
-/// In "…joined: a, b and 3 more; left: c": only whole entries.
+/// In "…joined: a, b and 3 more; left: c", removes only whole entries.
 std::string withoutListed(std::string text, const std::string& name, const std::string& in_its_place) {
   for (std::size_t at = text.find(name); at != std::string::npos;) {
     const std::string_view before = std::string_view(text).substr(0, at);
@@ -111,7 +111,7 @@ std::string withoutListed(std::string text, const std::string& name, const std::
 bool isPersonSubject(const AuditRow& line, const std::string& name) {
   if (line.action == "log-in locked") return line.subject == name || line.subject == "person " + name;
   if (line.subject != name) return false;
-  // the same word may be a group, or a station
+  // the word may also name a group or a station
   if (line.action == "assign" || line.action == "assign remove")
     return line.detail.find(" for group " + name) == std::string::npos;
   if (line.action == "access ended" && line.detail.starts_with("the station's key")) return false;
@@ -119,8 +119,8 @@ bool isPersonSubject(const AuditRow& line, const std::string& name) {
   return std::find(kAboutPeople.begin(), kAboutPeople.end(), line.action) != kAboutPeople.end();
 }
 
-/// BLAKE2b-256 over labelled parts, each with its length before it, so that no two lists of parts are the
-/// same bytes.
+/// BLAKE2b-256 over labelled parts, each preceded by its length, so that different lists of parts give
+/// different bytes.
 template <typename... Parts>
 PseudonymKey::Hash keyedHash(const PseudonymKey::Hash& key, const Parts&... parts) {
   Bytes text;
@@ -218,7 +218,8 @@ Status addOthers(Connection& connection, ErasedNames& names) {
 AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
                       const std::set<std::string>& own_sessions) {
   AuditRow without = line;
-  const bool by = line.who == names.name && line.action != "chunk contradicts";  // that one is a station's
+  const bool by =
+      line.who == names.name && line.action != "chunk contradicts";  // in those lines it is a station's name
   const bool about = isPersonSubject(line, names.name);
   if (by) without.who = names.in_its_place;
   if (about) {

@@ -5,7 +5,7 @@
 namespace needlelab {
 
 ReaderPool::Lease::~Lease() {
-  // a connection that saw a disk error is not lent again
+  // do not reuse a connection after a disk error
   if (connection_ == nullptr || connection_->damaged()) return;
   const std::lock_guard lock(pool_->mutex_);
   if (pool_->idle_.size() < pool_->max_idle_) pool_->idle_.push_back(std::move(connection_));

@@ -1,5 +1,5 @@
-// The policies of retention, which sessions they concern now, and the steps by which a recording is thinned
-// or deleted. Each step is one transaction of the writer.
+// Retention policies, the sessions that they apply to now, and the steps that thin or delete a recording.
+// Each step is one transaction of the writer.
 #include "db/retention_store.h"
 
 #include <fmt/core.h>
@@ -21,7 +21,7 @@ Error changedMeanwhile(const Uuid& session, const std::string& what) {
   return {ErrorCode::kUnavailable, "session " + uuidText(session) + ": " + what + ": it is left as it is"};
 }
 
-/// The session's row, when it is closed and may be touched.
+/// The session's row, if it is closed and retention may change it.
 Result<SessionRow> closedSession(Connection& connection, const Uuid& session) {
   ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection, session));
   if (row.state == pb::SESSION_OPEN || !row.hash) return changedMeanwhile(session, "is not closed");
@@ -33,7 +33,7 @@ Result<std::int64_t> oneNumber(Statement query) {
   return row ? query.integer(0) : 0;
 }
 
-/// An error when the policy was changed during the run, which may take hours.
+/// An error when the policy changed during the run, which may take hours.
 Status isWanted(Connection& connection, const DueRecording& due) {
   ASSIGN_OR_RETURN(const auto all, RetentionStore(connection).policies());
   const pb::RetentionPolicy* now = nullptr;
@@ -45,7 +45,7 @@ Status isWanted(Connection& connection, const DueRecording& due) {
   return changedMeanwhile(due.session, "the policy of its exercise was changed during the run");
 }
 
-/// Checked in the very transaction that gives the original up.
+/// Checks the backup in the same transaction that gives the original up.
 Status isSafe(Connection& connection, const DueRecording& due, const SessionRow& row) {
   if (due.policy.without_backup()) return {};
   ASSIGN_OR_RETURN(
@@ -118,7 +118,7 @@ pb::RetentionPolicy policyOf(const Statement& row) {
   return policy;
 }
 
-/// The exercises that have recordings of this kind.
+/// Exercises with recordings of this kind.
 Result<std::vector<std::string>> exercisesWith(Connection& connection, StoredRecording::Kind kind) {
   return connection
       .query("SELECT DISTINCT exercise_id FROM sessions WHERE recording = ?", static_cast<int>(kind))
@@ -271,7 +271,7 @@ Status RetentionStore::checkLeftovers(const Uuid& session) {
   for (const auto kind : {StoredRecording::Kind::kOriginal, StoredRecording::Kind::kThinned}) {
     if (kind == row.recording) continue;
     StoredRecording left{kind, row.number, 0};
-    // rows go from the last on: those that are left begin with the first
+    // rows are removed last to first, so the remaining ones begin with the first
     ASSIGN_OR_RETURN(const auto count,
                      oneNumber(connection_.query("SELECT coalesce(max(seq) + 1, 0) FROM " +
                                                      std::string(left.table()) + " WHERE session = ?",
@@ -289,7 +289,7 @@ Status RetentionStore::checkLeftovers(const Uuid& session) {
 
 Result<bool> RetentionStore::removeSome(const Uuid& session, std::uint32_t rows) {
   ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
-  // the last ones, so that the rows that are left still show where they begin
+  // remove the last ones, so that the remaining rows still show where they begin
   const auto remove = [&](const std::string& table) {
     return connection_.run("DELETE FROM " + table + " WHERE session = ?1 AND seq IN (SELECT seq FROM " +
                                table + " WHERE session = ?1 ORDER BY seq DESC LIMIT ?2)",
@@ -404,7 +404,7 @@ Result<std::vector<DueRecording>> RetentionStore::due(std::int64_t now_unix_ns) 
       model.reason = reasonOf(model.policy, false);
       const std::int64_t until = now_unix_ns - model.policy.thin_after_days() * kDay_ns;
       RETURN_IF_ERROR(collect(connection_, kind, exercise, until, model, due));
-      // the oldest ones come in both lists: they are deleted, not thinned
+      // the oldest sessions are in both lists: delete them, do not thin them
       due.erase(due.begin() + static_cast<std::ptrdiff_t>(first + deleted),
                 due.begin() + static_cast<std::ptrdiff_t>(first + 2 * deleted));
     }

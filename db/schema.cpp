@@ -16,7 +16,7 @@ Result<std::int64_t> oneInteger(Connection& connection, std::string_view sql) {
   return row ? statement.integer(0) : 0;
 }
 
-/// The number in front of a migration's name; -1 when there is none.
+/// The number at the start of a migration's name; -1 when there is none.
 int numberOf(std::string_view name) {
   int number = -1;
   const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
@@ -30,7 +30,7 @@ Error newerError(const Connection& connection, int found, int known) {
                       connection.path().string(), found, known)};
 }
 
-/// A new file gets our mark; a file of another program is refused.
+/// Marks a new file as a needlelab database; refuses another program's file.
 Status claim(Connection& connection, int version) {
   ASSIGN_OR_RETURN(const auto id, oneInteger(connection, "PRAGMA application_id"));
   if (id == kApplicationId) return {};

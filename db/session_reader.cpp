@@ -1,5 +1,4 @@
-// What reads sessions: list, info, chunks, and the chunk of a moment. What changes them is in
-// session_store.cpp.
+// Reads sessions: list, info, chunks, and the search for a moment's chunk. session_store.cpp changes them.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -15,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-/// Columns 7 to 10 are of the original, 11 to 15 of a thinned recording.
+/// Columns 7 to 10 belong to the original, 11 to 15 to a thinned recording.
 constexpr std::string_view kInfoColumns =
     "SELECT s.description, s.state, s.received_unix_ns, s.closed_unix_ns,"
     " s.clock_offset_ns, s.clock_round_trip_ns, s.recording, coalesce(p.chunks,"
@@ -27,7 +26,7 @@ constexpr std::string_view kInfoColumns =
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
     " LEFT JOIN removed_originals o ON o.session = s.number ";
 
-/// A row of kInfoColumns.
+/// Converts a row of kInfoColumns.
 Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   pb::SessionInfo info;
   const ByteView description = row.bytes(0);
@@ -67,8 +66,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   return info;
 }
 
-/// The conditions of a list, each with its value; only those that were given, so that an index may serve
-/// them.
+/// A list's conditions with their values; only the given ones, so that SQLite can use an index.
 class SessionConditions {
  public:
   void add(std::string condition, std::string_view text) {
@@ -85,7 +83,7 @@ class SessionConditions {
     values_.emplace_back(id);
   }
   void push(std::string condition) { text_ += (text_.empty() ? "WHERE " : " AND ") + std::move(condition); }
-  /// The last value stands in its condition twice.
+  /// Repeats the last value, for a condition that uses it twice.
   void again() { values_.push_back(values_.back()); }
   [[nodiscard]] const std::string& text() const { return text_; }
   void bindTo(Statement& query) const {
@@ -126,7 +124,7 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
   }
   if (!wanted.search().empty()) {
     RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));
-    // a name that is not in `people` may have sessions, too: from a station that was away
+    // a name that is not in `people` may still have sessions, from a station that was offline
     conditions.add(
         "(instr(lower(s.trainee), lower(?)) > 0 OR s.trainee IN (SELECT name FROM people WHERE"
         " instr(lower(full_name), lower(?)) > 0))",
@@ -140,8 +138,8 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
   return conditions;
 }
 
-/// One search. Chunks are about equally long, so the place is guessed from both ends (a guess or two is
-/// enough); every other step halves what is left, so that a recording with gaps is found in twice log2 steps.
+/// One search. Chunks are about equally long, so it interpolates between both ends (one or two guesses
+/// suffice). Every other step bisects, so that a recording with gaps needs at most twice log2 steps.
 class Search {
  public:
   Search(Connection& connection, std::string name, const StoredRecording& recording)
@@ -155,7 +153,7 @@ class Search {
     sought.recording_first_tick = first->first_tick;
     sought.recording_first_time_ns = first->first_time_ns;
     by_time_ = !to.tick.has_value();
-    // counted from the first chunk, so that neither a tick nor a time loses digits
+    // relative to the first chunk, so that ticks and times keep their precision
     origin_ = *first;
     target_ =
         by_time_ ? to.seconds * 1e9
@@ -163,7 +161,7 @@ class Search {
 
     std::uint64_t low = 0, high = recording_.chunks;
     ChunkInfo at_low = *first;
-    double end = -1;  // where chunk `high` begins, once it is known
+    double end = -1;  // the beginning of chunk `high`, once known
     if (target_ > 0 && high > 1) {
       ASSIGN_OR_RETURN(const auto last, infoOf(high - 1));
       if (last) {
@@ -188,7 +186,7 @@ class Search {
       }
       guess = !guess || high - low <= 4;
       ASSIGN_OR_RETURN(const auto info, infoOf(middle));
-      // a damaged chunk says nothing: the search goes on before it, which is never too late
+      // skip a damaged chunk by searching before it: the result is never too late
       if (!info || beginOf(*info) > target_) {
         high = middle;
         if (info) end = beginOf(*info);
@@ -211,7 +209,7 @@ class Search {
                                                  : 0;
   }
 
-  /// The header of a chunk whose CRCs agree; nothing when it is damaged.
+  /// The header of a chunk with correct CRCs; nothing when it is damaged.
   Result<std::optional<ChunkInfo>> infoOf(std::uint64_t seq) {
     ++read_;
     ChunkScan scan(connection_, name_, recording_, seq, seq + 1);
@@ -305,7 +303,7 @@ Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& 
 
 Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t from_seq,
                                               std::uint32_t max_chunks, std::size_t max_bytes) {
-  // one view: retention may put a thinned recording in the original's place meanwhile
+  // one view: retention may switch to a thinned recording meanwhile
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection_));
   ASSIGN_OR_RETURN(const auto recording, readableRecording(connection_, session));
   const std::string name = "session " + uuidText(session);

@@ -31,7 +31,7 @@ pb::Score scoreOfRow(const Statement& row) {
   return score;
 }
 
-/// Ids as text, one a JSON list: ["…","…"].
+/// Ids as a JSON list of texts: ["…","…"].
 std::string idsJson(const std::vector<Uuid>& ids) {
   std::string json;
   for (const Uuid& id : ids) json += (json.empty() ? "\"" : ",\"") + uuidText(id) + "\"";
@@ -89,7 +89,7 @@ pb::SyringeEvent eventOf(const Statement& row) {
   event.set_in_target_share(row.real(8));
   readPlace(row, 9, *event.mutable_begin());
   readPlace(row, 9 + kPlaceColumns, *event.mutable_end());
-  // one hazard a line
+  // one hazard per line
   const std::string hazards = row.text(9 + 2 * kPlaceColumns);
   for (std::size_t at = 0; at < hazards.size();) {
     const std::size_t end = std::min(hazards.find('\n', at), hazards.size());
@@ -194,7 +194,7 @@ Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
   reference.set_revision(row.natural32(0));
   reference.set_changed_by(row.text(1));
   reference.set_changed_unix_ns(row.integer(2));
-  // those that are still there: an erased person's are not
+  // only those that still exist: an erased person's are gone
   auto ids = connection_.query(
       "SELECT s.id FROM exercise_references r, json_each(r.sessions) j"
       " JOIN sessions s ON lower(hex(s.id)) = replace(j.value, '-', '')"

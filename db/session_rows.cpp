@@ -145,8 +145,7 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
   };
 
   if (!rows_) {
-    // the index finds the row; the row itself must say the same, or a damaged index would give out another
-    // chunk
+    // compare with the row itself: a damaged index could return another chunk's row
     const std::string table(recording_.table());
     rows_.emplace(
         connection_.query("SELECT k.seq, c.samples, c.crc, c.bytes, c.session = k.session"
@@ -161,7 +160,7 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
     const auto row = rows_->step();
     if (!row) {
       if (row.error().code != ErrorCode::kCorrupt) return row.error();
-      // a damaged page ends the statement, not the recording: begin again behind it
+      // a damaged page ends the statement but not the scan: restart after it
       rows_.reset();
       return faulty(faultOf("cannot be read from the database's pages: " + row.error().message));
     }

@@ -1,4 +1,4 @@
-// What changes sessions: open, append, close. What reads them is in session_reader.cpp.
+// Changes sessions: open, append, close. session_reader.cpp reads them.
 
 #include "db/session_store.h"
 
@@ -15,7 +15,7 @@
 namespace needlelab {
 namespace {
 
-/// The description as it is stored and compared: without the profile's text, which has a column of its own.
+/// The description as stored and compared: without the profile's text, which has its own column.
 std::string bytesOf(pb::SessionDescription description) {
   description.clear_profile_json();
   return description.SerializeAsString();
@@ -25,12 +25,13 @@ std::string times(std::uint64_t count, const char* what) {
   return fmt::format("{} {}", count, what);
 }
 
-/// What the next chunk of an open session needs. The profile in its row, some kB, is not read.
+/// The fields needed to append a chunk to an open session, without the row's profile of some kB.
 struct OpenRow {
   std::int64_t number = 0;
   std::uint64_t chunks = 0;
 };
-/// Nothing when it is unknown, closed (as every erased one is) or another station's (empty: any).
+/// Nothing when the session is unknown, closed (erased ones always are) or belongs to another station (empty:
+/// any).
 Result<std::optional<OpenRow>> findOpen(Connection& connection, const Uuid& session,
                                         std::string_view station) {
   auto query = connection.query(
@@ -48,7 +49,7 @@ Error countersMissing(const std::string& name) {
                                    "needlelab-admin check names all such sessions"};
 }
 
-/// The two writes of a chunk that has passed all checks.
+/// Writes the two rows of a chunk that has passed all checks.
 Result<Appended> storeChunk(Connection& connection, const OpenRow& row, std::uint64_t seq,
                             std::uint64_t samples, ByteView bytes) {
   RETURN_IF_ERROR(connection.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
@@ -62,7 +63,7 @@ Result<Appended> storeChunk(Connection& connection, const OpenRow& row, std::uin
   return Appended{Appended::Kind::kStored, row.chunks + 1, {}};
 }
 
-/// Compares a chunk with one that retention has removed, by the CRC that was kept.
+/// Compares a chunk with one that retention has removed, by its stored CRC.
 Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& row, const std::string& chunk,
                                     std::uint64_t seq, ByteView bytes) {
   auto kept = connection.query("SELECT substr(crcs, ?, 4) FROM removed_originals WHERE session = ?",
@@ -81,14 +82,14 @@ Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& ro
 
 Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, std::int64_t now_unix_ns) {
   RETURN_IF_ERROR(checkDescription(given));
-  // a station that was away may bring a session of a person who was erased meanwhile
+  // a station that was offline may deliver a session of a person who was erased meanwhile
   ASSIGN_OR_RETURN(const auto pseudonym,
                    ErasureStore(connection_).pseudonymOf(given.trainee(), given.started_unix_ns()));
   pb::SessionDescription description = given;
   if (pseudonym) description.set_trainee(*pseudonym);
   const std::string bytes = bytesOf(description);
 
-  // known already: the same description is a reconnect, another one a mistake that must not be stored
+  // a known session: the same description is a reconnect, another one an error that must not be stored
   auto known = connection_.query(
       "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased"
       " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number"
@@ -126,7 +127,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
 
 Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                                       std::string_view station) {
-  // most chunks are the next one of an open session: one look-up, no messages
+  // fast path: most chunks are the next one of an open session; one look-up, no messages
   ASSIGN_OR_RETURN(const auto open, findOpen(connection_, session, station));
   if (open && seq == open->chunks && bytes.size() <= kMaxStoredChunkBytes) {
     if (const auto info = inspectChunk(bytes)) return storeChunk(connection_, *open, seq, info->count, bytes);
@@ -141,10 +142,10 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   const SessionRow& row = *found;
   const std::string chunk = fmt::format("{}, chunk {}", name, seq);
 
-  // acknowledged, so that the station's spool drops it, and not kept
+  // acknowledge it, so that the station's spool drops it, but do not store it
   if (row.erased) return Appended{Appended::Kind::kRepeated, std::max(seq + 1, row.chunks), {}};
 
-  // seen before: the very same bytes, or a contradiction
+  // a chunk with this seq is stored: identical bytes, or a contradiction
   if (seq < row.chunks && row.recording != StoredRecording::Kind::kOriginal)
     return compareWithRemoved(connection_, row, chunk, seq, bytes);
   if (seq < row.chunks) {
@@ -209,7 +210,7 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
     return contradiction(fmt::format("{} samples are stored, not {}", row.samples, request.samples()));
   }
 
-  // the hash over what the database really holds, not over what passed through memory
+  // hash the stored data, not the data in memory
   Digest hash{};
   if (row.hash) {
     hash = *row.hash;
@@ -228,7 +229,7 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
 
   const bool whole = !request.interrupted() && request.samples_lost() == 0;
   const auto state = whole ? pb::SESSION_COMPLETE : pb::SESSION_INTERRUPTED;
-  // the schema's trigger takes the counters from session_progress into the session's row
+  // the schema's trigger copies the counters from session_progress to the session's row
   RETURN_IF_ERROR(
       connection_.run("UPDATE sessions SET state = ?, hash = ?, closed_unix_ns = ? WHERE number = ?",
                       static_cast<int>(state), ByteView(hash), now_unix_ns, row.number));

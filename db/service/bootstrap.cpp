@@ -19,18 +19,18 @@
 namespace needlelab {
 namespace {
 
-/// DIR, for its owner only when it is new.
+/// Creates DIR, with access only for its owner when it is new.
 Status makeFolder(const std::filesystem::path& given) {
   if (given.empty())
     return Error{ErrorCode::kInvalidInput, "the data folder's name is empty: give --data DIR"};
-  // DIR/ is DIR: its parent is what has to be synced
+  // DIR/ means DIR: the parent folder needs the sync
   const auto folder = given.has_filename() ? given : given.parent_path();
   std::error_code error;
   if (std::filesystem::is_directory(folder, error)) return {};
   const auto parent = folder.parent_path();
   if (!parent.empty()) std::filesystem::create_directories(parent, error);
   if (::mkdir(folder.c_str(), 0700) == 0) {
-    // what is acknowledged from now on must not vanish with the folder's own entry in a power cut
+    // otherwise a power cut could lose the folder's own entry, and with it acknowledged data
     return syncFolder(parent);
   }
   if (errno != EEXIST) return systemError(folder, "make this folder");
@@ -39,7 +39,7 @@ Status makeFolder(const std::filesystem::path& given) {
   return {};
 }
 
-/// The file itself, 0600, before SQLite sees it; the log beside it takes its permissions from it.
+/// Creates the file with mode 0600 before SQLite opens it; the log beside it inherits the permissions.
 Status makeDatabaseFile(const std::filesystem::path& path) {
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (fd < 0) {
@@ -50,7 +50,7 @@ Status makeDatabaseFile(const std::filesystem::path& path) {
   return {};
 }
 
-/// Fills a new database with the samples. In one transaction: after a crash the next start does all of it.
+/// Loads the samples into a new database. In one transaction: after a crash the next start repeats all of it.
 Status fillNewDatabase(Connection& connection) {
   ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
   MetaStore meta(connection);
@@ -85,7 +85,7 @@ Result<FolderLock> FolderLock::take(const std::filesystem::path& folder, const s
                  (server ? "a server is running on " + folder.string() + " (" + who + "): use --server"
                          : folder.string() + " is in use by " + who + ": try again when it is done")};
   }
-  // for the message above only; the lock itself is the kernel's
+  // only for the message above; the kernel holds the lock itself
   const std::string text = fmt::format("{}, process {}", holder, ::getpid());
   if (::ftruncate(fd, 0) != 0 ||
       ::pwrite(fd, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size())) {
@@ -113,7 +113,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   }
   RETURN_IF_ERROR(makeFolder(folder));
   ASSIGN_OR_RETURN(auto lock, FolderLock::take(folder, options.holder));
-  // before the first look at the database: one that was half replaced would be opened with the other's log
+  // before the database is opened: a half-replaced database would be opened with the old one's log
   RETURN_IF_ERROR(finishRestore(folder));
   RETURN_IF_ERROR(makeDatabaseFile(path));
 

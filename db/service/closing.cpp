@@ -1,4 +1,4 @@
-// The end of a session: its hash, its state, its score, its events.
+// Closes a session: computes and stores its hash, state, score and events.
 #include <fmt/core.h>
 #include <algorithm>
 #include <vector>
@@ -17,7 +17,7 @@
 namespace needlelab {
 namespace {
 
-// a session that lost samples says so wherever it is looked at: a remark beside it, in the same transaction
+// a session that lost samples gets a remark, in the same transaction, so that every view shows the loss
 Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& request,
                 const std::string& station) {
   StoredAnnotation remark;
@@ -44,7 +44,7 @@ Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& s
   if (session.samples.empty()) return std::string();
   const auto& description = session.info.description();
 
-  // requirements as they are now; a session of an exercise that is gone gets the plain measures
+  // uses the exercise's current requirements; without the exercise, only the plain measures
   std::optional<pb::Exercise> exercise;
   const auto stored = CurriculumStore(reader).exercise(description.exercise_id());
   if (stored) {
@@ -63,7 +63,7 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   SessionStore sessions(*reader);
 
-  // read and hash here, so that the writer's thread does not have to
+  // read and hash here to spare the writer's thread
   std::optional<HashedChunks> known;
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(request.session_id()));
   if (const auto info = sessions.info(id);
@@ -82,7 +82,7 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
   }));
   if (!outcome.closed.taken()) return outcome;
 
-  // a repeated close answers with the score of the first
+  // a repeated close returns the first score
   if (const auto info = sessions.info(id); info && !info->score_json().empty()) {
     outcome.score_json = info->score_json();
     return outcome;
@@ -114,7 +114,7 @@ Status Service::settleRecording(const Uuid& session) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   ASSIGN_OR_RETURN(const auto info, SessionStore(*reader).info(session));
   ASSIGN_OR_RETURN(const auto events, EventStore(*reader).list(session));
-  // a score that is there was made when the session was closed, and stays
+  // keep an existing score: it was made when the session was closed
   if (!info.score_json().empty() && events.has_value()) return {};
   if (!info.score_json().empty()) {
     const auto read = samplesOf(*reader, session);
@@ -136,7 +136,7 @@ Result<pb::Reply> Service::rescore(const Principal& principal, const pb::Rescore
   const std::string name = "session " + uuidText(id);
   if (info.state() == pb::SESSION_OPEN)
     return Error{ErrorCode::kUnavailable, name + " is still open: it is scored when it is closed"};
-  // a thinned recording does not give the measures of the original (README of common/gesture, thinning)
+  // a thinned recording does not give the original's measures (README of common/gesture, thinning)
   if (info.has_removed_original())
     return Error{ErrorCode::kUnavailable,
                  name + ": its original recording is gone, its scores stay as they are"};

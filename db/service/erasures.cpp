@@ -1,6 +1,5 @@
-// A person's data is erased. Order: what may be refused is asked first; then the line in DIR/erasures, then
-// the transaction: a crash between the two shows as an erasure that must be repeated, never as one that is
-// forgotten.
+// Erases a person's data. Order: checks that may refuse; the line in DIR/erasures; the transaction. After a
+// crash between the last two, the erasure is reported as to be repeated and never forgotten.
 #include "db/service/erasures.h"
 
 #include <fmt/core.h>
@@ -43,13 +42,13 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   const auto folder = context.reader.path().parent_path();
   ASSIGN_OR_RETURN(const auto key, ErasureStore(context.reader).key());
 
-  // one at a time: the file is read and written as a whole
+  // one at a time, because the file is read and written as a whole
   static std::mutex one_erasure;
   const std::scoped_lock lock(one_erasure);
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
   const auto before = lines;
   const auto hash = key.nameHash(call.name());
-  // one that is done again after a restore goes on with its pseudonym
+  // an erasure repeated after a restore keeps its pseudonym
   ASSIGN_OR_RETURN(const auto repeat, ErasureStore(context.reader).toRepeat(folder));
   const auto again = std::find_if(repeat.begin(), repeat.end(),
                                   [&](const auto& erasure) { return erasure.name == call.name(); });
@@ -70,7 +69,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
         {0, context.now_unix_ns, context.who.name, std::string(context.action), line.pseudonym, detail});
   });
   if (!status) {
-    // nothing happened: neither does the file say so
+    // nothing was erased, so the file must not say so
     RETURN_IF_ERROR(writeErasures(folder, before));
     return status.error();
   }
@@ -99,7 +98,7 @@ std::int64_t timeOfField(const RecordJson& record, const char* name) {
   return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
 }
 
-/// The person who did something, and the time.
+/// The fields for the person who did something, and the time.
 struct DoerField {
   const char* doer;
   const char* when;
@@ -172,14 +171,14 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
   if (table.kind == "consent") return owner("person", "unix_ns").has_value();
   if (table.kind == "assignment") return owner("trainee", "created_unix_ns").has_value();
   if (table.kind == "group_member") {
-    // it has no time: whether the person is one of those who came before it
+    // the record has no time: decide by whether the person existed before it
     const std::string name = textOfField(record, "person");
     return std::any_of(met_.begin(), met_.end(), [&](const auto& names) { return names.name == name; });
   }
   if (table.kind == "session") {
     const std::string id = textOfField(record, "id");
     const bool erased = owner("trainee", "started_unix_ns").has_value();
-    if (!erased && timeOfField(record, "erased") != 0) return false;  // a pseudonym's, as it was exported
+    if (!erased && timeOfField(record, "erased") != 0) return false;  // an exported pseudonym
     if (erased) {
       sessions_[id] = true;
       if (const auto bytes = bytesOfHex(id)) session_texts_.insert(sessionText(*bytes));
@@ -218,7 +217,7 @@ Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, R
     for (const ErasedNames& names : met_) {
       if (pseudonymOf(names.name, line.unix_ns)) line = withoutNames(line, names, session_texts_);
     }
-    // of somebody whose own record is not in this import, as far as a line says so
+    // an erased person without a record in this import, as far as the line shows it
     for (std::string* name : {&line.who, &line.subject}) {
       const auto pseudonym = pseudonymOf(*name, line.unix_ns);
       if (!pseudonym) continue;
@@ -236,7 +235,7 @@ bool ImportErasures::isErasuresWork(const RecordTable& table, const RecordJson& 
                                     const RecordJson& record) const {
   if (!key_) return false;
   RecordJson a = there, b = record;
-  // a group whose member went has another revision; a remark has a pseudonym where a name stood
+  // a removed member gives the group another revision; a remark has a pseudonym in place of a name
   if (table.kind == "group" && timeOfField(a, "revision") > timeOfField(b, "revision"))
     a["revision"] = b["revision"];
   if (table.kind == "annotation" && textOfField(a, "text").find("erased-") != std::string::npos)

@@ -53,7 +53,7 @@ bool ExportLedger::isNew(const Principal& who, std::string_view what, std::int64
   std::erase_if(noted_, [&](const auto& entry) {
     return now_unix_ns - entry.second > kNotedAgainAfter_ns || entry.second > now_unix_ns;
   });
-  // rather a line too many than a table without end
+  // an additional line in the audit log is better than an unbounded table
   if (noted_.size() >= kMostNoted) noted_.clear();
   return noted_.emplace(who.name + "\n" + std::string(what), now_unix_ns).second;
 }

@@ -35,14 +35,13 @@ pb::Reply curriculumReply(const StoredCurriculum& curriculum) {
   return reply;
 }
 
-/// The revision that an edit was made from; nothing: whichever is there.
+/// An edit's base revision; nothing: any revision.
 template <typename Call>
 std::optional<std::uint32_t> baseOf(const Call& call) {
   return call.has_base_revision() ? std::optional(call.base_revision()) : std::nullopt;
 }
 
-/// An exercise's own needle makes a scene with its profile. A profile that is not there is the store's to
-/// refuse.
+/// An exercise with its own needle must fit its profile. The store refuses an unknown profile.
 Status needlesFit(const Context& context, const StoredCurriculum& curriculum) {
   for (const StoredExercise& stored : curriculum.exercises) {
     ASSIGN_OR_RETURN(const auto exercise, exerciseOf(stored));
@@ -130,7 +129,7 @@ Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula&
 }
 
 Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
-  // how far somebody is is that person's; for nobody, anybody may look at a lesson
+  // a trainee's progress is private; without a trainee, everyone may see the lesson
   if (!call.trainee().empty()) {
     RETURN_IF_ERROR(ownOnly(context, call.trainee(), "lessons"));
   }
@@ -174,7 +173,7 @@ Result<pb::Reply> revisionsReply(const Result<std::vector<Stored>>& all, const s
   auto* list = reply.mutable_revisions();
   PageRoom room;
   for (const Stored& one : *all) {
-    // newest first: the page goes on below a revision
+    // newest first: the next page begins below a revision
     if (from != 0 && one.revision >= from) continue;
     if (!room.take(one.name.size() + one.author.size() + 32)) {
       list->set_next_page(std::to_string(list->revisions().rbegin()->revision()));
@@ -189,7 +188,8 @@ Result<pb::Reply> revisionsReply(const Result<std::vector<Stored>>& all, const s
   return reply;
 }
 
-/// "layers[2].cutting_force_n: is missing" → path and words; a message without a path is about the whole.
+/// "layers[2].cutting_force_n: is missing" → path and text; a message without a path concerns the whole
+/// document.
 void addProblem(pb::TextCheck& check, std::string message) {
   auto* problem = check.add_problems();
   const std::size_t colon = message.find(": ");
@@ -222,7 +222,7 @@ Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
   if (is_course) {
     const auto course = storedCurriculumOf(call.json(), "course", context.who.name, context.now_unix_ns);
     if (!course) addProblem(*check, withoutSource(course.error().message, "course"));
-    // what only the store knows
+    // checks that need the store
     for (std::size_t i = 0; course && i < course->exercises.size(); ++i) {
       const StoredExercise& exercise = course->exercises[i];
       const std::string path = fmt::format("exercises[{}]", i);

@@ -57,7 +57,7 @@ Result<std::string> profileWithNeedle(const std::string& profile_json, const pb:
   ASSIGN_OR_RETURN(auto profile, parseProfile(profile_json, source));
   *profile.mutable_needle() = exercise.needle();
   std::string json = profileJson(profile);
-  // the two of them must make a scene
+  // needle and profile must fit together
   RETURN_IF_ERROR(parseProfile(json, source));
   return json;
 }

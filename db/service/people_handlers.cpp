@@ -12,13 +12,13 @@
 namespace needlelab::handlers {
 namespace {
 
-/// Everybody but trainees needs a password: they see other people's data.
+/// Everyone but trainees needs a password, because they see other people's data.
 Result<std::string> hashFor(pb::Role role, const std::string& password) {
   if (password.empty() && role == pb::TRAINEE) return std::string();
   return hashPassword(password);
 }
 
-/// With groups and consent, in as many reads.
+/// The person with groups and consent, in as many reads.
 Result<pb::User> userOf(Connection& connection, const Person& person) {
   pb::User user;
   user.set_name(person.name);
@@ -52,7 +52,8 @@ Result<pb::Reply> userReply(const Context& context, const std::string& name) {
   return reply;
 }
 
-/// Oneself; a manager: of those below itself, because a password is all that its owner may.
+/// People may set their own password. A manager may set the passwords of lower roles: a password gives all
+/// rights of its owner.
 Status maySetPassword(const Context& context, Connection& connection, const std::string& name) {
   if (context.who.role == pb::ADMINISTRATOR || context.who.name == name) return {};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(name));
@@ -63,8 +64,8 @@ Status maySetPassword(const Context& context, Connection& connection, const std:
                "trainees and instructors"};
 }
 
-/// kDenied unless the asker may end, or give back, the access of this person: a manager cannot lock out its
-/// equals, but can lock out itself.
+/// kDenied unless the requester may end or restore this person's access: a manager cannot lock out another
+/// manager, but can lock out itself.
 Status mayEndAccess(const Context& context, const Person& person) {
   RETURN_IF_ERROR(mayManage(context, person.role));
   if (context.who.role == pb::ADMINISTRATOR || person.role < pb::CURRICULUM_MANAGER ||
@@ -88,7 +89,8 @@ Status mayManage(const Context& context, pb::Role role) {
 
 Status mayChangeRole(const Context& context, pb::Role from, pb::Role to) {
   RETURN_IF_ERROR(mayManage(context, to));
-  // else a manager could make another one an instructor, give it a password, and be that manager
+  // otherwise a manager could demote another manager to instructor, set its password, and log in as that
+  // person
   if (context.who.role == pb::ADMINISTRATOR || from < pb::CURRICULUM_MANAGER) return {};
   return Error{ErrorCode::kDenied, "the role " + std::string(roleName(from)) +
                                        " is taken away by administrators, '" + context.who.name + "' is " +
@@ -103,7 +105,7 @@ Status ownOnly(const Context& context, const std::string& name, const std::strin
 }
 
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
-  // the slow part first, on this thread; the writer's thread only stores
+  // do the slow part first, on this thread; the writer's thread only stores
   RETURN_IF_ERROR(checkNewName("name", call.name()));
   RETURN_IF_ERROR(mayManage(context, call.role()));
   ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.password()));
@@ -117,7 +119,7 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
   RETURN_IF_ERROR(maySetPassword(context, context.reader, call.name()));
   ASSIGN_OR_RETURN(const auto hash, hashPassword(call.password()));
   const Status written = write(context, call.name(), "", [&](Connection& writer) -> Status {
-    // as it is now: hashing took a while
+    // check again: hashing took a while
     RETURN_IF_ERROR(maySetPassword(context, writer, call.name()));
     return PeopleStore(writer).setPasswordHash(call.name(), hash);
   });
@@ -145,7 +147,7 @@ Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call) {
 Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call) {
   std::string detail;
   const auto addDetail = [&](const std::string& text) { detail += (detail.empty() ? "" : "; ") + text; };
-  // all of it in the writer's transaction: who it is, and what asks may do to it, is as it is then
+  // all in the writer's transaction, so that the checks use the current role and rights
   const Status written = edit(context, call.name(), detail, [&](Connection& writer) -> Status {
     ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
     RETURN_IF_ERROR(mayManage(context, person.role));
@@ -165,7 +167,7 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
       change.disabled = call.disabled();
     }
     if (call.has_full_name() && call.full_name() != person.full_name) {
-      // last, and in these words: an erasure finds earlier names by them (db/pseudonyms.h)
+      // last, and in exactly these words: an erasure parses them to find earlier names (db/pseudonyms.h)
       addDetail("full name: '" + printable(person.full_name) + "' to '" + printable(call.full_name()) + "'");
       change.full_name = call.full_name();
     }
@@ -196,7 +198,7 @@ Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& c
   pb::Reply reply;
   auto* list = reply.mutable_consents();
   PageRoom room;
-  // somebody who changes its mind a thousand times: the newest are what counts
+  // limit the list for a person with a thousand statements: the newest count
   std::size_t first = consents.size();
   while (first > 0 && room.take(consents[first - 1].ByteSizeLong())) --first;
   for (; first < consents.size(); ++first) *list->add_consents() = consents[first];

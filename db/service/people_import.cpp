@@ -1,4 +1,4 @@
-// A class from a table: every row is looked at before any is stored, and all of them are stored or none.
+// Imports a class from a table: checks every row first, then stores all rows or none.
 #include <fmt/core.h>
 #include <algorithm>
 #include <cstdint>
@@ -21,14 +21,15 @@
 namespace needlelab {
 
 struct CsvRow {
-  std::uint32_t line = 0;  ///< where it begins, from 1
+  std::uint32_t line = 0;  ///< where the row begins, from 1
   std::vector<std::string> cells;
 };
 
-/// Cells between commas, or between semicolons where the first line has those and no comma; in double quotes
-/// where they hold one, quotes doubled, line ends allowed within. Lines end in LF or CRLF; a byte order mark
-/// is passed over; spaces around a cell without quotes are not part of it. Errors (kInvalidInput) name the
-/// line: no UTF-8, a quote that is not closed or has something behind it, more than `most_rows`.
+/// Parses CSV. Cells are separated by commas, or by semicolons when the first line has semicolons and no
+/// comma. Cells that contain a separator are in double quotes, with quotes doubled; they may contain line
+/// ends. Lines end in LF or CRLF. Skips a byte order mark and spaces around unquoted cells. Errors
+/// (kInvalidInput) name the line: not UTF-8, an unclosed quote, text after a closing quote, more than
+/// `most_rows` rows.
 Result<std::vector<CsvRow>> parseCsvText(std::string_view text, std::size_t most_rows);
 
 }  // namespace needlelab
@@ -40,14 +41,14 @@ constexpr std::size_t kMostImportRows = 5000;
 constexpr std::size_t kMostImportPasswords = 200;  // each takes 0.1 s
 constexpr int kMostRowsTold = 2000;
 
-/// A row, as it is to happen.
+/// A row to import.
 struct ImportRow {
   std::uint32_t line = 0;
   Person person;
   std::string password;
   std::vector<std::string> groups;
   pb::PeopleImport::What what = pb::PeopleImport::ADD;
-  std::string text, column;  ///< what is wrong, where
+  std::string text, column;  ///< the problem and its column
   bool role_given = false, full_name_given = false, has_password = false;
   bool role_changes = false;
 
@@ -59,7 +60,7 @@ struct ImportRow {
   }
 };
 
-/// ';' between ids, spaces around them.
+/// Ids separated by ';', with optional spaces.
 std::vector<std::string> idsOf(const std::string& cell) {
   std::vector<std::string> ids;
   for (std::size_t at = 0; at <= cell.size();) {
@@ -80,14 +81,14 @@ class PeopleTable {
   PeopleTable& operator=(const PeopleTable&) = delete;
   ~PeopleTable() { wipePasswords(); }
 
-  /// kInvalidInput: the table as a whole.
+  /// kInvalidInput: a fault of the table as a whole.
   Status read(const std::string& csv) {
     auto rows = parseCsvText(csv, kMostImportRows + 1);
     if (!rows) return rows.error();
     RETURN_IF_ERROR(readHeader(*rows));
     for (std::size_t i = 1; i < rows->size(); ++i) {
       add((*rows)[i]);
-      // one of them may be a password
+      // a cell may hold a password
       for (std::string& cell : (*rows)[i].cells) wipe(cell);
     }
     if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
@@ -101,7 +102,7 @@ class PeopleTable {
     return {};
   }
 
-  /// Compares with what is there. Reader or writer.
+  /// Compares with the stored people. Reader or writer.
   Status compare(Connection& connection) {
     for (ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::FAULT) continue;
@@ -115,7 +116,7 @@ class PeopleTable {
                        [](const auto& row) { return row.what == pb::PeopleImport::FAULT; });
   }
 
-  /// The slow part, before anything is stored.
+  /// Hashes the passwords, which is slow, before anything is stored.
   Status hashPasswords() {
     for (ImportRow& row : rows_) {
       if (row.what != pb::PeopleImport::ADD || row.password.empty()) continue;
@@ -185,7 +186,7 @@ class PeopleTable {
     report.set_faults(count(pb::PeopleImport::FAULT));
   }
 
-  /// The people whose connections end after the import.
+  /// Lists the people whose connections must end after the import.
   void tellRoles(pb::PeopleImport& report) const {
     for (const ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::CHANGE && row.role_changes) report.add_roles_changed(row.person.name);
@@ -193,7 +194,7 @@ class PeopleTable {
   }
 
  private:
-  /// A line for each that is changed: who asks later what became of somebody finds it under the name.
+  /// Adds one audit line per changed person, so that a search by name finds it.
   Status note(Connection& writer, const std::string& subject, const std::string& action,
               const std::string& detail) {
     return AuditStore(writer).add({0, context_.now_unix_ns, context_.who.name, action, subject, detail});
@@ -310,7 +311,7 @@ class PeopleTable {
     if (!joins.empty()) addDetail(joins);
     if (row.full_name_given && row.person.full_name != before.full_name) {
       if (auto may = mayManage(context_, before.role); !may) row.fault("full_name", may.error().message);
-      // last, and in these words: an erasure finds earlier names by them (db/pseudonyms.h)
+      // last, and in exactly these words: an erasure parses them to find earlier names (db/pseudonyms.h)
       addDetail("full name: '" + printable(before.full_name) + "' to '" + printable(row.person.full_name) +
                 "'");
     }
@@ -342,7 +343,7 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
   RETURN_IF_ERROR(table.hashPasswords());
   std::string detail;
   const Status written = write(context, "", detail, [&](Connection& writer) -> Status {
-    // as it is now, which may be otherwise than when the passwords were hashed
+    // compare again: people may have changed while the passwords were hashed
     RETURN_IF_ERROR(table.compare(writer));
     if (table.hasFaults()) return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
     pb::PeopleImport counts;

@@ -1,4 +1,4 @@
-// The force over the depth that a profile will render, by the engine that will render it.
+// Previews a profile's force over depth, using the same engine as the simulator.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -17,14 +17,13 @@ namespace needlelab::handlers {
 namespace {
 
 constexpr double kPreviewRate_hz = 1000;
-constexpr double kPreviewLead_m = 0.005;  // the needle begins so far outside
+constexpr double kPreviewLead_m = 0.005;  // start of the needle's path, outside the skin
 
 struct PreviewEntry {
   Vec3 point_m, normal;
 };
 
-/// Where a needle would be pushed in: a point of the surface, the topmost where the shape has one, and the
-/// normal there.
+/// The needle's entry: a point of the surface (the topmost one, if the shape has one) and the normal there.
 PreviewEntry entryOf(const Limb& limb) {
   const Vec3 up{0, 0, 1};
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return {plane->point_m, normalized(plane->normal)};
@@ -38,7 +37,7 @@ PreviewEntry entryOf(const Limb& limb) {
   return {0.5 * (capsule.a_m + capsule.b_m) + capsule.radius_m * normal, normal};
 }
 
-/// Turns +z, hub to tip, into `direction`.
+/// The rotation of +z, hub to tip, to `direction`.
 Quat zTo(Vec3 direction) {
   const double w = 1 + direction.z;
   if (w < 1e-9) return Quat{1, 0, 0, 0};
@@ -113,12 +112,12 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
       return Error{ErrorCode::kUnavailable, "the server ends"};
     const double depth_m = std::min(static_cast<double>(tick) * step_m - kPreviewLead_m, deepest_m);
     step(*model, {entry.point_m - depth_m * entry.normal, q_WT}, *state, report);
-    // the first tick at or behind each point of an even grid
+    // the first tick at or after each point of an even grid
     if (depth_m < deepest_m * taken / (points - 1) - 1e-12) continue;
     ++taken;
     preview->add_depth_m(std::max(depth_m, 0.0));
     preview->add_total_n(dot(report.wrench_W.force_N, entry.normal));
-    // along u, into the tissue: against the needle is the other way
+    // u points into the tissue; forces against the needle are negative
     for (const auto& [effect, curve] : curves) curve->add_force_n(0.0 - effect->value(report));
   }
   return reply;

@@ -14,14 +14,14 @@
 namespace needlelab {
 namespace {
 
-/// Far beyond any recording; its CRCs, 4 bytes each, are kept.
+/// Far beyond any recording; 4 bytes of CRC per chunk are stored.
 constexpr std::int64_t kMostChunksOfRecord = 1 << 22;
 
 Error wrongField(std::string_view name, const std::string& text) {
   return {ErrorCode::kInvalidInput, std::string(name) + ": " + text};
 }
 
-/// The text of a field whose type was checked; empty when it is absent.
+/// A type-checked field's text; empty when it is absent.
 std::string textIn(const RecordJson& record, const char* name) {
   const auto found = record.find(name);
   return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
@@ -39,7 +39,7 @@ Status checkInteger(std::string_view name, const RecordJson& value) {
   if (!value.is_number_integer() || (value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX))
     return wrongField(name, "must be a whole number of 64 bits");
   const auto number = value.get<std::int64_t>();
-  // the clocks' difference has a sign; outside of all layers the layer is -1
+  // the clock offset may be negative; outside of all layers the layer is -1
   if (number < 0 && name != "clock_offset_ns" && !name.ends_with("_layer"))
     return wrongField(name, fmt::format("is {}, must not be negative", number));
   const bool is_short = name.ends_with("revision") || name == "definition_version";
@@ -89,7 +89,7 @@ Status checkCourseRecord(const RecordJson& record) {
   return wrongField("json", "is not canonical, or has another id");
 }
 
-/// The rows of a score.
+/// Checks the rows of a score.
 Status checkMeasures(const char* field, const std::string& json) {
   if (parseScore(json)) return {};
   return wrongField(field, "is no list of measures: objects with \"measure\", a text, and \"value\"");
@@ -142,7 +142,7 @@ Status checkReferenceRecord(const RecordJson& record) {
 Status checkFields(const RecordTable& table, const RecordJson& record) {
   for (const RecordColumn& column : table.columns) {
     const auto value = record.find(fieldOf(column));
-    if (value == record.end() || value->is_null()) continue;  // the schema says which may be
+    if (value == record.end() || value->is_null()) continue;  // the schema knows the required fields
     RETURN_IF_ERROR(checkColumn(column, *value));
   }
   return {};

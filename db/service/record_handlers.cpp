@@ -1,4 +1,4 @@
-// A person's data, and everything, as records; everything read in again.
+// Exports a person's data, or the whole store, as records; imports records.
 #include <fmt/core.h>
 #include <optional>
 #include <set>
@@ -22,20 +22,20 @@ constexpr std::uint64_t kMostImportBytes = 512ull << 20;
 constexpr std::int64_t kPieceLife_ns = 86'400LL * 1'000'000'000;
 constexpr std::string_view kNotHere = "imported without its recording";
 
-/// Where a page goes on: behind the row with these keys. What came later than the first page is of no page.
+/// The position of a page: after the row with these keys. Pages exclude rows added after the first page.
 struct RecordPage {
   std::size_t table = 0;
-  RecordJson keys;                 ///< null: from the table's first row on
-  std::int64_t last_session = 0;   ///< rows behind it came later
-  std::vector<std::int64_t> open;  ///< sessions that were open: they are left out, also when they end
-  std::uint64_t audit_id = 0;      ///< the log's last line when it began
+  RecordJson keys;                 ///< null: from the table's first row
+  std::int64_t last_session = 0;   ///< later rows were added after the first page
+  std::vector<std::int64_t> open;  ///< sessions that were open: excluded, even if they are closed meanwhile
+  std::uint64_t audit_id = 0;      ///< the audit log's last line at the start of the export
 };
 
 std::string placeOf(const RecordPage& page) {
   return RecordJson::array({page.table, page.keys, page.last_session, page.open, page.audit_id}).dump();
 }
 
-/// Only of what placeOf() has written (ExportLedger).
+/// Parses only the output of placeOf() (ExportLedger).
 RecordPage recordPageOf(const std::string& place) {
   const auto parts = RecordJson::parse(place);
   return {parts.at(0).get<std::size_t>(), parts.at(1), parts.at(2).get<std::int64_t>(),
@@ -59,8 +59,8 @@ Result<RecordPage> firstPage(Connection& reader) {
   }
 }
 
-/// Pages are read one after the other: what changes rows that others refer to makes the whole one that cannot
-/// be read in again. kConflict.
+/// Pages are read one after another: a change in rows that others refer to would make the whole export
+/// impossible to import. kConflict.
 Status sameAsBefore(Connection& reader, const RecordPage& page) {
   auto row = reader.query(
       "SELECT who, action, subject FROM audit WHERE id > ? AND action IN ('user add', 'user import', 'group "
@@ -72,7 +72,7 @@ Status sameAsBefore(Connection& reader, const RecordPage& page) {
                                          row.text(0) + "): begin again"};
 }
 
-/// A condition on a table's rows, for all of the store.
+/// A condition on a table's rows, for an export of the whole store.
 std::string conditionOf(const RecordTable& table, const RecordPage& page) {
   if (table.only.empty()) return {};
   std::string open;
@@ -82,7 +82,8 @@ std::string conditionOf(const RecordTable& table, const RecordPage& page) {
   return std::string(table.only) + " AND session IN (SELECT number FROM sessions WHERE " + then + ")";
 }
 
-/// `person`: only what is theirs; nothing: all. `what` names the request, for its pages.
+/// `person`: exports only this person's rows; nothing: all rows. `what` names the request, for its page
+/// tokens.
 Result<pb::Reply> recordsReply(const Context& context, const std::string& what, const std::string& given,
                                const std::string* person, bool secrets) {
   ASSIGN_OR_RETURN(const auto place, context.exports.open(context.who, what, given));
@@ -124,13 +125,13 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
   return reply;
 }
 
-/// Everything at once, in the writer's transaction.
+/// An import of all records in one transaction of the writer.
 class Import {
  public:
   Import(Connection& writer, pb::ImportReport& report, std::int64_t now_unix_ns)
       : writer_(writer), report_(report), now_unix_ns_(now_unix_ns) {}
 
-  /// kFailed ends it: the database. What is wrong with a record stands in the report.
+  /// kFailed ends the import: the database failed. Faults of a record go into the report.
   Status take(const std::string& text) {
     ++number_;
     const auto record = RecordJson::parse(text, nullptr, false);
@@ -155,7 +156,7 @@ class Import {
     return {};
   }
 
-  /// The exercises of courses' newest revisions.
+  /// Stores the exercises of the courses' newest revisions.
   Status finish() {
     for (const std::string& id : courses_) {
       const auto course = CurriculumStore(writer_).get(id);
@@ -171,7 +172,7 @@ class Import {
 
  private:
   Status store(const RecordTable& table, RecordJson record) {
-    // first of all: nothing behind this meets a field of another type
+    // first: later code relies on the fields' types
     RETURN_IF_ERROR(checkFields(table, record));
     ASSIGN_OR_RETURN(const auto verdict, erasures_->look(table, record));
     if (verdict == ImportErasures::Verdict::kLeftOut) {
@@ -206,7 +207,8 @@ class Import {
     return {};
   }
 
-  /// A line of the log, once: under its number, or, where this store has another one there, under a new one.
+  /// Stores a line of the audit log, unless it exists: under its number, or, when another line has that
+  /// number, under a new one.
   Status storeLine(const RecordTable& table, RecordJson record) {
     RETURN_IF_ERROR(readLines(table));
     const std::string text = lineText(record);
@@ -239,7 +241,7 @@ class Import {
     }
   }
 
-  /// Its chunks are elsewhere: here it is one whose recording is gone.
+  /// Chunks are not imported: the session becomes one whose recording was removed.
   Status withoutRecording(const RecordJson& record) {
     RETURN_IF_ERROR(writer_.run("UPDATE sessions SET recording = 3 WHERE number = ?", writer_.lastRowId()));
     return writer_.run(
@@ -273,11 +275,12 @@ class Import {
   const std::int64_t now_unix_ns_;
   std::uint64_t number_ = 0;
   std::set<std::string> courses_;
-  std::optional<ImportErasures> erasures_;                ///< since begin()
-  std::optional<std::unordered_set<std::string>> lines_;  ///< of the audit log, once one has come
+  std::optional<ImportErasures> erasures_;  ///< set by begin()
+  std::optional<std::unordered_set<std::string>>
+      lines_;  ///< of the audit log; read for the first imported line
 };
 
-/// All pieces, in order, a record a line.
+/// Takes all pieces in order, one record per line.
 Status takePieces(Connection& writer, const std::string& import_id, Import& batch) {
   auto pieces =
       writer.query("SELECT records FROM import_pieces WHERE import_id = ? ORDER BY position", import_id);
@@ -356,7 +359,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
     RETURN_IF_ERROR(batch.begin());
     RETURN_IF_ERROR(takePieces(writer, call.import_id(), batch));
     RETURN_IF_ERROR(batch.finish());
-    // undone: the writer takes back what fails
+    // rollback: the writer undoes a failed item
     if (!report->faults().empty() || call.dry_run()) return Error{ErrorCode::kInvalidInput, "not done"};
     for (const auto& count : report->counts())
       detail += fmt::format("{}{} of {}", (detail.empty() ? "" : ", "), count.added(), count.kind());

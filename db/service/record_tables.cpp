@@ -172,7 +172,7 @@ constexpr std::array kRecordTables = {
                 "'log-in locked', 'assign', 'assign remove'))"},
 };
 
-/// As it stands in a SELECT.
+/// The column's expression in a SELECT.
 std::string expressionOf(const RecordColumn& column) {
   const std::string name(column.name);
   if (column.kind == K::kSession) return "(SELECT id FROM sessions WHERE number = session)";
@@ -206,7 +206,7 @@ Error recordFault(const RecordColumn& column, const std::string& words) {
   return {ErrorCode::kInvalidInput, std::string(fieldOf(column)) + ": " + words};
 }
 
-/// Binds a record's value for a column. kInvalidInput: of another type; a session that is not there.
+/// Binds a record's value to a column. kInvalidInput: wrong type; unknown session.
 Status bindValue(Connection& connection, Statement& statement, const RecordColumn& column,
                  const RecordJson& value) {
   if (value.is_null()) {
@@ -268,7 +268,7 @@ Status bindKeys(Connection& connection, Statement& statement, const RecordTable&
   return {};
 }
 
-/// Stands in place of a secret that was not exported: nobody can log in with it.
+/// Binds a placeholder for a secret that was not exported: it cannot be used to log in.
 Status bindMissing(Statement& statement, const RecordColumn& column) {
   if (!column.secret) return recordFault(column, "is missing");
   if (column.kind == K::kHex) {
@@ -302,7 +302,7 @@ std::string selectRecords(const RecordTable& table, std::string_view where, bool
     if (isWritten(column, secrets)) columns += (columns.empty() ? "" : ", ") + expressionOf(column);
     if (column.is_key) keys += (keys.empty() ? "" : ", ") + std::string(column.name);
   }
-  // revisions count upwards: a row refers to none behind it
+  // revision numbers ascend: a row never refers to a later one
   return "SELECT " + columns + " FROM " + std::string(table.table) +
          (where.empty() ? std::string() : " WHERE " + std::string(where)) + " ORDER BY " + keys;
 }

@@ -18,7 +18,7 @@ using pb::Reply;
 using enum RequestThreads;
 
 constexpr unsigned bit(pb::Role role) {
-  // proto3 keeps numbers that are not a role: they have no bit
+  // proto3 keeps numbers outside the enum: they have no bit
   return role >= pb::Role_MIN && role <= pb::Role_MAX ? 1u << role : 0u;
 }
 constexpr unsigned kTrainee = bit(pb::TRAINEE);
@@ -31,9 +31,9 @@ constexpr unsigned kManagers = kManager | kAdmin;
 constexpr unsigned kStaff = kInstructor | kManagers;
 constexpr unsigned kPeople = kStaff | kTrainee;
 constexpr unsigned kAll = kPeople | kStation;
-constexpr unsigned kReaders = kAll | kResearcher;  // of what names nobody
+constexpr unsigned kReaders = kAll | kResearcher;  // for data that names no person
 
-/// The call's own message. Its type is that of the row's handler, which a test compares.
+/// The call's own message. Its type must match the row's handler; a test compares them.
 template <typename Message>
 const Message& callOf(const pb::Request& request) {
   const auto* field = pb::Request::descriptor()->FindFieldByNumber(request.call_case());
@@ -43,7 +43,7 @@ const Message& callOf(const pb::Request& request) {
   return *call;
 }
 
-/// A handler of handlers.h, which reads by a connection that is borrowed for it.
+/// Wraps a handler of handlers.h, with a borrowed reader.
 template <typename Message>
 Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
                       Result<Reply> (*handler)(const Context&, const Message&)) {
@@ -51,7 +51,7 @@ Result<Reply> execute(Service& service, const Principal& who, const pb::Request&
     return handler(context, callOf<Message>(request));
   });
 }
-/// A function of the service, which borrows its readers itself.
+/// Wraps a function of the service, which borrows its own readers.
 template <typename Message>
 Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
                       Result<Reply> (Service::*handler)(const Principal&, const Message&)) {
@@ -78,27 +78,27 @@ constexpr RequestHandler to = {[](Service& service, const Principal& who, const 
 // ask for it
 // clang-format off
 constexpr RequestRow kRows[] = {
-  // --- people. A trainee or a researcher: its own data only, the handlers see to that
+  // --- people. A trainee or a researcher gets only its own data; the handlers check that
   {Call::kListUsers,               "user list",            kStaff,                to<listUsers>,                 Reply::kUsers, kWorkers,
    {{"GET /people?page", "People"}}},
-  // a manager: nobody above itself
+  // a manager: no role above its own
   {Call::kAddUser,                 "user add",             kManagers,             to<addUser>,                   Reply::kDone, kPasswords,
    {{"POST /people", "A new person"}}},
   {Call::kImportPeople,            "user import",          kManagers,             to<importPeople>,              Reply::kPeopleImport, kSlow,
    {{"POST /people/import", "A class from CSV: name, full_name, role, group, password"}}},
   {Call::kGetUser,                 "user show",            kPeople | kResearcher, to<getUser>,                   Reply::kUser, kWorkers,
    {{"GET /people/{name}", "One person"}}},
-  // the same line asks for ChangeUser, whose role is checked behind it
+  // ChangeUser has the same HTTP line; its role is checked afterwards
   {Call::kSetConsent,              "consent",              kPeople,               to<setConsent>,                Reply::kUser, kWorkers,
    {{"PATCH /people/{name}", "Role, name, access (If-Match); or the word on studies, alone"}}},
   {Call::kChangeUser,              "user change",          kManagers,             to<changeUser>,                Reply::kUser},
-  // one's own; managers: those below them
+  // one's own; managers: those of lower roles
   {Call::kSetPassword,             "user passwd",          kPeople | kResearcher, to<setPassword>,               Reply::kDone, kPasswords,
    {{"POST /people/{name}/password", "A new password; ends the person's sessions"}}},
   {Call::kDisableUser,             "user disable",         kManagers,             to<disableUser>,               Reply::kDone},
   {Call::kListConsents,            "consent list",         kPeople,               to<listConsents>,              Reply::kConsents, kWorkers,
    {{"GET /people/{name}/consents", "All words on studies"}}},
-  // one's own; managers: anybody's
+  // one's own; managers: everyone's
   {Call::kExportPerson,            "person export",        kPeople,               to<exportPerson>,              Reply::kRecords, kViews,
    {{"GET /people/{name}/export", "Everything that is stored of a person, to download"}}},
   {Call::kErasePerson,             "person erase",         kAdmin,                to<&Service::erasePerson>,     Reply::kErasure, kSlow,
@@ -115,7 +115,7 @@ constexpr RequestRow kRows[] = {
   {Call::kRemoveGroup,             "group remove",         kManagers,             to<removeGroup>,               Reply::kDone, kWorkers,
    {{"DELETE /groups/{id}", "Removes a group and its assignments"}}},
 
-  // --- stations, and what is said to them
+  // --- stations, and messages to them
   {Call::kListStations,            "station list",         kStaff,                to<listStations>,              Reply::kStations, kWorkers,
    {{"GET /stations?page", "Stations, online or not"}}, ServerPart::kFillStations},
   {Call::kAddStation,              "station add",          kAdmin,                to<addStation>,                Reply::kStationKey},
@@ -198,7 +198,7 @@ constexpr RequestRow kRows[] = {
   {Call::kRescoreAll,              "rescore all",          kManagers,             to<&Service::rescoreAllNow>,   Reply::kRescoreReport, kHours,
    {{"POST /scores/rescore", "All sessions whose newest score is of older definitions"}}},
 
-  // --- studies, and all of it
+  // --- studies, and exports of everything
   {Call::kExportStudy,             "study export",         kResearcher | kAdmin,  to<exportStudy>,               Reply::kRecords, kViews,
    {{"GET /studies/{study}?exercise&remarks&page", "Records of those who consent, under pseudonyms"}}},
   {Call::kReadStudyRecording,      "study recording",      kResearcher | kAdmin,  to<readStudyRecording>,        Reply::kChunks, kViews},

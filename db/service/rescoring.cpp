@@ -22,7 +22,7 @@ struct DueScore {
   Uuid session{};
 };
 
-/// The next sessions behind `after` that have no score of this version.
+/// The next sessions after `after` without a score of this version.
 Result<std::vector<DueScore>> dueScores(Connection& reader, const std::string& exercise_id,
                                         std::int64_t after) {
   auto rows = reader.query(
@@ -65,7 +65,7 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
         report.set_rescored(report.rescored() + 1);
         continue;
       }
-      // reading and scoring takes the disk from others as well: not while they are busy
+      // reading and scoring also load the disk: wait while others are busy
       while ((tools.writer.counters().waiting > tools.pace.queue || tools.hold()) && !stopped())
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
       if (stopped()) break;

@@ -28,14 +28,14 @@ namespace fs = std::filesystem;
 
 constexpr const char* kDatabase = "needlelab.db";
 constexpr const char* kCopy = "needlelab.db.restoring";
-constexpr const char* kPending = "restore.pending";  // holds the name under which the old database is kept
+constexpr const char* kPending = "restore.pending";  // contains the file name for the old database
 
 Status removeFile(const fs::path& path) {
   if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
   return systemError(path, "remove");
 }
 
-/// A plain copy of a plain file, for its owner only, synced.
+/// Copies a regular file, with access only for its owner, and syncs it.
 Status copyFile(const fs::path& from, const fs::path& to) {
   const int in = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
   if (in < 0) return Error{ErrorCode::kInvalidInput, systemError(from, "read").message};
@@ -65,7 +65,7 @@ Status copyFile(const fs::path& from, const fs::path& to) {
   return status;
 }
 
-/// The contents of the copy, when it is sound and of a schema that this program knows.
+/// The copy's contents, if it is intact and this program knows its schema.
 Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
   ASSIGN_OR_RETURN(auto opened, Connection::open(copy, {.mode = Connection::Mode::kReader}));
   auto id = opened.prepare("PRAGMA application_id");
@@ -85,9 +85,8 @@ Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
   return result;
 }
 
-/// Accesses that the replaced database had withdrawn and the copy has not: noted in the copy, so that they
-/// are reported by whichever program completes the restore. A replaced database that cannot be read does not
-/// stop it.
+/// Records in the copy the accesses that the replaced database had withdrawn and the copy has not, so that
+/// any program that completes the restore reports them. Continues when the replaced database cannot be read.
 Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& from,
                   std::int64_t now_unix_ns, RestoreResult& result) {
   std::error_code error;
@@ -119,7 +118,7 @@ Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& 
   return MetaStore(writer).set("access_valid_again", lines);
 }
 
-/// The copy is brought to this program's schema and closed without a log beside it; then all of it is read.
+/// Migrates the copy to this program's schema, closes it without a log beside it, and then reads all of it.
 Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::path& replaced,
                        std::int64_t now_unix_ns, RestoreResult& result) {
   {
@@ -134,7 +133,7 @@ Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::pat
     result.sessions = checked.sessions;
     result.chunks = checked.chunks;
     RETURN_IF_ERROR(noteAccess(writer, replaced, from, now_unix_ns, result));
-    // everything into the one file that is renamed
+    // move everything into the one file that will be renamed
     RETURN_IF_ERROR(writer.checkpointPassive());
     RETURN_IF_ERROR(writer.script("PRAGMA journal_mode=DELETE"));
   }
@@ -156,8 +155,9 @@ std::string timeText(std::int64_t now_unix_ns) {
   return text.data();
 }
 
-/// A second name for a file, or a new one where the disk knows no second; none when it is not there.
-/// It may be repeated: nobody opens a database of this folder before finishRestore() is through.
+/// Hard-links a file to a second name, or renames it on a disk without hard links; does nothing when the file
+/// does not exist. Repeatable: no program opens a database of this folder before finishRestore() has
+/// finished.
 Status keep(const fs::path& file, const fs::path& as, LinkCall link) {
   if (link(file.c_str(), as.c_str()) == 0 || errno == ENOENT || errno == EEXIST) return {};
   // FAT, some network disks, some containers
@@ -206,7 +206,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     return result;
   }
 
-  // the decision: from here on the restore is completed, by us or by the next who opens the folder
+  // the decision: from here on this program, or the next one that opens the folder, completes the restore
   std::string kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns);
   for (int number = 2; fs::exists(folder / kept, error); ++number)
     kept = fmt::format("{}.replaced-{}-{}", kDatabase, timeText(now_unix_ns), number);
@@ -226,18 +226,18 @@ Status finishRestore(const fs::path& folder, LinkCall link) {
   std::error_code error;
   if (!fs::exists(pending, error)) return {};
   ASSIGN_OR_RETURN(const auto kept, readWholeFile(pending, 1000));
-  // a name of ours and nothing else: it is a path from a file
+  // the file contains a path: accept only this program's own names
   if (!kept.starts_with(std::string(kDatabase) + ".replaced-") || kept.find('/') != std::string::npos)
     return Error{ErrorCode::kCorrupt, pending.string() +
                                           ": does not say what a restore writes there; look at the files "
                                           "of this folder and remove it"};
-  // the copy is there until it takes the database's place: the last step
+  // the copy exists until the last step, which moves it to the database's place
   if (fs::exists(copy, error)) {
-    // both names before anything is removed: the old database never lacks its log
+    // create both names before removing anything: the old database must never lack its log
     RETURN_IF_ERROR(keep(database.string() + "-wal", folder / (kept + "-wal"), link));
     RETURN_IF_ERROR(keep(database, folder / kept, link));
     RETURN_IF_ERROR(syncFolder(folder));
-    // a log of the old database must not be applied to the new one
+    // an old database's log must not be applied to the new one
     for (const char* suffix : {"-wal", "-shm"}) RETURN_IF_ERROR(removeFile(database.string() + suffix));
     RETURN_IF_ERROR(syncFolder(folder));
     if (::rename(copy.c_str(), database.c_str()) != 0)
@@ -250,7 +250,7 @@ Status finishRestore(const fs::path& folder, LinkCall link) {
 
 namespace {
 
-/// A person's or a station's row: what opens the door, and whether it is shut.
+/// A person's or a station's row: its secret, and whether access is disabled.
 struct AccessRow {
   std::string secret;  ///< hash of the password or key
   bool shut = false;
@@ -258,7 +258,7 @@ struct AccessRow {
 };
 using AccessRows = std::map<std::string, AccessRow>;
 
-/// Columns that every schema since the first has.
+/// Uses columns that every schema has had since the first.
 Result<AccessRows> accessRows(Connection& connection, const char* sql) {
   AccessRows all;
   auto rows = connection.prepare(sql);
@@ -272,7 +272,8 @@ Result<AccessRows> accessRows(Connection& connection, const char* sql) {
   }
 }
 
-/// Why what opens the restored database no longer opened the replaced one; empty: it did.
+/// The reason why an access of the restored database was no longer valid in the replaced one; empty: it was
+/// valid.
 std::string accessEnded(const AccessRow& restored, const AccessRow* replaced, bool station) {
   if (restored.shut || restored.secret.empty()) return {};
   if (replaced == nullptr) return "is not in the replaced database";

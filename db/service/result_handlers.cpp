@@ -1,5 +1,4 @@
-// Assignments and progress: the matrix of a course, the attempts of a trainee, a trainee's standing with an
-// exercise.
+// Assignments and progress: a course's matrix, a trainee's attempts, a trainee's standing in an exercise.
 #include <fmt/core.h>
 #include <algorithm>
 #include <optional>
@@ -25,7 +24,8 @@ struct CourseExercise {
   pb::Exercise exercise;
 };
 
-/// Members of the group; or all whom the course, or an exercise of it, is assigned to, or who tried one.
+/// Members of the group; or all trainees with an assignment of the course or one of its exercises, or with an
+/// attempt.
 Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& course_id,
                                          const std::string& group_id) {
   std::set<std::string> names;
@@ -46,7 +46,7 @@ Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& 
   return names;
 }
 
-/// Of those that count: passed before not passed, then the most requirements met, then the newest.
+/// The best attempt that counts: passed before not passed, then the most requirements met, then the newest.
 const pb::Attempt* bestOf(const std::vector<pb::Attempt>& attempts) {
   const pb::Attempt* best = nullptr;
   std::uint32_t best_met = 0;
@@ -84,8 +84,8 @@ Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, co
   return cell;
 }
 
-/// How the measures of one exercise went over these attempts, as JSON; attempts that do not count, or have no
-/// score of the newest version that any of them has, are gaps.
+/// The measures of one exercise over these attempts, as JSON. Gaps for attempts that do not count, or lack a
+/// score of the newest version among them.
 Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attempt>& attempts) {
   constexpr std::size_t kMost = 300;
   std::vector<std::optional<pb::Score>> scores(attempts.size());
@@ -159,8 +159,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
   RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(auto attempts,
                    AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), true));
-  // a page is the attempt before it, wherever that stands by now: sessions of a station that was away move
-  // those behind
+  // a page begins after an attempt, wherever that is now: late sessions from an offline station may move it
   auto next = attempts.begin();
   if (!call.page().empty()) {
     next = std::find_if(attempts.begin(), attempts.end(),
@@ -181,7 +180,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
   }
   for (; next != attempts.end(); ++next) {
     pb::Attempt& attempt = *next;
-    // an exercise that is gone was never due
+    // a removed exercise has no due date
     const auto stored = CurriculumStore(context.reader).exercise(attempt.exercise_id());
     if (!stored && stored.error().code != ErrorCode::kNotFound) return stored.error();
     if (stored) {
@@ -275,7 +274,7 @@ Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignme
   auto* list = reply.mutable_assignments();
   PageRoom room;
   for (const pb::Assignment& assignment : assignments) {
-    // newest ids first; the page is the last one's id, so that those that come or go move no others
+    // newest ids first; the page token is the last id, so additions and removals do not shift rows
     if (from != 0 && assignment.id() >= from) continue;
     if (!room.take(assignment.ByteSizeLong())) {
       list->set_next_page(std::to_string(list->assignments().rbegin()->id()));

@@ -19,11 +19,11 @@
 namespace needlelab {
 namespace {
 
-constexpr int kMostSteps = 1000;                // listed in a report
+constexpr int kMostSteps = 1000;                // in a report
 constexpr std::size_t kSamplesPerChunk = 1000;  // of a thinned recording
-constexpr std::uint32_t kChunksAtOnce = 64;     // read at once
+constexpr std::uint32_t kChunksAtOnce = 64;     // in one read
 
-/// A recording read from its first chunk to its last.
+/// The facts from a complete read of a recording.
 struct ReadOriginal {
   Bytes crcs;  ///< of its chunks, u32 little-endian
   SessionHash hash;
@@ -40,11 +40,11 @@ class Run {
       RETURN_IF_ERROR(removeLeftovers());
     }
     ASSIGN_OR_RETURN(auto due, read([&](Connection& c) { return RetentionStore(c).due(now_unix_ns_); }));
-    // what goes first makes room for what is written
+    // deletions first: they free space for the thinned recordings
     std::stable_partition(due.begin(), due.end(), [](const DueRecording& one) { return one.deletes; });
     for (const DueRecording& one : due) {
       if (stopped()) break;
-      // it stands in the report already
+      // already in the report
       if (not_removed_.contains(one.session)) continue;
       RETURN_IF_ERROR(take(one, dry_run));
     }
@@ -61,7 +61,7 @@ class Run {
     ASSIGN_OR_RETURN(const auto sessions, read([](Connection& c) { return RetentionStore(c).leftovers(); }));
     for (const Uuid& session : sessions) {
       if (stopped()) return {};
-      // nobody has read these rows in this run: the writer must not be the first to meet a damaged page
+      // these rows were not read in this run: the writer must not be the first to meet a damaged page
       auto sound = read([&](Connection& c) { return RetentionStore(c).checkLeftovers(session); });
       if (sound) sound = removeRows(session);
       if (sound) continue;
@@ -88,14 +88,14 @@ class Run {
     return work(*reader);
   }
 
-  /// An error when the disk has less than the bytes that shall stay free there. `more`: will be written.
-  /// Asked before each piece: a writer that meets a full disk is the server's end.
+  /// An error when the disk has less free space than `keep_free` plus `more`, which will be written. Called
+  /// before each piece: a full disk would stop the writer and with it the server.
   Status checkDiskRoom(std::uint64_t keep_free, std::uint64_t more) {
     if (!tools_.room) return {};
     const auto left = tools_.room();
     if (!left) return {};
     if (*left >= keep_free + more) return {};
-    // pages that are free in the database do not make it larger
+    // free pages in the database are used before the file grows
     ASSIGN_OR_RETURN(const auto space, read([](Connection& c) { return RetentionStore(c).space(); }));
     if (*left >= keep_free && *left + space.free_bytes >= keep_free + more) return {};
     return Error{ErrorCode::kUnavailable,
@@ -104,7 +104,7 @@ class Run {
                              *left >> 20, keep_free >> 20, (more >> 20) + 1)};
   }
 
-  /// One piece of work for the writer, then a pause.
+  /// Runs one piece of work on the writer, then pauses.
   Status piece(const DbWriter::Work& work) {
     while ((tools_.writer.counters().waiting > tools_.pace.queue || tools_.hold()) && !stopped())
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -113,7 +113,8 @@ class Run {
     return done;
   }
 
-  /// A fault of this session alone is noted and the run goes on; a failed database ends it.
+  /// Processes one recording. Records a fault of this session alone and continues; a failed database ends the
+  /// run.
   Status take(const DueRecording& due, bool dry_run) {
     pb::RetentionStep step;
     step.set_action(due.deletes ? pb::RetentionStep::DELETE : pb::RetentionStep::THIN);
@@ -127,7 +128,7 @@ class Run {
     } else if (!dry_run) {
       const auto left = due.deletes ? remove(due) : thin(due);
       if (!left && tools_.writer.failed()) return left.error();
-      if (left && !*left) return {};  // stopped in the midst of it
+      if (left && !*left) return {};  // stopped before the end
       if (left) {
         step.set_bytes_after(**left);
       } else {
@@ -160,13 +161,13 @@ class Run {
     report_.set_bytes_after(report_.bytes_after() + step.bytes_after());
   }
 
-  /// Every chunk in order, checked. False: stopped.
+  /// Reads and checks every chunk in order. False: stopped.
   Result<bool> readAll(const Uuid& session, std::uint64_t chunks, ReadOriginal& original,
                        const std::function<Status(const StoredChunk&)>& each) {
     std::uint64_t next = 0;
     while (next < chunks) {
       if (stopped()) return false;
-      // short reads: a long one would keep the log from being checkpointed
+      // short reads: a long one would block the log's checkpoints
       ASSIGN_OR_RETURN(const auto some, read([&](Connection& c) {
                          return SessionStore(c).readChunks(session, next, kChunksAtOnce, tools_.pace.bytes);
                        }));
@@ -181,7 +182,7 @@ class Run {
     return true;
   }
 
-  /// Gives the bytes that are left, nothing when it was stopped.
+  /// Returns the remaining bytes, or nothing when it was stopped.
   Result<std::optional<std::uint64_t>> remove(const DueRecording& due) {
     ASSIGN_OR_RETURN(const auto info, read([&](Connection& c) { return SessionStore(c).info(due.session); }));
     RETURN_IF_ERROR(checkDiskRoom(tools_.pace.min_free_bytes / 8, 0));
@@ -189,7 +190,7 @@ class Run {
     if (!due.thinned) {
       RETURN_IF_ERROR(tools_.settle(due.session));
     }
-    // a chunk that cannot be read may be a page that must not be touched: a damaged recording stays
+    // an unreadable chunk may be on a damaged page, which must not be changed: keep a damaged recording
     ASSIGN_OR_RETURN(const auto all, readAll(due.session, info.chunks(), original,
                                              [](const StoredChunk&) { return Status(); }));
     if (!all) return std::optional<std::uint64_t>();
@@ -218,7 +219,7 @@ class Run {
 
     const auto written = writeThinned(due, info);
     if (!written || !*written) {
-      // half a recording is of no account; if this fails, the next run removes it
+      // discard an incomplete thinned recording; if this fails, the next run removes it
       if (auto done = removeRows(due.session); !done && written) return done.error();
       if (!written) return written.error();
       return std::optional<std::uint64_t>();
@@ -286,7 +287,7 @@ class Run {
     RETURN_IF_ERROR(store());
     written.hash = written_hash.digest();
 
-    // nothing is given up for a copy of something else, or for one that the disk does not hold
+    // never give an original up for a wrong copy, or for one that is not safely on disk
     const std::string name = "session " + uuidText(due.session);
     if (textOf(original.hash.digest()) != info.hash())
       return Error{ErrorCode::kCorrupt,
@@ -301,7 +302,7 @@ class Run {
     return std::optional(stored);
   }
 
-  /// Piece by piece; stops when it is told to, the next run goes on.
+  /// Removes rows piece by piece. When stopped, it leaves the rest to the next run.
   Status removeRows(const Uuid& session) {
     bool more = true;
     while (more && !stopped()) {
@@ -321,7 +322,7 @@ class Run {
                     report_.thinned(), report_.deleted(), report_.waiting_for_backup(), report_.left_alone(),
                     report_.bytes_before(), report_.bytes_after());
     return piece([&](Connection& c) -> Status {
-      // a run without work leaves no line
+      // a run without work adds no audit line
       if (report_.steps_size() > 0) {
         RETURN_IF_ERROR(AuditStore(c).add({0, now_unix_ns_, by_whom_, "retention run", "", what}));
       }
@@ -333,7 +334,7 @@ class Run {
   const std::string by_whom_;
   const std::int64_t now_unix_ns_;
   pb::RetentionReport report_;
-  std::set<Uuid> not_removed_;  ///< with damaged leftovers: none of their rows may be touched
+  std::set<Uuid> not_removed_;  ///< with damaged leftovers: their rows must not be touched
 };
 
 }  // namespace
@@ -404,7 +405,7 @@ Result<pb::Reply> setRetention(const Context& context, const pb::SetRetention& c
                         [&](Connection& writer) {
                           RetentionStore store(writer);
                           if (call.as_default()) return store.removePolicy(policy.exercise_id());
-                          // in one transaction with the policy, which would make its own name a known one
+                          // check in the policy's own transaction, before storing it makes its name known
                           auto known = store.checkExercise(policy.exercise_id());
                           return known ? store.setPolicy(policy) : known;
                         }));

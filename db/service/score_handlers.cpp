@@ -1,4 +1,4 @@
-// Scores by version, for one session and for a course; the sessions that others are compared with.
+// Scores by version, for one session and for a course; reference sessions.
 #include <fmt/core.h>
 #include <algorithm>
 #include <cstdint>
@@ -25,15 +25,15 @@
 
 namespace needlelab {
 
-/// The distance from the reference gestures (dtw_distance_m) is that of now in both: of each reference from
-/// the nearest of the others, and of the session from the nearest of them all, whatever was the reference
-/// when it was scored.
+/// The distance from the reference gestures (dtw_distance_m) always uses the current references, for both
+/// values: from each reference to the nearest other one, and from the session to the nearest of all. The
+/// references at the time of scoring do not matter.
 
-/// Fills bands and definition_version from the newest scores of the reference's sessions. Only scores of one
-/// version are taken together: the newest that there is.
+/// Fills in bands and definition_version from the newest scores of the reference's sessions. Uses only scores
+/// of one version, the newest available.
 Status addBands(Connection& reader, ReferencePaths& paths, pb::Reference& reference);
 
-/// As JSON (scoring/reference.h); empty when the exercise has no reference of the score's version.
+/// Returns JSON (scoring/reference.h); empty when the exercise has no reference of the score's version.
 Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, const std::string& exercise_id,
                                    const pb::Score& score);
 
@@ -49,7 +49,7 @@ Result<pb::Reply> referenceReply(const Context& context, pb::Reference reference
   return reply;
 }
 
-/// A row of the list of scores, in its order.
+/// A row's key in the list of scores, which is sorted by it.
 struct ScoreKey {
   std::string trainee, exercise;
   std::int64_t started_ns = INT64_MIN, number = 0;
@@ -92,7 +92,7 @@ Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
 Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call) {
   ASSIGN_OR_RETURN(const auto from, scoreKeyOf(call.page()));
   RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
-  // pages by key: rows that come or go meanwhile move no others
+  // pages by key: rows added or removed meanwhile do not shift others
   auto rows = context.reader.query(
       "SELECT s.id, c.definition_version, s.number FROM scores c JOIN sessions s ON s.number = c.session "
       "WHERE "
@@ -162,7 +162,7 @@ struct ReferenceScores {
   std::vector<std::vector<Measure>> gestures;
 };
 
-/// Scores of this version, of those sessions that have one; version 0: the newest that any of them has.
+/// These sessions' scores of one version; version 0: the newest that any of them has.
 Result<ReferenceScores> referenceScores(Connection& reader, const pb::Reference& reference,
                                         std::uint32_t version) {
   std::vector<pb::Score> scores;
@@ -184,7 +184,7 @@ Result<ReferenceScores> referenceScores(Connection& reader, const pb::Reference&
 
 constexpr const char* kDistance = "dtw_distance_m";
 
-/// The bands of stored measures, and that of the distances among the references as they are now.
+/// The bands of stored measures, and of the distances among the current references.
 std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths,
                                      const pb::Reference& reference, const ReferenceScores& scores) {
   auto bands = referenceBands(scores.gestures);
@@ -270,7 +270,7 @@ pb::Score newScore(const Uuid& session, const std::string& measures_json) {
 
 namespace {
 
-/// At most 144 KiB each; with more of them all are forgotten, and read again when they are needed.
+/// At most 144 KiB each; when the cache is full, all paths are dropped and read again on demand.
 constexpr std::size_t kMostKnownPaths = 200;
 
 }  // namespace
@@ -281,7 +281,7 @@ TipPath ReferencePaths::of(Connection& reader, const Uuid& session) {
     if (const auto found = known_.find(session); found != known_.end()) return found->second;
   }
   const auto read = samplesOf(reader, session);
-  // what may be read better another time is not kept
+  // do not cache a failed read: it may succeed later
   if (!read) return {};
   TipPath path = tipPathOf(read->samples, read->info.description().rate_hz(), read->X_WL);
   const std::scoped_lock lock(mutex_);

@@ -22,7 +22,7 @@
 namespace needlelab {
 namespace {
 
-/// Cleared at the end, whatever that is.
+/// Clears its value on every exit.
 class Cleared {
  public:
   explicit Cleared(std::atomic<bool>& flag) : flag_(flag) {}
@@ -42,8 +42,8 @@ std::string timeOf(std::int64_t unix_ns) {
   return text.data();
 }
 
-/// The turn of one run of retention, given back at its end. `run` is guarded by `mutex` and names the run
-/// that is under way.
+/// Permission for one run of retention; the destructor returns it. `run`, guarded by `mutex`, names the
+/// current run.
 class RetentionTurn {
  public:
   RetentionTurn(std::mutex& mutex, std::string& run, std::string text) : mutex_(mutex), run_(run) {
@@ -63,7 +63,7 @@ class RetentionTurn {
   RetentionTurn& operator=(const RetentionTurn&) = delete;
 
   [[nodiscard]] bool mine() const { return mine_; }
-  /// Words of the run that has it instead.
+  /// The current run's name, when another one is in progress.
   [[nodiscard]] const std::string& other() const { return other_; }
 
  private:
@@ -73,7 +73,7 @@ class RetentionTurn {
   bool mine_ = false;
 };
 
-/// One text for every reason, so that names cannot be tried out.
+/// One text for every reason, so that an attacker cannot find valid names.
 Error loginRefused() {
   return {ErrorCode::kDenied, "name or password (for a station: key) is wrong, or access was withdrawn"};
 }
@@ -83,7 +83,7 @@ Error loginRefused() {
 Outcome Service::execute(const Principal& principal, const pb::Request& request) {
   const RequestRow* row = requestRow(request.call_case());
   const auto guarded = [&]() -> Result<pb::Reply> {
-    // a request is never worth the lessons of others: what no handler foresaw is this request's fault alone
+    // an unexpected exception fails only this request and must not affect lessons
     try {
       RETURN_IF_ERROR(checkRole(principal, request.call_case()));
       return row->handler.run(*this, principal, request);
@@ -129,8 +129,8 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                     [&](const handlers::Context& context) -> Result<pb::Reply> {
                       ASSIGN_OR_RETURN(auto reply, handlers::erasePerson(context, call));
                       reference_paths_.forget();
-                      // the erasure is done and stays so, whatever happens to the chunks: the reply says what
-                      // is left
+                      // the erasure is final whether or not the chunks can be removed: the reply lists the
+                      // remaining ones
                       auto* erasure = reply.mutable_erasure();
                       erasure->set_text(removeErased() + erasure->text());
                       return reply;
@@ -236,7 +236,7 @@ Result<Principal> Service::loginPerson(const std::string& user, const std::strin
     ASSIGN_OR_RETURN(auto found, PeopleStore(*reader).find(user));
     person = std::move(found);
   }
-  // for unknown names, too: it takes the same time
+  // also for unknown names, so that the time is the same
   const bool right = verifyPassword(person ? person->password_hash : std::string(), password);
   if (!right || !person || person->disabled) return loginRefused();
   return Principal{person->name, person->role};
@@ -262,7 +262,7 @@ Result<bool> Service::stillAllowed(const Principal& principal) {
 Result<std::vector<std::string>> Service::erasuresToRepeat() {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   const auto erasures = ErasureStore(*reader).toRepeat(readers_.path().parent_path());
-  // a file of its own that is missing or broken is to be said, too, and no reason to give no lessons
+  // report a missing or broken file beside the database as well, but keep giving lessons
   if (!erasures && erasures.error().code == ErrorCode::kCorrupt) return std::vector{erasures.error().message};
   if (!erasures) return erasures.error();
   std::vector<std::string> texts;

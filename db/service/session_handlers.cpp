@@ -23,8 +23,8 @@ void fill(pb::Annotation& annotation, const StoredAnnotation& stored) {
   annotation.set_created_unix_ns(stored.created_unix_ns);
 }
 
-/// The main measures in place of the whole score, which is kilobytes. A score that cannot be read has none:
-/// the list goes on.
+/// The main measures instead of the whole score of several kilobytes. An unreadable score gives no measures,
+/// and the list continues.
 void figuresForScore(pb::SessionInfo& session) {
   const auto measures = parseScore(session.score_json());
   session.clear_score_json();
@@ -84,7 +84,7 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
     list->set_next_page(session.description().session_id());
     *list->add_sessions() = std::move(session);
   }
-  // rows are asked for one by one: a page that is not full is the last
+  // rows are read one at a time: a page that is not full is the last
   const std::uint32_t most = call.limit() == 0 ? kMaxListed : std::min(call.limit(), kMaxListed);
   if (static_cast<std::uint32_t>(list->sessions_size()) == sessions.size() && sessions.size() < most)
     list->clear_next_page();
@@ -99,18 +99,18 @@ Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call)
 }
 
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call) {
-  // one view: what the session's row says is true of the chunks that are read
+  // one view, so that the session's row matches the chunks
   RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
   constexpr std::uint32_t kMostChunks = 4096;
-  // where texts about damaged chunks may take the room of chunks, fewer are looked at
+  // texts about damaged chunks take space in the reply: read fewer chunks
   const std::uint32_t bound = call.skip_damaged() ? kMostChunks / 16 : kMostChunks;
   const std::uint32_t most = call.max_chunks() == 0 ? bound : std::min(call.max_chunks(), bound);
-  // an envelope of 40 bytes comes with each chunk, or a text with each damaged one
+  // each chunk adds an envelope of 40 bytes, each damaged one a text
   constexpr std::size_t kMostFaultText = 300;
   constexpr std::size_t kMostBytes = kMaxReplyBytes - kMostChunks * 40;
   const auto id = sessionId(call.session_id());
-  // of two recordings of one session only the one that was asked for: half of each would be none
+  // return only the requested recording, never parts of two recordings of one session
   if (!call.hash().empty() && call.hash() != info.hash()) {
     return Error{
         ErrorCode::kUnavailable,
@@ -204,7 +204,7 @@ Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotati
   pb::Reply reply;
   auto* list = reply.mutable_annotations();
   PageRoom room;
-  // none is ever deleted or moved: a position is a place to go on
+  // remarks are never deleted or moved: a position is a valid page token
   for (std::uint64_t i = from; i < annotations.size(); ++i) {
     if (!room.take(annotations[i].text.size() + 256)) {
       list->set_next_page(std::to_string(i));

@@ -1,5 +1,5 @@
-// Stations, and what an instructor sends to one: checked here, with a line in the audit log before it goes
-// out. The running server delivers it (server/live/request_effects.h).
+// Stations, and an instructor's messages to a station: checked and logged in the audit log here before they
+// are sent. The running server delivers them (server/live/request_effects.h).
 #include <string>
 
 #include "common/base/text.h"
@@ -18,14 +18,14 @@ Status stationExists(const Context& context, const std::string& name) {
   return {};
 }
 
-/// The lesson that is meant, where the asker names one.
+/// Checks the requested lesson's session id, if there is one.
 Status checkMeant(const std::string& session_id) {
   if (session_id.empty()) return {};
   const auto id = sessionId(session_id);
   return id ? Status() : Status(id.error());
 }
 
-/// Before it goes out: a station may have read what the server did not live to note.
+/// Logs the message before it is sent: a station may have read a message just before a server crash.
 Result<pb::Reply> noted(const Context& context, const std::string& station, const std::string& detail) {
   RETURN_IF_ERROR(write(context, station, detail, [](Connection&) { return Status(); }));
   return doneReply();
@@ -92,7 +92,7 @@ Result<pb::Reply> listStations(const Context& context, const pb::ListStations& c
   PageRoom room;
   for (const Station& station : stations) {
     if (station.name <= call.page()) continue;
-    // the server adds what each one does just now
+    // the server adds each station's current status
     if (!room.take(station.name.size() + 512)) {
       list->set_next_page(list->stations().rbegin()->name());
       break;

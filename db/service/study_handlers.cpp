@@ -1,5 +1,6 @@
-// Exports for researchers: sessions of people who consent, under pseudonyms. No record has a name, a station
-// or a time of day in it; what is measured is as it is, and can be recognised by who has it from elsewhere.
+// Exports for researchers: sessions of consenting people, under pseudonyms. Records contain no name, station
+// or time of day. Measured data is unchanged, so that anyone who has the same data from another source can
+// recognise it.
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -23,7 +24,7 @@ namespace {
 
 using StudyJson = nlohmann::ordered_json;
 
-/// A session that may be seen, and whose it is.
+/// A session in the study, with its person.
 struct StudySession {
   Uuid id{};
   std::string person;           ///< the pseudonym
@@ -41,7 +42,7 @@ class Study {
 
   [[nodiscard]] std::string sessionName(const Uuid& id) const { return key_.ofSession(name_, id); }
 
-  /// By pseudonym of the person, then by time: an order that says nothing about names.
+  /// By the person's pseudonym, then by time: the order reveals nothing about names.
   Result<std::vector<StudySession>> sessions(const std::string& exercise_id) {
     ASSIGN_OR_RETURN(const auto names, ConsentStore(reader_).consenting());
     std::vector<StudySession> all;
@@ -65,14 +66,14 @@ class Study {
     return all;
   }
 
-  /// A remark or a description without anybody's name, not only of those who consent. Ids and numbers have
-  /// none: they are given out as they are.
+  /// Removes the names of all people, not only consenting ones, from a remark or a description. Ids and
+  /// numbers contain no names and stay unchanged.
   Result<std::string> withoutNames(std::string text) {
     if (!people_) {
       ASSIGN_OR_RETURN(auto people, PeopleStore(reader_).list());
       people_ = std::move(people);
     }
-    // somebody may be called "name"
+    // because a person may be called "name"
     constexpr char kMark = '\x01';
     for (const Person& person : *people_)
       text = withoutName(text, person.name, person.full_name, std::string_view(&kMark, 1));
@@ -81,7 +82,7 @@ class Study {
     return marked;
   }
 
-  /// The profile that a session ran with: only its free texts are looked at. Many sessions have the same.
+  /// A session's profile: only its free texts are changed. Many sessions share a profile.
   Result<StudyJson> profileOf(const std::string& text) {
     if (const auto known = profiles_.find(text); known != profiles_.end()) return known->second;
     StudyJson profile = StudyJson::parse(text, nullptr, false);
@@ -119,7 +120,7 @@ class Study {
                       : info.removed_original().fate() == pb::RemovedOriginal::THINNED ? "THINNED"
                                                                                        : "DELETED"},
         {"passed", session.attempt.has_passed() ? StudyJson(session.attempt.passed()) : StudyJson(nullptr)}};
-    // each station has its own
+    // differs between stations
     if (with_setup) {
       record["device"] = d.device();
       record["placement"] = std::vector<double>(d.placement().begin(), d.placement().end());
@@ -163,11 +164,11 @@ class Study {
   std::string name_;
   PseudonymKey key_;
   std::optional<std::vector<Person>> people_;
-  std::map<std::string, StudyJson> profiles_;  ///< by their text
+  std::map<std::string, StudyJson> profiles_;  ///< by their JSON text
 };
 
-/// Where a page of a study goes on: behind this session, or, when it is of the study no more, behind its
-/// person.
+/// The position of a study's page: after this session, or, when that session is no longer in the study, after
+/// its person.
 std::size_t placeBehind(const std::vector<StudySession>& sessions, const Study& study,
                         const std::string& place) {
   const std::size_t blank = place.find(' ');
@@ -181,8 +182,8 @@ std::size_t placeBehind(const std::vector<StudySession>& sessions, const Study& 
   return static_cast<std::size_t>(next - sessions.begin());
 }
 
-/// A recording begins with tick 0 at time 0: by a station's own clock, sessions of several people would stand
-/// in their order, with exact gaps.
+/// Shifts a recording to begin with tick 0 at time 0: the station's clock would reveal the order of several
+/// people's sessions, with exact gaps.
 Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks) {
   if (chunks.chunks().empty()) return {};
   const auto first = SessionStore(reader).readChunks(session, 0, 1, kMaxReplyBytes);
@@ -246,7 +247,7 @@ Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& cal
     }
   }
   if (!place.empty()) return reply;
-  // the audit line: written with the first page, without which no other page can be asked for
+  // the audit line: written with the first page, which all other pages require
   std::string detail;
   for (const auto& [with, words] :
        {std::pair{call.with_remarks(), "with remarks"}, std::pair{call.with_setup(), "with devices' places"}})
@@ -261,7 +262,7 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
   ASSIGN_OR_RETURN(const auto sessions, study->sessions(""));
   for (const StudySession& session : sessions) {
     if (study->sessionName(session.id) != call.session()) continue;
-    // before anything of it is given out
+    // before any data is returned
     if (context.exports.isNew(context.who, call.study() + "\n" + call.session(), context.now_unix_ns)) {
       RETURN_IF_ERROR(write(context, call.study(), call.session(), [](Connection&) { return Status(); }));
     }
@@ -272,7 +273,7 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
     auto reply = readChunks(context, read);
     if (!reply) return reply.error();
     RETURN_IF_ERROR(beginWithZero(context.reader, session.id, *reply->mutable_chunks()));
-    // the id has the time in it
+    // the id contains the time
     for (auto& chunk : *reply->mutable_chunks()->mutable_chunks()) chunk.set_session_id(call.session());
     return reply;
   }

@@ -23,7 +23,7 @@ Status edit(const Context& context, const std::string& subject, const std::strin
   auto done = write(context, subject, detail, work);
   if (done || done.error().code != ErrorCode::kConflict || done.error().current_revision == 0) return done;
   Error conflict = done.error();
-  // a person may have been changed by a table of the class
+  // an import of a class table may also have changed the person
   const std::string_view other = context.action == "user change" ? "user import" : context.action;
   auto row = context.reader.query(
       "SELECT detail FROM audit WHERE subject = ? AND action IN (?, ?) ORDER BY id DESC LIMIT 1", subject,
@@ -52,7 +52,7 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   done->set_bytes(result.bytes);
   done->set_chunks_verified(result.chunks_verified);
   if (call.keep() > 0) {
-    // old ones go only now that a newer one is verified and noted
+    // remove old backups only after the newer one is verified and recorded
     ASSIGN_OR_RETURN(const auto removed, removeOldBackups(target, call.keep()));
     for (const auto& path : removed.removed) done->add_removed(path.string());
     if (!removed.later.empty()) {
@@ -75,7 +75,7 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   report->set_sessions(result.sessions);
   report->set_chunks(result.chunks);
   for (const std::string& fault : result.faults) report->add_faults(fault);
-  // nothing is broken, but somebody who must be forgotten is here
+  // the database is intact, but an erased person is back in it
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
   if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();
   if (!repeat) {
@@ -99,7 +99,7 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
   PageRoom room;
   for (const AuditRow& row : entries) {
     if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
-    // ids begin with 1: behind it there is nothing
+    // ids begin with 1: there is no further page
     list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());
     auto* entry = list->add_entries();
     entry->set_id(row.id);

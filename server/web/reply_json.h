@@ -15,10 +15,10 @@ namespace needlelab {
 /// Returns all fields in the order of the .proto, in snake_case; omits absent messages and lists. Differences
 /// from the canonical JSON of common/profile:
 /// - times `…_unix_ns` become `…_unix_ms`, numbers with a fraction, because ns have too many digits for
-/// JavaScript; 0 (has not happened) becomes null;
+///   JavaScript; 0 (has not happened) becomes null;
 /// - `session_id` is the UUID's text, `hash` and other bytes are hexadecimal, `next_page` is base64url;
 /// - texts that contain JSON (`json`, `…_json`, `records`) become objects and lists; their names lose
-/// `_json`.
+///   `_json`.
 WebJson jsonOf(const google::protobuf::Message& message);
 
 /// Fills `message` strictly (profile/message_json.h) from a browser's JSON; converts `…_unix_ms` to ns.

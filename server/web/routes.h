@@ -3,7 +3,7 @@
 ///
 /// A plain route needs only its row:
 /// - `{id}` of the address fills the call's field `id`, or `session_id` below /sessions, `exercise_id` below
-/// /exercises and so on; `{name}` fills `name`, or `trainee`;
+///   /exercises and so on; `{name}` fills `name`, or `trainee`;
 /// - `?course` of the query fills `course` or `course_id`; numbers must be whole and at least 1;
 /// - the body (JSON) fills the other fields; `base_revision` comes from If-Match;
 /// - the reply's result is written unchanged; a list becomes {"items": […], "next_page": …}.
