@@ -1,25 +1,25 @@
-/// The packet without force that a device with a thread of its own sends when the program crashes: the signal
-/// handler itself sends it, since nothing else of the program may be alive by then.
+/// The zero-force packet that a device with its own thread sends when the program crashes. The signal handler
+/// sends it, because no other part of the program may still work.
 #pragma once
 
 #include <sys/types.h>
 
 namespace needlelab {
 
-/// Sends the packet without force to the device behind the open file. Called in a signal handler, also while
-/// the device's own thread still runs: async-signal-safe, takes at most about 100 ms. False: the packet was
-/// not taken.
+/// Sends the zero-force packet to the device behind the open file. Runs in a signal handler, possibly while
+/// the device's own thread still runs: async-signal-safe, takes at most about 100 ms. Returns false when the
+/// device did not accept the packet.
 using CrashPacketSender = bool (*)(int file) noexcept;
 
-/// From now on `sender` sends the packet to `file`, and the calling thread counts as the device's own. One
-/// device is registered at a time: the newest.
+/// Registers `sender` and `file` for the packet, and the calling thread as the device's own. Replaces an
+/// earlier registration.
 void registerCrashPacket(CrashPacketSender sender, int file) noexcept;
-/// Before the file is closed.
+/// Call it before closing the file.
 void unregisterCrashPacket() noexcept;
 
-/// The thread that registered; 0: none. Async-signal-safe.
+/// Returns the thread that registered; 0: none. Async-signal-safe.
 [[nodiscard]] pid_t crashPacketThread() noexcept;
-/// False when no device is registered, or the packet was not taken. Async-signal-safe.
+/// Returns false when no device is registered, or the device did not accept the packet. Async-signal-safe.
 bool sendCrashPacket() noexcept;
 
 }  // namespace needlelab

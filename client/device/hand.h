@@ -1,5 +1,5 @@
-/// A simulated hand that holds the device's handle: a spring and a damper between the handle and where the
-/// hand wants it, with tremor; its aim comes from a plan or from somebody who steers it.
+/// A simulated hand that holds the device's handle: a spring and a damper between the handle and its wanted
+/// pose, with tremor. Its aim comes from a plan or from steering.
 #pragma once
 
 #include <array>
@@ -15,26 +15,26 @@
 
 namespace needlelab {
 
-/// Where the needle's tip shall be now, in W, and the plunger.
+/// The wanted pose of the needle's tip now, in W, and the plunger.
 struct SteeringTarget {
   Pose X_WT;
   double plunger = 0;  ///< 0-1
 };
 
-/// Hands the newest target from a window to the haptic thread. Neither side waits: while the window stands
-/// still the hand rests, and after the loop has ended targets go nowhere. Thread: `setTarget` by one, `fetch`
-/// by the haptic thread alone.
+/// Hands the newest target from a window to the haptic thread. Neither side waits: without new targets the
+/// hand rests; after the end of the loop targets are ignored. Thread: `setTarget` by one, `fetch` by the
+/// haptic thread alone.
 class HandSteering {
  public:
   void setTarget(const SteeringTarget& target) noexcept { newest_.publish(target); }
-  /// True when `target` is newer than at the last call. Real-time safe.
+  /// Returns true when `target` is newer than at the last call. Real-time safe.
   bool fetch(SteeringTarget& target) noexcept { return newest_.fetch(target); }
 
  private:
   LatestValue<SteeringTarget> newest_;
 };
 
-/// Random numbers with a fixed definition (SplitMix64, Steele et al. 2014), so that a seed means the same
+/// Random numbers with a fixed definition (SplitMix64, Steele et al. 2014), so that a seed gives the same
 /// hand everywhere.
 class HandRandom {
  public:
@@ -48,8 +48,8 @@ class HandRandom {
 };
 
 /// Per axis three sines in [8, 12] Hz with random frequencies and phases, each of a third of the amplitude:
-/// the displacement of an axis never exceeds the amplitude and comes near it again and again. The sines are
-/// turned by complex multiplication, so that no C library decides about bits.
+/// the displacement of an axis never exceeds the amplitude and comes near it repeatedly. Complex
+/// multiplication advances the sines, so that the bits do not depend on the C library.
 class HandTremor {
  public:
   static constexpr double kLowHz = 8, kHighHz = 12;
@@ -58,9 +58,9 @@ class HandTremor {
   /// `amplitude_m`: peak per axis. `step_s`: time between two calls of `next`.
   HandTremor(double amplitude_m, std::uint64_t seed, double step_s);
 
-  /// Displacement in W at the next step.
+  /// Returns the displacement in W at the next step.
   Vec3 next() noexcept;
-  /// Frequency of a partial of an axis, in Hz.
+  /// Returns the frequency of a partial of an axis, in Hz.
   [[nodiscard]] double frequencyHz(std::size_t axis, std::size_t partial) const {
     return partials_[axis][partial].hz;
   }
@@ -76,19 +76,19 @@ class HandTremor {
 };
 
 /// Targets come 30 times a second, in steps, and may jump; the aim speeds up over 25 ms, slows down near its
-/// target, and never goes faster than this. At rest it is at the target.
+/// target, and never exceeds these speeds. At rest it is at the target.
 inline constexpr double kMostAimSpeed_mps = 0.1;
 inline constexpr double kMostAimTurn_radps = 1.5;
 inline constexpr double kMostPlungerSpeed_per_s = 0.8;
 
-/// The aim of a steered hand: it follows the newest target as an arm would, smoothly and not too fast. Pure
-/// logic on the hand's own steps. A target that is not finite, or has a quaternion that is not a rotation, is
-/// ignored. Thread: one at a time. `next` is real-time safe.
+/// The aim of a steered hand: follows the newest target like an arm, smoothly and with limited speed, on the
+/// hand's own steps. Ignores a target that is not finite or has an invalid quaternion. Thread: one at a time.
+/// `next` is real-time safe.
 class SteeredAim {
  public:
   /// `step_s`: time between two calls of `next`.
   SteeredAim(std::shared_ptr<HandSteering> steering, const HandAim& start, double step_s);
-  /// The aim one step later.
+  /// Returns the aim one step later.
   HandAim next() noexcept;
 
  private:
@@ -106,30 +106,30 @@ struct HandOptions {
   double damping_Ns_per_m = 3;                   ///< [0, 100]
   double rotational_stiffness_Nm_per_rad = 2;    ///< [0, 100]
   double rotational_damping_Nms_per_rad = 0.05;  ///< [0, 5]
-  /// How fast the hand makes up for what its spring gave way, as people do: its aim moves by this share of
-  /// the error per second, [0, 20]. 0 = a spring and a damper only, as in the hard cases. On a command line
-  /// the default is kCommandLineCorrection_per_s (hand_options.h), so that a plan's target is reached through
-  /// firm tissue.
+  /// How fast the hand corrects its spring's deflection, as humans do: its aim moves by this share of the
+  /// error per second, [0, 20]. 0 = a spring and a damper only, as in the hard cases. On a command line the
+  /// default is kCommandLineCorrection_per_s (hand_options.h), so that the hand reaches a plan's target
+  /// through firm tissue.
   double correction_per_s = 0;
-  /// From this time on the hand does not touch the handle any more, however the plan goes on; 0 = it never
-  /// lets go. In s, [0, 1e6]. For studies; not on a command line.
+  /// The hand releases the handle at this time, whatever the plan; 0 = never. In s, [0, 1e6]. For studies;
+  /// not on a command line.
   double let_go_s = 0;
   double tremor_m = 50e-6;  ///< peak per axis in 8-12 Hz, [0, 0.005]
   double speed_mps = 0.02;  ///< of insertion and withdrawal, (0, 0.5]
   double hold_s = 2;        ///< at the target, (0, 600]
-  /// Draws the plunger back before it injects, as one is taught to. On a command line the default is yes.
+  /// Draws the plunger back before injecting, as taught. On a command line the default is yes.
   bool aspirate = false;
   std::uint64_t seed = 1;    ///< of the tremor
-  std::uint64_t repeat = 1;  ///< how often the plan is done; 0 = without end
-  /// [0, 1], from a beginner to an expert: how the plan `target` is carried out (hand_options.h). Tremor and
-  /// speed are set separately.
+  std::uint64_t repeat = 1;  ///< number of runs of the plan; 0 = endless
+  /// [0, 1], from beginner to expert: the skill in the plan `target` (hand_options.h). Tremor and speed are
+  /// set separately.
   std::optional<double> skill = std::nullopt;
   /// `target[:NAME]`, `retry[:NAME]`, `depth:METRES`, `rest`, `pointer`, or a CSV file of tip poses in W (see
   /// hand_options.h)
   std::string plan = "target";
 };
 
-/// How a rigid handle moves.
+/// Pose and velocity of a rigid handle.
 struct HandleState {
   Pose X_WH;
   Vec3 v_W_mps;
@@ -140,20 +140,20 @@ struct HandleState {
 class Hand {
  public:
   /// `X_HT`: the tip in the handle's frame, as in tool_transform.h. `step_s`: time between two calls of
-  /// `pull`. With `steering` the hand follows its targets; it takes only the start from the plan, and never
+  /// `pull`. With `steering` the hand follows its targets, takes only the start from the plan, and never
   /// finishes.
   Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s,
        std::shared_ptr<HandSteering> steering = nullptr);
 
-  /// Where the hand wants the handle at the first step.
+  /// Returns the wanted handle pose at the first step.
   [[nodiscard]] Pose startPose() const;
-  /// Force and torque (about the handle's origin, in W) of the hand on the handle, and one step of time
-  /// forward.
+  /// Returns the hand's force and torque on the handle (about the handle's origin, in W), and advances one
+  /// step.
   Wrench pull(const HandleState& handle) noexcept;
-  /// The plan is done, with its repeats.
+  /// Whether the plan and its repeats are done.
   [[nodiscard]] bool finished() const noexcept;
   [[nodiscard]] double plunger() const noexcept { return plunger_; }
-  /// Where the hand wants the handle at the step of the last `pull`, tremor included.
+  /// Returns the wanted handle pose at the last `pull`, tremor included.
   [[nodiscard]] const Pose& wanted() const noexcept { return wanted_; }
 
  private:

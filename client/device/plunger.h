@@ -1,4 +1,4 @@
-/// The syringe's plunger, from a device's readings; and the `--plunger` option.
+/// Computes the syringe's plunger position from a device's readings; parses the `--plunger` option.
 #pragma once
 
 #include <cstdint>
@@ -9,25 +9,25 @@
 
 namespace needlelab {
 
-/// How readings become a plunger. Buttons are numbers of bits in `DeviceReading::buttons`.
+/// How readings move the plunger. Buttons are numbers of bits in `DeviceReading::buttons`.
 struct PlungerSettings {
   PlungerSource source = PlungerSource::kAnalog;  ///< of the device
   int push_button = 0;                            ///< pressed: the plunger goes down; 0-31
-  int pull_button = 1;                            ///< pressed: it is drawn back; -1: there is no such button
-  double stroke_s = 3;                            ///< the whole way, with a button
-  double start = 0.2;  ///< with buttons: not drawn out at first, so that one can aspirate
+  int pull_button = 1;                            ///< pressed: the plunger is drawn back; -1: no such button
+  double stroke_s = 3;                            ///< time of the full stroke, with a button
+  double start = 0.2;  ///< start position with buttons: above 0, so that the trainee can aspirate
 };
 
-/// The plunger, 0 (drawn out) to 1 (pressed down). Measured: as the device reports, clamped to 0-1; a value
-/// that is not a number leaves it where it was. Buttons: it moves by 1/`stroke_s` a second while one of the
-/// two is pressed, in the ticks that were missed too, but no longer than 100 ms on one reading; both or none:
-/// it stays. Neither: 0. Thread: the haptic thread only. Real-time safe; same readings, same bits.
+/// The plunger, 0 (drawn out) to 1 (pressed down). Measured: the device's value clamped to 0-1; a NaN changes
+/// nothing. Buttons: the plunger moves at 1/`stroke_s` per second while one of the two is pressed, including
+/// missed ticks, but at most 100 ms on one reading; with both or neither pressed it stays. No source: 0.
+/// Thread: the haptic thread only. Real-time safe; same readings, same bits.
 class Plunger {
  public:
   Plunger(const PlungerSettings& settings, double rate_hz) noexcept;
 
-  /// One tick; `fresh`: the device gave a reading, `elapsed_ticks` since the last call. A reading that is not
-  /// fresh moves nothing: a device that is lost does not go on injecting.
+  /// One tick; `fresh`: the device gave a reading, `elapsed_ticks` since the last call. Only a fresh reading
+  /// moves the plunger, so that a lost device does not go on injecting.
   double update(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks) noexcept;
   [[nodiscard]] double position() const noexcept { return position_; }
 
@@ -40,8 +40,8 @@ class Plunger {
 };
 
 /// `PUSH[,PULL]`: the numbers (0-31) of the button that presses the plunger and of the one that draws it
-/// back; without the second the plunger cannot be drawn back. Errors: kInvalidInput, with the value found and
-/// the allowed ones.
+/// back; without PULL the plunger cannot be drawn back. Errors: kInvalidInput, with the found and the allowed
+/// values.
 Status parsePlungerOption(const std::string& text, PlungerSettings& settings);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// Poses on a command line: `--tool` and `--placement` of every program that has them.
+/// Poses on a command line: the options `--tool` and `--placement` of all programs.
 #pragma once
 
 #include <string>
@@ -8,17 +8,16 @@
 
 namespace needlelab {
 
-/// Reads `x,y,z,qx,qy,qz,qw` (metres, unit quaternion), or the JSON file of that name:
-/// `{"position_m": {"x": 0, "y": 0, "z": 0.15}, "quaternion": {"x": 0, "y": 0, "z": 0, "w": 1}}`.
-/// A "calibration" object may stand beside them (ToolNotes in calibrate.h); it is not read.
-/// `option` names it in messages, e.g. "--tool". The quaternion is normalised.
-/// Errors: kInvalidInput: not seven finite numbers, a position beyond 1 km, | |q| − 1 | above 1e-3, a wrong
-/// or missing field.
+/// Reads `x,y,z,qx,qy,qz,qw` (metres, unit quaternion), or the JSON file of that name: `{"position_m": {"x":
+/// 0, "y": 0, "z": 0.15}, "quaternion": {"x": 0, "y": 0, "z": 0, "w": 1}}`. Ignores an additional
+/// "calibration" object (ToolNotes in calibrate.h). `option` names it in messages, e.g. "--tool". The
+/// quaternion is normalised. Errors: kInvalidInput: not seven finite numbers, a position beyond 1 km, | |q| −
+/// 1 | above 1e-3, a wrong or missing field.
 Result<Pose> parsePoseOption(const std::string& text, const std::string& option);
 
-/// The text that `parsePoseOption` reads back to the same bits: seven numbers with commas.
+/// Returns seven numbers with commas; `parsePoseOption` reads them back bit for bit.
 std::string poseOptionText(const Pose& pose);
-/// The JSON file's content, with a newline at the end.
+/// Returns the JSON file's content, with a newline at the end.
 std::string poseOptionJson(const Pose& pose);
 
 }  // namespace needlelab

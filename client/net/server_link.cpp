@@ -90,7 +90,7 @@ struct ServerLink::State {
   bool reconnects;
   asio::steady_timer nap{io};  // run() waits on it; cancelled on each change
   std::optional<ClientConfig> config;
-  std::uint64_t login_number = 0;  // counts calls of logIn
+  std::uint64_t login_number = 0;  // counts log-ins and log-outs
   std::string token;
   std::int64_t token_until_unix_ns = 0;
 

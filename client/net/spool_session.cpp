@@ -28,7 +28,7 @@ Error broken(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why};
 }
 
-// reads a small JSON object; nullopt when the file is missing
+// reads a small JSON object; a null value when the file is missing
 Result<Json> readJson(const std::filesystem::path& path) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) return Json();
