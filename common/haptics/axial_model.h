@@ -1,5 +1,5 @@
-/// The ways to compute the force along the trajectory (FORCE_MODEL.md, "Axial models"), and what an author
-/// sets for each.
+/// The models of the force along the trajectory (FORCE_MODEL.md, "Axial models"), and the parameters that an
+/// author sets for each.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace needlelab {
 
 struct NeedleCompliance;
 
-/// Which model gives the force along u. Append only: profiles and recordings name them.
+/// The model of the force along u. Append only: profiles and recordings name the models.
 enum class AxialModel : std::uint8_t {
   kEnhancedTrackingWall,
   kTrackingWall,
@@ -41,7 +41,7 @@ constexpr std::string_view axialModelName(AxialModel model) {
 
 struct DirectSpec {
   double stiffness_N_per_m = 500;  ///< (0, 10000]
-  bool step_at_layers = true;      ///< up to the layer's cutting force; else without end
+  bool step_at_layers = true;      ///< true: at most the layer's cutting force; false: unlimited
 };
 
 struct VoigtSpec {
@@ -53,7 +53,7 @@ struct GodObjectSpec {
   double stiffness_N_per_m = 500;  ///< (0, 10000]
 };
 
-/// Of one layer.
+/// Parameters of one layer.
 struct FirstOrderSpec {
   double stiffness_N_per_m = 0;  ///< up to puncture, (0, 10000]
   double puncture_force_N = 0;   ///< (0, 50]
@@ -70,8 +70,8 @@ struct StatisticalSpec {
   std::vector<Row> table;              ///< 1-256 rows
   double correlation_length_m = 3e-3;  ///< of the normal score over depth, (0, 1]
   std::uint64_t seed = 0;
-  double mean_factor = 1;       ///< of the patient: scales mean and sd, (0, 10]
-  double thickness_factor = 1;  ///< of the patient: scales the table's depths, (0, 10]
+  double mean_factor = 1;       ///< patient factor: scales mean and sd, (0, 10]
+  double thickness_factor = 1;  ///< patient factor: scales the table's depths, (0, 10]
 };
 
 struct PrecomputedSpec {
@@ -94,7 +94,7 @@ struct FemLayerSpec {
 struct FemSpec {
   std::int32_t nodes = 3000;         ///< of the mesh, [100, 200000]
   std::vector<FemLayerSpec> layers;  ///< as many as the scene has
-  /// What common/fem made of it: `compile` refuses a scene with FEM that has none. Shared, never changed.
+  /// The compliance computed by common/fem: `compile` refuses a FEM scene without it. Shared, never changed.
   std::shared_ptr<const NeedleCompliance> compliance;
 };
 

@@ -1,6 +1,6 @@
-/// Elementary functions of our own, from + − × ÷ and sqrt alone: the C library's differ between processors,
-/// and a replay must give the same bits on every machine. Accurate to about 2
-/// units in the last place.
+/// Our own elementary functions, computed with + − × ÷ and sqrt only: the C library's functions differ
+/// between processors, and a replay must give the same bits on every machine. Accurate to about 2 units in
+/// the last place.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@ namespace needlelab {
 
 inline constexpr double kPi = 3.14159265358979323846;
 
-// atan(k/8): the argument is brought within 1/16 of one of them, where the series is short
+// atan(k/8): the argument is reduced to within 1/16 of one of these points, where the series is short
 inline constexpr double kAtanEighths[9] = {0.0,
                                            0.12435499454676144,
                                            0.24497866312686414,
@@ -20,8 +20,8 @@ inline constexpr double kAtanEighths[9] = {0.0,
                                            0.7188299996216245,
                                            0.7853981633974483};
 
-// num8/den rounded to an integer, for 0 ≤ num8 ≤ 8·den. By comparisons, which a processor foresees while an
-// angle changes slowly, in place of a division that everything else would wait for
+// num8/den rounded to an integer, for 0 ≤ num8 ≤ 8·den. Uses comparisons, which the processor predicts well
+// while an angle changes slowly; a division would stall all that follows
 [[gnu::always_inline]] inline int nearestEighth(double num8, double den) noexcept {
   if (num8 < 3.5 * den) {
     if (num8 < 1.5 * den) return num8 < 0.5 * den ? 0 : 1;
@@ -44,7 +44,7 @@ inline constexpr double kAtanEighths[9] = {0.0,
   return kAtanEighths[k] + (t + t * tail);
 }
 
-/// detAtan2 where a call is too much: a tick with torque.
+/// detAtan2 inline, for ticks with torque, where a call costs too much.
 [[gnu::always_inline]] inline double detAtan2Inline(double y, double x) noexcept {
   const double ay = std::fabs(y), ax = std::fabs(x);
   double angle;
@@ -63,9 +63,9 @@ double detAtan2(double y, double x) noexcept;
 inline double detAtan(double x) noexcept {
   return detAtan2(x, 1.0);
 }
-/// `x` is held to [−1, 1].
+/// `x` is clamped to [−1, 1].
 double detAsin(double x) noexcept;
-/// For |x| up to 1e5.
+/// Valid for |x| up to 1e5.
 double detSin(double x) noexcept;
 double detCos(double x) noexcept;
 /// Natural logarithm of a positive normal number; −infinity for 0.

@@ -16,20 +16,19 @@ struct TipSample {
   Quat q_WT;
 };
 
-/// What a tick did that a reader of forces must know: a force step is allowed where one of the releases is
-/// set.
+/// Events of a tick that explain its forces: a force step is allowed where one of the releases is set.
 enum StepFlag : std::uint32_t {
   kFlagEntry = 1u << 0,          ///< an insertion began
   kFlagExit = 1u << 1,           ///< release: the tip left the tissue
-  kFlagLayerChange = 1u << 2,    ///< release: the tip is in another layer than at the tick before; with
-                                 ///< FEM also: the cut runs ahead, as into a softer layer
+  kFlagLayerChange = 1u << 2,    ///< release: the tip is in another layer than in the previous tick; with FEM
+                                 ///< also: the cut runs ahead, as into a softer layer
   kFlagRupture = 1u << 3,        ///< release: a membrane ruptured
   kFlagTurn = 1u << 4,           ///< u turned (change of trajectory)
   kFlagClampCapped = 1u << 5,    ///< the clamping force is at its maximum
-  kFlagForceCapped = 1u << 6,    ///< the sum was cut to max_force_N
+  kFlagForceCapped = 1u << 6,    ///< the sum was limited to max_force_N
   kFlagTorque = 1u << 7,         ///< the orientation limit gives torque
   kFlagNotStepped = 1u << 8,     ///< the sample was not finite: state unchanged, no force
-  kFlagStartedInside = 1u << 9,  ///< in the tissue without having been outside: no force
+  kFlagStartedInside = 1u << 9,  ///< the tip is in the tissue but was never outside: no force
   kFlagBeyondNeedle = 1u << 10,  ///< inserted further than the needle is long
 };
 
@@ -47,11 +46,12 @@ struct StepReport {
   double cutting_N = 0, attracted_N = 0, friction_N = 0, puncture_N = 0;  ///< along u, signed
   double clamping_N = 0;                                                  ///< magnitude
   double clamping_stiffness_N_per_m = 0;                                  ///< k of this tick
-  std::array<double, kMaxStages> stage_N{};  ///< terms of stages, by `stageOf`; written where one is live
-  std::uint32_t flags = 0;                   ///< StepFlag
+  std::array<double, kMaxStages>
+      stage_N{};            ///< terms of the stages, by `stageOf`; written only for live stages
+  std::uint32_t flags = 0;  ///< StepFlag
 };
 
-/// One tick. Thread: one at a time per state; the model may be shared. Real-time safe.
+/// Steps one tick. Thread: one at a time per state; the model may be shared. Real-time safe.
 void step(const SceneModel& model, const TipSample& sample, SimState& state, StepReport& report) noexcept;
 
 }  // namespace needlelab

@@ -9,31 +9,32 @@
 
 namespace needlelab {
 
-/// What the motors may still take: the energy ∫|f|² of any 10 s stays at or below 10 s times the continuous
-/// limit squared. A magnitude up to 0.98 of the continuous limit is never cut; a greater one is
-/// let down, as the budget goes, to what can be held for good.
+/// The thermal budget of the motors: the energy ∫|f|² of any 10 s stays at or below 10 s times the continuous
+/// limit squared. A magnitude up to 0.98 of the continuous limit is never reduced; a greater magnitude is
+/// lowered, as the budget runs out, to a level that can be held forever.
 class ThermalBudget {
  public:
   ThermalBudget(double peak, double continuous, double period_s) noexcept;
-  /// Largest magnitude allowed in this tick, when `wanted` is asked for. Once a tick.
+  /// Returns the largest magnitude allowed in this tick for the requested `wanted`. Call once per tick.
   [[nodiscard]] double allowed(double wanted) noexcept;
-  /// Counts the magnitude that was given to the device in this tick.
+  /// Records the magnitude sent to the device in this tick.
   void spend(double magnitude) noexcept;
 
  private:
   [[nodiscard]] double limitNow(double wanted) const noexcept;
 
-  /// 100 ms each: the current one, 100 that the window reaches into, and one that has just left it.
+  /// Slots of 100 ms: the current slot, the 100 slots that the window reaches into, and the slot that has
+  /// just left it.
   static constexpr std::size_t kBuckets = 102;
   double peak_, budget_, period_s_;
-  double recovery_, allowed_;  ///< the allowed magnitude rises by at most so much a tick
+  double recovery_, allowed_;  ///< `recovery_`: greatest rise of the allowed magnitude per tick
   std::array<double, kBuckets> bucket_{};
   std::size_t current_ = 0;
   std::int64_t ticks_in_bucket_ = 0, ticks_per_bucket_;
-  double whole_ = 0;  ///< sum of the 100
+  double whole_ = 0;  ///< sum of the 100 slots
 };
 
-/// What a device can render and stand, as data of its backend.
+/// The limits of a device, provided by its backend.
 struct DeviceLimits {
   double peak_force_N = 10, continuous_force_N = 3;
   double peak_torque_Nm = 0.8, continuous_torque_Nm = 0.2;
@@ -43,7 +44,7 @@ struct DeviceLimits {
   double damping_Ns_per_m = 1.7;
 };
 
-/// Why force was taken away. Values are stored in recordings: append only.
+/// The reason for a loss of force. Values are stored in recordings: append only.
 enum class Fault : std::uint8_t {
   kNone = 0,
   kSampleNotFinite = 1,
@@ -72,7 +73,7 @@ enum GateFlag : std::uint32_t {
 
 class ForceGate;
 
-/// A wrench that went through the gate: the only thing that a device accepts. At the handle, in W.
+/// A wrench that has passed the gate; devices accept no other type. At the handle, in W.
 class GuardedWrench {
  public:
   GuardedWrench() = default;  ///< zero
@@ -84,52 +85,50 @@ class GuardedWrench {
   Wrench wrench_;
 };
 
-/// Two ways to lose force, beside the limits:
+/// Besides the limits, the force is lost in two ways:
 ///
-/// - A FAULT: the force goes away in a straight line within 20 ms. It comes back, faded in over 200 ms, only
-///   when the cause is over, a person acknowledged it after that, and the tip is outside the tissue.
+/// - A FAULT: the force falls linearly to zero within 20 ms. It fades in again over 200 ms only when the
+/// cause is over, a person has acknowledged the fault after that, and the tip is outside the tissue.
 /// - A hold (kDeviceHoldFlags: no hand, no power, not ready): the rendered share of the force falls to zero
-///   within 20 ms, stays there, and rises over 200 ms afterwards. Samples are admitted and stepped all
-///   the while: the needle is where it is, and what fades in is the force of that place. So from tick to tick
-///   the force changes by at most 1/20 of what is wanted, beside the change of what is wanted. The same
-///   happens after a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
-///
-/// Thread: the haptic thread only (acknowledge may be asked for by its owner between ticks). Real-time safe,
-/// no clock: it counts ticks.
+///   within 20 ms, stays there, and rises over 200 ms afterwards. Samples are still admitted and stepped: the
+///   needle keeps its true position, and the force of that position fades in. So from tick to tick the force
+///   changes by at most 1/20 of the wanted force, plus the change of the wanted force. The same happens after
+///   a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
+/// Thread: the haptic thread only (its owner may call acknowledge between ticks). Real-time safe; uses no
+/// clock: it counts ticks.
 class ForceGate {
  public:
   ForceGate(const DeviceLimits& limits, double rate_hz);
 
-  /// Before the engine: is this sample good? `fresh` is false when the device gave no update in this tick.
-  /// Returns false when the tick must not be stepped (bad sample, or in FAULT).
-  /// `tip` is the tip's pose, `handle_speed_mps` the device's own reported speed (0 when it reports none),
-  /// `elapsed_ticks` how many periods passed since the last call: 1, or more after missed ticks.
-  /// A sample that comes after missed or rejected ones is judged by its distance over all of the elapsed
-  /// time. `condition`: DeviceFlag bits of this tick, which count without a fresh sample, too. A device that
-  /// says kDeviceNotReady may be silent: it has no force.
+  /// Checks a sample before the engine. `fresh` is false when the device gave no update in this tick. Returns
+  /// false when the tick must not be stepped (bad sample, or in FAULT). `tip` is the tip's pose,
+  /// `handle_speed_mps` the device's own reported speed (0 when it reports none), `elapsed_ticks` the number
+  /// of periods since the last call: 1, or more after missed ticks. After missed or rejected samples, a
+  /// sample's distance is judged over the whole elapsed time. `condition`: DeviceFlag bits of this tick; they
+  /// count even without a fresh sample. A device that reports kDeviceNotReady may be silent: it has no force.
   bool admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks = 1,
              std::uint32_t condition = 0) noexcept;
 
-  /// After the engine (or without it, when `admit` said no): the wrench for the device in this tick.
-  /// `wanted` is at the handle, in W; it is ignored in a tick that was not admitted.
+  /// Returns the wrench for the device in this tick. Call it after the engine, or without the engine when
+  /// `admit` returned false. `wanted` is at the handle, in W; it is ignored in a tick that was not admitted.
   GuardedWrench guard(const Wrench& wanted) noexcept;
 
-  /// A FAULT whose cause the gate cannot see itself, such as a crash of the view. Before `admit`, in each
-  /// tick in which the cause lasts; in a FAULT of another kind that one's name stays.
+  /// Raises a FAULT with a cause outside the gate, such as a crash of the view. Call it before `admit`, in
+  /// each tick while the cause lasts; a FAULT of another kind that is already active keeps its name.
   void raiseFromOutside(Fault fault) noexcept;
-  /// A person has seen the fault. It does not count while the cause lasts, so that nothing starts by itself
-  /// when an emergency stop is let out; it may come before the tip is outside.
+  /// A person acknowledges the fault. It has no effect while the cause lasts, so that nothing starts by
+  /// itself when an emergency stop is released; it may come before the tip is outside.
   void acknowledge() noexcept { acknowledged_ = fault_ != Fault::kNone; }
-  /// Tells the gate whether the tip is outside the tissue (any δ ≤ 0): in FAULT before `admit`, with the
-  /// sample that `admit` gets, so that the first tick of a new start is outside.
+  /// Tells the gate whether the tip is outside the tissue (any δ ≤ 0): in FAULT, call it before `admit` with
+  /// the same sample, so that the first tick after the fault is outside.
   void noteOutside(bool outside) noexcept { outside_ = outside; }
 
   [[nodiscard]] Fault fault() const noexcept { return fault_; }
-  /// How often a fault was raised, over all of the gate's life.
+  /// The number of faults raised during the gate's lifetime.
   [[nodiscard]] std::uint64_t faultsRaised() const noexcept { return faults_raised_; }
-  /// In FAULT: the cause was present in the last tick, so that an acknowledgement does not count yet.
+  /// In FAULT: the cause was present in the last tick, so an acknowledgement does not count yet.
   [[nodiscard]] bool causeLasts() const noexcept { return cause_lasts_; }
-  /// In FAULT: it is acknowledged and waits for the tip to be outside.
+  /// In FAULT: the fault is acknowledged, and the gate waits for the tip to be outside.
   [[nodiscard]] bool acknowledged() const noexcept { return acknowledged_; }
   [[nodiscard]] std::uint32_t flags() const noexcept { return flags_; }  ///< GateFlag bits of the last tick
   [[nodiscard]] double thermalScale() const noexcept { return thermal_scale_; }

@@ -12,7 +12,7 @@ inline constexpr double kMaxRateHz = 40'000;  ///< the fastest loop in the liter
 inline constexpr std::size_t kHistoryCapacity = 4096;
 static_assert(kHistoryCapacity > static_cast<std::size_t>(kMaxRateHz / 10) + 1);
 
-/// Most stations that a needle can have: bounds the state and the cost of a tick.
+/// The greatest number of stations of a needle: bounds the state and the cost of a tick.
 inline constexpr std::size_t kMaxNeedleStations = 128;
 
 }  // namespace needlelab

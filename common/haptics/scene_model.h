@@ -1,4 +1,4 @@
-/// A compiled scene: immutable, shared by all threads, everything precomputed that a tick needs.
+/// A compiled scene: immutable, shared by all threads, with all precomputed values for a tick.
 #pragma once
 
 #include <array>
@@ -19,21 +19,22 @@ struct TipSample;
 class SceneModel;
 /// One tick of a scene's axial model with its live effects.
 using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
-/// One tick of an effect that is a stage, in the tissue only, after all others: `report` is that of this
-/// tick without the stages. Returns its force in W and writes its term into `report.stage_N`.
+/// One tick of a stage effect. Called only in the tissue, after all other effects: `report` is this tick's
+/// report without the stages. Returns the force in W and writes the effect's term into `report.stage_N`.
 using StageFunction = Vec3 (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
 
 /// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
 /// δ/c.
 struct CompiledLayer {
-  double least_depth_m = 0;        ///< its top; for the first the least positive number, as δ = 0 is outside
-  double bottom_m = 0;             ///< the next layer's top; infinite for the last
-  double top_m = 0;                ///< half-open [top, bottom)
-  double cutting_force_N = 0;      ///< f_cut; 0 where CUTTING is not live
-  double cut_stretch_m = 0;        ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
-  double attracted_stretch_m = 0;  ///< f_att/K_t; 0 where ATTRACTED is not live
-  double rejection_stretch_m = 0;  ///< f_rej/K_t
-  double lateral_N_per_m2 = 0;     ///< slope of the integral of lateral stiffness
+  double least_depth_m =
+      0;  ///< the layer's top; for the first layer the least positive number, because δ = 0 is outside
+  double bottom_m = 0;                ///< the next layer's top; infinite for the last
+  double top_m = 0;                   ///< half-open [top, bottom)
+  double cutting_force_N = 0;         ///< f_cut; 0 where CUTTING is not live
+  double cut_stretch_m = 0;           ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
+  double attracted_stretch_m = 0;     ///< f_att/K_t; 0 where ATTRACTED is not live
+  double rejection_stretch_m = 0;     ///< f_rej/K_t
+  double lateral_N_per_m2 = 0;        ///< slope of the integral of lateral stiffness
   double lateral_offset_N_per_m = 0;  ///< ∫₀^d = offset/c + slope·d while d·c is in this layer
   double friction_N_per_m = 0;
   double friction_offset_N = 0;
@@ -45,11 +46,11 @@ struct CompiledMembrane {
   double top_m = 0;
   double k1_N_per_m = 0, k2_N_per_m2 = 0;
   double force_N = 0;
-  double slope_at_rupture_N_per_m = 0;  ///< k1 + 2 k2 z at rupture: the steepest that it gets
+  double slope_at_rupture_N_per_m = 0;  ///< k1 + 2 k2 z at rupture: the steepest slope
 };
 
-/// Made by `compile` only. Const after that; copying is cheap enough off the haptic thread. Thread: any may
-/// read.
+/// Only `compile` makes one. Const after that; copying is cheap enough outside the haptic thread. Thread: any
+/// may read.
 class SceneModel {
  public:
   double rate_hz = 0;
@@ -69,7 +70,7 @@ class SceneModel {
   double needle_length_m = 0;
   double needle_length_squared_m2 = 0;
   double max_force_N = 0;
-  double surely_below_cap_N = 0;     ///< max_force_N less what rounding may take
+  double surely_below_cap_N = 0;     ///< max_force_N less a margin for rounding
   bool is_plane = false;             ///< the limb is this half-space
   Vec3 plane_point_m, plane_normal;  ///< … with its unit normal out of the tissue
   Limb limb;                         ///< plane normal made a unit vector
@@ -84,7 +85,7 @@ class SceneModel {
   StepFunction step_function = nullptr;                  ///< of that model with these live effects
   StepFunction placed_step = nullptr;                    ///< the same without the stages
   std::array<StageFunction, kMaxStages> stages{};        ///< the live ones …
-  std::uint32_t stage_count = 0;                         ///< … so many
+  std::uint32_t stage_count = 0;                         ///< … their number
   std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< ready for the tick, by `stageOf`
   double axial_stiffness_N_per_m = 0;                    ///< steepest slope of the axial model's force over x
   double axial_damping_Ns_per_m = 0;              ///< steepest slope of that force over the speed: VOIGT's B
@@ -96,7 +97,7 @@ class SceneModel {
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +
-  /// steepest membrane, of live effects. A device refuses a scene that is above what it can render
+  /// steepest membrane, of live effects. A device refuses a scene above the stiffness that it can render
   /// (FORCE_MODEL.md, "Sum and cap").
   [[nodiscard]] double axialStiffness_N_per_m() const;
 };
@@ -105,16 +106,15 @@ class SceneModel {
 void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& state,
                     StepReport& report) noexcept;
 
-/// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as of
-/// `validate`.
+/// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as `validate`.
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz);
 
 /// Signed depth δ of a point in the limb: negative outside, positive inside (FORCE_MODEL.md, "Contact").
 double signedDepth(const Limb& limb, Vec3 p_W_m);
-/// The same for the scene's limb.
+/// Signed depth δ in the scene's limb.
 double depthInLimb(const SceneModel& model, const Vec3& p_W_m) noexcept;
 
-/// The tilt limit α(d) = atan((L − d)/(L + d)), paper eq. 7, `d` held to [0, L]. In rad; π/4 at d = 0.
+/// The tilt limit α(d) = atan((L − d)/(L + d)), paper eq. 7, `d` clamped to [0, L]. In rad; π/4 at d = 0.
 double orientationLimitAngle(double needle_length_m, double insertion_m);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// What an author writes: a scene as plain values, before it is validated and compiled.
+/// A scene as plain values, as its author writes it, before it is validated and compiled.
 #pragma once
 
 #include <array>
@@ -15,8 +15,8 @@
 
 namespace needlelab {
 
-/// The effects that a scene may call for. Their order is the order of EffectMask bits. What each of them is
-/// says its row, see effects/effect_entry.h.
+/// The effects that a scene may use, in the order of the EffectMask bits. effects/effect_entry.h describes
+/// each effect in its row.
 enum class Effect : std::uint8_t {
   kCutting,
   kAttracted,
@@ -26,8 +26,8 @@ enum class Effect : std::uint8_t {
   kPuncture
 };
 inline constexpr std::size_t kEffectCount = 6;
-/// So many have a place of their own within the tick; the others are stages, whose forces are added at its
-/// end.
+/// The number of effects with a fixed place within the tick; the others are stages: their forces are added at
+/// the end.
 inline constexpr std::size_t kPlacedEffectCount = 6;
 
 using EffectMask = std::uint32_t;
@@ -37,8 +37,8 @@ constexpr EffectMask bitOf(Effect effect) {
 inline constexpr EffectMask kAllEffects = (EffectMask{1} << kEffectCount) - 1;
 inline constexpr EffectMask kPlacedEffects = (EffectMask{1} << kPlacedEffectCount) - 1;
 
-/// Room for stages. Each has so many numbers of the author, numbers for the tick, and numbers that it
-/// remembers; they are its own to name.
+/// Capacity for stages. Each stage has this many numbers from the author, numbers for the tick, and numbers
+/// that it remembers; the stage defines their meaning.
 inline constexpr std::size_t kMaxStages = 8;
 using StageNumbers = std::array<double, 8>;
 static_assert(kEffectCount - kPlacedEffectCount <= kMaxStages);
@@ -78,7 +78,7 @@ struct LayerSpec {
   double lateral_stiffness_N_per_m2 = 0;  ///< clamping stiffness per inserted length, [0, 1e7]
   double friction_N_per_m = 0;            ///< shaft friction per inserted length, [0, 1e4]
   std::optional<MembraneSpec> membrane;
-  std::optional<FirstOrderSpec> first_order;  ///< every layer has one where the model is FIRST_ORDER
+  std::optional<FirstOrderSpec> first_order;  ///< required in every layer if the model is FIRST_ORDER
 };
 
 enum class StopMode : std::uint8_t { kRamp, kExponential };
@@ -105,10 +105,10 @@ struct OrientationLimitSpec {
   double max_torque_Nm = 0;         ///< [0, 5]
 };
 
-/// Everything that the engine needs to know of a scene, in W (the limb already placed).
+/// All that the engine needs of a scene, in W (the limb is already placed).
 struct SceneSpec {
   double needle_length_m = 0.06;  ///< L, (0, 1]
-  double needle_diameter_m = 0;   ///< outer, up to 0.005; 0: not given. FEM's needle is that thick
+  double needle_diameter_m = 0;   ///< outer, up to 0.005; 0: not given. FEM's needle has this diameter
   Limb limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   std::vector<LayerSpec> layers;  ///< 1-32, from the skin inward
   AxialModel axial_model = AxialModel::kEnhancedTrackingWall;
@@ -124,14 +124,14 @@ struct SceneSpec {
   double friction_stiffness_N_per_m = 140;               ///< K_f, (0, 10000]
   double max_force_N = 10;                               ///< cap of the sum, (0, 50]
   std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< of effects that are stages, by `stageOf`
-  EffectMask effects = 0;  ///< those that the scene lists; which of them are live is derived
+  EffectMask effects = 0;                                ///< the listed effects; the live effects are derived
 };
 
-/// The first fault of a spec as kInvalidInput with field path, value and range; or success. `compile` calls
-/// it. Field paths are those of the profile's JSON, e.g. `layers[2].cutting_force_n`.
+/// Returns the first fault of a spec as kInvalidInput with field path, value and range, or success. `compile`
+/// calls it. Field paths are those of the profile's JSON, e.g. `layers[2].cutting_force_n`.
 Status validate(const SceneSpec& spec);
 
-/// The same limb seen from W when the author's frame L stands at `X_WL`.
+/// Transforms a limb from the author's frame L to W; `X_WL` is the pose of L in W.
 Limb placed(const Limb& limb, const Pose& X_WL);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// All that the engine remembers from tick to tick: plain data; a copy is a snapshot.
+/// The engine's whole state between ticks: plain data; a copy is a snapshot.
 #pragma once
 
 #include <array>
@@ -11,49 +11,49 @@
 
 namespace needlelab {
 
-/// What the needle does (FORCE_MODEL.md, "Tracking wall"). Values are stored in recordings: append only.
+/// The needle's phase (FORCE_MODEL.md, "Tracking wall"). Values are stored in recordings: append only.
 enum class Phase : std::uint8_t { kFree = 0, kInserting = 1, kStopped = 2, kWithdrawing = 3 };
 const char* phaseName(Phase phase);
 
-/// 2^16 cells of 15 µm: a correlation length below 60 µm is rendered as if it were that.
+/// 2^16 cells of 15 µm: a correlation length below 60 µm is rendered as 60 µm.
 inline constexpr int kMaxScoreLevels = 16;
 
-/// STATISTICAL: where its process over depth (models/score_process.h) was asked last, and the nodes on the
-/// way from the whole metre to that cell.
+/// STATISTICAL: the last cell evaluated by the process over depth (models/score_process.h), and the nodes on
+/// the path from the whole metre down to that cell.
 struct ScorePath {
-  std::int32_t cell = -1;  ///< −1: nowhere yet
+  std::int32_t cell = -1;  ///< −1: none yet
   std::array<double, kMaxScoreLevels + 1> low, high;
 };
 
 /// Whether a station of the shaft, or the tip, moves with the tissue.
 enum class Hold : std::uint8_t { kSticks, kSlipsIn, kSlipsOut };
 
-/// What FEM remembers from tick to tick. Value-initialised = the needle is outside and nothing was cut.
-/// Lengths along u from the entry, less what a turn or a rupture shifted. Forces act on the tissue, into it
-/// positive.
+/// FEM's state between ticks. Value-initialised: the needle is outside and nothing is cut. Lengths run along
+/// u from the entry, less the shifts of turns and ruptures. Forces act on the tissue; positive is into the
+/// tissue.
 struct NeedleState {
   double x_m = 0;          ///< tip at the last tick
-  double cut_m = 0;        ///< the cut's end in the undeformed tissue: the deepest that the tip was
+  double cut_m = 0;        ///< the cut's end in the undeformed tissue: the tip's greatest depth so far
   double gap_m = 0;        ///< from the tip to the cut's end, ≥ 0; 0 while the tip presses
   double tip_N = 0;        ///< [0, cutting force]
   double tip_most_N = 0;   ///< the cutting force at the last tick
   double tip_moved_m = 0;  ///< w at the tip
   Hold tip_hold = Hold::kSticks;
-  std::uint32_t unsettled = 0;  ///< ticks whose contact was not settled within the bound
+  std::uint32_t unsettled = 0;  ///< ticks in which the contact did not settle within the bound
   std::uint32_t solves = 0;     ///< systems solved at the last tick
-  std::uint32_t stations = 0;   ///< the first so many entries below have a meaning; 0 before the first tick
+  std::uint32_t stations = 0;   ///< number of valid entries below; 0 before the first tick
   std::array<double, kMaxNeedleStations> shaft_N{};
   std::array<double, kMaxNeedleStations> moved_m{};  ///< w
   std::array<Hold, kMaxNeedleStations> hold{};
 };
 
-/// Value-initialised = before the first tick. Changed by `step` only.
+/// Value-initialised: before the first tick. Only `step` changes it.
 struct SimState {
   // contact
   Vec3 p_prev_W_m;            ///< tip at the last stepped tick
   double depth_prev_m = 0;    ///< δ at the last stepped tick
   bool has_prev = false;      ///< a tick was stepped before
-  bool outside_once = false;  ///< the tip has been outside: only then an entry can happen
+  bool outside_once = false;  ///< the tip has been outside: an entry is possible only then
   bool inside = false;        ///< an insertion is under way; everything below belongs to it
   Phase phase = Phase::kFree;
   Vec3 p_entry_W_m;                   ///< P0
@@ -85,30 +85,32 @@ struct SimState {
   double k_prev_N_per_m = 0;
   double e_prev_m = 0;
 
-  // orientation limit: θ_l is `tilt_limit_rad`, or α(tilt_limit_insertion_m) while that costs no
-  // trigonometry; θ_l is at least α(tilt_limit_insertion_m) either way
+  // orientation limit: θ_l is `tilt_limit_rad`, or α(tilt_limit_insertion_m) as long as that avoids
+  // trigonometry; θ_l is at least α(tilt_limit_insertion_m) in both cases
   bool tilt_limit_is_cone = false;
   double tilt_limit_rad = 0;
   double tilt_limit_insertion_m = 0;
 
   // axial models
-  std::uint64_t insertions = 0;   ///< how many began, this one included; an exit does not reset it
-  std::uint32_t table_row = 0;    ///< where to look first in a table over depth
-  ScorePath score;                ///< STATISTICAL
-  bool proxy_held = false;        ///< GOD_OBJECT: the proxy lies on a top; else it is at the tip
-  std::uint32_t proxy_layer = 0;  ///< GOD_OBJECT: whose top that is, or which the tip was let through last
-  std::uint32_t tops_met = 0;     ///< GOD_OBJECT: how many tops of layers the tip has crossed
-  std::array<double, kMaxLayers> top_place_m;  ///< where along u, less `x_shift_m`
+  std::uint64_t insertions = 0;  ///< number of insertions, this one included; an exit does not reset it
+  std::uint32_t table_row = 0;   ///< start of the search in a table over depth
+  ScorePath score;               ///< STATISTICAL
+  bool proxy_held = false;       ///< GOD_OBJECT: the proxy lies on a top; else it is at the tip
+  std::uint32_t proxy_layer =
+      0;                       ///< GOD_OBJECT: the layer of that top, or of the top that the tip passed last
+  std::uint32_t tops_met = 0;  ///< GOD_OBJECT: number of layer tops that the tip has crossed
+  std::array<double, kMaxLayers> top_place_m;  ///< position along u, less `x_shift_m`
 
   // stages, by `stageOf`: 0 at entry
   std::array<StageNumbers, kMaxStages> stage{};
 
   // membranes, in the model's order
-  std::uint32_t membranes_met = 0;       ///< how many from the top were met
-  std::uint32_t membranes_ruptured = 0;  ///< bit i: membrane i is through
+  std::uint32_t membranes_met = 0;       ///< number of membranes met, from the top
+  std::uint32_t membranes_ruptured = 0;  ///< bit i: membrane i has ruptured
   std::array<double, kMaxLayers> membrane_place_m;
 
-  // the ring of `speed`: position at tick i at [i & history_mask]; last, so that the rest lies together
+  // the ring of `speed`: position at tick i at [i & history_mask]; last, so that the other members share few
+  // cache lines
   std::uint64_t history_mask = 0;  ///< the model's
   std::array<double, kHistoryCapacity> x_history_m;
 

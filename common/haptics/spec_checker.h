@@ -1,5 +1,5 @@
-/// Checks the numbers of a scene and keeps the first fault, with its field's path. For `validate` and the
-/// axial models' own sections.
+/// Checks the numbers of a scene and keeps the first fault, with its field's path. Used by `validate` and for
+/// the axial models' own sections.
 #pragma once
 
 #include <string>
@@ -20,10 +20,10 @@ inline constexpr NumberRange kStiffness{0, 10'000, true};
 inline constexpr NumberRange kFrictionPerLength{0, 1e4};
 inline constexpr NumberRange kCoordinate{-1e3, 1e3};
 
-/// Everything after the first fault is skipped.
+/// Skips all checks after the first fault.
 class SpecChecker {
  public:
-  /// Text that stands before the field's name from now on, e.g. "layers[2].".
+  /// Sets the prefix of the following field names, e.g. "layers[2].".
   void enter(std::string prefix) { prefix_ = std::move(prefix); }
 
   void number(std::string_view field, double value, const NumberRange& range) {

@@ -1,5 +1,5 @@
-/// The limb's surface, and where a needle passed through it (FORCE_MODEL.md, "Contact"): for the engine's
-/// contact, and for code that must know the entry and the normal beforehand.
+/// The limb's surface, and the point where a needle passed through it (FORCE_MODEL.md, "Contact"). Used by
+/// the engine's contact, and by code that needs the entry and the normal beforehand.
 #pragma once
 
 #include "common/haptics/scene_spec.h"
@@ -7,12 +7,12 @@
 
 namespace needlelab {
 
-/// The unit normal out of the tissue at the surface point nearest to `p_W_m`; where the shape has none (a
-/// centre), against `motion`. Real-time safe.
+/// Returns the unit normal out of the tissue at the surface point nearest to `p_W_m`; where it is undefined
+/// (at a centre), the direction against `motion`. Real-time safe.
 Vec3 surfaceNormal(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 
-/// P0: the point on the way from the last tick's tip to this one's where the depth is 0. `before` is the
-/// state of the tick before, outside; `depth_m` > 0 is that of `p_W_m`. Real-time safe.
+/// Returns P0: the point with depth 0 between the tip of the last tick and the tip of this tick. `before` is
+/// the state of the previous tick, outside; `depth_m` > 0 is the depth of `p_W_m`. Real-time safe.
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept;
 
 }  // namespace needlelab

@@ -1,4 +1,5 @@
-/// What one tick derives before the effects run, and what they leave behind. Lives on the stack of `step`.
+/// Values that a tick derives before the effects run, and the results of the effects. Lives on the stack of
+/// `step`.
 #pragma once
 
 #include <cmath>
@@ -10,16 +11,16 @@ namespace needlelab {
 
 struct Tick {
   double depth_m = 0;                    ///< δ
-  const CompiledLayer* layer = nullptr;  ///< that the tip is in: model.layers[state.layer]
+  const CompiledLayer* layer = nullptr;  ///< the tip's layer: model.layers[state.layer]
   double x_m = 0;                        ///< u·(p − P0)
   double insertion_m = 0;                ///< d_t
   Vec3 lateral_W_m;                      ///< e
   double lateral_m = 0;                  ///< |e|
   double speed_mps = 0;                  ///< v
-  double x_cut_m = 0;                    ///< x_c: nothing is cut or rubbed beyond a membrane that holds
+  double x_cut_m = 0;                    ///< x_c: no cutting or friction beyond an intact membrane
 };
 
-/// The needle's axis as everything but the quick test of the cone takes it.
+/// The needle's axis for all code except the quick test of the cone.
 inline Vec3 unitAxis(const TipSample& sample) {
   return normalized(zAxis(sample.q_WT));
 }
@@ -28,7 +29,7 @@ inline bool isFinite(const TipSample& sample) {
   return isFinite(sample.p_WT_m) && isFinite(sample.q_WT);
 }
 
-/// δ of a point: the half-space at once, other limbs out of line.
+/// δ of a point: inline for the half-space, out of line for other limbs.
 [[gnu::always_inline]] inline double depthIn(const SceneModel& model, const Vec3& p_W_m) {
   if (model.is_plane) return -dot(model.plane_normal, p_W_m - model.plane_point_m);
   return depthInLimb(model, p_W_m);
@@ -41,7 +42,7 @@ inline double insertionOf(double x_m, double depth_m, double inverse_slant) {
   return along < through ? along : through;
 }
 
-/// Takes x, d_t and e from the present u; `tick.depth_m` is set.
+/// Computes x, d_t and e from the current u; `tick.depth_m` must be set.
 [[gnu::always_inline]] inline void project(const SimState& state, Vec3 p_W_m, Tick& tick) {
   const Vec3 arm_W_m = p_W_m - state.p_entry_W_m;
   tick.x_m = dot(state.u_W, arm_W_m);
@@ -50,10 +51,10 @@ inline double insertionOf(double x_m, double depth_m, double inverse_slant) {
   tick.lateral_m = norm(tick.lateral_W_m);
 }
 
-/// The layer that holds a depth along the normal; `index` is where to look first.
+/// Returns the layer at a depth along the normal; `index` is the start of the search.
 std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept;
 
-/// The layer that holds an inserted length, for the integrals; kept from tick to tick.
+/// Returns the layer at an inserted length, for the integrals; kept from tick to tick.
 [[gnu::always_inline]] inline const CompiledLayer& layerByLength(const SceneModel& model, SimState& state,
                                                                  double insertion_m) {
   const double depth_m = insertion_m * state.slant;
@@ -68,7 +69,7 @@ std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t i
 /// Angle between two unit vectors, by atan2. In [0, π].
 double angleBetween(Vec3 a, Vec3 b) noexcept;
 
-/// Cut to max_force_N, the direction kept.
+/// Limits a force to max_force_N and keeps its direction.
 inline void capForce(const SceneModel& model, Vec3& force_N, StepReport& report) {
   const double squared = normSquared(force_N);
   if (!(squared > model.max_force_N * model.max_force_N)) return;
@@ -76,23 +77,23 @@ inline void capForce(const SceneModel& model, Vec3& force_N, StepReport& report)
   report.flags |= kFlagForceCapped;
 }
 
-// ---- when an insertion begins and ends (FORCE_MODEL.md, "Contact"): rare, hence out of line ----
+// ---- start and end of an insertion (FORCE_MODEL.md, "Contact"): rare, hence out of line ----
 
 inline constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 
 /// The report of a tick without force.
 void clearReport(StepReport& report, double depth_m, std::uint32_t flags) noexcept;
 
-/// A tick that does not begin and end in the same layer: outside, an entry, an exit, another layer; or a
-/// sample that is not finite. True in tissue: the report's flags say what happened, at an entry P0, n, u and
-/// all that is remembered get their initial values, and the tick goes on as any other. False when this tick
-/// has no force; then the report is complete.
+/// Handles a tick that does not begin and end in the same layer (outside, an entry, an exit, another layer),
+/// or a sample that is not finite. Returns true in tissue: it has set the report's flags, and at an entry P0,
+/// n, u and the whole state of the insertion; the tick continues as usual. Returns false when this tick has
+/// no force; then the report is complete.
 bool changeContact(const SceneModel& model, const TipSample& sample, double depth_m, SimState& state,
                    StepReport& report) noexcept;
 
-/// Where the tip was at the tick before, for axial models that interpolate or differentiate.
+/// The tip's place in the previous tick, for axial models that interpolate or differentiate.
 struct TickBefore {
-  double x_m = 0;      ///< along the present u
+  double x_m = 0;      ///< along the current u
   double depth_m = 0;  ///< δ
 };
 

@@ -1,5 +1,5 @@
-/// The syringe mock on the device's handle: tip pose from handle pose, and the wrench moved back
-/// (FORCE_MODEL.md, "Device limits").
+/// The syringe mock on the device's handle: tip pose from handle pose, and the wrench transferred to the
+/// handle (FORCE_MODEL.md, "Device limits").
 #pragma once
 
 #include "common/haptics/geometry.h"

@@ -17,13 +17,14 @@ namespace needlelab {
   return std::min(std::max(0.0, k), model.fixture.max_stiffness_N_per_m);
 }
 
-/// Change of trajectory: turns u about P0 toward the tip and moves what is measured along u with it, so that
-/// no force jumps. Rare, hence apart. `k_N_per_m` is the stiffness of this tick; `tick` is computed again.
+/// Change of trajectory: turns u about P0 toward the tip and moves all lengths along u with it, so that no
+/// force jumps. Rare, hence a separate function. `k_N_per_m` is the stiffness of this tick; recomputes
+/// `tick`.
 bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, double k_N_per_m,
                     Tick& tick) noexcept;
 
 /// PASSIVE: stiffness that grows under a deviation would store energy that the hand did not supply; the dead
-/// radius ρ takes it out. Gives the force, capped.
+/// radius ρ removes it. Returns the capped force.
 inline double passiveForce(SimState& state, double k_N_per_m, double lateral_m, double most_N) {
   double& rho = state.dead_radius_m;
   if (k_N_per_m > state.k_prev_N_per_m && state.e_prev_m > rho)
@@ -36,8 +37,8 @@ inline double passiveForce(SimState& state, double k_N_per_m, double lateral_m, 
   return force_N;
 }
 
-/// Returns the clamping force in W and fills the report's clamping fields. May turn u: everything that
-/// depends on u comes after it.
+/// Returns the clamping force in W and fills the report's clamping fields. May turn u: compute everything
+/// that depends on u after it.
 [[gnu::always_inline]] inline Vec3 applyClamping(const SceneModel& model, const TipSample& sample,
                                                  SimState& state, Tick& tick, StepReport& report) {
   const double most_N = model.fixture.max_force_N;
@@ -74,7 +75,7 @@ struct ClampingStep {
                                            Tick& tick, StepReport& report) {
     return applyClamping(model, sample, state, tick, report);
   }
-  /// In place of `apply` when the effect is not live.
+  /// Runs in place of `apply` when the effect is not live.
   [[gnu::always_inline]] static void clear(StepReport& report) {
     report.clamping_N = report.clamping_stiffness_N_per_m = 0.0;
   }

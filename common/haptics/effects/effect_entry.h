@@ -1,5 +1,5 @@
-/// What every effect offers: one row per effect, each made in the effect's own file. Code that lists effects
-/// (profiles, plots, tables, studies, the console's editor) iterates over these rows.
+/// The description of every effect: one row per effect, each made in the effect's own file. Code that lists
+/// effects (profiles, plots, tables, studies, the console's editor) iterates over these rows.
 #pragma once
 
 #include <cstdint>
@@ -21,11 +21,11 @@ struct EffectField {
   std::string_view name;                ///< "max_stiffness_n_per_m"
   std::string_view label;               ///< in the editor: "Greatest stiffness"
   NumberRange range;                    ///< the same as in profile.proto
-  double begins_with = 0;               ///< in a section that the editor makes
-  double& (*of)(SceneSpec&) = nullptr;  ///< where it is kept
+  double begins_with = 0;               ///< value in a new section of the editor
+  double& (*of)(SceneSpec&) = nullptr;  ///< its place in the scene
 };
 
-/// A word of that section, chosen from a few. Option i stands for the enumerator i of the message.
+/// A choice in that section. Option i stands for the enumerator i of the message.
 struct EffectChoice {
   struct Option {
     std::string_view name;   ///< "PASSIVE"
@@ -38,8 +38,8 @@ struct EffectChoice {
   void (*set)(SceneSpec&, int number) = nullptr;
 };
 
-/// An effect. How to add one: CONTRIBUTING.md. An effect whose force is added to the others' is a stage:
-/// `stage` is all its code. An effect that changes what others do has its place in step_live.h.
+/// An effect. CONTRIBUTING.md explains how to add one. An effect that only adds a force to the others is a
+/// stage: `stage` is all its code. An effect that changes other effects has its place in step_live.h.
 struct EffectEntry {
   Effect effect;
   std::string_view name;        ///< in profiles and on command lines: "SHAFT_FRICTION"
@@ -56,32 +56,32 @@ struct EffectEntry {
 
   // its numbers
   std::string_view section =
-      {};  ///< of a profile: "shaft_friction"; empty: the layers or the model have them
+      {};  ///< section of a profile: "shaft_friction"; empty: the numbers are in the layers or the model
   std::span<const EffectField> fields = {};
   EffectChoice choice = {};
-  /// Checks the effect's number of a layer; null where it has none.
+  /// Checks the effect's number in a layer; null if it has none.
   void (*checkLayer)(const LayerSpec&, SpecChecker&) = nullptr;
-  /// Checks what fields and layers cannot say by themselves; null: nothing.
+  /// Checks conditions beyond single fields and layers; null: none.
   void (*check)(const SceneSpec&, SpecChecker&) = nullptr;
-  /// Whether its numbers are not all zero; null: the axial model says (CUTTING and ATTRACTED).
+  /// Whether its numbers are not all zero; null: the axial model decides (CUTTING and ATTRACTED).
   bool (*hasNumbers)(const SceneSpec&) = nullptr;
-  /// The steepest stiffness that it adds along the trajectory; null: none.
+  /// The greatest stiffness that the effect adds along the trajectory; null: none.
   double (*stiffness_N_per_m)(const SceneModel&) = nullptr;
 
-  // of a stage only
+  // for stages only
   StageFunction stage = nullptr;
-  /// Makes its numbers ready for the tick: `model.stage_numbers[stageOf(effect)]` holds the author's. Null:
-  /// they are.
+  /// Prepares the stage's numbers for the tick: `model.stage_numbers[stageOf(effect)]` holds the author's
+  /// numbers. Null: no preparation needed.
   void (*compileStage)(SceneModel&) = nullptr;
 };
 
 /// All effects, in the order of `Effect`.
 std::span<const EffectEntry* const, kEffectCount> effectEntries();
-/// The same in the order of `place`: as they are summed and shown.
+/// All effects in the order of `place`: the order of the sum and of the display.
 std::span<const EffectEntry* const, kEffectCount> effectsAsShown();
 const EffectEntry& effectEntry(Effect effect);
 
-/// Gives the scene the numbers that a new section of this effect begins with.
+/// Sets the scene's numbers to the initial values of a new section of this effect.
 void useUsualNumbers(const EffectEntry& entry, SceneSpec& spec);
 
 inline std::string_view effectName(Effect effect) {

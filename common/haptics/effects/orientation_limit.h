@@ -10,8 +10,8 @@
 
 namespace needlelab {
 
-/// θ_l as a number; while the needle stays in the cone it is kept as "α at this depth", which costs no
-/// trigonometry.
+/// Returns θ_l as a number; while the needle stays in the cone, θ_l is stored as "α at this depth", which
+/// avoids trigonometry.
 inline double tiltLimit(const SceneModel& model, const SimState& state) {
   return state.tilt_limit_is_cone ? orientationLimitAngle(model.needle_length_m, state.tilt_limit_insertion_m)
                                   : state.tilt_limit_rad;
@@ -20,7 +20,7 @@ inline double tiltLimit(const SceneModel& model, const SimState& state) {
 /// A turn of u that raises θ raises θ_l by as much.
 void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept;
 
-/// The needle's axis for the quick test of the cone; of length 1 up to the quaternion's error.
+/// The needle's axis for the quick test of the cone; its length is 1 up to the quaternion's error.
 struct RawAxis {
   Vec3 axis_W;
   double squared = 0;  ///< |axis|²
@@ -28,19 +28,20 @@ struct RawAxis {
 
 struct Nothing {};
 
-/// The exact test of the cone, with the axis of length 1, and what follows when the needle is outside of it:
-/// torque about the tip in W, and θ_l ← max(α, min(θ_l, θ)). Apart, because it is rare and needs angles.
+/// The exact test of the cone, with the axis of length 1. When the needle is outside the cone: computes the
+/// torque about the tip in W, and θ_l ← max(α, min(θ_l, θ)). A separate function, because it is rare and
+/// needs angles.
 void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, double axis_x, double axis_y,
                   double axis_z, StepReport& report) noexcept;
 
-/// Torque about the tip, in W, into the report.
+/// Writes the torque about the tip, in W, into the report.
 [[gnu::always_inline]] inline void applyOrientationLimit(const SceneModel& model, SimState& state,
                                                          const RawAxis& raw, double insertion_m,
                                                          StepReport& report) {
   const double length = model.needle_length_m;
   const double insertion = std::min(insertion_m, length);  // d_t is never negative
-  // tan θ ≤ (L − d)/(L + d) is cos θ > 0 and 2 cos² θ (L² + d²) ≥ (L + d)². Cheap, but blunt where θ is
-  // small: a needle that is not inside by a margin far above rounding gets the exact test
+  // tan θ ≤ (L − d)/(L + d) is cos θ > 0 and 2 cos² θ (L² + d²) ≥ (L + d)². Cheap, but imprecise where θ is
+  // small: unless the needle is inside by a margin far above rounding, the exact test decides
   constexpr double kTwo = 2.0 * (1.0 - 1e-12);
   const double along = dot(raw.axis_W, state.u_W);
   const double sum = length + insertion;
@@ -59,7 +60,7 @@ template <bool kLive>
 struct OrientationLimitStep {
   [[no_unique_address]] std::conditional_t<kLive, RawAxis, Nothing> raw;
 
-  /// Finite only where all of the sample's orientation is.
+  /// Finite only if the sample's whole orientation is finite.
   [[gnu::always_inline]] double readPose(const TipSample& sample) {
     if constexpr (kLive) {
       raw.axis_W = zAxis(sample.q_WT);

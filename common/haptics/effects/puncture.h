@@ -21,8 +21,9 @@ inline double cuttingPosition(const SimState& state, double x_m) {
   return x_cut;
 }
 
-/// Places of membranes that the tip comes to, ruptures, and x_c. Returns the membranes' force along u (never
-/// positive). `x_before_m`, `depth_before_m`: the tick before; 0 and 0 (P0) at the entry tick.
+/// Updates the places of membranes that the tip reaches, the ruptures, and x_c. Returns the membranes' force
+/// along u (never positive). `x_before_m`, `depth_before_m`: the previous tick; 0 and 0 (P0) at the entry
+/// tick.
 [[gnu::always_inline]] inline double applyMembranes(const SceneModel& model, SimState& state, Tick& tick,
                                                     double x_before_m, double depth_before_m,
                                                     StepReport& report) {
@@ -50,7 +51,7 @@ inline double cuttingPosition(const SimState& state, double x_m) {
     }
   }
   if (ruptured) {
-    // the walls were held back with the needle's tip at the membrane: they follow it, their forces stay
+    // the walls were held back at the membrane: they now follow the tip, and their forces do not change
     report.flags |= kFlagRupture;
     const double x_cut = cuttingPosition(state, tick.x_m);
     state.wall_m += x_cut - tick.x_cut_m;
@@ -65,7 +66,7 @@ template <bool kLive>
 struct PunctureStep {
   double x_before_m = 0.0;
 
-  /// Before the tick's own position enters the history.
+  /// Runs before the tick's own position enters the history.
   [[gnu::always_inline]] void rememberPlace(const SceneModel& model, const SimState& state, bool entry) {
     if constexpr (kLive)
       if (!entry) x_before_m = state.x_history_m[state.ticks_inside & model.history_mask] + state.x_shift_m;

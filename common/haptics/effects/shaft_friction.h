@@ -1,5 +1,5 @@
-/// Shaft friction: a second tracking wall, dragged both ways, stronger with inserted length (FORCE_MODEL.md,
-/// "Shaft friction").
+/// Shaft friction: a second tracking wall, dragged in both directions, stronger with inserted length
+/// (FORCE_MODEL.md, "Shaft friction").
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@ namespace needlelab {
 /// The effect's place in a tick.
 template <bool kLive>
 struct ShaftFrictionStep {
-  /// Before the axial force: a model with a friction of its own writes the report's, too.
+  /// Runs before the axial force: a model with its own friction also writes the report's friction.
   [[gnu::always_inline]] static void clear(StepReport& report) {
     if constexpr (!kLive) report.friction_N = 0.0;
   }

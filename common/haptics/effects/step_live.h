@@ -1,5 +1,5 @@
-/// One tick (FORCE_MODEL.md) as a template over the axial model and the set of live effects. For the models'
-/// files only: others call `step` of engine.h.
+/// One tick (FORCE_MODEL.md) as a template over the axial model and the set of live effects. Only the models'
+/// files include it; all other code calls `step` of engine.h.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@
 
 namespace needlelab {
 
-/// v = (x_k − x_{k−j})/(jT), j = min(100 ms, ticks since the one before entry).
+/// v = (x_k − x_{k−j})/(jT), j = min(100 ms, ticks since the tick before entry).
 [[gnu::always_inline]] inline double updateSpeed(const SceneModel& model, SimState& state, double x_m) {
   const std::uint64_t now = ++state.ticks_inside;
   const double kept = x_m - state.x_shift_m;
@@ -27,8 +27,7 @@ namespace needlelab {
   return (kept - state.x_history_m[0]) / (static_cast<double>(now) * model.period_s);
 }
 
-/// The code of the effects that have their place in a tick. A test of what they cost puts others in their
-/// place.
+/// The code of the effects with a fixed place in a tick. A test of their cost substitutes other types.
 struct EffectSteps {
   template <bool kLive>
   using Cutting = CuttingStep<kLive>;
@@ -44,7 +43,7 @@ struct EffectSteps {
   using Puncture = PunctureStep<kLive>;
 };
 
-/// An axial model whose `apply` is a template over the live effects and their code.
+/// True for an axial model with an `apply` that is a template over the live effects and their code.
 template <class Axial, EffectMask Live, class Steps>
 concept KnowsLive = requires(const SceneModel& model, SimState& state, const Tick& tick, StepReport& report) {
   Axial::template apply<Live, Steps>(model, state, tick, true, report);
@@ -59,20 +58,18 @@ constexpr EffectMask replacedBy() {
     return 0;
 }
 
-/// One tick with the effects of `Live` compiled in and the others absent: what a scene does not ask for costs
-/// nothing. `Axial` gives the force along u:
-///   static constexpr EffectMask kRenders;   // those of CUTTING and ATTRACTED that it can render
-///   static constexpr EffectMask kReplaces;  // where it replaces effects by its own: which
+/// One tick with the effects of `Live` compiled in and the others absent: unused effects cost nothing.
+/// `Axial` gives the force along u:
+///   static constexpr EffectMask kRenders;   // the effects of CUTTING and ATTRACTED that it can render
+///   static constexpr EffectMask kReplaces;  // optional: the effects that it replaces by its own
 ///   static constexpr bool kHasWall;  // state.wall_m is a place on the trajectory, to be reported
 ///   static double apply(model, state, tick, stop_begins, report);
 ///     // fills report.cutting_N or attracted_N, which are 0 before (so are friction_N and puncture_N when
 ///     // that effect is not live). If it is a template over the EffectMask, it writes both
-/// What it keeps from tick to tick lies in SimState: a place along u as `wall_m` (0 at entry, a turn of u
-/// moves it), or less `x_shift_m`, which a turn changes instead.
-///
-/// The common tick runs straight through; what is rare (contact that begins or ends, another layer, a turn, a
-/// tilted needle) is called out of line and works on a copy of `tick`, so that the compiler can keep the
-/// original in registers. Nothing of the report is written twice.
+/// The model keeps its state in SimState: a place along u either as `wall_m` (0 at entry, a turn of u moves
+/// it), or less `x_shift_m`, which a turn changes instead. The common tick runs straight through; rare events
+/// (start or end of contact, another layer, a turn, a tilted needle) are handled out of line on a copy of
+/// `tick`, so that the compiler can keep the original in registers. Nothing of the report is written twice.
 template <class Axial, EffectMask Live, class Steps = EffectSteps>
 void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
               StepReport& report) noexcept {
@@ -83,12 +80,12 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   typename Steps::template ShaftFriction<live(Effect::kShaftFriction)> friction;
   typename Steps::template Puncture<live(Effect::kPuncture)> membranes;
 
-  // input: depth and axis are finite only where all of the pose is
+  // input: depth and axis are finite only if the whole pose is finite
   Tick tick;
   tick.depth_m = depthIn(model, sample.p_WT_m);
   const double pose_size = orientation.readPose(sample);
 
-  // contact: in the tissue and in the same layer as before, or else a second look
+  // contact: quick path if the tip is in the same layer of the tissue as before
   bool entry = false;
   tick.layer = &model.layers[state.layer];
   report.flags = 0;
@@ -138,7 +135,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   if constexpr (live(Effect::kPuncture)) along_N += membranes_N;
 
   // sum, capped
-  // the cap needs no length while the magnitudes together stay below it
+  // the cap needs no vector length while the sum of the magnitudes is below it
   Vec3 force = state.u_W * along_N + clamping_W;
   const double magnitudes_N =
       live(Effect::kClamping) ? std::fabs(along_N) + report.clamping_N : std::fabs(along_N);
@@ -160,7 +157,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
 }
 
 /// The step functions of an axial model: one for each set of live effects that a scene of this model can
-/// have (the index is that set), null for the others. Stages are not in them (`stepWithStages`).
+/// have (the index is that set), null for the others. They do not contain stages (`stepWithStages`).
 using StepTable = std::array<StepFunction, kPlacedEffects + 1>;
 
 template <class Axial, class Steps = EffectSteps>

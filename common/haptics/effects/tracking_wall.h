@@ -1,6 +1,7 @@
 /// Cutting and attracted force: the enhanced tracking wall (paper eq. 1–6; FORCE_MODEL.md, "Tracking wall").
-/// One wall w is dragged behind the needle on the way in, ahead of it on the way out, and creeps up to it in
-/// a stop. Every move of the wall shrinks |x − w|: the element only dissipates, so it needs no damper.
+/// The needle drags one wall w behind it on the way in and ahead of it on the way out; in a stop the wall
+/// creeps up to the needle. Every move of the wall shrinks |x − w|: the element only dissipates, so it needs
+/// no damper.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +11,7 @@
 
 namespace needlelab {
 
-/// Counts slow ticks, begins and ends stops, sets the phase. Runs whether or not a wall is live.
+/// Counts slow ticks, begins and ends stops, sets the phase. Runs with or without a live wall.
 /// Returns true at the tick that begins a stop.
 [[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, double speed_mps) {
   const double stop_speed = model.wall.stop_speed_mps;
@@ -30,7 +31,7 @@ namespace needlelab {
   return true;
 }
 
-/// The wall after the update with stop (eq. 4 and 5, as a ramp that looks at where the needle is).
+/// Returns the wall after the update in a stop (eq. 4 and 5, as a ramp that depends on the needle's place).
 [[gnu::always_inline]] inline double relaxedWall(const SceneModel& model, SimState& state, double x_m,
                                                  double rejection_m, bool begins) {
   const double stretch = x_m - state.wall_m;
@@ -49,15 +50,15 @@ namespace needlelab {
   return state.wall_m + std::copysign(std::min(move, model.max_stop_step_m), stretch);
 }
 
-/// How far the wall may be from the needle at this tick: Δ_cut, Δ_att before it fades at the surface, and
-/// what a stop leaves.
+/// The greatest distances of the wall from the needle in this tick: Δ_cut, Δ_att before it fades at the
+/// surface, and the rest after a stop.
 struct WallStretch {
   double cut_m = 0;
   double attracted_m = 0;
   double rejection_m = 0;
 };
 
-/// CUTTING's place in a tick: where the wall is when it is dragged behind the needle.
+/// CUTTING's place in a tick: the wall's position when the needle drags it behind.
 template <bool kLive>
 struct CuttingStep {
   [[gnu::always_inline]] static double behind(double x_m, const WallStretch& stretch) {
@@ -65,7 +66,7 @@ struct CuttingStep {
   }
 };
 
-/// ATTRACTED's place in a tick: where the wall is when it is dragged ahead of the needle.
+/// ATTRACTED's place in a tick: the wall's position when the needle drags it ahead.
 template <bool kLive>
 struct AttractedStep {
   [[gnu::always_inline]] static double ahead(double x_m, double insertion_m, const WallStretch& stretch) {
@@ -73,8 +74,8 @@ struct AttractedStep {
   }
 };
 
-/// Force along u: negative is cutting, positive is attracted. When CUTTING is not live the wall is never
-/// behind the needle, when ATTRACTED is not live never ahead of it.
+/// Force along u: negative is cutting, positive is attracted. The wall is never behind the needle when
+/// CUTTING is not live, and never ahead of it when ATTRACTED is not live.
 template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<true>>
 [[gnu::always_inline]] inline double applyTrackingWall(const SceneModel& model, SimState& state,
                                                        const Tick& tick, bool stop_begins,
@@ -94,8 +95,8 @@ template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<tru
   return force;
 }
 
-/// The axial model of step_live.h for ENHANCED_TRACKING_WALL and TRACKING_WALL: stretches by the layer that
-/// the tip is in.
+/// The axial model of step_live.h for ENHANCED_TRACKING_WALL and TRACKING_WALL: the tip's layer sets the
+/// stretches.
 struct LayeredWall {
   static constexpr EffectMask kRenders = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
   static constexpr bool kHasWall = true;

@@ -1,5 +1,5 @@
-/// What every axial model offers: one entry per model, each made in the model's own file. The engine, the
-/// validator and the compiler know the models through this only.
+/// The interface of the axial models: one entry per model, each made in the model's own file. The engine, the
+/// validator and the compiler know the models only through it.
 #pragma once
 
 #include <array>
@@ -15,19 +15,20 @@ namespace needlelab {
 /// a name in axial_model.h, a section in proto/needlelab/profile.proto.
 struct AxialEntry {
   const StepTable* steps;
-  /// Checks the model's own section; the scene's other parts have been checked.
+  /// Checks the model's own section; the rest of the scene is already checked.
   void (*check)(const SceneSpec& spec, SpecChecker& check);
-  /// Which of CUTTING and ATTRACTED have numbers that are not all zero under this model, listed or not.
+  /// Returns the effects of CUTTING and ATTRACTED with numbers that are not all zero under this model, listed
+  /// or not.
   EffectMask (*effectsWithNumbers)(const SceneSpec& spec);
-  /// Fills what the model needs at a tick. `model` has everything else, `model.live` included.
+  /// Fills the model's values for a tick. `model` is otherwise complete, `model.live` included.
   void (*compile)(const SceneSpec& spec, SceneModel& model);
-  /// The effects that the model has of its own: a scene that lists them is refused.
+  /// The effects that the model replaces by its own: a scene that lists them is refused.
   EffectMask replaces = 0;
 };
 
 const AxialEntry& axialEntry(AxialModel model);
 
-/// CUTTING and ATTRACTED where the layers' own forces are not all zero.
+/// Returns CUTTING and ATTRACTED if the layers' own forces are not all zero.
 EffectMask effectsOfLayers(const SceneSpec& spec);
 
 extern const AxialEntry kTrackingWallEntry;  ///< ENHANCED_TRACKING_WALL

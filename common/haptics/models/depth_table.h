@@ -13,16 +13,16 @@ struct DepthTable {
     double a = 0, a_slope = 0;  ///< at the row, and per metre below it
     double b = 0, b_slope = 0;
   };
-  /// By depth; the first at 0 or above, the last with slopes 0. Never empty.
+  /// Sorted by depth; the first row is at 0 or above, the last has slopes 0. Never empty.
   std::vector<Row> rows;
 
   struct Pair {
     double a = 0, b = 0;
   };
-  /// `row` is where to look first and becomes where it was found. Real-time safe.
+  /// `row` is the start of the search and is set to the row found. Real-time safe.
   [[nodiscard]] Pair at(double depth_m, std::uint32_t& row) const noexcept {
     const auto count = static_cast<std::uint32_t>(rows.size());
-    // the same row or the next nearly always
+    // nearly always the same row or the next
     if (row + 1 < count && depth_m >= rows[row + 1].depth_m) ++row;
     if (depth_m < rows[row].depth_m || (row + 1 < count && depth_m >= rows[row + 1].depth_m)) [[unlikely]] {
       const auto after = std::upper_bound(rows.begin(), rows.end(), depth_m,
@@ -34,7 +34,7 @@ struct DepthTable {
     return {found.a + found.a_slope * below_m, found.b + found.b_slope * below_m};
   }
 
-  /// Rows are added in order; `finish` then sets the slopes.
+  /// Add rows in order; `finish` then sets the slopes.
   void add(double depth_m, double a, double b) { rows.push_back({depth_m, a, 0, b, 0}); }
   void finish() {
     for (std::size_t i = 0; i + 1 < rows.size(); ++i) {

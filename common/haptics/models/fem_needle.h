@@ -1,12 +1,11 @@
 /// A rigid needle in linear elastic tissue: the quasi-static contact of FEM at one tick, with the mesh
 /// replaced by its compliance (`NeedleCompliance`). No heap, no lock, no library: a tick may call it.
-///
-/// The tissue moves by w = C f under the axial forces f that the needle puts on its stations. Along the shaft
-/// it sticks to the needle or slips: |f_j| is at most the friction of the inserted part of station j. At the
-/// tip it is pushed (never pulled) with at most the cutting force of the layer there; beyond that it is cut,
-/// and the cut stays. Force and displacement of a tick are the solution of this complementarity problem with
-/// box bounds, taken implicitly, so that the work of the hand is at least what the tissue stores: see
-/// `stepNeedle`.
+/// The tissue moves by w = C f under the axial forces f of the needle on its stations. Along the shaft the
+/// tissue sticks to the needle or slips: |f_j| is at most the friction of the inserted part of station j. The
+/// tip pushes (never pulls) the tissue with at most the cutting force of the layer there; beyond that it
+/// cuts, and the cut stays. Force and displacement of a tick are the solution of this complementarity problem
+/// with box bounds, solved implicitly, so that the work of the hand is at least the energy stored in the
+/// tissue: see `stepNeedle`.
 #pragma once
 
 #include <array>
@@ -22,8 +21,8 @@
 
 namespace needlelab {
 
-/// What a finite-element mesh of the tissue is to the needle: how far each piece of the path gives way along
-/// u under an axial force on each other piece. Made by common/fem, shared and never changed after that.
+/// The tissue's finite-element mesh as the needle feels it: the displacement along u of each piece of the
+/// path under an axial force on each other piece. Made by common/fem, then shared and never changed.
 ///
 /// The path is cut into stations of equal length; station i is the piece of the surface r = radius_m between
 /// the depths i·spacing_m and (i + 1)·spacing_m. Depths run along the surface normal, from the skin.
@@ -34,13 +33,13 @@ struct NeedleCompliance {
   std::vector<double> give_m_per_N;  ///< C, row-major: mean displacement of i per axial force spread over j.
                                      ///< Symmetric, positive definite
 
-  // where it comes from
-  std::int32_t nodes = 0, elements = 0;  ///< of the mesh, which is a quarter of the tissue by symmetry
+  // origin
+  std::int32_t nodes = 0, elements = 0;              ///< of the mesh: a quarter of the tissue, by symmetry
   double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< wall time; solve: all stations
   double one_solve_s = 0;                            ///< one right-hand side
-  /// With the needle in to its full depth, all friction and the cutting force on it: share of the elements
-  /// whose largest principal strain is above 10 %, where linear elasticity does not hold; and share of the
-  /// volume within 5·radius_m of the path, which does not depend on how the mesh is graded.
+  /// With the needle at its full depth, under all friction and the cutting force: share of the elements with
+  /// a largest principal strain above 10 %, where linear elasticity does not hold; and share of the volume
+  /// within 5·radius_m of the path, which does not depend on the grading of the mesh.
   double strained_share = 0, strained_near_share = 0;
   std::string source;  ///< in words: mesh, elements, boundary
 
@@ -48,11 +47,11 @@ struct NeedleCompliance {
   [[nodiscard]] double give(std::size_t i, std::size_t j) const { return give_m_per_N[i * stations() + j]; }
 };
 
-/// ∫ of a number that is constant in each layer, from the skin along the normal; above the skin as in the
-/// first.
+/// ∫ of a number that is constant in each layer, from the skin along the normal; above the skin, the value of
+/// the first layer.
 class LayerIntegral {
  public:
-  /// Adds a layer below the others.
+  /// Adds a layer below the existing layers.
   void add(double top_m, double rate);
   [[nodiscard]] double upTo(double depth_m) const noexcept;
 
@@ -61,26 +60,27 @@ class LayerIntegral {
   std::uint32_t count_ = 0;
 };
 
-/// Ready for the tick. Const after `compileNeedle`; any thread may read.
+/// A needle prepared for the tick. Const after `compileNeedle`; any thread may read.
 struct FemNeedle {
   std::shared_ptr<const NeedleCompliance> compliance;
   LayerIntegral cutting_N_m, friction_N;
-  std::array<double, kMaxNeedleStations> station_friction_N{};  ///< of a whole station, straight in
+  std::array<double, kMaxNeedleStations>
+      station_friction_N{};      ///< of a whole station, for a straight insertion
   double bevel_m = 0;            ///< the cutting force is the mean over this length behind the tip
   double tip_give_m_per_N = 0;   ///< of the tip itself, in series with the tissue's
-  double stiffness_N_per_m = 0;  ///< of the needle stuck over its whole length: the greatest value
+  double stiffness_N_per_m = 0;  ///< of a needle that sticks over its whole length: the greatest value
 };
 /// `spec.fem` must be valid and have its compliance.
 FemNeedle compileNeedle(const SceneSpec& spec);
 
-/// Where the needle is, along u from the entry.
+/// The needle's place along u, from the entry.
 struct NeedlePose {
   double x_m = 0;          ///< tip
-  double insertion_m = 0;  ///< most length of the shaft that can be in tissue; ≥ 0
+  double insertion_m = 0;  ///< greatest length of the shaft that can be in tissue; ≥ 0
   double slant = 1;        ///< c: depth along the normal per length along u, (0, 1]
 };
 
-/// Forces on the needle along u, so that a push into the tissue is answered by negative ones.
+/// Forces on the needle along u: a push into the tissue gives negative forces.
 struct NeedleForce {
   double cutting_N = 0;   ///< at the tip, ≤ 0
   double friction_N = 0;  ///< along the shaft
@@ -90,18 +90,18 @@ struct NeedleForce {
 };
 
 /// One tick. The state is that of the needle outside (`NeedleState{}`) or of the tick before; the first pose
-/// is near x = 0. At most `kMostSolves` small systems are solved: what is not settled by then is settled in
-/// the next tick (`state.unsettled` counts such ticks).
+/// is near x = 0. Solves at most `kMostSolves` small systems: a contact that has not settled by then settles
+/// in the next tick (`state.unsettled` counts such ticks).
 ///
 /// Why it only dissipates: with E = ½ fᵀ C f (and the tip's own spring) convex, E_new − E_old ≤ f_newᵀ (w_new
-/// − w_old); each station's force times the needle's motion is that plus its force times its slip, and slip
-/// has the force's sign. Work is counted with the force at the end of a tick.
+/// − w_old); each station's force times the needle's motion is this term plus its force times its slip, and
+/// slip has the force's sign. Work is counted with the force at the end of a tick.
 NeedleForce stepNeedle(const FemNeedle& needle, const NeedlePose& pose, NeedleState& state) noexcept;
 
 /// Elastic energy in the tissue, in J.
 double storedEnergy(const FemNeedle& needle, const NeedleState& state) noexcept;
 
-/// How far the tip alone moves the tissue per force at that depth, the tip's own spring included.
+/// The tissue's displacement per force of the tip alone at that depth, the tip's own spring included.
 double tipGive_m_per_N(const FemNeedle& needle, double depth_m) noexcept;
 
 inline constexpr int kMostSolves = 40;

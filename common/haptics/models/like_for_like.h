@@ -1,22 +1,22 @@
-/// The same scene rendered by another axial model, for comparisons.
+/// Converts a scene to another axial model, for comparisons.
 #pragma once
 
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
-/// What a layer's E is taken for in FEM where the scene says nothing of its lateral stiffness: soft tissue.
+/// E of a layer in FEM if the scene gives no lateral stiffness: soft tissue.
 inline constexpr double kDefaultYoung_Pa = 10e3;
 inline constexpr double kDefaultPoisson = 0.45;
-/// Mesh of a derived FEM: its needle is within 1 % of as stiff as with three times as many nodes.
+/// Nodes of a derived FEM mesh: the needle's stiffness is within 1 % of that with three times as many nodes.
 inline constexpr int kDefaultFemNodes = 10'000;
-/// STATISTICAL sections that are derived have this share of the mean as sd; it is synthetic, not measured.
+/// In a derived STATISTICAL section, sd is this share of the mean; it is synthetic, not measured.
 inline constexpr double kSyntheticSdShare = 0.1;
 
-/// The scene with `model` in place of its own. The section of that model stays where the scene has one (a
-/// table with rows, `first_order` of a layer, `fem` with layers, a stiffness that is not the default);
-/// otherwise it is derived from the layers, f_i being the cutting force of layer i (0 where CUTTING is not
-/// listed) and K_t the tracking wall's stiffness:
+/// The scene with `model` in place of its own. If the scene already has the section of that model (a table
+/// with rows, `first_order` of a layer, `fem` with layers, a stiffness that is not the default), the section
+/// stays; otherwise it is derived from the layers, f_i being the cutting force of layer i (0 where CUTTING is
+/// not listed) and K_t the tracking wall's stiffness:
 /// - DIRECT, VOIGT, GOD_OBJECT: stiffness K_t, the rest at its default.
 /// - PRECOMPUTED: the force that the tracking wall shows over depth in a straight insertion: cutting rises
 ///   with slope K_t below each layer's top as far as f_i or the layer's bottom, falls and attracted forces
@@ -29,11 +29,11 @@ inline constexpr double kSyntheticSdShare = 0.1;
 /// - FEM: E from the lateral stiffness per length k' of a rigid needle, k' = 8πG (1 − ν)/((3 − 4ν) ln(R/r)),
 ///   the leading term of a rigid disc moved in plane strain (Baguelin, Frank and Said 1977) with R/r = 100:
 ///   E = 1.16 k' at ν = 0.45; 10 kPa where k' is 0. Cutting and friction as for FIRST_ORDER, SHAFT_FRICTION
-///   leaves the list. `fem.compliance` stays what it is: common/fem makes it before `compile`.
-/// The scene must be valid. Off the haptic thread.
+///   leaves the list. `fem.compliance` does not change: common/fem makes it before `compile`.
+/// The scene must be valid. Not for the haptic thread.
 SceneSpec likeForLike(const SceneSpec& scene, AxialModel model);
 
-/// The table of PRECOMPUTED as derived above.
+/// Returns the table of PRECOMPUTED, derived as above.
 std::vector<PrecomputedSpec::Row> forceTableOfLayers(const SceneSpec& scene);
 
 }  // namespace needlelab

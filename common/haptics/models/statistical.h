@@ -1,4 +1,4 @@
-/// STATISTICAL: how the force over depth differs from patient to patient (FORCE_MODEL.md, "Axial models").
+/// STATISTICAL: the variation of the force over depth between patients (FORCE_MODEL.md, "Axial models").
 #pragma once
 
 #include <cstdint>
@@ -30,10 +30,10 @@ class StatisticalTarget {
   std::uint64_t seed_;
 };
 
-/// One insertion's target as a function of depth, for studies and tests: exactly what the engine renders.
+/// One insertion's target as a function of depth, for studies and tests: exactly as the engine renders it.
 class StatisticalInsertion {
  public:
-  /// `target` must outlive this.
+  /// `target` must outlive this object.
   StatisticalInsertion(const StatisticalTarget& target, std::uint64_t insertion)
       : target_(target), insertion_(insertion) {}
   double target_N(double depth_m) { return target_.at(insertion_, depth_m, path_, row_); }
