@@ -1,4 +1,4 @@
-/// The instructor with a window, which only builds with the station's parts have.
+/// The instructor with a window; only builds with the station's parts have one.
 #pragma once
 
 #include <functional>

@@ -1,4 +1,4 @@
-/// Compares two gestures: which moment of one belongs to which of the other, and the differences there.
+/// Compares two gestures: aligns their moments and computes the differences.
 #pragma once
 
 #include <cstdint>
@@ -11,25 +11,25 @@
 namespace needlelab {
 
 enum class Alignment : std::uint8_t {
-  kDepth,  ///< of the insertion that goes deepest: where each first came to that inserted length
-  kDtw,    ///< by dynamic time warping of the tips' paths in the limb's frame (scoring/dtw.h)
-  kTime,   ///< since the first entry into tissue
+  kDepth,  ///< by inserted length, in the deepest insertion: the first time that each gesture reached it
+  kDtw,    ///< by dynamic time warping of the tip paths in the limb's frame (scoring/dtw.h)
+  kTime,   ///< by time since the first entry into tissue
 };
 std::string_view nameOf(Alignment alignment);
 
-/// One place of the alignment. Values in SI; of `a` and `b` at their own times.
+/// One point of the alignment. SI units; `a` and `b` have their own times.
 struct ComparedPoint {
-  double at = 0;  ///< kDepth: inserted length, m; kDtw: share of the alignment, 0-1; kTime: s since the entry
+  double at = 0;  ///< kDepth: inserted length in m; kDtw: fraction of the alignment; kTime: s since entry
   double time_a_s = 0, time_b_s = 0;
   double force_a_N = 0, force_b_N = 0;
   double speed_a_mps = 0, speed_b_mps = 0;
   double lateral_a_m = 0, lateral_b_m = 0;
   double insertion_a_m = 0, insertion_b_m = 0;
-  double tilt_a_rad = 0, tilt_b_rad = 0;  ///< NaN where it is not known
+  double tilt_a_rad = 0, tilt_b_rad = 0;  ///< NaN: unknown
   double apart_m = 0;                     ///< distance of the tips, each in its limb's frame
 };
 
-/// The series that can be drawn of both and of their difference b − a.
+/// Series to draw for both gestures and for the difference b − a.
 enum class ComparedSeries : std::uint8_t { kTotalForce, kSpeed, kLateral, kInsertion, kTilt };
 inline constexpr std::size_t kComparedSeriesCount = 5;
 std::string_view nameOf(ComparedSeries series);
@@ -43,7 +43,7 @@ struct GestureComparison {
   std::vector<std::string> sentences;  ///< greatest and mean differences
 };
 
-/// Errors: kInvalidInput: one of them was never in tissue, or is too long to be warped.
+/// Errors: kInvalidInput if one of them was never in tissue, or is too long for time warping.
 Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b,
                                           Alignment alignment);
 

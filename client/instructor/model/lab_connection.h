@@ -1,5 +1,5 @@
-/// The instructor's connection to the lab: a ServerLink on a thread of its own, with the subscriptions that
-/// are made again after each loss. The view polls and never waits.
+/// The instructor's connection to the lab: a ServerLink on its own thread. It renews the subscriptions after
+/// each loss of the connection. The view polls and never blocks.
 #pragma once
 
 #include <cstdint>
@@ -15,24 +15,24 @@
 
 namespace needlelab {
 
-/// Explains to an instructor why there is no connection, and what to do about it.
+/// Explains to an instructor why there is no connection, and gives advice.
 struct LinkTrouble {
-  std::string what;  ///< one sentence: "No needlelab-server answers at lab.example:7750."
-  std::string todo;  ///< one or two: what a person can do; never empty when `what` is not
-  /// Trying again by itself makes no sense: another password, file or program is needed.
+  std::string what;  ///< the cause in one sentence: "No needlelab-server answers at lab.example:7750."
+  std::string todo;  ///< the advice in one or two sentences; never empty if `what` is set
+  /// Automatic retries are useless: the connection needs another password, file or program.
   bool needs_person = false;
   std::string detail;  ///< the error itself, for the lab's administrator
 };
 
-/// `server`: HOST:PORT as typed. Errors as connectClient gives them.
+/// `server`: HOST:PORT as typed. `error`: from connectClient.
 LinkTrouble troubleOf(const Error& error, const std::string& server);
 
 enum class LinkPhase : std::uint8_t {
   kLoggedOut,   ///< nobody has logged in
-  kConnecting,  ///< the first try of a log-in is under way
+  kConnecting,  ///< first attempt of a log-in
   kOnline,
-  kAway,     ///< lost, or never reached: it is tried again by itself
-  kRefused,  ///< a person must do something (LinkTrouble)
+  kAway,     ///< lost, or never reached; retries automatically
+  kRefused,  ///< a person must act (LinkTrouble)
 };
 
 struct LabLogin {
@@ -41,43 +41,43 @@ struct LabLogin {
   std::string user, password;
 };
 
-/// How it stands; a copy.
+/// A copy of the connection's state.
 struct LinkState {
   LinkPhase phase = LinkPhase::kLoggedOut;
-  std::string server, user;    ///< of the log-in
-  std::string server_version;  ///< of the last connection
+  std::string server, user;    ///< from the log-in
+  std::string server_version;  ///< from the last connection
   pb::Role role = pb::ROLE_UNSPECIFIED;
-  LinkTrouble trouble;               ///< of kAway and kRefused
+  LinkTrouble trouble;               ///< for kAway and kRefused
   std::int64_t away_since_ns = 0;    ///< steady clock; 0: not away
-  std::int64_t next_try_ns = 0;      ///< steady clock, of kAway
-  std::uint64_t connections = 0;     ///< made so far
-  std::uint64_t frames = 0;          ///< live frames that came
-  std::uint64_t frames_dropped = 0;  ///< of them dropped here, because nobody polled
+  std::int64_t next_try_ns = 0;      ///< steady clock, for kAway
+  std::uint64_t connections = 0;     ///< number of connections so far
+  std::uint64_t frames = 0;          ///< received live frames
+  std::uint64_t frames_dropped = 0;  ///< frames dropped here for lack of polling
   std::uint64_t waiting = 0;         ///< requests without an answer
 };
 
-/// A live frame as it came in.
+/// A received live frame.
 struct LiveArrival {
   pb::LiveFrame frame;
   std::int64_t received_unix_ns = 0;  ///< this machine's wall clock
 };
 
-/// What came since the last poll.
+/// News since the last poll.
 struct LabNews {
-  std::vector<pb::StationStatus> statuses;  ///< the newest of each station, oldest news first
-  std::vector<LiveArrival> frames;          ///< in order
+  std::vector<pb::StationStatus> statuses;  ///< the newest status of each station, oldest first
+  std::vector<LiveArrival> frames;          ///< in order of arrival
 };
 
 struct LabConnectionSettings {
   std::chrono::milliseconds first_retry{200}, most_retry{5000};
-  std::chrono::milliseconds answer_time{60'000};  ///< after which a request is given up
-  std::size_t most_frames = 4096;                 ///< that wait for a poll; then the oldest are dropped
-  std::size_t most_waiting = 256;                 ///< requests
-  std::string program = "instructor";             ///< as it names itself to the server
+  std::chrono::milliseconds answer_time{60'000};  ///< timeout of a request
+  std::size_t most_frames = 4096;      ///< limit of frames waiting for a poll; beyond it drops the oldest
+  std::size_t most_waiting = 256;      ///< requests
+  std::string program = "instructor";  ///< its name in messages to the server
 };
 
-/// Thread: `call` from any thread but the one that polls, the rest from one thread, the view's. The
-/// destructor says goodbye and takes a second at most; no `call` may be under way then.
+/// Thread: `call` from any thread except the polling one, everything else from the view's thread. The
+/// destructor says goodbye to the server, takes at most a second, and requires that no `call` is running.
 class LabConnection {
  public:
   using Answer = std::function<void(Result<pb::Reply>)>;
@@ -87,25 +87,26 @@ class LabConnection {
   LabConnection(const LabConnection&) = delete;
   LabConnection& operator=(const LabConnection&) = delete;
 
-  /// In place of any log-in before.
+  /// Replaces any earlier log-in.
   void logIn(LabLogin login);
   void logOut();
-  /// Does not wait for the next try.
+  /// Retries at once instead of at the next scheduled time.
   void retryNow();
 
-  /// Status lines of all stations, at most so many a second of each; kept through losses.
+  /// Subscribes to the status lines of all stations, at most `rate_hz` per station. Survives losses of the
+  /// connection.
   void watchAll(double rate_hz);
-  /// The station's samples at full rate, until `unwatch`.
+  /// Subscribes to the station's samples at full rate, until `unwatch`.
   void watch(const std::string& station);
   void unwatch(const std::string& station);
 
   /// `answer` runs within a later `poll`.
   void ask(pb::Request request, Answer answer, OnLoss on_loss = OnLoss::kAskAgain);
-  /// Waits for the answer, through losses of the connection as kAskAgain. Errors: as `ask`; kFailed when
-  /// `stopped` says so (asked 20 times a second).
+  /// Blocks until the answer arrives; survives losses of the connection like kAskAgain. Errors: as for `ask`;
+  /// kFailed if `stopped` returns true (checked 20 times a second).
   Result<pb::Reply> call(pb::Request request, const std::function<bool()>& stopped = {});
 
-  /// Runs answers, and gives what else came.
+  /// Runs the answers' callbacks and returns the other news.
   LabNews poll();
   [[nodiscard]] LinkState state() const;
 

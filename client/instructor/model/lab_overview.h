@@ -1,4 +1,4 @@
-/// The whole lab at a glance: a tile for each station, ordered by who needs help. Pure; no clock of its own.
+/// Overview of the lab: a tile for each station, ordered by need for help. Pure; has no clock.
 #pragma once
 
 #include <array>
@@ -15,16 +15,16 @@
 
 namespace needlelab {
 
-/// Why somebody should look at a station, most urgent first.
+/// Reasons to look at a station, most urgent first.
 enum class Need : std::uint8_t {
-  kFault,           ///< the force was taken away
+  kFault,           ///< the gate removed the force
   kExcessiveForce,  ///< now, or within the last kNeedLasts_s
   kHazard,          ///< touched in this lesson
   kTrouble,         ///< the station reports trouble: disk, device, loop
   kLost,            ///< went offline in mid-lesson
-  kWaiting,         ///< online, nobody practises
-  kDone,            ///< a lesson ended a moment ago
-  kPractising,      ///< all is well
+  kWaiting,         ///< online, without a lesson
+  kDone,            ///< a lesson ended within kDoneLasts_s
+  kPractising,      ///< a lesson without trouble
   kOffline,
 };
 inline constexpr std::size_t kNeedCount = 9;
@@ -35,16 +35,17 @@ inline bool needsHelp(Need need) {
   return need <= Need::kLost;
 }
 
-/// Excessive force is remembered for so long, so that a peak is not missed between two looks.
+/// A tile keeps the need kExcessiveForce this long, so that an instructor does not miss a peak.
 inline constexpr double kNeedLasts_s = 10;
-/// A lesson counts as just ended for so long.
+/// A tile keeps the need kDone this long.
 inline constexpr double kDoneLasts_s = 120;
-/// Where the exercise sets no limit on the force.
+/// Force limit if the exercise sets none.
 inline constexpr double kExcessiveForce_N = 8;
-/// Status lines come at 10 Hz or, with many stations, less often; without any for so long a station is stale.
+/// A station without status lines for this long is stale. They come at 10 Hz, or less often with many
+/// stations.
 inline constexpr double kStale_s = 3;
 
-/// What a tile shows.
+/// The contents of a tile.
 struct StationTile {
   std::string station, trainee, exercise;
   std::string session_id;  ///< 16 bytes; empty: idle
@@ -53,7 +54,7 @@ struct StationTile {
   int layer = -1;
   std::string tissue;
   double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kExcessiveForce_N;
-  double lesson_s = 0;  ///< since the first status line of this session that we saw, or its start where known
+  double lesson_s = 0;  ///< since the session's start if known, otherwise its first received status line
   std::uint32_t fault = 0;
   std::vector<std::string> hazards;
   std::string trouble;
@@ -61,13 +62,13 @@ struct StationTile {
   std::uint32_t wakeup_p99_us = 0;
   Need need = Need::kOffline;
   std::string why;             ///< the need, for people: "force 9.1 N, allowed 6 N"
-  std::deque<float> forces_N;  ///< of the last status lines, oldest first: a sparkline
+  std::deque<float> forces_N;  ///< from the last status lines, oldest first, for a sparkline
 };
 
 enum class TileOrder : std::uint8_t { kNeed, kName, kTrainee, kPeakForce };
 struct TileFilter {
   bool only_help = false, only_online = false;
-  std::string text = {};  ///< part of station, trainee or exercise, upper or lower case
+  std::string text = {};  ///< part of station, trainee or exercise; ignores case
 };
 
 /// Thread: one.
@@ -75,31 +76,31 @@ class LabOverview {
  public:
   static constexpr std::size_t kForcesKept = 100;
 
-  /// All stations that the server knows, with the statuses in it; those that are not in it are forgotten.
+  /// Takes the server's list of stations with their statuses. Removes stations that are not in it.
   void setStations(const pb::Stations& stations, double now_s);
-  /// A status line. `now_s`: the view's own clock, ascending.
+  /// Takes a status line. `now_s`: the view's clock, ascending.
   void onStatus(const pb::StationStatus& status, double now_s);
   /// Ages the tiles. Call it once a frame.
   void tick(double now_s);
-  /// The connection is lost: everything is stale until news come.
+  /// Marks all stations as stale until news arrive.
   void connectionLost();
 
   [[nodiscard]] const StationTile* find(const std::string& station) const;
-  /// Chosen and ordered. With kNeed: urgent first, then by name; the order of two tiles of the same need
-  /// never changes by itself, so that nothing jumps under the pointer.
+  /// Returns the filtered tiles in order. With kNeed: urgent first, then by name; tiles of the same need keep
+  /// their order, so that nothing jumps under the pointer.
   [[nodiscard]] std::vector<const StationTile*> tiles(TileOrder order, const TileFilter& filter = {}) const;
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
-  /// How many tiles have which need.
+  /// Returns the number of tiles for each need.
   [[nodiscard]] std::array<std::size_t, kNeedCount> counts() const;
 
  private:
   struct Entry {
     StationTile tile;
-    double news_s = -1e9;    // of the last status line
-    double began_s = 0;      // when this session was seen first
-    double excess_s = -1e9;  // force above its limit
+    double news_s = -1e9;    // time of the last status line
+    double began_s = 0;      // time of the session's first status line
+    double excess_s = -1e9;  // last time with force above its limit
     double excess_N = 0;
-    double ended_s = -1e9;  // a lesson ended
+    double ended_s = -1e9;  // time of a lesson's end
     bool lost_in_lesson = false;
   };
   void judge(Entry& entry, double now_s) const;

@@ -1,5 +1,5 @@
-/// The model of the instructor's window: the connection, the overview of the lab, the station that is looked
-/// over, the sessions that are analysed. Screens and scripts show it and call it.
+/// The model of the instructor's window: connection, lab overview, the watched station, and the analysed
+/// sessions. Screens and scripts read and call it.
 #pragma once
 
 #include <filesystem>
@@ -20,7 +20,7 @@
 
 namespace needlelab {
 
-/// The screen that the window shows.
+/// The window's current screen.
 enum class WindowScreen : std::uint8_t { kLogin, kLab, kLive, kSessions, kReplay, kCompare, kRerun, kScores };
 
 /// The fields of the log-in screen, as typed.
@@ -28,29 +28,29 @@ struct LoginForm {
   std::string server = "127.0.0.1:7750", ca_file, user, password;
 };
 
-/// An exercise as one chooses it.
+/// An exercise in a list for selection.
 struct ExerciseChoice {
   std::string id, name;
 };
 
-/// Thread: one. Nothing here waits for the network or the disk.
+/// Thread: one. No call blocks on the network or the disk.
 class LabState {
  public:
   explicit LabState(ScenePreparer prepare = {}, LabConnectionSettings settings = {});
   ~LabState();
 
-  /// Takes in the news. Call it once a frame, before drawing; `now_s` ascends.
+  /// Processes the news. Call it once per frame, before drawing; `now_s` ascends.
   void update(double now_s);
-  /// The frame is on the screen.
+  /// Call when the frame is on the screen.
   void presented(std::int64_t now_unix_ns);
 
   // --- log-in
   LoginForm form;
-  std::string form_trouble;  ///< what is wrong with the form itself; empty: nothing
+  std::string form_trouble;  ///< error in the form itself; empty: none
   void logIn();
   void logOut();
   [[nodiscard]] const LinkState& link() const { return link_; }
-  /// Logged in now or at some time: the lab is shown, a lost connection does not take it away.
+  /// Returns whether the user has ever logged in: the lab stays visible after a loss of the connection.
   [[nodiscard]] bool inside() const { return inside_; }
 
   // --- the lab
@@ -62,12 +62,11 @@ class LabState {
 
   // --- looking over a shoulder
   void open(const std::string& station);
-  /// Null: none is looked over.
+  /// Returns the watched station; null: none.
   [[nodiscard]] LiveStation* live() { return live_.get(); }
-  /// A remark at the moment that is shown, live or in the replay.
+  /// Adds a remark at the displayed moment, live or in the replay.
   void annotate(const std::string& text);
-  /// The aids of the trainee who is looked over: as they were set here in this session, else those of the
-  /// exercise.
+  /// Returns the watched trainee's aids: those set here in this session, otherwise the exercise's.
   [[nodiscard]] AidList aidsNow() const;
   void setAids(const AidList& aids);
   void resetAids();
@@ -96,16 +95,15 @@ class LabState {
   std::unique_ptr<LiveStation> live_;
   std::vector<ExerciseChoice> exercises_;
   std::map<std::string, AidList> exercise_aids_;
-  std::optional<AidList> aids_;  // as set here, of aids_session_
+  std::optional<AidList> aids_;  // set here, for aids_session_
   std::string aids_session_;
   std::vector<std::string> profiles_;
   std::shared_ptr<int> alive_ = std::make_shared<int>(0);
 };
 
-/// Fills the fields of `form` that the file has: server, CA file, name. A missing or unreadable file changes
-/// nothing.
+/// Fills `form` from the file: server, CA file, name. Changes nothing if the file is missing or unreadable.
 void recallLogin(const std::filesystem::path& file, LoginForm& form);
-/// Writes those fields, never the password, for the owner only. Errors: the disk's.
+/// Writes those fields, never the password, to a file that only the owner can read. Errors: from the disk.
 Status rememberLogin(const std::filesystem::path& file, const LoginForm& form);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// Looks over a trainee's shoulder: the last minutes of one station, its losses, its latency, and a view that
-/// can be stopped and scrolled back while the stream goes on.
+/// Live view of one station: its last minutes, losses and latency. The view can pause and scroll back while
+/// the stream continues.
 #pragma once
 
 #include <cstddef>
@@ -17,21 +17,23 @@
 
 namespace needlelab {
 
-/// Counts what a viewer received of a live stream, the losses and the latency.
+/// Counts a live stream's received frames and samples, losses and latency.
 class LiveStats {
  public:
-  /// A frame with so many samples, received at this wall-clock time.
+  /// Adds a frame with its number of samples and its wall-clock time of receipt.
   void add(const pb::LiveFrame& frame, std::size_t samples, std::int64_t received_unix_ns);
-  /// The stream restarts (another connection, another station): its numbers do not continue the old ones.
+  /// Call when the stream restarts (another connection or station): its frame numbers do not continue the old
+  /// ones.
   void streamRestarts() { last_seq_.reset(); }
 
   [[nodiscard]] std::uint64_t frames() const { return frames_; }
   [[nodiscard]] std::uint64_t samples() const { return samples_; }
-  /// Gaps in the frames' numbers, wherever they arose: at the station, or in this viewer's queue at the
-  /// server.
+  /// Number of lost frames, from gaps in the frame numbers. Losses occur at the station or in this viewer's
+  /// queue on the server.
   [[nodiscard]] std::uint64_t dropped() const { return dropped_; }
   [[nodiscard]] double lastLatencyMs() const { return last_latency_ms_; }
-  /// q in [0, 1]; 0 when nothing came. From the newest 100,000 frames: half an hour at the full rate.
+  /// Returns quantile q in [0, 1] over the newest 100,000 frames (half an hour at the full rate); 0 without
+  /// frames.
   [[nodiscard]] double latencyMs(double q) const;
 
  private:
@@ -42,24 +44,24 @@ class LiveStats {
   std::vector<float> latencies_ms_ = std::vector<float>(kKept);  // allocated at once: memory does not grow
 };
 
-/// Measures how late a live picture is: from the time when a sample was due at its station to the time when
-/// the frame that shows it was presented. By the wall clocks of station and viewer: true on one machine, or
-/// where both keep the time of day. Thread: one.
+/// Measures the latency of live pictures: from a sample's due time at its station to the presentation of its
+/// frame. Uses the wall clocks of station and viewer, so it is valid on one machine or with synchronized
+/// clocks. Thread: one.
 class LatencyMeter {
  public:
-  static constexpr std::size_t kKept = 20'000;  ///< newest live frames: 6 minutes of one station
+  static constexpr std::size_t kKept = 20'000;  ///< newest live frames; 6 minutes of one station
 
-  /// The next picture will show a live frame whose last sample was due at that time.
+  /// Announces a live frame for the next picture. `capture_unix_ns`: due time of its last sample.
   void fed(std::int64_t capture_unix_ns);
-  /// That picture is on the screen now.
+  /// Call when that picture is on the screen.
   void presented(std::int64_t now_unix_ns);
-  /// The frames that were fed will not be shown (paused, another screen).
+  /// Discards the announced frames because the window will not show them (paused, another screen).
   void discard() { waiting_.clear(); }
   void clear();
 
   [[nodiscard]] std::size_t count() const { return shown_; }
   [[nodiscard]] double last_ms() const { return last_ms_; }
-  /// q in [0, 1], over what is kept; 0 when nothing was shown.
+  /// Returns quantile q in [0, 1] of the kept values; 0 without pictures.
   [[nodiscard]] double quantile_ms(double q) const;
 
  private:
@@ -72,7 +74,7 @@ class LatencyMeter {
 // --- the station
 inline constexpr double kLiveSpan_s = 300;
 
-/// Thread: one. Never waits; costs about 1 µs a sample.
+/// Thread: one. Never blocks; costs about 1 µs per sample.
 class LiveStation {
  public:
   explicit LiveStation(std::string station);
@@ -80,57 +82,54 @@ class LiveStation {
   // --- input
   void feed(const LiveArrival& arrival);
   void onStatus(const pb::StationStatus& status);
-  /// The session to ask the server about (GetSession); empty: none, or it was asked a moment ago.
-  /// Each call counts as a request; it is repeated after kAskAgain_s of `now_s`.
+  /// Returns the session to request from the server (GetSession); empty: none, or requested a moment ago.
+  /// Each call counts as a request; the id returns again after kAskAgain_s of `now_s`.
   [[nodiscard]] std::string sessionToAskFor(double now_s);
-  /// Takes the description, and the samples that came before it.
+  /// Takes the description, then processes the samples received before it.
   void setSession(const pb::SessionInfo& info, const ScenePreparer& prepare = {});
   void connectionLost();
-  /// A remark at a tick of this session, for the time line.
+  /// Adds a remark at a tick of this session to the time line.
   void addRemark(std::uint64_t tick, const std::string& text);
 
   // --- state
   [[nodiscard]] const std::string& station() const { return station_; }
-  [[nodiscard]] const std::string& sessionId() const {
-    return session_id_;
-  }  ///< empty: idle, or not known yet
+  [[nodiscard]] const std::string& sessionId() const { return session_id_; }  ///< empty: idle, or unknown
   [[nodiscard]] const pb::SessionInfo& info() const { return info_; }
   [[nodiscard]] const SessionScene& scene() const { return scene_; }
   [[nodiscard]] const pb::StationStatus& status() const { return status_; }
   [[nodiscard]] const GestureTrace& trace() const { return trace_; }
   [[nodiscard]] const LiveStats& stats() const { return stats_; }
   [[nodiscard]] LatencyMeter& latency() { return latency_; }
-  /// The frame that shows it is on the screen now. The first pictures of a new scene do not count for the
-  /// latency: they make its meshes.
+  /// Call when the frame is on the screen. The first pictures of a new scene do not count for the latency,
+  /// because they build its meshes.
   void presented(std::int64_t now_unix_ns);
   [[nodiscard]] std::uint64_t newestTick() const { return newest_tick_; }
   [[nodiscard]] double rate_hz() const { return rate_hz_; }
-  [[nodiscard]] std::uint64_t unreadable() const {
-    return unreadable_;
-  }  ///< frames that could not be decoded
-  /// A stretch of the stream is missing: until the tip is outside again, forces by effect may be off.
+  [[nodiscard]] std::uint64_t unreadable() const { return unreadable_; }  ///< number of undecodable frames
+  /// Returns whether part of the stream is missing: until the tip is outside again, forces by effect may be
+  /// inaccurate.
   [[nodiscard]] bool approximate() const { return !trace_.empty() && trace_.last().approximate; }
 
   // --- the view of it
   void pause();
   void resume() { paused_at_s_.reset(); }
   [[nodiscard]] bool paused() const { return paused_at_s_.has_value(); }
-  /// Pauses and shows that time, clamped to the kept range.
+  /// Pauses at that time, clamped to the kept range.
   void scrollTo(double end_s);
-  /// Seconds that the plots show: 2 … kLiveSpan_s.
+  /// Sets the plots' time span, from 2 s to kLiveSpan_s.
   void setSpan(double span_s);
   [[nodiscard]] double span_s() const { return span_s_; }
-  /// Right edge of the plots: the newest time, or the time of the pause (it moves on when that time is no
-  /// longer kept).
+  /// Returns the right edge of the plots: the newest time, or the time of the pause (moves forward when that
+  /// time leaves the kept range).
   [[nodiscard]] double viewEnd_s() const;
   [[nodiscard]] double viewBegin_s() const { return viewEnd_s() - span_s_; }
-  /// What the 3-D scene shows.
+  /// Returns the moment in the 3-D scene.
   [[nodiscard]] const Moment& shown() const;
   [[nodiscard]] std::uint64_t shownTick() const { return shown().tick; }
 
  private:
   static constexpr double kAskAgain_s = 2;
-  static constexpr std::size_t kFramesKept = 3000;  // a minute, while the description is asked for
+  static constexpr std::size_t kFramesKept = 3000;  // a minute, until the description arrives
   void beginSession(const std::string& session_id);
   void take(const std::vector<GestureSample>& samples);
 

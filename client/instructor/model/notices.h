@@ -1,4 +1,4 @@
-/// Short notices to the instructor at the window's edge: done, or not possible.
+/// Short notices to the instructor at the window's edge: success or failure.
 #pragma once
 
 #include <deque>
@@ -14,12 +14,12 @@ struct Notice {
   double until_s = 0;
 };
 
-/// Thread: one. Times: the view's own clock.
+/// Thread: one. Times are the view's clock.
 class Notices {
  public:
   void tick(double now_s);
   void good(std::string text) { add(std::move(text), Condition::kGood, 6); }
-  /// Stays longer: somebody has to read it.
+  /// Stays longer, because a person must read it.
   void trouble(std::string text) { add(std::move(text), Condition::kTrouble, 20); }
   void dismiss() { notices_.clear(); }
   [[nodiscard]] const std::deque<Notice>& all() const { return notices_; }
@@ -27,7 +27,7 @@ class Notices {
  private:
   static constexpr std::size_t kMost = 3;  // more would hide the screen behind them
   void add(std::string text, Condition condition, double seconds) {
-    // a repeated text is one notice that stays longer
+    // a repeated text extends its notice
     std::erase_if(notices_, [&](const Notice& notice) { return notice.text == text; });
     notices_.push_back({std::move(text), condition, now_s_ + seconds});
     if (notices_.size() > kMost) notices_.pop_front();

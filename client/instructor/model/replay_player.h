@@ -1,4 +1,4 @@
-/// The clock of a replay: play, pause, seek, speed, step, loop. Pure: the view tells how much time went by.
+/// The clock of a replay: play, pause, seek, speed, step, loop. Pure: the view passes the elapsed time.
 #pragma once
 
 #include <optional>
@@ -13,28 +13,27 @@ struct ReplayLoop {
   double from_s = 0, to_s = 0;
 };
 
-/// Times are those of the gesture. Thread: one.
+/// All times are gesture times. Thread: one.
 class ReplayPlayer {
  public:
-  /// A gesture from `first_s` to `last_s`; stands at its beginning, paused, at speed 1, without a loop.
+  /// Loads a gesture from `first_s` to `last_s`. Starts at its beginning, paused, at speed 1, without a loop.
   void load(double first_s, double last_s);
 
-  void play();  ///< at the end it starts from the beginning (of the loop, if there is one)
+  void play();  ///< at the end, restarts from the beginning (of the loop, if set)
   void pause() { playing_ = false; }
   void toggle() { playing_ ? pause() : play(); }
   /// Clamped to the gesture.
   void seek(double time_s);
-  /// Pauses, and goes so many steps.
+  /// Pauses and moves by so many steps.
   void step(int steps);
-  /// Clamped to kSlowestReplay … kFastestReplay; a value that is not finite changes nothing.
+  /// Clamped to kSlowestReplay … kFastestReplay; ignores values that are not finite.
   void setSpeed(double speed);
-  /// The next of 0.1 0.25 0.5 1 2 4 8 in that direction.
+  /// Selects the next of 0.1 0.25 0.5 1 2 4 8.
   void faster();
   void slower();
-  /// Clamped to the gesture. Ignores a loop that is shorter than a step or turned round. Empty: plays to the
-  /// end.
+  /// Clamped to the gesture. Ignores a reversed loop and one shorter than a step. Empty: plays to the end.
   void setLoop(std::optional<ReplayLoop> loop);
-  /// `elapsed_s` of the view's clock went by.
+  /// Advances by `elapsed_s` of the view's clock.
   void advance(double elapsed_s);
 
   [[nodiscard]] bool playing() const { return playing_; }

@@ -1,4 +1,4 @@
-/// "What would it have felt like": the engine on a recording's poses, with another profile or model.
+/// "What would it have felt like": runs the engine on recorded poses with another profile or model.
 #pragma once
 
 #include <cstdint>
@@ -15,27 +15,28 @@ namespace needlelab {
 
 /// The profile and model of a re-run. Both empty: as recorded.
 struct RerunChoice {
-  std::string profile_json;  ///< in place of the session's own profile
-  std::string axial_model;   ///< in place of that profile's, by name: "DIRECT"
+  std::string profile_json;  ///< replaces the session's profile
+  std::string axial_model;   ///< replaces that profile's model, by name: "DIRECT"
 };
 
-/// One run of the engine over the recorded poses. The recorded hand did not feel it: with other forces it
-/// would have moved otherwise; a screen that shows the result has to say that.
+/// One run of the engine over the recorded poses. The recorded hand did not feel these forces and would have
+/// moved differently with them. A screen with this result must say so.
 struct Rerun {
   std::string what;  ///< "shoulder-frail, DIRECT"
   SessionScene scene;
-  GestureTrace trace;       ///< forces, wall, layer, phase … of this run; the tip is the recording's
+  GestureTrace trace;       ///< forces, wall, layer, phase … from this run; the tip from the recording
   double peak_force_N = 0;  ///< before the gate
   double mean_force_in_tissue_N = 0;
-  double felt_peak_N = 0, felt_mean_in_tissue_N = 0;  ///< as recorded, after the gate
-  double mean_difference_N = 0;  ///< of |force|, this less recorded, over the ticks in tissue of either
+  double felt_peak_N = 0, felt_mean_in_tissue_N = 0;  ///< from the recording, after the gate
+  double mean_difference_N = 0;  ///< of |force|, this run minus recording, over ticks in tissue in either
   std::uint64_t ticks = 0;
-  std::vector<std::string> sentences;  ///< peak and mean forces beside the recorded ones
+  std::vector<std::string> sentences;  ///< peak and mean forces compared with the recorded ones
 };
 
-/// Bit for bit what `needlelab-sim run` makes of the same poses and profile; recorded poses are rounded to
-/// the session's resolution. `each`: sees every tick's report. Thinned recordings run at their own rate;
-/// `sentences` say so. Errors: kInvalidInput (profile, model, placement), kFailed (`stop`).
+/// Gives the same result, bit for bit, as `needlelab-sim run` with the same poses and profile; recorded poses
+/// are rounded to the session's resolution. `each` receives every tick's report. Thinned recordings run at
+/// their own rate, and `sentences` say so. Errors: kInvalidInput (profile, model, placement), kFailed
+/// (`stop`).
 Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choice,
                            const ScenePreparer& prepare = {}, const std::function<bool()>& stop = {},
                            const std::function<void(const StepReport&)>& each = {});

@@ -1,5 +1,5 @@
-/// One or two stored sessions: replayed, compared, run again, scored, exported. A worker does what takes
-/// long; the view polls.
+/// Analysis of one or two stored sessions: replay, comparison, re-run, score, export. A worker runs the long
+/// jobs; the view polls.
 #pragma once
 
 #include <filesystem>
@@ -18,48 +18,52 @@
 
 namespace needlelab {
 
-/// Which session: an id (text or 16 bytes), "newest" (of the closed ones), "previous" (the one before), or
-/// "reference" (the first expert's of the first session's exercise).
+/// A session: its id (text or 16 bytes), "newest" (closed session), "previous" (the one before), or
+/// "reference" (the first expert's session for the first session's exercise).
 using SessionChoice = std::string;
 
-/// Thread: one, that polls `connection`.
+/// Thread: the one that polls `connection`.
 class SessionAnalysis {
  public:
   SessionAnalysis(LabConnection& connection, Notices& notices, ScenePreparer prepare);
   ~SessionAnalysis();
 
-  /// Takes in finished jobs. Call it once a frame.
+  /// Takes the results of finished jobs. Call it once per frame.
   void poll();
 
   void loadFirst(const SessionChoice& which);
-  /// Loads another one beside the first.
+  /// Loads another session to compare with the first.
   void loadSecond(const SessionChoice& which);
   void dropSecond();
   /// Loads both, then compares them.
   void loadBoth(const SessionChoice& first, const SessionChoice& second, Alignment alignment);
-  /// Compares the two that are loaded.
+  /// Compares the two loaded sessions.
   void compare(Alignment alignment);
-  /// Runs the engine on the first one. `profile_id`: the server's newest revision; "own" or empty: the
-  /// session's profile.
+  /// Runs the engine on the first session. `profile_id`: uses the server's newest revision; "own" or empty:
+  /// the session's profile.
   void rerun(const std::string& profile_id, const std::string& axial_model);
   void dropRerun() { rerun_.reset(); }
-  /// Reads the first one's score, reference and progress.
+  /// Reads the first session's score, reference and progress.
   void collect();
-  /// Exports the first one, by the end of the name: .html (report), .csv (samples).
+  /// Exports the first session; the file extension sets the format: .html (report), .csv (samples).
   void exportTo(const std::filesystem::path& file);
-  /// Reads the first one's remarks again, after one was added.
+  /// Reloads the first session's remarks after a new one.
   void readRemarks();
 
   [[nodiscard]] const std::shared_ptr<const StoredGesture>& first() const { return first_; }
   [[nodiscard]] const std::shared_ptr<const StoredGesture>& second() const { return second_; }
-  [[nodiscard]] const std::vector<pb::Annotation>& remarks() const { return remarks_; }  ///< of the first one
+  [[nodiscard]] const std::vector<pb::Annotation>& remarks() const {
+    return remarks_;
+  }  ///< of the first session
   [[nodiscard]] const std::optional<GestureComparison>& comparison() const { return comparison_; }
   [[nodiscard]] const std::shared_ptr<const Rerun>& rerunResult() const { return rerun_; }
   [[nodiscard]] const std::optional<ReportData>& report() const { return report_; }
-  [[nodiscard]] const std::string& trouble() const { return trouble_; }  ///< of the last job; empty: none
+  [[nodiscard]] const std::string& trouble() const {
+    return trouble_;
+  }  ///< error of the last job; empty: none
   [[nodiscard]] std::string doing() const { return worker_.doing(); }
   [[nodiscard]] bool busy() const { return worker_.busy(); }
-  [[nodiscard]] double loadedShare() const;  ///< 0-1, of the session that is being loaded
+  [[nodiscard]] double loadedShare() const;  ///< loaded fraction of a session, 0-1
 
   ReplayPlayer player;
 
@@ -81,7 +85,7 @@ class SessionAnalysis {
   std::optional<ReportData> report_;
   std::string trouble_;
   LoadProgress progress_;
-  Worker worker_;  // last: it ends before what its jobs use
+  Worker worker_;  // last, so that it is destroyed before the data that its jobs use
 };
 
 }  // namespace needlelab

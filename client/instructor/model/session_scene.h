@@ -1,4 +1,4 @@
-/// From a session's description (bytes of the network) to a scene that can be drawn and stepped.
+/// Makes a scene for drawing and stepping from a session's description (bytes from the network).
 #pragma once
 
 #include <functional>
@@ -13,25 +13,25 @@
 
 namespace needlelab {
 
-/// Adds to a scene what it needs before it can be compiled: FEM's compliance
-/// (addCompliance).
+/// Completes a scene before its compilation: adds FEM's compliance (addCompliance).
 using ScenePreparer = std::function<Status(SceneSpec&)>;
 
 struct SessionScene {
   pb::Profile profile;
   Pose X_WL;
-  std::shared_ptr<const SceneView> view;    ///< null where the description has no readable profile
-  std::shared_ptr<const SceneModel> model;  ///< null where the engine cannot step it here
-  std::string why;                          ///< why one of them is null, for people; else empty
+  std::shared_ptr<const SceneView> view;    ///< null if the description has no readable profile
+  std::shared_ptr<const SceneModel> model;  ///< null if the engine cannot step it here
+  std::string why;                          ///< why one of them is null, for people; otherwise empty
 };
 
-/// As much of the scene as the description allows. Thread: any.
+/// Makes as much of the scene as the description allows. Thread: any.
 SessionScene sceneOfSession(const pb::SessionDescription& description, const ScenePreparer& prepare = {});
 
-/// The description's placement; identity where it has none. kInvalidInput: not 7 finite numbers.
+/// Returns the description's placement; identity if it has none. Errors: kInvalidInput if it is not 7 finite
+/// numbers.
 Result<Pose> placementOf(const pb::SessionDescription& description);
 
-/// The session's id as text; "?" when it is not one.
+/// Returns the session's id as text; "?" if it is invalid.
 std::string sessionIdText(const std::string& bytes);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// The list of stored sessions: the query and its results, page after page.
+/// The list of stored sessions: the query and its results, page by page.
 #pragma once
 
 #include <cstdint>
@@ -11,27 +11,27 @@ namespace needlelab {
 
 /// A query; empty fields filter nothing.
 struct SessionQuery {
-  std::string search;  ///< part of the trainee's name or full name
+  std::string search;  ///< part of the trainee's user name or full name
   std::string station, exercise_id;
   std::string from, to;  ///< days, "2026-11-21", UTC; `to` is included
   pb::ListSessions::Verdict verdict = pb::ListSessions::ANY;
   friend bool operator==(const SessionQuery&, const SessionQuery&) = default;
 };
-/// Errors: kInvalidInput naming an invalid day, or a `to` before `from`.
+/// Errors: kInvalidInput, naming an invalid day or a `to` before `from`.
 Result<pb::ListSessions> messageOf(const SessionQuery& query);
 
 /// The order of the rows; the server sends the newest first.
 enum class SessionOrder : std::uint8_t { kNewest, kTrainee, kExercise, kPeakForce, kVerdict };
 
-/// Thread: the one that polls `connection`; answers that come after its end are ignored.
+/// Thread: the one that polls `connection`. Ignores answers after its destruction.
 class SessionSearch {
  public:
   explicit SessionSearch(LabConnection& connection);
 
-  /// Sends the query; the old rows stay until the answer comes.
+  /// Sends the query; keeps the old rows until the answer arrives.
   void search(const SessionQuery& query);
   void again() { search(query_); }
-  /// The next page behind the rows, if there is one.
+  /// Requests the next page, if any, and appends it to the rows.
   void more();
   void order(SessionOrder order);
 
@@ -40,7 +40,9 @@ class SessionSearch {
   [[nodiscard]] bool waiting() const { return waiting_; }
   [[nodiscard]] bool hasMore() const { return !next_page_.empty(); }
   [[nodiscard]] bool asked() const { return asked_; }
-  [[nodiscard]] const std::string& trouble() const { return trouble_; }  ///< of the last search; empty: none
+  [[nodiscard]] const std::string& trouble() const {
+    return trouble_;
+  }  ///< error of the last search; empty: none
 
  private:
   void ask(const std::string& page);
@@ -51,10 +53,10 @@ class SessionSearch {
   std::vector<pb::SessionInfo> rows_;
   std::string next_page_, trouble_;
   bool waiting_ = false, asked_ = false;
-  std::shared_ptr<std::uint64_t> asking_ = std::make_shared<std::uint64_t>(0);  // which search is meant
+  std::shared_ptr<std::uint64_t> asking_ = std::make_shared<std::uint64_t>(0);  // the current search
 };
 
-/// The figure of that measure in a row of a list; NaN where it has none.
+/// Returns the measure's figure in a row; NaN if it has none.
 double figureOf(const pb::SessionInfo& row, std::string_view measure);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// The instructor's commands to a station, and their outcome. The server's audit log has all of them.
+/// The instructor's commands to a station and their outcome. The server's audit log contains all of them.
 #pragma once
 
 #include <functional>
@@ -11,23 +11,23 @@
 
 namespace needlelab {
 
-/// Each call ends in a notice: the station has read it, or the reason why not. Thread: the one
+/// Each call ends in a notice: the station has read the command, or the reason for a failure. Thread: the one
 /// that polls `connection`.
 class StationCommands {
  public:
   StationCommands(LabConnection& connection, Notices& notices) : connection_(connection), notices_(notices) {}
 
   void message(const std::string& station, const std::string& text);
-  /// A remark at a tick of a session, open or closed. `done` runs once it is kept.
+  /// Adds a remark at a tick of an open or closed session. `done` runs when the server has stored it.
   void annotate(const std::string& session_id, std::uint64_t tick, const std::string& text,
                 std::function<void()> done = {});
   void nextExercise(const std::string& station, const std::string& exercise_id);
-  /// In this session only; `aids` replaces what is on.
+  /// Replaces the aids, in this session only.
   void setAids(const std::string& station, const std::string& session_id, const AidList& aids);
   void resetAids(const std::string& station, const std::string& session_id);
   void stopLesson(const std::string& station, const std::string& session_id, const std::string& reason);
 
-  /// Requests that wait for an answer.
+  /// Number of unanswered requests.
   [[nodiscard]] std::size_t waiting() const { return *waiting_; }
 
  private:

@@ -16,18 +16,18 @@
 
 namespace needlelab {
 
-/// Samples beyond this many (50 min at 1 kHz, 600 MB) are left out and noted.
+/// The loader omits samples beyond this number (50 min at 1 kHz, 600 MB) and notes it.
 inline constexpr std::size_t kMostLoadedSamples = 3'000'000;
 
-/// Immutable once loaded. Times are Moment's: s since the session's tick 0.
+/// Immutable after loading. Times are Moment's: s since the session's tick 0.
 struct StoredGesture {
   std::string id;  ///< as text
   pb::SessionInfo info;
   SessionScene scene;
-  double rate_hz = 1000;  ///< of the loop, not of a thinned recording's samples
+  double rate_hz = 1000;  ///< rate of the loop, not of a thinned recording's samples
   bool thinned = false;
   std::vector<GestureSample> samples;
-  GestureTrace trace;  ///< of all of it
+  GestureTrace trace;  ///< trace of the whole gesture
   std::vector<pb::SyringeEvent> events;
   std::vector<pb::Annotation> annotations;  ///< by time
   std::vector<std::string> notes;           ///< damage, thinning, missing parts: for the reader
@@ -35,32 +35,33 @@ struct StoredGesture {
   [[nodiscard]] double first_s() const { return trace.firstTime_s(); }
   [[nodiscard]] double last_s() const { return trace.lastTime_s(); }
   [[nodiscard]] double timeOfTick(std::uint64_t tick) const { return static_cast<double>(tick) / rate_hz; }
-  /// Index of the sample at or nearest before that time; 0 when there is none before. `samples` not empty.
+  /// Returns the index of the last sample at or before that time; 0 if there is none. `samples` must not be
+  /// empty.
   [[nodiscard]] std::size_t sampleAt(double time_s) const;
-  /// "tina, knee-recess, 2026-11-21 00:42": for headings.
+  /// Returns a heading: "tina, knee-recess, 2026-11-21 00:42".
   [[nodiscard]] std::string title() const;
 };
 
-/// Asks the server and waits: LabConnection::call on a worker's thread, BlockingClient::call in a terminal.
+/// A blocking request to the server: LabConnection::call on a worker's thread, BlockingClient::call in a
+/// terminal.
 using LabCall = std::function<Result<pb::Reply>(const pb::Request&)>;
 
-/// Seen by the view while a worker loads.
+/// A worker's progress, read by the view.
 struct LoadProgress {
   std::atomic<std::uint64_t> chunks_read{0}, chunks{0};
   std::atomic<bool> stop{false};
 };
 
-/// Reads a session as far as it is stored, in pieces. An open one is read as far as it has come. Damaged
-/// chunks are left out and noted. Errors: those of the call; kNotFound where retention deleted the recording;
-/// kFailed when it was stopped.
+/// Reads the stored part of a session in pieces; for an open session, the part stored so far. Omits and notes
+/// damaged chunks. Errors: from the call; kNotFound if retention deleted the recording; kFailed after a stop.
 Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, const std::string& session_id,
                                                          const ScenePreparer& prepare = {},
                                                          LoadProgress* progress = nullptr);
 
-/// All remarks of a session, by time. Errors: those of the call.
+/// Returns all remarks of a session, by time. Errors: from the call.
 Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::string& session_id);
 
-/// The same from samples at hand: tests, re-runs.
+/// Makes a gesture from samples in memory, for tests and re-runs.
 std::shared_ptr<const StoredGesture> gestureOf(pb::SessionInfo info, std::vector<GestureSample> samples,
                                                const ScenePreparer& prepare = {});
 

@@ -1,4 +1,4 @@
-/// Plots as SVG within HTML, from their description (client/view/model/plot.h): for reports.
+/// Draws plots (client/view/model/plot.h) as SVG within HTML, for reports.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace needlelab {
 
-/// Escapes text that somebody else wrote, for use between tags and in quoted attributes: & < > " ' become
+/// Escapes text from other people for use between tags and in quoted attributes: & < > " ' become
 /// entities; control characters and bytes that are not UTF-8 become '?'.
 std::string htmlText(std::string_view text);
 
@@ -16,15 +16,14 @@ std::string htmlText(std::string_view text);
 struct SvgSize {
   double width = 720, height = 200;
 };
-/// One <svg>, all names escaped. Long series are drawn by least and greatest of each point. Colours of the
-/// dark windows become ink for white paper; a time is shown in s.
+/// Returns one <svg> with all names escaped. Draws long series by the minimum and maximum at each point.
+/// Converts the dark windows' colours to ink for white paper; shows time in s.
 std::string svgPlot(const Plot& plot, SvgSize size = {});
 
-/// Shows where a value stands in a reference's range: a bar with least, greatest, p10 … p90, mean and the
-/// value.
+/// A value within a reference's range: a bar with least, greatest, p10 … p90, mean and the value.
 struct SvgStanding {
   double least = 0, greatest = 0, mean = 0, value = 0;
-  double p10 = 0, p90 = 0;  ///< equal: not known
+  double p10 = 0, p90 = 0;  ///< equal: unknown
 };
 std::string svgStanding(const SvgStanding& standing);
 

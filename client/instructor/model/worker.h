@@ -1,4 +1,4 @@
-/// One thread for jobs that take long: the view starts them and takes their results in its own time.
+/// One thread for long jobs. The view starts them and polls their results.
 #pragma once
 
 #include <atomic>
@@ -12,24 +12,24 @@
 
 namespace needlelab {
 
-/// Thread: one starts, polls and destroys. Jobs run one after the other.
+/// Thread: one thread starts jobs, polls and destroys. Jobs run one after another.
 class Worker {
  public:
   /// Runs within a later `poll`.
   using Finish = std::function<void()>;
-  /// Runs on the worker's thread; asks `stopped` now and then. An empty Finish is allowed.
+  /// Runs on the worker's thread and calls `stopped` regularly. May return an empty Finish.
   using Job = std::function<Finish(const std::function<bool()>& stopped)>;
 
   Worker();
-  /// Stops the job that runs, forgets the others, joins.
+  /// Stops the running job, discards the others, joins.
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
-  /// `what`: for a person, while it runs: "loading a session".
+  /// `what` describes the running job for a person: "loading a session".
   void start(std::string what, Job job);
   void poll();
-  /// The running or the next waiting job; empty: none.
+  /// Returns the running or next waiting job; empty: none.
   [[nodiscard]] std::string doing() const;
   [[nodiscard]] bool busy() const { return !doing().empty(); }
 
@@ -40,7 +40,7 @@ class Worker {
   };
   void run();
 
-  mutable std::mutex mutex_;  // guards all that follows
+  mutable std::mutex mutex_;  // guards all following members
   std::condition_variable changed_;
   std::deque<Entry> waiting_;
   std::string running_;

@@ -1,4 +1,4 @@
-/// Shared by look-over, replay and comparison: the 3-D scene with its cameras, and the stack of plots.
+/// The 3-D scene with its cameras and the stack of plots. The live, replay and comparison screens share them.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@
 
 namespace needlelab {
 
-/// The camera's place.
+/// The camera's position.
 enum class Look : std::uint8_t { kTrainee, kAbove, kSide, kFree };
 
 /// A 3-D scene with its own camera. Thread: the surface's.
@@ -23,8 +23,8 @@ class ScenePane {
 
   void look(Look look);
   [[nodiscard]] Look looking() const { return look_; }
-  /// Camera buttons, then the picture; `size_px`: of both. `aids`: what is drawn. `second`: another needle in
-  /// it.
+  /// Draws camera buttons and the picture; `size_px`: size of both together. `aids`: the visible parts.
+  /// `second`: a second needle.
   void show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
             const AidSet& aids, ImVec2 size_px, const std::optional<Moment>& second = {},
             std::vector<TipTrail> trails = {});
@@ -39,20 +39,21 @@ class ScenePane {
   Look look_ = Look::kTrainee;
 };
 
-/// Which plots stand under one another.
+/// The plots in the stack.
 enum class PlotSet : std::uint8_t {
   kForces,      ///< forces by effect, depth with its layers, speed
   kMotion,      ///< speed, lateral error, angles, depth
   kWallAndTip,  ///< wall against tip per axis, as the paper's Fig. 8 and 9, and the force
 };
-/// Buttons for it; changes `set`.
+/// Shows buttons for the plot set; changes `set`.
 void choosePlots(PlotSet& set);
-/// Plots [from_s, to_s] of a trace. `cursor_s`: a line there, with the values. `extra`: marks of the caller.
+/// Plots [from_s, to_s] of a trace. `cursor_s`: position of a line with the values. `extra`: the caller's
+/// marks.
 PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene,
                         double from_s, double to_s, std::optional<double> cursor_s, ImVec2 size_px,
                         const std::vector<PlotMark>& extra = {});
 
-/// The tip's way in the last `seconds` before `until_s`, for the scene.
+/// Returns the tip's path in the last `seconds` before `until_s`, for the scene.
 TipTrail trailOf(const GestureTrace& trace, double until_s, double seconds, Rgb colour);
 
 }  // namespace needlelab

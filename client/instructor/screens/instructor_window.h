@@ -1,4 +1,4 @@
-/// The instructor's window: its screens, its keys, and its text for scripts.
+/// The instructor's window: screens, keys, and text for scripts.
 #pragma once
 
 #include <filesystem>
@@ -13,15 +13,15 @@
 
 namespace needlelab {
 
-/// Thread: the surface's. `surface` and `lab` outlive it.
+/// Thread: the surface's. `surface` and `lab` must outlive it.
 class InstructorWindow {
  public:
-  /// Errors: as SceneRenderer::make.
+  /// Errors: from SceneRenderer::make.
   static Result<std::unique_ptr<InstructorWindow>> make(Surface& surface, LabState& lab);
 
-  /// Draws one frame, within beginFrame and endFrame. `read_text`: keeps the text of the screen for `text()`.
+  /// Draws one frame between beginFrame and endFrame. `read_text`: keeps the screen's text for `text()`.
   void draw(bool read_text);
-  /// The text of the last frame, in one line.
+  /// Returns the text of the last frame in one line.
   [[nodiscard]] const std::string& text() const { return text_; }
 
   [[nodiscard]] LabState& lab() { return lab_; }
@@ -44,27 +44,26 @@ class InstructorWindow {
   std::string text_;
 };
 
-/// The text with each run of spaces and line ends as one space: how scripts compare what stands on the
-/// screen.
+/// Returns the text with each run of whitespace as one space. Scripts compare screen texts in this form.
 std::string flatText(const std::string& text);
 
 // --- the window from options to the exit code
 
 struct WindowRunOptions {
-  LoginForm form;  ///< the known fields; with a password: logs in at once
+  LoginForm form;  ///< initial values; with a password, logs in at once
   SurfaceOptions surface;
   std::filesystem::path login_memory;  ///< written after a log-in; empty: none
-  std::filesystem::path script;        ///< empty: none; its end is the program's end
+  std::filesystem::path script;        ///< empty: none; the program ends with it
   std::filesystem::path screenshot;    ///< empty: none
-  double screenshot_at_s = 2;  ///< since the first frame; after it the program ends, unless there is a script
-  std::optional<double> seconds;  ///< end after so long
-  std::string station;            ///< looked over once logged in; empty: the lab is shown
-  std::string session;            ///< replayed once logged in
+  double screenshot_at_s = 2;          ///< since the first frame; without a script the program ends after it
+  std::optional<double> seconds;       ///< end after this time
+  std::string station;                 ///< watched after the log-in; empty: show the lab
+  std::string session;                 ///< replayed after the log-in
 };
 
-/// Runs until the window is closed, the script ends, SIGINT or SIGTERM. Thread: the process's first one.
-/// Errors: those of Surface::open, of the script (kFailed: an action, with file and line), kInvalidInput (its
-/// text).
+/// Runs until the window closes, the script ends, or SIGINT or SIGTERM arrives. Thread: the process's first
+/// one. Errors: from Surface::open; kFailed (a script action, with file and line), kInvalidInput (the
+/// script's text).
 Status runInstructorWindow(const WindowRunOptions& options, const std::function<bool()>& stopped);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// The screens of the instructor's window, and the frame around them. Each is a function of the lab's state,
-/// called in every frame. Thread: the surface's.
+/// The screens of the instructor's window and the frame around them. Each is a function of the lab's state;
+/// the window calls it in every frame. Thread: the surface's.
 #pragma once
 
 #include <optional>
@@ -14,32 +14,33 @@ namespace needlelab {
 
 // --- around every screen: screen_frame.cpp
 
-/// The bar at the top. Empty screens can be chosen, too: they explain what to do.
+/// Draws the bar at the top. The user can also select empty screens, which give advice.
 void showNavigation(LabState& lab, bool& show_help);
-/// Beneath the bar while the connection is lost or refused: why, what to do, when the next try comes.
+/// Draws a banner below the bar while the connection is lost or refused: cause, advice, time of the next
+/// attempt.
 void showLinkBanner(LabState& lab);
-/// Over everything at the lower edge.
+/// Draws the notices over everything at the lower edge.
 void showNotices(LabState& lab);
-/// In the middle of an empty screen: what is missing and how to get it. `action`: a button's label, or null.
-/// Returns true when the button was pressed.
+/// Explains in the middle of an empty screen what is missing and how to get it. `action`: a button's label,
+/// or null. Returns true if the button was pressed.
 bool showEmpty(std::string_view headline, std::string_view advice, const char* action = nullptr);
-/// What is being loaded or computed, with a bar; draws nothing when nothing is.
+/// Shows the running job with a progress bar; draws nothing without a job.
 void showWork(const LabState& lab);
 
 // --- the screens
 
-/// The first screen: server, its CA file, name, password; says in plain words what is wrong.
+/// The first screen: server, CA file, name, password; explains errors in plain words.
 void showLogin(LabState& lab);
 
 /// The whole lab: a tile for each station; those that need help come first.
 void showLab(LabState& lab);
 
-/// Commands to the station that is looked over: message, remark, next exercise, aids, stop.
+/// Commands to the watched station: message, remark, next exercise, aids, stop.
 class CommandPanel {
  public:
-  /// `lab.live()` is not null.
+  /// `lab.live()` must not be null.
   void show(LabState& lab);
-  /// The next frame puts the cursor there.
+  /// Puts the cursor there in the next frame.
   void focusMessage() { focus_message_ = true; }
   void focusRemark() { focus_remark_ = true; }
 
@@ -52,7 +53,7 @@ class CommandPanel {
   bool focus_message_ = false, focus_remark_ = false, confirm_stop_ = false;
 };
 
-/// Looks over one trainee's shoulder: scene, plots, commands to the station.
+/// Live view of one trainee: scene, plots, commands to the station.
 class LiveScreen {
  public:
   explicit LiveScreen(ScenePane pane) : pane_(std::move(pane)) {}
@@ -95,10 +96,10 @@ class ReplayScreen {
   ScenePane pane_;
   std::string remark_;
   bool focus_remark_ = false;
-  bool whole_ = true;  ///< the plots show all of it, else 10 s about the present moment
+  bool whole_ = true;  ///< plots show the whole gesture, otherwise 10 s around the present moment
 };
 
-/// Two recordings beside each other, or laid over each other.
+/// Two recordings side by side or overlaid.
 class CompareScreen {
  public:
   CompareScreen(ScenePane first, ScenePane second) : first_(std::move(first)), second_(std::move(second)) {}
@@ -106,7 +107,7 @@ class CompareScreen {
   Alignment alignment = Alignment::kDepth;
 
  private:
-  /// One series of both, as plots want it.
+  /// One series of both recordings, in the plots' format.
   struct Curves {
     std::vector<double> a, b, difference;
   };
@@ -117,26 +118,26 @@ class CompareScreen {
   [[nodiscard]] const ComparedPoint& pointAt(const GestureComparison& comparison) const;
 
   ScenePane first_, second_;
-  const void* of_ = nullptr;  // the comparison that the curves belong to
+  const void* of_ = nullptr;  // comparison of the curves
   std::size_t of_size_ = 0;
   std::vector<double> x_;
   std::vector<Curves> curves_;
-  double at_ = 0;  // on the comparison's axis
+  double at_ = 0;  // position on the comparison's axis
   bool overlaid_ = true;
 };
 
-/// "What would it have felt like": the engine on the recording, with another profile or model.
+/// "What would it have felt like": runs the engine on the recording with another profile or model.
 class RerunScreen {
  public:
   void show(LabState& lab);
-  std::string profile = "own", model;  ///< chosen; an empty model: the profile's
+  std::string profile = "own", model;  ///< the choice; an empty model: the profile's
 
  private:
   void showChoice(LabState& lab);
   void showForces(LabState& lab);
 };
 
-/// Measures beside requirements and experts, the trainee's progress, export.
+/// Measures compared with requirements and experts, the trainee's progress, export.
 class ScoresScreen {
  public:
   void show(LabState& lab);
@@ -146,7 +147,7 @@ class ScoresScreen {
   void showProgress(const ReportData& data);
   void showExport(LabState& lab);
   std::string file_ = "report.html";
-  const void* asked_for_ = nullptr;  // the gesture of the score that was requested
+  const void* asked_for_ = nullptr;  // the gesture of the requested score
 };
 
 }  // namespace needlelab

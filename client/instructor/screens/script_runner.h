@@ -1,4 +1,4 @@
-/// Runs a script, an action after the other, while frames go by.
+/// Runs a script, one action after another, between frames.
 #pragma once
 
 #include <functional>
@@ -14,15 +14,15 @@ namespace needlelab {
 /// Thread: the surface's.
 class ScriptRunner {
  public:
-  /// `name`: of the file, for messages. `print`: where print, latency and frames write.
+  /// `name`: the file's name, for messages. `print`: output of the actions print, latency and frames.
   ScriptRunner(std::vector<ScriptAction> actions, std::string name,
                std::function<void(const std::string&)> print);
 
-  /// Call it after each frame. Actions that wait for nothing are done one a frame.
+  /// Call it after each frame. Runs at most one non-waiting action per frame.
   void afterFrame(InstructorWindow& window);
-  /// All was done, `quit` came, or something failed.
+  /// Returns whether the script ended: all actions done, `quit`, or a failure.
   [[nodiscard]] bool over() const { return over_; }
-  /// "tour:7: expect \"…\": …" when it failed.
+  /// Returns "tour:7: expect \"…\": …" after a failure.
   [[nodiscard]] const Status& status() const { return status_; }
 
  private:

@@ -1,4 +1,4 @@
-/// The instructor in a terminal: live lines of a station or session, an overview of all stations, or a
+/// The instructor in a terminal: live lines for a station or session, an overview of all stations, or a
 /// replay.
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// Shared by the three of them.
+/// Data shared by the three modes.
 struct HeadlessRun {
   const InstructorOptions& options;
   BlockingClient& client;
@@ -22,18 +22,18 @@ struct HeadlessRun {
   [[nodiscard]] bool over() const { return stop() || BlockingClient::Clock::now() >= end; }
   void line(const std::string& text) const;
   void note(const std::string& text) const;
-  /// Reconnects; says so before and after.
+  /// Reconnects; prints a note before and after.
   Status recover(const Error& why) const;
 };
 
-/// Lines until --seconds or Ctrl-C, then the summary. The link must be connected.
-/// Errors: kNotFound (no such session), kCorrupt (a stored chunk), kDenied, kUnavailable (lost, and the time
-/// is over).
+/// Prints lines until --seconds or Ctrl-C, then the summary. The client must be connected. Errors: kNotFound
+/// (no such session), kCorrupt (a stored chunk), kDenied, kUnavailable (connection lost, and the time is
+/// over).
 Status runHeadless(const HeadlessRun& run);
 
-/// Lines of --station or --session, live.
+/// Prints live lines for --station or --session.
 Status watchLive(const HeadlessRun& run);  // watch.cpp
-/// Lines of the stored --session, at the speed of its own clock.
+/// Prints lines for the stored --session at its recorded speed.
 Status replaySession(const HeadlessRun& run);  // replay.cpp
 
 }  // namespace needlelab

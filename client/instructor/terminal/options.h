@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// In place of a list of aids: back to those of the exercise.
+/// Replaces a list of aids: back to the exercise's aids.
 inline constexpr const char* kResetAids = "reset";
 
 struct InstructorOptions {
@@ -25,42 +25,44 @@ struct InstructorOptions {
   std::string station;
   std::string session;            ///< text of a UUID
   std::optional<double> rate_hz;  ///< lines per second; 0: every frame of the station
-  std::optional<double> from_s;   ///< of a replay: begin so long after the first sample
-  double speed = 1;               ///< of a replay; 0: as fast as it comes
-  std::optional<double> seconds;  ///< end after so long; none: on Ctrl-C
-  // commands, each sent once and as soon as possible: to an online station, in a lesson that runs, at a
-  // moment of it
+  std::optional<double> from_s;   ///< replay: start this long after the first sample
+  double speed = 1;               ///< replay; 0: as fast as possible
+  std::optional<double> seconds;  ///< end after this time; none: on Ctrl-C
+  // commands, each sent once and as soon as possible: to an online station, in a running lesson, at a moment
+  // of it
   std::string message;  ///< to the trainee
   std::string next_exercise;
-  std::string aids;   ///< "depth, force", "none", "all", or "reset": those of the exercise
-  bool stop = false;  ///< the lesson that runs
+  std::string aids;   ///< "depth, force", "none", "all", or "reset" for the exercise's aids
+  bool stop = false;  ///< stop the running lesson
   std::string stop_reason;
-  std::string annotate;          ///< a remark on the lesson's moment, or on that of `at_s`
-  std::optional<double> at_s;    ///< since the session's first sample
-  bool once = false;             ///< end when all commands were sent
-  std::filesystem::path report;  ///< of --session, an HTML file; needs neither window nor --headless
+  std::string annotate;        ///< a remark on the lesson's present moment, or on `at_s`
+  std::optional<double> at_s;  ///< since the session's first sample
+  bool once = false;           ///< end after sending all commands
+  std::filesystem::path
+      report;  ///< HTML file with the report on --session; needs neither window nor --headless
   // the window
   std::filesystem::path script, screenshot;
   bool off_screen = false;
   double font_scale = 1;
-  std::string window_size;  ///< "1280x720"; empty: as it was left
+  std::string window_size;  ///< "1280x720"; empty: the last size
 
   [[nodiscard]] bool window() const { return !headless && report.empty(); }
 };
 
-/// Checks the options together. Errors: kInvalidInput naming the option, its value, and the allowed values.
+/// Checks the combination of options. Errors: kInvalidInput, naming the option, its value, and the allowed
+/// values.
 Status checkOptions(const InstructorOptions& options);
 
-/// In pixels; 1280 × 720 by default. Errors: kInvalidInput, as of checkOptions.
+/// In pixels; 1280 × 720 by default. Errors: kInvalidInput, as in checkOptions.
 struct WindowSize {
   int width_px = 1280, height_px = 720;
 };
 Result<WindowSize> windowSizeOf(const InstructorOptions& options);
 
-/// Server, CA and limits, without the log-in. `options` must be checked.
+/// Returns server, CA and limits, without the log-in. `options` must be checked.
 ClientConfig clientConfig(const InstructorOptions& options);
 
-/// The session's 16 bytes. `options` must be checked; empty when there is none.
+/// Returns the session's 16 bytes; empty without a session. `options` must be checked.
 std::string sessionBytes(const InstructorOptions& options);
 
 }  // namespace needlelab
