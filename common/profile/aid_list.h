@@ -1,5 +1,5 @@
-/// Lists of aids (pb::Exercise::Aid): what a station shows the trainee, as an exercise allows it or as an
-/// instructor changes it.
+/// Lists of aids (pb::Exercise::Aid) that a station shows the trainee, as the exercise allows them or the
+/// instructor changes them.
 #pragma once
 
 #include <google/protobuf/repeated_field.h>
@@ -12,21 +12,22 @@
 
 namespace needlelab {
 
-/// As Protobuf holds a repeated enum: numbers that this version may not know.
+/// Protobuf's form of a repeated enum: may contain numbers unknown to this version.
 using AidList = google::protobuf::RepeatedField<int>;
 
-/// kInvalidInput, `PATH[2]: words`: an aid that is none, or is listed twice. Empty lists are valid: no aids.
+/// Errors: kInvalidInput, `PATH[2]: words`, for an unknown aid or an aid listed twice. An empty list is
+/// valid: no aids.
 Status checkAids(const std::string& path, const AidList& aids);
 
-/// All but ULTRASOUND, which takes time to draw: what holds where an exercise says nothing.
+/// The default of an exercise: all aids but ULTRASOUND, which takes time to draw.
 AidList usualAids();
-/// What the exercise allows; the usual ones where it says nothing.
+/// Returns the aids that the exercise allows; the default aids if it lists none.
 AidList aidsOfExercise(const pb::Exercise& exercise);
 [[nodiscard]] bool hasAid(const AidList& aids, pb::Exercise::Aid aid);
 
 /// "DEPTH, FORCE"; "none" for an empty list.
 std::string aidsText(const AidList& aids);
-/// The inverse, upper or lower case, spaces as one likes; "none": none, "all": all of them. kInvalidInput
+/// The inverse, in upper or lower case, with any spaces; "none": none, "all": all of them. kInvalidInput
 /// names the word that is not an aid, and all aids.
 Result<AidList> parseAids(std::string_view text);
 

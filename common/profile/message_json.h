@@ -1,5 +1,5 @@
-/// Messages from and to JSON, by their descriptors and the options of options.proto: those of profile.proto
-/// both ways, those of requests (server/web) from it.
+/// Converts messages from and to JSON, by their descriptors and the options of options.proto: messages of
+/// profile.proto in both directions, requests (server/web) from JSON only.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -12,16 +12,18 @@
 
 namespace needlelab {
 
-/// Fills `message` (empty before) from `value`. Each field: known name in either case, given once, of its
-/// type, within the range, size and presence that its options say; of each oneof exactly one. Enumerators by
-/// name, none of them `…_UNSPECIFIED`. Errors: kInvalidInput, `PATH: words`, without a source.
+/// Fills `message` (empty before) from `value`. Each field must have a known name (in either case), occur
+/// once, have the right type, and meet the range, size and presence in its options; exactly one field of each
+/// oneof must be set. Enumerators are given by name, never `…_UNSPECIFIED`. Errors: kInvalidInput, `PATH:
+/// words`, without a source.
 Status readMessage(const nlohmann::json& value, google::protobuf::Message& message);
 
-/// The same, but reads on behind each fault: all of them, at most 200; `message` holds what could be read.
+/// The same, but continues after each fault and returns all faults, at most 200; `message` holds the readable
+/// fields.
 std::vector<Error> messageFaults(const nlohmann::json& value, google::protobuf::Message& message);
 
-/// The message's fields in the order of its .proto, in snake_case; a list that is `required` is written when
-/// empty, too. Objects and lists that fit into one line stand on one line. Ends with a newline.
+/// Writes the message's fields in the order of its .proto, in snake_case; writes a `required` list even when
+/// it is empty. Objects and lists that fit into one line stay on one line. Ends with a newline.
 std::string writeMessage(const google::protobuf::Message& message);
 
 }  // namespace needlelab

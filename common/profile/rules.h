@@ -1,4 +1,4 @@
-/// What a profile or exercise must fulfil beyond single fields. Private to this folder.
+/// Rules over several fields of a profile or exercise. Private to this folder.
 #pragma once
 
 #include "common/base/result.h"
@@ -16,7 +16,7 @@ Status checkCurriculumRules(const pb::Curriculum& curriculum);
 /// Checks that the chosen model has its section, and that `synthetic` names parameters that exist.
 Status checkModelSection(const pb::Profile& profile);
 
-/// The section with the effect's numbers; null where the profile, or the effect, has none.
+/// Returns the section with the effect's numbers; null if the profile or the effect has none.
 const google::protobuf::Message* sectionOf(const EffectEntry& effect, const pb::Profile& profile);
 
 }  // namespace needlelab

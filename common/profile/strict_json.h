@@ -1,4 +1,4 @@
-/// JSON text from anywhere to a tree, with nothing doubtful let through.
+/// Parses untrusted JSON text into a tree and refuses everything doubtful.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -14,7 +14,7 @@ namespace needlelab {
 /// and column.
 Result<nlohmann::json> readStrictJson(std::string_view text, std::string_view source, std::size_t max_bytes);
 
-/// `PATH: words`, or the words alone without a path.
+/// Returns `PATH: words`, or the words alone if the path is empty.
 Error fieldError(const std::string& path, const std::string& words);
 
 /// `text` as a JSON string, cut after some 60 bytes: safe to print in a message.

@@ -1,5 +1,5 @@
-/// Watches a gesture while it goes on: its greatest force, the hazards that were touched, the tissue; with
-/// the definitions of `scoreGesture`.
+/// Watches a gesture during the lesson: greatest force, touched hazards, tissue; with the definitions of
+/// `scoreGesture`.
 #pragma once
 
 #include <memory>
@@ -13,25 +13,25 @@
 
 namespace needlelab {
 
-/// Costs some 10 ns a sample and hazard while the tip is in tissue. Thread: one.
+/// Costs about 10 ns per sample and hazard while the tip is in tissue. Thread: one.
 class LessonWatch {
  public:
-  /// `X_WL`: where the profile's frame stands in W. `exercise`: its limit on peak_force_n, if it has one.
+  /// `X_WL`: pose of the profile's frame in W. `exercise`: its limit on peak_force_n is used, if it has one.
   LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb::Exercise* exercise = nullptr);
   LessonWatch(LessonWatch&&) noexcept;
   LessonWatch& operator=(LessonWatch&&) noexcept;
   ~LessonWatch();
 
-  /// The next samples, in the order of ticks. Those that are not finite are passed over.
+  /// Adds the next samples, in the order of ticks. Skips samples that are not finite.
   void add(std::span<const GestureSample> samples);
 
   /// Greatest |force| on the hand so far, N.
   [[nodiscard]] double peakForce_N() const { return peak_force_N_; }
-  /// Of the exercise's requirement on peak_force_n; 0: none.
+  /// The exercise's limit on peak_force_n; 0: none.
   [[nodiscard]] double forceLimit_N() const { return force_limit_N_; }
-  /// Names, in the order in which they were touched first: the tip or the shaft in tissue came to them.
+  /// Names of the touched hazards, in the order of first touch by the tip or by the shaft in tissue.
   [[nodiscard]] const std::vector<std::string>& hazardsTouched() const { return touched_; }
-  /// Of the layer that the tip is in now, in lower case: "muscle"; empty outside.
+  /// The tissue of the tip's current layer, in lower case: "muscle"; empty outside.
   [[nodiscard]] const std::string& tissue() const { return tissue_; }
 
  private:

@@ -1,4 +1,4 @@
-/// The groups of measures and what they all read. Private to this folder.
+/// The groups of measures and their common input. Private to this folder.
 #pragma once
 
 #include <span>
@@ -23,15 +23,16 @@ struct Gesture {
   Anatomy anatomy;
   const pb::Profile* profile = nullptr;
 
-  /// How long sample `i` lasted, in s: half of the time to each neighbour in its run. 0 for a lonely sample.
+  /// The duration of sample `i` in s: half of the time to each neighbour in its run. 0 for a single sample.
   [[nodiscard]] double weight_s(std::size_t i) const;
 };
 
 /// Collects rows.
 class Rows {
  public:
-  /// Unit and words are those of measure_table.h; `words`: in place of those, e.g. with a layer's tissue.
-  /// Values that are not finite make no row, and names that the table does not have neither (asserted).
+  /// Adds a row with the unit and words of measure_table.h; `words` replaces the table's words, e.g. with a
+  /// layer's tissue. Adds no row for a value that is not finite, nor for a name that is not in the table
+  /// (asserted).
   void add(std::string name, double value, std::string words = {});
   std::vector<Measure> take() { return std::move(rows_); }
 
@@ -41,16 +42,17 @@ class Rows {
 
 void addMotion(const Gesture& gesture, Rows& rows);   ///< time, path, speed, smoothness
 void addActions(const Gesture& gesture, Rows& rows);  ///< movements, turns, work against clamping
-void addTissue(const Gesture& gesture, Rows& rows);   ///< depth, forces, what the needle did in tissue
+void addTissue(const Gesture& gesture, Rows& rows);   ///< depth, forces, events of the needle in tissue
 void addAim(const Gesture& gesture, Rows& rows);      ///< target and hazards
 /// Aspirations and injections.
 void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows);
 
-/// How far from the nearest reference gesture.
+/// Distance from the nearest reference gesture.
 void addReferences(const Gesture& gesture, const Pose& X_WL, std::span<const TipPath> references, Rows& rows);
 TipPath tipPathOf(const Gesture& gesture, const Pose& X_WL);
 
-/// Fills min, max, passed and the sentence of every row; adds rows for requirements on what was not measured.
+/// Fills min, max, passed and the sentence of every row; adds rows for requirements on measures that the
+/// gesture does not have.
 void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measures);
 
 }  // namespace needlelab

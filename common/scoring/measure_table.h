@@ -1,5 +1,5 @@
-/// Every measure that a score can have, in one table: what `GET /measures`, the README of this folder, checks
-/// of requirements, and comparisons read.
+/// The table of all measures of a score. `GET /measures`, the README of this folder, checks of requirements,
+/// and comparisons read it.
 #pragma once
 
 #include <cstdint>
@@ -20,33 +20,33 @@ std::string_view betterName(Better better);
 
 /// One measure. Texts live as long as the program.
 struct MeasureKind {
-  std::string_view name;   ///< as in rows of a score; a K stands for a layer's number, from 1
+  std::string_view name;   ///< as in the rows of a score; K stands for a layer's number, from 1
   std::string_view unit;   ///< "m", "s", "N", "m/s", "m^2", "J", or "" for counts and shares
-  std::string_view words;  ///< what a person calls it
+  std::string_view words;  ///< the name for people
   Better better = Better::kNeither;
-  std::string_view definition;  ///< in a sentence or two; the whole of it stands beside the code
+  std::string_view definition;  ///< one or two sentences; the full definition is beside the code
 };
 
-/// In the order of a score's rows; layers as one row each with a K.
+/// All measures in the order of a score's rows; a measure per layer has one row with a K.
 std::span<const MeasureKind> measureKinds();
-/// The kind that a row's name belongs to, e.g. of "peak_force_layer_3_n"; null where there is none.
+/// Returns the kind of a row's name, e.g. of "peak_force_layer_3_n"; null if the name is unknown.
 const MeasureKind* measureKind(std::string_view name);
-/// Which way is better for a row of this name; `kNeither` for unknown ones.
+/// Returns the better direction for a row of this name; `kNeither` for unknown names.
 Better betterOf(std::string_view name);
 
-/// What a person calls a row, with its layer's number: "Peak force in layer 3"; the name itself for unknown
-/// ones.
+/// Returns the words for a row, with its layer's number: "Peak force in layer 3"; the name itself if it is
+/// unknown.
 std::string measureWords(std::string_view name);
 
-/// A value as a person reads it: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²".
+/// Formats a value for people: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²".
 std::string valueText(double value, const std::string& unit);
-/// The few that a list of sessions shows of a score, where it has them: elapsed time, peak force, depth,
-/// distance from the target, lateral error, hazards touched.
+/// The main measures of a score, shown in lists of sessions if the score has them: elapsed time, peak force,
+/// depth, distance from the target, lateral error, hazards touched.
 std::span<const std::string_view> mainMeasures();
 
 /// The table as JSON: a list of {"measure", "unit", "words", "better", "definition"}.
 std::string measureTableJson();
-/// The table as Markdown, as it stands in this folder's README.
+/// The table as Markdown, as in this folder's README.
 std::string measureTableMarkdown();
 
 }  // namespace needlelab

@@ -16,9 +16,9 @@
 
 namespace needlelab {
 
-/// The version of all definitions in this folder that decide about a value. It goes up by one whenever the
-/// value of any measure of any gesture changes or a measure comes or goes; a test over committed gestures
-/// (definition_test.cpp) tells when. Stored scores say which version they are of.
+/// The version of all definitions in this folder that decide about a value. Increase it by one whenever the
+/// value of any measure of any gesture changes, or a measure is added or removed; a test over committed
+/// gestures (definition_test.cpp) detects such a change. Stored scores contain their version.
 /// 1: until issue 5. 2: movements, turns, mean force per layer, work against clamping, distance from
 /// references.
 inline constexpr std::uint32_t kScoreDefinitionVersion = 2;
@@ -28,34 +28,35 @@ struct Measure {
   std::string name;           ///< e.g. "peak_force_n"
   double value = 0;           ///< always finite
   std::string unit;           ///< "m", "s", "N", "m/s", "m^2", or "" for counts and shares
-  std::optional<double> min;  ///< the exercise's requirement, where it has one
+  std::optional<double> min;  ///< the exercise's requirement, if any
   std::optional<double> max;
-  std::optional<bool> passed;  ///< whether the requirement is met; empty where there is none
+  std::optional<bool> passed;  ///< whether the requirement is met; empty without a requirement
   std::string words;           ///< the measure and its requirement as a sentence for a person
   bool measured =
       true;  ///< false: required by the exercise, but this gesture has no such measure; `value` is 0
 };
 
-/// All measures of a gesture, in a fixed order. A measure that does not apply is left out: of layers and
-/// targets that the profile does not have, of tissue that was never entered, smoothness without movement.
+/// All measures of a gesture, in a fixed order. A measure that does not apply is left out: for layers and
+/// targets that the profile does not have, for tissue that was never entered, for smoothness without
+/// movement.
 ///
 /// Definitions stand beside the code of each group (measures.cpp, measures_in_tissue.cpp) and in track.h,
 /// dtw.h and syringe_events.h. What they share:
 /// - Lengths of paths, speeds, swept area and smoothness come from positions averaged to 100 Hz and
-/// low-passed to 6 Hz
-///   (track.h), so that they do not depend on the loop's rate. Depths, distances and forces come from the
-///   ticks themselves.
-/// - In tissue is what the engine took for it (a layer is given). A tick stands for the time to the next one.
-/// - Ticks that are missing for up to 0.1 s are bridged by straight lines; nothing is assumed of longer gaps
-/// (their time
-///   counts in `elapsed_s` only). Samples that are not finite, absurd (1 km, 1 MN) or not in ascending order
-///   of ticks are passed over.
+/// low-passed
+///   to 6 Hz (track.h), so that they do not depend on the loop's rate. Depths, distances and forces come from
+///   the ticks themselves.
+/// - The needle is in tissue when the engine says so (a layer is given). A tick stands for the time to the
+///   next tick.
+/// - Gaps of up to 0.1 s are bridged by straight lines; nothing is assumed about longer gaps (their time
+///   counts in `elapsed_s` only).
+/// - Samples that are not finite, absurd (1 km, 1 MN) or not in ascending order of ticks are skipped.
 ///
-/// `rate_hz`: of the loop; outside 50-40,000 there is no score. `X_WL`: where the profile's frame stood in W.
-/// `exercise`: its requirements (and its time limit, as one on `elapsed_s`) fill min, max, passed; one on a
-/// measure that this gesture does not have makes a row that did not pass and says why. `references`: paths of
-/// gestures to compare with (dtw.h); without any there is no `dtw_distance_m`. Thread: any; nothing is
-/// shared.
+/// `rate_hz`: rate of the loop; outside 50-40,000 there is no score. `X_WL`: pose of the profile's frame in
+/// W. `exercise`: its requirements (and its time limit, as a requirement on `elapsed_s`) fill min, max,
+/// passed; a requirement on a measure that this gesture does not have makes a row that failed and states the
+/// reason. `references`: paths of gestures to compare with (dtw.h); without references there is no
+/// `dtw_distance_m`. Thread: any; shares no state.
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL,
                                   const pb::Exercise* exercise = nullptr,
@@ -63,18 +64,18 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
 
 /// Whether `scoreGesture` can give a measure of this name for some profile, e.g. "peak_force_layer_3_n".
 bool isMeasureName(std::string_view name);
-/// Errors: kInvalidInput, naming the first requirement whose measure no score has.
+/// Errors: kInvalidInput with the first requirement on a measure that does not exist.
 Status checkRequirements(const pb::Exercise& exercise);
 
-/// A JSON list of {"measure", "value", "unit", "words"} and, where there is a requirement, "min", "max",
-/// "passed". `value` is null where nothing was measured.
+/// Returns a JSON list of {"measure", "value", "unit", "words"} and, for rows with a requirement, "min",
+/// "max", "passed". `value` is null where nothing was measured.
 std::string scoreJson(std::span<const Measure> measures);
-/// The rows that `scoreJson` wrote. kCorrupt: the text is none of its.
+/// Reads the rows that `scoreJson` wrote. kCorrupt: the text is not from `scoreJson`.
 Result<std::vector<Measure>> parseScore(const std::string& json);
-/// A table for a terminal: aligned columns, the words last, requirements marked.
+/// Formats a table for a terminal: aligned columns, words last, requirements marked.
 std::string scoreText(std::span<const Measure> measures);
 
-/// What stands beside the measures of one score.
+/// The identification of one score in a CSV.
 struct ScoreCsvAttempt {
   std::string session, trainee, exercise;  ///< ids; the session's as text
   std::uint32_t attempt = 0;               ///< number at that exercise, from 1
@@ -86,10 +87,10 @@ struct ScoreCsvAttempt {
 /// and a line feed. Stable: columns are only added at the end.
 void appendScoreCsvHeader(std::string& out);
 
-/// A row a measure, in the score's order: values with 17 significant digits, empty where nothing was
-/// measured; min, max and passed (1 or 0) empty where nothing was required. Texts that begin like a formula
-/// of a spreadsheet (= + - @) get a ' in front; those with commas, quotes or line feeds stand in quotes.
-/// Errors: kCorrupt, `measures_json` is not a score; nothing was appended.
+/// Appends one row per measure, in the score's order: values with 17 significant digits, empty where nothing
+/// was measured; min, max and passed (1 or 0) empty where nothing is required. Texts that begin like a
+/// spreadsheet formula (= + - @) get a leading '; texts with commas, quotes or line feeds are quoted. Errors:
+/// kCorrupt if `measures_json` is not a score; nothing is appended then.
 Status appendScoreCsvRows(std::string& out, const ScoreCsvAttempt& attempt, const std::string& measures_json);
 
 }  // namespace needlelab

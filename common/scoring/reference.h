@@ -1,9 +1,8 @@
-/// Bands of expert gestures, and how one gesture compares with them.
-///
-/// A few experts are a small sample, and this says so: below `kLeastForZScore` gestures there is no z-score
-/// and no percentile, only the range. "Like the experts" means within the 95 % prediction interval of one
-/// more gesture from the same normal distribution, mean ± t(0.975, n−1)·sd·√(1 + 1/n), which is wide where n
-/// is small; it asks nothing of the population's true spread.
+/// Bands of expert gestures, and the comparison of a gesture with them.
+/// A few experts are a small sample: below `kLeastForZScore` gestures there is no z-score and no percentile,
+/// only the range. "Like the experts" means within the 95 % prediction interval of one more gesture from the
+/// same normal distribution, mean ± t(0.975, n−1)·sd·√(1 + 1/n), which is wide for small n; it needs no
+/// assumption about the population's true spread.
 #pragma once
 
 #include <cstdint>
@@ -20,31 +19,31 @@ namespace needlelab {
 
 inline constexpr std::size_t kLeastForZScore = 5;
 
-/// A measure over reference gestures; those that do not have it are left out.
+/// A measure over reference gestures; gestures without the measure are left out.
 struct ReferenceBand {
   std::string name, unit;
   std::size_t n = 0;  ///< at least 1
   double mean = 0;
-  double sd = 0;  ///< of the sample (n − 1); 0 where n = 1
+  double sd = 0;  ///< sample standard deviation (n − 1); 0 for n = 1
   double least = 0, greatest = 0, median = 0;
   std::optional<double> p10, p25, p75, p90;  ///< interpolated between ranks; from kLeastForZScore on
 };
 
-/// In the order of measureKinds(), layers by number.
+/// Returns the bands in the order of measureKinds(), layers by number.
 std::vector<ReferenceBand> referenceBands(std::span<const std::vector<Measure>> gestures);
 
-/// A band of these values (at least one; not finite ones are left out).
+/// Returns the band of these values (at least one; values that are not finite are left out).
 ReferenceBand bandOf(std::string name, std::string unit, std::span<const double> values);
 
-/// How far each reference is from the nearest of the others: with what a gesture's `dtw_distance_m` is to be
-/// compared. Empty for fewer than two.
+/// Returns the distance of each reference from the nearest other reference: the scale for a gesture's
+/// `dtw_distance_m`. Empty for fewer than two references.
 std::vector<double> distancesAmong(std::span<const TipPath> references);
 
 enum class Standing : std::uint8_t {
-  kLikeReference,  ///< within what another expert's gesture would show
-  kBetter,         ///< outside of it, on the better side
+  kLikeReference,  ///< within the expected range of another expert's gesture
+  kBetter,         ///< outside that range, on the better side
   kWorse,
-  kDifferent,  ///< outside of it, and neither side is better
+  kDifferent,  ///< outside that range, and neither side is better
   kTooFew,     ///< fewer than kLeastForZScore references
 };
 /// "like_reference", "better", "worse", "different", "too_few".
@@ -59,7 +58,7 @@ struct Comparison {
   std::string words;  ///< one sentence
 };
 
-/// Each measured row that has a band, in the rows' order.
+/// Compares each measured row that has a band, in the rows' order.
 std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
                                              std::span<const ReferenceBand> bands);
 
@@ -67,7 +66,7 @@ std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
 double studentQuantile975(std::size_t df);
 
 /// A list of {"measure", "unit", "n", "mean", "sd", "least", "p10", "p25", "median", "p75", "p90",
-/// "greatest"}; percentiles are null where n is too small for them, sd where n = 1.
+/// "greatest"}; percentiles are null if n is too small for them, sd if n = 1.
 std::string bandsJson(std::span<const ReferenceBand> bands);
 /// A list of {"measure", "value", "unit", "n", "mean", "sd", "z", "better", "standing", "words"}.
 std::string comparisonJson(std::span<const Comparison> comparisons);

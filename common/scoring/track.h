@@ -1,10 +1,10 @@
-/// A recording as a smooth motion at one fixed rate: what lengths, speeds and swept areas are computed from;
-/// and how smooth it is. Private to this folder.
+/// Converts a recording to a smooth motion at one fixed rate, the basis of lengths, speeds and swept areas;
+/// and measures its smoothness. Private to this folder.
 ///
 /// Each quantity is taken as piecewise linear between samples, averaged over bins of `kAnalysisPeriod_s`,
 /// then smoothed by a Gaussian that halves the power at `kAnalysisCutoffHz`, forward and backward alike (no
-/// delay), reflected about its end points (the ends stay where they are). Nothing in this depends on the
-/// loop's rate, and smoothing never makes a path longer.
+/// delay), reflected about its end points (the ends do not move). The result does not depend on the loop's
+/// rate, and smoothing never makes a path longer.
 #pragma once
 
 #include <cstddef>
@@ -20,10 +20,10 @@ namespace needlelab {
 inline constexpr double kAnalysisPeriod_s = 0.01;
 /// Intended hand movement lies below it; tremor (8–12 Hz) and the device's encoder steps are damped.
 inline constexpr double kAnalysisCutoffHz = 6;
-/// Missing ticks up to this long are bridged by straight lines; over a longer gap nothing is assumed.
+/// Missing ticks up to this long are bridged by straight lines; nothing is assumed about longer gaps.
 inline constexpr double kLongestBridge_s = 0.1;
 
-/// One moment of the motion.
+/// One point of the motion.
 struct TrackPoint {
   Vec3 p_WT_m;             ///< tip, smoothed
   Vec3 axis_W;             ///< needle's axis from hub to tip, smoothed, unit
@@ -37,15 +37,15 @@ struct Run {
               last = 0;  ///< samples, both included (indices into the list given to `cleaned`'s result)
   double start_s = 0;    ///< of the first sample, since the recording's first
   double period_s = 0;   ///< between points: at most `kAnalysisPeriod_s`, such that both ends are points
-  std::vector<TrackPoint> points;  ///< at start_s + i·period_s; a single one when the run is one sample
+  std::vector<TrackPoint> points;  ///< at start_s + i·period_s; a single point if the run is one sample
   std::vector<double> inside;   ///< share of the time between points i and i+1 in which the tip was in tissue
   std::vector<Vec3> force_W_N;  ///< on the hand, mean over the time between points i and i+1
 };
 
-/// The samples that can be used: ticks strictly ascending; positions, orientations, forces and lengths finite
-/// and not absurd (1 km, 1 MN). The other ones are left out, as if their ticks had been missed.
-/// Nearly always that is all of them, and then nothing is copied: the result is `samples` itself, else it
-/// lies in `storage`.
+/// Returns the usable samples: ticks strictly ascending; positions, orientations, forces and lengths finite
+/// and not absurd (1 km, 1 MN). Other samples are left out, as if their ticks had been missed. Nearly always
+/// all samples are usable, and nothing is copied: the result is `samples` itself; otherwise it is in
+/// `storage`.
 std::span<const GestureSample> cleaned(std::span<const GestureSample> samples,
                                        std::vector<GestureSample>& storage);
 
@@ -54,20 +54,20 @@ inline double secondsBetween(const GestureSample& a, const GestureSample& b, dou
   return static_cast<double>(b.tick - a.tick) / rate_hz;
 }
 
-/// Whether the tip was in tissue, as the engine saw it in that tick.
+/// Whether the tip was in tissue in that tick, according to the engine.
 inline bool isInside(const GestureSample& sample) {
   return sample.layer >= 0;
 }
 
-/// The runs of a cleaned recording, in order. Memory: some 15 points per sample at most, however large the
+/// The runs of a cleaned recording, in order. Memory: at most about 15 points per sample, for any size of
 /// gaps.
 std::vector<Run> runsOf(std::span<const GestureSample> cleaned_samples, double rate_hz);
 
 inline constexpr double kSparcCutoffHz = 10;
 inline constexpr double kSparcThreshold =
-    0.05;  ///< of the spectrum's maximum: below it a high frequency does not count
+    0.05;  ///< share of the spectrum's maximum; high frequencies below it do not count
 inline constexpr unsigned kSparcPadding = 4;  ///< the spectrum is padded to 2^4 times the next power of two
-/// Longer movements have no smoothness worth the name, and their spectrum would not fit into a few megabytes.
+/// Smoothness has no meaning for longer movements, and their spectrum would not fit into a few megabytes.
 inline constexpr std::size_t kLongestProfile = 65'536;
 
 /// Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012; the form of 2015): minus the length

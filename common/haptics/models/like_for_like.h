@@ -23,9 +23,9 @@ inline constexpr double kSyntheticSdShare = 0.1;
 ///   change within 10 µm.
 /// - STATISTICAL: mean as the cutting force of PRECOMPUTED, sd 10 % of it: synthetic.
 /// - FIRST_ORDER: cutting f_i; friction of the layer where SHAFT_FRICTION is listed, else 0; puncture force
-/// and
-///   secant stiffness of the layer's membrane where PUNCTURE is listed and it has one, else puncture force
-///   f_i − f_{i−1} (at least 1 mN) with stiffness K_t. Both effects leave the list, CUTTING enters it.
+///   and secant stiffness of the layer's membrane where PUNCTURE is listed and the layer has one, else
+///   puncture force f_i − f_{i−1} (at least 1 mN) with stiffness K_t. Both effects leave the list, CUTTING
+///   enters it.
 /// - FEM: E from the lateral stiffness per length k' of a rigid needle, k' = 8πG (1 − ν)/((3 − 4ν) ln(R/r)),
 ///   the leading term of a rigid disc moved in plane strain (Baguelin, Frank and Said 1977) with R/r = 100:
 ///   E = 1.16 k' at ν = 0.45; 10 kPa where k' is 0. Cutting and friction as for FIRST_ORDER, SHAFT_FRICTION
