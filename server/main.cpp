@@ -1,4 +1,4 @@
-// needlelab-server: stores what stations record, serves people, fans out live samples.
+// needlelab-server: stores stations' recordings, serves people, distributes live samples.
 #include <fmt/core.h>
 #include <sys/resource.h>
 
@@ -105,12 +105,12 @@ int main(int argc, char** argv) try {
   if (!format.ok()) return fail(format.error());
   needlelab::setLogFormat(*format);
   options.min_free_bytes = min_free_mib << 20;
-  // a second server on a machine need not be told that the first one has the usual port
+  // with the default web port, a second server on the machine runs without it and needs no option
   options.web_optional = web->count() == 0;
   options.retention_every = std::chrono::hours(retention_every_h);
   options.monitor.max_backup_age = std::chrono::seconds(static_cast<std::int64_t>(max_backup_age_h * 3600));
 
-  // before threads: it removes variables
+  // before starting threads, because it removes environment variables
   const auto handed_over = needlelab::takeListenSockets();
   if (!handed_over.ok()) return fail(handed_over.error());
   if (handed_over->size() > 1)
@@ -122,7 +122,7 @@ int main(int argc, char** argv) try {
   if (!server.ok()) return fail(server.error());
   return (*server)->run();
 } catch (const std::exception& error) {
-  // out of memory or threads: said in a line; what was not acknowledged is still in the stations' spools
+  // out of memory or threads: report it in one line; unacknowledged data is still in the stations' spools
   std::fprintf(stderr, "needlelab-server: %s\n", error.what());
   return needlelab::kExitFailed;
 }

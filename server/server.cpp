@@ -27,7 +27,7 @@ namespace needlelab {
 
 namespace {
 
-/// After a restore, once: who can log in again although it had been withdrawn (service/restore.h).
+/// Logs once, after a restore, the accesses that had been withdrawn and are valid again (service/restore.h).
 Status logValidAgain(Store& store) {
   {
     ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
@@ -41,7 +41,7 @@ Status logValidAgain(Store& store) {
 
 }  // namespace
 
-/// Destroyed from the last to the first: the pools (joined) before the store, the store (drained) before the
+/// Destroyed in reverse order: the pools (joined) before the store, the store (drained) before the
 /// io_context.
 struct Server::Parts {
   explicit Parts(ServerOptions given) : options(std::move(given)) {}
@@ -51,7 +51,7 @@ struct Server::Parts {
   TlsContext tls;
   TlsFiles files;
   std::unique_ptr<Store> store;
-  // of retention one runs; the other says so to who asks meanwhile, and makes dry runs
+  // of the retention threads, one runs retention; the other answers further requests and makes dry runs
   asio::thread_pool passwords{1}, logins{1}, workers{2}, views{2}, slow_workers{1}, retention_workers{2};
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
@@ -94,7 +94,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   auto parts = std::make_unique<Parts>(std::move(options));
   Parts& p = *parts;
 
-  // the port first: when it is taken, nothing on disk should have changed
+  // the port first: when it is taken, nothing on disk has changed
   ASSIGN_OR_RETURN(auto acceptor, p.options.listen_fd >= 0 ? listenOnHandedOver(p.io, p.options.listen_fd)
                                                            : listenOn(p.io, endpoint, p.options.listen));
   RETURN_IF_ERROR(checkClock(wallNowNs() / 1'000'000'000));
@@ -153,7 +153,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
       logEvent(LogLevel::kWarning, "no_web", {{"text", started.error().message}});
     }
   }
-  // before anybody can know that this server is up: a signal between here and run() waits for it
+  // before the server is visible: run() handles a signal that arrives before it
   if (p.options.handle_signals) {
     p.signals.add(SIGTERM);
     p.signals.add(SIGINT);
@@ -173,7 +173,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
 
 Status Server::Parts::startMonitor() {
   if (options.metrics.empty()) return {};
-  // a port alone is one of this machine only: what is shown there is for nobody else
+  // a port without a host means localhost, because the metrics are not public
   std::string where = options.metrics;
   if (where.find_first_not_of("0123456789") == std::string::npos) where = "127.0.0.1:" + where;
   ASSIGN_OR_RETURN(const auto endpoint, resolveListen(where, "--metrics"));
@@ -197,7 +197,7 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
 Server::~Server() {
   Parts& p = *parts_;
-  // work that still runs posts its results into io, where nobody takes them any more
+  // running work posts its results to io, which no longer runs
   for (asio::thread_pool* pool :
        {&p.passwords, &p.logins, &p.workers, &p.views, &p.slow_workers, &p.retention_workers})
     pool->join();
@@ -218,7 +218,7 @@ int Server::run() {
   if (p.options.retention_every.count() > 0) asio::co_spawn(p.io, p.retentionLoop(), rethrow);
   asio::co_spawn(p.io, p.heapLoop(), rethrow);
   p.io.run();
-  // all connections have ended; what is posted to the writer is committed before the end
+  // all connections have ended; the writer commits its queue before it ends
   p.store->writer().stop();
   if (const auto failed = p.store->writer().failed()) {
     p.exit_code = kExitFailed;
@@ -241,7 +241,7 @@ void Server::Parts::accepted(Tcp::socket socket) {
   const auto arrival = context->admission.arrive(id, peer.address().to_string(), steadyNowNs());
   if (arrival.answer != Admission::Answer::kWelcome) {
     refuseConnection(peer.address().to_string());
-    return;  // closes it
+    return;  // closes the socket
   }
   if (arrival.gives_way) {
     const auto found = context->connections.find(*arrival.gives_way);
@@ -254,7 +254,7 @@ void Server::Parts::accepted(Tcp::socket socket) {
 
 void Server::Parts::refuseConnection(const std::string& host) {
   ++context->counters.connections_refused;
-  // a flood must not fill the log's disk: one line a second, with how many there were
+  // a flood must not fill the disk with log lines: one line a second, with the number of refused connections
   ++refused_unlogged;
   if (const std::int64_t now = steadyNowNs(); now - refused_logged_ns > 1'000'000'000) {
     refused_logged_ns = now;
@@ -264,7 +264,7 @@ void Server::Parts::refuseConnection(const std::string& host) {
 }
 
 Task<> Server::Parts::signalLoop() {
-  if (stopping) co_return;  // told to stop before run(): what was cancelled then must not begin now
+  if (stopping) co_return;  // stop() came before run(): a timer cancelled then must not start now
   auto [error, signal] = co_await signals.async_wait(kUseTuple);
   if (error) co_return;
   logEvent(LogLevel::kInfo, "signal", {{"number", signal}});
@@ -276,7 +276,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   logEvent(LogLevel::kInfo, "stopping", {{"reason", reason}, {"connections", context->connections.size()}});
   context->stopping = true;
   if (options.handle_signals) notifyManager("STOPPING=1\nSTATUS=draining");
-  // a backup that runs is given up; the next one covers what this one would have
+  // cancel a running backup; the next one covers its data
   store->service().cancelLongWork();
   boost::system::error_code ignored;
   acceptor->close(ignored);
@@ -296,7 +296,7 @@ void Server::Parts::beginStop(const std::string& reason) {
 
 Task<> Server::Parts::retentionLoop() {
   auto wait = options.retention_first;
-  // beginStop cancels the timer once: who came back from a run after that must not arm it again
+  // beginStop cancels the timer once: a run that ends later must not start it again
   while (!stopping) {
     retention_timer.expires_after(std::exchange(wait, options.retention_every));
     co_await retention_timer.async_wait(kUseTuple);
@@ -321,9 +321,9 @@ Task<> Server::Parts::retentionLoop() {
   }
 }
 
-/// Each burst (many that reconnect, a viewer that does not read) takes memory; when it is over, the C library
-/// keeps what lies between pieces still in use, so that the heap only ever grew with the largest burst so
-/// far.
+/// Returns free memory to the system. Each burst (many reconnections, a viewer that does not read) takes
+/// memory; afterwards the C library keeps the gaps between live blocks, so that without this the heap would
+/// stay as large as after the largest burst.
 Task<> Server::Parts::heapLoop() {
   while (!stopping) {
     heap_timer.expires_after(options.heap_every);
@@ -345,7 +345,7 @@ Task<> Server::Parts::drainLoop() {
   if (web) web->cutAll("the server's time to drain has passed");
 }
 
-/// Tells systemd that this thread still runs: a server that hangs is killed and started again.
+/// Tells systemd that this thread still runs: systemd kills and restarts a server that hangs.
 Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
   while (!stopping) {
     notifyManager("WATCHDOG=1");

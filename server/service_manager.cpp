@@ -67,11 +67,11 @@ bool notifyManager(std::string_view state) {
   const std::size_t length = std::strlen(path);
   if (length >= sizeof address.sun_path) return false;
   std::memcpy(address.sun_path, path, length);
-  if (path[0] == '@') address.sun_path[0] = '\0';  // the abstract name space
+  if (path[0] == '@') address.sun_path[0] = '\0';  // the abstract namespace
   const int fd = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return false;
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length);
-  // never waits: a manager that does not read must not stop the network's thread
+  // never blocks: a manager that does not read must not stop the network's thread
   const ssize_t sent = ::sendto(fd, state.data(), state.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
                                 reinterpret_cast<const sockaddr*>(&address), size);
   ::close(fd);

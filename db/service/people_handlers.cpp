@@ -18,7 +18,7 @@ Result<std::string> hashFor(pb::Role role, const std::string& password) {
   return hashPassword(password);
 }
 
-/// The person with groups and consent, in as many reads.
+/// The person with groups and consent; one read for each.
 Result<pb::User> userOf(Connection& connection, const Person& person) {
   pb::User user;
   user.set_name(person.name);

@@ -61,7 +61,7 @@ HttpAnswer plainAnswer(unsigned status, const std::string& text) {
 }
 
 std::string fieldOfMessage(std::string_view message) {
-  // a source may stand before the path: "profile: layers[2].thickness_m: …"
+  // the path may follow a source's name: "profile: layers[2].thickness_m: …"
   std::string field;
   for (int i = 0; i < 2; ++i) {
     const std::size_t end = message.find(": ");

@@ -20,7 +20,7 @@ namespace bhttp = beast::http;
 
 namespace {
 
-/// TCP's own stream below TLS, if there is TLS.
+/// The TCP stream, below TLS if there is TLS.
 PlainHttpStream& lowestOf(PlainHttpStream& stream) {
   return stream;
 }
@@ -79,7 +79,8 @@ class StreamConnection : public HttpConnection {
 
  private:
   PlainHttpStream& plain() { return lowestOf(stream_); }
-  /// From now on it must end within `time`, unless there is one deadline for all of it.
+  /// Sets the deadline for the current step to `time` from now, unless one deadline covers the whole
+  /// connection.
   void limit(std::chrono::milliseconds time) {
     if (!server_->limits().whole) plain().expires_after(time);
   }
@@ -102,7 +103,7 @@ class StreamConnection : public HttpConnection {
   Task<bool> oneRequest(bool last) {
     const HttpLimits& limits = server_->limits();
     if (buffer_.size() == 0 && !co_await firstBytes()) co_return false;
-    // one deadline from the header's first byte to its last: who sends a byte a second is cut as well
+    // one deadline from the header's first byte to its last: also cuts a client that sends a byte a second
     HttpParser parser;
     parser.header_limit(static_cast<std::uint32_t>(limits.header_bytes));
     parser.body_limit(limits.body_bytes);
@@ -152,7 +153,7 @@ class StreamConnection : public HttpConnection {
     co_return;
   }
 
-  /// Waits for a request to begin.
+  /// Waits for the first bytes of a request.
   Task<bool> firstBytes() {
     if (stopping_ || server_->stopping()) co_return false;
     limit(server_->limits().idle_timeout);
@@ -166,7 +167,7 @@ class StreamConnection : public HttpConnection {
 
   Task<boost::system::error_code> readBody(HttpParser& parser) {
     const std::size_t most = server_->bodyLimit(headerOf(parser, bhttp::field::cookie));
-    // a length that is said is judged before anything is read
+    // refuse a declared length before reading anything
     if (const auto length = parser.content_length(); length && *length > most)
       co_return bhttp::make_error_code(bhttp::error::body_limit);
     parser.body_limit(most);
@@ -176,7 +177,7 @@ class StreamConnection : public HttpConnection {
     co_return error;
   }
 
-  /// False: it could not be sent. `answer` must outlive it.
+  /// False: sending failed. `answer` must outlive it.
   Task<bool> write(HttpAnswer& answer, bool head, const HttpRequest& request, std::int64_t begun_ns) {
     bhttp::response<bhttp::string_body> response;
     response.version(11);
@@ -197,7 +198,7 @@ class StreamConnection : public HttpConnection {
     } else {
       const std::string& body = answer.shared_body ? *answer.shared_body : answer.body;
       if (answer.status != 304) response.content_length(body.size());
-      // header and body in one go where that is small; a body that is shared is not copied for it
+      // send a small header and body together; do not copy a shared body for it
       if (!head) response.body() = answer.shared_body ? body : std::move(answer.body);
       bhttp::response_serializer<bhttp::string_body> serializer(response);
       if (head || answer.status == 304) {
@@ -214,14 +215,14 @@ class StreamConnection : public HttpConnection {
     co_return sent;
   }
 
-  /// The next piece is made when the last one has gone: a slow reader costs no memory.
+  /// Makes the next piece after the last one was sent: a slow reader costs no memory.
   Task<bool> writePieces(HttpAnswer& answer) {
     for (;;) {
       noLimit();
       const auto piece = co_await answer.pieces();
       if (!piece.ok()) {
         logEvent(LogLevel::kWarning, "web_stream_failed", {{"conn", id_}, {"text", piece.error().message}});
-        co_return false;  // without the last chunk: the browser sees that it is not whole
+        co_return false;  // without the last chunk: the browser notices that the body is incomplete
       }
       if (cut_) co_return false;
       limit(server_->limits().write_timeout);
@@ -241,14 +242,15 @@ class StreamConnection : public HttpConnection {
     server_->answered({request, status, sent, static_cast<double>(steadyNowNs() - begun_ns) * 1e-9});
   }
 
-  /// There may have been a password in what was read. What is behind the request stays.
+  /// Wipes the bytes already read, which may contain a password. Keeps the bytes after the request.
   void wipeBuffer() {
     if (buffer_.size() > 0 || buffer_.capacity() == 0) return;
     const auto room = buffer_.prepare(buffer_.capacity());
     std::memset(room.data(), 0, room.size());
   }
 
-  /// Takes what the peer still sends, for a moment: else its kernel would throw our answer away.
+  /// Reads and drops the peer's remaining bytes for a moment: otherwise the peer's kernel would discard our
+  /// answer.
   Task<> drain() {
     if (server_->limits().whole) co_return;
     limit(std::chrono::seconds(1));
@@ -276,7 +278,7 @@ class StreamConnection : public HttpConnection {
   const std::uint64_t id_;
   const std::string address_;
   Stream stream_;
-  std::shared_ptr<HttpTakeover> takeover_;  // has taken the stream
+  std::shared_ptr<HttpTakeover> takeover_;  // now owns the stream
   beast::flat_buffer buffer_;
   bool waiting_ = false;  // for the next request
   bool stopping_ = false, cut_ = false;
@@ -350,7 +352,7 @@ void HttpServer::accepted(Tcp::socket socket) {
   const auto peer = socket.remote_endpoint(gone);
   if (gone) return;
   const std::uint64_t id = next_id_++;
-  if (!admit(id, peer)) return;  // closes it
+  if (!admit(id, peer)) return;  // closes the socket
   std::shared_ptr<HttpConnection> connection;
   if (tls_)
     connection = std::make_shared<StreamConnection<SecureHttpStream>>(

@@ -20,11 +20,11 @@
 namespace needlelab {
 namespace {
 
-/// The inode of the socket that listens on the port, from one of the kernel's tables; empty: none.
+/// The inode of the socket that listens on the port, from one of the kernel's tables; empty: no such socket.
 std::string listeningInode(const char* table, std::uint16_t port) {
   std::ifstream file(table);
   std::string line;
-  std::getline(file, line);  // the head
+  std::getline(file, line);  // the header line
   const std::string wanted = fmt::format(":{:04X}", port);
   while (std::getline(file, line)) {
     // sl local_address rem_address st tx:rx tr:when retrnsmt uid timeout inode; 0A = LISTEN
@@ -40,8 +40,8 @@ bool isNumber(const std::string& text) {
   return !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
 }
 
-/// The program that listens on a TCP port of this machine, as "needlelab-server (process 123)", as far as
-/// /proc tells this user.
+/// The program that listens on a TCP port of this machine, as "needlelab-server (process 123)", if this user
+/// may see it in /proc.
 std::optional<std::string> portHolder(std::uint16_t port) {
   std::string inode = listeningInode("/proc/net/tcp", port);
   if (inode.empty()) inode = listeningInode("/proc/net/tcp6", port);
@@ -53,7 +53,7 @@ std::optional<std::string> portHolder(std::uint16_t port) {
        at.increment(error)) {
     const std::string pid = at->path().filename().string();
     if (!isNumber(pid)) continue;
-    // the kernel does not show the files of other users' processes: then the name stays unknown
+    // the kernel hides the files of other users' processes: the name stays unknown
     std::error_code hidden;
     for (auto file = fs::directory_iterator(at->path() / "fd", hidden);
          !hidden && file != fs::directory_iterator(); file.increment(hidden)) {
@@ -90,7 +90,7 @@ Result<Tcp::acceptor> listenOn(asio::io_context& io, const Tcp::endpoint& endpoi
   Tcp::acceptor acceptor(io);
   boost::system::error_code error;
   acceptor.open(endpoint.protocol(), error);
-  // connections of a server that just ended must not keep its successor waiting; a second server is still
+  // lets a new server start while old connections of the previous one linger; a second server is still
   // refused
   if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
   if (!error) acceptor.bind(endpoint, error);
@@ -130,7 +130,7 @@ Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void
       accepted(std::move(socket));
       continue;
     }
-    // no file descriptors or the like: it passes, and those who are connected are not concerned
+    // e.g. no file descriptors left: temporary, and existing connections are unaffected
     logEvent(LogLevel::kError, event, {{"text", error.message()}});
     asio::steady_timer pause(acceptor.get_executor(), std::chrono::milliseconds(100));
     co_await pause.async_wait(kUseTuple);

@@ -46,7 +46,7 @@ spdlog::logger& logger() {
 
 std::atomic<LogFormat> format_now{LogFormat::kText};
 
-/// "<6>" and the like: what the journal takes for a line's priority (sd-daemon(3)).
+/// "<6>" etc.: the journal's priority prefix for a line (sd-daemon(3)).
 class Priority : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
@@ -84,7 +84,7 @@ void appendQuoted(std::string& out, std::string_view text) {
   unsigned char before = 0;
   for (const char c : text.substr(0, kMost)) {
     const auto byte = static_cast<unsigned char>(c);
-    // U+0080 to U+009F: a terminal takes some of them for commands
+    // U+0080 to U+009F: a terminal interprets some of them as commands
     const bool c1 = std::exchange(before, byte) == 0xc2 && byte >= 0x80 && byte < 0xa0;
     if (c == '"' || c == '\\') {
       out += '\\';

@@ -31,7 +31,7 @@ Admission::Address& Admission::addressOf(const std::string& key, std::int64_t no
     std::erase_if(addresses_, [&](const auto& entry) {
       return entry.second.strangers == 0 && leftOf(entry.second, now_ns) <= 0;
     });
-    // still full: the least charged ones cost the least when they are forgotten
+    // still full: drop the addresses with the fewest charges, which lose the least
     if (addresses_.size() >= settings_.max_addresses) {
       std::erase_if(addresses_, [&](const auto& entry) {
         return entry.second.strangers == 0 && leftOf(entry.second, now_ns) < settings_.charges_at_once / 2;
@@ -45,7 +45,8 @@ Admission::Address& Admission::addressOf(const std::string& key, std::int64_t no
 }
 
 std::optional<std::uint64_t> Admission::oldestOfTheGreediest() const {
-  // by name as well, so that one of two equals gives way until it is the lesser
+  // compare the names as well: of two equal addresses, always the same one gives way until it has fewer
+  // connections
   const auto greediest =
       std::max_element(addresses_.begin(), addresses_.end(), [](const auto& a, const auto& b) {
         return std::tie(a.second.strangers, a.first) < std::tie(b.second.strangers, b.first);

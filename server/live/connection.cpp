@@ -53,11 +53,11 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
       if (const Status more = co_await peer.channel_->readMore(); !more.ok()) break;
       continue;
     }
-    // by far the most messages are live frames: they go on as the bytes that they are
+    // most messages are live frames: forward their bytes without parsing
     if (cut.ok() && peer.passLive(**cut)) continue;
     auto got = cut.ok() ? decodeFrame(**cut) : Result<pb::Envelope>(cut.error());
     if (!got.ok()) {
-      // bytes that are no message: the stream is lost, but the peer may learn why
+      // the bytes are not a message: the stream is unusable, but tell the peer why
       const ErrorCode code = got.error().code;
       if (code == ErrorCode::kInvalidInput || code == ErrorCode::kCorrupt) {
         const auto reason = code == ErrorCode::kCorrupt ? pb::Refusal::INVALID : pb::Refusal::TOO_LARGE;
@@ -66,24 +66,24 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
       break;
     }
     co_await peer.dispatch(std::move(*got));
-    // what is under way is bounded: until some of it is done, this socket (and no other) is not read
+    // pending work is limited: at the limit, stop reading this socket (and no other)
     while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
-    // after an outage all stations come at once with what they spooled: they wait, they are not cut off
+    // after an outage all stations send their spools at once: make them wait, do not cut them off
     while (peer.context_.chunks_in_flight >= peer.context_.bounds.all_chunks_in_flight && !peer.over() &&
            !peer.channel_->closing()) {
       co_await peer.context_.room.wait();
     }
   }
-  // the server's end: shutDown has the last word
+  // the server is stopping: shutDown sends the last message
   while (peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
   peer.leave();
 }
 
-// Few handshakes run at once, each to its end; among the waiting ones the newest is served first. When a
-// thousand stations reconnect at once to a busy machine, those that waited longest are about to give up:
-// serving them is wasted work, and with all of them half done no handshake would ever end. A station that
-// gives up tries again. A connection gets no turn before its first TLS record has arrived, and one address
-// gets only a part of the turns: a peer that opens thousands of connections keeps nobody else out.
+// Runs few handshakes at once, each to its end, and serves the newest waiting connection first. When a
+// thousand stations reconnect at once to a busy machine, those that have waited longest are about to time
+// out, so serving them is wasted work; if all were half done, no handshake would ever end. A station that
+// times out tries again. A connection gets no turn before its first TLS record has arrived, and one address
+// gets only a part of the turns: a peer that opens thousands of connections cannot keep others out.
 Task<Status> PeerConnection::shakeHands() {
   if (const Status spoke = co_await channel_->peerSpoke(); !spoke.ok()) co_return spoke;
   if (mayShakeHands()) {
@@ -98,7 +98,7 @@ Task<Status> PeerConnection::shakeHands() {
     if (channel_->peerHungUp()) {
       channel_->close(CloseReason::kPeerClosed, shaken.error().message);
     } else {
-      // who dawdles must not keep others waiting
+      // a slow peer must not delay others
       asio::steady_timer limit(context_.io, kTurn);
       limit.async_wait([self = shared_from_this()](const boost::system::error_code& error) {
         if (!error) self->endTurn();
@@ -169,8 +169,7 @@ bool PeerConnection::busy() const {
          requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
 }
 
-/// False: it is not a plain live frame that may come now; dispatch() finds out what is wrong with it, if
-/// anything.
+/// False: the message is not a plain live frame allowed now; dispatch() checks it and reports any fault.
 bool PeerConnection::passLive(ByteView bytes) {
   if (checkMessage(pb::Envelope::kLiveFrame, state_, who_.role) != Verdict::kAllowed) return false;
   const auto frame = viewLiveFrame(bytes);
@@ -180,7 +179,7 @@ bool PeerConnection::passLive(ByteView bytes) {
 }
 
 Task<> PeerConnection::dispatch(pb::Envelope envelope) {
-  // first of all: may this message come now, and from this peer?
+  // first, check that this message is allowed now, and from this peer
   const auto text = [&](const char* what) {
     const auto* field = pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(envelope.body_case()));
     return "'" + (field != nullptr ? field->name() : "unknown") + "' " + what + " (state " + nameOf(state_) +
@@ -189,7 +188,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
   const std::uint64_t request = envelope.has_request() ? envelope.request().id() : 0;
   if (!over() && tooOften(envelope.body_case())) {
     pb::Refusal refusal = makeRefusal(pb::Refusal::RATE_LIMITED, text("comes too often"));
-    // so that the station knows which one waits for an answer
+    // so that the station can match the refusal to its request
     if (envelope.has_open_session())
       refusal.set_session_id(envelope.open_session().description().session_id());
     refuse(std::move(refusal), request);
@@ -199,7 +198,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
     case Verdict::kAllowed:
       break;
     case Verdict::kIgnored:
-      // of no consequence, but that everything before it was read
+      // only confirms that the peer has read all earlier messages
       if (envelope.has_pong() && envelope.pong().id() <= pings_asked_) {
         pings_answered_ = std::max(pings_answered_, envelope.pong().id());
         pong_.notify();
@@ -275,12 +274,12 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
       channel_->finish(CloseReason::kPeerClosed, "the peer said bye: " + envelope.bye().reason());
       break;
     default:
-      break;  // checkMessage allows nothing else
+      break;  // checkMessage permits no other body
   }
 }
 
 bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
-  // these are bounded by what is under way: busy()
+  // limited by pending work instead: busy()
   if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest || body == pb::Envelope::kCloseSession)
     return false;
   const std::int64_t now = steadyNowNs();
@@ -302,8 +301,7 @@ void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
             {"who", who_.name},
             {"reason", reasonName(refusal.reason())},
             {"text", refusal.text()}});
-  // before log-in the first mistake ends the connection; after it, a peer that goes on making mistakes is cut
-  // off
+  // before log-in the first fault ends the connection; after it, too many faults do
   const bool logged_in = who_.role != pb::ROLE_UNSPECIFIED;
   if (!logged_in || ++refusals_ > context_.bounds.refusals) {
     refuseAndClose(std::move(refusal));
@@ -326,8 +324,8 @@ void PeerConnection::refuseAndClose(pb::Refusal refusal) {
   freed_.notify();
 }
 
-/// A peer may send refusals as often as it likes, which must not fill the log. Before log-in the first one
-/// ends the connection, whose closing line gives the reason. After log-in the first one is logged, and their
+/// A peer may send any number of refusals; they must not fill the log. Before log-in the first one ends the
+/// connection, and its closing line in the log gives the reason. After log-in, logs the first one, and their
 /// number at the end.
 void PeerConnection::refusedByPeer(const pb::Refusal& refusal) {
   if (who_.role == pb::ROLE_UNSPECIFIED) {
@@ -349,7 +347,7 @@ void PeerConnection::refusedByPeer(const pb::Refusal& refusal) {
 Task<> PeerConnection::shutDown(std::shared_ptr<PeerConnection> self, std::string reason) {
   PeerConnection& peer = *self;
   if (peer.over()) co_return;
-  // what comes from now on is ignored; the peer keeps it and sends it again to the next server
+  // ignore all further input; the peer keeps it and sends it again to the next server
   peer.setState(ConnectionState::kClosing);
   while ((peer.chunks_in_flight_ > 0 || !peer.closing_sessions_.empty()) && !peer.channel_->closing()) {
     co_await peer.freed_.wait();
@@ -388,7 +386,7 @@ void PeerConnection::answerPing(const pb::Ping& ping) {
   sendControl(envelope);
 }
 
-// --- requests of people and stations: executed by the service on worker threads, completed here
+// --- requests of people and stations: the service executes them on worker threads; this completes them
 
 Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request request) {
   PeerConnection& peer = *self;
@@ -400,7 +398,7 @@ Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request
   peer.freed_.notify();
 }
 
-// `request` outlives it: execute waits for it
+// `request` outlives this call, because execute waits for it
 Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome) {
   auto refusal = co_await complete(context_, request, who_.name, outcome);
   if (refusal) {
@@ -410,7 +408,7 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome) {
   pb::Envelope envelope;
   *envelope.mutable_reply() = std::move(outcome.reply);
   envelope.mutable_reply()->set_id(request.id());
-  // a reply that does not fit is the asker's to narrow down, not a reason to lose the connection
+  // a reply that is too long is an error for the requester and must not end the connection
   if (envelope.ByteSizeLong() > kMaxFrameBytes) {
     refuse(pb::Refusal::TOO_LARGE,
            fmt::format("the reply has {} bytes, at most {} can be sent: ask for less at once",

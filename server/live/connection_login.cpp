@@ -14,12 +14,12 @@
 namespace needlelab {
 namespace {
 
-/// The name of a log-in in the log and in the counters.
+/// A log-in's name for the log and the counters.
 std::string nameOf(const pb::Login& login) {
   return login.has_station() ? "station " + login.station().station() : "token";
 }
 
-/// Wipes its secrets at the end, whoever holds it last.
+/// Shares the log-in; wipes its secrets when the last owner releases it.
 std::shared_ptr<const pb::Login> secretOf(pb::Login login) {
   return {new pb::Login(std::move(login)), [](pb::Login* held) {
             if (held->has_person()) wipe(*held->mutable_person()->mutable_password());
@@ -78,7 +78,7 @@ Task<> PeerConnection::logIn(pb::Login given) {
   Result<Tokens::Holder> result = Error{ErrorCode::kDenied, "log-in refused"};
   std::uint64_t seen = 0;
   do {
-    // an account that is disabled while its token is checked must not slip in: then it is checked again
+    // an account may be disabled while its token is checked: then check again
     seen = context_.access_changes;
     result = co_await checkLogin(login);
   } while (result.ok() && seen != context_.access_changes && !over() && !channel_->closing());
@@ -124,7 +124,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   pb::Envelope envelope;
   pb::Welcome& welcome = *envelope.mutable_welcome();
   if (who_.role == pb::STATION) {
-    // from the database, not from memory: it is what a station's spool relies on
+    // from the database, not from memory, because a station's spool relies on it
     using Open = std::vector<pb::Welcome::OpenSession>;
     std::function<Result<Open>()> read = [&store = context_.store, name = who_.name]() -> Result<Open> {
       ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
@@ -145,8 +145,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
       *welcome.add_open_sessions() = std::move(session);
     }
   } else {
-    // also after a log-in by token, so that a program that goes on working need not ask for the password
-    // again
+    // also after a log-in by token, so that a running program need not ask for the password again
     const std::int64_t now = steadyNowNs();
     const auto mine =
         std::count_if(context_.connections.begin(), context_.connections.end(), [this](const auto& entry) {
@@ -162,8 +161,8 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
     welcome.set_token(issued.token);
     welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
   }
-  // A log-in that was under way for long comes late: the station has given this connection up and is here by
-  // a newer one, which it must not lose.
+  // A slow log-in may finish late: the station has given this connection up and uses a newer one, which must
+  // not be replaced.
   if (auto* const there = dynamic_cast<PeerConnection*>(
           who_.role == pb::STATION ? context_.hub.stationPeer(who_.name) : nullptr);
       there != nullptr && there->id() > id_) {
@@ -189,7 +188,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   sendControl(envelope);
 
   if (who_.role != pb::STATION) co_return;
-  // one connection for a station: the newest, because the older one is often dead without knowing it
+  // one connection per station, the newest: the older one is often dead without having noticed
   if (HubPeer* const older = context_.hub.attachStation(who_.name, *this); older != nullptr) {
     auto& connection = dynamic_cast<PeerConnection&>(*older);
     logEvent(LogLevel::kWarning, "station_replaced",

@@ -37,7 +37,7 @@ pb::Refusal sessionRefusal(pb::Refusal::Reason reason, std::string text, const s
 }  // namespace
 
 PeerConnection::Watermarks& PeerConnection::watermarks(const std::string& session_id) {
-  // ids are ordered by time (UUIDv7): the oldest is forgotten, but none whose acknowledgement is still due
+  // ids are ordered by time (UUIDv7): drops the oldest, but none with a pending acknowledgement
   if (sessions_.size() >= context_.bounds.known_sessions && !sessions_.contains(session_id)) {
     const auto oldest = std::find_if(sessions_.begin(), sessions_.end(),
                                      [](const auto& entry) { return !entry.second.ack_due; });
@@ -63,7 +63,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     co_return;
   }
 
-  // committed before it is answered: what a station hears of a session outlives the server
+  // commit before answering: a session announced to a station survives the server
   struct Opened {
     std::uint64_t next_seq = 0, safe = 0;
     bool closed = false;
@@ -92,9 +92,9 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   marks.committed = opened->next_seq;
   marks.safe = opened->safe;
   marks.open = !opened->closed;
-  // of a closed one, too: its station may have lost the answer to CloseSession and sends it again
+  // also for a closed session: its station may have lost the answer to CloseSession and sends it again
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
-  // of a closed one the station asks only whether it is still there
+  // for a closed session the station only asks whether the server still has it
   if (marks.open) context_.hub.onSession(who_.name, session_id);
   logEvent(marks.open ? LogLevel::kInfo : LogLevel::kDebug,
            marks.open ? "session_opened" : "session_confirmed",
@@ -145,7 +145,7 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
   freed_.notify();
   if (--context_.chunks_in_flight == context_.bounds.all_chunks_in_flight / 2) context_.room.notify();
   if (!status.ok()) {
-    // not stored and not acknowledged: the station keeps it, and sends it again on its next connection
+    // not stored and not acknowledged: the station keeps the chunk and sends it again on its next connection
     logEvent(LogLevel::kError, "chunk_not_stored",
              {{"conn", id_},
               {"session", sessionText(chunk.session_id())},
@@ -192,7 +192,7 @@ void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appende
   if (over()) return;
   refuse(sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq));
   if (appended.kind != Appended::Kind::kContradiction) return;
-  // two recordings under one name: somebody will want to know later
+  // two recordings with one session id: record it for a later investigation
   asio::post(context_.workers, [&service = context_.store.service(), who = who_.name,
                                 session = sessionText(chunk.session_id()), text = appended.text] {
     if (const Status noted = service.note(who, "chunk contradicts", session, text); !noted.ok()) {
@@ -202,7 +202,7 @@ void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appende
 }
 
 void PeerConnection::scheduleAcks() {
-  // the chunks of one commit come back together; they get one acknowledgement
+  // the chunks of one commit arrive together and get one acknowledgement
   if (std::exchange(acks_scheduled_, true)) return;
   asio::post(context_.io, [self = shared_from_this()] {
     self->acks_scheduled_ = false;
@@ -226,9 +226,9 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   PeerConnection& peer = *self;
   const std::string session_id = request.session_id();
   if (!peer.closing_sessions_.insert(session_id).second)
-    co_return;  // under way already: one answer serves both
+    co_return;  // already in progress: one answer serves both
 
-  // the chunks before it first: an empty piece of work is done when all before it is committed
+  // wait for earlier chunks: an empty work item completes after all earlier items are committed
   DbWriter::Work nothing = [](Connection&) { return Status{}; };
   const Status committed = co_await commit(peer.context_.store.writer(), std::move(nothing));
   Service& service = peer.context_.store.service();

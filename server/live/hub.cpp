@@ -17,22 +17,22 @@ pb::Envelope statusEnvelope(const pb::StationStatus& status) {
   return envelope;
 }
 
-/// Of the statuses that one message or one answer to an overview may hold; the rest of it has room beside.
+/// Maximum size of the statuses in one message or one overview answer; leaves space for its other fields.
 constexpr std::size_t kMostStatusBytes = kMaxFrameBytes - (64u << 10);
 
-/// A message that cannot be encoded is left out: it must not cost the viewer its connection.
+/// Skips a message that cannot be encoded: it must not cost the viewer its connection.
 void sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
   if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
 }
 
-/// Session ids are kept and sent on to viewers: a station must not make them long.
+/// Session ids are stored and forwarded to viewers: limits their length.
 std::optional<pb::Refusal> checkSessionId(const char* message, std::string_view id) {
   if (id.empty() || id.size() == 16) return std::nullopt;
   return makeRefusal(pb::Refusal::INVALID,
                      fmt::format("{}.session_id has {} bytes, not 16 or none", message, id.size()));
 }
 
-/// Forgets what belonged to another session.
+/// Clears the fields that belong to another session.
 void setSession(pb::StationStatus& status, std::string_view session_id) {
   if (status.session_id() == session_id) return;
   status.set_session_id(std::string(session_id));
@@ -94,7 +94,7 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   station.status.set_online(true);
   station.status_ns = now_ns;
   if (other_session) refreshWatch(station);
-  // who watches this station hears of it even while no samples come
+  // also tell this station's viewers when no samples arrive
   if (const auto watchers = watchersOf(station); !watchers.empty()) {
     if (const auto frame = encodeFrame(statusEnvelope(station.status)); frame.ok()) {
       for (Subscription* watcher : watchers) watcher->viewer->sendLive(*frame, false);
@@ -118,13 +118,14 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
                                                            frame.data.size(), settings_.max_frame_bytes));
   }
   if (auto wrong = checkSessionId("live_frame", frame.session_id)) return wrong;
-  // columns that stand still take no bytes: a small frame could be a second's work for us and each viewer
+  // constant columns take no bytes: a small frame could otherwise take a second to decode, here and in each
+  // viewer
   if (const auto claimed = claimedSamples(viewOf(frame.data));
       claimed && *claimed > settings_.max_frame_samples) {
     return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a live frame of {} samples: the limit is {}",
                                                            *claimed, settings_.max_frame_samples));
   }
-  // a station that has reconnected has taken over: its older connection no longer counts
+  // a reconnected station has taken over: ignore its older connection
   if (from.station_ == nullptr) return std::nullopt;
   Station& station = *static_cast<Station*>(from.station_);
   const std::string& name = station.status.station();
@@ -134,7 +135,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     refreshWatch(station);
   }
 
-  // decoded at most once, and only when somebody needs it
+  // decode at most once, and only when needed
   std::optional<std::vector<GestureSample>> samples;
   const auto decoded = [&]() -> std::span<const GestureSample> {
     if (!samples) {
@@ -144,7 +145,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     return *samples;
   };
 
-  // all viewers at full rate share one encoded frame
+  // all full-rate viewers share one encoded frame
   Frame shared;
   forEachWatcher(station, [&](Subscription& watcher) {
     if (watcher.decimator) {
@@ -157,7 +158,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     ++frames_out_;
   });
 
-  // a station that sends frames need not send status lines; overviews get theirs from the samples
+  // a station that sends frames need not send status lines: build the overview's lines from the samples
   if (!overviews_.empty() &&
       now_ns - station.status_ns >= std::chrono::nanoseconds(settings_.status_period).count()) {
     if (const auto all = decoded(); !all.empty()) {
@@ -230,7 +231,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
     std::size_t bytes = 0;
     for (auto& [name, station] : stations_) {
       if (station.peer == nullptr) continue;
-      // not more at once than a viewer's queue takes; the others come with their next line
+      // not more at once than a viewer's queue can take; the other statuses follow with their next lines
       if ((bytes += station.status.ByteSizeLong()) > kMostStatusBytes) break;
       sendStatus(viewer, station.status);
       subscription.last_line_ns[&station] = now_ns;
@@ -315,7 +316,7 @@ std::vector<Hub::Subscription*> Hub::watchersOf(const Station& station) const {
   if (by_session_.empty() || station.status.session_id().empty()) return all;
   if (const auto found = by_session_.find(station.status.session_id()); found != by_session_.end()) {
     for (Subscription* watcher : found->second) {
-      // who watches the station and its session gets each frame once
+      // send each frame once to a viewer of both the station and its session
       const auto same = [&](const Subscription* other) { return other->viewer == watcher->viewer; };
       if (std::none_of(all.begin(), all.end(), same)) all.push_back(watcher);
     }
@@ -325,7 +326,7 @@ std::vector<Hub::Subscription*> Hub::watchersOf(const Station& station) const {
 
 template <typename Act>
 void Hub::forEachWatcher(const Station& station, Act act) const {
-  if (by_session_.empty()) {  // as nearly always: no list need be made
+  if (by_session_.empty()) {  // the usual case: avoids building a list
     for (Subscription* watcher : station.watchers) act(*watcher);
     return;
   }
@@ -356,7 +357,7 @@ void Hub::announce(const std::string& name, Station& station) {
 void Hub::sendOverview(const std::string& name, Station& station, std::int64_t now_ns) {
   if (overviews_.empty()) return;
   station.status.set_station(name);
-  // many stations: fewer lines of each, so that a viewer gets a readable number
+  // with many stations, send fewer lines of each, so that a viewer gets a readable number
   const double many_ns = 1e9 * static_cast<double>(online_) / settings_.overview_lines_per_s;
   const double least_ns =
       std::max(many_ns, static_cast<double>(std::chrono::nanoseconds(settings_.status_period).count()));
@@ -364,7 +365,7 @@ void Hub::sendOverview(const std::string& name, Station& station, std::int64_t n
   for (Subscription* overview : overviews_) {
     const double period_ns = overview->rate_hz > 0 ? std::max(least_ns, 1e9 / overview->rate_hz) : least_ns;
     const auto [last, first_time] = overview->last_line_ns.try_emplace(&station, 0);
-    // a tenth early is in time: lines come at 10 Hz with some jitter
+    // accept a line up to a tenth of the period early: lines come at 10 Hz with some jitter
     if (!first_time && static_cast<double>(now_ns - last->second) < 0.9 * period_ns) continue;
     last->second = now_ns;
     if (!shared) {
@@ -378,7 +379,7 @@ void Hub::sendOverview(const std::string& name, Station& station, std::int64_t n
 
 void Hub::sendDecimated(Subscription& subscription, const std::string& name, const LiveFrameView& frame,
                         std::span<const GestureSample> samples) {
-  // frames that the station's queue dropped stay visible as a gap in our own numbers
+  // show frames that the station's queue dropped as a gap in this subscription's numbers
   if (subscription.last_upstream_seq && frame.frame_seq > *subscription.last_upstream_seq + 1) {
     subscription.frames += frame.frame_seq - *subscription.last_upstream_seq - 1;
   }
@@ -404,7 +405,7 @@ void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const 
   status.set_layer(last.layer);
   status.set_insertion_m(last.insertion_m);
   status.set_force_n(std::hypot(last.force_W_N[0], last.force_W_N[1], last.force_W_N[2]));
-  // the station's own watch sees every sample; until its next line it is at least this
+  // the station's own peak covers every sample; until its next line, at least this value
   status.set_peak_force_n(std::max(status.peak_force_n(), status.force_n()));
   status.set_fault(last.fault);
   status.set_samples(last.tick + 1);
@@ -417,7 +418,7 @@ Decimator::Decimator(double rate_hz)
 std::vector<GestureSample> Decimator::keep(std::span<const GestureSample> samples) {
   std::vector<GestureSample> kept;
   for (const GestureSample& sample : samples) {
-    // a new session, or a station that started again: its clock starts elsewhere
+    // a new session or a restarted station: its clock has another origin
     const bool jumped = started_ && sample.time_ns < last_ns_;
     if (!started_ || jumped) {
       started_ = true;
@@ -426,7 +427,7 @@ std::vector<GestureSample> Decimator::keep(std::span<const GestureSample> sample
     last_ns_ = sample.time_ns;
     if (sample.time_ns < due_ns_) continue;
     kept.push_back(sample);
-    // the next point of the grid that lies ahead
+    // the next grid point in the future
     const auto periods = (static_cast<std::uint64_t>(sample.time_ns) - static_cast<std::uint64_t>(due_ns_)) /
                              static_cast<std::uint64_t>(period_ns_) +
                          1;

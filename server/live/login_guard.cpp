@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::int64_t kNsPerMs = 1'000'000;
 
-/// Lengths apart, so that no name can look like another name at another address.
+/// Includes the lengths, so that different pairs of name and address always have different keys.
 std::string pairKey(const std::string& name, const std::string& address) {
   return fmt::format("{} {} {}", name.size(), name, address);
 }
@@ -59,7 +59,7 @@ bool LoginGuard::failed(const std::string& name, const std::string& address, std
   if (now_ns - pair.at_ns > settings_.quiet.count() * kNsPerMs) pair.failures = 0;
   pair.failures += 1;
   pair.at_ns = now_ns;
-  // a teacher's typing errors do not count against the lab's address
+  // typing errors of a known person do not count against the lab's address
   if (!knows(name, address)) {
     count(names_, name, settings_.refill_everywhere, now_ns);
     count(addresses_, address, settings_.refill_address, now_ns);
@@ -79,7 +79,7 @@ bool LoginGuard::knows(const std::string& name, const std::string& address) cons
 
 LoginGuard::Entry& LoginGuard::entryOf(Entries& entries, const std::string& key) const {
   if (entries.size() >= settings_.max_entries && !entries.contains(key)) {
-    // not all at once: who could fill the table could else wipe it
+    // remove only one entry: otherwise an attacker who fills the table would clear it
     entries.erase(std::min_element(entries.begin(), entries.end(), [](const auto& a, const auto& b) {
       return a.second.at_ns < b.second.at_ns;
     }));

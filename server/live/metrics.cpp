@@ -1,4 +1,4 @@
-// The metrics: names, meanings, and where each comes from.
+// The metrics: names, meanings and sources.
 #include <fmt/core.h>
 #include <array>
 #include <cassert>
@@ -39,7 +39,7 @@ void appendEscaped(std::string& out, std::string_view text, bool quotes) {
   }
 }
 
-/// Shortest digits that give the same number again; NaN, +Inf and -Inf as Prometheus writes them.
+/// The shortest digits that parse to the same number; NaN, +Inf and -Inf in Prometheus's notation.
 void appendNumber(std::string& out, double value) {
   if (std::isnan(value)) {
     out += "NaN";
@@ -99,7 +99,7 @@ double real(std::uint64_t count) {
   return static_cast<double>(count);
 }
 
-/// `unit`: of a stored value, e.g. 1e-9 for ns shown as seconds.
+/// `unit` of the stored values, e.g. 1e-9 for ns shown as seconds.
 template <typename Histogram>
 void histogram(PrometheusText& out, std::string_view name, const Histogram& values, double unit,
                std::string_view help) {
@@ -116,7 +116,7 @@ void histogram(PrometheusText& out, std::string_view name, const Histogram& valu
   out.sample(real(values.count()), {}, "_count");
 }
 
-/// Sums over the connections that are there.
+/// Sums over the open connections.
 struct Open {
   std::map<std::pair<int, int>, std::uint64_t> by_role_and_state;
   std::uint64_t control_bytes = 0, most_control_bytes = 0, live_bytes = 0, live_dropped = 0;
@@ -219,7 +219,7 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
   out.gauge("needlelab_disk_size_bytes", real(facts.disk_bytes), "Size of the database's disk.");
   out.gauge("needlelab_database_readable", facts.fault.empty() ? 1 : 0,
             "0 when the database could not be read.");
-  // without a backup the metric is absent, on which the alarm fires as well
+  // without a backup the metric is absent; the alarm fires for that as well
   out.metric("needlelab_backup_age_seconds", "gauge",
              "Age of the last verified backup; absent when there is none.");
   if (facts.backup_unix_ns) out.sample(static_cast<double>(wallNowNs() - *facts.backup_unix_ns) / 1e9);

@@ -28,7 +28,7 @@ std::string fileText(const char* path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// When this machine was started, seconds since 1970.
+/// Boot time of this machine, seconds since 1970.
 double bootTime() {
   std::istringstream stat(fileText("/proc/stat"));
   double seconds = 0;
@@ -41,7 +41,7 @@ double bootTime() {
 
 ProcessFacts processFacts() {
   ProcessFacts facts;
-  // the name stands in brackets and may hold anything: fields count from the last one (proc(5))
+  // the name is in brackets and may contain any character: count fields after the last bracket (proc(5))
   const std::string stat = fileText("/proc/self/stat");
   const auto end = stat.rfind(')');
   if (end != std::string::npos) {
@@ -60,7 +60,7 @@ ProcessFacts processFacts() {
   for (auto at = std::filesystem::directory_iterator("/proc/self/fd", error);
        !error && at != std::filesystem::directory_iterator(); at.increment(error))
     ++facts.open_files;
-  // the one that reads the folder is among them
+  // exclude the descriptor that reads the folder
   if (facts.open_files > 0) --facts.open_files;
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) facts.most_files = limit.rlim_cur;
@@ -70,9 +70,9 @@ ProcessFacts processFacts() {
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
-constexpr std::int64_t kTryWriteAfter = 10 * kSecond;  // without a commit by anybody
+constexpr std::int64_t kTryWriteAfter = 10 * kSecond;  // without a commit
 
-/// A number from one row; what cannot be read leaves a fault.
+/// Reads a number from a single row; reports a fault when that fails.
 std::uint64_t oneNumber(Connection& reader, std::string_view sql, std::string& fault) {
   auto rows = reader.prepare(sql);
   const auto row = rows.step();
@@ -140,7 +140,7 @@ HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int6
       (static_cast<double>(facts.certificate_end_unix_s) - static_cast<double>(now_unix_ns) / 1e9) / 86'400;
   json["certificate_days_left"] = tenths(days);
   json["problems"] = health.problems;
-  // a path with bytes that are no UTF-8 must not throw
+  // a path that is not UTF-8 must not throw
   const std::string text = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return {health.problems.empty() ? 200u : 503u, "application/json", text};
 }
@@ -164,7 +164,7 @@ Task<HttpAnswer> Monitor::answer(std::string path) {
   if (path == "/metrics")
     co_return HttpAnswer{200, "text/plain; version=0.0.4; charset=utf-8", metricsText(context_, facts)};
   if (!facts.answered) {
-    // no trial write: it would wait as well, and the report would be that of an old reading
+    // no test write: it would wait as well, and the report would use an old reading
     Health health;
     health.last_commit_age_s =
         last_commit_ns_ == 0 ? -1 : static_cast<double>(steadyNowNs() - last_commit_ns_) / 1e9;
@@ -186,12 +186,12 @@ Task<> Monitor::read(Monitor& self) {
 }
 
 Task<StoreFacts> Monitor::facts() {
-  // who asks more often than once a second gets the same answer: asking costs reads
+  // at most one reading per second, because it costs disk reads; more frequent requests share it
   const std::int64_t asked_ns = steadyNowNs();
   const auto fresh = [&] { return facts_ && facts_ns_ >= asked_ns - kSecond; };
   const std::int64_t patience_ns = std::chrono::nanoseconds(settings_.read_patience).count();
   while (!fresh()) {
-    // a disk that hangs holds its reader for as long as it likes, and not those who ask how we are
+    // a hanging disk may block its reader, but not the requests for health and metrics
     const std::int64_t left_ns = patience_ns - (steadyNowNs() - asked_ns);
     if (left_ns <= 0) {
       StoreFacts last = facts_.value_or(StoreFacts{});
@@ -210,7 +210,7 @@ Task<StoreFacts> Monitor::facts() {
   co_return *facts_;
 }
 
-/// Proves that the database takes writes, when nobody else has proved it just now.
+/// Tests that the database accepts writes, unless a recent commit has shown it.
 Task<> Monitor::tryWrite(Monitor& self) {
   DbWriter::Work work = [](Connection& writer) {
     return MetaStore(writer).set("health_unix_ns", std::to_string(wallNowNs()));
@@ -233,7 +233,7 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
   Health health;
   const bool room = facts.free_bytes >= settings_.min_free_bytes;
   health.writable = look();
-  // a write that fails for want of room would stop the writer for good: then it is not tried
+  // skip the test write when space is low: a failed write would stop the writer for good
   if (!health.writable && room && !writer.failed()) {
     if (!std::exchange(writing_, true)) asio::co_spawn(context_.io, tryWrite(*this), rethrow);
     asio::steady_timer patience(context_.io, settings_.write_patience);

@@ -26,8 +26,8 @@ PersonLogin waitOf(ServerContext& context, const std::string& name, const std::s
   return login;
 }
 
-// a password costs time and memory by design: few at a time, a queue that ends, and in it room that no
-// stranger takes
+// a password check is expensive in time and memory by design: few at a time, in a bounded queue with places
+// that strangers cannot take
 bool roomToWait(const ServerContext& context, bool known, const std::string& host) {
   const ConnectionBounds& bounds = context.bounds;
   if (context.logins_waiting >= (known ? bounds.logins_waiting : bounds.logins_waiting_of_strangers))
@@ -49,14 +49,14 @@ void noteLocked(ServerContext& context, const std::string& name, const std::stri
              });
 }
 
-/// One check in its turn.
+/// One check when its turn comes.
 Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                             std::string name, std::string host, LoginPeer peer) {
   const bool known = context.guard.knows(name, host);
   ++context.logins_waiting;
   if (!known) ++context.logins_waiting_at[host];
-  // one after the other, and each looks again whether it may: of many guesses that came together, those
-  // after the last one that is allowed are never tried
+  // One at a time, and each checks the lock-out again: of many simultaneous guesses, those beyond the limit
+  // are never tried.
   const std::uint64_t turn = context.password_turns++;
   while (context.password_turn != turn) co_await context.password_done.wait();
   PersonLogin login;
@@ -133,7 +133,7 @@ Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const Pers
   PersonLogin login;
   std::uint64_t seen = 0;
   do {
-    // an account that is disabled while its password is checked must not slip in: then it is checked again
+    // an account may be disabled while its password is checked: then check again
     seen = context.access_changes;
     login = co_await checkOnce(context, secret, name, host, peer);
   } while (login.answer == Answer::kWelcome && seen != context.access_changes && !peer.gone());

@@ -14,10 +14,10 @@
 namespace needlelab {
 namespace {
 
-/// A message that a request sends to a station, and the minor version since which stations know it.
+/// A request's message to a station, and the first minor protocol version that supports it.
 struct StationMessage {
   std::string station;
-  std::string session_id;  // the lesson that is meant; empty: whichever
+  std::string session_id;  // the intended lesson; empty: any
   pb::Envelope message;
   std::uint32_t since_minor = 0;
 };
@@ -45,14 +45,14 @@ StationMessage stationMessageOf(const pb::Request& request, const std::string& b
   return wanted;
 }
 
-/// Gives the refusal when it did not reach the station, or may not have.
+/// Returns a refusal when the message did not, or perhaps did not, reach the station.
 Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Request& request, std::string by) {
   StationMessage wanted = stationMessageOf(request, by);
   auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(wanted.station));
   const std::string name = "station '" + wanted.station + "'";
   if (peer == nullptr) co_return makeRefusal(pb::Refusal::NOT_FOUND, name + " is not online");
   if (peer->version().minor() < wanted.since_minor) {
-    // it would answer the ping and pass over what it does not know: that is not a delivery
+    // an older station would answer the ping but skip the unknown message: that is not a delivery
     pb::Refusal refusal =
         makeRefusal(pb::Refusal::VERSION, name + " runs " + printable(peer->program()) + " (protocol " +
                                               versionText(peer->version()) +
@@ -69,7 +69,7 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
                                     name, context.bounds.confirm_timeout.count()));
 }
 
-/// In the audit log, behind the line that says what was to be delivered.
+/// Adds to the audit log, after the line with the intended delivery.
 void addToAuditLog(ServerContext& context, const std::string& who, const std::string& action,
                    const std::string& subject, const std::string& detail) {
   asio::post(context.workers, [&service = context.store.service(), who, action, subject, detail] {
@@ -151,7 +151,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
     endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");
   if (request.has_disable_user() && !request.disable_user().enable())
     endAccess(context, request.disable_user().name(), false, by, nullptr, "the account was disabled");
-  // all connections of a person whose role has changed end, the asker's own as well
+  // end all connections of a person with a new role, including the requester's own
   const char* const changed = "the account was changed: log in again";
   if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled())) {
     const bool same = asker != nullptr && reply.user().role() == asker->who().role;
@@ -162,8 +162,8 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
               reply.erasure().pseudonym());
   for (const std::string& name : reply.people_import().roles_changed())
     endAccess(context, name, false, by, nullptr, changed);
-  // the connection on which a person sets its own password stays; the others may be of somebody who knew the
-  // old one
+  // keep the connection on which a person sets its own password; users of the others may only know the old
+  // password
   if (request.has_set_password())
     endAccess(context, request.set_password().name(), false, by, asker,
               "the password was changed: log in again");
@@ -171,11 +171,11 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
 
 void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
                const PeerConnection* except, const std::string& text, const std::string& logged_as) {
-  // log-ins that are being checked now are checked again
+  // repeat the log-in checks in progress
   ++context.access_changes;
   const std::size_t tokens = station ? 0 : context.tokens.forget(name);
   std::size_t ended = 0;
-  // a copy: closing a connection takes it out of the map
+  // copy: closing a connection removes it from the map
   const auto all = context.connections;
   for (const auto& [id, peer] : all) {
     if (peer->who().name != name || (peer->who().role == pb::STATION) != station || peer->over()) continue;

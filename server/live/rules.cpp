@@ -9,7 +9,7 @@ using Body = pb::Envelope;
 constexpr unsigned bit(State state) {
   return 1u << static_cast<unsigned>(state);
 }
-// proto3 keeps numbers that are no role: they have no bit
+// proto3 keeps numbers outside the enum: they have no bit
 constexpr unsigned bit(pb::Role role) {
   return role >= pb::Role_MIN && role <= pb::Role_MAX ? 1u << static_cast<unsigned>(role) : 0u;
 }
@@ -24,11 +24,11 @@ constexpr unsigned kNobodyYet = bit(pb::ROLE_UNSPECIFIED);
 
 struct Rule {
   Body::BodyCase body;
-  unsigned states;  // in which it may come
-  unsigned roles;   // from whom
+  unsigned states;  // allowed states
+  unsigned roles;   // allowed roles
 };
 
-// what is not here is never legal from a peer
+// any message that is not listed is illegal from a peer
 constexpr Rule kRules[] = {
     {Body::kHello, bit(State::kGreeting), kNobodyYet},
     {Body::kLogin, bit(State::kLoggingIn), kNobodyYet},
@@ -96,7 +96,7 @@ Verdict checkMessage(pb::Envelope::BodyCase body, ConnectionState state, pb::Rol
   if (body == Body::BODY_NOT_SET) return Verdict::kUnknown;
   for (const Rule& rule : kRules) {
     if (rule.body != body) continue;
-    // the state first: before log-in nobody has a role
+    // check the state first: before log-in there is no role
     if ((rule.states & bit(state)) == 0) return Verdict::kWrongState;
     if ((rule.roles & bit(role)) == 0) return Verdict::kWrongRole;
     return body == Body::kPong ? Verdict::kIgnored : Verdict::kAllowed;

@@ -17,7 +17,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::int64_t kYear2020_s = 1'577'836'800;
-// beside connections: database, log, readers, monitor, standard streams
+// in addition to connections: database, log, readers, monitor, standard streams
 constexpr std::size_t kOtherFiles = 64;
 
 std::string userName(uid_t id) {
@@ -40,7 +40,7 @@ Status checkClock(std::int64_t now_unix_s) {
 }
 
 Status checkFolderRights(const std::filesystem::path& folder) {
-  if (folder.empty()) return {};  // said elsewhere
+  if (folder.empty()) return {};  // reported elsewhere
   std::error_code error;
   std::filesystem::path there = std::filesystem::absolute(folder, error);
   while (!there.empty() && there != there.root_path() && !std::filesystem::exists(there, error))
@@ -55,7 +55,7 @@ Status checkFolderRights(const std::filesystem::path& folder) {
   if (::stat(there.c_str(), &info) == 0) {
     owner = userName(info.st_uid);
     mode = info.st_mode & 07777;
-    if (!S_ISDIR(info.st_mode)) return {};  // said elsewhere
+    if (!S_ISDIR(info.st_mode)) return {};  // reported elsewhere
   }
   const std::string me = userName(::geteuid());
   return Error{ErrorCode::kFailed,

@@ -24,7 +24,7 @@ struct BoardFacts {
   std::map<std::string, std::vector<std::string>> tissues;
 };
 
-/// On a worker's thread: the stations that there are, and the layers of the sessions that are new.
+/// Reads the existing stations, and the layers of new sessions. On a worker's thread.
 Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::vector<std::string>& sessions) {
   ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
   BoardFacts facts;
@@ -39,7 +39,7 @@ Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::ve
     if (bytes.size() != id.size()) continue;
     std::copy(bytes.begin(), bytes.end(), id.begin());
     const auto info = SessionStore(*reader).info(id);
-    if (!info) continue;  // its first status came before it was stored: asked for again
+    if (!info) continue;  // its first status came before it was stored: asks again later
     auto& names = facts.tissues[bytes];
     const auto profile = parseProfile(info->description().profile_json(), "profile");
     if (!profile) continue;
@@ -82,7 +82,7 @@ Task<> LiveBoard::run(std::shared_ptr<LiveBoard> self) {
     board.newest_ = std::make_shared<const std::string>(board.make());
     ++board.number_;
     board.wakeAll();
-    // a machine that stalled does not catch up with a burst
+    // after a stall, do not send a burst to catch up
     next = std::max(next + board.period_, std::chrono::steady_clock::now() + board.period_ / 2);
     tick.expires_at(next);
     co_await tick.async_wait(kUseTuple);
@@ -154,7 +154,7 @@ std::string LiveBoard::make() {
                                        : status.trouble()},
                      {"drops", status.missed_ticks()}});
     peaks.insert_or_assign(station.name(), std::move(peak));
-    // a status that is older than its station's connection is nobody's
+    // discard a status that is older than its station's connection
     station.clear_status();
     station.set_online(false);
   }

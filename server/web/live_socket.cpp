@@ -46,7 +46,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     plain().expires_never();
     websocket::stream_base::timeout times =
         websocket::stream_base::timeout::suggested(beast::role_type::server);
-    // pings after half of it: who is gone without a word is noticed
+    // pings after half of it: detects a peer that has disappeared silently
     times.idle_timeout = std::chrono::seconds(30);
     times.keep_alive_pings = true;
     socket_->set_option(times);
@@ -59,7 +59,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     reading_ = true;
     asio::co_spawn(server_->context().io, readAll(shared_from_this()), rethrow);
     co_await sendAll();
-    // the reader ends by itself, now that the socket does
+    // the reader ends when the socket closes
     while (reading_) {
       asio::steady_timer pause(server_->context().io, std::chrono::milliseconds(20));
       co_await pause.async_wait(kUseTuple);
@@ -71,8 +71,8 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
  private:
   PlainHttpStream& plain() { return socket_->next_layer().next_layer(); }
 
-  /// Pings, pongs and the end are seen by reading. A message, whatever it says, means that somebody looks at
-  /// the page: the session lasts longer.
+  /// Reads, which handles pings, pongs and the close. Any message means that a person is looking at the page:
+  /// it extends the session.
   Task<> readAll(std::shared_ptr<Viewer> /*kept alive by it*/) {
     beast::flat_buffer buffer(kMostFromViewer);
     for (;;) {
@@ -113,14 +113,14 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
       plain().close();
       co_return;
     }
-    // a viewer that does not answer the close is not waited for
+    // do not wait for a viewer that does not answer the close
     arm(kGoodbye, false);
     (void)co_await socket_->async_close(reason, kUseTuple);
     deadline_.cancel();
     plain().close();
   }
 
-  /// From now on it is cut when nothing happens in time.
+  /// Cuts the connection unless there is activity within `limit`.
   void arm(std::chrono::milliseconds limit, bool slow) {
     deadline_.expires_after(limit);
     deadline_.async_wait([this, slow, alive = weak_](const boost::system::error_code& error) {

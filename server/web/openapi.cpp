@@ -138,7 +138,7 @@ class Description {
            (field.name() == "json" || std::string_view(field.name()).ends_with("_json"));
   }
 
-  /// The name under which reply_json.cpp writes the field.
+  /// The field's name in the output of reply_json.cpp.
   static std::string keyOf(const FieldDescriptor& field) {
     const std::string& name = field.name();
     if (isTime(field)) return name.substr(0, name.size() - 2) + "ms";
@@ -146,7 +146,7 @@ class Description {
     return name;
   }
 
-  /// Of one value, without looking at whether the field is repeated.
+  /// The schema of one value, ignoring `repeated`.
   WebJson valueSchema(const FieldDescriptor& field) {
     if (isTime(field))
       return {{"type", {"number", "null"}}, {"description", "ms since 1970, null: not yet or never"}};
@@ -188,7 +188,7 @@ class Description {
     return {{"type", "array"}, {"items", valueSchema(field)}};
   }
 
-  /// True when reply_json.cpp always writes it. Inner texts are not counted on: lists leave some out.
+  /// True when reply_json.cpp always writes the field. False for inner JSON texts, because lists omit some.
   static bool isAlwaysThere(const FieldDescriptor& field) {
     return field.is_repeated() || (!field.has_presence() && !isJsonText(field));
   }
@@ -291,7 +291,7 @@ class Description {
     return made;
   }
 
-  /// The schemas that were named, and what they name.
+  /// Adds all referenced schemas, recursively.
   void addComponents() {
     components_["Refused"] =
         WebJson::parse(R"json({"type": "object", "properties": {"error": {"type": "object",

@@ -81,7 +81,7 @@ WebJson fieldJson(const Message& message, const FieldDescriptor& field, int inde
   return nullptr;
 }
 
-/// A text that is JSON itself.
+/// Parses a text that contains JSON.
 WebJson innerJson(const std::string& text) {
   WebJson inner = WebJson::parse(text, nullptr, false);
   if (!inner.is_discarded()) return inner;
@@ -102,12 +102,12 @@ void addField(WebJson& object, const Message& message, const FieldDescriptor& fi
     object[name] = std::move(list);
     return;
   }
-  // what is not there is left out; a number or text without presence is always there
+  // omit absent fields; numbers and texts without presence are always written
   if (field.has_presence() && !reflection.HasField(message, &field)) return;
-  // "unix_ns" alone is one, too
+  // "unix_ns" alone counts as well
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_INT64 && ("_" + name).ends_with(kNsSuffix)) {
     const std::int64_t ns = reflection.GetInt64(message, &field);
-    // 0: it has not happened
+    // 0: has not happened
     object[name.substr(0, name.size() - 2) + "ms"] =
         ns == 0 ? WebJson(nullptr) : WebJson(static_cast<double>(ns) / 1e6);
     return;
@@ -137,11 +137,11 @@ Status timesToNs(nlohmann::json& value, const std::string& path) {
   for (const std::string& key : times) {
     const std::string at = path.empty() ? key : path + "." + key;
     const nlohmann::json& item = value[key];
-    if (item.is_null()) {  // never
+    if (item.is_null()) {  // never happens
       value.erase(key);
       continue;
     }
-    // 2262 is as far as ns reach
+    // ns reach only to the year 2262
     if (!item.is_number() || !(std::abs(item.get<double>()) < 9.2e12))
       return Error{ErrorCode::kInvalidInput, at + ": must be a time in milliseconds since 1970"};
     const auto ns = static_cast<std::int64_t>(std::llround(item.get<double>() * 1e6));

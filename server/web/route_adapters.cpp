@@ -1,5 +1,5 @@
-// The routes that are not plain (routes.h says what is): a change of two kinds by its body, a document as the
-// body, files that are made piece by piece, replies of several requests.
+// The routes that are not plain (defined in routes.h): two kinds of change selected by the body, a document
+// as the body, files made piece by piece, replies from several requests.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ WebJson addedPerson(const WebCall& call, const pb::Reply& reply) {
   return WebJson{{"name", call.body.value("name", "")}, {"role", call.body.value("role", "")}};
 }
 
-/// Role, name, access; or, alone, the word on studies.
+/// Changes role, name and access; or only the consent to studies.
 Result<pb::Request> changePerson(const WebRoute&, const WebCall& call) {
   pb::Request request;
   if (call.body.is_object() && call.body.contains("consent")) {
@@ -47,7 +47,7 @@ Result<pb::Request> changePerson(const WebRoute&, const WebCall& call) {
   return request;
 }
 
-/// All of a person's records as one document, page by page of ExportPerson.
+/// Streams all of a person's records as one document, page by page from ExportPerson.
 class PersonRecords {
  public:
   PersonRecords(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
@@ -105,7 +105,7 @@ std::string bodyText(const WebCall& call) {
   return call.body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-/// The document's id must be that of the address.
+/// The document's id must match the address.
 Status sameId(const WebCall& call) {
   if (call.body.is_object() && call.body.value("id", nlohmann::json()) == call.parts[0]) return {};
   return Error{ErrorCode::kInvalidInput, "id: is not '" + call.parts[0] + "', as in the address"};
@@ -190,7 +190,7 @@ Result<pb::Request> removeAssignment(const WebRoute&, const WebCall& call) {
 
 // --- sessions
 
-/// A list's row: without the profile, which is most of it.
+/// A list's row, without the profile, which is its largest part.
 WebJson sessionRowJson(const pb::SessionInfo& session) {
   WebJson row = jsonOf(session);
   if (row.contains("description")) row["description"].erase("profile");
@@ -217,7 +217,7 @@ Result<pb::Request> listSessions(const WebRoute&, const WebCall& call) {
       return Error{ErrorCode::kInvalidInput, "verdict: must be passed, failed or none"};
     list.set_verdict(found->second);
   }
-  constexpr std::uint64_t kLatest_ms = 9'200'000'000'000;  // 2261: as far as ns reach
+  constexpr std::uint64_t kLatest_ms = 9'200'000'000'000;  // 2261: the range of ns
   for (const auto& [name, set] : {std::pair("from_ms", &pb::ListSessions::set_from_unix_ns),
                                   std::pair("to_ms", &pb::ListSessions::set_to_unix_ns)}) {
     const std::string text = call.query(name);
@@ -240,7 +240,7 @@ WebJson sessionsJson(const WebCall&, const pb::Reply& reply) {
   return {{"items", std::move(rows)}, {"next_page", base64Url(reply.sessions().next_page())}};
 }
 
-/// Where a session's ticks stand in time.
+/// Maps a session's ticks to times.
 struct TickTimes {
   std::uint64_t first_tick = 0;
   double rate_hz = 0;
@@ -254,7 +254,7 @@ Result<TickTimes> tickTimesOf(Service& service, const WebCall& call) {
   if (info.session().chunks() == 0) return times;
   RETURN_IF_ERROR(setSession(call, *request.mutable_seek_session()));
   request.mutable_seek_session()->set_seconds(0);
-  // a recording that retention has deleted has remarks nevertheless: by the rate alone
+  // a deleted recording still has remarks: then convert by the rate alone
   if (const auto sought = replyOf(service, call, request); sought)
     times.first_tick = sought->sought().recording_first_tick();
   return times;
@@ -306,7 +306,7 @@ Result<WebJson> addAnnotation(Service& service, const WebCall& call) {
 
 // --- scores, studies, the audit log
 
-/// A cell of CSV: quoted where it must be, and never a formula of a spreadsheet.
+/// A CSV cell: quoted when necessary, and never a spreadsheet formula.
 std::string csvCell(const std::string& text) {
   std::string cell = !text.empty() && std::string_view("=+-@\t\r").find(text[0]) != std::string_view::npos
                          ? "'" + text
@@ -317,7 +317,7 @@ std::string csvCell(const std::string& text) {
   return quoted + "\"";
 }
 
-/// Scores as a long table, a measure a line: page by page of ListScores.
+/// Scores as a long table, one measure per line, page by page from ListScores.
 class ScoreLines {
  public:
   ScoreLines(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}

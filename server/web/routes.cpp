@@ -16,7 +16,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using Call = pb::Request;
 
-/// The routes that are not requests of the service.
+/// Routes without a request to the service.
 std::vector<WebRoute> ownRoutes() {
   const RouteAdapter log_in{.action = WebAction::kLogIn}, who_am_i{.action = WebAction::kWhoAmI},
       log_out{.action = WebAction::kLogOut}, live{.action = WebAction::kLive, .status = 101},
@@ -49,7 +49,7 @@ WebRoute routeOf(const HttpLine& http, pb::Request::CallCase call) {
   return route;
 }
 
-/// The pattern's parts against the path's; what stands for {…} goes into `parts`.
+/// Matches the pattern's parts with the path's; stores the values of {…} in `parts`.
 bool fits(std::string_view pattern, std::span<const std::string> segments, std::vector<std::string>& parts) {
   parts.clear();
   std::size_t next = 0;
@@ -68,7 +68,7 @@ bool fits(std::string_view pattern, std::span<const std::string> segments, std::
   return next == segments.size();
 }
 
-/// The names in a pattern's {…}, each with the fixed part before it: ("sessions", "id").
+/// The names in a pattern's {…}, each with the preceding fixed part: ("sessions", "id").
 std::vector<std::pair<std::string, std::string>> namesIn(std::string_view pattern) {
   std::vector<std::pair<std::string, std::string>> names;
   std::string before;
@@ -87,7 +87,7 @@ const Descriptor& messageOf(pb::Request::CallCase call) {
   return *pb::Request::descriptor()->FindFieldByNumber(call)->message_type();
 }
 
-/// A text of the address or the query into a field. `name`: its name there.
+/// Converts a text of the address or the query to a field. `name`: its name there.
 Status setField(Message& message, const FieldDescriptor* field, const std::string& name,
                 const std::string& text) {
   const auto& reflection = *message.GetReflection();
@@ -117,7 +117,7 @@ std::span<const WebRoute> webRoutes() {
       for (const HttpLine& http : row.http)
         if (!http.line.empty()) routes.push_back(routeOf(http, row.call));
     }
-    // '{' comes behind all letters: a fixed part goes before a {…} in its place
+    // '{' sorts after all letters: a fixed part comes before a {…} at the same position
     std::stable_sort(routes.begin(), routes.end(),
                      [](const WebRoute& a, const WebRoute& b) { return a.pattern < b.pattern; });
     return routes;
@@ -250,7 +250,7 @@ Result<std::uint32_t> baseOf(const WebCall& call) {
 
 WebMatch matchRoute(std::string_view method, std::span<const std::string> segments) {
   WebMatch match;
-  std::string_view pattern;  // the first that fits: one with a fixed part hides one with {…}
+  std::string_view pattern;  // the first match: a fixed part hides a {…}
   std::vector<std::string> parts;
   for (const WebRoute& route : webRoutes()) {
     if (!pattern.empty() && route.pattern != pattern) continue;

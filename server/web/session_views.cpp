@@ -42,7 +42,7 @@ std::int64_t nsOfSeconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
 }
 
-/// A session's chunks in order, read as the asker may.
+/// Reads a session's chunks in order, with the requester's permissions.
 class ChunkReader {
  public:
   /// Errors: those of GetSession; kNotFound when the recording was deleted.
@@ -65,7 +65,7 @@ class ChunkReader {
   [[nodiscard]] const pb::SessionInfo& info() const { return info_; }
   [[nodiscard]] std::int64_t firstTimeNs() const { return first_time_ns_; }
 
-  /// To the chunk of a moment; sets firstTimeNs. Not for a session without chunks.
+  /// Moves to the chunk of a moment; sets firstTimeNs. Not for a session without chunks.
   Status seek(double seconds) {
     pb::Request request;
     request.mutable_seek_session()->set_session_id(id_);
@@ -76,7 +76,7 @@ class ChunkReader {
     return {};
   }
 
-  /// When the last chunk that can be read ends, in s since the first sample; 0 when no chunk can be read.
+  /// The end of the last readable chunk, in s since the first sample; 0 when no chunk can be read.
   Result<double> endSeconds() {
     for (std::uint64_t back = 1; back <= std::min<std::uint64_t>(info_.chunks(), 16); ++back) {
       ASSIGN_OR_RETURN(const auto samples, read(info_.chunks() - back, 1, true));
@@ -85,7 +85,7 @@ class ChunkReader {
     return 0.0;
   }
 
-  /// The samples of some chunks; empty at the end (and only there, unless all of them are damaged).
+  /// The samples of the next chunks; empty at the end (or when all these chunks are damaged).
   Result<std::vector<GestureSample>> take(std::uint32_t most_chunks, bool skip_damaged) {
     while (next_ < info_.chunks()) {
       auto samples = read(next_, most_chunks, skip_damaged);
@@ -140,7 +140,7 @@ class ChunkReader {
 struct PlotColumn {
   std::string_view name;
   double (*value)(const GestureSample& sample);
-  bool extremes;  ///< the least and the greatest of a span, not just two of its samples
+  bool extremes;  ///< gives minimum and maximum of a span, not just two of its samples
 };
 
 constexpr std::array kPlotColumns = {
@@ -167,16 +167,16 @@ constexpr std::array kPlotColumns = {
     PlotColumn{"fault", [](const GestureSample& s) { return static_cast<double>(s.fault); }, false},
 };
 
-/// Of one span of time.
+/// The data of one time span.
 struct PlotBin {
   std::uint64_t count = 0;
-  double first_s = 0, middle_s = 0;  ///< of the two samples that stand for it
+  double first_s = 0, middle_s = 0;  ///< of the two samples that represent the span
   std::array<double, kPlotColumns.size()> first{}, middle{}, least{}, greatest{};
-  std::array<bool, kPlotColumns.size()> fell{};  ///< the greatest came before the least
+  std::array<bool, kPlotColumns.size()> fell{};  ///< the maximum came before the minimum
 
   void add(const GestureSample& sample, double time_s, double middle_of_span_s) {
     const bool is_first = count++ == 0;
-    // the last sample before the span's middle, or the one behind it
+    // the last sample before the span's middle, or the first one after it
     const bool is_middle = !is_first && (time_s <= middle_of_span_s || middle_s == first_s);
     if (is_first) first_s = middle_s = time_s;
     if (is_middle) middle_s = time_s;
@@ -196,7 +196,7 @@ struct PlotBin {
   }
 };
 
-/// The rows of a plot, column by column.
+/// Collects a plot's rows, column by column.
 class PlotRows {
  public:
   void add(const GestureSample& sample, double time_s) {
@@ -230,7 +230,7 @@ class PlotRows {
   std::array<std::vector<double>, kPlotColumns.size()> columns_;
 };
 
-/// The CSV, some chunks at a time.
+/// Makes the CSV, some chunks at a time.
 class CsvPieces {
  public:
   CsvPieces(ChunkReader reader, const TimeSpan& span)
@@ -241,7 +241,7 @@ class CsvPieces {
   }
 
   Result<std::string> next() {
-    // small recordings in one piece, long ones in many
+    // one piece for a small recording, many for a long one
     while (!ended_ && text_.size() < kMostPieceText) {
       ASSIGN_OR_RETURN(const auto samples, reader_.take(kChunksAPiece, false));
       ended_ = samples.empty();
@@ -276,7 +276,7 @@ Result<WebJson> samplePlot(Service& service, const WebCall& call) {
   ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call));
   const double from_s = span.from_s.value_or(0);
   double to_s = from_s;
-  std::vector<GestureSample> few;  // as long as they are no more than the points
+  std::vector<GestureSample> few;  // used while there are no more samples than points
   std::vector<PlotBin> bins;
   if (reader.info().chunks() > 0) {
     RETURN_IF_ERROR(reader.seek(from_s));

@@ -25,7 +25,7 @@ int hexDigit(char c) {
   return -1;
 }
 
-/// %XX to bytes; in a query '+' is a blank.
+/// Decodes %XX to bytes; in a query '+' is a blank.
 Result<std::string> unescaped(std::string_view text, bool is_query) {
   std::string plain;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -198,7 +198,7 @@ std::optional<std::string> bytesOfBase64Url(std::string_view text) {
       bytes += static_cast<char>((held >> bits) & 255);
     }
   }
-  // of one text only: what is left over must be zero, and less than a digit
+  // only one encoding per text is valid: the remaining bits must be zero and fewer than a digit
   if (bits >= 6 || (held & ((1u << bits) - 1)) != 0) return std::nullopt;
   return bytes;
 }
@@ -227,7 +227,7 @@ std::optional<WebSession> WebSessions::find(std::string_view cookie_header, std:
 std::string WebSessions::cookieFor(std::string_view token) {
   std::string cookie = std::string(kSessionCookie) + "=" + base64Url(token);
   if (token.empty()) cookie += "; Max-Age=0";
-  // __Host-: from this host only, for all of it, and over TLS
+  // __Host-: only for this host, for all paths, over TLS
   return cookie + "; Path=/; Secure; HttpOnly; SameSite=Strict";
 }
 

@@ -22,7 +22,7 @@ namespace {
 using Shared = std::shared_ptr<WebServer>;
 using Request = std::shared_ptr<HttpRequest>;
 
-/// JSON of that size is read in a millisecond.
+/// Parsing JSON of this size takes about a millisecond.
 constexpr std::size_t kSmallBody = 16u << 10;
 
 HttpAnswer notLoggedIn() {
@@ -50,7 +50,7 @@ HttpAnswer fileAnswer(const WebServer& server, const HttpRequest& request, const
   return answer;
 }
 
-/// A page elsewhere that makes this browser ask: refused whatever it has.
+/// Refuses a request that another site's page made through this browser, whatever credentials it carries.
 std::optional<HttpAnswer> foreignPage(const HttpRequest& request, bool needs_origin) {
   const bool safe = (request.method == "GET" || request.method == "HEAD") && !needs_origin;
   if (safe) return std::nullopt;
@@ -96,7 +96,7 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (login.answer == Answer::kRefused)
     co_return errorAnswer(401, "login_refused", "unknown name, wrong password, or disabled");
   if (login.answer != Answer::kWelcome) co_return errorAnswer(500, "failed", textOf(login));
-  // the browser forgets the session that it had
+  // replaces the browser's earlier session
   if (const auto before = server->sessions().find(request->cookie, steadyNowNs()))
     context.tokens.end(before->token);
   const auto issued = context.tokens.issue(login.holder, steadyNowNs());
@@ -112,7 +112,7 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   co_return answer;
 }
 
-/// The error's own code where there is one; a refusal of the running server else.
+/// The error's own code if there is one; otherwise a refusal by the running server.
 HttpAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
   if (outcome.error) return errorAnswer(*outcome.error);
   switch (refusal.reason()) {
@@ -125,7 +125,7 @@ HttpAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
   }
 }
 
-/// A backup without a path goes to a folder beside the database; the newest ten of those are kept.
+/// A backup without a path goes to a folder beside the database; the newest ten there are kept.
 Status placeBackup(const ServerContext& context, pb::Request& request) {
   if (!request.has_backup() || !request.backup().path().empty()) return {};
   const auto folder = context.store.databasePath().parent_path() / "backups";
@@ -138,7 +138,7 @@ Status placeBackup(const ServerContext& context, pb::Request& request) {
   return {};
 }
 
-/// Of a body that became a request, which is wiped by itself.
+/// Wipes the passwords in a body that became a request; the request wipes its own copy.
 void wipeSecrets(nlohmann::json& body) {
   if (!body.is_object()) return;
   for (const char* name : {"password", "csv"}) {
@@ -149,10 +149,10 @@ void wipeSecrets(nlohmann::json& body) {
 
 Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
   ServerContext& context = server->context();
-  // a class or a course of a megabyte takes a while to read: not on the network's thread
+  // parsing a class or a course of a megabyte takes time: not on the network's thread
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
   Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
-  if (call->body_bytes > kSmallBody)  // no ?: around co_await, which g++ 12 gets wrong
+  if (call->body_bytes > kSmallBody)  // not ?: around co_await, which g++ 12 miscompiles
     built = co_await offload(context.views, std::move(build));
   else
     built = build();
@@ -164,7 +164,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
   followUp(context, *request, outcome->reply, call->who.name, nullptr);
-  // long lists take a while to write
+  // serialising long lists takes time
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
@@ -204,7 +204,7 @@ Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared
   co_return answer;
 }
 
-/// The body as JSON where there should be one. Nothing: it is fine.
+/// Parses the body as JSON where one is expected. Nothing: no fault.
 std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) {
   const bool carries = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" ||
                        !request.body.empty();
@@ -213,7 +213,7 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
     return errorAnswer(415, "unsupported_media_type", "send the body as application/json");
   if (request.body.empty()) return std::nullopt;
   auto parsed = readStrictJson(request.body, "body", request.body.size());
-  wipe(request.body);  // there may be a password in it
+  wipe(request.body);  // it may contain a password
   if (!parsed) return errorAnswer(parsed.error());
   body = std::move(*parsed);
   return std::nullopt;
@@ -251,7 +251,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     co_return co_await logIn(server, request, std::move(call->body));
   }
 
-  // from here on only with a session
+  // all following routes require a session
   const auto session = server->sessions().find(request->cookie, steadyNowNs());
   if (!session) co_return notLoggedIn();
   request->who = session->holder.who.name;
@@ -269,7 +269,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     co_return notLoggedIn();
   }
   server->showedSession(request->connection, session->holder.who.name);
-  // who only asks how long the session lasts does not make it last longer; nor does a page that is left open
+  // asking for the session's expiry does not extend it, nor does a page that is left open
   if (route.how.action != WebAction::kWhoAmI && route.how.action != WebAction::kLive)
     (void)context.tokens.renew(session->token, steadyNowNs());
 
@@ -332,7 +332,7 @@ Task<HttpAnswer> WebServer::answer(std::shared_ptr<HttpRequest> request) {
   if (request->host.empty()) co_return errorAnswer(400, "invalid_input", "the header Host is missing");
   const auto& segments = target->segments;
   if (segments.size() >= 2 && segments[0] == "api" && segments[1] == "v1") {
-    // what one request meets (a stored text that nobody expected, no memory) is not the end of all lessons
+    // an exception in one request (an unexpected stored text, no memory) must not end the server
     try {
       co_return co_await apiAnswer(server, request, std::move(*target));
     } catch (const std::exception& fault) {

@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-/// Installed beside the program (PREFIX/bin, PREFIX/share/needlelab/web), else where it was built.
+/// Beside an installed program (PREFIX/bin, PREFIX/share/needlelab/web), else in the build tree.
 std::filesystem::path defaultWebRoot() {
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
@@ -101,7 +101,7 @@ std::size_t WebServer::bodyLimit(const std::string& cookie) const {
 }
 
 const HttpHeaders& WebServer::commonHeaders() const {
-  // nothing but this server's own files and data; no other page may frame it or learn of it
+  // permit only this server's own files and data; no other page may frame it or get its address
   static const HttpHeaders headers = {
       {"Content-Security-Policy",
        "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'"},
@@ -123,7 +123,7 @@ void WebServer::answered(const HttpExchange& exchange) {
   while (bucket < WebCounters::kLatency_s.size() && exchange.seconds > WebCounters::kLatency_s[bucket])
     ++bucket;
   ++web.latency[bucket];
-  // neither query nor header: names that are looked for, cookies and tokens are nobody's business
+  // logs neither query nor headers, which may contain searched names, cookies and tokens
   const std::string path = request.method == "?" ? "?" : request.target.substr(0, request.target.find('?'));
   logEvent(request.route == "file" ? LogLevel::kDebug : LogLevel::kInfo, "web_request",
            {{"conn", request.connection},
