@@ -94,6 +94,7 @@ class GuardedWrench {
 ///   needle keeps its true position, and the force of that position fades in. So from tick to tick the force
 ///   changes by at most 1/20 of the wanted force, plus the change of the wanted force. The same happens after
 ///   a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
+///
 /// Thread: the haptic thread only (its owner may call acknowledge between ticks). Real-time safe; uses no
 /// clock: it counts ticks.
 class ForceGate {

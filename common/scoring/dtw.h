@@ -27,6 +27,7 @@ inline constexpr std::size_t kMostPathPoints = 6'000;
 /// distance of their points once, (1,1) and the start twice, the sum is divided by the number of points of
 /// both paths. So it is a mean distance in m, 0 for equal paths, symmetric in both paths, and with
 /// points in pairs for a shift by d everywhere at most d.
+///
 /// `band`: the number of points by which an alignment may leave the straight line between both ends; at least
 /// 1 is used. Empty: a path has no points, or more than kMostPathPoints. Time O(longer · band), memory
 /// O(band).

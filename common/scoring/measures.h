@@ -43,9 +43,8 @@ struct Measure {
 /// Definitions stand beside the code of each group (measures.cpp, measures_in_tissue.cpp) and in track.h,
 /// dtw.h and syringe_events.h. What they share:
 /// - Lengths of paths, speeds, swept area and smoothness come from positions averaged to 100 Hz and
-/// low-passed
-///   to 6 Hz (track.h), so that they do not depend on the loop's rate. Depths, distances and forces come from
-///   the ticks themselves.
+///   low-passed to 6 Hz (track.h), so that they do not depend on the loop's rate. Depths, distances and
+///   forces come from the ticks themselves.
 /// - The needle is in tissue when the engine says so (a layer is given). A tick stands for the time to the
 ///   next tick.
 /// - Gaps of up to 0.1 s are bridged by straight lines; nothing is assumed about longer gaps (their time

@@ -1,4 +1,5 @@
 /// Bands of expert gestures, and the comparison of a gesture with them.
+///
 /// A few experts are a small sample: below `kLeastForZScore` gestures there is no z-score and no percentile,
 /// only the range. "Like the experts" means within the 95 % prediction interval of one more gesture from the
 /// same normal distribution, mean ± t(0.975, n−1)·sd·√(1 + 1/n), which is wide for small n; it needs no

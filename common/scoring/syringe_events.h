@@ -1,14 +1,16 @@
 /// Aspirations and injections, from a recording alone: pure functions, no files, no clock.
+///
 /// A stroke is a movement of the plunger in one direction by at least `kLeastStroke`. Drawing back is an
 /// ASPIRATION, pressing is an INJECTION.
 /// - The plunger is averaged over 10 ms, and a movement begins when it leaves a band of `kBand` about its
-/// rest: trembling on the plunger makes no stroke. A movement that goes back by less than `kTurnBack`
-/// continues.
+///   rest: trembling on the plunger makes no stroke. A movement that goes back by less than `kTurnBack`
+///   continues.
 /// - A rest of less than `kPause_s` does not end a stroke; movements slower than about `kBand` in that time
-/// (2.5 min for the whole stroke) count as rest.
+///   (2.5 min for the whole stroke) count as rest.
 /// - A stroke begins when the plunger leaves one end and ends when it reaches the other, to within the 10 ms
-/// and the time it needs for half a band.
+///   and the time it needs for half a band.
 /// - Missing ticks: the plunger's change during them counts as a movement between the neighbouring samples.
+///
 /// The place is the needle's opening: `openingBehindTip_m` (haptics/needle_spec.h) behind the tip along the
 /// axis. It is in tissue when the engine reports the needle inserted and the opening itself is under the
 /// surface; its layer is the layer at its depth.

@@ -1,5 +1,6 @@
 /// A rigid needle in linear elastic tissue: the quasi-static contact of FEM at one tick, with the mesh
 /// replaced by its compliance (`NeedleCompliance`). No heap, no lock, no library: a tick may call it.
+///
 /// The tissue moves by w = C f under the axial forces f of the needle on its stations. Along the shaft the
 /// tissue sticks to the needle or slips: |f_j| is at most the friction of the inserted part of station j. The
 /// tip pushes (never pulls) the tissue with at most the cutting force of the layer there; beyond that it
