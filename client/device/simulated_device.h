@@ -1,5 +1,5 @@
 /// Devices without hardware: a Virtuose 6D Desktop held by a simulated hand, for learning, tests and the
-/// offline tool; and a handle that is swung about a dimple, for trying out `--calibrate`.
+/// offline tool; and a handle swinging about a dimple, for trying out `--calibrate`.
 #pragma once
 
 #include <array>
@@ -14,10 +14,10 @@ namespace needlelab {
 
 struct SimulatedDeviceOptions {
   HandOptions hand;
-  std::shared_ptr<HandSteering> steering;  ///< the hand is steered; null: it pursues its plan
-  Pose X_HT;                   ///< tip in the handle's frame: the hand pursues its plan with the tip
-  DeviceLimits limits;         ///< its apparent mass and damping move the handle
-  double inertia_kgm2 = 1e-3;  ///< of the handle about every axis
+  std::shared_ptr<HandSteering> steering;  ///< steers the hand; null: the hand follows its plan
+  Pose X_HT;                               ///< tip in the handle's frame; the hand's plan is for the tip
+  DeviceLimits limits;                     ///< includes the handle's apparent mass and damping
+  double inertia_kgm2 = 1e-3;              ///< of the handle about every axis
   double rotational_damping_Nms_per_rad = 0.01;
   double dry_friction_N = 0;         ///< Coulomb friction against translation
   double encoder_step_m = 10e-6;     ///< 0 = exact
@@ -28,9 +28,9 @@ struct SimulatedDeviceOptions {
 };
 
 /// Deterministic: same options, plan and wrenches give the same bits on every machine with IEEE doubles.
-/// `read` integrates one tick (semi-implicit Euler) under the wrench that is due, then reports the encoders;
-/// its first call reports the start pose. kFinished when the plan is over. Translation is a point mass,
-/// rotation a ball.
+/// `read` integrates one tick (semi-implicit Euler) under the wrench now due, then reports the encoders; its
+/// first call reports the start pose. Returns kFinished at the end of the plan. The handle translates as a
+/// point mass and rotates as a ball.
 class SimulatedDevice final : public Device {
  public:
   static constexpr std::uint32_t kMaxDelayTicks = 15;
@@ -42,13 +42,13 @@ class SimulatedDevice final : public Device {
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
-  /// Time goes on under the wrenches that are due, the last one holding.
+  /// Integrates the missed ticks under the wrenches due; the last one holds.
   void skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override;
 
-  /// The handle's true state, not the encoders'. For tests and studies.
+  /// Returns the handle's true state, not the encoders'. For tests and studies.
   [[nodiscard]] const HandleState& handle() const noexcept { return handle_; }
-  /// Where the hand wants it. Only after `open`.
+  /// The hand on the handle. Valid only after `open`.
   [[nodiscard]] const Hand& hand() const noexcept { return *hand_; }
 
  private:
@@ -61,12 +61,12 @@ class SimulatedDevice final : public Device {
   HandleState handle_;
   double step_s_ = 0;
   std::int64_t steps_per_tick_ = 0;
-  std::uint64_t tick_ = 0;  // of the next read
+  std::uint64_t tick_ = 0;  // the next read's tick
   std::array<Wrench, kMaxDelayTicks + 1> pending_;
 };
 
 struct PivotMotion {
-  Pose X_HT{{0.012, -0.008, 0.142}, {0, 0, 0, 1}};  ///< that a calibration shall find
+  Pose X_HT{{0.012, -0.008, 0.142}, {0, 0, 0, 1}};  ///< the expected result of a calibration
   Vec3 p_WP_m{0.45, 0.05, -0.12};                   ///< the dimple
   double swing_rad = 0.45;                          ///< to every side, [0, 1.5]
   double swing_period_s = 2.4;                      ///< to and fro, (0, 60]
@@ -74,12 +74,12 @@ struct PivotMotion {
   double noise_m = 30e-6;     ///< standard deviation of each coordinate of the handle, in each tick
   double encoder_step_m = 10e-6;
   std::uint64_t seed = 1;
-  double slip_at_s = 0;  ///< from here on the tip lies `slip_m` aside; 0 = it never slips
+  double slip_at_s = 0;  ///< from this time on the tip is `slip_m` off; 0 = it never slips
   double slip_m = 0;
-  double seconds = 0;  ///< ends after so long; 0 = it never ends
+  double seconds = 0;  ///< duration; 0 = endless
 };
 
-/// Deterministic on one machine. The needle hangs downward in the middle of the swing. Takes no force.
+/// Deterministic on one machine. The needle points down in the middle of the swing. Renders no force.
 class PivotDevice final : public Device {
  public:
   explicit PivotDevice(const PivotMotion& motion);
@@ -90,7 +90,7 @@ class PivotDevice final : public Device {
   void skip(std::uint64_t ticks) noexcept override { tick_ += ticks; }
   void close() noexcept override {}
 
-  /// The handle at `t_s`, without noise and encoder.
+  /// Returns the handle's pose at `t_s`, without noise and encoder.
   [[nodiscard]] Pose handleAt(double t_s) const noexcept;
 
  private:

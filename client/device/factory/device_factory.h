@@ -1,4 +1,4 @@
-/// The table of devices: from the text of `--device` to a device, and what of it this computer has.
+/// The table of devices: makes a device from the text of `--device`, and lists this computer's devices.
 #pragma once
 
 #include <memory>
@@ -14,8 +14,7 @@
 
 namespace needlelab {
 
-/// Facts of the lesson that a device may need. Only the simulated device uses them: its hand pursues an
-/// insertion.
+/// Facts of the lesson for the device. Only the simulated device uses them, for its hand's insertion.
 struct DeviceOptions {
   SceneSpec scene;                                   ///< in W, the limb already placed
   std::vector<PlanTarget> targets;                   ///< of the profile, in W
@@ -27,25 +26,25 @@ struct DeviceOptions {
 /// A kind of device: one row of the table.
 struct DeviceKind {
   const char* name;        ///< `--device NAME…`
-  const char* arguments;   ///< that may follow the name, for --help, e.g. "[:HOST#PORT]"
+  const char* arguments;   ///< optional text after the name, for --help, e.g. "[:HOST#PORT]"
   const char* separators;  ///< characters that may follow the name: "", ":" or ":@"
-  const char* listed_as;   ///< in --list-devices, when the kind itself cannot be asked
+  const char* listed_as;   ///< entry in --list-devices when the kind has no listing of its own
   const char* title;       ///< for a person
-  /// Makes the device, which is not opened yet. `rest`: of `--device`, after the name, separator included.
+  /// Makes the device without opening it. `rest`: the text of `--device` after the name, separator included.
   Result<std::unique_ptr<Device>> (*make)(const std::string& rest, const DeviceOptions& options);
-  /// The devices of this kind on this computer. Gives no force; may take long.
+  /// Lists the devices of this kind on this computer. Renders no force; may take long.
   std::vector<FoundDevice> (*list)();
 };
 
-/// All of them, in the order of `--list-devices`.
+/// All kinds, in the order of `--list-devices`.
 std::span<const DeviceKind> deviceKinds();
 
 /// For `--help` and for error messages, e.g. "simulated, recording:FILE".
 std::string deviceKindsText();
 
-/// Makes the device that `spec` names. It is not opened yet. Errors (kInvalidInput): an unknown kind, with
-/// the list of those that exist; a recording that cannot be read, with file, line, column and value; a hand's
-/// plan that does not fit the scene.
+/// Makes the device named by `spec`, without opening it. Errors (kInvalidInput): an unknown kind, with the
+/// list of known ones; a recording that cannot be read, with file, line, column and value; a hand's plan that
+/// does not fit the scene.
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options);
 
 }  // namespace needlelab

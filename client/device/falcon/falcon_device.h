@@ -19,12 +19,12 @@
 namespace needlelab {
 
 struct FalconOptions {
-  /// The maker's firmware; empty: the environment's NEEDLELAB_FALCON_FIRMWARE. Needed only by a Falcon that
-  /// has lost its own, as each does when its power goes.
+  /// The maker's firmware; empty: the environment's NEEDLELAB_FALCON_FIRMWARE. Needed only after a power
+  /// cycle, because a Falcon then loses its firmware.
   std::string firmware_file;
   std::string which;  ///< serial number or bus path, e.g. "1-4.2"; empty: the only one
-  int priority = 80;  ///< SCHED_FIFO of the USB thread, as the haptic thread's; without the right it is left
-  /// Called with the progress of a firmware load, by the thread that loads. May be empty.
+  int priority = 80;  ///< SCHED_FIFO of the USB thread, as the haptic thread's; ignored without permission
+  /// Called with the progress of a firmware load, on the loading thread. May be empty.
   std::function<void(const std::string&)> progress;
 };
 
@@ -32,14 +32,14 @@ struct FalconOptions {
 /// is part of the file's name. Errors (kInvalidInput): nothing after ':' or '@'.
 Result<FalconOptions> falconOptions(const std::string& rest);
 
-/// The Falcons of this computer, for `--list-devices`; without any, one entry that says so.
+/// Lists this computer's Falcons for `--list-devices`; without any, returns one entry that says so.
 std::vector<FoundDevice> listFalcons();
 
-/// The haptic thread reads the newest report and posts the newest torques through mailboxes, wait-free; a
-/// thread of the device's own does the USB exchange, finds a lost device again, loads its firmware and
-/// watches that the haptic thread lives (Exchange). The device finds its zero when it is pulled out and
-/// pushed in once; until then `read` returns kNoUpdate with kDeviceNotReady; buttons count nevertheless, but
-/// not while it is lost.
+/// The haptic thread reads the newest report and posts the newest torques through wait-free mailboxes. The
+/// device's own thread does the USB exchange, reconnects a lost device, loads its firmware and monitors the
+/// haptic thread (Exchange). The device finds its zero when the grip is pulled out and pushed in once; until
+/// then `read` returns kNoUpdate with kDeviceNotReady. Buttons work before that, but not while the device is
+/// lost.
 class FalconDevice final : public Device {
  public:
   explicit FalconDevice(FalconOptions options);
@@ -49,23 +49,23 @@ class FalconDevice final : public Device {
   FalconDevice& operator=(const FalconDevice&) = delete;
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
-  /// Loads the firmware when it must: some seconds. Errors: as FalconBus::open and FirmwareLoader; a rate
-  /// above 1 kHz (kInvalidInput); a device that does not answer (kUnavailable). One that has not found its
-  /// zero opens nevertheless: `status` says what the hand has to do.
+  /// Loads the firmware if needed, which takes some seconds. Errors: as FalconBus::open and FirmwareLoader; a
+  /// rate above 1 kHz (kInvalidInput); a device that does not answer (kUnavailable). Succeeds before the
+  /// device has found its zero: `status` then says how to move the grip.
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
   [[nodiscard]] std::string status() override;
-  /// Zero torque, answered by the device, before it is let go.
+  /// Sends zero torque, waits for the device's answer, then releases the device.
   void close() noexcept override;
 
-  /// Counted by the kinematics in ticks since `open`: see KinematicFlag. Thread: any.
+  /// Returns the number of ticks since `open` with a KinematicFlag. Thread: any.
   [[nodiscard]] std::uint64_t clampedTicks() const noexcept { return clamped_ticks_.load(); }
-  /// Counts of the link in use, updated twenty times a second. Thread: any but the haptic one.
+  /// Returns the current link's counts, updated twenty times a second. Thread: any but the haptic one.
   [[nodiscard]] falcon::ExchangeCounts counts();
 
  private:
-  /// Places of the last reports, for the grip's speed.
+  /// Positions from the last reports, for the grip's speed.
   struct Trail {
     static constexpr std::size_t kSteps = 8;
     std::array<Vec3, kSteps> p_m{};
@@ -92,7 +92,7 @@ class FalconDevice final : public Device {
   // the haptic thread's
   falcon::LegJacobian legs_;
   Trail trail_;
-  bool placed_ = false;  // legs_ is of a homed device
+  bool placed_ = false;  // legs_ is from a homed device
   std::uint32_t saturated_ = 0;
   std::uint32_t stale_ticks_ = 0;
 

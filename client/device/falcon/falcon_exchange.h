@@ -1,6 +1,6 @@
 /// The exchange with a Falcon that runs its firmware: one command, one report, a thousand times a second. Up
-/// to two commands may be under way: the USB chip holds a reply back for up to 1 ms, and waiting for it would
-/// make the period longer.
+/// to two commands may be in flight: the USB chip holds a reply back for up to 1 ms, and waiting for it would
+/// lengthen the period.
 #pragma once
 
 #include <atomic>
@@ -30,22 +30,23 @@ struct Mailboxes {
   std::atomic<std::uint32_t> condition{0};  ///< DeviceFlag bits, by the USB thread
 };
 
-/// Counted since the link was opened.
+/// Counts since the link was opened.
 struct ExchangeCounts {
   std::uint64_t sent = 0, reports = 0;
   std::uint64_t bad_packets = 0;
-  std::uint64_t unanswered = 0;     ///< commands that no report followed in time
-  std::uint64_t starved_times = 0;  ///< how often the haptic thread fell silent: zero torque was sent
+  std::uint64_t unanswered = 0;     ///< commands without a report in time
+  std::uint64_t starved_times = 0;  ///< how often the haptic thread fell silent and zero torque was sent
 };
 
-/// Motors turn only while the device has found its zero, reports are good, and the haptic thread has asked
-/// for it within the last 20 ms. Time is handed in, so that tests have their own. Thread: the USB thread.
+/// Drives the motors only while the device has found its zero, reports are good, and the haptic thread has
+/// posted a request within the last 20 ms. The caller passes the time, so that tests can simulate it. Thread:
+/// the USB thread.
 class Exchange final : public LinkListener {
  public:
   static constexpr std::int64_t kPeriod_ns = 1'000'000;
   static constexpr std::int64_t kWatchdog_ns = 20'000'000;  ///< silence of the haptic thread
   static constexpr int kMostUnderWay = 2;
-  static constexpr std::int64_t kReplyTime_ns = 6'000'000;   ///< after this a reply is not waited for
+  static constexpr std::int64_t kReplyTime_ns = 6'000'000;   ///< longest wait for a reply
   static constexpr std::int64_t kSilent_ns = 100'000'000;    ///< then it is kDeviceTrouble
   static constexpr std::int64_t kGiveUp_ns = 1'000'000'000;  ///< after this the link is opened again
   static constexpr std::uint32_t kMostBadInARow = 20;        ///< then it is kDeviceTrouble
@@ -54,9 +55,10 @@ class Exchange final : public LinkListener {
 
   Exchange(FalconLink& link, Mailboxes& boxes, std::int64_t now_ns);
 
-  /// Sends if it is time. Returns when it wants to be called again; sooner does no harm.
+  /// Sends when due. Returns the time of the next call; an earlier call does no harm.
   std::int64_t step(std::int64_t now_ns) noexcept;
-  /// Sends lights out and zero torque, and waits at most `patience_ns` for the answer; false when none came.
+  /// Sends zero torque with the lights off, and waits at most `patience_ns` for the answer; returns false
+  /// without one.
   bool sendFinalCommand(std::int64_t patience_ns) noexcept;
 
   void onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept override;
@@ -80,7 +82,7 @@ class Exchange final : public LinkListener {
   MotorRequest request_;
   std::int64_t due_ns_, sent_ns_, last_report_ns_, last_request_ns_;
   bool sending_ = false;
-  int unanswered_ = 0;  // commands under way
+  int unanswered_ = 0;  // commands in flight
   bool homed_ = false, starved_ = true;
   Trouble trouble_ = Trouble::kNone;
 };

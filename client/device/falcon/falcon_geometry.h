@@ -1,9 +1,10 @@
 /// The Novint Falcon as data: lengths, angles, encoders, motors, packet bits, limits, each with its source.
-/// Kinematics (falcon_kinematics.h) and the tests' emulated device, which has its own, share only this.
+/// Kinematics (falcon_kinematics.h) and the tests' emulated device with its own kinematics share only this
+/// file.
 ///
 /// Sources. [MH] Martin and Hillier, Characterisation of the Novint Falcon haptic device for application as a
-/// robot manipulator, ACRA 2009 (values as cited in public code; the paper itself was not at hand).
-/// [TS] Tsai, Robot Analysis, 1999, and Stamper, A three degree of freedom parallel manipulator with only
+/// robot manipulator, ACRA 2009 (values as cited in public code; we did not have the paper itself). [TS]
+/// Tsai, Robot Analysis, 1999, and Stamper, A three degree of freedom parallel manipulator with only
 /// translational degrees of freedom, thesis PhD 97-4, Maryland 1997: the mechanism. [LN] documentation of the
 /// libnifalcon project, 2007-2010. [ND] Novint's own data sheet. [A] an assumption of ours.
 ///
@@ -16,9 +17,9 @@
 ///   shin:  (p_u − u_knee)² + (p_w − w_knee)² = (d + e + √(b² − p_v²))²
 ///
 /// a thigh, b long side of the shin's parallelogram, d and e the two short links in line with it: θ_i = 0 is
-/// a thigh in the base's plane pointing outward, θ_i = π/2 one that points to the user. Of the two θ_i that
-/// fit a place the device uses the one whose knee bends outward: θ_i = atan2(p_w, p_u − r + c) − acos(…).
-/// Near its stops a leg may lock; forward kinematics takes the grip in front of the knees (greatest p_w).
+/// a thigh in the base's plane pointing outward, θ_i = π/2 one that points to the user. Two θ_i fit a
+/// position; the device uses the one with the knee bent outward: θ_i = atan2(p_w, p_u − r + c) − acos(…).
+/// Near its stops a leg may lock; forward kinematics chooses the grip in front of the knees (largest p_w).
 #pragma once
 
 #include <array>
@@ -53,10 +54,10 @@ inline constexpr int kCountsPerTurn = 4 * kEncoderSlots;  ///< quadrature
 inline constexpr double kGearRatio = 7.62;                ///< motor turns per turn of a thigh: [MH]
 /// θ = kThetaAtZero_rad + counts / kCountsPerRad, both growing together.
 inline constexpr double kCountsPerRad = kCountsPerTurn * kGearRatio / (2 * std::numbers::pi);
-/// θ where a homed encoder says 0. [LN] 35°, [MH] 50°, measured by a user of both 40°: 40° is taken, and
-/// ±10° of it is [A]. It moves the origin along z by about 5 mm and changes lengths by some per cent.
+/// θ where a homed encoder says 0. [LN] 35°, [MH] 50°, a user of both measured 40°: we use 40°, and ±10° of
+/// it is [A]. That moves the origin along z by about 5 mm and changes lengths by a few per cent.
 inline constexpr double kThetaAtZero_rad = 40 * std::numbers::pi / 180;
-/// A thigh's stops, a little outside what [MH] uses (±1600 counts, ±59°).
+/// A thigh's stops, slightly outside the range in [MH] (±1600 counts, ±59°).
 inline constexpr double kThetaMin_rad = kThetaAtZero_rad - 1700 / kCountsPerRad;
 inline constexpr double kThetaMax_rad = kThetaAtZero_rad + 1700 / kCountsPerRad;
 
@@ -67,14 +68,14 @@ inline constexpr double kMotorNm_per_unit = 1.9835e-5;
 /// A positive torque at a thigh, which raises θ, is a negative number to the motor: [MH], [LN].
 inline constexpr double kMotorSign = -1;
 
-/// Middle of the workspace in F, and the origin of W: so a pose of 0 is the grip in its middle. [LN] gives
-/// z from 75 to 175 mm.
+/// Middle of the workspace in F, and origin of W: at pose 0 the grip is in the middle. [LN] gives z from 75
+/// to 175 mm.
 inline constexpr Vec3 kOrigin_F_m = {0, 0, 0.125};
-/// Half an edge of the cube that the maker promises, 4 inches wide: [ND].
+/// Half an edge of the maker's specified cube, 4 inches wide: [ND].
 inline constexpr double kWorkspaceHalf_m = 0.0508;
 
-/// W from F (ARCHITECTURE.md, "Frames and units": X toward the user, Y to the user's right, Z up): a turn of
-/// the axes' names.
+/// W from F (ARCHITECTURE.md, "Frames and units": X toward the user, Y to the user's right, Z up): a
+/// permutation of the axes.
 constexpr Vec3 vectorToW(Vec3 v_F) {
   return {v_F.z, v_F.x, v_F.y};
 }
@@ -94,9 +95,9 @@ inline constexpr std::uint8_t kOutGreen = 0x02, kOutBlue = 0x04, kOutRed = 0x08;
 inline constexpr std::uint8_t kInButtons = 0x0F;  ///< from the device: bit i, button i of the grip
 inline constexpr std::uint8_t kInHomed = 0x70;  ///< from the device: bit 4 + i, encoder i has found its zero
 
-/// [ND] peak 2 lbf = 8.9 N; no torque at all. The rest is [A]: continuous as 0.3 of the peak like the
-/// Virtuose's, stiffness as what its friction and 1 kHz bear without chatter, mass and damping as a hand
-/// feels them; it has no speed fault of its own: 2 m/s is beyond a hand that works.
+/// [ND] peak 2 lbf = 8.9 N; no torque at all. The rest is [A]: continuous force is 0.3 of the peak as for the
+/// Virtuose, stiffness is the limit without chatter for its friction at 1 kHz, mass and damping are as a hand
+/// feels them. The device has no speed fault of its own: 2 m/s is beyond normal hand motion.
 inline constexpr DeviceLimits kLimits = {
     .peak_force_N = 8.9,
     .continuous_force_N = 2.7,

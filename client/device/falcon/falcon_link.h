@@ -1,5 +1,4 @@
-/// Transport of bytes to a Falcon: libusb (falcon_usb.cpp), or a test's stand-in. All of it is used by one
-/// thread at a time.
+/// Transport of bytes to a Falcon: libusb (falcon_usb.cpp), or a test's stand-in. Thread: one at a time.
 #pragma once
 
 #include <chrono>
@@ -16,59 +15,59 @@
 namespace needlelab::falcon {
 
 /// The FTDI USB-to-serial chip in front of the Falcon's processor, opened: control requests, bytes out, bytes
-/// in. Each call waits for its end. Errors: kUnavailable when the device is gone or does not answer. Thread:
-/// the one that opened it.
+/// in. Each call blocks until it is done. Errors: kUnavailable when the device is gone or does not answer.
+/// Thread: the one that opened it.
 class FtdiPort {
  public:
   virtual ~FtdiPort() = default;
   /// A vendor request to the device (type 0x40, no data).
   virtual Status control(std::uint8_t request, std::uint16_t value, std::uint16_t index) = 0;
-  /// All of `bytes`, or an error.
+  /// Writes all of `bytes`, or returns an error.
   virtual Status write(std::span<const std::uint8_t> bytes, std::chrono::milliseconds timeout) = 0;
-  /// One USB read as it came, modem bytes and all (falcon_packet.h); 0 bytes when the time is over.
+  /// Does one raw USB read, modem bytes included (falcon_packet.h); 0 bytes on timeout.
   virtual Result<std::size_t> read(std::span<std::uint8_t> buffer, std::chrono::milliseconds timeout) = 0;
 };
 
-/// Gets a link's events, within `wait`.
+/// Receives a link's events, inside `wait`.
 class LinkListener {
  public:
   virtual ~LinkListener() = default;
-  /// One USB read as it came, modem bytes and all, at `now_ns` (steadyNowNs).
+  /// One raw USB read, modem bytes included, at `now_ns` (steadyNowNs).
   virtual void onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept = 0;
-  /// The write that `send` began has ended; `done` when the device took all of it.
+  /// The write started by `send` has ended; `done` when the device took all of it.
   virtual void onSent(bool done) noexcept = 0;
 };
 
-/// One opened Falcon. As FtdiPort while no stream runs; then reads are always pending and writes do not wait.
-/// Its destructor lets the device go, with all that was under way.
+/// One opened Falcon. Without a stream it works as an FtdiPort; during a stream reads are always pending and
+/// writes do not block. The destructor cancels pending transfers and releases the device.
 class FalconLink : public FtdiPort {
  public:
   virtual Status startStream(LinkListener& listener) = 0;
-  /// Begins to write `packet`. False when one is still under way, or the device is lost.
+  /// Starts to write `packet`. Returns false while another write is pending, or when the device is lost.
   virtual bool send(const Packet& packet) noexcept = 0;
-  /// Handles events until one happened or `steadyNowNs` reaches `until_ns`.
+  /// Handles events until one occurs or `steadyNowNs` reaches `until_ns`.
   virtual void wait(std::int64_t until_ns) noexcept = 0;
-  /// The device is gone: nothing can be sent or read any more.
+  /// Whether the device is gone: sending and reading then fail.
   [[nodiscard]] virtual bool lost() const noexcept = 0;
-  /// Ends all that is under way. The link may be used as FtdiPort again.
+  /// Cancels pending transfers. The link works as an FtdiPort again.
   virtual void stopStream() noexcept = 0;
 };
 
-/// Where Falcons are found.
+/// Finds Falcons.
 class FalconBus {
  public:
   virtual ~FalconBus() = default;
-  /// One entry for each Falcon; empty when there is none.
+  /// Returns one entry per Falcon.
   virtual Result<std::vector<FoundDevice>> list() = 0;
-  /// Opens the one that `which` names by serial number or bus path ("1-4.2"); empty: the only one.
-  /// Errors (kNotFound, kDenied, kUnavailable, kInvalidInput) say what to do.
+  /// Opens the Falcon with the serial number or bus path `which` ("1-4.2"); empty: the only one. Errors:
+  /// kNotFound, kDenied, kUnavailable, kInvalidInput, with advice.
   virtual Result<std::unique_ptr<FalconLink>> open(const std::string& which) = 0;
-  /// Returns when a Falcon may have been plugged in, or when the time is over.
+  /// Returns when a Falcon may have been plugged in, or after `timeout`.
   virtual void waitForArrival(std::chrono::milliseconds timeout) noexcept = 0;
 };
 
-/// Falcons on this computer's USB, through libusb, which is started at its first use. The bus must outlive
-/// its links.
+/// Returns the Falcons on this computer's USB, through libusb, which starts at its first use. The bus must
+/// outlive its links.
 std::unique_ptr<FalconBus> makeUsbBus();
 
 }  // namespace needlelab::falcon

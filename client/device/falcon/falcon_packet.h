@@ -1,4 +1,4 @@
-/// The 16-byte packets of the Falcon's firmware, both ways, and the bytes that the USB chip adds.
+/// The 16-byte packets of the Falcon's firmware in both directions, and the bytes that the USB chip adds.
 #pragma once
 
 #include <array>
@@ -28,25 +28,25 @@ struct Report {
 };
 
 Packet encodeCommand(const Command& command) noexcept;
-/// As the device does it; for tests and for a device of one's own.
+/// Encodes as the device does; for tests and emulated devices.
 Packet encodeReport(const Report& report) noexcept;
 
-/// Strict: false when the format does not allow a byte; then the result stays as it is. Byte 14 is not
-/// checked: its meaning is not documented.
+/// Strict: returns false, and leaves the result unchanged, when the format does not allow a byte. Does not
+/// check byte 14: its meaning is not documented.
 bool decodeReport(const Packet& packet, Report& report) noexcept;
 bool decodeCommand(const Packet& packet, Command& command) noexcept;
 
-/// Finds packets in a stream of bytes that may begin anywhere and lose any. A `<` always begins a new packet,
-/// since it cannot occur within one.
+/// Finds packets in a stream of bytes that may begin anywhere and lose bytes. A `<` always begins a new
+/// packet, since it cannot occur within one.
 class PacketReader {
  public:
-  /// True when `byte` ended a good report.
+  /// Returns true when `byte` completes a good report.
   bool push(std::uint8_t byte, Report& report) noexcept;
-  /// Forgets a packet that has begun.
+  /// Drops an incomplete packet.
   void reset() noexcept { used_ = 0; }
 
   [[nodiscard]] std::uint64_t good() const noexcept { return good_; }
-  /// Packets that began and were not good: cut off, too long, or with a byte that is not allowed.
+  /// Bad packets: cut off, too long, or with an invalid byte.
   [[nodiscard]] std::uint64_t bad() const noexcept { return bad_; }
   /// Bytes outside any packet.
   [[nodiscard]] std::uint64_t stray() const noexcept { return stray_; }
@@ -61,11 +61,11 @@ class PacketReader {
   std::uint32_t bad_in_a_row_ = 0;
 };
 
-/// FTDI's chip begins each USB packet that it sends with two bytes on its serial line: a read of several
-/// packets has them every `kUsbPacketBytes`.
+/// FTDI's chip starts each USB packet with two status bytes of its serial line: a read of several packets has
+/// them every `kUsbPacketBytes`.
 inline constexpr std::size_t kUsbPacketBytes = 64, kModemBytes = 2;
 
-/// Hands the bytes of `read` that are not the chip's own to `each(byte)`.
+/// Calls `each(byte)` for the bytes of `read` except the chip's own.
 template <typename Each>
 void eachPayloadByte(std::span<const std::uint8_t> read, Each&& each) {
   for (std::size_t i = 0; i < read.size(); ++i)

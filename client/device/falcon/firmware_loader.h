@@ -1,5 +1,5 @@
-/// Puts the vendor's firmware into a Falcon that has none: it forgets it when its power goes. The file is the
-/// user's; it is not ours to ship.
+/// Loads the vendor's firmware into a Falcon, which loses it when its power goes. The user provides the file;
+/// we may not ship it.
 #pragma once
 
 #include <chrono>
@@ -16,33 +16,33 @@ namespace needlelab::falcon {
 
 /// The chip's requests and values (FTDI's own numbers, as in the Linux driver ftdi_sio's header).
 enum FtdiRequest : std::uint8_t {
-  kFtdiReset = 0,         ///< value 1: forget what came in, 2: forget what is to go out
-  kFtdiModemControl = 1,  ///< bit 0 DTR, bit 1 RTS; the bits to change 8 higher
+  kFtdiReset = 0,         ///< value 1: purge received bytes, 2: purge bytes to send
+  kFtdiModemControl = 1,  ///< bit 0 DTR, bit 1 RTS; the mask of bits to change is 8 bits higher
   kFtdiFlowControl = 2,   ///< index 0: none
   kFtdiBaudRate = 3,
   kFtdiData = 4,
-  kFtdiLatency = 9,  ///< ms after which the chip hands over a packet that is not full
+  kFtdiLatency = 9,  ///< ms after which the chip passes on a partial packet
 };
 inline constexpr std::uint16_t kPurgeIn = 1, kPurgeOut = 2;
 inline constexpr std::uint16_t kDtrHigh = 0x0101, kDtrLow = 0x0100, kRtsLow = 0x0200;
 inline constexpr std::uint16_t kData8N1 = 8;
 
-/// The chip's divisor of 3 MHz: whole part in bits 0-13, eighths coded in bits 14-16, of which 16 goes to the
-/// index. The nearest rate up to 1.5 million that it can make is taken (9600: exact; 140000: 140351; 1456312:
+/// The chip's divisor of 3 MHz: whole part in bits 0-13, eighths coded in bits 14-16, with bit 16 in the
+/// index. Chooses the nearest possible rate up to 1.5 million (9600: exact; 140000: 140351; 1456312:
 /// 1500000).
 struct BaudDivisor {
   std::uint16_t value = 0, index = 0;
-  double baud = 0;  ///< the rate that results
+  double baud = 0;  ///< the resulting rate
 };
 BaudDivisor baudDivisor(double baud) noexcept;
 
 inline constexpr double kGreetingBaud = 9600, kLoaderBaud = 140'000, kRunBaud = 1'456'312;
 
-/// Input without the chip's own bytes; bytes beyond the requested count are kept for the next read.
+/// Input without the chip's own bytes; keeps bytes beyond the requested count for the next read.
 class FtdiInput {
  public:
   explicit FtdiInput(FtdiPort& port) : port_(port) {}
-  /// Appends up to `count` bytes to `bytes`; fewer when the time is over.
+  /// Appends up to `count` bytes to `bytes`; fewer on timeout.
   Status read(std::size_t count, std::chrono::milliseconds timeout, std::vector<std::uint8_t>& bytes);
   void forget() { kept_.clear(); }
 
@@ -51,42 +51,42 @@ class FtdiInput {
   std::vector<std::uint8_t> kept_;
 };
 
-/// Errors: kNotFound, with what to do; kInvalidInput: empty, or longer than a Falcon's memory could be.
+/// Errors: kNotFound, with advice; kInvalidInput: empty, or too long for a Falcon's memory.
 Result<std::vector<std::uint8_t>> readFirmware(const std::string& file);
 
-/// Sets the line for a running firmware: latency 1 ms, 1,456,312 baud, 8N1, no flow control, nothing left in
+/// Sets the line for a running firmware: latency 1 ms, 1,456,312 baud, 8N1, no flow control, empty buffers in
 /// the chip.
 Status setRunLine(FtdiPort& port);
 
-/// Sets the line, sends zero torque and looks for a reply, up to `tries` times 50 ms: a Falcon that runs its
-/// firmware answers; one without firmware sends nothing that fits, or echoes.
+/// Sets the line, sends zero torque and waits for a reply, up to `tries` times 50 ms. A Falcon with firmware
+/// answers; without firmware it sends no valid reply, or echoes.
 Result<bool> firmwareRuns(FtdiPort& port, int tries);
 
-/// The loader's steps, in their order.
+/// The loader's steps, in order.
 enum class LoadStep : std::uint8_t {
   kLine,        ///< purge, latency 16 ms, 9600 8N1, no flow control, RTS low, DTR low then high
   kGreet,       ///< 0A 43 0D, answered by 0A 44 2C 0D
   kSpeedUp,     ///< DTR low, 140,000 baud
   kCall,        ///< 41, answered by 41
-  kChunk,       ///< 62 bytes, echoed; as often as it takes
+  kChunk,       ///< 62 bytes, echoed; repeated to the end of the file
   kRun,         ///< as setRunLine
-  kFirstReply,  ///< the new firmware answers zero torque
+  kFirstReply,  ///< the new firmware answers a zero-torque command
   kDone,
   kFailed,
 };
 
-/// One load, a step at a time, so that a caller can show how far it is and can stop. A step waits at most
-/// about a second. Thread: the port's.
+/// One load, step by step, so that a caller can show progress and stop. A step takes at most about a second.
+/// Thread: the port's.
 class FirmwareLoader {
  public:
-  /// `port` and `firmware` must outlive it. `file` is named in errors.
+  /// `port` and `firmware` must outlive the loader. Error messages name `file`.
   FirmwareLoader(FtdiPort& port, std::span<const std::uint8_t> firmware, std::string file);
 
-  /// Does the next step. False when it was the last: see `result`.
+  /// Does the next step. Returns false after the last one: see `result`.
   bool step();
   [[nodiscard]] LoadStep next() const { return next_; }
   [[nodiscard]] std::size_t sent() const { return sent_; }
-  /// Errors say at which step, and for an echo that differs at which byte of the file.
+  /// Errors name the step, and for a wrong echo the byte of the file.
   [[nodiscard]] const Status& result() const { return result_; }
 
   static constexpr std::size_t kChunkBytes = 62;

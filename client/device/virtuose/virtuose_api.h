@@ -1,4 +1,4 @@
-/// The vendor's C library for the Virtuose, found at run time: we neither ship nor link it.
+/// The vendor's C library for the Virtuose, loaded at run time: we neither ship nor link it.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace needlelab {
 
-/// A connection, as the vendor's library hands it out.
+/// A connection handle of the vendor's library.
 using VirtContext = void*;
 
 /// Numbers of the vendor's interface that we use.
@@ -16,9 +16,9 @@ enum VirtuoseConstant : int {
   kVirtImpedance = 3,     ///< command type: forces to the device, positions from it
 };
 
-/// The library's functions by name. Each gives 0 or −1 (then `virtGetErrorCode` says why), except `virtOpen`
-/// (null when it failed; its code is asked for with a null context) and the two error calls. Poses are x y z
-/// qx qy qz qw, wrenches force then torque, speeds linear then angular; SI, floats.
+/// The library's functions by name. Each returns 0 or −1 (then `virtGetErrorCode` gives the reason), except
+/// `virtOpen` (null on failure; get its code with a null context) and the two error calls. Poses are x y z qx
+/// qy qz qw, wrenches force then torque, speeds linear then angular; SI, floats.
 struct VirtuoseApi {
   VirtContext (*virtOpen)(const char* address) = nullptr;
   int (*virtClose)(VirtContext) = nullptr;
@@ -51,17 +51,17 @@ struct VirtuoseApi {
   std::string path;  ///< of the loaded library
 };
 
-/// The environment variable that names the library's file, and the name that is searched without it.
+/// The environment variable with the library's file name, and the default name.
 inline constexpr const char* kVirtuoseLibraryVariable = "NEEDLELAB_VIRTUOSE_LIBRARY";
 inline constexpr const char* kVirtuoseLibraryName = "libVirtuoseAPI.so";
 
-/// Loads `file` (a path, or a name for the system's search) and finds every function. A library once loaded
-/// stays: the vendor's may have threads. Errors: kNotFound when it cannot be loaded, kVersion when functions
-/// are missing (all of them are named); both say what to do.
+/// Loads `file` (a path, or a name for the system's search) and finds every function. Never unloads the
+/// library, because it may have threads. Errors: kNotFound when loading fails, kVersion when functions are
+/// missing (the message names all of them); both with advice.
 Result<VirtuoseApi> loadVirtuoseApi(const std::string& file);
 
-/// The file that NEEDLELAB_VIRTUOSE_LIBRARY names, else kVirtuoseLibraryName. A variable that names a wrong
-/// file is an error; it is not ignored.
+/// Loads the file in NEEDLELAB_VIRTUOSE_LIBRARY, else kVirtuoseLibraryName. A wrong file in the variable is
+/// an error.
 Result<VirtuoseApi> loadVirtuoseApi();
 
 /// e.g. "3.98"; empty when the library does not say.

@@ -20,20 +20,20 @@ struct VirtuoseOptions {
   std::string address = kVirtuoseAddress;
   std::string library;      ///< empty: as loadVirtuoseApi()
   double timeout_s = 0.05;  ///< see VirtuoseSetup
-  /// Between two tries to find a lost device again; doubled after each up to the longest.
+  /// Wait between attempts to reconnect a lost device; doubles after each, up to the longest.
   std::chrono::milliseconds first_retry{500}, longest_retry{5000};
-  /// Zero force is sent so often while the device is open and no loop runs: its watchdog cuts the link 2 s
-  /// after the last command, and a lesson may take longer to prepare.
+  /// Period of zero force while the device is open and no loop runs: its watchdog cuts the link 2 s after the
+  /// last command, and preparing a lesson may take longer.
   std::chrono::milliseconds keep_alive{500};
 };
 
-/// One atomic, `owner_`, says which thread may use the connection: the haptic thread while a loop runs; when
-/// it finds the link lost it hands the connection over to `maintain`, never touches it again, and takes it
-/// back when `maintain` has opened a new one. No lock in read and write; each makes at most six calls of the
-/// library, none of which takes longer than the time-out.
+/// The atomic `owner_` names the thread that may use the connection. While a loop runs, that is the haptic
+/// thread. When it detects a lost link, it passes the connection to `maintain`, does not touch it any more,
+/// and takes over again when `maintain` has opened a new one. read and write take no lock; each makes at most
+/// six library calls, none longer than the time-out.
 ///
-/// Each tick asks for position, speed, dead man and emergency stop; power, alarms, failures and buttons take
-/// turns, so that each of them is at most 6 ticks old.
+/// Each tick queries position, speed, dead man and emergency stop; power, alarms, failures and buttons take
+/// turns, so each is at most 6 ticks old.
 class VirtuoseDevice final : public Device {
  public:
   explicit VirtuoseDevice(VirtuoseOptions options = {});
@@ -42,8 +42,8 @@ class VirtuoseDevice final : public Device {
   VirtuoseDevice& operator=(const VirtuoseDevice&) = delete;
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
-  /// Errors: as loadVirtuoseApi and openVirtuose. A device without power, with its emergency stop pressed or
-  /// with nobody at its handle opens nevertheless: `status` says what to do.
+  /// Errors: as loadVirtuoseApi and openVirtuose. Succeeds even without power, with the emergency stop
+  /// pressed or without a hand on the handle: `status` then gives advice.
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
@@ -54,7 +54,7 @@ class VirtuoseDevice final : public Device {
  private:
   enum class Owner : std::uint8_t {
     kClosed,
-    kIdle,       ///< open, no loop: the next `read` takes it
+    kIdle,       ///< open, no loop: the next `read` takes the connection
     kKeepAlive,  ///< the keep-alive thread sends its zero force
     kLoop,       ///< the haptic thread's
     kLost,       ///< maintain's
@@ -83,8 +83,8 @@ class VirtuoseDevice final : public Device {
   std::uint32_t buttons_ = 0, alarm_ = 0, failure_ = 0;
   bool power_on_ = false;
   int turn_ = 0;
-  bool link_is_lost_ = false;           // found by the last call that failed
-  std::uint32_t trouble_ = 0;           // DeviceFlag bits of calls that failed since the last reading
+  bool link_is_lost_ = false;           // detected by the last failed call
+  std::uint32_t trouble_ = 0;           // DeviceFlag bits of failed calls since the last reading
   std::uint64_t ticks_of_trouble_ = 0;  // in a row
 
   // set by the owner, for status()
@@ -95,7 +95,7 @@ class VirtuoseDevice final : public Device {
   std::mutex mutex_;  // between open, close, maintain, status: never taken by read and write
   std::chrono::milliseconds retry_{0};
   std::int64_t next_try_ns_ = 0;
-  std::string away_text_;  // of the last try
+  std::string away_text_;  // of the last attempt
   std::atomic<bool> stop_keep_alive_{false};
   std::thread keep_alive_thread_;
 };

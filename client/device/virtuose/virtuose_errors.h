@@ -43,20 +43,20 @@ enum VirtuoseAlarm : std::uint32_t {
   kVirtAlarmLowBattery = 0x10'0000,
 };
 
-/// e.g. "error 19, the call came at the wrong time: …". `vendors_text` (may be null) is used for a code that
-/// we do not know, and appended nowhere else.
+/// e.g. "error 19, the call came at the wrong time: …". `vendors_text` (may be null) is used only for unknown
+/// codes.
 std::string virtuoseErrorText(int code, const char* vendors_text);
 
-/// One sentence for each bit that is set; empty for 0. Unknown bits are given as a number.
+/// Returns one sentence per set bit; empty for 0. Shows unknown bits as a number.
 std::string virtuoseAlarmText(std::uint32_t alarm);
 /// The same for `virtGetFailure`.
 std::string virtuoseFailureText(std::uint32_t failure);
 
-/// The state of a device that answers, for a person, from its DeviceFlag bits, alarms and failures; empty
+/// Returns the state of a responding device as text, from its DeviceFlag bits, alarms and failures; empty
 /// when all is well.
 std::string virtuoseStateText(std::uint32_t condition, std::uint32_t alarm, std::uint32_t failure);
 
-/// The link is gone (only opening it again helps) rather than one call refused. Real-time safe.
+/// Whether the link is lost and must be reopened, rather than one call refused. Real-time safe.
 bool virtuoseLinkIsLost(int code) noexcept;
 /// DeviceFlag bits. Real-time safe.
 std::uint32_t virtuoseConditionOfError(int code) noexcept;
