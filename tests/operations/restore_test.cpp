@@ -346,7 +346,7 @@ TEST(BackupCancel, isGivenUpSoonAndLeavesNothing) {
   const fs::path target = server.folder() / "backup.db";
   pb::Request request;
   request.mutable_backup()->set_path(target);
-  // The server stops first: all running and later operations end at once.
+  // The server cancels long work before the backup: this backup and later ones end at once.
   server.service().cancelLongWork();
   const Outcome outcome = server.service().execute({"root", pb::ADMINISTRATOR}, request);
   ASSERT_TRUE(outcome.error);

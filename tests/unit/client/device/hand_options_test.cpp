@@ -45,7 +45,7 @@ TEST(HandCli, aSkillSetsTremorAndSpeed) {
   EXPECT_FALSE(o.skill.has_value());
   for (const char* const level : {"-0.1", "1.1", "nan", "much"})
     EXPECT_THROW(parse(o, {"--hand-skill", level}), CLI::ValidationError) << level;
-  // one of them says what the hand is like, not both
+  // only one of the two options may describe the hand
   EXPECT_THROW(parse(o, {"--hand-skill", "0.5", "--hand-tremor-m", "1e-4"}), CLI::ExcludesError);
   EXPECT_THROW(parse(o, {"--hand-speed-m-s", "0.03", "--hand-skill", "0.5"}), CLI::ExcludesError);
 }
@@ -238,7 +238,7 @@ TEST(ChoosePlan, takesAFileOfPoses) {
   EXPECT_NEAR(once->at(0.5).X_WT.p.z, 0.045, 1e-12);
   EXPECT_NEAR(once->at(2).X_WT.p.z, 0.02, 1e-12);
   EXPECT_NEAR(once->at(2).plunger, 0.75, 1e-12);
-  // done again, it first goes back to its start
+  // When it repeats, it first goes back to its start.
   ASSERT_TRUE(twice.ok());
   EXPECT_EQ(twice->end().X_WT, twice->start().X_WT);
   EXPECT_EQ(twice->end().plunger, 0);

@@ -40,7 +40,7 @@ TEST(ShareOfWay, followsItsFormula) {
     for (int i = 0; i < 100; ++i) {
       const double t = i / 100.0;
       EXPECT_LT(shareOfWay(motion, t), shareOfWay(motion, t + 0.01));
-      EXPECT_NEAR(shareOfWay(motion, t) + shareOfWay(motion, 1 - t), 1, 1e-14);  // there as back
+      EXPECT_NEAR(shareOfWay(motion, t) + shareOfWay(motion, 1 - t), 1, 1e-14);  // the same both ways
     }
   }
   EXPECT_DOUBLE_EQ(shareOfWay(Motion::kMinJerk, 0.25), 10 / 64.0 - 15 / 256.0 + 6 / 1024.0);
@@ -156,7 +156,7 @@ TEST(TargetPlan, drawsThePlungerBackBeforeItInjectsWhereAskedTo) {
   const HandPlan before = targetPlan(level, target, plain);
   EXPECT_EQ(plan.duration_s(), before.duration_s());
   EXPECT_EQ(before.start().plunger, 0);
-  // the tip goes as it did; the plunger stays, goes back in the second quarter of the hold, then down
+  // The tip moves as before; the plunger rests, goes back in the second quarter of the hold, then down.
   double hold_begins_s = -1;
   for (double t = 0; t < plan.duration_s(); t += 0.01) {
     EXPECT_EQ(plan.at(t).X_WT.p, before.at(t).X_WT.p) << t;
@@ -176,7 +176,8 @@ TEST(RetryPlan, missesFirstAndNeverJumps) {
   const Limb level = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   const Vec3 target{0, 0, -0.03};
   const HandPlan plan = retryPlan(level, target, 0.3, style);
-  // the first deepest point is beside the way to the target by sin of the miss; the last is the target
+  // The first deepest point misses the path to the target by the sine of the miss angle; the last one is the
+  // target.
   double first_aside = 0, nearest = 1;
   for (double t = 0; t < plan.duration_s(); t += 0.001) {
     const Vec3 p = plan.at(t).X_WT.p;

@@ -133,7 +133,7 @@ TEST(HandTremor, staysWithinItsAmplitudeAndUsesIt) {
   }
 }
 
-// the phase of each sine after 10 minutes is what its frequency says: nothing drifts, nothing grows
+// After 10 minutes the phase of each sine matches its frequency: nothing drifts, nothing grows.
 TEST(HandTremor, isTheSumOfSinesInTheBand) {
   const double amplitude = 1;
   HandTremor tremor(amplitude, 99, kStep);
@@ -159,7 +159,7 @@ TEST(HandTremor, isTheSumOfSinesInTheBand) {
   }
   double square = 0;
   for (const double v : x) square += v * v;
-  EXPECT_NEAR(square / n, explained, 0.01);  // and there is nothing beside them
+  EXPECT_NEAR(square / n, explained, 0.01);  // there are no other frequencies
 }
 
 TEST(HandTremor, dependsOnItsSeedOnly) {
@@ -185,7 +185,7 @@ TEST(HandTremor, noAmplitudeMeansNoMotion) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(tremor.next(), Vec3{});
 }
 
-// A hand that somebody steers: how its aim goes after wishes, on virtual time, and what the hand then does.
+// A steered hand on virtual time: its aim follows the steering commands, and the hand follows the aim.
 
 constexpr double kStep_s = 50e-6;
 constexpr double kRate_hz = 1000;
@@ -249,7 +249,7 @@ TEST(SteeredAim, aTurnIsGoneAfterAtTheGreatestTurnAtMostAndStaysARotation) {
 }
 
 TEST(SteeredAim, stepsOfThirtyFramesASecondComeOutAsAnEvenMovement) {
-  // 20 mm/s, wished in steps of 0.67 mm
+  // 20 mm/s, commanded in steps of 0.67 mm
   SteeredRun run;
   const double frame_s = 1.0 / 30;
   for (int i = 1; i <= 15; ++i) {

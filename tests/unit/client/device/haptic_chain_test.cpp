@@ -41,7 +41,7 @@ TEST_F(HapticChainTest, theHandleGetsForceAndItsLever) {
   EXPECT_NEAR(tick_.rendered_W.force_N.z, 1, 1e-9);
   EXPECT_NEAR(tick_.rendered_W.torque_Nm.y, -0.1, 1e-9);  // (0.1, 0, 0) × (0, 0, 1)
   const GestureSample sample = sampleOf(tick_, 7, 8, 9);
-  EXPECT_NEAR(sample.torque_W_Nm[1], 0, 1e-12);  // about the tip there is none
+  EXPECT_NEAR(sample.torque_W_Nm[1], 0, 1e-12);  // none about the tip
   EXPECT_EQ(sample.tick, 999u);
   EXPECT_EQ(sample.time_ns, 7);
   EXPECT_EQ(sample.device_ns, 8);
@@ -132,7 +132,7 @@ TEST(AssumedAxis, theRotationTakesZToTheAxisEverywhere) {
   Random random(3);
   for (int k = 0; k < 2000; ++k) {
     Vec3 axis = {random.in(-1, 1), random.in(-1, 1), random.in(-1, 1)};
-    if (k % 4 == 0) axis.z *= 1e-12;  // where the two ways meet
+    if (k % 4 == 0) axis.z *= 1e-12;  // where the two paths meet
     if (k % 4 == 1) axis = {1e-9 * axis.x, 1e-9 * axis.y, k % 8 < 4 ? 1.0 : -1.0};
     if (norm(axis) < 1e-3) continue;
     axis = normalized(axis);
@@ -208,7 +208,7 @@ TEST_P(PointDevice, theAxisIsTheInwardNormalOutsideAndThatOfTheEntryInside) {
   EXPECT_GT(force_N, 0.5) << "and it is felt";
 }
 
-// the engine, given the axis −n by hand, does the same bit for bit: u is −n
+// The engine gives the same bits if the axis −n is set explicitly: u is −n.
 TEST_P(PointDevice, theEngineGoesAlongTheNormal) {
   HapticChain chain(model_, pointDevice(), {});
   ChainTick tick;
@@ -289,7 +289,7 @@ TEST(PointDeviceChain, aReadingThatIsNoNumberIsRejectedAsEver) {
   chain.tick(at({0, std::numeric_limits<double>::quiet_NaN(), 0}), true, 1, 1.0, tick);
   EXPECT_TRUE(tick.gate_flags & kGateSampleRejected);
   EXPECT_EQ(tick.X_WT, good.X_WT);
-  // an orientation that nobody measures may be anything
+  // An orientation that is not measured may have any value.
   DeviceReading reading = at({0, 0, 0.001 - 1e-5 * 300});
   reading.X_WH.q = {9, 9, 9, 9};
   chain.tick(reading, true, 1, 1.0, tick);

@@ -27,7 +27,7 @@ PivotMotion motionOf(double noise_m) {
   return motion;
 }
 
-// as the station would read it
+// as the station reads it
 std::vector<PivotSample> samplesOf(const PivotMotion& motion, double seconds, double rate_hz) {
   PivotDevice device(motion);
   EXPECT_TRUE(device.open(rate_hz).ok());
@@ -40,7 +40,7 @@ std::vector<PivotSample> samplesOf(const PivotMotion& motion, double seconds, do
   return samples;
 }
 
-// The six unknowns by elimination in the whole normal equations: shares nothing with pivot.cpp.
+// Solves for the six unknowns by elimination in the full normal equations; independent of pivot.cpp.
 Vec3 tipByElimination(const std::vector<PivotSample>& samples) {
   double a[6][7] = {};
   for (const PivotSample& sample : samples) {
@@ -109,7 +109,7 @@ TEST(Pivot, spreadOfARingIsThatOfTheFormula) {
   EXPECT_NEAR(sums.spread(), 1 - (1 + c) * (1 + c) / 4, 1e-12);
 }
 
-// White noise: the estimates scatter as the covariance says, and each fit says so of itself.
+// White noise: the estimates scatter as the covariance predicts, and each fit reports this scatter.
 TEST(Pivot, scattersAsItsCovarianceSays) {
   constexpr int kRuns = 300;
   constexpr double kNoise_m = 2e-4;
@@ -142,7 +142,8 @@ TEST(Pivot, scattersAsItsCovarianceSays) {
   EXPECT_NEAR(correlation, 1, 0.15);
 }
 
-// Noise that drifts (0.2 s memory) at 100 Hz: taken for white it would promise an error four times too small.
+// Noise that drifts (0.2 s memory) at 100 Hz: treated as white noise, it would predict an error four times
+// too small.
 TEST(Pivot, doesNotCountCorrelatedSamplesAsNews) {
   constexpr int kRuns = 100;
   const double memory = std::exp(-1 / (100 * 0.2));
@@ -252,7 +253,7 @@ TEST(Pivot, refusesWhatIsNoPose) {
   EXPECT_FALSE(fitPivot(std::vector<PivotSample>(100)).ok());  // at rest
 }
 
-// Free movements of a real Virtuose: no pivot, and none must be found.
+// Free movements of a real Virtuose contain no pivot, so none must be found.
 TEST(Pivot, refusesRealMovementsThatAreNoPivot) {
   const char* data = std::getenv("NEEDLELAB_DATA");
   const std::filesystem::path folder =

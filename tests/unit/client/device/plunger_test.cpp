@@ -21,7 +21,7 @@ PlungerSettings buttons() {
 DeviceReading pressing(std::uint32_t bits) {
   DeviceReading reading;
   reading.buttons = bits;
-  reading.plunger = 0.77;  // not asked for where there are buttons
+  reading.plunger = 0.77;  // not queried if there are buttons
   return reading;
 }
 
@@ -75,10 +75,10 @@ TEST(Plunger, aLostDeviceDoesNotGoOnInjecting) {
   hold(plunger, kPush, 300);
   for (int i = 0; i < 2000; ++i) plunger.update(pressing(kPush), false, 1);
   EXPECT_NEAR(plunger.position(), 0.3, 1e-12);
-  // the reading that comes back tells of itself, not of the time without any
+  // The first reading after a gap contains its own state, not that of the gap.
   plunger.update(pressing(0), true, 1);
   EXPECT_NEAR(plunger.position(), 0.3, 1e-12);
-  // every second tick fresh, as of a slow device: nothing is lost
+  // Every second tick is fresh, as with a slow device: nothing is lost.
   for (int i = 0; i < 300; ++i) plunger.update(pressing(kPush), i % 2 == 1, 1);
   EXPECT_NEAR(plunger.position(), 0.4, 1e-12);
 }

@@ -19,7 +19,7 @@ std::string messageOf(const std::string& text) {
   return pose.error().message;
 }
 
-// the message for a file with this content
+// Returns the error message for a file with this content.
 std::string messageOfFile(const std::string& content) {
   const auto path = std::filesystem::temp_directory_path() / "needlelab_pose_option_test.json";
   std::ofstream(path) << content;

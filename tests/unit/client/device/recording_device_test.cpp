@@ -14,7 +14,7 @@ constexpr char kHeader[] = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw";
 
 class PoseTrackFile : public testing::Test {
  protected:
-  // writes a file and reads it as a track
+  // Writes a file and reads it as a track.
   Result<PoseTrack> read(const std::string& text) {
     path_ = std::filesystem::temp_directory_path() /
             ("needlelab_track_" + std::to_string(testing::UnitTest::GetInstance()->random_seed()) +
@@ -75,7 +75,8 @@ TEST_F(PoseTrackFile, badRowsAreRefusedByLine) {
 }
 
 TEST(ResamplePoses, rowsOnTheTicksAreTakenBitForBit) {
-  // k/1000 from a decimal file differs from t0 + k/1000.0 by rounding: still the row, not a blend
+  // k/1000 from a decimal file differs from t0 + k/1000.0 by rounding: the result is still the row, not an
+  // interpolation
   std::vector<double> t_s;
   std::vector<Pose> poses;
   for (int k = 0; k < 1000; ++k) {
@@ -114,7 +115,7 @@ TEST(ResamplePoses, orientationTakesTheShorterWayAtUnitLength) {
     const auto ticks = resamplePoses(trackOf({0, 0.001}, {{{}, aboutX(0)}, {{}, end}}), 4000);
     ASSERT_EQ(ticks.size(), 5u);
     for (std::size_t k = 0; k < 4; ++k) {
-      // nlerp of a small angle: the angle is proportional to time but for its cube
+      // nlerp of a small angle: the angle is proportional to time except for a cubic term
       const Quat expected = aboutX(0.02 * static_cast<double>(k) / 4);
       EXPECT_NEAR(std::abs(dot(ticks[k].q, expected)), 1, 1e-12);
       EXPECT_NEAR(ticks[k].q.x, expected.x, 1e-6);
@@ -146,7 +147,7 @@ TEST(RecordingDevice, playsATickAReadSkipsMissedOnesAndEnds) {
   device.skip(1000);
   EXPECT_EQ(device.read(reading), DeviceRead::kFinished);
   device.close();
-  // opened again it starts again
+  // When it is opened again, it starts from the beginning.
   ASSERT_TRUE(device.open(1000).ok());
   EXPECT_EQ(next(), 0);
 }

@@ -13,7 +13,7 @@ using testing::HasSubstr;
 
 constexpr double kRate = 1000;
 
-// exact encoders, a hand without damper or tremor: what a formula can say exactly
+// exact encoders and a hand without damper or tremor, so that a formula predicts the result exactly
 SimulatedDeviceOptions plainOptions() {
   SimulatedDeviceOptions o;
   o.hand.tremor_m = 0;
@@ -24,7 +24,7 @@ SimulatedDeviceOptions plainOptions() {
   return o;
 }
 
-// a hand that wants to be at `to` from almost the first step on
+// a hand whose target is `to` from almost the first step on
 HandPlan jumpTo(const Pose& to, double seconds) {
   return HandPlan(Pose{}).moveIn(to, 1e-9, Motion::kLinear).hold(seconds);
 }
@@ -147,7 +147,7 @@ TEST(SimulatedDevice, aWrenchActsAfterTheDelayAndHolds) {
         ASSERT_GT(r.speed_mps, v_before) << "delay " << delay << " tick " << k;
       v_before = r.speed_mps;
     }
-    // 5 ms of 1 N on 0.35 kg, the hand's spring has hardly come in
+    // 1 N for 5 ms on 0.35 kg; the hand's spring has almost no effect yet
     EXPECT_NEAR(r.speed_mps, 5e-3 / 0.35, 5e-3 / 0.35 * 0.02);
   }
 }
@@ -190,7 +190,7 @@ TEST(SimulatedDevice, dryFrictionHoldsAgainstALesserForce) {
     if (pull_N < 0.1) {
       EXPECT_EQ(r.X_WH.p.x, 0);
     } else {
-      // it moves, and ends stuck where the spring is weaker than the friction
+      // It moves, and sticks where the spring is weaker than the friction.
       EXPECT_GE(r.X_WH.p.x, (pull_N - 0.1) / 300 * 0.99);
       EXPECT_LE(std::abs(r.X_WH.p.x - pull_N / 300), 0.1 / 300);
       EXPECT_EQ(r.speed_mps, 0);
@@ -211,7 +211,7 @@ TEST(SimulatedDevice, aMissedTickIsTimeThatPasses) {
     ASSERT_EQ(some.read(b), DeviceRead::kFresh);
     ASSERT_EQ(a.X_WH, b.X_WH) << k;
   }
-  some.skip(1'000'000'000);  // comes back at once: the plan is over
+  some.skip(1'000'000'000);  // returns at once: the plan is over
   EXPECT_EQ(some.read(b), DeviceRead::kFinished);
 }
 

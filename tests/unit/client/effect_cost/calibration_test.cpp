@@ -26,8 +26,8 @@ TEST(Calibration, aSceneWithoutEffectsHasATickButNoCosts) {
   EXPECT_GT(costs->tick_ns, 0);
 }
 
-// clamping has a line to keep to, an integral, a square root and a division: much more than nothing. On a
-// busy machine a single calibration may err, so the best of some is asked
+// Clamping follows a line and computes an integral, a square root and a division, so its cost is clearly
+// above zero. On a busy machine a single calibration can be wrong, so the test takes the best of several.
 TEST(Calibration, clampingCostsSomething) {
   double most_ns = 0;
   for (int i = 0; i < 5; ++i) {

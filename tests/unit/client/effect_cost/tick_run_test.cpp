@@ -9,7 +9,7 @@
 namespace needlelab::test {
 namespace {
 
-// what a gesture does to a scene
+// The effect of a gesture on a scene.
 struct Seen {
   std::set<int> layers;
   std::set<Phase> phases;

@@ -20,8 +20,7 @@ namespace {
 using std::chrono::milliseconds;
 using testing::HasSubstr;
 
-/// A server that follows a script: it answers each envelope with what the test says. Any number of
-/// connections.
+/// A scripted server: answers each envelope as the test defines, on any number of connections.
 class ScriptedServer {
  public:
   using Script = std::function<std::vector<pb::Envelope>(const pb::Envelope&)>;
@@ -45,7 +44,7 @@ class ScriptedServer {
     config.limits.close_grace = milliseconds(100);
     return config;
   }
-  /// Everything that came, on all connections.
+  /// Returns all received envelopes, on all connections.
   std::vector<pb::Envelope> received() {
     const std::scoped_lock lock(mutex_);
     return received_;
@@ -153,7 +152,7 @@ TEST(Client, aMissingCaFileIsNamed) {
 }
 
 TEST(Client, aServerOfAnotherMajorIsNotTrustedToRefuse) {
-  // an old server that answers everybody with its own version
+  // an old server that answers every client with its own version
   ScriptedServer server([](const pb::Envelope&) {
     pb::Envelope envelope = hello();
     envelope.mutable_hello()->mutable_version()->set_major(kProtocolMajor + 1);
@@ -180,7 +179,7 @@ TEST(BlockingClient, repliesAreFoundAmongOtherMessagesWhichAreKept) {
     if (!got.has_request()) return friendly(got);
     std::vector<pb::Envelope> answers(4);
     answers[0].mutable_trainee_message()->set_text("meanwhile");
-    answers[1].mutable_reply()->set_id(got.request().id() + 100);  // somebody else's
+    answers[1].mutable_reply()->set_id(got.request().id() + 100);  // the reply to another request
     answers[2].mutable_ping();
     answers[3].mutable_reply()->set_id(got.request().id());
     answers[3].mutable_reply()->mutable_done();
@@ -227,7 +226,7 @@ TEST(BlockingClient, theReasonOfAnEndIsKept) {
   EXPECT_FALSE(client->connected());
 }
 
-// --- the link, on a clock of the test's
+// --- the link, on a manual clock
 
 class TestClock : public LinkClock {
  public:
@@ -276,7 +275,8 @@ class ServerLinkTest : public testing::Test {
                      .judge = [this](const LinkEnd&) { return retry_; },
                      .away = [this](const LinkEnd& end) { ends_.push_back(end); }});
   }
-  /// Runs the link until it is so: real time, because TLS and sockets take some; the link's own stands still.
+  /// Runs the link until the condition holds. TLS and sockets need real time; the link's own clock stands
+  /// still.
   bool until(const std::function<bool()>& so) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
     while (!so()) {
@@ -286,7 +286,7 @@ class ServerLinkTest : public testing::Test {
     }
     return true;
   }
-  /// The link gets turns; nothing that it waits for comes.
+  /// Runs the link for some turns; nothing that it waits for arrives.
   void settle() {
     io_.restart();
     io_.run_for(milliseconds(30));
@@ -393,7 +393,7 @@ TEST_F(ServerLinkTest, theTokenIsUsedWhileItIsValidAndThePasswordAfterwards) {
   EXPECT_FALSE(byToken(0));
   ASSERT_TRUE(again(2));
   EXPECT_TRUE(byToken(1));
-  refuse_tokens = true;  // the server started again
+  refuse_tokens = true;  // the server has restarted
   ASSERT_TRUE(again(4)) << "with the password at once";
   EXPECT_TRUE(byToken(2));
   EXPECT_FALSE(byToken(3));
@@ -520,7 +520,7 @@ TEST_F(ServerLinkTest, pingsAreAnsweredAndOtherMessagesHandedOver) {
   pb::Envelope ping, message, late;
   ping.mutable_ping()->set_id(5);
   message.mutable_trainee_message()->set_text("slower");
-  late.mutable_reply()->set_id(77);  // nobody waits for it any more
+  late.mutable_reply()->set_id(77);  // no caller waits for it any longer
   for (const auto& each : {ping, message, late}) server.broadcast(each);
   ASSERT_TRUE(until([&] { return messages_.size() == 2; }));
   ASSERT_TRUE(until([&] { return server.count([](const auto& e) { return e.has_pong(); }) == 1; }));
@@ -544,7 +544,7 @@ TEST_F(ServerLinkTest, stopSaysByeAndAnOwnerThatGoesHearsNothing) {
            1;
   }));
 
-  // the next one is destroyed while it is connected, and once more while it connects
+  // The next link is destroyed while it is connected, another one while it connects.
   ends_.clear();
   makeLink();
   link_->logIn(server.config());
@@ -606,7 +606,7 @@ TEST(BlockingClient, reconnectsWhenItIsTold) {
             ErrorCode::kDenied);
   EXPECT_LT(Clock::now() - began, std::chrono::seconds(15));
   EXPECT_EQ(server.logins(), 3u);
-  // stopped by the person
+  // stopped by the user
   EXPECT_EQ(client->reconnect(Clock::now() + std::chrono::seconds(30), [] { return true; }).error().code,
             ErrorCode::kUnavailable);
 }
@@ -634,8 +634,8 @@ TEST(Backoff, aSeedAlwaysGivesTheSameWaits) {
 }
 
 TEST(Backoff, aThousandStationsDoNotComeBackTogether) {
-  // after 5 failures the waits of 1,000 seeds are spread over 3.2–6.4 s: no 100 ms get more than twice their
-  // share
+  // after 5 failures the waits of 1,000 seeds are spread over 3.2–6.4 s: no interval of 100 ms gets more than
+  // twice its share
   std::vector<int> buckets(64, 0);
   for (std::uint64_t seed = 0; seed < 1000; ++seed) {
     Backoff backoff(seed);

@@ -1,5 +1,5 @@
-// The order in which the spool asks the disk for things, seen from below: the calls that decide what a power
-// cut leaves are taken by this program, noted, and passed on.
+// Tests the order of the spool's disk operations: this program intercepts, records and forwards the calls
+// that determine the state after a power cut.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -26,7 +26,7 @@ struct Call {
 std::mutex mutex;
 std::vector<Call> calls;
 bool noting = false;
-bool disk_fails = false;  // fdatasync says EIO
+bool disk_fails = false;  // fdatasync returns EIO
 
 void note(const std::string& what, const std::filesystem::path& path) {
   const std::scoped_lock lock(mutex);
@@ -47,7 +47,7 @@ Function* next(const char* name) {
 }  // namespace
 }  // namespace needlelab::test
 
-// in place of libc's
+// replaces libc's function
 extern "C" {
 int fsync(int fd) {
   needlelab::test::note("sync", needlelab::test::pathOf(fd));
@@ -94,7 +94,7 @@ class SpoolOrder : public testing::Test {
     noting = false;
     return std::exchange(calls, {});
   }
-  // where the first such call stands from `from` on; the end when there is none
+  // Returns the index of the first such call from `from` on, or the end if there is none.
   static std::size_t find(const std::vector<Call>& in, const std::string& what,
                           const std::filesystem::path& path, std::size_t from = 0) {
     for (std::size_t i = from; i < in.size(); ++i)
@@ -106,7 +106,7 @@ class SpoolOrder : public testing::Test {
     for (const Call& call : in) all += call.what + " " + call.path.string() + "\n";
     return all;
   }
-  // a file that is made by rename: its bytes are synced before, its folder after
+  // A file made by rename: its bytes are synced before, its folder after.
   static void expectAtomic(const std::vector<Call>& in, const std::filesystem::path& file) {
     const auto renamed = find(in, "rename", file);
     ASSERT_LT(renamed, in.size()) << file << "\n" << text(in);
@@ -140,8 +140,8 @@ TEST_F(SpoolOrder, aSessionIsNamedOnTheDiskBeforeItIsUsed) {
   const auto made = find(seen, "mkdir", session->folder());
   ASSERT_LT(made, seen.size()) << text(seen);
   expectAtomic(seen, session->folder() / "session.json");
-  // chunks, tail and lost are made after session.json: the folder is synced once more for their names, then
-  // its own
+  // chunks, tail and lost are created after session.json: the folder is synced again for their names, then
+  // its parent.
   const auto wrote = find(seen, "write", session->folder() / "lost");
   ASSERT_LT(wrote, seen.size());
   const auto names = find(seen, "sync", session->folder(), wrote);
@@ -169,7 +169,7 @@ TEST_F(SpoolOrder, noChunkMayBeSentBeforeItIsSyncedAndTheEndComesLast) {
 }
 
 TEST_F(SpoolOrder, afterAFailedSyncTheBytesAreWrittenAgainBeforeTheNext) {
-  // the kernel may have dropped the dirty pages, and then call the next sync a success
+  // The kernel may drop the dirty pages and then report success for the next sync.
   auto spool = std::move(*Spool::open(folder_.path()));
   auto session = *spool->create(describeSession(makeUuidV7()));
   const auto chunks = session->folder() / "chunks";

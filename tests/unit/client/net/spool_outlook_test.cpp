@@ -42,7 +42,7 @@ TEST(SpoolOutlook, hoursAreRoomOverRate) {
 
 TEST(SpoolOutlook, aFewSamplesAreNotTakenForTheRule) {
   SpoolUsage still = usage(700'000, kGiB);
-  still.unsent_samples = 500'000;  // 1.4 bytes each: nobody moved
+  still.unsent_samples = 500'000;  // 1.4 bytes each: the hand did not move
   EXPECT_DOUBLE_EQ(outlookOf(still, 4 * kGiB, 1000).bytes_per_h, 8.0 * 3'600'000);
   still.unsent_samples = 700'000;
   EXPECT_DOUBLE_EQ(outlookOf(still, 4 * kGiB, 1000).bytes_per_h, 3'600'000);
@@ -111,7 +111,7 @@ TEST(SpoolGuard, saysAtTheStartWhatWaitsAndIsSilentWhileNothingGetsWorse) {
   for (int i = 0; i < 100; ++i) guard.check();
   EXPECT_EQ(said.size(), 1u);
   EXPECT_TRUE(std::filesystem::exists(session->folder() / "chunks"));
-  // the server has it all: nothing to say any more
+  // The server has everything, so there is no message.
   ASSERT_TRUE(session->setReceipt({1, 0, false, 0}).ok());
   guard.report();
   EXPECT_THAT(guard.trouble(), IsEmpty());

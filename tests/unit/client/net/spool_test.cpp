@@ -30,14 +30,14 @@ Bytes coded(std::uint64_t first, std::size_t count) {
   return encodeChunk(Resolution::standard(), samplesFrom(first, count));
 }
 
-// Thousands of spools are opened below, each with its syncs: in memory where that is to be had. What is
-// tested here is the death of the program; no test can see a sync.
+// The tests below open thousands of spools with syncs, so they use a memory file system if available. They
+// test crashes of the program; a sync has no effect on that.
 [[maybe_unused]] const bool kInMemory = [] {
   return fs::is_directory("/dev/shm") && ::access("/dev/shm", W_OK) == 0 &&
          ::setenv("TMPDIR", "/dev/shm", 0) == 0;
 }();
 
-// what the next start finds: every sample of the one session, in order
+// Returns the result of the next start: all samples of the one session, in order.
 struct Recovered {
   SpoolContents contents;
   std::vector<GestureSample> samples;
@@ -112,7 +112,7 @@ TEST(Spool, aFolderThatCannotBeMadeIsRefusedByName) {
   EXPECT_THAT(spool.error().message, HasSubstr((file / "spool").string()));
 }
 
-// the files as they are when the program dies with two chunks and three pieces of the third written
+// The files after a crash with two chunks and three pieces of the third one written.
 fs::path cutOffSession(const TempFolder& folder) {
   auto spool = opened(folder.path());
   auto session = *spool->create(describeSession(makeUuidV7()));
@@ -133,7 +133,7 @@ TEST(Spool, theTailOfASessionThatWasCutOffBecomesItsLastChunk) {
   EXPECT_TRUE(found.contents.interrupted);
   ASSERT_EQ(found.samples.size(), 52u);
   expectTicksFromZero(found.samples);
-  // and opening it once more changes nothing
+  // Opening it again changes nothing.
   EXPECT_EQ(recover(folder.path()).chunks, found.chunks);
 }
 
@@ -149,7 +149,7 @@ TEST(Spool, everyTruncationOfChunksAndTailGivesAWholeBeginning) {
       const Recovered found = recover(copy.path());
       ASSERT_TRUE(found.contents.interrupted) << name << " cut at " << cut;
       ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples)) << name << " cut at " << cut;
-      // whole records before the cut are all there; the tail's pieces count only behind the last whole chunk
+      // All whole records before the cut survive; pieces of the tail count only after the last whole chunk.
       const std::size_t most = name == std::string("tail") ? 40 + 12 : 40;
       const std::size_t least = name == std::string("tail") ? 40 : 0;
       ASSERT_GE(found.samples.size(), least);
@@ -181,7 +181,7 @@ TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
   {
     auto spool = opened(folder.path());
     auto session = *spool->create(describeSession(makeUuidV7()));
-    // died between the chunk and the new beginning of the tail
+    // The program died after it wrote the chunk and before it restarted the tail.
     for (std::uint64_t piece = 0; piece < 5; ++piece)
       ASSERT_TRUE(session->appendPiece(0, coded(20 * piece, 20)).ok());
     ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
@@ -192,8 +192,8 @@ TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
   EXPECT_EQ(found.samples.size(), 100u);
 }
 
-// three chunks of 100 samples, synced one by one or all at last; the program ended the session, or died
-// without a word. The session's folder.
+// three chunks of 100 samples, synced one by one or all at last; the program ended the session, or crashed.
+// Returns the session's folder.
 fs::path sessionOfThreeChunks(const fs::path& folder, bool ended, bool synced_each = true) {
   auto spool = opened(folder);
   auto made = *spool->create(describeSession(makeUuidV7()));
@@ -255,7 +255,7 @@ TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot)
 }
 
 TEST(Spool, aGapInWhatWasNotSyncedIsATornEndAndNoDamage) {
-  // a power cut took the first sectors of what was in flight and kept later ones
+  // A power cut lost the first sectors in flight and kept later ones.
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), false, false);
   auto text = *readWholeFile(session / "chunks");
@@ -274,7 +274,7 @@ TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
   auto text = *readWholeFile(session / "chunks");
   text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
   std::ofstream(session / "chunks", std::ios::binary) << text;
-  // a folder in the copy's way stands for a full disk
+  // a folder at the path of the copy simulates a full disk
   fs::create_directories(session / "chunks.damaged.partial" / "x");
   {
     auto spool = opened(folder.path());
@@ -353,7 +353,7 @@ TEST(Spool, whatTheServerClosedIsNotOfferedAgainAndLeavesByAgeQuotaOrBackup) {
   EXPECT_TRUE(fs::exists(folder.path() / ids[3])) << "what the server has not closed is never touched";
 }
 
-// Four closed sessions, the second of which no server has; their names.
+// Makes four closed sessions; the second is on no server. Returns their names.
 std::vector<std::string> fourClosed(Spool& spool) {
   std::vector<std::string> ids;
   for (int i = 0; i < 4; ++i) {
@@ -370,12 +370,13 @@ std::vector<std::string> fourClosed(Spool& spool) {
 }
 
 TEST(Spool, onAFullDiskClosedSessionsMakeRoomOldestFirstAndUnsentOnesStay) {
-  // others write on this disk, and delete, meanwhile: until there is a moment in which nobody did
+  // Other programs write to and delete from this disk, so repeat until they leave it unchanged for one
+  // moment.
   for (int attempt = 0; attempt < 200; ++attempt) {
     const TempFolder folder;
     auto spool = opened(folder.path());
     const std::vector<std::string> ids = fourClosed(*spool);
-    // one byte short: the oldest that the server has is enough
+    // One byte is missing: deleting the oldest session that the server has is enough.
     SpoolKeep keep{1'000'000'000, std::uint64_t{1} << 40, fs::space(folder.path()).available + 1};
     const auto said = spool->cleanUp(keep, 2);
     ASSERT_LE(said.size(), 3u);
@@ -446,8 +447,8 @@ TEST(Spool, aLossFileThatIsMissingOrNonsenseSaysNothing) {
   EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
 }
 
-// the child writes a session as fast as it can and tells through a pipe what is safely written; it is killed
-// at a random instant
+// The child writes a session as fast as it can and reports the safely written samples through a pipe. It is
+// killed at a random instant.
 TEST(Spool, killedAtRandomInstantsNothingThatWasWrittenIsLost) {
   std::mt19937 random(20261120);
   int most_chunks = 0;
@@ -474,7 +475,7 @@ TEST(Spool, killedAtRandomInstantsNothingThatWasWrittenIsLost) {
       }
     }
     ::close(to_parent[1]);
-    // reading keeps the pipe from filling; the last whole number is what the child had written for sure
+    // Reading keeps the pipe from filling; the last whole number is the confirmed count of the child.
     std::uint64_t written = 0, word = 0;
     const auto wanted = random() % 4000 + 20;
     while (written < wanted && ::read(to_parent[0], &word, sizeof word) == sizeof word) written = word;

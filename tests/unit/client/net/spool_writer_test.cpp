@@ -18,7 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-// a spool with one session and everything that a writer needs
+// A spool with one session and everything that a writer needs.
 class SpoolWriterTest : public testing::Test {
  protected:
   SpoolWriterTest() {
@@ -117,7 +117,7 @@ TEST_F(SpoolWriterTest, aSessionWithoutSamplesEndsEmpty) {
   EXPECT_TRUE(session_->contents().ended);
 }
 
-// a limit on the size of files makes the disk full: the kernel refuses with EFBIG
+// A file size limit simulates a full disk: the kernel refuses with EFBIG.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t bytes) {
@@ -188,8 +188,8 @@ TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
     ASSERT_TRUE(eventually([&] { return writer.counts().samples == 17'000; }));
     EXPECT_THAT(writer.trouble(), HasSubstr("wait in memory"));
     EXPECT_TRUE(eventually([&] { return writer.trouble().find("are lost") != std::string::npos; }));
-    // each loss is noted on the disk, longer than it is before chunks are tried again: that it takes 42 bytes
-    // of a file that is there does not mean that it takes samples
+    // Each loss is recorded on the disk. This takes longer than the pause before chunks are tried again: a
+    // successful write of 42 bytes to an existing file does not mean that samples fit.
     for (std::uint64_t tick = 17'000; tick < 17'120; ++tick) {
       push(tick, 1);
       std::this_thread::sleep_for(10ms);
@@ -198,7 +198,7 @@ TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
     const std::scoped_lock lock(mutex_);
     EXPECT_THAT(troubles_, testing::Not(testing::Contains(HasSubstr("takes samples again"))));
   }
-  // room again: what waits in memory is written, and what comes now
+  // There is space again: the waiting samples and the new ones are written.
   ASSERT_TRUE(eventually([&] { return writer.counts().samples_waiting == 0; }));
   push(17'120, 2880);
   ASSERT_TRUE(eventually([&] { return writer.counts().samples == 20'000; }));
@@ -209,7 +209,7 @@ TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
   EXPECT_TRUE(session_->contents().ended);
   const auto samples = stored();
   EXPECT_EQ(samples.size() + loss.samples, 20'000u);
-  // one gap, where the session says
+  // one gap, at the place that the session states
   std::uint64_t gaps = 0;
   for (std::size_t i = 1; i < samples.size(); ++i) {
     ASSERT_TRUE(isSampleOfItsTick(samples[i]));
@@ -228,7 +228,7 @@ TEST_F(SpoolWriterTest, whatTheTailHoldsOfARefusedChunkIsNotLostAndNotCounted) {
     ASSERT_TRUE(
         eventually([&] { return writer.counts().samples == 1300 && session_->contents().chunks == 1; }));
     std::this_thread::sleep_for(60ms);  // into the tail
-    FullDisk disk(1);                   // no byte more, in any file
+    FullDisk disk(1);                   // not one more byte in any file
     push(1300, 2700);
     ASSERT_TRUE(eventually([&] { return writer.counts().samples == 4000; }));
     ASSERT_FALSE(writer.finish(100ms).ok());
@@ -236,7 +236,8 @@ TEST_F(SpoolWriterTest, whatTheTailHoldsOfARefusedChunkIsNotLostAndNotCounted) {
     EXPECT_EQ(session_->contents().loss, (SpoolLoss{2700, 1300}));
     EXPECT_FALSE(session_->contents().ended);
     disk.makeRoom();
-    ASSERT_TRUE(session_->setLoss(session_->contents().loss).ok());  // which a real full disk takes in place
+    ASSERT_TRUE(
+        session_->setLoss(session_->contents().loss).ok());  // a real full disk accepts these in place
   }
   session_.reset();
   spool_.reset();
@@ -250,7 +251,7 @@ TEST_F(SpoolWriterTest, whatTheTailHoldsOfARefusedChunkIsNotLostAndNotCounted) {
 
 TEST_F(SpoolWriterTest, aRingThatOverflowsCountsAsLossOfTheSession) {
   SampleRing& ring = ring_;
-  // full before anybody drains it
+  // full before the writer drains it
   for (std::uint64_t k = 0; k < kSampleRingCapacity; ++k) ASSERT_TRUE(ring.push(sampleAt(k)));
   SpoolWriter writer(ring, session_, {}, callbacks());
   std::uint64_t tick = kSampleRingCapacity;
@@ -261,7 +262,8 @@ TEST_F(SpoolWriterTest, aRingThatOverflowsCountsAsLossOfTheSession) {
 }
 
 TEST_F(SpoolWriterTest, noSampleWaitsLongerThan20msForTheTail) {
-  // the haptic loop's rhythm, with breaks; a copy of the spool at any instant is what a crash would leave
+  // The rhythm of the haptic loop, with breaks. A copy of the spool at any instant is the state after a
+  // crash.
   SpoolWriter writer(ring_, session_, {}, callbacks());
   std::vector<std::int64_t> pushed_ns;
   std::int64_t worst_ns = 0;
@@ -285,8 +287,8 @@ TEST_F(SpoolWriterTest, noSampleWaitsLongerThan20msForTheTail) {
   }
   ASSERT_TRUE(writer.finish(5s).ok());
   RecordProperty("worst_ms", std::to_string(1e-6 * static_cast<double>(worst_ns)));
-  // the copy is made a little after `now`, which can only help; an ordinary thread on a busy machine may be
-  // late
+  // The copy is made a little after `now`, which only adds data; an ordinary thread on a busy machine may be
+  // late.
   EXPECT_LE(worst_ns, 20'000'000 * (::geteuid() == 0 ? 1 : 5));
 }
 
@@ -300,7 +302,7 @@ TEST_F(SpoolWriterTest, whatAFullDiskTookMeanwhileIsInTheTailAfterwards) {
     push(500, 40);
     ASSERT_TRUE(eventually([&] { return std::filesystem::file_size(session_->folder() / "tail") > 0; }));
     std::this_thread::sleep_for(50ms);
-    // the writer goes without `finish`: as if the program had died
+    // The writer is destroyed without `finish`, as if the program had crashed.
   }
   session_.reset();
   spool_.reset();

@@ -15,7 +15,7 @@ namespace {
 
 using testing::HasSubstr;
 
-// a spooled session of three chunks and what the uplink makes of it
+// A spooled session of three chunks and its uplink state.
 class UplinkSessionTest : public testing::Test {
  protected:
   UplinkSessionTest() : spool_(std::move(Spool::open(folder_.path())).value()) {
@@ -26,7 +26,7 @@ class UplinkSessionTest : public testing::Test {
     EXPECT_TRUE(session_->sync().ok());
     upload_ = std::make_unique<UplinkSession>(session_);
   }
-  // the names of the messages that it would send now
+  // Returns the names of the messages that it sends next.
   std::vector<std::string> sends(bool room = true) {
     std::vector<std::string> names;
     while (auto message = upload_->next(room)) {
@@ -113,7 +113,7 @@ TEST_F(UplinkSessionTest, theServersNextSeqCountsMoreThanTheReceipt) {
 TEST_F(UplinkSessionTest, aServerThatWasRestoredGetsWhatItHadClosedAgain) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 1, true, 7}).ok());
-  // by the next program: it does not read a closed session's chunks unless they are needed
+  // In the next program run: it does not read a closed session's chunks unless they are needed.
   const auto hash = session_->contents().hash;
   session_.reset();
   spool_.reset();
@@ -155,7 +155,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   upload_->onClosed({});
   ack(3, 3);
   ASSERT_EQ(session_->receipt().safe, 3u);
-  // the server was restored from a backup that has all the chunks and not the end
+  // The server was restored from a backup with all chunks but without the end.
   upload_->onConnectionLost();
   upload_->onConnected(UplinkSession::AtServer::kOpen);
   EXPECT_FALSE(session_->receipt().closed);
@@ -168,7 +168,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   EXPECT_TRUE(session_->receipt().closed);
   EXPECT_EQ(spool_->cleanUp({}, wallNowNs()), Names{}) << "no backup has this end";
   EXPECT_EQ(spool_->closedButNotSafe().size(), 1u);
-  // on the next connection it is asked for, until a backup covers it
+  // It is sent on each new connection until a backup covers it.
   upload_->onConnectionLost();
   upload_->onConnected(UplinkSession::AtServer::kNotOpen);
   EXPECT_EQ(sends(), Names{"open"});
@@ -213,7 +213,7 @@ TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
   upload_->onClosed({});
   EXPECT_FALSE(upload_->asking());
   EXPECT_EQ(sends(), Names{});
-  // a server that lost chunks as well gets them, as ever
+  // A server that also lost chunks gets them again, as usual.
   upload_->onConnectionLost();
   upload_->onConnected(UplinkSession::AtServer::kUnknown);
   EXPECT_EQ(sends(), Names{"open"});
@@ -240,7 +240,7 @@ TEST_F(UplinkSessionTest, whoAskedTooOftenAsksAgainAndLetsNobodyElseAskBefore) {
   EXPECT_EQ(sent, Names{"open"});
   upload_->onOpened(3);
   EXPECT_FALSE(upload_->asking());
-  // any other no is for the next connection
+  // After any other refusal, it tries again on the next connection.
   upload_->onConnected(UplinkSession::AtServer::kNotOpen);
   EXPECT_EQ(sends(), Names{"open"});
   refuse(pb::Refusal::INTERNAL);

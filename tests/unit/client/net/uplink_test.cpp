@@ -71,7 +71,7 @@ class UplinkTest : public testing::Test {
     }
     return false;
   }
-  // the server has every chunk as the spool has it, and the hash that it was told fits them
+  // The server has the same chunks as the spool, and they match the hash that it received.
   static void expectWhole(const KeptSession& kept, const SpoolSession& session) {
     const SpoolContents contents = session.contents();
     ASSERT_EQ(kept.chunks.size(), contents.chunks);
@@ -140,7 +140,7 @@ TEST_F(UplinkTest, theWindowHoldsAtMost64Chunks) {
 TEST_F(UplinkTest, lostConnectionsAndLostAcksLoseAndDoubleNothing) {
   FakeServer server;
   auto session = makeSession(150, true, 5);
-  server.faults.drop_after_chunks = 40;  // taken but never acknowledged
+  server.faults.drop_after_chunks = 40;  // accepted but never acknowledged
   auto uplink = connected(server.clientConfig());
   uplink->add(session, true);
   ASSERT_TRUE(uplink->waitUntilDone(10s));
@@ -160,7 +160,7 @@ TEST_F(UplinkTest, whoIsThrownOutAtOnceComesBackMoreAndMoreSlowly) {
     server.dropConnections();
     std::this_thread::sleep_for(2ms);
   }
-  // waits of at least 10, 20, 40, then 50 ms; 10 ms each would make about 40 connections
+  // waits of at least 10, 20, 40, then 50 ms; with 10 ms each there would be about 40 connections
   EXPECT_GE(uplink->state().connections, 2u);
   EXPECT_LE(uplink->state().connections, 16u);
 }
@@ -171,7 +171,7 @@ TEST_F(UplinkTest, aGapIsSentAgainFromWhereTheServerStands) {
   auto session = makeSession(150, true, 5);
   auto uplink = connected(server.clientConfig());
   uplink->add(session, true);
-  // a forgotten last chunk shows only by its missing ack; the next piece of news brings it out
+  // A forgotten last chunk is visible only by its missing ack; the next message reveals it.
   ASSERT_TRUE(eventually([&] { return keptOf(server, *session).chunks.size() >= 140; }));
   server.faults.forget_every_chunk = 0;
   if (!uplink->waitUntilDone(1s)) server.dropConnections();
@@ -221,14 +221,14 @@ TEST_F(UplinkTest, oldSessionsAreUploadedBesideTheCurrentOne) {
   EXPECT_EQ(keptOf(server, *current).chunks.size(), 2u);
 }
 
-// a window practises lesson after lesson over one uplink
+// A window runs lesson after lesson over one uplink.
 TEST_F(UplinkTest, theVerdictOnOneSessionIsNeverTakenForTheNextOnes) {
   FakeServer server;
   auto uplink = connected(server.clientConfig());
   for (int lesson = 0; lesson < 5; ++lesson) {
     auto session = makeSession(2, false);
     uplink->add(session, true);
-    // from the moment on that it is added
+    // from the moment it is added
     for (int look = 0; look < 20; ++look) {
       ASSERT_FALSE(uplink->state().current_verdict);
       std::this_thread::sleep_for(1ms);
@@ -253,7 +253,7 @@ TEST_F(UplinkTest, aQuestionThatIsNoneOfALessonIsAnsweredOrRefusedToo) {
   const auto refused = uplink->ask(request, 5s, false);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
-  // nobody answers this one: whoever has no more patience, or is told to, goes
+  // The server does not answer this request: the wait ends after its timeout or when the caller stops it.
   pb::Request mute;
   mute.mutable_list_curricula();
   EXPECT_EQ(uplink->ask(mute, 50ms, false).error().code, ErrorCode::kUnavailable);
@@ -320,7 +320,7 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
   ASSERT_TRUE(eventually([&] { return server.statusLines() >= 2; }));
   EXPECT_EQ(server.liveFrames(), 0u);
   EXPECT_EQ(uplink->state().live_encoded, 0u);
-  // the newest piece at once, before the next one is there
+  // the newest piece at once, before the next one exists
   pb::Envelope watch;
   watch.mutable_watch_state()->set_watched(true);
   server.broadcast(watch);
@@ -349,7 +349,7 @@ TEST_F(UplinkTest, theClockOffsetIsMeasuredAndTold) {
   uplink->add(session, true);
   ASSERT_TRUE(eventually([&] { return keptOf(server, *session).clock_round_trip_ns > 0; }));
   ASSERT_TRUE(eventually([&] { return uplink->state().clock.has_value(); }));
-  // both clocks are the same one: the offset is within half the round trip of zero
+  // Both clocks are the same: the offset is zero within half the round trip.
   const auto clock = *uplink->state().clock;
   EXPECT_LE(std::abs(clock.offset_ns), clock.round_trip_ns / 2 + 1);
 }
@@ -434,7 +434,7 @@ TEST_F(UplinkTest, wordsForAnotherLessonThanThisOneArePassedOver) {
 TEST(ClockProbe, theLeastRoundTripWins) {
   ClockProbe probe;
   EXPECT_TRUE(probe.add(1000, 50'500, 2000));   // round trip 1000, offset 49,000
-  EXPECT_FALSE(probe.add(3000, 60'000, 9000));  // slower: says less
+  EXPECT_FALSE(probe.add(3000, 60'000, 9000));  // slower, so less accurate
   EXPECT_TRUE(probe.add(10'000, 59'100, 10'200));
   EXPECT_EQ(probe.best()->offset_ns, 49'000);
   EXPECT_EQ(probe.best()->round_trip_ns, 200);
@@ -463,7 +463,7 @@ class DrainTest : public testing::Test {
     uplink->add(session_, true);
     return uplink;
   }
-  // how it ended, and after how long
+  // Returns the result and the duration.
   static std::pair<DrainEnd, Seconds> drained(Uplink& uplink, const DrainPatience& patience,
                                               bool stop = false) {
     const auto began = std::chrono::steady_clock::now();

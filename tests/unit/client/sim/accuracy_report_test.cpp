@@ -1,4 +1,5 @@
-/// The accuracy report from made-up rows: front, tables, CSV, JSON, recommendation, pictures' scripts.
+/// Tests the accuracy report on made-up rows: front, tables, CSV, JSON, recommendation, scripts for the
+/// pictures.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -70,7 +71,7 @@ TEST(AccuracyTable, columnsAlignWhateverTheLettersBytes) {
     for (const std::string mark : {"none", "uncertainty"}) {
       const auto found = line.find(mark);
       if (found == std::string::npos) continue;
-      // letters before it, not bytes
+      // counts letters, not bytes
       std::size_t letters = 0;
       for (std::size_t i = 0; i < found; ++i)
         letters += (static_cast<unsigned char>(line[i]) & 0xC0u) != 0x80u;
@@ -128,13 +129,14 @@ TEST(Recommendation, takesTheCheapestModelWhoseErrorNobodyNotices) {
 }
 
 TEST(Recommendation, changesWhenTheRowsChange) {
-  // the same rows, but the cheap one is now good enough
+  // The same rows, but now the cheap model is accurate enough.
   EXPECT_THAT(adviceOf({modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)}), HasSubstr("take CHEAP"));
   // the cheap one steps: a step is felt, whatever the mean error
   AccuracyRows rows = {modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)};
   rows[0].max_step_n = 1;
   EXPECT_THAT(adviceOf(rows), HasSubstr("take GOOD"));
-  // and when the good one is too slow, nothing is good enough: the least error that fits
+  // If the good model is too slow, none is good enough: the report recommends the smallest error that is fast
+  // enough.
   rows[1].fits_rate = false;
   EXPECT_THAT(adviceOf(rows), HasSubstr("take CHEAP"));
   EXPECT_THAT(adviceOf(rows), HasSubstr("none is below"));
@@ -223,7 +225,7 @@ TEST(SiText, keepsThreeFiguresAndNeverAThousand) {
 }
 
 TEST(LabelLayout, namesCoverNeitherEachOtherNorAPoint) {
-  // nine points in a heap, as models of the same cost are
+  // nine clustered points, like models with the same cost
   std::vector<PixelPoint> points;
   std::vector<std::string> labels;
   for (int i = 0; i < 9; ++i) {

@@ -1,4 +1,4 @@
-/// The studies themselves, in small: what can be predicted by a formula or another way.
+/// Tests small versions of the studies against a formula or another method.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -83,7 +83,7 @@ TEST(ForceProfile, fallsInARestAsTheStopDoes) {
 }
 
 TEST(Rendering, theWallInDeepTissueGivesWhatTheProfileAsksFor) {
-  // a straight insertion far below the skin: the wall has come to the cutting force and stays there
+  // A straight insertion far below the skin: the wall has reached the cutting force and stays there.
   const SceneSpec spec = test::paperOneDof();
   const auto model = compile(spec, 1000);
   ASSERT_TRUE(model.ok());
@@ -119,7 +119,7 @@ TEST(StorageStudy, errorsAreWithinHalfAStepAndFewerBytesCostMoreError) {
     SCOPED_TRACE(row.reference + " " + std::to_string(*row.quantum_m));
     EXPECT_FALSE(row.uncertainty.empty());
     EXPECT_FALSE(row.cannot_show.empty());
-    if (!row.model.empty()) continue;  // the engine again: no bound by formula
+    if (!row.model.empty()) continue;  // the engine itself; there is no bound by formula
     const double step_N = scaledResolution(*row.quantum_m).force_N;
     EXPECT_LE(*row.max_error_n, std::sqrt(3.0) / 2 * step_N + 1e-12);
     EXPECT_LE(*row.rms_error_m, *row.quantum_m / 2 + 1e-12);
@@ -167,7 +167,7 @@ TEST(LiveStudy, aLongerFrameIsLaterAndCostsLess) {
   ASSERT_TRUE(rows.ok()) << rows.error().message;
   for (std::size_t i = 0; i < rows->size(); ++i) {
     const AccuracyRow& row = (*rows)[i];
-    // the newest sample waits for nothing, the oldest for all but itself
+    // The newest sample does not wait, the oldest waits for all others.
     EXPECT_GE(*row.latency_ms, (*row.frame_s * 1e3 - 1) / 2);
     EXPECT_GE(*row.latency_p99_ms, *row.latency_ms);
     if (i == 0) continue;
@@ -189,7 +189,7 @@ TEST(ModelStudy, everyAxialModelHasARowInEveryScene) {
     EXPECT_FALSE(row.uncertainty.empty() || row.cannot_show.empty()) << row.model;
     if (row.scene == "paper-six-layers") six_layers[row.model] = &row;
   }
-  // a spring without end is far off; the 2018 wall has no force on the way out; DIRECT steps at a layer
+  // An unlimited spring is far off; the 2018 wall has no force on the way out; DIRECT steps at a layer.
   EXPECT_LT(*six_layers["ENHANCED_TRACKING_WALL"]->rms_error_n, *six_layers["TRACKING_WALL"]->rms_error_n);
   EXPECT_LT(*six_layers["TRACKING_WALL"]->rms_error_n, *six_layers["VOIGT"]->rms_error_n);
   EXPECT_GE(*six_layers["DIRECT"]->max_step_n, 0.5);

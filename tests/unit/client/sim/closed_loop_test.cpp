@@ -19,7 +19,7 @@ using testing::HasSubstr;
 
 constexpr double kRate = 1000;
 
-// a device with given readings
+// A device with given readings.
 class ScriptedDevice final : public Device {
  public:
   explicit ScriptedDevice(std::vector<Vec3> places) : places_(std::move(places)) {}
@@ -70,12 +70,12 @@ TEST(ClosedLoop, holdsStillInTissueWithinTheDevicesLimits) {
     greatest = std::max(greatest, (*ticks)[k].report.wrench_W.force_N.z);
   }
   EXPECT_LT(greatest - least, 0.02);
-  // out at the end, and free
+  // outside at the end, and free
   EXPECT_EQ(ticks->back().report.phase, Phase::kFree);
   EXPECT_EQ(ticks->back().rendered_W.force_N, Vec3{});
 }
 
-// what `--device simulated` does without further options
+// the behaviour of `--device simulated` without further options
 TEST(ClosedLoop, theCommandLinesHandReachesItsTargetThroughFirmTissue) {
   const auto profile = loadProfile(std::filesystem::path(NEEDLELAB_SAMPLES) / "shoulder-muscular.json");
   const auto spec = sceneSpecOf(*profile);
@@ -134,7 +134,7 @@ TEST(ClosedLoop, theHandFeelsTheWrenchAtTheHandle) {
   // (0.1, 0, 0) × (0, 0, 1) = (0, −0.1, 0)
   EXPECT_NEAR(last.rendered_W.torque_Nm.y, -0.1, 1e-9);
 
-  // a recording has it at the tip again
+  // a recording has it at the tip
   const GestureSample sample = sampleOf(last, 999'000'000, 0, 0);
   EXPECT_EQ(sample.tick, 999u);
   EXPECT_EQ(sample.time_ns, 999'000'000);

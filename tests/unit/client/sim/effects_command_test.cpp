@@ -98,7 +98,7 @@ TEST(EffectsCommand, badInputNamesFileOrValueAndIsNumberTwo) {
   EXPECT_EQ(sim({"effects", "--instructions", "--no-instructions"}).code, 2);
 }
 
-// the program itself: it runs itself again under callgrind
+// The program itself, which runs itself again under callgrind.
 TEST(EffectsCommand, countsInstructionsWhereValgrindIs) {
   if (kSanitized) GTEST_SKIP() << "valgrind cannot run a program built with a sanitizer";
   if (!hasValgrind()) GTEST_SKIP() << "valgrind is not on the PATH (Debian: valgrind)";

@@ -1,4 +1,4 @@
-// The figures show what the paper's section IV says: the numbers below are the paper's.
+// Checks the figures against the paper's section IV: the numbers below are the paper's.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <algorithm>
@@ -17,7 +17,7 @@
 namespace needlelab {
 namespace {
 
-// columns of a figure's table, read back from its text
+// The columns of a figure's table, parsed from its text.
 class Table {
  public:
   Table(const Figure& figure, const std::vector<std::string>& columns) {
@@ -30,7 +30,7 @@ class Table {
   double at(const char* column, std::size_t row) const {
     return table_.columns[static_cast<std::size_t>(table_.find(column))][row];
   }
-  // the values of a column in the rows that `wanted` takes
+  // Returns the values of a column in the rows that `wanted` accepts.
   [[nodiscard]] std::vector<double> where(const char* column,
                                           const std::function<bool(std::size_t)>& wanted) const {
     std::vector<double> found;
@@ -64,7 +64,7 @@ TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
   // insertion, 24 to 27 s: up to 1 N ± 2 %, and the plateau lasts
   EXPECT_NEAR(greatest(t.between("force_z_n", 24, 27)), 1, 0.02);
   EXPECT_NEAR(least(t.between("force_z_n", 24.8, 26.8)), 1, 0.02);
-  // intentional stop, 27 to 29.5 s: it falls all the time (but for the tremor) and ends at nothing
+  // intentional stop, 27 to 29.5 s: the force falls all the time (except for the tremor) and ends at zero
   double before = 1.001;
   for (double from = 27; from < 29.4; from += 0.2) {
     const double now = greatest(t.between("force_z_n", from, from + 0.2));
@@ -79,7 +79,7 @@ TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
   // free again
   EXPECT_LT(greatest(t.between("depth_m", 31.8, 33)), 0);
   EXPECT_EQ(least(t.between("force_z_n", 31.8, 33)), 0);
-  // the gate took nothing away: the hand got the force of the engine, up to the slew at the exit
+  // The gate did not limit the force: the hand got the engine's force, except for the slew limit at the exit.
   for (std::size_t i = 0; i < t.rows(); ++i)
     ASSERT_NEAR(t.at("force_z_n", i), t.at("rendered_force_z_n", i), 1e-6) << t.at("t_s", i);
 }
@@ -90,7 +90,8 @@ TEST(Figure09, sixPlateausInAndFourTenthsOut) {
   const Table t(figure09(*run), {"t_s", "cutting_force_n", "attracted_force_n", "layer", "depth_m"});
   const double forces[] = {1, 2, 1.5, 2.5, 3, 4};
   for (int layer = 0; layer < 6; ++layer) {
-    // way in through this layer: from its first tick to the first in the next one, or to the deepest
+    // the way in through this layer: from its first tick to the first tick in the next layer, or to the
+    // deepest tick
     std::size_t first = 0;
     while (t.at("layer", first) != layer) ++first;
     std::size_t last = first;
@@ -163,7 +164,7 @@ TEST(Figure11, theForceIsSmallAtFirstRisesWithDepthAndFallsOnTheWayBack) {
   const auto run = runClamping();
   ASSERT_TRUE(run.ok());
   const Table t(figure11(*run), {"t_s", "clamping_n", "insertion_m", "turning"});
-  // where the way in is still shallow the user almost follows the trajectory
+  // At a small depth the user almost follows the trajectory.
   const auto first_way = [&](double from_m, double to_m) {
     bool back = false;
     double most = 0;

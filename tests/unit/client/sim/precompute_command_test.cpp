@@ -1,4 +1,4 @@
-// `needlelab-sim precompute`: whole command lines on small meshes.
+// Tests `needlelab-sim precompute` by whole command lines on small meshes.
 #include <gmock/gmock.h>
 
 #include <filesystem>
@@ -36,7 +36,7 @@ TEST(PrecomputeCommand, writesAProfileThatRunsAndSaysHowFarItIsFromLiveFem) {
   EXPECT_THAT(profile->precomputed().source(),
               HasSubstr("needlelab-sim precompute of profile shoulder-models"));
   EXPECT_THAT(profile->precomputed().source(), HasSubstr("strained above 10 %"));
-  // the shaft's friction is in the table: it is not added again
+  // The table includes the shaft's friction, so it is not added a second time.
   const auto scene = sceneSpecOf(*profile);
   ASSERT_TRUE(scene.ok()) << scene.error().message;
   EXPECT_EQ(scene->effects & bitOf(Effect::kShaftFriction), 0u);

@@ -1,5 +1,5 @@
-// Models fitted to force over depth: the fit finds what made a synthetic curve, and follows the recorded one
-// as well as the report says.
+// Models fitted to force over depth: the fit finds the parameters of a synthetic curve, and follows the
+// recorded curve as closely as the report states.
 #include "client/sim/accuracy/recorded_curve.h"
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-// a row each 0.05 mm to 20 mm
+// one row per 0.05 mm up to 20 mm
 DepthCurve curveBy(const std::function<double(double x_mm)>& force_N) {
   std::vector<ForceAtDepth> rows;
   for (int i = 0; i <= 400; ++i) rows.push_back({i * 5e-5, force_N(i * 0.05)});
@@ -70,7 +70,7 @@ TEST(RecordedCurve, layersFindTheirForces) {
     const auto fit = fitCurve(curve, layeredModel(model, chosenBins(curve, choice)), choice);
     ASSERT_TRUE(fit.ok()) << fit.error().message;
     ASSERT_EQ(fit->values.size(), 3u) << "three plateaus, three layers";
-    // DIRECT is at once at a layer's force; a wall takes 1 mm for 1 N
+    // DIRECT reaches a layer's force at once; a wall takes 1 mm for 1 N.
     EXPECT_NEAR(fit->values[0], 0.5, 0.08);
     EXPECT_NEAR(fit->values[1], 1.5, 0.1);
     EXPECT_NEAR(fit->values[2], 0.8, 0.02);
@@ -127,7 +127,7 @@ TEST(RecordedCurve, tableIsOffByWhatAChordIs) {
 }
 
 TEST(RecordedCurve, aFitSeesNothingOfWhatIsHeldOut) {
-  // the blocks held out are nonsense: the fit is the same
+  // The held-out blocks contain nonsense: the fit stays the same.
   const auto clean = curveBy([](double x) { return 0.02 * x * x; });
   DepthCurve spoiled = clean;
   for (std::size_t i = 0; i < spoiled.depth_m.size(); ++i)
@@ -149,7 +149,7 @@ TEST(RecordedCurve, everyModelFollowsTheBovineCurveAsWellAsItsKindAllows) {
   EXPECT_EQ(rows->size(), 371u);
   EXPECT_EQ(backward, 20);
   const DepthCurve curve = depthCurve(*rows);
-  // N, on what was held out; the worse of both halves
+  // N, on the held-out data; the worse of both halves
   const std::map<AxialModel, double> limits = {{AxialModel::kEnhancedTrackingWall, 0.15},
                                                {AxialModel::kTrackingWall, 0.13},
                                                {AxialModel::kDirect, 0.13},
@@ -167,7 +167,7 @@ TEST(RecordedCurve, everyModelFollowsTheBovineCurveAsWellAsItsKindAllows) {
           << axialModelName(model.model) << ", " << model.variant << ", fold " << fold;
     }
   }
-  // what lies ahead cannot be known: all are far off, and the report says so
+  // The data ahead cannot be predicted: all models are far off, and the report states it.
   for (const CurveModel& model : curveModels(chosenBins(curve, beforeTheSplit()))) {
     const auto fit = fitCurve(curve, model, beforeTheSplit());
     ASSERT_TRUE(fit.ok()) << fit.error().message;

@@ -1,5 +1,5 @@
-// The epidural sample: its table is the polynomials' (restated here once more, from the source), and the
-// engine renders it.
+// The epidural sample: its table matches the polynomials (repeated here from the source), and the engine
+// renders it.
 #include "client/sim/accuracy/recorded_epidural.h"
 
 #include <cmath>
@@ -20,7 +20,7 @@ pb::Profile sample() {
   return profile.ok() ? std::move(profile).value() : pb::Profile();
 }
 
-// the table at a depth
+// Returns the table's value at a depth.
 double tableAt(const pb::Precomputed& table, double depth_m) {
   int i = 0;
   while (i + 2 < table.table_size() && table.table(i + 1).depth_m() <= depth_m) ++i;
@@ -56,7 +56,7 @@ TEST(Epidural, theSamplesTableIsWithinAHundredthOfANewtonOfThePolynomials) {
   for (const auto& layer : profile.layers()) {
     const double top_mm = end_mm;
     end_mm += layer.thickness_m() * 1e3;
-    // within the layer, clear of the two micrometres about its ends
+    // inside the layer, away from the two micrometres around its ends
     for (double d = top_mm + 0.002; d < end_mm - 0.002; d += 0.003)
       worst = std::max(worst, std::fabs(tableAt(profile.precomputed(), d * 1e-3) - polynomialAt(d)));
   }
@@ -95,14 +95,14 @@ TEST(Epidural, theEngineRendersTheTableUpToItsSpring) {
   for (std::size_t i = 0; i < gesture.depth_m.size(); ++i) {
     const double depth_mm = gesture.depth_m[i] * 1e3;
     if (depth_mm <= 0.01) continue;
-    // a wall never gives more than the table, and falls with it at once
+    // A wall never gives more force than the table, and drops with it at once.
     EXPECT_LE(soft_run->force_N[i], tableAt(profile.precomputed(), depth_mm * 1e-3) + 1e-9) << depth_mm;
     // at 10,000 N/m it is there within 0.15 mm of the jump at 20 mm
     if (std::fabs(depth_mm - 20.07) > 0.15) {
       EXPECT_NEAR(stiff_run->force_N[i], tableAt(profile.precomputed(), depth_mm * 1e-3), 1e-6) << depth_mm;
     }
   }
-  // on the plateau and in the space the sample's own wall is there too
+  // On the plateau and in the epidural space the sample's own wall reaches it too.
   const auto at = [&](double depth_m) {
     return soft_run->force_N[static_cast<std::size_t>((depth_m - gesture.depth_m[0]) / 5e-6)];
   };
@@ -110,7 +110,7 @@ TEST(Epidural, theEngineRendersTheTableUpToItsSpring) {
   EXPECT_NEAR(at(0.052), 0, 1e-9);
 }
 
-// the polynomials stand in the code twice; the recording says whether either of them is a copy with a slip
+// The code contains the polynomials twice; the recording shows whether one copy has an error.
 TEST(Epidural, thePolynomialsAreTheRecordings) {
   constexpr const char* kFile = "needle_force/epidural_layers.json";
   NEEDLELAB_NEEDS_RECORDING(kFile);

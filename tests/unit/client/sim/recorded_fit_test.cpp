@@ -1,4 +1,4 @@
-// The search and the errors that fits are made with.
+// Tests the search and the error measures of the fits.
 #include "client/sim/accuracy/recorded_fit.h"
 
 #include <gtest/gtest.h>

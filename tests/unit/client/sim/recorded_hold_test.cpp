@@ -1,4 +1,5 @@
-// Stops fitted to a hold: the fit finds the numbers that made a synthetic hold, and follows the recorded one.
+// Stop parameters fitted to a hold: the fit finds the parameters of a synthetic hold, and follows the
+// recorded hold.
 #include "client/sim/accuracy/recorded_hold.h"
 
 #include <algorithm>
@@ -13,7 +14,7 @@ bool evenBlock(int block) {
   return block % 2 == 0;
 }
 
-// f(t) = c + a·exp(−(t − t0)/τ), as Okamura's group fit it; no engine in it
+// f(t) = c + a·exp(−(t − t0)/τ), as fitted by Okamura's group, without the engine
 std::vector<ForceAtTime> exponentialHold(double rest_N, double drop_N, double tau_s) {
   std::vector<ForceAtTime> rows;
   for (double t = 0; t < 12; t += 0.01)
@@ -73,7 +74,7 @@ TEST(RecordedHold, exponentialStopFollowsTheBovineHoldToAHundredthOfANewton) {
     // README of the data: one exponential, about 1.9 s, 0.257/0.337 left
     EXPECT_NEAR(fit->relax_time_s, 1.9, 0.6);
     EXPECT_NEAR(fit->relax_residual, 0.76, 0.05);
-    // single rows scatter by 0.009 N about the line that they were digitised from
+    // single rows scatter by 0.009 N around the digitised line
     EXPECT_LE(fit->held_out.rows_rms, 0.0105);
   }
 }

@@ -1,4 +1,4 @@
-// The statistical model's draws, through the engine, have the law that their section asks for.
+// The draws of the statistical model, rendered by the engine, follow the distribution of their section.
 #include "client/sim/accuracy/recorded_statistical.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ TEST(StatisticalDraws, tenThousandKeepToTheirBandMeanSpreadAndLength) {
 }
 
 TEST(StatisticalDraws, aBandOfAnotherSpreadIsLeft) {
-  // negative control: the same draws against a law of half the spread
+  // Negative control: the same draws against a distribution with half the spread.
   StatisticalSpec spec = syntheticStatistics();
   const auto result = drawStatistical(spec, {0.0075}, 2000, 1000);
   ASSERT_TRUE(result.ok());

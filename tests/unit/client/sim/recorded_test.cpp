@@ -1,4 +1,4 @@
-// The pictures of recorded forces are drawn, and without recordings those that need none.
+// The pictures of recorded forces are drawn; without recordings, only the pictures that need none.
 #include "client/sim/accuracy/recorded.h"
 
 #include <cstdlib>
@@ -24,7 +24,7 @@ TEST(RecordedPictures, areDrawnWithTheirTables) {
   AccuracyOptions options;
   options.data = test::recordings();
   const test::TempFolder temporary;
-  // to look at them: NEEDLELAB_PICTURES=folder
+  // To inspect them: NEEDLELAB_PICTURES=folder.
   const char* keep = std::getenv("NEEDLELAB_PICTURES");
   const std::filesystem::path folder = keep != nullptr ? std::filesystem::path(keep) : temporary.path();
   const auto pictures = recordedPictures(options, {});

@@ -48,7 +48,7 @@ std::string csvOf(const std::vector<Pose>& poses) {
   return text;
 }
 
-// a table of `run` as columns of text
+// A table of `run` as columns of text.
 std::map<std::string, std::vector<std::string>> tableOf(const std::filesystem::path& path) {
   std::map<std::string, std::vector<std::string>> table;
   std::istringstream in(*readWholeFile(path));
@@ -120,7 +120,7 @@ TEST(RunCommand, writesWhatTheEngineSaysBitForBit) {
   EXPECT_EQ(outcome.out, hash);
 }
 
-// the gesture with every model that the profile has a section for: other forces each time
+// The gesture with every model that has a section in the profile gives different forces each time.
 TEST(RunCommand, runsEveryAxialModel) {
   const test::TempFolder folder;
   const auto trajectory = folder.write("t.csv", csvOf(gesture()));
@@ -324,13 +324,13 @@ TEST(RunCommand, anEarlierOutputStaysWholeWhenARunFails) {
                             bad.string(), "--out", out.string()});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_EQ(*readWholeFile(out), "earlier");
-  // a folder that does not exist is found before the work
+  // A missing folder is detected before the work starts.
   const auto good = folder.write("good.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n");
   const auto nowhere = sim({"run", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
                             good.string(), "--out", (folder.path() / "no" / "folder.csv").string()});
   EXPECT_EQ(nowhere.code, 2);
   EXPECT_THAT(nowhere.err, HasSubstr("folder.csv"));
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 3);  // nothing left over
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 3);  // no files remain
 }
 
 TEST(RunCommand, anOutputThatIsAnInputIsRefused) {
@@ -353,7 +353,7 @@ TEST(RunCommand, anOutputThatIsAnInputIsRefused) {
   EXPECT_EQ(*readWholeFile(trajectory), table);
 }
 
-// each would otherwise end with `{"version"…` in place of its own input, and exit code 0
+// Without the check, each would overwrite its own input with `{"version"…` and exit with 0.
 TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
   const test::TempFolder folder;
   const std::string text = *readWholeFile(test::kSamples / "paper-1dof.json");
@@ -371,7 +371,7 @@ TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
     EXPECT_THAT(outcome.err, HasSubstr("is the same file as the input")) << line.front();
     EXPECT_EQ(*readWholeFile(profile), text) << line.front();
   }
-  // and two outputs are two files
+  // Two outputs must be two different files.
   EXPECT_EQ(sim({"run", "--profile", profile, "--trajectory", trajectory, "--out", out, "--json", out}).code,
             2);
   EXPECT_FALSE(std::filesystem::exists(out));

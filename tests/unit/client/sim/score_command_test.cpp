@@ -98,8 +98,8 @@ TEST(ScoreCommand, comparesWithReferences) {
 }
 
 TEST(ScoreCommand, scoresWhatWasRecordedAsItIs) {
-  // samples as a device might have recorded them; as recording and as exported CSV, and straight through the
-  // code that the server runs: the same, bit for bit
+  // Samples as a device records them: as a recording, as exported CSV, and directly through the server's
+  // code, they give the same score, bit for bit.
   std::vector<GestureSample> samples(3000);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     GestureSample& s = samples[i];
@@ -141,7 +141,7 @@ TEST(ScoreCommand, scoresWhatWasRecordedAsItIs) {
       EXPECT_EQ(whole.at("rows")[i].at("value").get<double>(), expected[i].value) << expected[i].name;
     }
   }
-  // one of the two, and rows that are whole
+  // one of the two options, and complete rows
   const auto profile = (test::kSamples / "paper-1dof.json").string();
   EXPECT_EQ(sim({"score", "--profile", profile}).code, 2);
   EXPECT_EQ(sim({"score", "--profile", profile, "--recorded", csv, "--trajectory", csv}).code, 2);
@@ -181,7 +181,7 @@ TEST(ScoreCommand, checksAnExercisesRequirements) {
 
 TEST(ScoreCommand, tellsWhatTheSyringeDidByThePlungerColumn) {
   const test::TempFolder folder;
-  // down to 30 mm at 40 mm/s, 8 s of rest in which it is drawn back and pressed
+  // down to 30 mm at 40 mm/s, 8 s of rest with aspiration and injection
   std::string text = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw,plunger\n";
   for (int k = 0; k <= 9000; ++k) {
     const double t = k * 1e-3;

@@ -158,7 +158,7 @@ TEST_F(FalconDeviceTest, withoutZeroThereIsNoPlaceAndNoTorqueButWords) {
   EXPECT_FALSE(device->status().ends_with('.')) << "the station goes on with \": no force\"";
   EXPECT_EQ(falcon_->last(), (Command{{}, kOutHome | kOutRed}));
 
-  // The hand causes the motion.
+  // The hand completes the homing.
   with([](FakeFalcon& f) { f.homed = 0x70; });
   ASSERT_TRUE(loopUntilFresh(*device));
   ASSERT_TRUE(loopUntil(*device, [&] { return device->status().empty(); }));

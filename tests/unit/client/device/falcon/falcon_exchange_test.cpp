@@ -129,7 +129,7 @@ TEST_F(FalconExchange, silentHapticThreadMeansZeroTorqueWithin21Ms) {
   EXPECT_EQ(exchange_.counts().starved_times, 1u);
   for (int i = 0; i < 50; ++i) EXPECT_EQ(tick().motor, Motors{});
   EXPECT_EQ(exchange_.counts().starved_times, 1u) << "counted once";
-  // It works again.
+  // The haptic thread runs again.
   request({20, 20, 20});
   EXPECT_EQ(tick().motor, (Motors{20, 20, 20}));
 }

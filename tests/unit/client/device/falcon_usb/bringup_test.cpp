@@ -70,7 +70,7 @@ TEST_F(FalconOnUsb, selfTestSaysWhatTheHandHasToDoAndThatItWasNotDone) {
   EXPECT_EQ(find(judge(all), "condition")->verdict, Verdict::kFailed);
 }
 
-// The technician's view.
+// Returns the output that a technician sees.
 std::string output(const TempFolder& folder, const std::vector<std::string>& arguments, int code) {
   const auto log = folder.path() / "log";
   Process station("needlelab-station", arguments, log);

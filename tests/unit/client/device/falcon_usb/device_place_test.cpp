@@ -1,4 +1,4 @@
-// Place, force and homing of the device `falcon` against the emulator's own mechanics.
+// Checks position, force and homing of the device `falcon` against the emulator's own mechanics.
 #include <random>
 #include <thread>
 #include <utility>
@@ -24,7 +24,7 @@ bool withinStops(const AllLegs& legs) {
   return true;
 }
 
-// places of the cube that the maker promises, where the mechanism reaches
+// positions of the specified cube that the mechanism reaches
 std::vector<Vector3d> placesInTheWorkspace(int count, double half_m) {
   std::mt19937_64 random(42);
   std::uniform_real_distribution<> along(-half_m, half_m);
@@ -48,7 +48,7 @@ TEST_F(FalconOnUsb, tellsTheGripsPlaceAllOverTheWorkspace) {
     settle(5ms);
     const Vector3d told = toF(reading_.X_WH.p);
     worst_m = std::max(worst_m, (told - p).norm());
-    // what is left when the encoders' whole counts are taken for granted
+    // the remaining error after the rounding to whole encoder counts
     Vector3d counted;
     const AllLegs legs = anglesAt(p);
     for (int leg = 0; leg < 3; ++leg) {
@@ -67,13 +67,13 @@ TEST_F(FalconOnUsb, theHandFeelsTheForceThatIsAskedFor) {
   openDevice();
   home();
   // A motor's unit is 2.5 mN at the end of a thigh: half of it on each leg is 2-4 mN. One percent of 2.5 N is
-  // 25 mN, so whole numbers alone never use it up.
+  // 25 mN, so rounding to whole units never uses it up.
   double worst = 0;
   int ramp_ticks = 300;
   for (const Vector3d& p : placesInTheWorkspace(6, 0.03)) {
     falcon_.holdAt(p);
     for (const Vec3 wanted : {Vec3{2.5, 0, 0}, Vec3{0, 2.5, 0}, Vec3{0, 0, -2.5}, Vec3{-1.5, 1.5, 1.2}}) {
-      // the first time the start ramp is to pass, then the slew limit
+      // The first time, the start ramp must pass; after that, the slew limit.
       const std::uint64_t commands = falcon_.commands();
       int ticks = std::exchange(ramp_ticks, 30);
       runTicks(2s, [&] {

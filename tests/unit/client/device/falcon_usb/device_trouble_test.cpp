@@ -1,5 +1,4 @@
-// What goes wrong on the way, seen through the chain that the station has: FAULT, no force, no jump,
-// recovery.
+// Device errors, seen through the station's chain: FAULT, no force, no jump, recovery.
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -21,18 +20,18 @@ using Eigen::Vector3d;
 
 constexpr double kSurface_m = 0.010;  // skin below the middle, in W: the needle points down from the grip
 
-// a needle of no length that points down: the tip is in the grip
+// A needle of zero length that points down: the tip is in the grip.
 const Pose kTool{{0, 0, kSurface_m}, {1, 0, 0, 0}};
 
 /// A lesson's ticks: device → gate → engine → gate → device.
 class FalconLesson : public FalconOnUsb {
  protected:
-  // the grip's height over the skin; slow enough for every gate
+  // The grip's height over the skin. The motion is slow enough for every gate.
   void holdOver(double height_m) {
     const double y = height_m - kSurface_m;
     falcon_.holdAt({0, y, falcon::kOrigin_F_m.z});
   }
-  // down to `depth_m` inside, in `seconds`, then there
+  // Moves down to `depth_m` inside within `seconds`, then stays there.
   void sinkTo(double depth_m, double seconds) {
     const double from = falcon_.grip().y();
     falcon_.holdRigidly([from, depth_m, seconds](double t) {
@@ -77,8 +76,8 @@ class FalconLesson : public FalconOnUsb {
     ASSERT_EQ(chain_tick_.fault, Fault::kNone) << faultText(chain_tick_.fault);
     ASSERT_GT(renderedForce(), 0.3);
   }
-  // A machine that stands still for 20 ms makes the watchdog bite, as it must. That is not what a test is
-  // about: such a part of a lesson is done again, a few times.
+  // If the machine stalls for 20 ms, the watchdog trips, as it must. The test is not about this, so it
+  // repeats such a part of a lesson a few times.
   void withoutStall(const std::function<void()>& part) {
     part();
     for (int again = 0; again < 4 && chain_tick_.fault == Fault::kDeviceSilent; ++again) {
@@ -120,7 +119,7 @@ class FalconLesson : public FalconOnUsb {
 
 TEST_F(FalconLesson, theTissuePushesBackOnTheHand) {
   startAndSink();
-  // cutting of 1 N, then attracted of 0.5 N decays; up in W is y in F
+  // cutting force 1 N, then the attracted force of 0.5 N decays; up in W is y in F
   const Vector3d felt = falcon_.force();
   EXPECT_NEAR(felt.y(), chain_tick_.rendered_W.force_N.z, 0.1);
   EXPECT_NEAR(felt.x(), 0, 0.05);
@@ -141,14 +140,14 @@ TEST_F(FalconLesson, unpluggedInMidStrokeIsAFaultWithoutForceAndAReplugRecovers)
   EXPECT_EQ(chain_tick_.fault, Fault::kDeviceLost) << faultText(chain_tick_.fault);
   RecordProperty("fault_tick", fault_tick);
   RecordProperty("zero_tick", zero_tick);
-  // a few ticks, and 20 ms of fading; the host's own thread may be late on a machine that is busy
+  // a few ticks, and 20 ms of fading; the host's own thread may be late on a busy machine
   EXPECT_GE(fault_tick, 0);
   EXPECT_GE(zero_tick, fault_tick);
   EXPECT_LE(zero_tick - fault_tick, 21);
   EXPECT_LE(fault_tick, 100);
   EXPECT_NE(device_->status().find("USB"), std::string::npos) << device_->status();
 
-  // nothing comes back by itself
+  // The force does not return by itself.
   runLesson(300ms);
   chain_.acknowledge();
   runLesson(100ms);
@@ -176,7 +175,7 @@ TEST_F(FalconLesson, afterAReplugWithoutPowerItIsLoadedAndHomedAnew) {
   runLesson(100ms);
   falcon_.powerCycle(false);
   falcon_.plug();
-  // the gate holds what is not ready; the pull and push finds the zero
+  // The gate holds while the device is not ready; pulling and pushing finds the encoders' zero.
   falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
   EXPECT_TRUE(runLesson(10s, [this] { return last_read_ != DeviceRead::kFresh; })) << device_->status();
   EXPECT_EQ(falcon_.mode(), FalconBoard::Mode::kRuns);
@@ -237,8 +236,8 @@ TEST_F(FalconLesson, garbageAndCutPacketsAreCountedAndNothingJumps) {
 }
 
 TEST_F(FalconLesson, changedBytesAreFewAndTheGateHoldsTheForce) {
-  // The packet has no check sum: a letter that turns into another of the sixteen is believed. What it can do
-  // is bounded by the gate: 5 m/s for the place, 2 N/ms for the force.
+  // The packet has no checksum: a letter that changes into another of the sixteen valid ones is accepted. The
+  // gate bounds the effect: 5 m/s for the position, 2 N/ms for the force.
   startAndSink();
   BoardTrouble trouble;
   trouble.flip_share = 0.02;
@@ -331,7 +330,7 @@ TEST_F(FalconOnUsb, unpluggedAndPluggedAgainManyTimesItLeaksNothing) {
     falcon_.setLineTrouble({});
     falcon_.plug();
     ASSERT_TRUE(waitForFresh(20s)) << "round " << round << ": " << device_->status();
-    // memory that only the first round takes is not a leak
+    // Memory that only the first round allocates is not a leak.
     if (round == 4) {
       files = openFiles();
       memory_KiB = residentKiB();
@@ -341,7 +340,7 @@ TEST_F(FalconOnUsb, unpluggedAndPluggedAgainManyTimesItLeaksNothing) {
   RecordProperty("grown_KiB", static_cast<int>(residentKiB()) - static_cast<int>(memory_KiB));
   RecordProperty("files_before", static_cast<int>(files));
   RecordProperty("files_after", static_cast<int>(openFiles()));
-  // 136 KiB in 1000 rounds were seen. A sanitizer keeps back what was freed, and looks for leaks itself.
+  // We measured 136 KiB in 1000 rounds. A sanitizer holds back freed memory and finds leaks itself.
   EXPECT_TRUE(kSanitized || residentKiB() < memory_KiB + 2048) << residentKiB() - memory_KiB << " KiB";
   EXPECT_LE(falcon_.port().openClients(), 1);
 }

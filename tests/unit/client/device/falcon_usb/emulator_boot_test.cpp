@@ -1,4 +1,4 @@
-// The emulated bootloader, by plain libusb calls: what it answers, and to what it stays silent.
+// Tests the emulated bootloader by plain libusb calls: its answers, and the inputs that it ignores.
 #include <random>
 
 #include "tests/unit/client/device/falcon_usb/libusb_host.h"
@@ -22,7 +22,7 @@ class Bootloader : public testing::Test {
     ASSERT_EQ(host_->open(), 0);
   }
 
-  // up to the point where firmware may come
+  // up to the point where the bootloader accepts firmware
   void greet() {
     host_->settingsForBootloader();
     host_->write({0x0A, 0x43, 0x0D});

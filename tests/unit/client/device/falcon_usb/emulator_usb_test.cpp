@@ -1,4 +1,4 @@
-// The emulated USB port and the firmware behind it, by plain libusb calls.
+// Tests the emulated USB port and its firmware by plain libusb calls.
 #include <atomic>
 #include <thread>
 
@@ -84,7 +84,7 @@ TEST_F(EmulatedUsb, handFeelsWhatTheMotorsPush) {
 
 TEST_F(EmulatedUsb, repliesAsOftenAsTheLatencyTimerAllows) {
   start();
-  // write, read, write, …: as a driver without any cleverness does
+  // write, read, write, …: like a simple driver
   const int asked = 500;
   int answered = 0;
   const TimePoint begin = Clock::now();
@@ -95,11 +95,11 @@ TEST_F(EmulatedUsb, repliesAsOftenAsTheLatencyTimerAllows) {
   const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
   EXPECT_EQ(answered, asked);
   RecordProperty("packets_per_s", static_cast<int>(asked / seconds));
-  // two latencies each on a quiet machine: what was written just missed one
+  // two latencies each on an idle machine: each write just misses one
   EXPECT_GT(asked / seconds, 20);
 }
 
-// as a driver for haptics does: a read always waits, and each answer calls for the next packet
+// like a driver for haptics: a read is always pending, and each answer triggers the next packet
 struct Stream {
   LibusbHost& host;
   std::array<unsigned char, 64> in_data{};
@@ -152,7 +152,7 @@ TEST_F(EmulatedUsb, carriesAThousandPacketsASecond) {
     libusb_handle_events_timeout_completed(host_->context(), &patience, nullptr);
   }
   RecordProperty("packets_per_s", stream.packets);
-  // 1000 on a quiet machine; on any, most of the chip's packets carry an answer
+  // 1000 on an idle machine; on any machine, most of the chip's packets carry an answer
   const std::uint64_t transfers = falcon_.port().counts().in_transfers - transfers_before;
   EXPECT_GT(stream.packets, 0.4 * static_cast<double>(transfers));
   EXPECT_GT(stream.packets, 50);
@@ -170,7 +170,7 @@ TEST_F(EmulatedUsb, withoutDataEachLatencyBringsTwoBytes) {
   EXPECT_EQ(falcon_.port().counts().in_transfers - before.in_transfers, 20u);
 }
 
-// a transfer in flight that a callback ends
+// a transfer in flight, ended by a callback
 struct InFlight {
   libusb_transfer* transfer = libusb_alloc_transfer(0);
   std::array<unsigned char, 64> data{};

@@ -17,7 +17,7 @@ GuardedWrench Pusher::push(Vec3 force_W_N) noexcept {
 
 void FalconOnUsb::SetUp() {
   if (const std::string why = testbed_.trouble(); !why.empty()) GTEST_SKIP() << why;
-  // ticks as the station's loop has them, also beside other tests
+  // ticks like the station's loop, even in parallel with other tests
   preferThisThread();
 }
 
@@ -61,7 +61,7 @@ HandPath homingPath(double seconds) {
 }
 
 void FalconOnUsb::home() {
-  // again and again, so that a slow machine misses nothing
+  // repeated, so that a slow machine misses nothing
   falcon_.holdRigidly([path = homingPath(0.1)](double t) { return path(std::fmod(t, 0.1)); });
   ASSERT_TRUE(waitForFresh()) << device_->status();
   falcon_.holdRigidly([path = homingPath(0.0001)](double t) { return path(t + 1); });
@@ -73,7 +73,7 @@ void FalconOnUsb::settle(std::chrono::milliseconds time) {
   runTicks(2s, [this, commands, end = Clock::now() + time] {
     last_read_ = device_->read(reading_);
     device_->write(pusher_.push({}));
-    // the answers to four commands have come: those of the place now are among them
+    // The answers to four commands have arrived, so they include the current position.
     return Clock::now() < end || falcon_.commands() < commands + 5;
   });
 }

@@ -1,4 +1,4 @@
-// The station itself with a Falcon: a child process that sees the emulated USB as this one does.
+// Tests the station itself with a Falcon, as a child process that inherits the emulated USB.
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -26,11 +26,11 @@ using Eigen::Vector3d;
 
 constexpr double kSkin_m = 0.010;  // below the middle of the workspace
 constexpr double kDeep_m = 0.015;
-constexpr char kSilent[] = "the device stopped reporting";  // what the watchdog says
+constexpr char kSilent[] = "the device stopped reporting";  // the watchdog's message
 
 class StationWithFalcon : public FalconOnUsb {
  protected:
-  /// A station under way; its words go to a file.
+  /// A running station; its output goes to a file.
   std::unique_ptr<Process> station(const std::vector<std::string>& arguments,
                                    const std::string& log = "log") {
     return std::make_unique<Process>("needlelab-station", arguments, folder_.path() / log);
@@ -55,8 +55,8 @@ class StationWithFalcon : public FalconOnUsb {
             "--json",
             folder_.path() / "out.json"};
   }
-  /// The watchdog bit since the last call of `begin`: says whether the machine is why. Not each stall can be
-  /// seen from outside, so one bite proves nothing; `giveUp` judges them all.
+  /// `bitten` counts a watchdog trip since the last `begin` and reports whether the machine was the cause.
+  /// Not every stall is visible from outside, so one trip proves nothing; `giveUp` judges all trips.
   void begin() {
     (void)watch_.take();
     waited_ = waitedForCores();
@@ -68,13 +68,14 @@ class StationWithFalcon : public FalconOnUsb {
     std::cout << "no force: the machine was late by " << late.count()
               << " ms, our threads waited for a core for " << waited.count() << " ms: again\n";
   }
-  /// After many bites: the test is skipped when the machine stood still in most of them, and fails otherwise.
+  /// After many trips: skips the test if the machine stalled in most of them, and fails it otherwise.
   void giveUp() const {
     if (2 * excused_ < bites_) FAIL() << "the watchdog bites, and the machine does not stand still";
     GTEST_SKIP() << "the machine stood still again and again: the watchdog bites after 20 ms";
   }
-  /// A station with the trainee's needle in the tissue and force on the hand. A machine that stands still for
-  /// 20 ms makes the watchdog bite: then it is tried again. Null when that could not be had, which is judged.
+  /// Returns a station with the trainee's needle in the tissue and force on the hand. If the machine stalls
+  /// for 20 ms, the watchdog trips, and this function tries again. Returns null if it never succeeds, after
+  /// `giveUp` has judged that.
   std::unique_ptr<Process> stationInMidStroke(const std::vector<std::string>& arguments,
                                               const HandPath& hand) {
     for (int again = 0; again < 8; ++again) {
@@ -96,9 +97,9 @@ class StationWithFalcon : public FalconOnUsb {
     giveUp();
     return nullptr;
   }
-  /// As who stands beside it: takes the needle out, and acknowledges each fault that is said, once, and once
-  /// more whenever it says "not yet". A machine that stands still for 20 ms makes the watchdog bite at any
-  /// time, so there may be more faults than one. False when one stands after `most`.
+  /// Acts as the person at the station: takes the needle out and acknowledges each reported fault once, and
+  /// once more after each "not yet". If the machine stalls for 20 ms, the watchdog can trip at any time, so
+  /// there may be several faults. Returns false if a fault remains after `most`.
   bool overcomeFaults(Process& child, std::chrono::milliseconds most = 30s) {
     falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
     waitUntil([] { return false; }, 200ms);
@@ -119,7 +120,7 @@ class StationWithFalcon : public FalconOnUsb {
     for (auto at = text.find(words); at != std::string::npos; at = text.find(words, at + 1)) ++times;
     return times;
   }
-  /// Where `words` stand for the last time; −1 when they do not.
+  /// Returns the last position of `words`, or −1 if they do not occur.
   static std::ptrdiff_t lastIn(const std::string& text, const std::string& words) {
     const auto at = text.rfind(words);
     return at == std::string::npos ? -1 : static_cast<std::ptrdiff_t>(at);
@@ -144,7 +145,7 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
   nlohmann::json summary;
   std::string said;
   double greatest_N = 0;
-  // a machine that stands still for 20 ms makes the watchdog bite: then the lesson is had again
+  // If the machine stalls for 20 ms, the watchdog trips, and the lesson is repeated.
   for (int again = 0;; ++again) {
     begin();
     greatest_N = 0;
@@ -172,12 +173,13 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
   // the hand felt the cutting force of the layer
   EXPECT_GT(greatest_N, 0.4);
   EXPECT_LT(greatest_N, falcon::kLimits.peak_force_N);
-  // what this device cannot do is said in plain words, is not live, and stays in the summary
+  // The station reports the effects that this device cannot render; they are not live, and the summary lists
+  // them.
   EXPECT_NE(said.find("does not measure how it is turned"), std::string::npos) << said;
   EXPECT_NE(said.find("ORIENTATION_LIMIT is not live"), std::string::npos) << said;
   EXPECT_GE(summary["device_notes"].size(), 2u) << summary["device_notes"];
   for (const auto& effect : summary["live_effects"]) EXPECT_NE(effect, "ORIENTATION_LIMIT");
-  // and the device is left without torque
+  // The station leaves the device without torque.
   ASSERT_FALSE(falcon_.history().empty());
   EXPECT_EQ(falcon_.history().back().motors, (std::array<std::int16_t, 3>{}));
   EXPECT_EQ(falcon_.force().norm(), 0);
@@ -206,7 +208,7 @@ TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowled
     begin();
     ASSERT_TRUE(overcomeFaults(*child)) << child->said();
     falcon_.holdRigidly(sink);
-    // only a new fault, not of the device, excuses the missing force
+    // Only a new fault that is not the device's excuses the missing force.
     const auto faults = timesIn(child->said(), "FAULT: ");
     waitUntil(
         [&] {
@@ -259,7 +261,8 @@ TEST_F(StationWithFalcon, crashedInMidStrokeItLeavesNoTorque) {
   falcon_.plug();
   const auto child = stationInMidStroke(lesson("20"), stroke());
   if (!child) return;
-  // in the main thread, not in whichever has a moment: the device's own thread could not speak for itself
+  // The main thread must take the signal, not any free thread: the device's own thread could not send its
+  // last packet.
   ASSERT_EQ(::syscall(SYS_tgkill, child->pid(), child->pid(), SIGSEGV), 0);
   const auto code = child->wait(20s);
   ASSERT_TRUE(code) << child->said();
@@ -267,7 +270,7 @@ TEST_F(StationWithFalcon, crashedInMidStrokeItLeavesNoTorque) {
   EXPECT_EQ(falcon_.force().norm(), 0) << child->said();
 }
 
-/// Of the thread with this name; −1 when there is none.
+/// Returns the id of the thread with this name, or −1.
 pid_t threadOf(pid_t process, const std::string& name) {
   for (const auto& task : std::filesystem::directory_iterator("/proc/" + std::to_string(process) + "/task")) {
     std::string found;
@@ -295,7 +298,7 @@ TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   ASSERT_FALSE(history.empty());
   EXPECT_EQ(history.back().motors, (std::array<std::int16_t, 3>{}));
   EXPECT_EQ(falcon_.force().norm(), 0);
-  // the last packet with a force, and that without which the handler sent
+  // the last packet with a force, and the packet without force from the handler
   const auto last_force = std::find_if(history.rbegin(), history.rend(), [](const CommandSeen& seen) {
     return seen.motors != std::array<std::int16_t, 3>{};
   });

@@ -1,4 +1,4 @@
-// Finding the vendor's library, and the address.
+// Finds the vendor's library, and the address.
 #include <gmock/gmock.h>
 
 #include <cstdlib>
@@ -13,7 +13,7 @@ namespace {
 
 using testing::HasSubstr;
 
-// sets the variable for one test
+// Sets the variable for one test.
 class LibraryVariable {
  public:
   explicit LibraryVariable(const char* value) { ::setenv(kVirtuoseLibraryVariable, value, 1); }
@@ -61,7 +61,7 @@ TEST(VirtuoseApi, theVariableComesFirstAndIsNotPassedOver) {
     EXPECT_THAT(api.error().message, HasSubstr("that NEEDLELAB_VIRTUOSE_LIBRARY names"));
     EXPECT_THAT(api.error().message, HasSubstr("/nowhere/x.so"));
   }
-  // empty is as not set: the system is searched for the plain name
+  // An empty variable counts as unset: the plain name is searched on the system.
   const LibraryVariable set("");
   const auto api = loadVirtuoseApi();
   if (!api.ok()) {

@@ -21,7 +21,7 @@ TEST_F(VirtuoseReading, isThePlaceSpeedAndTurnOfTheHandle) {
     ASSERT_NEAR(reading_.X_WH.p.x, truth.position_m[0], 5.1e-6);
     ASSERT_NEAR(reading_.X_WH.p.y, truth.position_m[1], 5.1e-6);
     ASSERT_NEAR(reading_.X_WH.q.y, truth.orientation[1], 1e-4);
-    // the device speaks in floats; what we make of them is a rotation in doubles
+    // The device sends floats; we convert them to a rotation in doubles.
     ASSERT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 1, 1e-14);
     const double* v = truth.velocity_mps;
     ASSERT_NEAR(reading_.speed_mps, std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), 1e-6);
@@ -108,7 +108,7 @@ TEST_F(VirtuoseReading, sensorsAndAlarmsBecomeFlagsAndWords) {
     askAll();
     EXPECT_THAT(device_.status(), HasSubstr(row.words));
     standin_.command(row.off);
-    standin_.command("switch 1");  // the emergency stop took it along
+    standin_.command("switch 1");  // the emergency stop switched it off, too
     askAll();
   }
   EXPECT_EQ(reading_.condition, 0u);
@@ -147,7 +147,7 @@ TEST_F(VirtuoseReading, noCallFailsUnseen) {
       EXPECT_EQ(seen, static_cast<std::uint32_t>(kDeviceTrouble));
       standin_.command(fail + "0");
       askAll();
-      EXPECT_EQ(reading_.condition, 0u);  // and it goes on when it works again
+      EXPECT_EQ(reading_.condition, 0u);  // it continues when the device works again
       device_.close();
       standin_.advance(0.2);  // closing and opening at once would be too fast for the device
     }
@@ -225,11 +225,11 @@ TEST_F(VirtuoseReading, aPoseThatIsNoneGoesToTheGateAsItIs) {
 TEST_F(VirtuoseReading, roundingIsMendedAndAQuaternionThatIsNoneIsLeftToTheGate) {
   open();
   ticks(10);
-  standin_.command("bad_turn 1.000001");  // what floats may do
+  standin_.command("bad_turn 1.000001");  // allowed for rounded floats
   ticks(10);
   EXPECT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 1, 1e-14);
   EXPECT_EQ(gate_.fault(), Fault::kNone);
-  standin_.command("bad_turn 0.5");  // what no rotation can be: mending it would hide it
+  standin_.command("bad_turn 0.5");  // not a rotation: repairing it would hide the error
   ticks(10);
   EXPECT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 0.25, 1e-6);
   EXPECT_EQ(gate_.fault(), Fault::kOrientationInvalid);

@@ -1,4 +1,4 @@
-// Every error code and alarm in words, as a person would need them.
+// Every error code and alarm has a message that helps a person.
 #include <gmock/gmock.h>
 
 #include "client/device/virtuose/virtuose_errors.h"
@@ -97,7 +97,7 @@ TEST(VirtuoseWords, aFailureNamesItsMotors) {
 TEST(VirtuoseWords, ofWhatHindersThePersonHearsTheFirstThingToDo) {
   EXPECT_EQ(virtuoseStateText(0, 0, 0), "");
   EXPECT_THAT(virtuoseStateText(kDevicePowerOff, 0, 0), HasSubstr("power switch"));
-  // without a hand there is no power either: the hand comes first
+  // Without a hand there is no power either, so the hand is reported first.
   const std::string released = virtuoseStateText(kDeviceReleased | kDevicePowerOff, 0, 0);
   EXPECT_THAT(released, HasSubstr("holds the handle"));
   EXPECT_THAT(released, Not(HasSubstr("power switch")));

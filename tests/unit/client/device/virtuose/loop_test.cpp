@@ -23,7 +23,7 @@ HandPlan strokePlan() {
       .hold(0.4);
 }
 
-// the same for the stand-in's hand
+// The same for the stand-in's hand.
 const char* const kStroke =
     "0.0 place 0 0 0.02 1 0 0 0\n"
     "0.4 hand 0 0 -0.02 1 0 0 0 1.0\n"
@@ -47,7 +47,7 @@ class VirtuoseLoop : public testing::Test {
     const Status status = device_.open(1000);
     ASSERT_TRUE(status.ok()) << status.error().message;
   }
-  // tick k is at k ms; `mask` takes flags away, as a backend would that does not ask for them
+  // Tick k is at k ms. `mask` removes flags, like a backend that does not query them.
   const ChainTick& tick(std::uint32_t mask = 0) {
     if (number_++ > 0) standin_.advance(kTick_s);
     const bool fresh = device_.read(reading_) == DeviceRead::kFresh;
@@ -91,7 +91,8 @@ TEST_F(VirtuoseLoop, aStrokeFeelsAsOnTheSimulatedDevice) {
     ASSERT_EQ(simulated.read(other_reading), DeviceRead::kFresh) << k;
     simulated.write(other.tick(other_reading, true, 1, 1.0, other_tick));
 
-    // what acts now was asked for two readings ago: one millisecond each for the way and the device's cycle
+    // The current force was commanded two readings ago: one millisecond each for the transfer and the
+    // device's cycle.
     const StandinState truth = standin_.state();
     ASSERT_NEAR(truth.felt[2], asked.z, 1e-6) << k;
     asked = asked_last;
@@ -106,8 +107,8 @@ TEST_F(VirtuoseLoop, aStrokeFeelsAsOnTheSimulatedDevice) {
   std::printf(
       "apart from the simulated device by at most %.1f um and %.1f mN; greatest force %.2f N, %.1f mm deep\n",
       worst_m * 1e6, worst_N * 1e3, most_N, deepest_m * 1e3);
-  // two programs for the same mechanics, floats between them: a step of the encoder, and what 500 N/m make of
-  // it
+  // Two programs compute the same mechanics, with floats between them: allow one encoder step, and its force
+  // at 500 N/m.
   EXPECT_LE(worst_m, 20e-6);
   EXPECT_LE(worst_N, 0.02);
   EXPECT_GT(most_N, 1.5);
@@ -140,7 +141,7 @@ TEST_F(VirtuoseLoop, aHandThatLetsGoInTheTissueHasNoForceUntilItIsBackAndThenSlo
 TEST_F(VirtuoseLoop, aBackendThatDoesNotAskForTheDeadManWouldJumpAtTheHand) {
   begin(std::string(kLongWay) + "1.8 dead_man 0\n2.0 dead_man 1\n");
   until(2000, kDeviceReleased | kDevicePowerOff);
-  EXPECT_GT(rendered(), 1);  // it asks for force that nobody feels …
+  EXPECT_GT(rendered(), 1);  // commands a force that the hand does not feel …
   EXPECT_EQ(felt(), 0);
   until(2003, kDeviceReleased | kDevicePowerOff);
   EXPECT_GT(felt(), 1);  // … and all of it comes at once
@@ -152,7 +153,7 @@ TEST_F(VirtuoseLoop, emergencyStopIsAFaultUntilItIsFreeAcknowledgedAndOutside) {
   ASSERT_GT(rendered(), 1);
   tick();
   EXPECT_EQ(now_.fault, Fault::kEmergencyStop);
-  chain_.acknowledge();  // while it is pressed: that does not count
+  chain_.acknowledge();  // while it is pressed: does not count
   until(1521);
   EXPECT_EQ(rendered(), 0);
   until(1700);
@@ -172,7 +173,7 @@ TEST_F(VirtuoseLoop, emergencyStopIsAFaultUntilItIsFreeAcknowledgedAndOutside) {
 
 TEST_F(VirtuoseLoop, overheatingTakesTheForce) {
   begin(std::string(kStroke) + "1.5 overheat 1\n");
-  until(1527);  // asked for every 6 ticks, gone within 20
+  until(1527);  // queried every 6 ticks, gone within 20
   EXPECT_EQ(now_.fault, Fault::kDeviceOverheated);
   EXPECT_EQ(rendered(), 0);
 }
@@ -198,13 +199,13 @@ TEST_F(VirtuoseLoop, aLinkLostInTheTissueComesBackWithoutForce) {
   ASSERT_GT(felt(), 1);
   until(1605);
   EXPECT_EQ(now_.fault, Fault::kDeviceLost);
-  // nobody reaches the device: it renders what it heard last, until its own watchdog ends
+  // The link is down: the device renders its last command until its own watchdog expires.
   EXPECT_GT(felt(), 1);
   device_.maintain();
   until(1610);
   EXPECT_EQ(now_.fault, Fault::kDeviceLost);
   EXPECT_EQ(reading_.condition & kDeviceLost, 0u);  // it answers again …
-  EXPECT_EQ(felt(), 0);                             // … and was told zero at once
+  EXPECT_EQ(felt(), 0);                             // … and got a zero command at once
   until(1900);
   EXPECT_EQ(felt(), 0);
 }

@@ -15,7 +15,7 @@ constexpr int kMaintainEvery = 50;  // ticks: 20 times a second
 
 class VirtuoseReconnect : public VirtuoseTest {
  protected:
-  // ticks until a reading is fresh again, with maintain beside them; −1 when it never is
+  // Counts the ticks until a reading is fresh again, with maintain() in between. Returns −1 if it never is.
   int ticksUntilFresh(int most, const Wrench& wanted = {}) {
     for (int k = 0; k < most; ++k) {
       if (k % kMaintainEvery == 0) device_.maintain();
@@ -23,7 +23,7 @@ class VirtuoseReconnect : public VirtuoseTest {
     }
     return -1;
   }
-  // in FAULT until a person saw it and the tip is outside
+  // in FAULT until a person has acknowledged it and the tip is outside
   void acknowledge() {
     gate_.noteOutside(true);
     gate_.acknowledge();
@@ -39,7 +39,7 @@ TEST_F(VirtuoseReconnect, aLostLinkIsSaidInTheFirstTickAndIsNotTouchedAnyMore) {
   EXPECT_EQ(gate_.fault(), Fault::kDeviceLost);
   const std::string complaints = standin_.complaints();
   EXPECT_EQ(complaints, "virtGetPosition:6");
-  // without maintain the haptic thread leaves the connection alone, also when the link is there again
+  // Without maintain() the haptic thread does not touch the connection, even when the link is up again.
   ticks(500);
   EXPECT_EQ(reading_.condition, static_cast<std::uint32_t>(kDeviceLost));
   EXPECT_EQ(standin_.complaints(), complaints);
@@ -58,7 +58,7 @@ TEST_F(VirtuoseReconnect, aShortLossIsMendedWithoutForceUntilAPersonSaysSo) {
   EXPECT_EQ(device_.status(), "");
   EXPECT_EQ(standin_.state().is_permitted, 1);
   ticks(500, two);
-  EXPECT_EQ(standin_.state().commanded[0], 0);  // there is power again, but FAULT goes on
+  EXPECT_EQ(standin_.state().commanded[0], 0);  // power is back, but FAULT remains
   acknowledge();
   ticks(300, two);
   EXPECT_EQ(gate_.fault(), Fault::kNone);
@@ -69,7 +69,8 @@ TEST_F(VirtuoseReconnect, aServiceThatDidNotHearTheEndIsWaitedFor) {
   open();
   ticks(100);
   standin_.command("link_down 0.2");
-  // the old connection is closed while nobody hears it: the service keeps it until its watchdog (2 s) ends
+  // The old connection is closed while the link is down: the service keeps it until its watchdog (2 s)
+  // expires.
   const int needed = ticksUntilFresh(4000);
   EXPECT_GT(needed, 1900);
   EXPECT_LT(needed, 2200);
@@ -91,7 +92,7 @@ TEST_F(VirtuoseReconnect, aServiceThatStartsAgainIsFound) {
 TEST_F(VirtuoseReconnect, theWatchdogsCutIsMended) {
   open();
   ticks(100);
-  standin_.advance(2.5);  // the loop stood still
+  standin_.advance(2.5);  // the loop stalled
   EXPECT_EQ(tick(), DeviceRead::kNoUpdate);
   EXPECT_EQ(reading_.condition, static_cast<std::uint32_t>(kDeviceLost));
   EXPECT_GE(ticksUntilFresh(100), 0);
@@ -157,7 +158,7 @@ TEST_F(VirtuoseReconnect, triesBecomeRarer) {
     device.maintain();
     std::this_thread::sleep_for(1ms);
   }
-  // at 0, 20, 60, 140, 220 and 300 ms, however often it is asked
+  // at 0, 20, 60, 140, 220 and 300 ms, however often maintain() is called
   const long tries = standin_.state().openings - before;
   EXPECT_LE(tries, 6);
   EXPECT_GE(tries, 2);

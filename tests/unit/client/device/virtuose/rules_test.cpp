@@ -1,5 +1,5 @@
-// The vendor's rules (FACTS.md), one by one: a backend that breaks it is refused by the stand-in, ours is
-// not.
+// The vendor's rules (FACTS.md), one by one: the stand-in refuses a backend that breaks the rule, and accepts
+// ours.
 #include <cmath>
 #include <limits>
 
@@ -18,7 +18,7 @@ std::size_t placeOf(const Steps& steps, const std::string& call) {
   throw std::out_of_range(call);
 }
 
-// our set-up with one call moved behind another
+// our set-up with one call moved after another
 Steps moved(Steps steps, const std::string& call, const std::string& behind) {
   const VirtuoseStep step = steps[placeOf(steps, call)];
   steps.erase(steps.begin() + static_cast<std::ptrdiff_t>(placeOf(steps, call)));
@@ -98,7 +98,7 @@ TEST_F(VirtuoseRules, values_whatTheDeviceCannotTakeIsRefusedAndNeverSentByUs) {
   EXPECT_TRUE(refused(force(context, nan)));
   closeVirtuose(api_, context);
 
-  // a loop that is too fast, or too slow, is refused before anything is opened
+  // A loop that is too fast or too slow is refused before the connection is opened.
   const auto calls = standin_.calls();
   for (const double rate : {1000.5, 2000.0, 40'000.0, 49.0, 0.0, -1.0, std::nan("")}) {
     const Status status = device_.open(rate);
@@ -149,7 +149,7 @@ TEST_F(VirtuoseRules, oneProgram_aSecondConnectionIsRefusedUntilTheFirstIsClosed
   closeVirtuose(api_, first);
   closeVirtuose(api_, opened(steps_));
   float pose[7];
-  EXPECT_NE(api_.virtGetPosition(first, pose), 0);  // and who goes on with the old one is told so
+  EXPECT_NE(api_.virtGetPosition(first, pose), 0);  // using the old connection gives an error
   EXPECT_EQ(api_.virtGetErrorCode(first), 3);
 }
 
@@ -161,7 +161,7 @@ TEST_F(VirtuoseRules, power_isOnlyPermittedByUsAndCompletedByTheUser) {
     }
     return standin_.state().felt[0];
   };
-  // a backend that forgets to permit it has no force, whatever the user does
+  // Without this permission there is no force, whatever the user does.
   VirtContext context = opened(without(steps_, "virtSetPowerOn"));
   EXPECT_EQ(felt(context), 0);
   closeVirtuose(api_, context);
@@ -175,7 +175,7 @@ TEST_F(VirtuoseRules, power_isOnlyPermittedByUsAndCompletedByTheUser) {
   EXPECT_EQ(felt(context), 0);
   standin_.command("dead_man 1");
   EXPECT_EQ(felt(context), 1);
-  // the emergency stop takes the switch with it
+  // The emergency stop also turns off the switch.
   standin_.command("estop press");
   EXPECT_EQ(felt(context), 0);
   standin_.command("estop free");
@@ -189,7 +189,7 @@ TEST_F(VirtuoseRules, watchdog_twoSecondsOfSilenceCutForceAndLink) {
   VirtContext context = opened(steps_);
   force(context, 1);
   standin_.advance(1.9);
-  EXPECT_EQ(standin_.state().felt[0], 1);  // until then the last force goes on
+  EXPECT_EQ(standin_.state().felt[0], 1);  // until then the last force continues
   standin_.advance(0.2);
   EXPECT_EQ(standin_.state().felt[0], 0);
   EXPECT_NE(force(context, 1), 0);
@@ -248,7 +248,7 @@ TEST_F(VirtuoseRules, rate_oursIsOneExchangeAMillisecondAlsoWithLateTicks) {
 }
 
 TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
-  // a backend that does not tell its limits gets all that the motors have
+  // A backend that does not set its limits gets the motors' full force.
   VirtContext context = opened(without(steps_, "virtSaturateTorque"));
   force(context, 14, 1);
   standin_.advance(0.003);
@@ -263,7 +263,7 @@ TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
   EXPECT_NE(standin_.state().alarms & kVirtAlarmSaturation, 0u);
   closeVirtuose(api_, context);
 
-  // ours never asks for more: the gate has the same limits
+  // Ours never commands more: the gate has the same limits.
   open();
   double most_N = 0;
   for (int k = 0; k < 300; ++k) {
@@ -271,7 +271,7 @@ TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
     ASSERT_EQ(standin_.state().alarms & kVirtAlarmSaturation, 0u) << k;
     most_N = std::max(most_N, standin_.state().felt[1]);
   }
-  EXPECT_GT(most_N, 9.5);  // before the thermal budget takes some of it
+  EXPECT_GT(most_N, 9.5);  // before the thermal budget reduces it
 }
 
 TEST_F(VirtuoseRules, heat_aLastingForceOverheatsAndOursStaysBelow) {
@@ -288,11 +288,11 @@ TEST_F(VirtuoseRules, heat_aLastingForceOverheatsAndOursStaysBelow) {
 
   standin_.advance(30);
   ASSERT_EQ(standin_.state().alarms, 0u);
-  standin_.command("let_go");  // nobody's hand has to bear it
+  standin_.command("let_go");  // no hand has to hold this load
   standin_.command("dead_man 1");
   open();
   for (int k = 0; k < 40'000; ++k) {
-    // to and fro, so that the handle stays
+    // back and forth, so that the handle stays in place
     tick({{k / 20 % 2 == 0 ? 8.0 : -8.0, 0, 0}, {}});
     ASSERT_EQ(standin_.state().alarms & kVirtAlarmOverheat, 0u) << k;
     ASSERT_EQ(gate_.fault(), Fault::kNone) << k;
@@ -300,7 +300,7 @@ TEST_F(VirtuoseRules, heat_aLastingForceOverheatsAndOursStaysBelow) {
 }
 
 TEST_F(VirtuoseRules, indexing_ourPositionIsTheHandlesOwn) {
-  const auto elsewhere = [&] {  // the hand lets go of the sensor, goes 30 mm on, and takes hold again
+  const auto elsewhere = [&] {  // the hand releases the sensor, moves 30 mm, and grips again
     standin_.command("place 0 0 0 0 0 0 1");
     standin_.command("dead_man 0");
     standin_.command("hand 0.03 0 0 0 0 0 1 0.5");
@@ -322,7 +322,7 @@ TEST_F(VirtuoseRules, indexing_ourPositionIsTheHandlesOwn) {
     standin_.advance(kTick_s);
   }
   ASSERT_EQ(api_.virtGetPosition(context, pose), 0);
-  EXPECT_NEAR(pose[0], 0, 1e-4);  // a backend with indexing believes itself where it was: the patient moves
+  EXPECT_NEAR(pose[0], 0, 1e-4);  // a backend with indexing keeps its old position, so the patient moves
   closeVirtuose(api_, context);
 
   standin_.command("dead_man 1");

@@ -43,7 +43,7 @@ TEST(Comparison, byDepthTheSlowerHandIsMetAtTheSamePlace) {
   const auto slow = lesson({.depth_m = 0.015, .seconds = 4});
   const auto both = compareGestures(*fast, *slow, Alignment::kDepth);
   ASSERT_TRUE(both.ok());
-  // to where the shallower one came, in steps of 0.25 mm
+  // to the depth of the shallower one, in steps of 0.25 mm
   EXPECT_NEAR(both->points.back().at, 0.015, 0.0003);
   for (const ComparedPoint& point : both->points) {
     if (point.at < 0.001 || point.at > 0.0145) continue;
@@ -58,7 +58,7 @@ TEST(Comparison, warpingFindsAShiftOfThePaths) {
   const auto straight = lesson({.depth_m = 0.02, .seconds = 2});
   auto info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
   auto samples = straight->samples;
-  // all of it 3 mm aside, where limb and device stand the same
+  // all of it 3 mm to the side; limb and device are unchanged
   for (GestureSample& s : samples) s.p_WT_m[0] += 0.003;
   const auto aside = gestureOf(info, samples);
   const auto both = compareGestures(*straight, *aside, Alignment::kDtw);

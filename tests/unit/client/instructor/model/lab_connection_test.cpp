@@ -38,7 +38,7 @@ class LabConnectionTest : public testing::Test {
     settings.most_retry = milliseconds(200);
     return settings;
   }
-  /// Polls until it is so, 20 s at most; collects what comes.
+  /// Polls until the condition holds, for at most 20 s. Collects the events.
   bool until(LabConnection& lab, const std::function<bool()>& so) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
     while (!so()) {
@@ -112,7 +112,7 @@ TEST_F(LabConnectionTest, aRestartOfTheServerLosesNeitherWatchesNorQuestions) {
   EXPECT_FALSE(lab.state().trouble.todo.empty());
   EXPECT_NE(lab.state().away_since_ns, 0);
 
-  // what only reads waits for the server; what acts is refused at once
+  // Read requests wait for the server; actions are refused at once.
   std::optional<Result<pb::Reply>> reads, acts;
   lab.ask(listStations(), [&](Result<pb::Reply> reply) { reads.emplace(std::move(reply)); });
   lab.ask(
@@ -127,7 +127,7 @@ TEST_F(LabConnectionTest, aRestartOfTheServerLosesNeitherWatchesNorQuestions) {
   EXPECT_TRUE(reads->ok());
   EXPECT_EQ(lab.state().connections, 2u);
   EXPECT_EQ(lab.state().away_since_ns, 0);
-  // the subscription stands again: the server tells the station so
+  // The subscription is active again: the server informs the station.
   auto station = server_.connect(stationLogin("bench-1", key_));
   ASSERT_TRUE(station.ok());
   (void)waitFor(*station, [](const auto& e) { return e.has_watch_state() && e.watch_state().watched(); });
@@ -185,7 +185,7 @@ TEST_F(LabConnectionTest, anotherServersCertificateIsNoPasswordMatter) {
   ASSERT_TRUE(untilPhase(lab, LinkPhase::kRefused));
   EXPECT_THAT(lab.state().trouble.what, HasSubstr("certificate"));
   EXPECT_THAT(lab.state().trouble.todo, HasSubstr("tls/ca.crt"));
-  // the right one afterwards
+  // then the right one
   lab.logIn(login());
   ASSERT_TRUE(untilPhase(lab, LinkPhase::kOnline)) << lab.state().trouble.detail;
   EXPECT_TRUE(lab.state().trouble.what.empty());
@@ -227,7 +227,7 @@ TEST_F(LabConnectionTest, workersCallAndWait) {
   std::thread worker([&] { reply.emplace(lab.call(listStations())); });
   worker.join();
   ASSERT_TRUE(reply && reply->ok());
-  // one that nobody will answer is stopped
+  // A request without an answer can be stopped.
   (void)server_.stop();
   std::atomic<bool> stop{false};
   std::thread waits([&] { reply.emplace(lab.call(listStations(), [&] { return stop.load(); })); });

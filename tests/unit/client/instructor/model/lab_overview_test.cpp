@@ -35,7 +35,7 @@ std::vector<std::string> names(const std::vector<const StationTile*>& tiles) {
   return list;
 }
 
-/// Each state of a station, and what it needs.
+/// Each state of a station and its need.
 TEST(LabOverview, whatAStationNeeds) {
   struct Row {
     const char* name;

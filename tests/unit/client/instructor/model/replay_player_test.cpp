@@ -72,7 +72,7 @@ TEST(ReplayPlayer, aLoopIsPlayedAgainAndAgain) {
   player.play();
   player.advance(2.5);  // 5.5
   EXPECT_DOUBLE_EQ(player.at_s(), 5.5);
-  player.advance(1);  // 6.5: 0.5 into the loop again
+  player.advance(1);  // 6.5: back to 0.5 in the loop
   EXPECT_DOUBLE_EQ(player.at_s(), 4.5);
   player.advance(7.75);  // 3 rounds and 1.75 further
   EXPECT_NEAR(player.at_s(), 4.25, 1e-9);

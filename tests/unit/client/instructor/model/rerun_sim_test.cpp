@@ -1,4 +1,4 @@
-// A re-run beside what `needlelab-sim run` does with the same poses, exported as CSV.
+// Compares a re-run with `needlelab-sim run` on the same poses, exported as CSV.
 #include <gtest/gtest.h>
 
 #include "client/instructor/model/report.h"
@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-/// The table that `needlelab-sim run` writes, without its times.
+/// Returns the table of `needlelab-sim run` without its times.
 std::string simTable(const std::filesystem::path& profile, const std::filesystem::path& poses,
                      const std::string& model) {
   OfflineOptions options;

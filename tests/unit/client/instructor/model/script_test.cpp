@@ -79,7 +79,7 @@ TEST(Script, theReadmeListsEachVerbAsItIs) {
 }
 
 TEST(Script, anythingButText) {
-  // what a file can hold must neither crash nor pass
+  // Any file content must neither crash the parser nor be accepted.
   std::string bytes;
   for (int i = 0; i < 256; ++i) bytes += static_cast<char>(i);
   EXPECT_FALSE(parseScript(bytes, "bytes").ok());

@@ -15,7 +15,7 @@ namespace {
 using namespace test;
 using testing::HasSubstr;
 
-/// A server with one lesson of tina's in it, as a station would have sent it.
+/// A server with one lesson of tina, as a station sends it.
 class StoredGestureTest : public testing::Test {
  protected:
   RunningServer server_;

@@ -33,7 +33,7 @@ TEST(SvgPlot, namesAreEscapedAndNoNumberIsBroken) {
        {"force &lt;b&gt;, N", "a&amp;b", "&#39;skin&#39;", "&quot;said&quot;", "stroke-dasharray"})
     EXPECT_THAT(svg, HasSubstr(part));
   for (const char* part : {"<b>", "nan", "inf"}) EXPECT_THAT(svg, Not(HasSubstr(part)));
-  // every element that is opened is closed
+  // Every opened element is closed.
   EXPECT_EQ(svg.rfind("</svg>"), svg.size() - 6);
 }
 
@@ -43,7 +43,8 @@ TEST(SvgPlot, aLongLegendDoesNotRunIntoTheHeading) {
   for (const char* name : {"cutting", "attracted", "friction", "puncture", "clamping"})
     one.series.push_back({name, kOrange, columnsOf(kX, kY), true});
   const std::string svg = svgPlot(one);
-  // where the first name of the legend stands, and where a heading of so many letters of 12 px can end
+  // the position of the legend's first name, and the possible end of a heading with this many letters of 12
+  // px
   const std::size_t first = svg.find("' y='14.0' text-anchor='start'>all<");
   ASSERT_NE(first, std::string::npos) << svg;
   const double x = std::stod(svg.substr(svg.rfind("x='", first) + 3));

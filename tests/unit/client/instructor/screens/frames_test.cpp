@@ -17,7 +17,7 @@ TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
   ASSERT_TRUE(until([&] { return lab_->overview.size() == 50; }));
   std::vector<double> costs_ms;
   for (int n = 0; n < 150; ++n) {
-    // the lines that fifty stations would send in a tenth of a second
+    // the status lines of fifty stations in a tenth of a second
     if (n % 3 == 0) {
       for (int i = 1; i <= 50; ++i) {
         pb::StationStatus status;
@@ -34,14 +34,14 @@ TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
       }
     }
     frame();
-    // frames without news are not drawn again: they would flatter
+    // Frames without changes are not drawn again; counting them would improve the result unfairly.
     if (n % 3 == 0 && n > 0) costs_ms.push_back(1e3 * surface_->frameCost_s());
   }
   std::sort(costs_ms.begin(), costs_ms.end());
   const double p50 = costs_ms[costs_ms.size() / 2], p95 = costs_ms[costs_ms.size() * 95 / 100];
   std::printf("50 tiles: %.1f ms a frame with news (p50), %.1f ms (p95)\n", p50, p95);
-  // fluent is 33 ms; a machine under load and sanitizers get room, a mistake of an order of magnitude does
-  // not
+  // 33 ms is fluent. The limit allows for a loaded machine and sanitizers, but not for an error of an order
+  // of magnitude.
   EXPECT_LT(p50, 250);
 }
 

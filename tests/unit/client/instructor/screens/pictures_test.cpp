@@ -1,4 +1,4 @@
-// Each screen beside a picture of it that was looked at.
+// Compares each screen with a reference picture that a person has checked.
 #include "tests/unit/client/instructor/screens/window_lab.h"
 
 #include "tests/support/pictures/picture_check.h"
@@ -17,7 +17,7 @@ class Pictures : public WindowLab {
     if (!surface_) return;
     key_ = server_.addStation("bench-1");
   }
-  /// Two lessons of tina's, always the same.
+  /// Two lessons of tina, always the same.
   void upload() {
     const std::string profile = sampleProfile("shoulder-adult");
     auto first = lessonInfo(profile), second = lessonInfo(profile);
@@ -26,7 +26,7 @@ class Pictures : public WindowLab {
     uploadLesson(server_, key_, second,
                  lessonSamples(profile, {.depth_m = 0.024, .seconds = 1.5, .aside_m = 0.003}));
   }
-  /// `more`: what else is not the same each time.
+  /// `more`: further areas that differ from run to run.
   void looksAsIs(const std::string& name, std::vector<PictureArea> more = {}) {
     frames(3);
     PictureTolerance tolerance;
@@ -83,7 +83,7 @@ TEST_F(Pictures, lookOver) {
   ASSERT_TRUE(
       until([&] { return lab_->live()->trace().lastTime_s() - lab_->live()->trace().firstTime_s() > 6.5; }));
   lab_->live()->setSpan(2);
-  // the hand does the same every 3 s: 0.9 s into a round it is on its way in
+  // The hand repeats its motion every 3 s: 0.9 s into a round it is moving in.
   const double newest_s = lab_->live()->trace().lastTime_s();
   lab_->live()->scrollTo(std::floor((newest_s - 3) / 3) * 3 + 0.9);
   looksAsIs("look-over", {{380, 80, 900, 30}, {680, 570, 600, 40}});

@@ -64,7 +64,7 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   ASSERT_TRUE(untilText("bench-6 · trainee 6")) << window_->text();
   ASSERT_TRUE(
       until([&] { return lab_->live()->trace().lastTime_s() > lab_->live()->trace().firstTime_s() + 1; }));
-  // pause: the picture stands, the stream goes on
+  // Pause: the picture stops, the stream continues.
   press(GLFW_KEY_SPACE);
   EXPECT_TRUE(lab_->live()->paused());
   const double stands_s = lab_->live()->viewEnd_s(), newest_s = lab_->live()->trace().lastTime_s();
@@ -132,14 +132,14 @@ TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
       "rerun own DIRECT\nexpect \"did not feel this\"\nscores\nwait-text Measures\nexport " +
       html + "\nexport " + csv);
   ASSERT_TRUE(done.ok()) << done.error().message;
-  // the session that was annotated came again as the first of the second comparison
+  // The annotated session is again the first one in the second comparison.
   ASSERT_EQ(lab_->analysis.remarks().size(), 1u);
   EXPECT_EQ(lab_->analysis.remarks()[0].author(), "anna");
   const auto page = readWholeFile(html);
   ASSERT_TRUE(page.ok());
   EXPECT_THAT(*page, HasSubstr("look at the angle here"));
   EXPECT_TRUE(std::filesystem::exists(csv));
-  // a remark made a moment before stands in the report
+  // The report contains a remark made a moment before.
   EXPECT_THAT(*readWholeFile(annotated), HasSubstr("anna: look at the angle here"));
   // an impossible action is reported, and nothing is lost
   EXPECT_THAT(script("export nowhere.txt").error().message, HasSubstr("must end in .html"));

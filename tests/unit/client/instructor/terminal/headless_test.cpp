@@ -58,7 +58,7 @@ class Headless : public testing::Test {
     return output;
   }
 
-  /// Opens a session, and while it is watched sends a frame of 20 samples every 20 ms.
+  /// Opens a session, and sends a frame of 20 samples every 20 ms while an instructor watches it.
   void playStation(const FakeSession& session, std::atomic<bool>& stop, std::string* heard = nullptr,
                    std::vector<pb::Envelope>* told = nullptr) {
     auto client = server_.connect(stationLogin("bench-1", key_));
@@ -142,7 +142,7 @@ TEST_F(Headless, aidsRemarkAndStopAreSaidOnceInTheLessonThatRunsAndThenItEnds) {
   std::atomic<bool> stop{false};
   std::vector<pb::Envelope> told;
   std::thread station([&] { playStation(session, stop, nullptr, &told); });
-  const auto output = run(60);  // ends by itself long before
+  const auto output = run(60);  // ends by itself long before this
   stop = true;
   station.join();
   ASSERT_TRUE(output.status.ok()) << output.status.error().message;
@@ -183,7 +183,7 @@ TEST_F(Headless, whatIsRefusedOrComesToNothingFailsTheCommand) {
   EXPECT_EQ(output.status.error().code, ErrorCode::kNotFound);
   ASSERT_FALSE(output.notes.empty());
   EXPECT_EQ(output.notes.back()["ok"], false);
-  // nobody is there
+  // no server answers
   options_.next_exercise.clear();
   options_.stop = true;
   output = run(0.3);

@@ -56,7 +56,7 @@ TEST(UpdateLine, tellsOfTheSyringe) {
   const auto json = nlohmann::json::parse(jsonLine(update));
   EXPECT_EQ(json["syringe"], "aspirating");
   EXPECT_DOUBLE_EQ(json["plunger"], 0.2);
-  // a status line knows of no plunger
+  // A status line has no plunger data.
   EXPECT_THAT(textLine(updateOf(pb::StationStatus())), Not(HasSubstr("plunger")));
 }
 

@@ -34,7 +34,7 @@ TEST(EffectSize, theBootstrapsIntervalHoldsTheEstimate) {
 
 TEST(LabelTest, countsAllLabellings) {
   HandRandom random(4);
-  // 20 ways; only the given one and its mirror part them wholly
+  // 20 partitions; only the given one and its mirror separate them completely
   const LabelTest test({1, 2, 3, 11, 12, 13}, 3, random);
   EXPECT_TRUE(test.exact());
   EXPECT_DOUBLE_EQ(test.p({true, true, true, false, false, false}), 2 / 20.0);

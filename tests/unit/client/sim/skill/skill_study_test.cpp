@@ -64,7 +64,7 @@ TEST(SkillStudy, refusesWhatItCannotPart) {
   EXPECT_THAT(runSkillStudy(options).error().message, HasSubstr("--exercises"));
 }
 
-// what must not happen by chance: labels at random separate in one case of twenty at most, whatever the seed
+// Random labels must separate in at most one case of twenty, whatever the seed.
 TEST(SkillStudy, shuffledLabelsSeparateInFivePercentAtMostForSeveralSeeds) {
   SkillStudyOptions options;
   options.attempts = 1;
@@ -97,7 +97,7 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
     EXPECT_NE(found, report->rows.end()) << name;
     return found == report->rows.end() ? SkillRow() : *found;
   };
-  // the skills that were put in come out: aim, overshoot, hesitation
+  // The measures recover the given skills: aim, overshoot, hesitation.
   for (const char* const name : {"target_nearest_m", "translational_actions", "ldlj"}) {
     EXPECT_TRUE(row(name).separates) << name;
     EXPECT_LE(row(name).p, 0.05);
@@ -111,7 +111,7 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
     EXPECT_EQ(r.rate_tolerance, rateTolerance(r.measure, r.unit));
   }
   EXPECT_EQ(rateTolerance("entries", ""), 0) << "counts are the same";
-  // of what hands differ in, that is a small part
+  // That is a small part of the differences between hands.
   for (const char* const name : {"path_length_m", "tissue_damage_m2", "time_at_target_s", "elapsed_s"})
     EXPECT_LT(row(name).rate_share_of_spread, 0.1) << name;
   // the same seed, the same numbers
