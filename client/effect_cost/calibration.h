@@ -1,4 +1,4 @@
-/// The cost of each live effect of a scene in a tick, on this machine, now.
+/// Measures the cost per tick of each live effect of a scene, on this machine, now.
 #pragma once
 
 #include <vector>
@@ -10,8 +10,8 @@ namespace needlelab {
 
 struct EffectCost {
   Effect effect = Effect::kCutting;
-  double ns =
-      0;  ///< a tick with it less a tick without it, the others live; noise can make it slightly negative
+  double ns = 0;  ///< a tick with the effect minus a tick without it, the other effects live; noise can make
+                  ///< it slightly negative
 };
 
 struct EffectCosts {
@@ -19,9 +19,9 @@ struct EffectCosts {
   std::vector<EffectCost> effects;  ///< the live ones, in the order of Effect
 };
 
-/// Measures: the scene with all of its live effects and without each in turn, batch by batch side by side, so
-/// that a slow moment of the machine falls on all of them; medians of the batches' differences. Takes about
-/// `budget_s`. Errors: as of `compile`. Thread: any but the haptic one, before it runs.
+/// Measures the scene with all of its live effects and without each in turn, in interleaved batches, so that
+/// a slow moment of the machine affects all variants; returns medians of the batches' differences. Takes
+/// about `budget_s`. Errors: as of `compile`. Thread: any but the haptic one, before it runs.
 Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, double budget_s = 0.04);
 
 }  // namespace needlelab

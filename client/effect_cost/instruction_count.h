@@ -1,5 +1,5 @@
-/// How many instructions a function executes, counted by valgrind's callgrind: the same on every run of the
-/// same binary, unlike time.
+/// Counts a function's instructions with valgrind's callgrind: the same on every run of the same binary,
+/// unlike time.
 #pragma once
 
 #include <cstdint>
@@ -10,20 +10,20 @@
 
 namespace needlelab {
 
-/// Whether `valgrind` is on the PATH.
+/// Returns whether `valgrind` is on the PATH.
 bool hasValgrind();
 
-/// Marks the end of a part in the counted program: the count starts again at zero. Does nothing else.
+/// Marks the end of a part in the counted program: the count restarts at zero. Does nothing else.
 void endCountedPart();
 
-/// Runs `command` (program and arguments) under callgrind and gives the instructions executed within calls of
-/// `needlelab::step` (what it calls included) between one `endCountedPart` and the next: one number per part.
-/// Its output is thrown away. Errors: kUnavailable without valgrind; kFailed with what valgrind said when the
-/// program failed or made another number of parts than `parts`.
+/// Runs `command` (program and arguments) under callgrind and returns the number of instructions in calls of
+/// `needlelab::step` (including callees) between one `endCountedPart` and the next: one number per part.
+/// Discards its output. Errors: kUnavailable without valgrind; kFailed with valgrind's message when the
+/// program failed or made a number of parts other than `parts`.
 Result<std::vector<std::uint64_t>> countStepInstructions(const std::vector<std::string>& command,
                                                          std::size_t parts);
 
-/// This program's own path, to run it again.
+/// Returns this program's own path, to run it again.
 std::string ownProgram();
 
 }  // namespace needlelab

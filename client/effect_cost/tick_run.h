@@ -1,4 +1,4 @@
-/// A scene stepped through a prepared gesture, for measuring what a tick costs.
+/// Steps a scene through a prepared gesture, to measure the cost of a tick.
 #pragma once
 
 #include <cstddef>
@@ -10,9 +10,9 @@
 
 namespace needlelab {
 
-/// A gesture through all of the scene's layers: in within 1 s, a hold of 0.4 s, out within 1 s, with tremor
-/// and 0.2 mm beside the straight line, the needle along the surface normal. Ticks at `rate_hz`; only the
-/// first is outside the tissue, so that it can be repeated.
+/// Returns a gesture through all of the scene's layers: in within 1 s, a hold of 0.4 s, out within 1 s, with
+/// tremor and an offset of 0.2 mm from the straight line, the needle along the surface normal. Ticks at
+/// `rate_hz`; only the first one is outside the tissue, so that the gesture can repeat.
 std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz);
 
 /// Steps `model` through the gesture, again and again. Thread: one.

@@ -1,4 +1,4 @@
-/// An OpenGL 3.3 core context, with a window or without. Private to this folder.
+/// An OpenGL 3.3 core context, with or without a window. Private to this folder.
 #pragma once
 
 #include <filesystem>
@@ -12,31 +12,31 @@ struct GLFWwindow;
 
 namespace needlelab {
 
-/// It is current on the thread that made it until it is destroyed.
+/// The context is current on the thread that made it until its destruction.
 class GlContext {
  public:
   virtual ~GlContext() = default;
   /// Null off screen.
   [[nodiscard]] virtual GLFWwindow* window() const = 0;
-  /// Shows what was drawn; may wait for the display.
+  /// Shows the drawing; may wait for the display.
   virtual void swap() = 0;
 };
 
-/// Opens the window where the options' state file says that it stood the last time. Errors: kUnavailable.
+/// Opens the window at its last position from the options' state file. Errors: kUnavailable.
 Result<std::unique_ptr<GlContext>> makeWindowContext(const SurfaceOptions& options);
 /// Errors: kUnavailable.
 Result<std::unique_ptr<GlContext>> makeOffScreenContext();
 
-/// The place and size of a window, kept from one start to the next.
+/// Position and size of a window, kept between starts.
 struct WindowState {
   int x_px = 0, y_px = 0, width_px = 1280, height_px = 720;
   double font_scale = 1;
 };
 
-/// Empty when there is no such file, or when its values are not usable (sizes of 320-16384, places within
-/// ±32768, a scale of 0.8-2.5): a window must open whatever the file says.
+/// Returns nullopt when the file is missing or has invalid values (sizes must be 320-16384, positions within
+/// ±32768, the scale 0.8-2.5): a window must open with any file.
 std::optional<WindowState> readWindowState(const std::filesystem::path& file);
-/// Makes the folder when it is missing.
+/// Creates a missing folder.
 Status writeWindowState(const std::filesystem::path& file, const WindowState& state);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// Objects on the graphics side: shader programs, meshes, frame buffers, textures; and notes of changes, by
-/// which a surface knows whether it has to draw a frame at all.
+/// OpenGL objects: shader programs, meshes, frame buffers, textures; and notes of changes, which tell a
+/// surface whether to draw a frame.
 #pragma once
 
 #include <cstdint>
@@ -40,7 +40,7 @@ class GlProgram {
   unsigned program_ = 0;
 };
 
-/// A mesh on the graphics side. Attributes: 0 place, 1 normal.
+/// A mesh in OpenGL buffers. Attributes: 0 position, 1 normal.
 class GlMesh {
  public:
   GlMesh() = default;
@@ -66,8 +66,8 @@ struct PixelRect {
 /// The smallest rectangle that holds both.
 PixelRect joined(PixelRect a, PixelRect b);
 
-/// A picture that one draws into: colour (RGBA8) and depth, with one or several samples a pixel; `resolve`
-/// makes one sample of several. Needs the context for its whole life.
+/// A drawing target: colour (RGBA8) and depth, with one or several samples per pixel; `resolve` merges the
+/// samples. Needs the context for its whole life.
 class FrameBuffer {
  public:
   explicit FrameBuffer(int samples = 1) : samples_(samples) {}
@@ -75,14 +75,14 @@ class FrameBuffer {
   FrameBuffer(const FrameBuffer&) = delete;
   FrameBuffer& operator=(const FrameBuffer&) = delete;
 
-  /// Binds it for drawing and sets the viewport; allocates it again when the size changes.
+  /// Binds it for drawing and sets the viewport; reallocates when the size changes.
   void bind(int width, int height);
   /// Copies colour and depth of a part of `other`, which has the same size and samples.
   void copyFrom(const FrameBuffer& other, PixelRect part);
-  /// Call it after drawing: then the texture holds the picture, or the part of it that was drawn.
+  /// Call it after drawing: updates the texture, or the drawn part of it.
   void resolve();
   void resolve(PixelRect part);
-  /// Copies it to the buffer that is bound for drawing, lower left corner at x, y; respects the scissor.
+  /// Copies the picture to the bound draw buffer, lower left corner at x, y; respects the scissor.
   void showAt(int x, int y) const;
   [[nodiscard]] PixelRect whole() const { return {0, 0, width_, height_}; }
   [[nodiscard]] unsigned texture() const { return texture_; }
@@ -95,11 +95,11 @@ class FrameBuffer {
   void drop();
   int samples_;
   int width_ = 0, height_ = 0;
-  unsigned texture_ = 0, resolved_ = 0;          // the shown picture, and the buffer that holds it
+  unsigned texture_ = 0, resolved_ = 0;          // the shown picture, and its buffer
   unsigned drawn_ = 0, colour_ = 0, depth_ = 0;  // with several samples: drawn into, then resolved
 };
 
-/// A picture on the graphics side, for ImGui::Image. Needs the surface's context, for its whole life. Thread:
+/// A picture in an OpenGL texture, for ImGui::Image. Needs the surface's context for its whole life. Thread:
 /// the surface's.
 class Texture {
  public:
@@ -108,7 +108,7 @@ class Texture {
   Texture(Texture&& other) noexcept;
   Texture& operator=(Texture&& other) noexcept;
 
-  /// Keeps the memory where the size is the same. Images without pixels empty it.
+  /// Reuses the memory for the same size. An image without pixels empties the texture.
   void upload(const GreyImage& image);
   void upload(const RgbaImage& image);
   [[nodiscard]] ImTextureID id() const;  ///< null when empty
@@ -122,20 +122,19 @@ class Texture {
   bool grey_ = false;
 };
 
-/// From ImGui's coordinates to OpenGL's, for draw callbacks: the rectangle in pixels of the bound buffer,
-/// counted from below, cut to `clip` (left, top, right, bottom). ImGui counts from above, and in points where
-/// the display scales.
+/// Converts ImGui's coordinates to OpenGL's, for draw callbacks: returns the rectangle in pixels of the bound
+/// buffer, counted from the bottom, clipped to `clip` (left, top, right, bottom). ImGui counts from the top,
+/// in points on a scaled display.
 PixelRect surfacePixels(ImVec2 from, ImVec2 to, ImVec4 clip);
 
-/// Notes that the pixels of a texture have changed, so that the next frame is drawn. Thread: the surface's.
+/// Records a change of a texture's pixels, so that the next frame is drawn. Thread: the surface's.
 void noteTextureChange();
-/// How often `noteTextureChange` was called.
+/// Returns the number of calls of `noteTextureChange`.
 std::uint64_t textureChanges();
 
-/// Notes something about the current frame that ImGui's lists do not hold, such as the data of a draw
-/// callback.
+/// Records content of the current frame outside ImGui's lists, such as a draw callback's data.
 void noteContent(std::uint64_t word);
-/// A hash of all notes since the last call.
+/// Returns a hash of all noteContent words since the last call.
 std::uint64_t takeContent();
 
 }  // namespace needlelab

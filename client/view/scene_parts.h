@@ -12,29 +12,29 @@
 
 namespace needlelab {
 
-/// The cone of α, outside, from the entry toward the hub.
+/// The cone of α outside the tissue, from the entry toward the hub.
 struct GuideCone {
   double height_m = 0, radius_m = 0;
 };
 
-/// `still`: everything that rests while only the needle moves; `picture`: that and the needle.
+/// `still`: everything except the moving needle; `picture`: `still` plus the needle.
 struct SceneBuffers {
   explicit SceneBuffers(int samples) : still(samples), picture(samples) {}
   FrameBuffer still, picture;
 };
 
-/// The limb costs most and does not move: it is drawn once for a camera and kept with its depths. Each
-/// drawing restores what the needle covered the last time and draws the needle where it is now. While the
-/// camera moves the whole is drawn each time, without several samples a pixel.
+/// The limb costs most and does not move: it is drawn once per camera position and kept with its depths. Each
+/// drawing restores the area that the needle covered before and draws the needle at its new pose. While the
+/// camera moves, everything is drawn each time, with one sample per pixel.
 struct SceneRenderer::Parts {
   explicit Parts(int samples) : fine(samples), quick(1), has_quick(samples > 1) {}
 
   SceneBuffers fine, quick;
   bool has_quick;
-  SceneBuffers* shown = nullptr;              ///< the one with the last drawing
+  SceneBuffers* shown = nullptr;              ///< holds the last drawing
   std::vector<double> still_key, moving_key;  ///< of the last drawing
   bool still_changed_before = false;          ///< in the last call: the camera moves
-  PixelRect covered;                          ///< by the needle and what belongs to it, in the last drawing
+  PixelRect covered;                          ///< by the moving parts, in the last drawing
   GlProgram solid, section, backdrop;
   Texture table;
   GlMesh unit_square, ball, arrow, cone, ring, skin;
@@ -43,19 +43,19 @@ struct SceneRenderer::Parts {
   SyringeMesh syringe;
   std::shared_ptr<const SceneView> scene;
   double last_draw_s = 0;
-  ImVec2 shown_corner_px;  ///< where the widget puts the picture on the surface
+  ImVec2 shown_corner_px;  ///< the picture's corner on the surface
 
   // of the current drawing
   const SceneFrame* frame = nullptr;
   Vec3 cut_place_W_m, cut_normal_W;
-  bool open = false;  ///< the half toward the eye is taken away
+  bool open = false;  ///< the half toward the eye is removed
 
-  /// `limb_too`: draws everything; else only the moving parts.
+  /// `limb_too`: draws everything, else only the moving parts.
   void drawInto(SceneBuffers& buffers, const SceneFrame& now, int width_px, int height_px, bool limb_too);
-  /// `in_haste`: leaves out decoration.
+  /// `in_haste`: skips decoration.
   void drawStill(bool in_haste);
   void drawMoving();
-  /// The rectangle of all that `drawMoving` draws.
+  /// Returns the rectangle that `drawMoving` covers.
   [[nodiscard]] PixelRect movingRect(int width_px, int height_px) const;
   [[nodiscard]] GuideCone guideCone() const;
   void drawBackdrop();
@@ -68,24 +68,24 @@ struct SceneRenderer::Parts {
   void drawGuides();
   void drawArrows();
   void drawFrontSkin();
-  /// One mesh in the solid program.
+  /// Draws a mesh with the solid program.
   void put(const GlMesh& mesh, const Matrix4& model, Rgb colour, float opacity, float shine = 0.25F,
            float rim = 0) const;
 };
 
-/// From T's, L's … own coordinates to W, with sizes.
+/// Returns the scaling and pose transform from a frame (T, L …) to W.
 Matrix4 modelMatrix(const Pose& X, Vec3 scale = {1, 1, 1});
-/// The pose at `p` with its z along the unit vector `axis`.
+/// Returns a pose at `p` with its z along the unit vector `axis`.
 Pose poseTowards(Vec3 p, Vec3 axis);
 
 inline constexpr int kTableDepths = 768, kTableAlong = 128;
-inline constexpr double kTablePeriod_m = 0.024;  ///< along the layers, then it repeats
+inline constexpr double kTablePeriod_m = 0.024;  ///< period along the layers
 
-/// The tissues' colours over depth, as a picture for the cut. x: depth from 0 to `deepest_m`; y: along the
-/// layers, without a seam. Each tissue has its colour and a grain of its own (lobes of fat, fibres of muscle
-/// and tendon); layers end with a dark line. Deterministic.
+/// Returns the tissues' colours over depth, as a texture for the cut. x: depth from 0 to `deepest_m`; y:
+/// along the layers, seamless. Each tissue has its own colour and grain (lobes of fat, fibres of muscle and
+/// tendon); a dark line ends each layer. Deterministic.
 RgbaImage tissueTable(const SceneView& scene, double deepest_m);
-/// The last layer's bottom.
+/// Returns the last layer's bottom.
 double deepestLayer_m(const SceneView& scene);
 
 }  // namespace needlelab

@@ -24,43 +24,45 @@ struct TipTrail {
   Rgb colour = kSkyBlue;
 };
 
-/// What to draw now. Plain data; frames that look the same (to a few hundredths of a mm) are not drawn again.
+/// The content to draw. Plain data; a frame that looks the same (within a few hundredths of a mm) is not
+/// drawn again.
 struct SceneFrame {
   Moment
       moment;  ///< value-initialised (tick 0, outside at the origin): no needle when `show_needle` is false
   bool show_needle = true;
   AidSet aids = usualAidSet();
   OrbitCamera camera;
-  std::optional<Moment> second;       ///< another gesture laid over this one: a needle in kSecondGesture
+  std::optional<Moment> second;       ///< another gesture as an overlay: a needle in kSecondGesture
   std::vector<TipTrail> trails;       ///< lines over the picture (sceneWidget only)
-  bool cut_open = true;               ///< with the aid TISSUES: the half toward the eye is taken away
+  bool cut_open = true;               ///< with the aid TISSUES: removes the half toward the eye
   double arrow_extents_per_N = 0.22;  ///< length of force arrows, in the scene's extents
 };
 
-/// Draws into a texture of its own. Needs the surface's context for its whole life. Thread: the surface's.
+/// Draws into its own texture. Needs the surface's context for its whole life. Thread: the surface's.
 class SceneRenderer {
  public:
-  /// Errors: kUnavailable, when the shaders do not compile here. `samples`: of multisampling, 1 or 4.
+  /// `samples`: of multisampling, 1 or 4. Errors: kUnavailable when the shaders do not compile on this
+  /// machine.
   static Result<std::unique_ptr<SceneRenderer>> make(int samples = 4);
   ~SceneRenderer();
   SceneRenderer(const SceneRenderer&) = delete;
   SceneRenderer& operator=(const SceneRenderer&) = delete;
 
-  /// Makes the meshes; a few ms.
+  /// Makes the meshes; takes a few ms.
   void setScene(std::shared_ptr<const SceneView> scene);
   [[nodiscard]] const SceneView* scene() const;
 
-  /// Draws at that size, unless nothing has changed since the last time. Returns whether it drew.
+  /// Draws at this size if something has changed since the last call. Returns whether it drew.
   bool draw(const SceneFrame& frame, int width_px, int height_px);
-  /// For ImGui::Image (turned upside down: uv from 0,1 to 1,0). Valid until the next `draw`.
+  /// Texture for ImGui::Image, upside down (uv from 0,1 to 1,0). Valid until the next `draw`.
   [[nodiscard]] ImTextureID texture() const;
-  /// Puts the last drawing there, pixel by pixel: cheaper than ImGui::Image. Once a frame; the
-  /// renderer must live until that frame has ended.
+  /// Copies the last drawing to `corner_px` pixel by pixel: cheaper than ImGui::Image. Call it once per
+  /// frame; the renderer must live until the frame has ended.
   void show(ImDrawList& list, ImVec2 corner_px);
-  /// The last drawing, rows from top to bottom: for tests and reports.
+  /// Returns the last drawing, rows from top to bottom, for tests and reports.
   [[nodiscard]] RgbaImage picture() const;
-  /// The duration of the last drawing, in s: until the pixels were complete when `wait_for_pixels` is set
-  /// (for benchmarks: it holds up the frame), else until it was handed to the driver.
+  /// Returns the duration of the last drawing, in s: until the pixels were complete with `wait_for_pixels`
+  /// (for benchmarks, because it delays the frame), else until the driver had the commands.
   [[nodiscard]] double lastDraw_s() const;
   bool wait_for_pixels = false;
 
@@ -75,11 +77,11 @@ struct SceneWidgetResult {
   bool camera_moved = false;  ///< `frame.camera` was changed by a drag (left: turn, right: shift), wheel or
                               ///< double click (first look)
   bool hovered = false;
-  ImVec2 corner_px, size_px;  ///< where the picture stands on the surface
+  ImVec2 corner_px, size_px;  ///< the picture's place on the surface
 };
 struct SceneWidgetOptions {
   bool mouse_moves_camera = true;
-  bool labels = true;  ///< names of layers, target, hazards (those that the aids allow)
+  bool labels = true;  ///< names of layers, target, hazards (as the aids allow)
   bool legend = true;  ///< of the force arrows, with numbers
 };
 /// Draws the scene and shows it in the current window, `size_px` large (0: the rest); labels and legend over

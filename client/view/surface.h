@@ -1,5 +1,5 @@
-/// A surface to draw on: a window (GLFW), or a picture without a display (surfaceless EGL); one frame loop
-/// for both.
+/// A surface to draw on: a window (GLFW), or an off-screen picture (surfaceless EGL); the same frame loop for
+/// both.
 #pragma once
 
 #include <cstdint>
@@ -16,16 +16,16 @@ namespace needlelab {
 struct SurfaceOptions {
   enum class Kind : std::uint8_t {
     kWindow,     ///< needs a display (X11)
-    kOffScreen,  ///< a picture: EGL without a surface; no display, keyboard or mouse
-    kAny,        ///< a window where there is a display, else off screen
+    kOffScreen,  ///< a picture through surfaceless EGL; no display, keyboard or mouse
+    kAny,        ///< a window if there is a display, else off screen
   };
   Kind kind = Kind::kAny;
   std::string title = "needlelab";
   int width_px = 1280, height_px = 720;
   double font_scale = 1;     ///< 0.8 - 2.5
   double frames_per_s = 30;  ///< at most; 0: no pacing (off screen: as fast as it goes)
-  /// JSON: place, size and font scale of the window; read at the start, written at the end. Empty: none.
-  /// Unreadable files and places off every monitor are ignored.
+  /// JSON: position, size and font scale of the window; read at the start, written at the end. Empty: no
+  /// file. Unreadable files and positions off every monitor are ignored.
   std::filesystem::path state_file;
 };
 
@@ -36,51 +36,51 @@ struct SurfaceOptions {
 ///       surface->endFrame();
 ///     }
 ///
-/// Thread: one makes, uses and destroys it (GLFW: the process's first thread when it is a window). One at a
-/// time in a process. llvmpipe starts its worker threads while the surface is made, with the affinity of the
-/// thread that makes it: beside a haptic loop make it within `KeepOffCore` (client/station/run/real_time.h).
-/// How many: the environment's LP_NUM_THREADS; `open` sets it to 1 when it is not set (by setenv: before
-/// other threads are made, or set it oneself), so that the view's own thread and one worker share the cores
-/// of that affinity.
+/// Thread: one makes, uses and destroys it (GLFW: for a window, the process's first thread). A process has at
+/// most one surface at a time. llvmpipe starts its worker threads while the surface is made, with the
+/// affinity of the making thread: beside a haptic loop, make it within `KeepOffCore`
+/// (client/station/run/real_time.h). The environment's LP_NUM_THREADS sets their number. If unset, `open`
+/// sets it to 1 by setenv (so open the surface before making other threads, or set the variable yourself);
+/// the view's own thread and one worker then share the cores of that affinity.
 class Surface {
  public:
-  /// Errors: kUnavailable; the message says what to do (no display, no OpenGL 3.3, …).
+  /// Errors: kUnavailable; the message has advice (no display, no OpenGL 3.3, …).
   static Result<std::unique_ptr<Surface>> open(const SurfaceOptions& options);
   /// Writes the state file.
   ~Surface();
   Surface(const Surface&) = delete;
   Surface& operator=(const Surface&) = delete;
 
-  /// Waits for its time (never spins), takes the window's events and begins an ImGui frame. False once the
-  /// window was closed; then there is no frame.
+  /// Sleeps until the frame is due (never spins), handles the window's events and begins an ImGui frame.
+  /// Returns false, without a frame, once the window is closed.
   bool beginFrame();
   /// Draws the frame and shows it.
   void endFrame();
-  /// Asks for the end, as the window's close button does.
+  /// Requests the end, like the window's close button.
   void close();
 
   [[nodiscard]] bool isWindow() const;
   [[nodiscard]] int width_px() const;
   [[nodiscard]] int height_px() const;
-  /// From the first frame, as ImGui counts it: off screen each frame takes exactly 1/frames_per_s (1/30 where
-  /// that is 0), so that pictures of animations are the same each time.
+  /// Returns ImGui's time since the first frame. Off screen each frame takes exactly 1/frames_per_s (1/30 if
+  /// that is 0), so that pictures of animations are reproducible.
   [[nodiscard]] double time_s() const;
-  /// The cost of the last frame, without waiting, in s: wall-clock time from beginFrame's return to the end
-  /// of endFrame (before the swap's wait).
+  /// Returns the cost of the last frame in s: wall-clock time from beginFrame's return to the end of
+  /// endFrame, without the swap's wait.
   [[nodiscard]] double frameCost_s() const;
 
-  /// How many frames were drawn. A frame that equals the one before is not drawn (except each 15th): a window
-  /// where nothing happens costs next to nothing.
+  /// Returns the number of drawn frames. A frame equal to the one before is not drawn (except each 15th), so
+  /// an idle window costs almost nothing.
   [[nodiscard]] std::uint64_t framesDrawn() const;
 
   [[nodiscard]] double fontScale() const;
   /// Clamped to 0.8 - 2.5; takes effect with the next frame.
   void setFontScale(double scale);
 
-  /// The last frame that was ended. Off screen the same calls give the same bytes.
+  /// Returns the last ended frame. Off screen the same calls give the same bytes.
   [[nodiscard]] RgbaImage picture() const;
 
-  /// Off screen only: simulated input, which the next frame sees. x to the right, y down, in pixels.
+  /// Off screen only: simulated input for the next frame. x to the right, y down, in pixels.
   void moveMouse(double x_px, double y_px);
   void setMouseButton(int button, bool down);  ///< 0 left, 1 right, 2 middle
   void scroll(double steps);

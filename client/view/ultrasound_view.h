@@ -1,4 +1,4 @@
-/// The ultrasound slice as a widget that keeps its own time.
+/// The ultrasound slice as a widget with its own refresh rate.
 #pragma once
 
 #include <memory>
@@ -10,9 +10,9 @@
 
 namespace needlelab {
 
-/// Draws the slice again at most `pictures_per_s` times a second of ImGui's time, and shows it with a depth
-/// scale and its cost ("1.8 ms, 15/s"). Call it only while its aid is on: it computes nothing otherwise.
-/// Thread: the surface's.
+/// Redraws the slice at most `pictures_per_s` times a second of ImGui's time, and shows it with a depth scale
+/// and its cost ("1.8 ms, 15/s"). Call it only while its aid is on, to save the computation. Thread: the
+/// surface's.
 class UltrasoundView {
  public:
   explicit UltrasoundView(double pictures_per_s = 15) : pictures_per_s_(pictures_per_s) {}
