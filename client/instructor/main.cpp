@@ -1,4 +1,4 @@
-// needlelab-instructor: watch live, replay, speak to the trainee; a window, or lines in a terminal.
+// needlelab-instructor: watches live, replays, sends messages to the trainee; in a window or a terminal.
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>

@@ -1,5 +1,5 @@
-/// needlelab-station: the trainee's program. Everything is in station.h; here only the command line and the
-/// last resort.
+/// needlelab-station: the trainee's program. Handles the command line and uncaught exceptions; station.h has
+/// the rest.
 
 #include <exception>
 #include <iostream>
@@ -41,7 +41,7 @@ int main(int argc, char** argv) {
     return parsed.options.opensWindow() ? needlelab::runTrainee(parsed.options, stop_signals)
                                         : needlelab::runStation(parsed.options, stop_signals);
   } catch (const std::exception& error) {
-    // memory is out, or a thread could not be started: the spool keeps what it has
+    // out of memory, or a thread could not start: the spool keeps its data
     std::cerr << "needlelab-station: " << error.what() << "\n";
     return needlelab::kExitFailed;
   }

@@ -54,7 +54,7 @@ struct Insertion {
   std::size_t first = 0, last = 0, deepest = 0;
 };
 
-/// The insertion that goes deepest. Nothing: never in tissue.
+/// Returns the deepest insertion; nothing if the gesture was never in tissue.
 std::optional<Insertion> deepestInsertion(const std::vector<GestureSample>& samples) {
   std::optional<Insertion> best;
   double best_m = 0;
@@ -98,7 +98,7 @@ Status byDepth(const StoredGesture& a, const StoredGesture& b, std::vector<Compa
   return {};
 }
 
-/// The gesture's path for warping, and when each of its points was: as tipPathOf cuts it, by time.
+/// The gesture's path for warping and the times of its points. Cuts the gesture by time, as tipPathOf does.
 struct TimedPath {
   TipPath path;
   std::vector<double> times_s;

@@ -119,7 +119,8 @@ Status acceptStaff(const pb::Welcome& welcome) {
                                        "' is no instructor, and this program is for instructors"};
 }
 
-/// A lost connection whose end the server did not explain is kUnavailable, whatever broke it.
+/// Turns a loss of the connection without an explanation from the server into kUnavailable, whatever the
+/// cause.
 Error reasonOf(const LinkEnd& end) {
   if (!end.was_connected || end.said_by_server) return end.error;
   return {ErrorCode::kUnavailable, "the connection is lost: " + end.channel_text};
@@ -270,7 +271,7 @@ void LabConnection::logIn(LabLogin login) {
   config.server = login.server;
   config.ca_file = login.ca_file;
   config.program = programText(net_->settings.program);
-  // frames should wait in the server's queue, where the old ones are dropped, rather than in the kernel
+  // frames should wait in the server's queue, which drops the oldest, and not in the kernel
   config.limits.socket_buffer_bytes = 256 << 10;
   config.limits.close_grace = std::chrono::milliseconds(300);
   config.login = personLogin(login.user, login.password);
@@ -328,7 +329,7 @@ void LabConnection::unwatch(const std::string& station) {
 void LabConnection::ask(pb::Request request, Answer answer, OnLoss on_loss) {
   asio::post(net_->io, [net = net_.get(), request = std::move(request), answer = std::move(answer),
                         on_loss]() mutable {
-    // the answer runs within a later poll
+    // a later poll runs the answer
     const auto keep = [net, answer = std::move(answer)](Result<pb::Reply> reply) {
       const std::scoped_lock lock(net->mutex);
       net->answers.push_back([answer, reply = std::move(reply)]() mutable { answer(std::move(reply)); });
@@ -374,7 +375,7 @@ LabNews LabConnection::poll() {
     net_->statuses.clear();
     answers.swap(net_->answers);
   }
-  // outside of the lock: an answer may ask again
+  // without the lock: an answer may send another request
   for (auto& answer : answers) answer();
   return news;
 }

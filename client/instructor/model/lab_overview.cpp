@@ -40,7 +40,7 @@ bool holds(const StationTile& tile, const std::string& part) {
          lowered(tile.exercise).find(part) != std::string::npos;
 }
 
-/// Text from the network, made safe to show.
+/// Makes text from the network safe for display.
 double sane(double value) {
   return std::isfinite(value) ? value : 0;
 }
@@ -118,12 +118,12 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.tissue = printable(status.tissue());
   tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kExcessiveForce_N;
   if (!tile.session_id.empty()) {
-    // a station of an older version sends neither peak nor hazards: then the values seen here count
+    // older stations send neither peak nor hazards: use the values collected here
     const double before_N = tile.peak_force_N;
     tile.peak_force_N = std::max({tile.peak_force_N, tile.force_N, sane(status.peak_force_n())});
     tile.hazards.clear();
     for (const std::string& name : status.hazards_touched()) tile.hazards.push_back(printable(name));
-    // a peak between two status lines counts, too
+    // includes peaks between two status lines
     if (tile.peak_force_N > tile.force_limit_N && tile.peak_force_N > before_N &&
         tile.force_N <= tile.force_limit_N) {
       entry.excess_N = tile.peak_force_N;
@@ -198,7 +198,7 @@ std::vector<const StationTile*> LabOverview::tiles(TileOrder order, const TileFi
     if (!part.empty() && !holds(tile, part)) continue;
     chosen.push_back(&tile);
   }
-  // the map is in the order of names: stable sorts keep it within equals
+  // the map is ordered by name; a stable sort keeps that order among equals
   const auto by = [&](auto before) { std::stable_sort(chosen.begin(), chosen.end(), before); };
   switch (order) {
     case TileOrder::kNeed:

@@ -54,7 +54,7 @@ void LabState::update(double now_s) {
   const LabNews news = connection_.poll();
   link_ = connection_.state();
   if (link_.phase == LinkPhase::kOnline && phase_before_ != LinkPhase::kOnline) {
-    // the first log-in shows the lab; after a loss of the connection the view stays as it was
+    // the first log-in shows the lab; after a lost connection the view stays unchanged
     if (!inside_) screen = WindowScreen::kLab;
     inside_ = true;
     readLists();
@@ -91,7 +91,7 @@ void LabState::askForScene() {
   pb::Request request;
   request.mutable_get_session()->set_session_id(wanted);
   connection_.ask(request, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
-    // the server may not have the session yet: it is asked for again
+    // the server may not have the session yet: request it again later
     if (alive.expired() || !live_ || !reply.ok()) return;
     live_->setSession(reply->session(), prepare_);
   });

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-/// By nearest rank; 0 when there are none.
+/// Quantile by nearest rank; 0 without values.
 double quantile(std::vector<float> values, double q) {
   if (values.empty()) return 0;
   const double rank = std::ceil(std::clamp(q, 0.0, 1.0) * static_cast<double>(values.size()));
@@ -21,7 +21,7 @@ double quantile(std::vector<float> values, double q) {
 }  // namespace
 
 void LiveStats::add(const pb::LiveFrame& frame, std::size_t samples, std::int64_t received_unix_ns) {
-  // a smaller number is a station that started again, not a loss
+  // a smaller number means a restarted station, not a loss
   if (last_seq_ && frame.frame_seq() > *last_seq_ + 1) dropped_ += frame.frame_seq() - *last_seq_ - 1;
   last_seq_ = frame.frame_seq();
   last_latency_ms_ = 1e-6 * static_cast<double>(received_unix_ns - frame.capture_unix_ns());
@@ -36,7 +36,7 @@ double LiveStats::latencyMs(double q) const {
 }
 
 void LatencyMeter::fed(std::int64_t capture_unix_ns) {
-  // a station without a clock sends 0; bounded, in case nobody presents
+  // a station without a clock sends 0; bounded, because presented() may never come
   if (capture_unix_ns > 0 && waiting_.size() < 4096) waiting_.push_back(capture_unix_ns);
 }
 
@@ -109,7 +109,7 @@ void LiveStation::take(const std::vector<GestureSample>& samples) {
 
 void LiveStation::onStatus(const pb::StationStatus& status) {
   if (status.station() != station_) return;
-  // a station that came back numbers its frames from the start
+  // a reconnected station restarts its frame numbers
   if (status.online() != status_.online()) {
     stats_.streamRestarts();
     last_frame_.reset();

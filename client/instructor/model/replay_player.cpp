@@ -57,7 +57,7 @@ void ReplayPlayer::setLoop(std::optional<ReplayLoop> loop) {
 void ReplayPlayer::advance(double elapsed_s) {
   if (!playing_ || !(elapsed_s > 0)) return;
   at_s_ += speed_ * elapsed_s;
-  // before the loop, play leads into it
+  // from a position before the loop, play continues into it
   if (loop_ && at_s_ >= loop_->to_s) {
     const double length_s = loop_->to_s - loop_->from_s;
     at_s_ = loop_->from_s + std::fmod(at_s_ - loop_->to_s, length_s);

@@ -20,7 +20,7 @@
 namespace needlelab {
 namespace {
 
-// --- the data, from the server
+// --- data from the server
 
 using ReplyJson = nlohmann::json;
 
@@ -248,7 +248,7 @@ std::string eventsOf(const ReportData& data) {
 }
 
 std::string progressOfTrainee(const ReportData& data) {
-  // the measures that a teacher looks at first
+  // the most important measures for a teacher
   constexpr std::string_view kShown[] = {"elapsed_s",         "peak_force_n",     "largest_lateral_error_m",
                                          "target_distance_m", "tissue_damage_m2", "dtw_distance_m"};
   std::string out;
@@ -257,7 +257,7 @@ std::string progressOfTrainee(const ReportData& data) {
                                   [&](const ProgressRow& r) { return r.measure == name; });
     if (row == data.progress.end() || row->values.size() < 2) continue;
     Plot plot = progressPlot(data, *row);
-    // the whole of the experts' range is in the picture
+    // the plot includes the experts' whole range
     const auto [least, greatest] = std::minmax_element(plot.series[0].y.begin(), plot.series[0].y.end());
     plot.low = std::min(0.0, *least);
     plot.high = std::max(0.0, *greatest);
@@ -287,21 +287,21 @@ std::vector<PlotMark> depthMarks(const ReportData& data) {
   return marks;
 }
 
-/// The plots of the windows, over the whole gesture.
+/// The same plots as in the windows, over the whole gesture.
 std::string gesturePlotsOf(const ReportData& data) {
   const StoredGesture& gesture = *data.gesture;
   if (gesture.trace.empty()) return {};
   std::string out;
   for (const GesturePlot which : {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kSpeed,
                                   GesturePlot::kAlignment, GesturePlot::kAngles}) {
-    // without the engine there are no parts of the force, and no α
+    // force components and α need the engine
     if (which == GesturePlot::kAngles && !gesture.scene.model) continue;
     Plot plot =
         gesturePlot(which, gesture.trace, gesture.scene.view.get(), gesture.first_s(), gesture.last_s());
     if (which == GesturePlot::kForces && !gesture.scene.model) plot.series.resize(1);
     if (which == GesturePlot::kAngles) plot.title = "tilt and its limit α";
     plot.marks = which == GesturePlot::kDepth ? depthMarks(data) : std::vector<PlotMark>();
-    // a page shows all of it
+    // a page shows the whole gesture
     plot.low.reset();
     plot.high.reset();
     out += svgPlot(plot) + "\n";

@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-/// A moment of the run: the recording's tip, the engine's everything else.
+/// A moment of the run: the tip from the recording, everything else from the engine.
 Moment momentOfStep(const GestureSample& sample, double rate_hz, const StepReport& report,
                     const SimState& state, double needle_length_m) {
   Moment moment = momentOfSample(sample, rate_hz);
@@ -39,7 +39,7 @@ Moment momentOfStep(const GestureSample& sample, double rate_hz, const StepRepor
   return moment;
 }
 
-/// The session as if it had had the chosen profile.
+/// The session with the chosen profile.
 Result<pb::SessionDescription> chosen(const StoredGesture& gesture, const RerunChoice& choice) {
   pb::SessionDescription description = gesture.info.description();
   if (!choice.profile_json.empty()) description.set_profile_json(choice.profile_json);

@@ -74,7 +74,7 @@ const ScriptVerb* verbOf(std::string_view name) {
   return found == kVerbs.end() ? nullptr : &*found;
 }
 
-/// The words of a line; empty for an open quote.
+/// Splits a line into words; returns nothing for an open quote.
 std::optional<std::vector<std::string>> splitWords(std::string_view line) {
   std::vector<std::string> words;
   std::size_t i = 0;
@@ -102,7 +102,7 @@ std::optional<std::vector<std::string>> splitWords(std::string_view line) {
   return words;
 }
 
-/// What is wrong with an action; empty: nothing.
+/// Returns the error in an action; empty: none.
 std::string faultOf(const ScriptAction& action) {
   const ScriptVerb* const verb = verbOf(action.verb);
   if (verb == nullptr) return "no such action: '" + printable(action.verb) + "'";

@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint32_t kRowsAtOnce = 200;
 constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
-/// The day's beginning, UTC.
+/// The start of the day, UTC.
 Result<std::int64_t> dayOf(const char* field, const std::string& text) {
   int year = 0, month = 0, day = 0, used = 0;
   if (std::sscanf(text.c_str(), "%4d-%2d-%2d%n", &year, &month, &day, &used) == 3 &&
@@ -88,7 +88,7 @@ void SessionSearch::ask(const std::string& page) {
   list->set_page(page);
   pb::Request request;
   *request.mutable_list_sessions() = *list;
-  // a later search, or the end of this object, makes the answer void
+  // a later search or the destruction of this object invalidates the answer
   connection_.ask(request, [this, meant = *asking_, alive = std::weak_ptr(asking_),
                             first = page.empty()](Result<pb::Reply> reply) {
     const auto now = alive.lock();
@@ -113,7 +113,7 @@ void SessionSearch::order(SessionOrder order) {
 
 void SessionSearch::sort() {
   const auto by = [&](auto before) { std::stable_sort(rows_.begin(), rows_.end(), before); };
-  // newest first, within equals, too
+  // newest first, also among equals
   by([](const auto& a, const auto& b) {
     return a.description().started_unix_ns() > b.description().started_unix_ns();
   });

@@ -17,7 +17,7 @@ namespace {
 constexpr std::uint32_t kChunksAtOnce = 16;
 constexpr std::size_t kNotesKept = 20;
 
-/// Makes the trace of samples, with the engine if the scene allows it.
+/// Makes the samples' trace, with the engine if the scene allows it.
 class TraceMaker {
  public:
   explicit TraceMaker(StoredGesture& gesture) : gesture_(gesture) {
@@ -35,7 +35,7 @@ class TraceMaker {
   std::optional<GestureReplica> replica_;
 };
 
-/// Head of a gesture: everything but its samples.
+/// Makes a gesture without its samples.
 std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePreparer& prepare,
                                             std::uint64_t samples) {
   auto gesture = std::make_shared<StoredGesture>();
@@ -54,7 +54,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   }
   gesture->scene = sceneOfSession(description, prepare);
   if (!gesture->scene.why.empty()) gesture->notes.push_back(printable(gesture->scene.why));
-  // ticks can be missing: room for twice the time that so many samples last
+  // ticks can be missing: reserve twice the time of these samples
   const double span_s =
       2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
   gesture->trace = GestureTrace(std::max(10.0, span_s));
@@ -135,7 +135,7 @@ class Loader {
           note(fmt::format("only the first {} samples are shown", kMostLoadedSamples));
         return {};
       }
-      // ticks ascend in a station's recording, but perhaps not in hostile bytes
+      // ticks ascend in a station's recording, but hostile data may violate that
       if (!gesture_->samples.empty() && sample.tick <= gesture_->samples.back().tick) continue;
       gesture_->samples.push_back(sample);
       maker.feed(sample);
@@ -149,12 +149,12 @@ class Loader {
   }
 
   Status readEvents() {
-    if (gesture_->info.state() == pb::SESSION_OPEN) return {};  // only closed sessions have them
+    if (gesture_->info.state() == pb::SESSION_OPEN) return {};  // only closed sessions have events
     pb::Request request;
     request.mutable_list_events()->set_session_id(id_);
     const auto reply = call_(request);
     if (!reply.ok()) {
-      // a session without a readable profile has none, but its samples can still be shown
+      // a session without a readable profile has no events, but its samples are still usable
       note("aspirations and injections: " + printable(reply.error().message));
       return {};
     }

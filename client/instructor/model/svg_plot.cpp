@@ -16,9 +16,9 @@ namespace needlelab {
 namespace {
 
 constexpr double kLeft = 56, kRight = 12, kTop = 26, kBottom = 34;  // around the field
-constexpr double kLegendLetter = 7, kHeadingLetter = 8;  // px, of 11 and 12 px letters, rather too wide
+constexpr double kLegendLetter = 7, kHeadingLetter = 8;  // px; generous widths of 11 and 12 px letters
 
-/// From the plot's numbers to places in the picture.
+/// Maps the plot's values to picture coordinates.
 struct SvgFrame {
   SvgSize size;
   double from = 0, to = 1, low = 0, high = 1;
@@ -45,19 +45,19 @@ std::string line(double x1, double y1, double x2, double y2, std::string_view ki
                      kind);
 }
 
-/// The colour on white paper: white becomes black, other colours that are too pale become darker.
+/// Adapts a colour to white paper: white becomes black, pale colours become darker.
 std::string inkOf(Rgb colour) {
   if (colour == kWhite) colour = kBlack;
   for (int i = 0; i < 12 && relativeLuminance(colour) > 0.40; ++i) colour = mixed(colour, kBlack, 0.12F);
   return hexText(colour);
 }
 
-/// Between many curves every second one is dashed, so that they are told apart in print without colours.
+/// Dashes every second curve of many, so that they differ in print without colours.
 bool isDashed(const Plot& plot, std::size_t i) {
   return plot.series[i].dashed || (plot.series.size() > 3 && i > 0 && i % 2 == 0);
 }
 
-/// The points of a curve; leaves out those on the straight line between their neighbours.
+/// The points of a curve without those on the straight line between their neighbours.
 class CurvePath {
  public:
   void add(double x, double y) {
@@ -159,8 +159,8 @@ std::string drawnMarks(const Plot& plot, const SvgFrame& frame) {
   return out;
 }
 
-/// The names of the series with a piece of their lines, up to the right edge; closer together where they
-/// would run into the heading, which ends at `from`.
+/// The legend: names of the series with a piece of their lines, aligned to the right edge. Entries move
+/// closer together if they would overlap the heading, which ends at `from`.
 std::string drawnLegend(const Plot& plot, const SvgFrame& frame, double from) {
   if (!plot.legend || plot.series.size() < 2) return {};
   std::size_t letters = 0;
@@ -218,7 +218,7 @@ std::string htmlText(std::string_view text) {
 
 std::string svgPlot(const Plot& plot, SvgSize size) {
   SvgFrame frame{size, plot.from, plot.to > plot.from ? plot.to : plot.from + 1, 0, 1, plot.downward};
-  // the axis holds all data, and zero
+  // the axis includes all data and zero
   std::vector<std::vector<PixelColumn>> columns(plot.series.size());
   double low = 0, high = 0;
   const auto take = [&](double value) { low = std::min(low, value), high = std::max(high, value); };
@@ -263,7 +263,7 @@ std::string svgStanding(const SvgStanding& s) {
   out += fmt::format("<line x1='{:.1f}' y1='2' x2='{:.1f}' y2='16' stroke='#333' stroke-width='1.5'/>",
                      x(s.mean), x(s.mean));
   const double v = x(s.value);
-  // a diamond: told apart from the mean by shape, not by colour alone
+  // a diamond: differs from the mean by shape, not only by colour
   out += fmt::format("<path d='M{:.1f} 9l4.5 -6l4.5 6l-4.5 6z' fill='{}' stroke='#fff'/>", v - 4.5,
                      hexText(kVermillion));
   return out + "</svg>";

@@ -39,7 +39,7 @@ void Worker::run() {
     Finish finish = entry.job([this] { return stop_.load(); });
     const std::scoped_lock lock(mutex_);
     if (finish) finished_.push_back(std::move(finish));
-    // a worker counts as busy until its result is in the list: nobody sees it idle without a result
+    // the worker stays busy until its result is in the list, so no thread sees it idle without a result
     if (waiting_.empty()) running_.clear();
   }
 }

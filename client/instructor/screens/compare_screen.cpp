@@ -132,7 +132,7 @@ void CompareScreen::show(LabState& lab) {
     return;
   }
   showChoice(lab);
-  // a second session was loaded: compare with the chosen alignment
+  // after loading a second session: compare with the chosen alignment
   if (lab.analysis.second() && !lab.analysis.comparison() && !lab.analysis.busy() &&
       lab.analysis.trouble().empty())
     lab.analysis.compare(alignment);

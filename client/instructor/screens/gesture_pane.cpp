@@ -15,7 +15,7 @@ constexpr std::array<std::pair<Look, const char*>, 4> kLooks = {{{Look::kTrainee
 constexpr std::array<std::pair<PlotSet, const char*>, 3> kSets = {
     {{PlotSet::kForces, "Forces"}, {PlotSet::kMotion, "Motion"}, {PlotSet::kWallAndTip, "Wall and tip"}}};
 
-/// A row of buttons, one of them chosen. Returns true when the choice changed.
+/// A row of buttons with one selected. Returns true if the selection changed.
 template <typename Choice, std::size_t n>
 bool chooseOne(const std::array<std::pair<Choice, const char*>, n>& choices, Choice& chosen) {
   bool changed = false;

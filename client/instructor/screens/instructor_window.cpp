@@ -16,8 +16,8 @@
 namespace needlelab {
 namespace {
 
-/// Collects everything that is written between construction and `take`, in the order of writing. One at a
-/// time, within one ImGui window that opens no other (tooltips end it).
+/// Collects all text written between construction and `take`, in order. At most one instance, within one
+/// ImGui window that opens no other (tooltips end the collection).
 class ScreenText {
  public:
   ScreenText() { ImGui::LogToBuffer(); }
@@ -57,7 +57,7 @@ bool pressed(int key, bool repeat = false) {
   return ImGui::IsKeyPressed(key, repeat);
 }
 
-/// The keys of every screen.
+/// Keys available on every screen.
 bool actEverywhere(InstructorWindow& window) {
   LabState& lab = window.lab();
   Surface& surface = window.surface();
@@ -135,7 +135,7 @@ void actInReplay(InstructorWindow& window) {
   if (pressed(GLFW_KEY_N)) window.replay_screen.focusRemark();
 }
 
-/// Acts on the keys that were pressed in this frame; does nothing while somebody types.
+/// Handles this frame's key presses; does nothing while the user types.
 void actOnKeys(InstructorWindow& window) {
   LabState& lab = window.lab();
   if (actEverywhere(window)) return;
@@ -162,7 +162,7 @@ void actOnKeys(InstructorWindow& window) {
   }
 }
 
-/// The list of keys over the screen.
+/// Draws the list of keys over the screen.
 void showShortcuts() {
   const ImVec2 screen = ImGui::GetIO().DisplaySize;
   ImGui::SetCursorPos({screen.x * 0.18F, screen.y * 0.1F});

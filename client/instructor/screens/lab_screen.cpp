@@ -23,7 +23,7 @@ std::string depthWords(const StationTile& tile) {
   return fmt::format("{}, {:.1f} mm, ", phase, 1e3 * tile.insertion_m) + where;
 }
 
-/// The state of loop and connection, short.
+/// Short state of loop and connection.
 std::string healthWords(const StationTile& tile) {
   if (!tile.online) return "offline";
   if (tile.stale) return "no news";
@@ -37,7 +37,7 @@ float tileHeight_px() {
   return 14.6F * space();
 }
 
-/// The tile's lines, small letters; the child window is open.
+/// Draws the tile's lines in small letters, inside the open child window.
 void tileLines(const StationTile& tile, float inner, float height_px) {
   WithFont small(Letters::kSmall);
   {
@@ -45,10 +45,10 @@ void tileLines(const StationTile& tile, float inner, float height_px) {
     textLine(tile.trainee.empty() ? std::string("nobody") : tile.trainee + " · " + tile.exercise, inner);
     textLine(needsHelp(tile.need) ? tile.why : depthWords(tile), inner);
   }
-  // force now against its limit, with the peak; the last seconds as a line
+  // present force against its limit, with the peak; the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
     const std::string words = fmt::format("{:.1f} N  peak {:.1f}", tile.force_N, tile.peak_force_N);
-    // wide enough for its text with the sign of too much force
+    // wide enough for its text and the sign of excessive force
     const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
     const float bar = std::min(inner, std::max(inner * 0.58F, needed));
     levelBar(tile.force_N / tile.force_limit_N, words, kSkyBlue, bar);
@@ -96,7 +96,7 @@ bool stationTile(const StationTile& tile, float width_px) {
   return clicked;
 }
 
-/// The number of stations by need: answers "who needs me?" before one reads any tile.
+/// The number of stations per need: shows at a glance who needs help.
 void showCounts(const LabState& lab) {
   ImGui::AlignTextToFramePadding();
   const auto counts = lab.overview.counts();
@@ -162,7 +162,7 @@ void showLab(LabState& lab) {
   const float width = (room - gap * static_cast<float>(columns - 1)) / static_cast<float>(columns);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     if (i % static_cast<std::size_t>(columns) != 0) ImGui::SameLine();
-    // tiles that are scrolled away cost nothing
+    // skips tiles outside the visible area
     const ImVec2 at = ImGui::GetCursorScreenPos();
     if (!ImGui::IsRectVisible(at, {at.x + width, at.y + tileHeight_px()})) {
       ImGui::Dummy({width, tileHeight_px()});

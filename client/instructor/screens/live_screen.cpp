@@ -104,7 +104,7 @@ namespace {
 
 constexpr double kTrail_s = 8;
 
-/// The state of the station itself, with its trouble if it has one.
+/// The station's state, with its trouble if any.
 void stationState(const LiveStation& live) {
   const auto& status = live.status();
   if (!status.online())
@@ -138,7 +138,7 @@ void LiveScreen::showHead(LabState& lab) {
   ImGui::Checkbox("as the trainee sees it", &as_trainee_);
   ImGui::SameLine(0, 2 * space());
   const auto& stats = live.stats();
-  // the end may be cut when the line gets long
+  // a long line may be cut at its end
   std::string words;
   if (live.paused())
     words = fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
@@ -163,7 +163,7 @@ void LiveScreen::showPlots(LiveStation& live, ImVec2 size_px) {
       ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
   choosePlots(plots);
   const double end_s = live.viewEnd_s();
-  // a lesson that has just begun fills the plots from the left
+  // a new lesson fills the plots from the left
   const double from_s = std::max(end_s - live.span_s(), live.trace().firstTime_s());
   const auto result =
       gesturePlots("live plots", plots, live.trace(), live.scene().view.get(), from_s, from_s + live.span_s(),

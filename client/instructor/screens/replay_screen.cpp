@@ -58,7 +58,7 @@ void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vec
   const auto timeAt = [&](float px) {
     return player.first_s() + static_cast<double>((px - low.x) / width) * length_s;
   };
-  // the line, the part that is looped, ticks
+  // the line, the loop, ticks
   const float middle = low.y + height_px * 0.55F;
   list.AddRectFilled({low.x, low.y}, {low.x + width, low.y + height_px}, packed(kPanelGrey), 4);
   if (player.loop())
@@ -73,7 +73,7 @@ void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vec
     list.AddText(fontOf(Letters::kSmall), fontOf(Letters::kSmall)->FontSize, {px + 3, middle + 4},
                  packed(kDimText), clockText(at, length_s < 20 ? 1 : 0).c_str());
   }
-  // marks; the text of the nearest one
+  // marks, with the text of the nearest one
   const float mouse = ImGui::GetIO().MousePos.x;
   const LineMark* near = nullptr;
   float least = 8;

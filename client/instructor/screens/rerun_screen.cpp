@@ -36,7 +36,7 @@ void RerunScreen::showForces(LabState& lab) {
   std::vector<Plot> plots;
   plots.push_back(plotOf(TraceChannel::kForce, "force on the hand"));
   plots.back().share = 1.8F;
-  // the attracted force is small beside the others: it has no plot of its own here
+  // the attracted force is small compared with the others: no separate plot here
   for (const EffectEntry* effect : effectsAsShown())
     if (effect->unit == "N" && effect->effect != Effect::kAttracted)
       plots.push_back(plotOf(channelOf(effect->effect), std::string(effect->term)));

@@ -116,7 +116,7 @@ void ScoresScreen::show(LabState& lab) {
       lab.screen = WindowScreen::kSessions;
     return;
   }
-  // requested once, when the screen is first opened
+  // one request, when the screen first opens
   if (!lab.analysis.report() && !lab.analysis.busy() && asked_for_ != lab.analysis.first().get()) {
     asked_for_ = lab.analysis.first().get();
     lab.analysis.collect();

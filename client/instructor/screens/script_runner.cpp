@@ -67,7 +67,7 @@ Result<bool> ScriptRunner::act(const ScriptAction& action, InstructorWindow& win
   for (const auto part : {&ScriptRunner::actOnLink, &ScriptRunner::actOnLab, &ScriptRunner::actOnStation,
                           &ScriptRunner::actOnAnalysis, &ScriptRunner::actOnWindow}) {
     const auto done = (this->*part)(action, window, first);
-    // kNotFound: this part does not know the verb
+    // kNotFound: this function does not handle the verb
     if (done.ok() || done.error().code != ErrorCode::kNotFound) return done;
   }
   return wrong("this window cannot do that");
@@ -267,7 +267,7 @@ Result<bool> ScriptRunner::actOnWindow(const ScriptAction& action, InstructorWin
   if (verb == "wait-text") return stands();
   if (verb == "wait-gone") return !stands();
   if (verb == "expect") {
-    // the effect of the action before it is on the screen a frame later
+    // the previous action's effect appears on the screen a frame later
     if (frames_ < 3) return false;
     if (stands()) return true;
     return wrong("does not stand there; the screen says: " + window.text().substr(0, 1500));

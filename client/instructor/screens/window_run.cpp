@@ -1,4 +1,4 @@
-// The instructor's window as a program: log-in, script, screenshot, and its end.
+// Runs the instructor's window as a program: log-in, script, screenshot, exit.
 #include <epoxy/gl.h>
 
 #include <cstdio>
@@ -41,7 +41,7 @@ Status runInstructorWindow(const WindowRunOptions& options, const std::function<
   while (!stopped() && surface->beginFrame()) {
     lab.update(secondsSince(began_ns));
     if (lab.inside() && !std::exchange(arrived, true)) {
-      // a log-in that cannot be kept is typed again
+      // if this fails, the user types the log-in again next time
       if (!options.login_memory.empty()) (void)rememberLogin(options.login_memory, lab.form).ok();
       if (!options.station.empty()) lab.open(options.station);
       if (!options.session.empty()) {
@@ -51,7 +51,7 @@ Status runInstructorWindow(const WindowRunOptions& options, const std::function<
     }
     window->draw(script.has_value());
     surface->endFrame();
-    // wait until it is drawn: latency counts to here
+    // wait for the end of drawing: the latency ends here
     glFinish();
     lab.presented(wallNowNs());
     if (script) script->afterFrame(*window);

@@ -12,13 +12,13 @@
 namespace needlelab {
 namespace {
 
-/// Stations that the server knows, so that those who are not online show up too.
+/// Lists the server's stations, so that offline ones appear too.
 Status listStations(const HeadlessRun& run, std::int64_t started_ns) {
   pb::Request request;
   request.mutable_list_stations();
   ASSIGN_OR_RETURN(auto reply, run.client.call(request));
   for (const pb::StationInfo& info : reply.stations().stations()) {
-    if (info.revoked() || info.online()) continue;  // the others' lines come by the subscription
+    if (info.revoked() || info.online()) continue;  // the subscription delivers the lines of the others
     pb::StationStatus status;
     status.set_station(info.name());
     Update update = updateOf(status);
@@ -31,7 +31,7 @@ Status listStations(const HeadlessRun& run, std::int64_t started_ns) {
   return run.client.send(envelope);
 }
 
-/// A line for each status of a station: who is online and what they do.
+/// Prints a line for each station status: online state and activity.
 Status overview(const HeadlessRun& run) {
   const std::int64_t started_ns = steadyNowNs();
   RETURN_IF_ERROR(listStations(run, started_ns));

@@ -24,7 +24,7 @@ Status refuse(const std::string& text) {
 }  // namespace
 
 Status checkOptions(const InstructorOptions& options) {
-  // the window asks for what is missing
+  // the window asks for missing values
   if (!options.window()) {
     for (const auto& [name, missing] :
          {std::pair{"--server", options.server.empty()}, std::pair{"--ca", options.ca.empty()},
@@ -103,7 +103,7 @@ ClientConfig clientConfig(const InstructorOptions& options) {
   config.server = *parseEndpoint(options.server);
   config.ca_file = options.ca;
   config.program = programText("instructor");
-  // frames should wait in the server's queue, where the old ones are dropped, rather than in the kernel
+  // frames should wait in the server's queue, which drops the oldest, and not in the kernel
   config.limits.socket_buffer_bytes = 256 << 10;
   return config;
 }

@@ -1,4 +1,4 @@
-// Replays a stored session at the speed of its own clock, with its remarks.
+// Replays a stored session at its recorded speed, with its remarks.
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -107,7 +107,7 @@ class Replay {
       plunger_.add(sample);
       const double time_s = 1e-9 * static_cast<double>(sample.time_ns - first_ns_);
       if (time_s < from_s) {
-        // remarks on skipped samples are skipped, too
+        // also skips the remarks on skipped samples
         while (noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick) ++noted_;
         continue;
       }
@@ -138,7 +138,7 @@ class Replay {
                                     (time_s - run_.options.from_s.value_or(0)) / run_.options.speed));
     while (Clock::now() < due) {
       if (run_.over()) return false;
-      // waiting here keeps the connection alive; a loss shows at the next chunk
+      // this wait keeps the connection alive; the next chunk reveals a loss
       const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(due - Clock::now());
       const auto nap = std::clamp(left, std::chrono::milliseconds(1), std::chrono::milliseconds(100));
       if (run_.client.connected()) {

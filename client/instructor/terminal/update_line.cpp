@@ -49,7 +49,7 @@ Update updateOf(const GestureSample& sample) {
 }
 
 std::string syringeAction(const GestureSample& before, const GestureSample& now) {
-  // slower than a stroke of 50 s, or less than trembling: at rest
+  // at rest: slower than a stroke of 50 s, or below tremor
   constexpr double kLeastSpeed_per_s = 0.02, kLeastWay = 0.004;
   const double seconds = 1e-9 * static_cast<double>(now.time_ns - before.time_ns);
   const double way = now.plunger - before.plunger;
@@ -125,7 +125,7 @@ namespace {
 
 constexpr std::int64_t kWindow_ns = 200'000'000;
 constexpr std::int64_t kStep_ns = 10'000'000;      // denser samples add nothing
-constexpr std::int64_t kStale_ns = 2'000'000'000;  // after such a gap older samples tell nothing
+constexpr std::int64_t kStale_ns = 2'000'000'000;  // after such a gap older samples are useless
 
 }  // namespace
 

@@ -1,5 +1,4 @@
-// Live lines of one station, or of one session wherever it runs; and the commands that go to the station
-// meanwhile.
+// Live lines of one station, or of one session on any station, and the commands to that station.
 #include <array>
 #include <cmath>
 #include <functional>
@@ -24,28 +23,28 @@
 namespace needlelab {
 namespace {
 
-/// The commands of the command line, each sent once and as soon as it can be.
+/// Sends each command of the command line once, as soon as possible.
 class PendingCommands {
  public:
-  /// Asks the server.
+  /// Sends a request to the server.
   using Ask = std::function<Result<pb::Reply>(const pb::Request&)>;
-  /// Tells the person what became of a command ("stop").
+  /// Reports the outcome of a command ("stop") to the person.
   using Report = std::function<void(const std::string& what, bool ok, const std::string& text)>;
 
   /// `options` must be checked and outlive it.
   PendingCommands(const InstructorOptions& options, Ask ask, Report report);
 
-  /// The station is online.
+  /// Call when the station is online.
   void online();
-  /// … and this lesson runs there.
+  /// Call when this lesson runs there.
   void lesson(const std::string& session_id);
-  /// … and this is its newest tick.
+  /// Call with the lesson's newest tick.
   void moment(const std::string& session_id, std::uint64_t tick);
-  /// Sends the remark on a moment and a session that the options name: the session need not run.
+  /// Sends the remark on the moment and session in the options; the session need not be running.
   void onStored();
 
   [[nodiscard]] bool allSent() const { return waiting_.empty(); }
-  /// The first that was refused.
+  /// The first refused command.
   [[nodiscard]] const std::optional<Error>& refused() const { return refused_; }
 
  private:
@@ -93,7 +92,7 @@ PendingCommands::PendingCommands(const InstructorOptions& options, Ask ask, Repo
     const When when = options.at_s ? When::kInLesson : When::kAtMoment;
     add("annotate", when, "noted").mutable_annotate()->set_text(options.annotate);
   }
-  // last: it ends the lesson that the others are about
+  // last, because it ends the lesson of the other commands
   if (options.stop) {
     const When when =
         waiting_.empty() || waiting_.back().when != When::kAtMoment ? When::kInLesson : When::kAtMoment;
@@ -109,7 +108,7 @@ void PendingCommands::online() {
 
 void PendingCommands::lesson(const std::string& session_id) {
   sendAll(When::kInLesson, [&](pb::Request& request) {
-    // the commands are meant for the lesson that runs now
+    // the commands apply to the lesson that runs now
     if (request.has_set_aids()) request.mutable_set_aids()->set_session_id(session_id);
     if (request.has_stop_lesson()) request.mutable_stop_lesson()->set_session_id(session_id);
     if (request.has_annotate()) request.mutable_annotate()->set_session_id(session_id);
@@ -155,7 +154,7 @@ void PendingCommands::send(Command command) {
   report_(command.what, reply.ok(), reply.ok() ? command.done : reply.error().message);
 }
 
-/// Ticks of a session begin with that of its first sample.
+/// A session's ticks start at its first sample.
 Result<std::uint64_t> PendingCommands::tickAt(const std::string& session_id, double at_s) const {
   pb::Request request;
   request.mutable_get_session()->set_session_id(session_id);
@@ -163,15 +162,14 @@ Result<std::uint64_t> PendingCommands::tickAt(const std::string& session_id, dou
   std::uint64_t first = 0;
   request.mutable_seek_session()->set_session_id(session_id);
   request.mutable_seek_session()->set_seconds(0);
-  // a session that has just begun, or one without its recording (deleted by retention), has nothing to seek
-  // in
+  // a new session, or one without a recording (deleted by retention), has nothing to seek
   if (const auto sought = ask_(request); sought.ok()) first = sought->sought().recording_first_tick();
   return first + static_cast<std::uint64_t>(std::llround(at_s * info.session().description().rate_hz()));
 }
 
-constexpr double kWatchRateHz = 10;  // lines per second that a person can follow
+constexpr double kWatchRateHz = 10;  // readable number of lines per second
 
-/// Facts about a session beside its samples.
+/// Facts about a session without its samples.
 struct SessionFacts {
   std::string trainee;
   std::int64_t started_ns = 0;  // station's steady clock
@@ -200,21 +198,20 @@ class Watch {
       if (got->has_refusal()) return errorOf(got->refusal());
     }
     summary();
-    // a loss right before the end of --seconds is not a failure when frames were seen
+    // a lost connection just before the end of --seconds is not a failure if frames had arrived
     const bool cut_short =
         !result.ok() && result.error().code == ErrorCode::kUnavailable && stats_.frames() > 0;
     return result.ok() || cut_short ? commandOutcome() : result;
   }
 
  private:
-  /// Waiting for a name that the server does not know would be in vain: notes that, and the names that it
-  /// knows.
+  /// If the server does not know the name, waiting is useless: prints a note with the known names.
   Status askForStation() {
     if (run_.options.station.empty()) return {};
     pb::Request request;
     request.mutable_list_stations();
     const auto reply = run_.client.call(request);
-    // the connection was lost just now: receive() returns that again, and run() recovers
+    // the connection was just lost: receive() returns the error again, and run() recovers
     if (!reply.ok()) return reply.error().code == ErrorCode::kUnavailable ? Status{} : reply.error();
     std::string names;
     for (const pb::StationInfo& info : reply->stations().stations()) {
@@ -229,7 +226,7 @@ class Watch {
     return {};
   }
 
-  /// Whether the commands were sent, or why not.
+  /// Returns whether the commands were sent, or the error.
   [[nodiscard]] Status commandOutcome() const {
     if (commands_.refused()) return *commands_.refused();
     if (!run_.options.once || commands_.allSent()) return {};
@@ -304,8 +301,8 @@ class Watch {
     run_.line(run_.options.json ? jsonLine(update) : textLine(update));
   }
 
-  /// Trainee and start of a session, from the server; asked again while the server does not know the session
-  /// yet.
+  /// Reads a session's trainee and start from the server; repeats the request until the server knows the
+  /// session.
   const SessionFacts& factsOf(const pb::LiveFrame& frame, const GestureSample& sample) {
     SessionFacts& facts = facts_[frame.session_id()];
     if (facts.started_ns != 0) return facts;
@@ -343,7 +340,7 @@ class Watch {
   const HeadlessRun& run_;
   LiveStats stats_;
   PlungerWatch plunger_;
-  std::string plunger_of_;  // the session that its samples belong to
+  std::string plunger_of_;  // session of its samples
   std::map<std::string, SessionFacts> facts_;
   std::optional<bool> online_;
   std::string trouble_;

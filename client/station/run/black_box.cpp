@@ -15,14 +15,14 @@ namespace needlelab {
 namespace {
 
 constexpr double kBefore_s = 2, kAfter_s = 0.05, kLongestAfter_s = 0.5;
-constexpr double kSpare_s = 1;  // room beyond a stretch, while the reader copies it
+constexpr double kSpare_s = 1;  // extra space while the reader copies a range
 
-// one thread writes it: no atomic increment is needed
+// only one thread writes it, so it needs no atomic increment
 void countUp(std::atomic<std::uint64_t>& counter) noexcept {
   counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 
-/// Writes a row, or the names of its columns: one list for both, so that they cannot differ.
+/// Writes a row or the column names from one list, so that they cannot differ.
 class Row {
  public:
   Row(std::string& out, bool names) : out_(out), names_(names) {}
@@ -97,7 +97,7 @@ void write(Row row, const BlackBoxTick& t) {
 
 namespace fs = std::filesystem;
 
-// half a second of the box's spare second is left for copying and writing
+// leaves half of the box's spare second for copying and writing
 constexpr auto kLookEvery = std::chrono::milliseconds(50);
 
 Status write(const fs::path& path, const std::vector<BlackBoxTick>& ticks) {
@@ -106,7 +106,7 @@ Status write(const fs::path& path, const std::vector<BlackBoxTick>& ticks) {
   if (error)
     return Error{ErrorCode::kUnavailable,
                  "cannot make the folder " + path.parent_path().string() + ": " + error.message()};
-  // private to the station's user, as the rest of the spool
+  // private to the station's user, like the rest of the spool
   return writeFileAtomically(path, viewOf(blackBoxCsv(ticks)), 0600);
 }
 
@@ -119,11 +119,11 @@ BlackBox::BlackBox(double rate_hz, std::uint32_t max_dumps)
       max_dumps_(std::clamp(max_dumps, 1u, kMostDumps)),
       ring_(before_ + longest_after_ + ticksIn(kSpare_s, rate_hz)) {}
 
-// would the next tick be written over one that the reader has yet to copy?
+// returns whether the next tick would overwrite one that the reader has not copied yet
 bool BlackBox::full() noexcept {
   const std::uint32_t taken = taken_.load(std::memory_order_acquire);
   if (taken == offered_) return false;
-  // stretches are offered in order, so the oldest of those left begins first
+  // ranges are offered in order, so the oldest remaining one begins first
   return written_ - firsts_[taken] >= ring_.size();
 }
 
@@ -162,7 +162,7 @@ void BlackBox::offer() noexcept {
   open_ = false;
   dump_.count = written_ - dump_.first;
   firsts_[offered_++] = dump_.first;
-  dumps_.push(dump_);  // never full: there are no more stretches than places
+  dumps_.push(dump_);  // never full: there are at most as many ranges as places
 }
 
 void BlackBox::finish() noexcept {
@@ -175,7 +175,7 @@ bool BlackBox::take(BlackBoxDump& dump, std::vector<BlackBoxTick>& ticks) {
   ticks.reserve(dump.count);
   for (std::uint64_t n = dump.first; n < dump.first + dump.count; ++n)
     ticks.push_back(ring_[n % ring_.size()]);
-  // from here on the loop may write over them
+  // from here on the loop may overwrite them
   taken_.store(taken_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
   return true;
 }

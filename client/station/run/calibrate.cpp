@@ -25,7 +25,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kShortestBase_m = 0.02;  // between two points that shall give a direction
+constexpr double kShortestBase_m = 0.02;  // between two points that define a direction
 constexpr double kPoseRate_hz = 1000;     // more poses add nothing
 
 // 2026-11-20T10:45:00Z
@@ -45,7 +45,7 @@ int refuse(const Error& error) {
   return exitCodeOf(error);
 }
 
-// "simulated" is a hand that pivots; a recording is read as fast as it can be
+// "simulated" is a pivoting hand; a recording is read as fast as possible
 Result<std::unique_ptr<Device>> deviceFor(const StationOptions& options) {
   if (options.device != "simulated") return makeDevice(options.device, {{}, {}, options.X_HT, options.hand});
   PivotMotion motion;
@@ -54,7 +54,7 @@ Result<std::unique_ptr<Device>> deviceFor(const StationOptions& options) {
   return std::unique_ptr<Device>(std::make_unique<PivotDevice>(motion));
 }
 
-// one line that is written over on a terminal, a new one now and then elsewhere
+// on a terminal overwrites one line, elsewhere prints a new line at intervals
 class ProgressLine {
  public:
   void operator()(const CalibrationProgress& now) {
@@ -96,7 +96,7 @@ std::string resultText(const Calibration& found, const Pose& tool, const NeedleA
   const auto mm = [](double m) { return 1e3 * m; };
   const std::string swing =
       fmt::format("swing           {:.0f} % of what is needed\n", 100 * fit.spread / kLeastSpread);
-  // a tip from too small a swing is a number without meaning
+  // a tip from too small a swing is meaningless
   if (fit.spread < kLeastSpread) return swing;
   std::string text;
   text += fmt::format(
@@ -147,7 +147,7 @@ nlohmann::ordered_json resultRow(const Calibration& found, const Pose& tool, con
   return row;
 }
 
-// reports the result, or why it must not become a tool; writes the tool file
+// reports the result, or the reason for rejecting it as a tool; writes the tool file
 int conclude(const StationOptions& options, const NeedleAxis& axis, const std::string& device,
              const Calibration& found) {
   const PivotFit& fit = found.fit;
@@ -241,7 +241,7 @@ Result<Calibration> calibrateTip(Device& device, LoopClock& clock, const Calibra
   quiet.keep_every = static_cast<std::uint64_t>(std::max(1.0, std::round(settings.rate_hz / kPoseRate_hz)));
   ZeroForceLoop loop(device, clock, quiet);
 
-  // the samples of the settling stay away from sums and fit
+  // excludes the samples of the settling time from sums and fit
   PivotSums sums;
   std::size_t seen = 0;
   const auto follow = [&] {
@@ -281,7 +281,7 @@ Result<Calibration> calibrateTip(Device& device, LoopClock& clock, const Calibra
 // --- the tool file ---
 
 std::string toolFileText(const Pose& X_HT, const ToolNotes& notes) {
-  // one writer of the pose: its text is taken apart again
+  // parses the text of the pose's only writer
   auto json = nlohmann::ordered_json::parse(poseOptionJson(X_HT));
   json["calibration"] = {{"made", utcText(notes.made_unix_ns)},
                          {"program", std::string("needlelab-station ") + NEEDLELAB_VERSION},
@@ -317,7 +317,7 @@ int runCalibrate(const StationOptions& options, const sigset_t& stop_signals) {
              "x,y,z,0,0,0,1"});
   if (auto status = device.open(options.rate_hz); !status.ok()) return refuse(status.error());
 
-  // devices that live by the tick do not have to be waited for
+  // devices that advance by ticks need no waiting
   const bool recording = options.device.starts_with("recording:");
   const bool real = !recording && options.device != "simulated";
   CalibrationSettings settings;

@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kNotAgain_s = 10;  // the same hold is not repeated more often
+constexpr double kNotAgain_s = 10;  // shortest time between messages about the same hold
 constexpr double kLongAgo_s = -1e9;
 
 struct HoldText {
@@ -22,7 +22,7 @@ constexpr std::array<HoldText, 3> kHoldTexts = {{
     {kDeviceNotReady, "the device is not ready yet: no force", "the device is ready: the force comes"},
 }};
 
-// the flag that stands for a fault of the device's own
+// the flag for a device fault
 std::uint32_t flagOf(Fault fault) {
   switch (fault) {
     case Fault::kEmergencyStop:
@@ -38,7 +38,7 @@ std::uint32_t flagOf(Fault fault) {
   }
 }
 
-// the present obstacle, which may differ from the fault's first cause
+// the present obstacle; it may differ from the fault's first cause
 std::string causeNow(const WatchedState& state) {
   for (const Fault fault :
        {Fault::kEmergencyStop, Fault::kDeviceLost, Fault::kDeviceOverheated, Fault::kDeviceTrouble})
@@ -113,9 +113,9 @@ void FaultWatch::updateHolds(const WatchedState& state, std::vector<std::string>
       if (state.fault == Fault::kNone && (state.condition & kDeviceHoldFlags) == 0)
         messages.push_back(kHoldTexts[i].ends);
     } else if ((state.condition & kDeviceEmergencyStop) != 0) {
-      continue;  // the stop takes the power, too: first let it out
+      continue;  // the stop also cuts the power: first release it
     } else if (state.now_s - hold_message_s_[i] >= kNotAgain_s) {
-      // the device's own status is more precise than our text; once is enough
+      // the device's own status is more precise than our text; reports it only once
       if (state.device_status.empty())
         messages.push_back(kHoldTexts[i].begins);
       else if (state.device_status != device_status_)
@@ -127,7 +127,7 @@ void FaultWatch::updateHolds(const WatchedState& state, std::vector<std::string>
   }
 }
 
-// other status of the device; not repeated while it counts its attempts
+// other device status; not repeated while the device counts its attempts
 void FaultWatch::updateDevice(const WatchedState& state, std::vector<std::string>& messages) {
   const bool changed = state.condition != condition_;
   condition_ = state.condition;

@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kDelayTicks = 1;  // between a reading and the force that it causes
+constexpr double kDelayTicks = 1;  // between a reading and its force
 
 Result<StationLesson> lessonOf(pb::Profile profile, const StationOptions& options) {
   StationLesson lesson;
@@ -104,7 +104,7 @@ std::optional<std::string> passivityWarning(const SceneModel& model, const Devic
                                             double hand_damping_Ns_per_m) {
   if (!device.renders_force) return std::nullopt;
   const double damping = device.limits.damping_Ns_per_m + hand_damping_Ns_per_m;
-  // a computed damper adds energy as a spring does: its B is subtracted from the damping of device and hand
+  // a computed damper adds energy like a spring: subtract its B from the damping of device and hand
   // (Colgate and Schenkel: b > KT/2 + B)
   const double own = model.isLive(Effect::kCutting) ? model.axial_damping_Ns_per_m : 0.0;
   const double bound = std::max(0.0, damping - own) / (model.period_s * (0.5 + kDelayTicks));

@@ -19,7 +19,7 @@
 namespace needlelab {
 namespace {
 
-// shared with the threads that look: one that never comes back outlives the caller
+// shared with the search threads: one that never returns outlives the caller
 struct Answers {
   std::mutex mutex;
   std::condition_variable changed;
@@ -99,7 +99,7 @@ int runListDevices(const StationOptions& options) {
   const DeviceList list = listDevices(deviceListers(), kPatience);
   const int code =
       printReport(options, deviceListText(list.devices), deviceListJson(list.devices), kExitDone);
-  // a thread that hangs in a driver would see the program's statics die
+  // a thread that hangs in a driver would use destroyed statics
   if (!list.all_answered) std::_Exit(code);
   return code;
 }

@@ -61,7 +61,7 @@ std::string liveText(const LiveView& view) {
 std::string cutToWidth(const std::string& text, std::size_t width) {
   std::size_t columns = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
-    // bytes 10xxxxxx go on with the character before
+    // bytes 10xxxxxx continue the previous character
     if ((static_cast<unsigned char>(text[i]) & 0xC0) == 0x80) continue;
     if (columns++ == width) return text.substr(0, i);
   }
@@ -71,10 +71,10 @@ std::string cutToWidth(const std::string& text, std::size_t width) {
 LiveLine::LiveLine(int file) : file_(file), terminal_(::isatty(file) == 1) {}
 
 void LiveLine::write(const std::string& text) const {
-  // a terminal that is gone must not end the lesson: refused text is dropped
+  // a lost terminal must not end the lesson: drop refused text
   for (std::size_t at = 0; at < text.size();) {
-    // a paused terminal (Ctrl-S), or a pipe without a reader, must not hold up the callers: one of them takes
-    // the stop signals
+    // a paused terminal (Ctrl-S) or a pipe without a reader must not block the callers, because one of them
+    // takes the stop signals
     pollfd ready{file_, POLLOUT, 0};
     if (::poll(&ready, 1, kPatience_ms) == 0) return;
     const ssize_t written = ::write(file_, text.data() + at, text.size() - at);
@@ -101,7 +101,7 @@ void LiveLine::show(const LiveView& view, std::int64_t now_ns) {
     write(liveText(view) + "\n");
     return;
   }
-  // one column less: a full line would wrap
+  // one column less, because a full line would wrap
   shown_ = cutToWidth(liveText(view), widthOf(file_) - 1);
   write(kClearLine + shown_);
 }
@@ -113,7 +113,7 @@ void LiveLine::end() {
 }
 
 std::string holdText(std::uint32_t flags) {
-  // the one that a person can do most about
+  // the hold that a person can influence most
   if ((flags & kDeviceReleased) != 0) return "nobody holds the handle";
   if ((flags & kDevicePowerOff) != 0) return "the motors have no power";
   if ((flags & kDeviceNotReady) != 0) return "the device is not ready yet";
@@ -130,7 +130,7 @@ std::string serverText(const UplinkState& state) {
       fmt::format("{}{}", state.chunks_left, state.chunks_left == 1 ? " chunk" : " chunks");
   if (state.denied) return "server refuses";
   if (!state.connected) return "server away, " + chunks + (state.chunks_left == 1 ? " waits" : " wait");
-  // the chunk that is being filled and the one under way are always there
+  // the chunk in progress and the one in transfer always exist
   return state.chunks_left <= 2 ? "server" : "server, " + chunks + " behind";
 }
 

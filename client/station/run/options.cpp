@@ -28,7 +28,7 @@
 namespace needlelab {
 namespace {
 
-// Options that are checked or converted after parsing.
+// Options to check or convert after parsing.
 struct RawOptions {
   std::string server, tool, placement, plunger, on_fault;
   std::optional<std::string> json;
@@ -207,7 +207,7 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
       ->group(kModes);
 }
 
-// all of them; `o` and `raw` must outlive `app`
+// adds all options; `o` and `raw` must outlive `app`
 void addStationOptions(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.set_version_flag("--version", programText("station"));
   addServer(app, o, raw);
@@ -280,11 +280,11 @@ Status takeWindow(WindowOptions& window, const RawOptions& raw) {
   return {};
 }
 
-// checks that CLI11 cannot make
+// checks beyond CLI11's
 Status complete(StationOptions& options, const RawOptions& raw) {
   const std::string &server = raw.server, &tool = raw.tool, &placement = raw.placement;
   const auto usage = [](const std::string& text) { return Error{ErrorCode::kInvalidInput, text}; };
-  // CLI11 compares with the range's ends, and lets not-a-number through
+  // CLI11 compares with the range's ends and accepts NaN
   const std::pair<const char*, double> numbers[] = {
       {"--rate", options.rate_hz},  {"--seconds", options.seconds},  {"--spin-us", options.spin_us},
       {"--drain", options.drain_s}, {"--spool-keep", raw.keep_days}, {"--spool-quota", raw.quota_mib}};
@@ -292,7 +292,7 @@ Status complete(StationOptions& options, const RawOptions& raw) {
     if (std::isnan(value)) return usage(std::string(name) + " is not a number");
   if (options.mode != StationMode::kCalibrate && !options.tool_out.empty())
     return usage("--out is the tool file that --calibrate writes; add --calibrate, or leave --out away");
-  // a window can ask a person; one that begins by itself, or that nobody sees, cannot
+  // a window can ask a person, except if it starts by itself or has no display
   const bool asked_now = options.mode == StationMode::kLesson && (options.headless || options.window.start);
   if (!server.empty()) {
     ASSIGN_OR_RETURN(options.server, parseEndpoint(server));
@@ -312,7 +312,8 @@ Status complete(StationOptions& options, const RawOptions& raw) {
   if (!tool.empty()) {
     auto pose = parsePoseOption(tool, "--tool");
     if (!pose.ok()) return pose.error();
-    // millimetres taken for metres: every force would reach the handle with a lever of a hundred metres
+    // probably millimetres instead of metres: every force would act on the handle with a lever of a hundred
+    // metres
     if (const double length_m = std::hypot(pose->p.x, pose->p.y, pose->p.z); !(length_m <= kLongestTool_m))
       return usage(
           "--tool: the tip lies " + numberText(length_m) +
@@ -326,7 +327,7 @@ Status complete(StationOptions& options, const RawOptions& raw) {
   options.keep.age_s = static_cast<std::int64_t>(raw.keep_days * 86'400);
   options.keep.quota_bytes = static_cast<std::uint64_t>(raw.quota_mib * 1024 * 1024);
   if (options.spool.empty()) options.spool = defaultSpool();
-  // without a key the station has no name yet: it gets one when its sessions are uploaded
+  // without a key the station has no name until the upload of its sessions
   if (!options.station.empty()) RETURN_IF_ERROR(checkName("--station", options.station));
   if (options.trainee.empty()) options.trainee = "guest";
   RETURN_IF_ERROR(checkName("--trainee", options.trainee));

@@ -29,13 +29,13 @@ RtStep step(const char* name, int error, const std::string& done, const std::str
   return {name, false, not_done + " (" + std::strerror(error) + ")"};
 }
 
-// touches the stack's pages once, so that the loop never waits for one
+// touches the stack's pages once, so that the loop has no page faults
 [[gnu::noinline]] void touchStack() {
   volatile char room[kStackBytes];
   for (std::size_t i = 0; i < sizeof room; i += 1024) room[i] = 0;
 }
 
-// "0-3, 6" of the cores that this process may use
+// the cores that this process may use, e.g. "0-3, 6"
 std::string allowedCores(const cpu_set_t& set) {
   std::string text;
   for (int core = 0; core < CPU_SETSIZE; ++core) {
@@ -67,7 +67,7 @@ RtStep stayOn(int core) {
 }
 
 RtStep spinStep(const RtOptions& options) {
-  // at most one wake-up a tick, so at most the spin's share of the period
+  // at most one wake-up per tick, so at most the spin's fraction of the period
   const double share = static_cast<double>(options.spin_ns) * 1e-9 * options.rate_hz;
   return {"spin", share < 0.9,
           fmt::format(
@@ -92,7 +92,7 @@ std::optional<T> readOne(const fs::path& file) {
   return value;
 }
 
-// the kernel takes FIFO threads off a core for the rest of each period once they used their share of it
+// the kernel throttles FIFO threads for the rest of each period after they used their share of it
 std::optional<RtStep> throttling(const RtOptions& options, const fs::path& root) {
   const auto runtime_us = readOne<std::int64_t>(root / "proc/sys/kernel/sched_rt_runtime_us");
   const auto period_us = readOne<std::int64_t>(root / "proc/sys/kernel/sched_rt_period_us");
@@ -100,7 +100,7 @@ std::optional<RtStep> throttling(const RtOptions& options, const fs::path& root)
   if (*runtime_us < 0) return RtStep{"FIFO share", true, "the system sets no limit to FIFO threads"};
   const double limit = static_cast<double>(*runtime_us) / static_cast<double>(*period_us);
   const double spin = static_cast<double>(options.spin_ns) * 1e-9 * options.rate_hz;
-  constexpr double kWork = 0.1;  // share of the ticks themselves, generously
+  constexpr double kWork = 0.1;  // generous estimate of the ticks' share
   const std::string limit_text = fmt::format("FIFO threads may use {:.0f} % of a core", 100 * limit);
   if (spin + kWork < limit) return RtStep{"FIFO share", true, limit_text + ", more than the loop needs"};
   return RtStep{
@@ -110,7 +110,7 @@ std::optional<RtStep> throttling(const RtOptions& options, const fs::path& root)
                                100 * spin)};
 }
 
-// of the loop's core, or of all of them
+// for the loop's core, or for all cores
 std::optional<RtStep> governor(const RtOptions& options, const fs::path& root) {
   std::set<std::string> found;
   std::error_code error;
@@ -130,7 +130,7 @@ std::optional<RtStep> governor(const RtOptions& options, const fs::path& root) {
                     "frequency-set -g performance"};
 }
 
-// the cores that the calling thread may use; empty when the system does not tell them
+// the cores that the calling thread may use; empty if the system does not report them
 cpu_set_t coresOfThisThread() {
   cpu_set_t cores;
   CPU_ZERO(&cores);

@@ -10,7 +10,7 @@ namespace needlelab {
 
 std::size_t columnsOf(std::string_view text) {
   std::size_t columns = 0;
-  // bytes that go on with a character do not count
+  // continuation bytes of a character do not count
   for (const char c : text) columns += (static_cast<unsigned char>(c) & 0xC0u) != 0x80u ? 1 : 0;
   return columns;
 }
@@ -42,7 +42,7 @@ std::string wrapped(std::string_view text, std::size_t indent, std::size_t width
 std::string reportJson(const nlohmann::ordered_json& rows) {
   const nlohmann::ordered_json report = {
       {"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
-  // text of a device that is not UTF-8 must not end the program
+  // device text that is not UTF-8 must not end the program
   return report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 

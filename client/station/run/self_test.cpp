@@ -49,7 +49,7 @@ std::string systemError(const char* what, const std::filesystem::path& path, int
   return std::string(what) + " " + path.string() + ": " + std::strerror(error);
 }
 
-// the tick of one profile's scene; nothing when it is not valid
+// tick time of one profile's scene; nothing if the profile is invalid
 Result<double> tickOf(const EmbeddedFile& file, double rate_hz, std::string& id) {
   ASSIGN_OR_RETURN(const auto profile, parseProfile(file.text, file.name));
   id = profile.id();
@@ -138,7 +138,7 @@ constexpr double kWindow_s = 0.2;
 constexpr double kKeptRate_hz = 1000;
 constexpr std::uint32_t kWaitFor = kDeviceNotReady | kDeviceLost;
 
-// mean square distance of a window's samples from their straight line
+// mean square distance of a window's samples from their fitted line
 double aboutLine(std::span<const ZeroForceSample> w) {
   const auto n = static_cast<double>(w.size());
   double t_mean = 0;
@@ -156,7 +156,7 @@ double aboutLine(std::span<const ZeroForceSample> w) {
     pp += normSquared(p);
     tp += p * t;
   }
-  // two of the n numbers of each coordinate went into the line
+  // the line uses two degrees of freedom per coordinate
   return tt > 0 ? std::max(0.0, pp - normSquared(tp) / tt) / (n - 2) : 0;
 }
 
@@ -189,7 +189,7 @@ DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& rea
   }
   facts.info = device.info();
 
-  // passes each status of the device on, once
+  // forwards each device status once
   std::string passed_on;
   const auto passOn = [&] {
     const std::string status = device.status();
@@ -197,7 +197,7 @@ DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& rea
     passed_on = status;
   };
 
-  // some need time, or a person's hand, before they report
+  // some devices need time, or a person's hand, before they report
   ZeroForceLoop ready(device, clock, {rate_hz, ticksIn(patience_s, rate_hz), 1});
   ZeroForceRun run = runZeroForceLoop(ready, device, &real_time, stop_signals, [&] {
     passOn();
@@ -241,7 +241,7 @@ namespace {
 constexpr int kProbes = 8;
 constexpr auto kProbePatience = std::chrono::seconds(2);
 
-// the least of several round trips
+// the shortest of several round trips
 Status probe(BlockingClient& client, ClockProbe& clock) {
   for (int i = 1; i <= kProbes; ++i) {
     pb::Envelope ping;
@@ -361,7 +361,7 @@ namespace {
 
 constexpr double kSelfTestDefault_s = 5, kSelfTestLongest_s = 600;
 
-// the simulated hand keeps still for as long as the test needs it
+// the simulated hand keeps still during the test
 DeviceOptions quietOptions(const StationOptions& options, double seconds) {
   DeviceOptions device{{}, {}, options.X_HT, options.hand};
   device.hand.plan = "rest";

@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-// a number against two limits: up to `ok` fine, up to `warning` usable, above that not
+// compares a number with two limits: good up to `ok`, usable up to `warning`, failed above
 Verdict upTo(double value, double ok, double warning) {
   if (!std::isfinite(value)) return Verdict::kFailed;
   return value <= ok ? Verdict::kOk : value <= warning ? Verdict::kWarning : Verdict::kFailed;
@@ -25,7 +25,7 @@ Check number(std::string name, double value, std::string unit, Verdict verdict, 
   return check;
 }
 
-// in m, without the sign of a nought
+// in m, without a negative zero
 double toMillimetre(double value_m) {
   return std::round(value_m * 1e3) / 1e3 + 0.0;
 }
@@ -77,7 +77,7 @@ void judgeCommunication(const DeviceFacts& f, std::vector<Check>& checks) {
     return;
   }
   const double fresh = 100 * static_cast<double>(s.fresh) / static_cast<double>(s.ran);
-  // a device with a clock of its own, such as the Falcon, now and then has nothing new at the tick
+  // a device with its own clock, such as the Falcon, sometimes has no new reading at a tick
   const Verdict enough = fresh >= 80 ? Verdict::kOk : fresh >= 50 ? Verdict::kWarning : Verdict::kFailed;
   checks.push_back(
       number("communication", fresh, "%", enough,
@@ -128,7 +128,7 @@ void judgePose(const DeviceFacts& f, std::vector<Check>& checks) {
       fmt::format("tip at {:.3f}, {:.3f}, {:.3f} m; the handle within {:.3f} m of the base frame's origin",
                   toMillimetre(tip.x), toMillimetre(tip.y), toMillimetre(tip.z), f.farthest_m),
       "at most 1.5 m", "no haptic device reaches so far: its zero is lost; home or restart it"));
-  // a handle that somebody moves has no noise at rest
+  // noise at rest cannot be measured on a moving handle
   if (f.moved_m > 5e-3)
     checks.push_back(number("noise at rest", f.noise_m, "m", Verdict::kWarning,
                             fmt::format("the handle was moved by {:.1f} mm meanwhile", 1e3 * f.moved_m),

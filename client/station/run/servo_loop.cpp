@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kClosing_s = 0.02;     // the force fades out within this time before an end
+constexpr double kClosing_s = 0.02;     // duration of the fade-out before an end
 constexpr double kAfterFault_s = 0.05;  // long enough for the gate's ramp to zero to be rendered and recorded
 constexpr std::int64_t kLead_ns = 2'000'000;  // between the call of run and the first tick
 
@@ -62,7 +62,7 @@ void ServoLoop::run() noexcept {
   ended_.store(true, std::memory_order_release);
 }
 
-// counts the ticks that passed before the loop woke; the tick number goes on without them
+// counts the ticks that passed before the loop woke; the tick number skips them
 std::uint64_t ServoLoop::countMissedTicks(std::int64_t late_ns) noexcept {
   stats_.wakeup.add(late_ns);
   if (static_cast<double>(late_ns) < period_ns_) return 0;
@@ -87,7 +87,7 @@ void ServoLoop::handleRequests(std::uint64_t number) noexcept {
   }
 }
 
-// 1 in the lesson; falls to 0 over the last ticks before a planned end
+// 1 during the lesson; falls to 0 over the last ticks before a planned end
 double ServoLoop::closingShare(std::uint64_t number) noexcept {
   if (!closing_) {
     const bool last_ticks = settings_.max_ticks > 0 && number + closing_ticks_ >= settings_.max_ticks;
@@ -122,7 +122,7 @@ bool ServoLoop::tick(std::uint64_t number, TickTimes& times) noexcept {
   return stats_.end == ServoEnd::kNotYet;
 }
 
-// is it over?
+// checks for the end
 ServoEnd ServoLoop::endAfter(std::uint64_t number) noexcept {
   if (crashing_ && number - crash_since_ + 1 >= closing_ticks_) return ServoEnd::kCrash;
   if (chain_tick_.fault != Fault::kNone && settings_.on_fault == FaultPolicy::kEnd) {
@@ -165,12 +165,12 @@ void ServoLoop::publish(const TickTimes& times) noexcept {
   ++stats_.samples;
   for (std::uint32_t bits = sample.flags; bits != 0; bits &= bits - 1)
     ++stats_.flag_ticks[static_cast<std::size_t>(std::countr_zero(bits))];
-  // a full ring counts what it refuses; the loop never waits for anybody
+  // a full ring counts refused samples; the loop never waits for other threads
   ring_.push(sample);
   latest_.publish(sample);
 }
 
-// true when the gate raised a fault in this tick
+// returns true if the gate raised a fault in this tick
 bool ServoLoop::noteFault() noexcept {
   fault_.store(chain_tick_.fault, std::memory_order_relaxed);
   condition_.store(reading_.condition, std::memory_order_relaxed);

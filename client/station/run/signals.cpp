@@ -20,19 +20,20 @@ namespace {
 
 pthread_t main_thread;
 
-// Runs in a thread that a library started before `main` (OpenBLAS does) and that blocks nothing: the kernel
-// may choose it, and by default such a signal kills the program with its force
+// Runs in threads that a library started before `main` (as OpenBLAS does). They block no signals, so the
+// kernel may choose one of them, and the default action would kill the program while the device renders a
+// force.
 void handOver(int signal) {
   ::pthread_kill(main_thread, signal);
 }
 
 constexpr std::array kCrashSignals = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 constexpr int kLoopEndWait_ms = 200;
-constexpr int kDeviceWatchdog_ms = 50;  // a device with a thread of its own misses the loop after 20 ms
-constexpr int kLastPacket_ms = 400;     // within this also a crowded machine lets that thread send "no force"
+constexpr int kDeviceWatchdog_ms = 50;  // a device with its own thread notices the missing loop after 20 ms
+constexpr int kLastPacket_ms = 400;     // enough for that thread to send "no force" even on a busy machine
 constexpr std::size_t kHandlerStackBytes = 64 * 1024;
 
-// all that the handler reads
+// all data that the handler reads
 std::atomic<ServoLoop*> guarded_loop{nullptr};
 std::atomic<pid_t> haptic_thread{0};
 static_assert(std::atomic<ServoLoop*>::is_always_lock_free && std::atomic<pid_t>::is_always_lock_free);
@@ -45,7 +46,7 @@ pid_t thisThread() noexcept {
   return static_cast<pid_t>(::syscall(SYS_gettid));
 }
 
-// a handler may only use write(2) for messages; a paused terminal (Ctrl-S) must not hold it up
+// a handler may only use write(2) for messages; a paused terminal (Ctrl-S) must not block it
 void writeMessage(const char* text) noexcept {
   pollfd ready{STDERR_FILENO, POLLOUT, 0};
   if (::poll(&ready, 1, 0) != 1 || (ready.revents & POLLOUT) == 0) return;
@@ -57,11 +58,11 @@ void pauseMs(long ms) noexcept {
   ::nanosleep(&pause, nullptr);
 }
 
-// in the crashed thread; async-signal-safe
+// runs in the crashed thread; async-signal-safe
 void onCrash(int signal) {
   ServoLoop* loop = guarded_loop.load(std::memory_order_acquire);
   if (loop != nullptr && thisThread() == crashPacketThread()) {
-    // the thread that sends the loop's wrenches is gone
+    // the thread that sends the loop's wrenches is dead
     const bool sent = sendCrashPacket();
     loop->crashStop();
     writeMessage(
@@ -79,9 +80,9 @@ void onCrash(int signal) {
     for (int ms = 0; ms < kLoopEndWait_ms && !loop->ended(); ++ms) pauseMs(1);
     if (!loop->ended())
       writeMessage("station: the haptic loop did not answer; the device's own watchdog has to\n");
-    // the loop's zero force is still on its way through a device with a thread of its own
+    // a device with its own thread still has to send the loop's zero force
     pauseMs(kLastPacket_ms);
-    // in case that thread is stuck, by a lock that this one holds
+    // that thread may block on a lock that this one holds
     sendCrashPacket();
   }
   // die by the same signal, with its default action
@@ -102,7 +103,7 @@ sigset_t blockStopSignals() {
   sigset_t stop;
   ::sigemptyset(&stop);
   for (const int signal : {SIGINT, SIGTERM}) ::sigaddset(&stop, signal);
-  // signals that nohup or a shell ignores stay ignored
+  // keeps signals ignored that nohup or a shell ignores
   for (const int signal : {SIGHUP, SIGQUIT}) {
     struct sigaction now {};
     if (::sigaction(signal, nullptr, &now) == 0 && now.sa_handler != SIG_IGN) ::sigaddset(&stop, signal);
@@ -116,9 +117,8 @@ sigset_t blockStopSignals() {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1})
     if (::sigismember(&blocked, signal) == 1) ::sigaction(signal, &action, nullptr);
   ::pthread_sigmask(SIG_BLOCK, &blocked, nullptr);
-  // a reader that is gone, a file beyond the limit of the shell (both come back as errors) and Ctrl-Z must
-  // neither end nor stop the program on the spot: the device would keep
-  // its last force
+  // A closed pipe, a file beyond the shell's size limit (both also return errors) and Ctrl-Z must not end or
+  // suspend the program at once, because the device would keep its last force.
   for (const int signal : {SIGPIPE, SIGXFSZ, SIGTSTP, SIGTTIN, SIGTTOU}) ::signal(signal, SIG_IGN);
   return stop;
 }
@@ -132,7 +132,7 @@ int signalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
 CrashGuard::CrashGuard(ServoLoop& loop) {
   haptic_thread.store(0, std::memory_order_release);
   guarded_loop.store(&loop, std::memory_order_release);
-  // a stack of its own for the handler, so that this thread may even run out of its stack
+  // a separate stack for the handler, so that it also works after a stack overflow of this thread
   stack_t stack{};
   stack.ss_sp = handler_stack.data();
   stack.ss_size = handler_stack.size();

@@ -47,7 +47,7 @@ Status StationHome::connect() {
   if (!options_.key_file.empty()) {
     key = loadStationKey(options_.key_file);
     if (!key.ok()) return key.error();
-    // also without a server: the recording is uploaded under this name later
+    // also without a server: a later upload uses this name
     if (station_.empty()) station_ = key->station;
   }
   if (!options_.server) {
@@ -87,7 +87,7 @@ int runStation(const StationOptions& options, const sigset_t& stop_signals) {
   if (const Status status = home.connect(); !status.ok()) return failed(status);
   StationRun run(home, options, stop_signals);
   if (const Status status = run.prepare(); !status.ok()) return failed(status);
-  static_cast<void>(run.practise());  // its status is in the outcome
+  static_cast<void>(run.practise());  // the outcome contains its status
   run.drain();
   const LessonOutcome outcome = run.outcome();
   home.close();

@@ -21,7 +21,7 @@ int digitOf(char c) {
   return -1;
 }
 
-// advice after the server refused or did not answer
+// advice if the server refused or did not answer
 std::string adviceFor(const Error& error, const Enrolment& enrolment) {
   if (error.message.find(kNotForThisName) != std::string::npos)
     return "; the server's certificate is not for " + enrolment.server.host +
@@ -63,7 +63,7 @@ Result<StationKey> parseStationKey(std::string_view text, const std::string& sou
 Result<StationKey> loadStationKey(const std::filesystem::path& path) {
   auto text = readWholeFile(path, 4096);
   if (!text.ok()) return text.error();
-  const WipeAtEnd wiped(*text);  // in place: a moved text would leave a copy
+  const WipeAtEnd wiped(*text);  // in place, because a move would leave a copy
   warnWhenOthersMayRead(path);
   return parseStationKey(*text, path.string());
 }
@@ -87,7 +87,7 @@ int runEnrol(const StationOptions& options) {
     return fail({ErrorCode::kFailed, "cannot make " + options.enrolled.string() + ": " + error.message() +
                                          "; choose another folder with --enrolled DIR"});
 
-  // nothing is kept before it is known to work
+  // stores the key only after a successful log-in
   const auto name = proveEnrolment(*enrolment, options.enrolled);
   if (!name.ok())
     return fail({name.error().code, "not enrolled: " + name.error().message},

@@ -1,5 +1,5 @@
-// A lesson in the order of its life: prepare (lesson, device, session), practise (the loop on its own thread,
-// watched by this one), drain (the server gets what it does not have yet), outcome and report.
+// A lesson in its order: prepare (lesson, device, session), practise (the loop on its own thread, supervised
+// by this one), drain (sends the rest to the server), outcome and report.
 
 #include "client/station/run/station_run.h"
 
@@ -37,7 +37,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kLessonPatience = 10s;  // for a lesson from the server
+constexpr auto kLessonPatience = 10s;  // time limit for a lesson from the server
 
 constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stability/README.md)
 
@@ -87,7 +87,7 @@ Status StationRun::prepare() {
       {"beginning the recording", &StationRun::openSession},
   };
   for (const auto& [name, step] : steps) {
-    // a person at the window may call it off; signals are taken where the code waits
+    // a person at the window may cancel; the waiting code handles signals
     if (home_.requests().takeStop()) return Error{ErrorCode::kFailed, "it was called off"};
     home_.observer().preparing(name);
     RETURN_IF_ERROR((this->*step)());
@@ -118,7 +118,7 @@ Status StationRun::getLesson() {
           logMessage("the lesson is not cached: " + kept.error().message);
         return lessonOfMessage(options_, *fetched);
       }
-      // a server that answers "no" is believed; one that is away is not waited for
+      // accepts the server's refusal; does not wait for an absent server
       if (fetched.error().code != ErrorCode::kUnavailable) return fetched.error();
       if (!cached.ok())
         return Error{fetched.error().code, fetched.error().message + ", and " + cached.error().message};
@@ -154,8 +154,8 @@ Status StationRun::chooseDevice() {
   return {};
 }
 
-// measures the cost of the lesson's effects, before the loop and not on its thread. A lesson goes on without
-// it
+// measures the cost of the lesson's effects, before the loop and not on its thread; a failure does not stop
+// the lesson
 Status StationRun::measureEffects() {
   auto costs = calibrateEffects(lesson_.scene, options_.rate_hz);
   if (costs.ok()) {
@@ -206,7 +206,7 @@ Status StationRun::openSession() {
   return {};
 }
 
-// to the observer
+// informs the observer
 void StationRun::announce() {
   auto beginning = std::make_shared<LessonBeginning>();
   beginning->session_id = session_->idText();
@@ -228,7 +228,7 @@ Status StationRun::practise() {
   SpoolWriter::Callbacks callbacks;
   callbacks.trouble = logMessage;
   Uplink* const uplink = home_.uplink();
-  // the lesson's figures in an instructor's overview; on the writer's thread
+  // the lesson's figures for the instructor's overview; on the writer's thread
   const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
                                                           lesson_.exercise ? &*lesson_.exercise : nullptr);
   callbacks.piece = [this, uplink, lesson_watch](const SamplePiece& piece) {
@@ -297,7 +297,7 @@ Status StationRun::practise() {
   return stored_;
 }
 
-// requests of a person at the window or of an instructor
+// handles requests from the window and from instructors
 void StationRun::handleRequests(LiveAids& aids) {
   if (auto stop = home_.requests().takeStop(); stop && !stopped_) {
     stopped_ = std::move(stop);
@@ -311,7 +311,7 @@ void StationRun::handleRequests(LiveAids& aids) {
   }
 }
 
-// until the loop ends: signals, messages about faults, acknowledgements
+// handles signals, fault messages and acknowledgements until the loop ends
 void StationRun::watch(DeviceMaintenance& maintenance, FaultPolicy on_fault) {
   sigset_t signals = signals_;
   ::sigaddset(&signals, SIGUSR1);
@@ -353,7 +353,7 @@ void StationRun::watch(DeviceMaintenance& maintenance, FaultPolicy on_fault) {
   liveLine().end();
 }
 
-// the station's state for instructors
+// reports the station's state to instructors
 void StationRun::reportToServer(const FaultWatch& faults) {
   Uplink& uplink = *home_.uplink();
   uplink.noteMissedTicks(loop_->missedTicks());
@@ -368,18 +368,18 @@ void StationRun::drain() {
   if (uplink == nullptr) return;
   DrainPatience patience;
   patience.whole = std::chrono::duration<double>(options_.drain_s);
-  // a disk that stayed full: the session ends at the next start only
+  // if the disk stays full, the next start ends the session
   if (!session_->contents().ended)
     patience.whole = std::min(patience.whole, std::chrono::duration<double>(2));
   home_.requests().clear();
-  // a second signal or request does not wait for the server any more
+  // a second signal or request ends the wait for the server
   const DrainEnd end = needlelab::drain(*uplink, patience, [&] {
     return signalWithin(signals_, 0ms) != 0 || home_.requests().takeStop().has_value();
   });
   if (const std::string text = drainText(end, uplink->state()); !text.empty()) logMessage(text);
 }
 
-// once: it reads the whole recording again
+// only once, because it reads the whole recording
 void StationRun::scoreHere() {
   if (local_) return;
   local_ = localScore(*session_, lesson_, options_.X_WL);
@@ -465,7 +465,7 @@ int StationRun::report(const LessonOutcome& outcome, const std::vector<StationSu
     logMessage("cannot write the closing summary to standard output");
     return kExitFailed;
   }
-  // the samples are safe in the spool, but stay unseen there: not a success
+  // the samples are safe in the spool but do not reach the server: not a success
   if (!summary.uplink.current_trouble.empty() && !summary.uplink.current_verdict) {
     logMessage("the server did not take the session: " + summary.uplink.current_trouble);
     return kExitFailed;

@@ -25,7 +25,7 @@ double micro(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-3;
 }
 
-// Flags that were set at all, warnings or events: text → ticks.
+// Flags set in any tick, warnings or events: text → ticks.
 Json flagCounts(const ServoStats& servo, bool warnings) {
   Json counts = Json::object();
   for (unsigned bit = 0; bit < servo.flag_ticks.size(); ++bit)
@@ -34,14 +34,14 @@ Json flagCounts(const ServoStats& servo, bool warnings) {
   return counts;
 }
 
-// null for a text that is empty or no JSON.
+// Parses JSON; null for empty or invalid text.
 Json parsedOrNull(const std::string& text) {
   if (text.empty()) return nullptr;
   Json value = Json::parse(text, nullptr, false);
   return value.is_discarded() ? Json(nullptr) : value;
 }
 
-// of the stored samples; 0 without any
+// per stored sample; 0 without samples
 double bytesPerSample(const StationSummary& summary) {
   const std::uint64_t stored = summary.writer.samples - summary.writer.samples_lost;
   return stored == 0 ? 0 : static_cast<double>(summary.writer.chunk_bytes) / static_cast<double>(stored);
@@ -171,7 +171,7 @@ Json faultsOf(const StationSummary& s) {
   return faults;
 }
 
-// the quantiles of one histogram as keys NAME_p50_UNIT …; those that are there already are not changed
+// adds one histogram's quantiles as keys NAME_p50_UNIT …; does not change existing keys
 void putQuantiles(Json& row, const std::string& name, const LatencyHistogram& h) {
   const LatencyQuantiles q = h.quantiles();
   const std::pair<const char*, std::int64_t> all[] = {
@@ -271,7 +271,7 @@ std::string summaryJson(const StationSummary& s, const std::vector<StationSummar
 
 namespace {
 
-// the "words" of each row, one a line, indented
+// the "words" of each row, one per line, indented
 std::string rowTexts(const Json& rows) {
   std::string text;
   for (const Json& row : rows)
@@ -288,7 +288,7 @@ std::string syringeLines(const StationSummary& summary) {
   return "syringe\n" + rowTexts(events);
 }
 
-// "12 measures, all requirements met", with the measures that have a requirement
+// "12 measures, all requirements met", followed by the measures with a requirement
 std::string scoreText(const StationSummary& summary) {
   const Json score = parsedOrNull(summary.score_json);
   if (!score.is_array()) return "none";
@@ -296,7 +296,7 @@ std::string scoreText(const StationSummary& summary) {
                      rowTexts(score));
 }
 
-// the lesson's faults, over or not, and the black boxes
+// the lesson's faults, past and present, and the black boxes
 std::string faultLines(const StationSummary& s) {
   std::string text;
   if (s.servo.faults > 0)
@@ -319,7 +319,7 @@ std::string faultLines(const StationSummary& s) {
   return text;
 }
 
-// how late the loop woke, and the ticks' durations, phase by phase
+// wake-up delay of the loop and duration of each tick phase
 std::string timingLines(const StationSummary& s) {
   const auto line = [](const char* name, const LatencyHistogram& h, const std::string& more) {
     const LatencyQuantiles q = h.quantiles();

@@ -16,7 +16,7 @@ LiveLine& liveLine() {
 }
 
 void logMessage(const std::string& text) {
-  // text of the server, of a file or of an instructor may be part of it: nothing that controls a terminal
+  // may contain text from the server, a file or an instructor: removes terminal control characters
   liveLine().printMessage("station: " + printable(text));
 }
 
@@ -26,7 +26,7 @@ bool EnterKey::isTerminal() const {
 
 bool EnterKey::pressed() {
   bool pressed = false;
-  // a bounded number of reads: somebody may pour a file into it
+  // a bounded number of reads, because input may come from a file
   for (int reads = 0; !closed_ && reads < 16; ++reads) {
     if (isTerminal() && ::tcgetpgrp(descriptor_) != ::getpgrp()) break;
     pollfd ready{descriptor_, POLLIN, 0};

@@ -19,7 +19,7 @@ bool isPose(const Pose& X) {
   return isFinite(X.p) && isFinite(X.q) && std::abs(std::sqrt(dot(X.q, X.q)) - 1) <= 1e-3;
 }
 
-// true when a stop signal came within `time`
+// returns true if a stop signal came within `time`
 bool stopSignalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
   const timespec timeout{time.count() / 1000, (time.count() % 1000) * 1'000'000};
   return ::sigtimedwait(&signals, nullptr, &timeout) > 0;
@@ -56,7 +56,7 @@ void ZeroForceLoop::run() noexcept {
     elapsed_ticks_.store(number, std::memory_order_relaxed);
   }
   stats_.ticks = number;
-  // the last tick's period counts as well, or one tick would look like a rate of 30 kHz
+  // includes the last tick's period; otherwise one tick would look like a rate of 30 kHz
   const double elapsed_ns = static_cast<double>(clock_.nowNs() - start_ns);
   stats_.seconds = std::max(elapsed_ns, static_cast<double>(number) * period_ns) * 1e-9;
   device_.write(GuardedWrench{});
@@ -69,7 +69,7 @@ void ZeroForceLoop::tick(std::uint64_t number) noexcept {
     stats_.device_finished = true;
     return;
   }
-  // most devices want an answer to each reading; the answer is always no force
+  // most devices need a write after each read; always zero force
   device_.write(GuardedWrench{});
   stats_.exchange.add(clock_.nowNs() - from_ns);
 
@@ -86,7 +86,7 @@ void ZeroForceLoop::tick(std::uint64_t number) noexcept {
   }
 }
 
-// a fresh reading
+// handles a fresh reading
 void ZeroForceLoop::keep(std::uint64_t number) noexcept {
   if (!isPose(reading_.X_WH)) {
     ++stats_.bad_poses;

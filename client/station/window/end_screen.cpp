@@ -108,7 +108,7 @@ void drawBands(ImDrawList* draw, const DepthAxes& axes, const SceneView& scene) 
     const float right = i + 1 == scene.layers.size() ? end : std::min(end, axes.x(layer.bottom_m));
     draw->AddRectFilled({left, axes.corner.y}, {right, bottom}, packed(tissueColour(layer.tissue), 0.35F));
     draw->AddLine({left, axes.corner.y}, {left, bottom}, packed(kLineGrey));
-    // names of thin layers go to other rows
+    // moves names of thin layers to other rows
     const float width = ImGui::CalcTextSize(layer.name.c_str()).x;
     row = right - left > width + 4 ? 0 : (row + 1) % 3;
     draw->AddText({std::min(left + 3, end - width),
@@ -144,7 +144,7 @@ void drawAxes(ImDrawList* draw, const DepthAxes& axes) {
   }
 }
 
-// one line per way, so that each can have its colour
+// one line per direction, each with its own colour
 void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& curve) {
   std::vector<ImVec2> points;
   bool inward = true;
@@ -155,7 +155,7 @@ void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& cu
     if (!points.empty()) points.erase(points.begin(), points.end() - 1);
   };
   double turn_m = curve.empty() ? 0 : static_cast<double>(curve.front().depth_m);
-  constexpr double kTurn_m = 1e-3;  // less is trembling
+  constexpr double kTurn_m = 1e-3;  // smaller changes are tremor
   for (const CurvePoint& point : curve) {
     const double depth = static_cast<double>(point.depth_m);
     turn_m = inward ? std::max(turn_m, depth) : std::min(turn_m, depth);
@@ -194,7 +194,7 @@ void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px
   ImDrawList* const draw = ImGui::GetWindowDrawList();
   const float line = ImGui::GetTextLineHeight(), left = 4.5F * space();
   draw->AddText(corner, packed(kText), "force over depth, N over mm");
-  // the legend, at the right of the title
+  // the legend, right of the title
   const float legend = ImGui::CalcTextSize("— in   — out").x;
   const float x = corner.x + size_px.x - legend - space();
   draw->AddText({x, corner.y}, packed(kSkyBlue), "— in");

@@ -29,7 +29,7 @@ std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<Gesture
     pieces.swap(pieces_);
     dropped = std::exchange(dropped_since_, 0);
   }
-  // copied without the lock: the spool's writer never waits for this
+  // copies without the lock, so that the spool's writer never waits
   for (const Waiting& waiting : pieces)
     if (waiting.lesson == lesson)
       samples.insert(samples.end(), waiting.samples->begin(), waiting.samples->end());
@@ -80,7 +80,7 @@ void LessonBoard::began(std::shared_ptr<const LessonBeginning> beginning) {
     state.aids_by.clear();
     state.outcome.reset();
     state.trouble.clear();
-    // earlier messages belong to earlier lessons
+    // removes the messages of earlier lessons
     state.messages.clear();
   });
 }
@@ -116,7 +116,7 @@ void LessonBoard::message(const std::string& from, const std::string& text) {
 void LessonBoard::nextExercise(const std::string& from, const std::string& exercise_id) {
   change([&](BoardState& state) {
     state.next = SuggestedExercise{printable(from), printable(exercise_id)};
-    // on the Start screen it is preselected at once; in a lesson it waits for the end
+    // preselects it at once on the Start screen; during a lesson it waits for the end
     if (state.stage != Stage::kStart) return;
     state.choice.exercise = state.next->exercise;
     state.choice.by_profile = false;

@@ -12,7 +12,7 @@ constexpr double kTraceSpan_s = 180;
 LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, SceneView scene)
     : beginning_(std::move(beginning)),
       scene_(std::make_shared<const SceneView>(std::move(scene))),
-      // the beginning holds the model, and lives as long
+      // the beginning owns the model and lives as long
       replica_(std::shared_ptr<const SceneModel>(beginning_, &beginning_->lesson.model)),
       trace_(kTraceSpan_s) {}
 

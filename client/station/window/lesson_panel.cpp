@@ -21,7 +21,7 @@ namespace needlelab {
 
 namespace {
 
-constexpr double kOutside = 0.12;  // share of the ladder above the skin
+constexpr double kOutside = 0.12;  // fraction of the ladder above the skin
 
 struct LadderScale {
   ImVec2 corner, size;
@@ -36,7 +36,7 @@ void drawText(ImDrawList* draw, ImVec2 at, Rgb colour, const std::string& text) 
   draw->AddText(at, packed(colour), text.c_str());
 }
 
-// dark letters on light tissue, light ones on dark
+// dark letters on light tissue, light letters on dark tissue
 Rgb lettersOn(Rgb background) {
   return relativeLuminance(background) > 0.3 ? kBlack : kWhite;
 }
@@ -80,7 +80,7 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
     draw->AddRectFilled({left, top}, {right, end}, packed(colour, here || !names ? 1.0F : 0.65F));
     draw->AddLine({left, top}, {right, top}, packed(kBlack, 0.6F));
     if (here) draw->AddRect({left, top}, {right, end}, packed(kWhite), 0, 0, 2.5F);
-    // names that do not fit stand out of the way of others: they are left to the highlight
+    // omits names that do not fit; the highlight shows them
     if (names && (end - top >= 0.8F * line || here))
       drawText(draw, {left + 0.6F * space(), 0.5F * (top + end - line)}, lettersOn(colour), layer.name);
   }
@@ -99,7 +99,7 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
       drawText(draw, {corner.x, std::min(y - 0.5F * line, bottom - line)}, kDimText,
                tickText(mm, ticks.decimals));
     }
-    // the tip, also while it is outside
+    // the tip, even outside the tissue
     const float y = ladder.y(std::max(now.depth_m, -kOutside / (1 - kOutside) * ladder.depth_m));
     draw->AddLine({left, y}, {right, y}, packed(kWhite), 2);
     draw->AddTriangleFilled({right + 0.2F * space(), y}, {right + 1.6F * space(), y - 0.8F * space()},
@@ -176,7 +176,7 @@ void showPlunger(const LessonFollow& lesson) {
            ImGui::GetContentRegionAvail().x);
 }
 
-// loop, recording, server: calm unless something is wrong
+// state of loop, recording and server; inconspicuous without trouble
 void showHealth(const BoardState& state, const LessonFollow& lesson) {
   const WithFont small(Letters::kSmall);
   const LessonStatus& s = state.status;
@@ -225,7 +225,7 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   const float rest = std::max(8 * space(), ImGui::GetContentRegionAvail().y - health);
   const bool ladder = aids.has(pb::Exercise::LAYER) || aids.has(pb::Exercise::DEPTH);
   const bool slice = aids.has(pb::Exercise::ULTRASOUND);
-  // a plot needs some height: with large letters in a small window it is left out
+  // omits the plot if it is too low (large letters in a small window)
   const bool plot = aids.has(pb::Exercise::FORCE) && (!(ladder || slice) || rest > 26 * space());
   const float upper = (ladder || slice) ? (plot ? 0.52F * rest : rest) : 0;
   if (ladder) {

@@ -78,7 +78,7 @@ constexpr ImGuiWindowFlags kLaidOver = ImGuiWindowFlags_NoDecoration | ImGuiWind
                                        ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
                                        ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoFocusOnAppearing;
 
-// "14:05:09" of the wall clock here
+// local wall-clock time, "14:05:09"
 std::string clockOf(std::int64_t unix_ns) {
   const std::time_t seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
   std::tm local{};
@@ -131,7 +131,7 @@ void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
   ImGui::PushStyleColor(ImGuiCol_Border, colourOf(kSkyBlue));
   ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2);
   if (ImGui::Begin("##messages", nullptr, kLaidOver | ImGuiWindowFlags_NoInputs)) {
-    // an old message takes one line, so that it hides nothing
+    // an old message takes only one line, so that it hides nothing
     const bool fresh =
         !state.messages.empty() && state.messages.back().lesson_s + kFresh_s > state.status.time_s;
     const std::size_t shown = fresh ? kMessagesShown : 1;
@@ -171,7 +171,7 @@ int keyAxis(int plus, int minus) {
   return (ImGui::IsKeyDown(plus) ? 1 : 0) - (ImGui::IsKeyDown(minus) ? 1 : 0);
 }
 
-// one lesson has no exercise where it has a profile only
+// a lesson from a profile file has no exercise
 std::string titleOf(const LessonFollow& lesson) {
   const auto& exercise = lesson.beginning().lesson.exercise;
   return exercise ? exercise->name() : lesson.beginning().lesson.profile.name();
@@ -219,7 +219,7 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, Les
   const float foot = 3.4F * space();
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   const float gap = ImGui::GetStyle().ItemSpacing.x;
-  // large letters need a wider panel, but the picture stays the larger part
+  // large letters need a wider panel, but the picture remains the larger part
   const float panel = std::max(0.34F * rest.x, std::min(0.46F * rest.x, 42 * space()));
   const ImVec2 picture{rest.x - panel - gap, rest.y - foot};
   const ImVec2 corner = ImGui::GetCursorScreenPos();
@@ -257,7 +257,7 @@ void LessonScreen::showScene(const BoardState& state, const LessonFollow& lesson
   frame_.show_needle = lesson.begun();
   frame_.aids = AidSet(state.aids);
   SceneWidgetOptions options;
-  // a hand that is steered needs the mouse; with Alt held it turns the picture there, too
+  // steering a hand uses the mouse; with Alt it rotates the picture instead
   options.mouse_moves_camera = !steering_ || ImGui::GetIO().KeyAlt;
   const SceneWidgetResult result = sceneWidget("scene", renderer_, frame_, size_px, options);
   if (steering_) steer(lesson, result.hovered);
@@ -269,11 +269,11 @@ void LessonScreen::chooseView(const LessonFollow& lesson) {
   if (ImGui::IsKeyPressed(GLFW_KEY_3, false)) frame_.camera = lookFromAbove(*lesson.scene());
 }
 
-// mouse and keys of this frame, on their way to the hand
+// sends this frame's mouse and key input to the hand
 void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
   const ImGuiIO& io = ImGui::GetIO();
   const bool mouse = !io.KeyAlt && !asks_for_end_;
-  // a drag that began in the picture goes on beyond its edge
+  // a drag from inside the picture continues beyond its edge
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Left)) held_across_ = false;
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Right)) held_tilt_ = false;
   if (hovered && mouse && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) held_across_ = true;
@@ -302,7 +302,7 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
   lesson.beginning().steering->setTarget(steering_->update(input, view, tip));
 }
 
-// one key would end a lesson by mistake
+// asks first, because a single key press could end a lesson by mistake
 void LessonScreen::askForEnd(LessonRequests& requests) {
   constexpr const char* kQuestion = "End this lesson?";
   if (ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false) && !asks_for_end_) {

@@ -109,7 +109,7 @@ void LessonSequence::showStart() {
   StartLists lists = localLists(options_, home_.spool());
   board_.change([&](BoardState& state) {
     state.stage = Stage::kStart;
-    // the server's last lists stay until new ones come
+    // keeps the server's last lists until new ones arrive
     if (state.lists.exercises.empty()) state.lists = std::move(lists);
     if (state.next) state.choice.exercise = state.next->exercise;
     if (state.next) state.choice.by_profile = false;
@@ -122,7 +122,7 @@ void LessonSequence::refreshLists() {
   StartLists lists = localLists(options_, home_.spool());
   if (Uplink* uplink = home_.uplink()) {
     const auto cached = LessonCache(options_.spool).list();
-    // a person who has chosen does not wait for a list
+    // a person's request interrupts the wait for the lists
     const auto ask = [&](pb::Request request) {
       return uplink->ask(std::move(request), kListsPatience, true, [&] { return board_.requestWaits(); });
     };
@@ -142,7 +142,7 @@ void LessonSequence::updateDevice() {
   board_.change([&](BoardState& state) { state.device = news; });
 }
 
-// between lessons: looks for the server, its exercises, and the device
+// between lessons: checks the server, its exercises, and the device
 void LessonSequence::updateServer() {
   const std::int64_t now_ns = steadyNowNs();
   if (now_ns < next_server_look_ns_) return;
@@ -204,7 +204,7 @@ void LessonSequence::practise(const LessonChoice& choice) {
   });
 }
 
-// until the server's verdict is there, or the wait is over
+// until the server's verdict arrives or the wait ends
 void LessonSequence::showOutcome() {
   const Uplink* const uplink = home_.uplink();
   if (uplink == nullptr) return reportLast();

@@ -9,13 +9,13 @@ namespace {
 constexpr double kLongestFrame_s = 0.1;
 constexpr double kNearly = 1e-6;
 
-// the part of `v` across the unit vector `axis`, made a unit vector; `other` where there is hardly any
+// normalized component of `v` orthogonal to the unit vector `axis`; `other` if that is nearly zero
 Vec3 across(Vec3 v, Vec3 axis, Vec3 other) {
   const Vec3 part = v - axis * dot(v, axis);
   return norm(part) > 0.1 ? normalized(part) : other;
 }
 
-// turn by `angle` about the unit vector `axis`, in front of `q`
+// rotation by `angle` about the unit vector `axis`, applied after `q`
 Quat turned(Quat q, Vec3 axis, double angle) {
   const double s = std::sin(angle / 2);
   return normalized(Quat{axis.x * s, axis.y * s, axis.z * s, std::cos(angle / 2)} * q);
@@ -27,7 +27,7 @@ const SteeringTarget& PointerSteering::update(const SteerInput& input, const Ste
   const double dt = std::clamp(input.dt_s, 0.0, kLongestFrame_s);
   const double share = input.fine ? kFineShare : 1;
   const Vec3 axis = zAxis(target_.X_WT.q);
-  // directions across the needle: right as seen, and away from the person, which in the picture is up
+  // directions across the needle: right in the picture, and away from the person, which is up in the picture
   const Vec3 toward = cross(view.right_W, view.up_W);
   const Vec3 right = across(view.right_W, axis, across(view.up_W, axis, {1, 0, 0}));
   Vec3 away = cross(axis, right);
@@ -42,7 +42,7 @@ const SteeringTarget& PointerSteering::update(const SteerInput& input, const Ste
   const double tilt_right =
       share * (input.tilt_right * kTilt_radps * dt + input.tilt_right_px * kTilt_rad_per_px);
   const double tilt_up = share * (input.tilt_up * kTilt_radps * dt + input.tilt_up_px * kTilt_rad_per_px);
-  // the hub is at −axis from the tip: to take it to `right`, turn about −axis × right
+  // the hub is at −axis from the tip: to move it to `right`, rotate about −axis × right
   if (std::abs(tilt_right) > kNearly)
     target_.X_WT.q = turned(target_.X_WT.q, cross(-axis, right), tilt_right);
   if (std::abs(tilt_up) > kNearly) target_.X_WT.q = turned(target_.X_WT.q, cross(-axis, away), tilt_up);

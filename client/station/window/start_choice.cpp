@@ -106,7 +106,7 @@ void StartChoice::update(const BoardState& state) {
   lists_ = state.lists;
   server_ = !state.server.empty();
   server_away_ = state.server_away;
-  // a new proposal of the station replaces the person's choice
+  // a new preselection of the station replaces the person's choice
   if (state.choice != preselected_) {
     preselected_ = state.choice;
     if (!state.choice.trainee.empty()) trainee_ = state.choice.trainee;
@@ -138,7 +138,7 @@ void StartChoice::list() {
     }
     exercises_.push_back(std::move(row));
   }
-  // the command line's exercise may be one that no list knows
+  // the command line's exercise may be missing from all lists
   if (!exercise_.empty() && exercise() < 0)
     exercises_.push_back({{trainee_, exercise_, false}, exercise_, "", "", true});
   std::stable_sort(exercises_.begin(), exercises_.end(), [](const ExerciseRow& a, const ExerciseRow& b) {

@@ -90,7 +90,7 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   surface.width_px = options.window.width_px;
   surface.height_px = options.window.height_px;
   surface.font_scale = options.window.font_scale.value_or(1);
-  // the command line goes before the size that was kept last time
+  // the command line takes precedence over the stored size
   if (display && !options.window.size_given) {
     surface.state_file = defaultSpool().parent_path() / "station-window.json";
     std::error_code ignored;
@@ -99,7 +99,7 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   return surface;
 }
 
-/// The thread of the lessons, and how it is ended.
+/// The lessons' thread and its end.
 class LessonThread {
  public:
   LessonThread(LessonSequence& sequence, LessonBoard& board) : sequence_(sequence), board_(board) {
@@ -118,13 +118,13 @@ class LessonThread {
   LessonThread& operator=(const LessonThread&) = delete;
 
   [[nodiscard]] bool ended() const { return ended_.load(); }
-  /// Ends the lesson that runs, then sends its recording.
+  /// Ends the running lesson, then sends its recording.
   void requestEnd() {
     if (end_requested_.exchange(true)) return;
     sequence_.requests().stop({});
     board_.ask({BoardRequest::Kind::kQuit, {}});
   }
-  /// Asked once already: the server is not waited for any more.
+  /// The first call ends the lesson; later calls end the wait for the server.
   void requestEndAgain() {
     if (!end_requested_.load()) return requestEnd();
     sequence_.requests().stop({});
@@ -138,7 +138,7 @@ class LessonThread {
   }
 
  private:
-  // Xlib ends the program by `exit` when its display goes: the lesson is ended properly before that
+  // Xlib calls `exit` when its display is lost: end the lesson properly before that
   static void atExit() {
     LessonThread* const here = current_.load();
     if (here == nullptr || here->thread_.get_id() == std::this_thread::get_id()) return;
@@ -210,7 +210,7 @@ class FrameLoop {
     }
   }
 
-  // nobody is there to begin or to quit
+  // without a display no person can begin or quit
   void goOnAlone() {
     const BoardState& state = window_.shown();
     const bool lesson_is_wanted = wantsPicture(options_, PictureRequest::When::kLesson) ||
@@ -221,7 +221,7 @@ class FrameLoop {
       begun_ = true;
       board_.ask({BoardRequest::Kind::kBegin, state.choice});
     }
-    // the server's word, or no picture more to wait for
+    // the server's verdict, or no more pictures
     if (state.stage == Stage::kEnd && (plan_.done() || !wantsPicture(options_, PictureRequest::When::kEnd)))
       lessons_.requestEnd();
   }
@@ -244,7 +244,7 @@ class FrameLoop {
   bool all_saved_ = true, begun_ = false;
 };
 
-// refuses what needs a person at a display
+// refuses options that need a person at a display
 Status checkDisplay(const StationOptions& options, bool display) {
   if (display) return {};
   if (options.window.pictures.empty())
@@ -274,12 +274,12 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
     options.hand.plan = kPointerPlan;
 
   const auto core = coreForLoop(options.cpu);
-  // llvmpipe's threads keep where they were begun: not beside the haptic loop
+  // llvmpipe's threads keep the core mask of their creation: keep them off the haptic loop's core
   auto keep_off = std::make_optional<KeepOffCore>(core);
   auto surface = Surface::open(surfaceOptions(options, display));
   if (!surface.ok()) return refused(surface.error().message, exitCodeOf(surface.error()));
   if (options.window.font_scale) (*surface)->setFontScale(*options.window.font_scale);
-  // the lessons' threads may use every core
+  // the lessons' threads may use all cores
   keep_off.reset();
   LessonBoard board;
   const bool alone = !display;
@@ -293,7 +293,7 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
     LessonThread lessons(sequence, board);
     keep_off.emplace(core);
     pictures = FrameLoop(options, stop_signals, alone, **surface, **window, board, lessons).run();
-    // draining may take a while: the window closes at once
+    // close the window at once, because draining may take a while
     window->reset();
     surface->reset();
     lessons.requestEnd();

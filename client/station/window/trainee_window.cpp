@@ -11,7 +11,7 @@ namespace needlelab {
 
 Result<std::unique_ptr<TraineeWindow>> TraineeWindow::make(LessonBoard& board, LessonRequests& requests) {
   ASSIGN_OR_RETURN(auto renderer, SceneRenderer::make());
-  // arrows, Space and Enter steer the needle and begin lessons: they must not press the focused widget
+  // arrows, Space and Enter steer the needle and begin lessons: they must not activate the focused widget
   ImGui::GetIO().ConfigFlags &= ~ImGuiConfigFlags_NavEnableKeyboard;
   return std::unique_ptr<TraineeWindow>(new TraineeWindow(board, requests, std::move(renderer)));
 }
@@ -24,7 +24,7 @@ double TraineeWindow::lessonTime_s() const {
   return follow_ && follow_->begun() ? follow_->now().time_s : 0;
 }
 
-// a new lesson, and its new samples
+// follows a new lesson and its new samples
 void TraineeWindow::follow() {
   if (state_.lesson != lesson_ && state_.beginning) {
     lesson_ = state_.lesson;
