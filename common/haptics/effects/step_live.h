@@ -67,9 +67,11 @@ constexpr EffectMask replacedBy() {
 ///     // fills report.cutting_N or attracted_N, which are 0 before (so are friction_N and puncture_N when
 ///     // that effect is not live). If it is a template over the EffectMask, it writes both
 /// The model keeps its state in SimState: a place along u either as `wall_m` (0 at entry, a turn of u moves
-/// it), or less `x_shift_m`, which a turn changes instead. The common tick runs straight through; rare events
-/// (start or end of contact, another layer, a turn, a tilted needle) are handled out of line on a copy of
-/// `tick`, so that the compiler can keep the original in registers. Nothing of the report is written twice.
+/// it), or less `x_shift_m`, which a turn changes instead.
+///
+/// The common tick runs straight through; rare events (start or end of contact, another layer, a turn, a
+/// tilted needle) are handled out of line on a copy of `tick`, so that the compiler can keep the original in
+/// registers. Nothing of the report is written twice.
 template <class Axial, EffectMask Live, class Steps = EffectSteps>
 void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
               StepReport& report) noexcept {
