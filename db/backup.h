@@ -41,8 +41,8 @@ std::string backupName(std::int64_t now_unix_ns);
 /// Older backups in the same folder as a new one.
 struct OldBackups {
   std::vector<std::filesystem::path> removed;
-  std::vector<std::filesystem::path>
-      later;  ///< named with a later time than the new one: not removed, not counted
+  /// Named with a later time than the new one: not removed, not counted.
+  std::vector<std::filesystem::path> later;
 };
 
 /// Removes the backups beside `target` except the newest `keep`, by the time in their names (backupName).

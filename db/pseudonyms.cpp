@@ -218,8 +218,8 @@ Status addOthers(Connection& connection, ErasedNames& names) {
 AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
                       const std::set<std::string>& own_sessions) {
   AuditRow without = line;
-  const bool by =
-      line.who == names.name && line.action != "chunk contradicts";  // in those lines it is a station's name
+  // in those lines it is a station's name
+  const bool by = line.who == names.name && line.action != "chunk contradicts";
   const bool about = isPersonSubject(line, names.name);
   if (by) without.who = names.in_its_place;
   if (about) {

@@ -276,8 +276,8 @@ class Import {
   std::uint64_t number_ = 0;
   std::set<std::string> courses_;
   std::optional<ImportErasures> erasures_;  ///< set by begin()
-  std::optional<std::unordered_set<std::string>>
-      lines_;  ///< of the audit log; read for the first imported line
+  /// Of the audit log; read for the first imported line.
+  std::optional<std::unordered_set<std::string>> lines_;
 };
 
 /// Takes all pieces in order, one record per line.

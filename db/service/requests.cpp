@@ -74,8 +74,7 @@ constexpr RequestHandler to = {[](Service& service, const Principal& who, const 
                                },
                                [] { return takenBy(kHandler); }};
 
-// call, its name in the audit log, who may ask, what executes it, the reply, the threads; the HTTP lines that
-// ask for it
+// call, its name in the audit log, permitted roles, handler, reply, threads; HTTP lines
 // clang-format off
 constexpr RequestRow kRows[] = {
   // --- people. A trainee or a researcher gets only its own data; the handlers check that

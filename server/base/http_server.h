@@ -27,8 +27,8 @@ struct HttpLimits {
   std::size_t requests_per_connection = 1000;
   std::chrono::milliseconds handshake_timeout{10'000};
   std::chrono::milliseconds idle_timeout{60'000};  ///< between two requests
-  std::chrono::milliseconds header_timeout{
-      10'000};  ///< from the header's first byte to its last, however slowly it arrives
+  /// From the header's first byte to its last, however slowly it arrives.
+  std::chrono::milliseconds header_timeout{10'000};
   std::chrono::milliseconds body_timeout{30'000};
   std::chrono::milliseconds write_timeout{30'000};  ///< for a reply, or for one piece of a stream
   /// Set: one deadline from accept to the last byte, replacing all others.

@@ -24,8 +24,8 @@ class Admission {
     std::size_t max_strangers = 1536;      ///< not logged in, of the server
     double charges_at_once = 2048;         ///< of one address (IPv6: of one /64)
     std::chrono::milliseconds refill{20};  ///< one charge is refunded per interval
-    std::size_t max_addresses =
-        10'000;  ///< in memory; above this limit, addresses without charges are dropped
+    /// In memory; above this limit, addresses without charges are dropped.
+    std::size_t max_addresses = 10'000;
   };
   enum class Answer {
     kWelcome,

@@ -25,7 +25,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   PeerConnection(const PeerConnection&) = delete;
   PeerConnection& operator=(const PeerConnection&) = delete;
 
-  /// Runs the connection: handshake, messages, end. It is registered in the context meanwhile.
+  /// Runs the connection: handshake, messages, end. The context lists it for that time.
   static Task<> run(std::shared_ptr<PeerConnection> self);
 
   /// When the server stops: reads no more, waits until the received chunks are committed and acknowledged,
@@ -113,9 +113,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::string program_;  // from its Hello
   pb::Version version_;  // from its Hello
   Signal pong_;          // a Pong has arrived, or this connection ends
-  std::uint64_t pings_asked_ = 0,
-                pings_answered_ = 0;  // ids of this connection's own Pings; the channel's Pings have no ids
-  Signal freed_;                      // pending work has ended: there may be capacity to read on
+  // ids of this connection's own Pings; the channel's Pings have no ids
+  std::uint64_t pings_asked_ = 0, pings_answered_ = 0;
+  Signal freed_;  // pending work has ended: there may be capacity to read on
   std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
   std::size_t requests_at_work_ = 0;
   std::size_t refusals_ = 0;          // sent by this server

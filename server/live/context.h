@@ -30,16 +30,16 @@ class PeerConnection;
 struct ConnectionBounds {
   std::size_t chunks_in_flight = 64;  ///< received but not yet committed; at the limit its socket is not read
   std::size_t chunk_bytes_in_flight = 8u << 20;
-  std::size_t all_chunks_in_flight =
-      8192;  ///< of the whole server: less than the capacity of the writer's queue
+  /// Of the whole server: less than the capacity of the writer's queue.
+  std::size_t all_chunks_in_flight = 8192;
   std::size_t requests_at_work = 8;
   /// TLS handshakes of the whole server. With a thousand at once, all would be unfinished when their stations
   /// time out.
   std::size_t handshakes_at_once = 32;
   std::size_t handshakes_of_address = 24;  ///< of those: one address can never use all
   std::size_t logins_waiting = 64;         ///< of the whole server, for the password check
-  std::size_t logins_waiting_of_strangers =
-      48;  ///< the rest is for people who have logged in from that address before
+  /// The other places are for people who have logged in from that address before.
+  std::size_t logins_waiting_of_strangers = 48;
   std::size_t logins_waiting_at_address = 32;  ///< of those strangers, from one address
   std::size_t connections_of_person = 256;     ///< logged in at once
   double small_messages_at_once = 5000;        ///< all but chunks and requests, which have their own limits
@@ -85,8 +85,8 @@ struct ServerContext {
   asio::thread_pool& workers;       ///< short reads and scoring
   asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson
   asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes
-  asio::thread_pool&
-      retention_workers;  ///< two threads: one for a run, perhaps hours with pauses, one for answers
+  /// Two threads: one for a run, perhaps hours with pauses, one for answers.
+  asio::thread_pool& retention_workers;
   ConnectionBounds bounds;
   Hub hub;
   LoginGuard guard;
@@ -96,8 +96,8 @@ struct ServerContext {
   Admission admission{};
   std::size_t logins_waiting = 0;
   std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
-  std::uint64_t password_turns = 0,
-                password_turn = 0;          ///< issued, and the one whose password is being checked
+  /// Turns issued, and the turn whose password is being checked.
+  std::uint64_t password_turns = 0, password_turn = 0;
   Signal password_done{io.get_executor()};  ///< password_turn has advanced
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
   std::size_t chunks_in_flight = 0;  ///< of all connections
@@ -105,8 +105,8 @@ struct ServerContext {
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
   Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its limit
   std::size_t handshakes = 0;                      ///< in progress
-  std::unordered_map<std::string, std::size_t> handshakes_of =
-      {};                                          ///< of those, by address; without zero entries
+  /// Handshakes in progress, by address; without zero entries.
+  std::unordered_map<std::string, std::size_t> handshakes_of = {};
   std::vector<PeerConnection*> handshakes_wait{};  ///< last in, first out
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end

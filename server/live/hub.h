@@ -52,8 +52,8 @@ class HubPeer {
 };
 
 struct HubSettings {
-  std::chrono::milliseconds status_period{
-      100};                                 ///< minimum interval between lines of one station in an overview
+  /// Minimum interval between lines of one station in an overview.
+  std::chrono::milliseconds status_period{100};
   double overview_lines_per_s = 500;        ///< of all stations together, for one viewer
   std::size_t max_subscriptions = 2000;     ///< of one viewer
   std::size_t max_frame_bytes = 64u << 10;  ///< of a live frame's data

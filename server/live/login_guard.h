@@ -25,14 +25,14 @@ class LoginGuard {
     double allowed_per_name = 5;
     std::chrono::milliseconds first_wait{10'000};
     std::chrono::milliseconds longest_wait{15 * 60'000};
-    std::chrono::milliseconds quiet{
-        3'600'000};  ///< without a failure: then a name at an address starts from zero
+    /// Without a failure: then a name at an address starts from zero.
+    std::chrono::milliseconds quiet{3'600'000};
     double allowed_per_address = 30;
     std::chrono::milliseconds refill_address{2'000};
     double allowed_everywhere = 50;
     std::chrono::milliseconds refill_everywhere{10'000};
-    std::size_t max_entries =
-        10'000;  ///< of each kind; above this limit the entry idle for longest is dropped
+    /// Of each kind; above this limit the entry idle for longest is dropped.
+    std::size_t max_entries = 10'000;
   };
 
   LoginGuard() : LoginGuard(Settings{}) {}

@@ -84,8 +84,8 @@ class Monitor {
   ServerContext& context_;
   const std::filesystem::path certificate_;
   const MonitorSettings settings_;
-  asio::thread_pool worker_{
-      1};  ///< separate, so that a disk that hangs cannot block the pools that serve lessons
+  /// Separate, so that a disk that hangs cannot block the pools that serve lessons.
+  asio::thread_pool worker_{1};
   std::optional<StoreFacts> facts_;
   std::int64_t facts_ns_ = 0;
   bool reading_ = false, writing_ = false;

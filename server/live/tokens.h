@@ -56,8 +56,8 @@ class Tokens {
 
   std::chrono::milliseconds lifetime_, longest_;
   std::size_t max_tokens_;
-  std::map<std::string, Entry>
-      tokens_;  // by BLAKE2b-256 of the token: the lookup's duration reveals nothing about the token
+  // by BLAKE2b-256 of the token: the lookup's duration reveals nothing about the token
+  std::map<std::string, Entry> tokens_;
 };
 
 }  // namespace needlelab

@@ -21,8 +21,8 @@ namespace needlelab {
 struct WebTarget {
   std::vector<std::string> segments;
   std::map<std::string, std::string> query;
-  [[nodiscard]] std::string path()
-      const;  ///< each decoded segment with '/' before it; "/" when there are none
+  /// Each decoded segment with '/' before it; "/" when there are none.
+  [[nodiscard]] std::string path() const;
 };
 
 /// Accepts origin form only. Refuses: over 2048 bytes, control characters, bytes that are not UTF-8 after

@@ -36,8 +36,8 @@ struct WebSettings : HttpLimits {
   std::chrono::milliseconds live_period{200};
   std::size_t live_sockets = 64;
   std::size_t live_sockets_per_person = 8;
-  std::chrono::milliseconds live_write_timeout{
-      5'000};  ///< a viewer that does not take a message in this time is cut
+  /// A viewer that does not take a message in this time is cut.
+  std::chrono::milliseconds live_write_timeout{5'000};
 };
 
 /// Thread: the network's. Ownership: kept alive by its coroutines; the context must outlive them.
@@ -91,8 +91,8 @@ class WebServer : public HttpServer {
   const std::shared_ptr<LiveBoard> board_;
   std::unordered_map<std::string, std::size_t> viewers_;  // by name
   std::size_t all_viewers_ = 0;
-  std::unordered_map<std::uint64_t, std::string>
-      address_of_;  // by connection: the address key of admission.h
+  // by connection: the address key of admission.h
+  std::unordered_map<std::uint64_t, std::string> address_of_;
   std::unordered_map<std::string, std::size_t> by_address_;
   std::unordered_map<std::uint64_t, std::string> person_of_;               // by connection
   std::unordered_map<std::string, std::vector<std::uint64_t>> by_person_;  // the most recent request last
