@@ -28,7 +28,7 @@ struct LinkTrouble {
 LinkTrouble troubleOf(const Error& error, const std::string& server);
 
 enum class LinkPhase : std::uint8_t {
-  kLoggedOut,   ///< nobody has logged in
+  kLoggedOut,   ///< no log-in yet, or logged out
   kConnecting,  ///< first attempt of a log-in
   kOnline,
   kAway,     ///< lost, or never reached; retries automatically
@@ -72,7 +72,7 @@ struct LabConnectionSettings {
   std::chrono::milliseconds first_retry{200}, most_retry{5000};
   std::chrono::milliseconds answer_time{60'000};  ///< timeout of a request
   std::size_t most_frames = 4096;      ///< limit of frames waiting for a poll; beyond it drops the oldest
-  std::size_t most_waiting = 256;      ///< requests
+  std::size_t most_waiting = 256;      ///< limit of pending requests
   std::string program = "instructor";  ///< its name in messages to the server
 };
 

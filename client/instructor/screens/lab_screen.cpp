@@ -96,7 +96,7 @@ bool stationTile(const StationTile& tile, float width_px) {
   return clicked;
 }
 
-/// The number of stations per need: shows at a glance who needs help.
+/// The number of stations per need.
 void showCounts(const LabState& lab) {
   ImGui::AlignTextToFramePadding();
   const auto counts = lab.overview.counts();

@@ -14,7 +14,7 @@ namespace needlelab {
 
 /// One kind of device and its search function. `look` may be slow or hang, so it runs on its own thread.
 struct DeviceLister {
-  std::string spec;  ///< the kind's name; stands in the entry if `look` does not return
+  std::string spec;  ///< the kind's name, for the entry if `look` does not return
   std::string name;
   std::function<std::vector<FoundDevice>()> look;
 };

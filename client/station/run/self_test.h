@@ -107,7 +107,7 @@ struct Check {
   Verdict verdict = Verdict::kOk;
   std::string found;                 ///< with unit, for a person
   std::string limit;                 ///< the expected range; empty without one
-  std::string advice;                ///< what to do; empty when OK
+  std::string advice;                ///< advice; empty when OK
   std::optional<double> value = {};  ///< the judged number
   std::string unit = {};
 };

@@ -28,7 +28,7 @@ struct LessonVerdict {
   std::vector<VerdictRow> required;  ///< unmet requirements come first
   std::vector<VerdictRow> others;    ///< all other measures
   std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"
-  std::string kept;       ///< where the recording is: "with the server", "in this station's spool", …
+  std::string kept;       ///< place of the recording: "with the server", "in this station's spool", …
   bool kept_well = true;  ///< false: part of it is lost or refused
   std::string by;         ///< "scored by the server"; empty without a score
 };

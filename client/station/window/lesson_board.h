@@ -80,7 +80,7 @@ struct BoardState {
   std::shared_ptr<const LessonBeginning> beginning;
   LessonStatus status;
   AidList aids;                        ///< in effect now
-  std::string aids_by;                 ///< who changed them; empty: the exercise's own
+  std::string aids_by;                 ///< the instructor's name; empty: the exercise's own aids
   std::vector<BoardMessage> messages;  ///< the newest 50
   std::shared_ptr<const LessonOutcome> outcome;
   std::optional<SuggestedExercise> next;

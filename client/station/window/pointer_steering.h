@@ -11,7 +11,7 @@ struct SteerInput {
   double dt_s = 0;  ///< clamped to 0.1, so that nothing jumps after a stall of the window
   double across_right_px = 0, across_up_px = 0;  ///< dragged with the left button
   double tilt_right_px = 0, tilt_up_px = 0;      ///< dragged with the right button
-  double wheel = 0;                              ///< notches; positive (away from the person) goes in
+  double wheel = 0;                              ///< notches; positive (away from the person): insertion
   int advance = 0;                               ///< keys: 1 in, −1 out
   int across_right = 0, across_up = 0;           ///< keys, −1 to 1
   int tilt_right = 0, tilt_up = 0;
