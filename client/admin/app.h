@@ -1,4 +1,4 @@
-/// The admin program as a function, for tests.
+/// The program, callable from tests.
 #pragma once
 
 #include <iosfwd>

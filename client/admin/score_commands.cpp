@@ -1,4 +1,5 @@
-// Scores: of a session, of everybody as a table, recomputed by newer definitions; the reference experts.
+// Scores: of a session, of everybody as a table, again by newer definitions; the experts that others are
+// compared with.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -11,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-/// Returns the rows of a list in a reply; an empty list for an invalid text.
+/// The rows of a list in a reply; an empty list for a text that is none.
 Json rowsOfText(const std::string& json) {
   Json rows = Json::parse(json.empty() ? "[]" : json, nullptr, false);
   return rows.is_array() ? rows : Json::array();
@@ -24,7 +25,7 @@ struct ScoreChoice {
   std::vector<std::string> sessions;
 };
 
-/// To add a format, write another pair of functions for the rows of ListScores.
+/// Further formats: another pair of functions that take what ListScores gives, one row after the other.
 Status exportScores(CommandContext& context, const ScoreChoice& choice) {
   ASSIGN_OR_RETURN(auto file, GrowingFile::create(choice.out));
   std::string text;
@@ -113,7 +114,7 @@ Status showReference(CommandContext& context, const pb::Reference& reference) {
                              rows, "no session of experts was chosen yet");
 }
 
-/// Replaces the previous choice.
+/// In place of those that were chosen before.
 Status setReference(CommandContext& context, const ScoreChoice& choice) {
   pb::Request now;
   now.mutable_get_reference()->set_exercise_id(choice.exercise);

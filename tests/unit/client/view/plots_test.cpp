@@ -35,7 +35,7 @@ class PlotsTest : public test::ViewStage {
         },
         frames);
   }
-  // the rows of a column in which the series' colour stands
+  // Returns the rows of a column that have the series' colour.
   std::pair<int, int> rowsOf(const RgbaImage& picture, int x, Rgb colour) const {
     int first = -1, last = -1;
     for (int y = static_cast<int>(field_.low_px.y); y < static_cast<int>(field_.high_px.y); ++y) {
@@ -179,7 +179,7 @@ TEST_F(PlotsTest, theMouseReadsSeeksAndZooms) {
   drawn(spec, {seriesThrough(x, y, kYellow)}, 1);
   ASSERT_TRUE(result_.clicked_x);
   EXPECT_NEAR(*result_.clicked_x, 105, 0.05);
-  // dragged beyond the end it stays in the range
+  // Dragged beyond the end, it stays in the range.
   surface_->moveMouse(5000, 80);
   drawn(spec, {seriesThrough(x, y, kYellow)}, 1);
   EXPECT_NEAR(result_.clicked_x.value_or(0), 110, 1e-9);
@@ -204,7 +204,7 @@ TEST_F(PlotsTest, nothingOrNonsenseMakesAnEmptyPlot) {
   EXPECT_FALSE(anyYellow(drawn(spec, {seriesThrough(x, y, kYellow)})));
   spec.from = spec.to = 5;
   EXPECT_FALSE(anyYellow(drawn(spec, {seriesThrough(none, none, kYellow), PlotSeries{}})));
-  // where there is no room at all, nothing stands outside of it
+  // Even without any space, the plots draw nothing outside their area.
   const RgbaImage tiny = draw([&] {
     beginScreen("s");
     (void)linePlot("tiny", spec, {5, 5});

@@ -35,7 +35,7 @@ class SceneRendererTest : public test::ViewStage {
     EXPECT_TRUE(made) << (made ? "" : made.error().message);
     return made ? std::move(made).value() : nullptr;
   }
-  // the lesson at a time, seen for the first time
+  // The lesson at a given time, with the initial camera.
   SceneFrame frameAt(const SampleLesson& lesson, double time_s) {
     GestureReplica replica(lesson.model);
     for (const GestureSample& sample : lesson.samples) {
@@ -61,7 +61,7 @@ PicturePoint placeIn(const SceneFrame& frame, Vec3 p_W_m) {
   return point.value_or(PicturePoint{});
 }
 
-// how far a colour's direction is from the palette's: light and shade change its length only
+// Returns how far a colour's direction is from the palette's: shading changes only its length.
 double hueError(MeanColour seen, Rgb expected) {
   const Vec3 a{seen.red, seen.green, seen.blue};
   const Vec3 b{static_cast<double>(expected.red), static_cast<double>(expected.green),
@@ -72,7 +72,7 @@ double hueError(MeanColour seen, Rgb expected) {
 TEST_F(SceneRendererTest, theTargetStandsWhereTheCameraSaysInItsColour) {
   for (const char* name : {"shoulder-adult", "knee-adult", "lumbar-adult", "wrist-adult"}) {
     const SampleLesson lesson = test::sampleLesson(name);
-    // no other structure in front of it
+    // with no other structure in front of it
     SceneView alone = *lesson.scene;
     alone.hazards.clear();
     renderer_->setScene(std::make_shared<const SceneView>(alone));
@@ -186,7 +186,7 @@ TEST_F(SceneRendererTest, aCameraThatCameToRestGetsTheFinePicture) {
   other->setScene(lesson.scene);
   const RgbaImage fine = pictureOf(*other, frame);
   EXPECT_EQ(renderer_->picture().pixels, fine.pixels);
-  // the quick one is the same but for its edges
+  // The fast rendering is the same except at the edges.
   EXPECT_NE(moving.pixels, fine.pixels);
   EXPECT_LT(test::shareThatDiffers(moving, fine, 40), 0.03);
 }
@@ -202,7 +202,7 @@ TEST_F(SceneRendererTest, closedSkinHidesTheTip) {
   const RgbaImage without = pictureOf(*renderer_, frame);
   const PicturePoint tip = placeIn(frame, frame.moment.p_WT_m);
   EXPECT_EQ(test::pixelAt(with, tip.x_px, tip.y_px), test::pixelAt(without, tip.x_px, tip.y_px));
-  // the part outside is there
+  // The part outside is visible.
   const PicturePoint hub = placeIn(frame, frame.moment.p_WT_m - normalized(zAxis(frame.moment.q_WT)) * 0.055);
   EXPECT_NE(test::pixelAt(with, hub.x_px, hub.y_px), test::pixelAt(without, hub.x_px, hub.y_px));
 }

@@ -65,7 +65,7 @@ TEST_F(SceneWidgetTest, showsTheRenderersPicturePixelByPixelWhereItStands) {
     for (int x = 0; x < 700; x += 3)
       wrong += test::pixelAt(surface, 30 + x, 20 + y) != test::pixelAt(scene, x, y) ? 1 : 0;
   EXPECT_EQ(wrong, 0);
-  // and nothing beside it
+  // and nothing else
   EXPECT_EQ(test::pixelAt(surface, 15, 300), 0x14171Cu);
   EXPECT_EQ(test::pixelAt(surface, 745, 300), 0x14171Cu);
 }
@@ -95,7 +95,7 @@ TEST_F(SceneWidgetTest, theMouseTurnsShiftsAndZoomsTheCamera) {
   surface_->scroll(2);
   drawn(1);
   EXPECT_LT(frame_.camera.distance_m, before_m);
-  // a double click is the first look again
+  // A double click restores the initial camera.
   for (int i = 0; i < 2; ++i) {
     surface_->setMouseButton(0, true);
     drawn(1);

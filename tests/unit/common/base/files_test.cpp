@@ -64,7 +64,7 @@ TEST(AtomicFile, missingFolderIsAnErrorWithThePath) {
   EXPECT_FALSE(syncFolder(folder.path() / "no").ok());
 }
 
-// as root a rename would put a file in the place of /dev/null, for every program of the machine
+// For root, a rename would replace /dev/null by a file for every program on the machine.
 TEST(AtomicFile, aPipeOrDeviceIsWrittenToAndNeverReplaced) {
   const test::TempFolder folder;
   const auto pipe = folder.path() / "pipe";

@@ -9,7 +9,7 @@
 namespace needlelab::test {
 namespace {
 
-// what users run: whatever the environment says, no bug is in it
+// The users' programs contain no planted bug, whatever the environment sets.
 TEST(PlantedBug, isInNoProgramThatUsersRun) {
   std::set<std::string_view> names;
   for (int i = 0; i < kPlantedBugs; ++i) {

@@ -1,4 +1,4 @@
-// The elements themselves: what every correct finite element must do, against closed forms.
+// Checks the elements themselves against closed forms that every correct finite element satisfies.
 #include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>

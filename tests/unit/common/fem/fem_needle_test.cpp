@@ -1,4 +1,4 @@
-// The live needle of FEM on a compliance made by formula, so that no mesh is needed: contact law, energy,
+// Tests the live FEM needle on a compliance given by formula, without a mesh: contact law, energy,
 // continuity.
 #include "common/haptics/models/fem_needle.h"
 
@@ -17,7 +17,7 @@ namespace {
 constexpr double kFriction_N_per_m = 25, kCutting_N = 0.8, kSpacing_m = 0.001;
 constexpr std::size_t kStations = 40;
 
-// exponential in the distance: positive definite, and like the tissue's near the needle
+// exponential in the distance: positive definite, and similar to tissue near the needle
 std::shared_ptr<const NeedleCompliance> madeCompliance(double own_give_m_per_N = 5e-3) {
   auto compliance = std::make_shared<NeedleCompliance>();
   compliance->spacing_m = kSpacing_m;
@@ -77,7 +77,7 @@ double push(const NeedleForce& force) {  // of the hand, into the tissue positiv
   return -(force.cutting_N + force.friction_N);
 }
 
-// every tick solves its contact problem: bounds, sticking and slipping by this test's own reckoning
+// Every tick solves its contact problem: this test checks bounds, sticking and slipping independently.
 void expectContactLaw(double slant, std::uint64_t seed) {
   const FemNeedle needle = compileNeedle(madeScene());
   const NeedleCompliance& compliance = *needle.compliance;
@@ -151,7 +151,7 @@ TEST(FemNeedle, neverGivesMoreThanItStored) {
       const double force = push(stepNeedle(needle, straight(x), state));
       work += force * (x - x_before);
       trapezoid += 0.5 * (force + push_before) * (x - x_before);
-      // passive beside what is stored: stronger than never giving net energy
+      // Passive including the stored energy: this is stronger than never giving net energy.
       ASSERT_GE(work, storedEnergy(needle, state) - 1e-12) << "seed " << seed;
       ASSERT_GE(trapezoid, -1e-7) << "seed " << seed;
       push_before = force;
@@ -174,7 +174,7 @@ TEST(FemNeedle, withoutFrictionOrCuttingOnlyTheElasticPartIsLeftAndComesBack) {
     work += 0.5 * (force + before) * (x - x_before);
     before = force;
     x_before = x;
-    // nothing is cut: a spring of the tip's stiffness at the surface
+    // Nothing is cut: the needle is a spring with the tip's stiffness at the surface.
     EXPECT_NEAR(force, x / tipGive_m_per_N(needle, 0), 1e-9);
   }
   EXPECT_NEAR(work, 0, 1e-12);
@@ -195,7 +195,7 @@ TEST(FemNeedle, cuttingForceIsReachedAndHeldInHomogeneousTissue) {
     }
   }
   EXPECT_NEAR(reached_m, kCutting_N * tipGive_m_per_N(needle, 0), 2e-5);
-  // the cut is behind the tip by what the tissue gives way
+  // The cut is behind the tip by the displacement of the tissue.
   EXPECT_NEAR(state.x_m - state.cut_m, kCutting_N * tipGive_m_per_N(needle, state.cut_m), 2e-4);
 }
 
@@ -204,7 +204,7 @@ TEST(FemNeedle, reversesWithTheStiffnessOfAllThatSticks) {
   NeedleState state{};
   double force = 0, x = 0;
   for (int k = 1; k <= 3000; ++k) force = push(stepNeedle(needle, straight(x = 1e-5 * k), state));
-  // at rest first: the last cut's place settles
+  // First at rest: the position of the last cut settles.
   for (int k = 0; k < 20; ++k) force = push(stepNeedle(needle, straight(x), state));
   const NeedleState at_turn = state;
   const double back = push(stepNeedle(needle, straight(x - 1e-6), state));
@@ -252,7 +252,7 @@ TEST(FemNeedle, cutStaysCut) {
   const double cut = state.cut_m;
   go(0.02, 0.002);
   EXPECT_EQ(state.tip_N, 0.0);
-  EXPECT_LT(go(0.002, cut - 1e-4), 1e-9);  // through its own channel without force
+  EXPECT_LT(go(0.002, cut - 1e-4), 1e-9);  // without force through its own channel
   EXPECT_EQ(state.cut_m, cut);
   EXPECT_NEAR(go(cut - 1e-4, 0.03), kCutting_N, 1e-9);  // then it cuts on
 }
@@ -278,7 +278,7 @@ TEST(FemNeedle, forceFallsInDeclaredReleasesOnlyWhereALayerIsSofterToCut) {
   EXPECT_NEAR(last, 0.3, 1e-6);
   EXPECT_GT(releases, 0);
   EXPECT_LT(releases, 3000);
-  EXPECT_LE(worst, 0.01);  // nothing that can be felt
+  EXPECT_LE(worst, 0.01);  // too small to feel
 }
 
 TEST(FemNeedle, usesNoHeap) {

@@ -1,4 +1,4 @@
-// FEM as the engine's axial model: a mesh of its own, with contact, turns, membranes and limbs around it.
+// Tests FEM as the engine's axial model: its own mesh, with contact, turns, membranes and limbs.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,8 +12,8 @@
 namespace needlelab::test {
 namespace {
 
-// the six layers, clamped passively, with membranes; one mesh for all tests of this file
-// Stiff enough that a needle cuts soon and does not only push the skin in.
+// the six layers, clamped passively, with membranes; one mesh for all tests of this file The tissue is so
+// stiff that a needle cuts soon and does not only indent the skin.
 SceneSpec sixLayers(LimbKind limb = LimbKind::kPlane) {
   SceneSpec scene =
       likeForLike(withClamping(withLimb(allEffects(), limb), ClampingMode::kPassive), AxialModel::kFem);

@@ -1,4 +1,5 @@
-// The needle's compliance by the mesh: against the theory of piles, and what any compliance must be.
+// Checks the needle's compliance from the mesh against the theory of piles, and against the properties of
+// every compliance.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -41,7 +42,7 @@ TEST(NeedleCompliance, shaftIsAsStiffAsRandolphAndWrothSay) {
   const auto compliance = complianceOf(factsScene(), 10'000, 20);
   const double stiffness = stiffnessOf(*compliance);
   EXPECT_NEAR(stiffness / randolphWroth(), 1.0, 0.10);
-  // the mesh has tissue below the tip, too: with the base, 4 G r₀/(1 − ν), they say what it says
+  // The mesh has tissue below the tip, too: with the base, 4 G r₀/(1 − ν), the theory agrees with the mesh.
   const double base = 4 * kBlockShear_Pa * kNeedleRadius_m / (1 - kBlockPoisson);
   EXPECT_NEAR(stiffness / (randolphWroth() + base), 1.0, 0.05);
 }
@@ -95,7 +96,7 @@ TEST(NeedleCompliance, ofTwoLayersLiesBetweenTheirs) {
   const auto hard = complianceOf(softBlock(20e3, 0.45, 0.03), 3000, 12);
   EXPECT_LT(stiffnessOf(*layered), stiffnessOf(*hard));
   EXPECT_GT(stiffnessOf(*layered), stiffnessOf(*soft));
-  // deep in a layer it is nearly that layer's own
+  // Deep in a layer, it is nearly that layer's own value.
   EXPECT_NEAR(layered->give(2, 2) / soft->give(2, 2), 1.0, 0.12);
   EXPECT_NEAR(layered->give(10, 10) / hard->give(10, 10), 1.0, 0.12);
 }

@@ -1,4 +1,4 @@
-// FEM offline as a table, and what that costs in accuracy.
+// Tests offline FEM as a table, and the loss of accuracy.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -53,9 +53,9 @@ TEST(ForceTable, wallRendersItNearLiveFem) {
   const auto error = tableError(fem, table);
   ASSERT_TRUE(error.ok()) << error.error().message;
   EXPECT_GT(error->fem_peak_N, 1.0);
-  // on the way in the wall shows the table, where it is not steeper than the wall's spring
+  // On the way in, the wall follows the table where the table is not steeper than the wall's spring.
   EXPECT_LT(error->in_rms_N, 0.03 * error->fem_peak_N);
-  // a stop relaxes the wall, FEM relaxes nothing; a turn-back follows the wall's spring, not the mesh's
+  // A stop relaxes the wall but not FEM; a reversal follows the wall's spring, not the mesh's.
   EXPECT_GT(error->max_N, error->in_rms_N);
   EXPECT_EQ(error->depth_m.size(), error->fem_N.size());
   EXPECT_EQ(error->depth_m.size(), error->table_N.size());

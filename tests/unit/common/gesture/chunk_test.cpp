@@ -25,7 +25,7 @@ std::vector<GestureSample> roundTrip(const Resolution& resolution,
   return back.ok() ? *back : std::vector<GestureSample>(samples.size());
 }
 
-// every column within half a step of what was given; exact where the format promises it
+// Checks that every column is within half a step of the input, and exact where the format guarantees it.
 void expectClose(const Resolution& r, const std::vector<GestureSample>& given,
                  const std::vector<GestureSample>& stored) {
   ASSERT_EQ(given.size(), stored.size());
@@ -293,7 +293,8 @@ TEST(Chunk, equalSamplesGiveEqualBytes) {
 }
 
 TEST(Chunk, storedSamplesEncodeToTheSameBytesAgain) {
-  // what was rounded once is on its step, so that a derived recording of the same resolution does not drift
+  // A value that was rounded once lies on its step, so a derived recording with the same resolution does not
+  // drift.
   const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(500));
   EXPECT_EQ(encodeChunk(Resolution::standard(), *decodeChunk(chunk)), chunk);
 }
@@ -317,7 +318,7 @@ TEST(Chunk, everyTruncationAndEveryExtraByteIsRefused) {
   const Bytes good = encodeChunk(Resolution::standard(), smoothGesture(70));
   for (std::size_t size = 0; size < good.size(); ++size) {
     ASSERT_FALSE(decodeChunk(ByteView(good).first(size)).ok()) << size;
-    // also when the cut bytes carry a CRC that agrees
+    // even if the truncated bytes have a matching CRC
     if (size < 4) continue;
     ASSERT_FALSE(
         decodeChunk(withGoodCrc({good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)})).ok())
@@ -352,7 +353,7 @@ TEST(Chunk, unknownVersionIsNamed) {
 
 TEST(Chunk, shortTextCannotAskForManySamples) {
   Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(3));
-  chunk[6] = chunk[7] = 0xFF;  // says 65,536 samples
+  chunk[6] = chunk[7] = 0xFF;  // claims 65,536 samples
   const auto refused = inspectChunk(withGoodCrc(chunk));
   ASSERT_FALSE(refused.ok());
   EXPECT_NE(refused.error().message.find("take at least"), std::string::npos) << refused.error().message;
@@ -364,7 +365,7 @@ TEST(Chunk, randomBytesNeverCrashTheReader) {
   for (int round = 0; round < 100'000; ++round) {
     Bytes bytes(random() % 400);
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random());
-    // half of them get past the first checks: a good start, a small count, a CRC that agrees
+    // Half of them pass the first checks: a valid start, a small count, a matching CRC.
     if (round % 2 && bytes.size() >= 60) {
       const std::uint8_t start[] = {'N',
                                     'L',
@@ -385,8 +386,7 @@ TEST(Chunk, randomBytesNeverCrashTheReader) {
 }
 
 TEST(Chunk, changedColumnBytesNeverCrashTheReader) {
-  // a good chunk with some bytes changed and the CRC made good again reaches every branch of the column
-  // decoder
+  // A valid chunk with some changed bytes and a corrected CRC reaches every branch of the column decoder.
   std::mt19937_64 random(12);
   const Bytes chunks[] = {encodeChunk(Resolution::standard(), smoothGesture(100)),
                           encodeChunk(Resolution::lossless(), anySamples(40, 5)),
@@ -398,7 +398,7 @@ TEST(Chunk, changedColumnBytesNeverCrashTheReader) {
       bytes[8 + random() % (bytes.size() - 8)] = static_cast<std::uint8_t>(random());
     refused += !decodeChunk(withGoodCrc(bytes)).ok();
   }
-  // both ends are reached: bytes that cannot be, and other columns that can
+  // Both results occur: invalid bytes, and other valid columns.
   EXPECT_GT(refused, 3'000u);
   EXPECT_LT(refused, 27'000u);
 }

@@ -9,11 +9,11 @@
 namespace needlelab::column_coding {
 namespace {
 
-// packs rows behind two given values, unpacks the bytes alone, compares; returns the bytes taken
+// Packs rows after two given values, unpacks only the bytes, and compares. Returns the number of bytes.
 template <typename U>
 std::size_t roundTrip(const std::vector<U>& column) {
   const std::size_t rows = column.size() - 2;
-  // the buffer is exactly as long as the code, so that a sanitizer sees a reader that goes beyond
+  // the buffer is exactly as long as the code, so that a sanitizer detects a reader that goes beyond the end
   std::vector<std::uint8_t> room(kMaxColumnBytes<U> + kScribble);
   const auto* const end = packColumn(column.data() + 2, rows, room.data());
   const std::vector<std::uint8_t> bytes(room.data(), room.data() + (end - room.data()));

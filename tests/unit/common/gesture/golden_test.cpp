@@ -1,6 +1,6 @@
-/// Small files that pin the formats of FORMAT.md, each with a JSON twin that says what a reader must see.
-/// NEEDLELAB_WRITE_GOLDEN=1 writes them again: only for a new format version, said in CHANGELOG.md with a
-/// migration line.
+/// Small files that pin the formats of FORMAT.md, each with a JSON twin that holds the values a reader must
+/// find. NEEDLELAB_WRITE_GOLDEN=1 rewrites them: only for a new format version, which CHANGELOG.md must
+/// announce with a migration line.
 #include <gtest/gtest.h>
 
 #include <cstdlib>

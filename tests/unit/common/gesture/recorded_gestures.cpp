@@ -26,7 +26,7 @@ std::vector<TipSample> resampled(const CsvTable& table) {
     while (row + 2 < t.size() && t[row + 1] <= now) ++row;
     const double span = t[row + 1] - t[row];
     const double part = span > 0 ? (now - t[row]) / span : 0;
-    // a quaternion and its negative are the same pose: between neighbours of opposite sign one is turned
+    // a quaternion and its negative are the same pose: of two neighbours with opposite signs, one is negated
     double along = 0;
     for (int k = 3; k < 7; ++k) along += (*pose[k])[row] * (*pose[k])[row + 1];
     double value[7], square = 0;

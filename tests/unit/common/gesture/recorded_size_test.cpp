@@ -1,4 +1,4 @@
-/// Bytes a sample takes, over the recordings of a real hand (at most 8, clock columns apart).
+/// Measures the bytes per sample over the recordings of a real hand (at most 8, clock columns apart).
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -67,7 +67,7 @@ TEST(RecordedSize, fourRealRecordingsWithEngineForces) {
   RecordProperty("bytes_per_sample", std::to_string(all_bytes / all_samples));
   EXPECT_LE(all_bytes / all_samples, 8.0);  // the goal
   EXPECT_LE(all_bytes / all_samples,
-            3.3);  // what was reached (2.96), with a margin: a change that costs more shows here
+            3.3);  // the measured value (2.96) with a margin: a change that costs more fails here
 }
 
 TEST(RecordedSize, recordedPosesComeBackWithinHalfAStep) {

@@ -19,7 +19,7 @@ using testing::smoothGesture;
 
 class Recording : public ::testing::Test {
  protected:
-  // a finished recording of small chunks; their samples are kept for comparison
+  // A finished recording of small chunks; keeps their samples for comparison.
   fs::path write(std::size_t chunks, std::size_t samples_a_chunk,
                  const std::string& metadata = R"({"exercise":"e1"})") {
     const fs::path path = folder_ / "gesture.rec";
@@ -110,7 +110,7 @@ TEST_F(Recording, cutAtEveryByteGivesEveryWholeChunkBeforeTheCut) {
 }
 
 TEST_F(Recording, zerosBehindACutAreAnUnusableTail) {
-  // what a power cut leaves when the file's length was written, and its data not
+  // The state after a power cut if the file's length was written, but not its data.
   const fs::path path = write(3, 12);
   const auto complete = RecordingReader::open(path);
   ASSERT_TRUE(complete.ok());
@@ -146,8 +146,8 @@ TEST_F(Recording, damagedChunkIsNamedAndTheOthersStayReadable) {
       EXPECT_NE(verified.error().message.find("changed.rec"), std::string::npos);
       EXPECT_NE(verified.error().message.find("chunk 1"), std::string::npos) << verified.error().message;
       EXPECT_NE(verified.error().message.find("offset " + std::to_string(hit.offset)), std::string::npos);
-      // without index and header the damaged chunk cannot be told from nothing: it is counted as a damage
-      // then
+      // Without index and header the reader cannot recognise the damaged chunk; it then counts it as one
+      // damage.
       const bool lost = cut && within < 16;
       ASSERT_EQ(reader->entries().size(), lost ? 3u : 4u);
       EXPECT_EQ(reader->damages().size(), cut ? 1u : 0u);

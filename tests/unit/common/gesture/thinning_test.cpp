@@ -1,4 +1,4 @@
-// Thinning: what it keeps exactly, what it averages, and that nothing that must be seen is lost.
+// Tests thinning: the exact values, the averaged values, and that no important value is lost.
 #include "common/gesture/thinning.h"
 
 #include <gtest/gtest.h>

@@ -87,7 +87,7 @@ TEST(Clamping, passiveGivesHalfTheForceOnAStraightDivergingPath) {
 }
 
 TEST(Clamping, passiveGivesNoEnergyWhereProportionalPumps) {
-  // aside while shallow, in, back to the line, out (the path of `clamp_pump`)
+  // to the side at a small depth, in, back to the line, out (the path of `clamp_pump`)
   const auto cycle = [](ClampingMode mode) {
     const Site site = defaultSite();
     const auto at = [&](double depth, double aside) {

@@ -1,5 +1,5 @@
-// The console's editor knows the effects by client/web/app/profile/effects.js, which is made from their rows
-// by this test: NEEDLELAB_WRITE_EFFECTS=1 bin/haptics_test --gtest_filter='Console*'
+// The console's editor reads the effects from client/web/app/profile/effects.js. This test generates that
+// file from the effects' table: NEEDLELAB_WRITE_EFFECTS=1 bin/haptics_test --gtest_filter='Console*'
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 

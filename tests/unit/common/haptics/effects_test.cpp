@@ -1,5 +1,5 @@
-// Effects switched on and off in every combination: effects that add, add; what is not live gives nothing and
-// changes nothing else.
+// Switches effects on and off in every combination: additive effects add up; an effect that is not live gives
+// no force and does not change the others.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -64,7 +64,7 @@ TEST(Effects, everyCombinationIsTheSumOfItsParts) {
       const Vec3 along =
           wall[k].wrench_W.force_N - membranes[k].wrench_W.force_N + rubbing[k].wrench_W.force_N;
       Vec3 sum = along + fixture[k].wrench_W.force_N;
-      // a stage sees what the others did, ruptures above all
+      // A stage depends on the results of the others, above all on ruptures.
       for (const EffectEntry* entry : effectEntries())
         if (const EffectMask stage = mask & bitOf(entry->effect); entry->stage != nullptr && stage != 0)
           sum = sum + part(stage | (mask & kP))[k].wrench_W.force_N - membranes[k].wrench_W.force_N;
@@ -210,7 +210,7 @@ TEST(Stages, costNothingInASceneWithoutThem) {
   }
 }
 
-// half a newton along u; remembers how many ticks of the insertion it has seen
+// Half a newton along u; counts the ticks of the insertion.
 Vec3 plantedStage(const SceneModel&, const TipSample&, SimState& state, StepReport& report) noexcept {
   state.stage[0][0] += 1.0;
   report.stage_N[0] = 0.5;

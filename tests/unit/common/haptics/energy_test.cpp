@@ -9,7 +9,7 @@
 namespace needlelab::test {
 namespace {
 
-// slow enough for the trapezoidal rule at this rate: the springs' own curve between two ticks is straight
+// slow enough for the trapezoidal rule at this rate: the springs' force is linear between two ticks
 constexpr double kRate_hz = 2000;
 
 GestureRange slowGestures() {

@@ -1,4 +1,4 @@
-// Hostile motion: finite, at most the greatest force, |u| = 1 ± 1e-12, whatever the tip does.
+// Hostile motion: the force stays finite and within the limit, |u| = 1 ± 1e-12, whatever the tip does.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -12,7 +12,7 @@
 namespace needlelab::test {
 namespace {
 
-// a tip that teleports, rests, creeps, grazes the surface, points anywhere, and is not a number now and then
+// A tip that teleports, rests, creeps, grazes the surface, points anywhere, and is sometimes NaN.
 class HostileTip {
  public:
   HostileTip(std::uint64_t seed, const Site& site) : random_(seed), site_(site), p_(site.p_surface_m) {}
@@ -68,7 +68,7 @@ class HostileTip {
   Quat q_;
 };
 
-// rendered by any of the models; two of them have effects of their own in place of listed ones
+// rendered by any of the models; two of them replace listed effects by their own
 SceneSpec anyModel(SceneSpec scene, Random& random) {
   const AxialModel model = kAllModels[random.below(kAllModels.size())];
   const EffectMask listed = scene.effects;
@@ -135,7 +135,7 @@ TEST(EngineFuzz, theReferenceAgreesOnHostileMotionThatIsANumber) {
   }
 }
 
-// with the gate before it, as in the haptic loop, no bytes of a device can do harm: 1e308 included
+// With the gate in front, as in the haptic loop, no device data can do harm, not even 1e308.
 TEST(EngineFuzz, gateAndEngineTogetherStandAnySample) {
   const int ticks = longForm() ? 2'000'000 : 100'000;
   Random random(99);

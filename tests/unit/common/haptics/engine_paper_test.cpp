@@ -156,7 +156,7 @@ TEST(PaperSixLayers, elsewhereTheForceFollowsTheSpringWithoutAJump) {
   for (const auto& more : {probe.stay(600), probe.go(700, -0.002)})
     reports.insert(reports.end(), more.begin(), more.end());
   const double step_m = 0.04 / 700;                // the longest of a tick
-  const double stop_step_m = 1.5 * 0.003 * 0.001;  // what the wall goes at most in a tick of a stop
+  const double stop_step_m = 1.5 * 0.003 * 0.001;  // the wall's largest step in a tick of a stop
   for (std::size_t k = 1; k < reports.size(); ++k) {
     if (reports[k].flags & (kFlagLayerChange | kFlagExit)) continue;
     const double change = norm(reports[k].wrench_W.force_N - reports[k - 1].wrench_W.force_N);

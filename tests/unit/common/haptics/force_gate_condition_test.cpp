@@ -1,4 +1,5 @@
-// The gate and what a device says of itself: faults of its own, holds, faults from outside, and how they end.
+// Tests the gate with the device's reported conditions: device faults, holds, external faults, and how they
+// end.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +20,7 @@ TipSample tipHeldAt(double z) {
   return {{0, 0, z}, {}};
 }
 
-// a gate and what it is given each tick
+// A gate and its inputs for each tick.
 struct Bench {
   ForceGate gate{DeviceLimits{}, 1000};
   double z = 0, speed = 0, wanted_N = 0;
@@ -40,7 +41,7 @@ struct Bench {
     for (int k = 0; k < ticks; ++k) out = tick();
     return out;
   }
-  // the start-up is over, and 3 N are rendered
+  // The start-up is over and the gate renders 3 N.
   Bench& running() {
     wanted_N = 3;
     run(400);
@@ -184,7 +185,7 @@ TEST(GateCondition, anEmergencyStopInTheMiddleOfSilenceIsNamed) {
   b.condition = kDeviceEmergencyStop;
   b.tick();
   EXPECT_EQ(b.gate.fault(), Fault::kEmergencyStop);
-  // and while it is silent, its end alone is no good cause
+  // While the device is silent, the end of the condition alone does not end the FAULT.
   b.condition = 0;
   b.run(30);
   EXPECT_TRUE(b.gate.causeLasts()) << "the device is still silent";
@@ -222,7 +223,8 @@ TEST(GateCondition, aHoldTakesTheForceWithin20MsAndGivesItBackOver200WithoutAnyb
   }
 }
 
-// |out_k − out_{k−1}| ≤ 1/20 of what is wanted + the change of what is wanted, whatever the device says
+// |out_k − out_{k−1}| ≤ 1/20 of the wanted force + the change of the wanted force, whatever the device
+// reports
 TEST(GateCondition, noHoldHoweverItComesAndGoesMakesAForceStep) {
   Random random(4);
   for (int run = 0; run < 50; ++run) {
@@ -393,7 +395,7 @@ TEST(GateCondition, missedTicksDoNotMakeTheRampLater) {
   Bench b;
   b.running();
   b.condition = kDeviceLost;
-  b.elapsed = 15;  // missed before the fault: no time of the ramp
+  b.elapsed = 15;  // missed before the fault: does not count for the ramp
   EXPECT_NEAR(b.tick(), 3 * (1 - kFall), 1e-9);
   b.elapsed = 10;
   EXPECT_NEAR(b.tick(), 3 * (1 - 11 * kFall), 1e-9);

@@ -22,7 +22,7 @@ Wrench force(double f_N, double t_Nm = 0) {
   return {{f_N, 0, 0}, {0, t_Nm, 0}};
 }
 
-// a gate whose start-up is over
+// A gate after its start-up.
 struct Running {
   ForceGate gate;
   double z = 0;
@@ -241,7 +241,7 @@ TEST(ForceGate, aFaultEndsOnlyOutsideAndAcknowledged) {
   EXPECT_EQ(only_seen.settle(3), 0.0);
   EXPECT_EQ(only_seen.gate.fault(), Fault::kDeviceTooFast);
 
-  // then outside as well: it starts again, and the force fades in as at start-up
+  // Then also outside: it restarts, and the force fades in as at start-up.
   only_seen.gate.noteOutside(true);
   ASSERT_TRUE(only_seen.gate.admit(tipAt(0), true, 0));
   EXPECT_EQ(only_seen.gate.fault(), Fault::kNone);

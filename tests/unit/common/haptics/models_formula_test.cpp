@@ -1,4 +1,4 @@
-// What each axial model does, by hand: numbers that a reader can check in the head.
+// Checks each axial model with simple numbers that a reader can verify by hand.
 #include <gtest/gtest.h>
 
 #include "common/haptics/effects/effect_entry.h"
@@ -91,7 +91,7 @@ TEST(FirstOrderModel, isStiffnessThenCuttingAndFriction) {
   probe.go(100, 0.008);
   EXPECT_NEAR(probe.last().cutting_N, -0.3, 1e-12);
   EXPECT_NEAR(probe.last().friction_N, -20 * 0.008, 1e-12);
-  // the second top, from 10 mm: cutting and friction stand still while it holds
+  // the second top, from 10 mm: cutting and friction stay constant while it holds
   r = probe.go(50, 0.0104).back();
   EXPECT_NEAR(r.puncture_N, -1000 * 0.0004, 1e-12);
   EXPECT_NEAR(r.cutting_N, -0.3, 1e-12);
@@ -134,7 +134,8 @@ TEST(PrecomputedModel, isTheTableByTheWall) {
   EXPECT_NEAR(probe.last().attracted_N, 0.2, 1e-9) << "constant before the first";
 }
 
-// the table made of the layers shows what the wall shows, but for the 10 µm within which a table falls
+// The table made from the layers gives the same force as the wall, except within the 10 µm in which a table
+// drops.
 TEST(LikeForLike, thePrecomputedTableOfTheLayersIsTheWallsForce) {
   const Site site = defaultSite();
   const Motion motion = insertHoldWithdraw(1000, site, site.inward, site.inward, 0.038, 0.02, 0.3);

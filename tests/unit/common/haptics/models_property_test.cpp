@@ -1,5 +1,5 @@
-// What holds for every axial model: no pull that was not asked for, no jump along a turn, exit resets, a copy
-// is a snapshot, no heap.
+// Checks properties of every axial model: no unintended pull, no jump during a turn, exit resets, a copy is a
+// snapshot, no heap.
 #include <gtest/gtest.h>
 
 #include "common/haptics/models/axial_entry.h"
@@ -45,8 +45,8 @@ TEST_P(EveryModel, withoutCuttingItGivesNothing) {
     ASSERT_EQ(norm(r.wrench_W.force_N), 0.0);
 }
 
-// a tip that stands still while u turns under it: the springs that hang on places of u follow, those on the
-// surface (DIRECT, VOIGT) feel only that x itself grows with the turn
+// a tip that stands still while u turns under it: springs attached to positions on u follow; springs on the
+// surface (DIRECT, VOIGT) only see that x grows with the turn
 TEST_P(EveryModel, aTurnMakesNoJump) {
   const double stiffness = compiled(turning(), 1000).axial_stiffness_N_per_m;
   const bool on_surface = GetParam() == AxialModel::kDirect || GetParam() == AxialModel::kVoigt;
@@ -66,7 +66,7 @@ TEST_P(EveryModel, aTurnMakesNoJump) {
         ++turns;
         double allowed_N = stiffness * (on_surface ? moved_m + std::abs(x_m - x_before_m) : moved_m) + 0.05;
         if (GetParam() == AxialModel::kVoigt) allowed_N += 2 * 5 * 0.3;  // ẋ may change by 0.3 m/s either way
-        if (GetParam() == AxialModel::kFem) allowed_N += 0.2;            // cuts in steps of its own
+        if (GetParam() == AxialModel::kFem) allowed_N += 0.2;            // cuts in its own steps
         ASSERT_LE(std::abs(axial_N - before_N), allowed_N) << seed;
       }
       before_N = axial_N;
@@ -78,7 +78,7 @@ TEST_P(EveryModel, aTurnMakesNoJump) {
 }
 
 TEST_P(EveryModel, anExitResetsAllButTheNumberOfInsertions) {
-  // the same insertion twice: the same forces, unless each insertion is drawn anew
+  // the same insertion twice: the same forces, unless each insertion is drawn again
   const Site site = defaultSite();
   const Motion one = insertHoldWithdraw(1000, site, site.inward, site.inward, 0.03, 0.03, 0.2);
   EngineRun run(modelScene(GetParam()), 1000);

@@ -1,4 +1,4 @@
-// STATISTICAL: the draws have the distribution that the section asks for, and are a function of depth.
+// STATISTICAL: the draws follow the distribution of the section and are a function of depth.
 #include "common/haptics/models/statistical.h"
 
 #include <gtest/gtest.h>
@@ -142,7 +142,7 @@ TEST(StatisticalModel, factorsScaleMeanAndThickness) {
               StatisticalInsertion(StatisticalTarget(spec), 0).target_N(0.004), 1e-12);
 }
 
-// what is rendered is the sampler's target, at any speed, in each insertion
+// The engine renders the sampler's target, at any speed, in each insertion.
 TEST(StatisticalModel, theEngineRendersTheDrawOfItsInsertion) {
   SceneSpec scene = paperOneDof();
   scene.axial_model = AxialModel::kStatistical;
@@ -159,7 +159,7 @@ TEST(StatisticalModel, theEngineRendersTheDrawOfItsInsertion) {
         const StepReport r = run.step(sample);
         if (r.phase != Phase::kInserting || r.speed_mps < 0.005) continue;
         const double expected = draw.target_N(r.depth_m);
-        // the wall shows the target, except where that rises faster than K_t
+        // The wall follows the target, except where the target rises faster than K_t.
         EXPECT_LE(-r.cutting_N, expected + 1e-9);
         if (std::abs(r.cutting_N + expected) < 1e-9) ++compared;
       }

@@ -9,12 +9,12 @@
 namespace needlelab::test {
 namespace {
 
-// gathers what differs in one tick
+// Collects the differences in one tick.
 class Difference {
  public:
   void number(const char* name, double engine, double reference, double tolerance) {
     if (std::isnan(engine) && std::isnan(reference)) return;
-    if (std::abs(engine - reference) <= tolerance) return;  // false when one of them is not a number
+    if (std::abs(engine - reference) <= tolerance) return;  // false if one of them is NaN
     text_ << "  " << name << ": engine " << engine << ", reference " << reference << ", off by "
           << engine - reference << "\n";
   }
@@ -34,8 +34,8 @@ class Difference {
 };
 
 // Where the cone holds a turn back, FORCE_MODEL.md, "Clamping" asks for 1e-12 rad a tick only, and sliding
-// along the cone enlarges that by the ratio of lengths: two right answers then agree to about 1e-8 N, and
-// 1e-6 N is asked for. 1e-9 N everywhere else.
+// along the cone enlarges that by the ratio of lengths: two correct results then agree to about 1e-8 N, and
+// the limit is 1e-6 N. It is 1e-9 N everywhere else.
 std::string differences(const StepReport& a, const StepReport& b, const ReferenceEngine& reference) {
   const double more = reference.coneBoundTicks() > 0 ? 1e-6 : 0.0, more_m = 1e-2 * more;
   const std::uint32_t undecided = reference.undecidedFlags();
@@ -61,7 +61,7 @@ std::string differences(const StepReport& a, const StepReport& b, const Referenc
 }
 
 double dotAngle(Quat a, Quat b, Vec3 torque) {
-  // the rotation vector from a to b in W, to first order exact enough for neighbouring ticks
+  // The rotation vector from a to b in W, to first order, which is accurate enough for neighbouring ticks.
   const Quat turn = b * conjugate(a);
   const double sign = turn.w < 0 ? -2.0 : 2.0;
   return sign * (turn.x * torque.x + turn.y * torque.y + turn.z * torque.z);

@@ -1,4 +1,4 @@
-// validate(): every number of a scene, outside its range in every way, is refused with its path, value and
+// validate(): refuses every number of a scene that is outside its range in any way, with its path, value and
 // range.
 #include "common/haptics/scene_spec.h"
 

@@ -147,7 +147,7 @@ TEST(TrackingWall, retreatDuringTheRampIsNeverPulledInward) {
       ASSERT_GE(report.attracted_N, 0.0);
       ASSERT_LE(report.cutting_N, 0.0);
     }
-    // held again: what pulls inward now would move a loose hand in; it decays to the rejection force
+    // Held again: an inward pull would now move a loose hand in; it decays to the rejection force.
     for (const auto& report : probe.stay(1500)) ASSERT_LE(report.attracted_N, before_N + 1e-12);
     EXPECT_LE(pull_work_J, 0.0) << "attracted force resists the retreat, it never helps";
   }
@@ -197,7 +197,7 @@ TEST(TrackingWall, everyMoveOfTheWallShrinksTheStretch) {
   }
 }
 
-// so over any gesture that starts and ends outside the work on the hand is not positive
+// So the work on the hand is not positive over any gesture that starts and ends outside.
 TEST(TrackingWall, givesNoEnergyOverAnyGesture) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     GestureRange slow;

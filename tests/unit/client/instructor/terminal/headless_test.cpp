@@ -183,7 +183,7 @@ TEST_F(Headless, whatIsRefusedOrComesToNothingFailsTheCommand) {
   EXPECT_EQ(output.status.error().code, ErrorCode::kNotFound);
   ASSERT_FALSE(output.notes.empty());
   EXPECT_EQ(output.notes.back()["ok"], false);
-  // no server answers
+  // no station is connected
   options_.next_exercise.clear();
   options_.stop = true;
   output = run(0.3);

@@ -116,7 +116,7 @@ TEST_F(BlackBoxTest, aReaderThatIsAwayFindsItsStretchWholeAndTheRestIsCounted) {
   EXPECT_EQ(box_.ticksRefused(), 1301u - 450u);
   ASSERT_TRUE(take());
   expectTicks(100, 305);
-  // and the loop goes on at once
+  // the loop continues at once
   ticks(300);
   tick(true);
   ticks(5);
@@ -133,7 +133,7 @@ TEST_F(BlackBoxTest, writingNeverTouchesTheHeap) {
 }
 
 TEST_F(BlackBoxTest, aReaderOnAnotherThreadSeesWholeTicksInOrder) {
-  // every value of a tick is its number: a tick that is half overwritten would show
+  // Every value of a tick is its number, so a half overwritten tick is visible.
   BlackBox box(kBoxRate_hz, 32);
   std::atomic<bool> done{false};
   std::uint64_t seen = 0;
@@ -143,7 +143,7 @@ TEST_F(BlackBoxTest, aReaderOnAnotherThreadSeesWholeTicksInOrder) {
     for (bool last = false; !last;) {
       last = done.load(std::memory_order_acquire);
       while (box.take(dump, kept)) {
-        // a reader that falls behind finds several triggers in one stretch
+        // A reader that falls behind finds several triggers in one span.
         seen += dump.triggers;
         for (std::size_t i = 0; i < kept.size(); ++i) {
           ASSERT_EQ(static_cast<double>(kept[i].tick), kept[i].reading.X_WH.p.x);
@@ -217,7 +217,7 @@ TEST_F(BlackBoxWriterTest, theLoopsFaultsBecomeFilesWithEverythingInThem) {
   device.on_write = [&](std::uint64_t tick) {
     if (tick != 2700) return;
     loop_->acknowledge();
-    // virtual time is faster than any disk
+    // Virtual time runs faster than any disk.
     for (int i = 0; i < 2000 && files.counts().files == 0; ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
   };
@@ -257,7 +257,7 @@ TEST_F(BlackBoxWriterTest, theLoopsFaultsBecomeFilesWithEverythingInThem) {
   EXPECT_EQ(at("tick", 2000 - 117), 2403);
   EXPECT_EQ(at("missed_before", 2000 - 117), 3);
   EXPECT_GE(at("late_ns", 2000 - 117), 3e6);
-  // the same numbers as in the recording, bit by bit
+  // the same values as in the recording, bit for bit
   for (std::size_t row = 0; row < table->rows(); ++row) {
     const auto sample = std::find_if(samples_.begin(), samples_.end(), [&](const GestureSample& s) {
       return static_cast<double>(s.tick) == at("tick", row);
@@ -269,7 +269,7 @@ TEST_F(BlackBoxWriterTest, theLoopsFaultsBecomeFilesWithEverythingInThem) {
     ASSERT_EQ(static_cast<double>(sample->time_ns), at("due_ns", row));
     ASSERT_EQ(static_cast<double>(sample->engine_ns), at("engine_ns", row));
   }
-  // it shows what the engine would have rendered, and what the gate left of it
+  // It contains the engine's force and the force after the gate.
   EXPECT_GT(at("wanted_force_W_z_N", fault + 30), 0.5);
   EXPECT_EQ(at("rendered_force_W_z_N", fault + 30), 0);
 }

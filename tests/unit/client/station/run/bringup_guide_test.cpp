@@ -1,4 +1,4 @@
-/// deploy/BRINGUP.md against the program: its words, its options.
+/// Checks deploy/BRINGUP.md against the program's messages and options.
 
 #include <gmock/gmock.h>
 
@@ -49,7 +49,7 @@ TEST(BringupGuide, namesNoOptionThatDoesNotExist) {
   const char* arguments[] = {"needlelab-station", "--help"};
   static_cast<void>(parseStationOptions(2, arguments));
   const std::string help = testing::internal::GetCapturedStdout();
-  // of other programs, in the same text
+  // options of other programs in the same text
   const std::set<std::string> others = {"--preset", "--build", "--remove"};
   const std::string text = guide();
   constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz";

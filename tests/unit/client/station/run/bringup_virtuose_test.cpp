@@ -29,7 +29,7 @@ bool noForce(const StandinState& state) {
   return true;
 }
 
-/// The stand-in's time goes by the loop's ticks, and its last command is looked at in each.
+/// The stand-in's time advances with the loop's ticks, and the test checks its last command in each tick.
 class StandinClock final : public LoopClock {
  public:
   explicit StandinClock(Standin& standin) : standin_(standin) {}
@@ -103,7 +103,8 @@ TEST(BringupVirtuose, selfTestSaysThatTheServiceIsAway) {
   EXPECT_THAT(find(checks, "device").found, HasSubstr("service"));
 }
 
-// The stand-in's hand swings the handle about a point 135 mm away: slowly, as its spring lags otherwise.
+// The stand-in's hand swings the handle about a point 135 mm away, slowly, because its spring would lag
+// otherwise.
 TEST(BringupVirtuose, calibrationFindsTheTipWithoutForce) {
   PivotMotion motion;
   motion.X_HT.p = {0.004, -0.003, 0.135};

@@ -18,7 +18,7 @@ namespace {
 using test::FakeDevice;
 using testing::HasSubstr;
 
-// plays a pivot motion and keeps what is written to it
+// Plays a pivot motion and stores the commands written to it.
 std::unique_ptr<FakeDevice> pivoting(const PivotMotion& motion) {
   auto hand = std::make_shared<PivotDevice>(motion);
   EXPECT_TRUE(hand->open(1000).ok());
@@ -117,7 +117,7 @@ TEST(NeedleAxis, pointsWhereItsSourceSays) {
 }
 
 TEST(NeedleAxis, keepsTheTurnOfTheGivenTool) {
-  // the given tool already points along the tip: nothing is turned, its roll stays
+  // The given tool already points along the tip: no rotation, and its roll stays.
   const Vec3 tip{0, 0, 0.15};
   const Quat rolled{0, 0, std::sin(0.6), std::cos(0.6)};
   const auto tool = toolOf(tip, {}, {{}, rolled});

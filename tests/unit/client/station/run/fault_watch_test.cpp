@@ -12,7 +12,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
 
-// a watch that is looked at 20 times a second
+// A watch that is polled 20 times per second.
 struct Watched {
   FaultWatch watch{true, "press Enter"};
   WatchedState state;
@@ -44,7 +44,7 @@ TEST(FaultWatch, whatWasPressedBeforeTheFaultWasSaidDoesNotCount) {
   EXPECT_FALSE(w.watch.isAcknowledgement(w.state)) << "there is none";
   w.look();
 
-  // raised since the last look, in which time Enter was pressed for another reason
+  // The fault came after the last poll, and meanwhile Enter was pressed for another reason.
   w.state.fault = Fault::kTipTooFast;
   w.state.faults = 1;
   w.state.acknowledge_pressed = true;
@@ -55,7 +55,7 @@ TEST(FaultWatch, whatWasPressedBeforeTheFaultWasSaidDoesNotCount) {
   EXPECT_TRUE(w.watch.isAcknowledgement(w.state));
   w.look();
 
-  // over, and another one at once: that one has not been said
+  // The fault ends and another one follows at once: the new one has not been reported.
   w.state.fault = Fault::kDeviceLost;
   w.state.faults = 2;
   w.state.acknowledge_pressed = true;
@@ -129,7 +129,7 @@ TEST(FaultWatch, aFaultBetweenTwoLooksIsNotLost) {
   ++w.state.faults;  // came and went
   EXPECT_THAT(w.look(), ElementsAre(HasSubstr("there was a FAULT")));
   w.raise(Fault::kDeviceSilent);
-  // over, and another one of the same kind at once
+  // The fault ends and another one of the same kind follows at once.
   EXPECT_THAT(w.raise(Fault::kDeviceSilent), ElementsAre(HasSubstr("FAULT")));
 }
 
@@ -140,7 +140,7 @@ TEST(FaultWatch, holdsAreSaidWhenTheyBeginAndEndAndNotWithEachTouch) {
   for (int k = 0; k < 40; ++k) EXPECT_THAT(w.look(), IsEmpty());
   w.state.condition = 0;
   EXPECT_THAT(w.look(), ElementsAre("the handle is held again: the force comes back"));
-  // flicker: nothing more for 10 s
+  // Flicker: no further message for 10 s.
   for (int k = 0; k < 100; ++k) {
     w.state.condition = k % 2 == 0 ? std::uint32_t{kDeviceReleased} : 0;
     EXPECT_THAT(w.look(), IsEmpty()) << k;

@@ -80,7 +80,7 @@ TEST(StationLesson, everyAxialModelBecomesALessonThatTheDesktopCanRender) {
     EXPECT_GT(lesson->model.axialStiffness_N_per_m(), 0) << name;
     DeviceInfo desktop{"desktop", {}, true, true, true};
     EXPECT_TRUE(checkStiffness(lesson->model, desktop).ok()) << name;
-    // what is recorded and sent is a profile that can be read again
+    // The recorded and sent profile can be read again.
     EXPECT_TRUE(parseProfile(profileJson(lesson->profile), "again").ok()) << name;
   }
   options = practising("knee-adult.json");
@@ -121,13 +121,13 @@ TEST(DeviceFit, clampingAndOrientationLimitHaveTheirOwnBounds) {
 }
 
 TEST(DeviceFit, thePassivityBoundIsWarnedOfWithItsNumbers) {
-  // (b + b_hand)/(T(½ + 1)): 0.3 + 0.3 N·s/m at 1 kHz bear 400 N/m
+  // (b + b_hand)/(T(½ + 1)): 0.3 + 0.3 N·s/m at 1 kHz allow 400 N/m
   const SceneModel model = *compile(paperOneDof(), 1000);  // 500 N/m
   const auto warning = passivityWarning(model, deviceWith(1000, 0.3), 0.3);
   ASSERT_TRUE(warning);
   EXPECT_THAT(*warning, testing::AllOf(HasSubstr("500 N/m"), HasSubstr("400 N/m")));
   EXPECT_FALSE(passivityWarning(model, deviceWith(1000, 0.3), 0.46));
-  // a slower loop bears less
+  // A slower loop allows less.
   EXPECT_TRUE(passivityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), 0.3));
 }
 
@@ -135,7 +135,7 @@ TEST(DeviceFit, aModelsOwnDampingIsTakenFromWhatDeviceAndHandDamp) {
   SceneSpec scene = paperOneDof();
   scene.axial_model = AxialModel::kVoigt;  // 500 N/m
   scene.voigt.damping_Ns_per_m = 0.5;
-  // (1.7 + 0.3 − 0.5)/(1 ms · 1.5) = 1000 N/m bear it, with B = 1.5 they bear 333 N/m
+  // (1.7 + 0.3 − 0.5)/(1 ms · 1.5) = 1000 N/m allow it; with B = 1.5 the limit is 333 N/m
   EXPECT_FALSE(passivityWarning(*compile(scene, 1000), deviceWith(1000), 0.3));
   scene.voigt.damping_Ns_per_m = 1.5;
   const auto warning = passivityWarning(*compile(scene, 1000), deviceWith(1000), 0.3);

@@ -57,7 +57,7 @@ TEST(ListDevices, aListerThatHangsOrThrowsIsSaidAndNotWaitedFor) {
   EXPECT_THAT(list.devices[0].state, HasSubstr("no answer within 0.2 s"));
   EXPECT_THAT(list.devices[1].state, HasSubstr("no bus"));
   EXPECT_TRUE(list.devices[2].ready);
-  std::this_thread::sleep_for(1600ms);  // its thread ends before the test's statics
+  std::this_thread::sleep_for(1600ms);  // its thread ends before the test's static objects
 }
 
 TEST(ListDevices, textAndRowsHoldEveryDevice) {

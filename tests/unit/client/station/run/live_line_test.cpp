@@ -31,7 +31,7 @@ LiveView example() {
   return view;
 }
 
-// what came out of a pipe or a pseudo-terminal so far
+// The output of a pipe or a pseudo-terminal so far.
 std::string readAll(int file) {
   std::string text(4096, '\0');
   ::fcntl(file, F_SETFL, O_NONBLOCK);

@@ -1,6 +1,6 @@
-// What the haptic thread promises (ARCHITECTURE.md: no heap, no lock, no exception, no system call but the
-// clock's and the device's), shown over a whole life of the loop: force, missed ticks, FAULT, black box,
-// acknowledgement.
+// Proves the guarantees of the haptic thread (ARCHITECTURE.md: no heap, no lock, no exception, no system
+// calls except for the clock and the device) over a whole life of the loop: force, missed ticks, FAULT, black
+// box, acknowledgement.
 #include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
@@ -28,7 +28,7 @@ using namespace std::chrono_literals;
 
 constexpr std::uint64_t kLifeTicks = 1500;
 
-// force at 300, then every kind of trouble, one after the other
+// force from tick 300, then every kind of error, one after the other
 DeviceRead troubledLife(std::uint64_t tick, DeviceReading& reading) {
   reading.condition = 0;
   if (tick < 300) return goingDown(0.02, kRate)(tick, reading);
@@ -40,7 +40,7 @@ DeviceRead troubledLife(std::uint64_t tick, DeviceReading& reading) {
   return DeviceRead::kFresh;
 }
 
-/// A device that lives `troubledLife`, without a heap, and stalls the thread for 5 ms at tick 450.
+/// A device that plays `troubledLife` without using the heap, and stalls the thread for 5 ms at tick 450.
 class TroubledDevice final : public Device {
  public:
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
@@ -50,7 +50,7 @@ class TroubledDevice final : public Device {
       const timespec stall{0, 5'000'000};
       ::clock_nanosleep(CLOCK_MONOTONIC, 0, &stall, nullptr);
     }
-    // a late machine leaves ticks out: the first one from there on
+    // A late machine skips ticks, so take the first tick from there on.
     if (tick >= wrong_at) {
       wrong_at = ~0ull;
       wrongThing();
@@ -70,7 +70,7 @@ class TroubledDevice final : public Device {
   DeviceInfo info_;
 };
 
-/// What stands beside the loop in a station: acknowledges every fault, empties the ring, looks at everything.
+/// The threads beside the loop in a station: acknowledge every fault, empty the ring, read all states.
 class Beside {
  public:
   Beside(ServoLoop& loop, SampleRing& ring) : thread_([this, &loop, &ring] { run(loop, ring); }) {}
@@ -109,7 +109,7 @@ class LoopProof : public LoopFixture {
     settings.black_box = box_.get();
     loop_ = std::make_unique<ServoLoop>(model_, device, clock, *ring_, settings);
   }
-  // all of the life was lived, so what is proved is proved of all of it
+  // The loop passed through every state, so the proof covers all of them.
   void expectWholeLife() {
     const ServoStats& stats = loop_->stats();
     EXPECT_EQ(stats.end, ServoEnd::kTicksDone);
@@ -188,7 +188,8 @@ TEST_F(LoopProof, theLockWatcherWouldSeeALock) {
 
 class LoopJail : public LoopProof {
  protected:
-  // the loop in a jail that lets only the clock's calls through, the others of a station beside it
+  // The loop runs in a jail that allows only the clock's system calls, with the other threads of a station
+  // beside it.
   JailOutcome live(Device& device) {
     return runInJail(
         {SYS_clock_gettime, SYS_clock_nanosleep},
@@ -249,7 +250,7 @@ TEST_F(LoopJail, aForbiddenCallIsSeen) {
   EXPECT_EQ(outcome.forbidden_call, SYS_getppid);
 }
 
-// no exception leaves a tick, nor anything that a tick calls: the compiler knows
+// No exception leaves a tick or any function that a tick calls: checked at compile time.
 static_assert(noexcept(std::declval<ServoLoop&>().run()));
 static_assert(noexcept(std::declval<Device&>().read(std::declval<DeviceReading&>())) && noexcept(
     std::declval<Device&>().write(GuardedWrench{})) && noexcept(std::declval<Device&>().skip(1)));

@@ -8,7 +8,7 @@ namespace {
 
 using testing::HasSubstr;
 
-// what the program says and answers to a command line
+// The program's output and exit code for a command line.
 struct Outcome {
   ParsedOptions parsed;
   std::string out, err;

@@ -12,7 +12,7 @@ namespace needlelab::test {
 namespace {
 
 TEST(RtThread, eachStepTellsWhetherItWorkedAndWhatThatMeans) {
-  // whatever this machine allows: no step is silent
+  // Whatever this machine allows, every step gives a message.
   std::vector<RtStep> steps;
   std::thread([&] { steps = makeThreadRealTime(10); }).join();
   ASSERT_EQ(steps.size(), 3u);
@@ -144,7 +144,7 @@ TEST(SteadyLoopClock, sleepsUntilTheTimeAndNotForTimesThatPassed) {
 
 using testing::HasSubstr;
 
-/// A machine made of files.
+/// A fake machine made of files.
 class RtMachine : public testing::Test {
  protected:
   void put(const std::string& path, const std::string& text) {
@@ -187,7 +187,7 @@ TEST_F(RtMachine, aGovernorThatSavesPowerIsNamedWithItsCure) {
   EXPECT_FALSE(both[0].ok);
   EXPECT_THAT(both[0].message, HasSubstr("performance, powersave"));
   EXPECT_THAT(both[0].message, HasSubstr("cpupower"));
-  // on a core of its own only that core counts
+  // On an isolated core, only that core counts.
   RtOptions options;
   options.cpu = 0;
   EXPECT_TRUE(judgeMachine(options, folder_.path())[0].ok);

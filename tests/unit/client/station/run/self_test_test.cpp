@@ -21,7 +21,7 @@ using test::FakeClock;
 using test::FakeDevice;
 using testing::HasSubstr;
 
-// a computer, a device and a server with which nothing is wrong
+// A computer, a device and a server without faults.
 SelfTestFacts goodFacts() {
   SelfTestFacts f;
   f.device.spec = "virtuose";
@@ -57,7 +57,7 @@ TEST(SelfTest, nothingWrongIsAllOk) {
   }
 }
 
-// One thing wrong at a time: that row says so, with advice, and no other row does.
+// One fault at a time: its row reports it with advice, and no other row fails.
 TEST(SelfTest, eachFactAloneChangesItsOwnRow) {
   struct Row {
     const char* check;
@@ -231,7 +231,7 @@ TEST(RestNoise, aKnockDoesNotCount) {
 }
 
 TEST(SelfTestDevice, getsNothingButZeroForceWhateverItReports) {
-  // a device that is only ready after 50 readings, then jumps about and reports faults
+  // A device that becomes ready after 50 readings, then jumps around and reports faults.
   FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
     reading.condition = 0;
     if (tick < 50) reading.condition = kDeviceNotReady;
@@ -297,7 +297,7 @@ TEST(SelfTestCommand, theSimulatedDevicePasses) {
   const int code = runSelfTest(options, noSignals());
   const std::string out = testing::internal::GetCapturedStdout();
   const std::string err = testing::internal::GetCapturedStderr();
-  // a busy machine may miss ticks; everything that does not depend on time must be fine
+  // A busy machine may miss ticks; all rows that do not depend on time must pass.
   EXPECT_TRUE(code == kExitDone || code == kExitFailed);
   EXPECT_THAT(out, HasSubstr("simulated Virtuose"));
   EXPECT_THAT(err, HasSubstr("it gives no force"));

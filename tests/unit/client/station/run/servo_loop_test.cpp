@@ -45,7 +45,7 @@ TEST_F(ServoLoopTest, everyTickGivesOneSampleWithItsDueTimeAndTheEnginesForce) {
   }
   // 1 N of cutting was reached: 500 N/m after 2 mm of the 7 mm
   EXPECT_NEAR(samples_[370].force_W_N[2], 1.0, 1e-9);
-  // and is gone at the end
+  // The force is gone at the end.
   EXPECT_EQ(samples_.back().force_W_N[2], 0);
   EXPECT_EQ(device.writes.back(), Wrench{});
   EXPECT_EQ(stats.wakeup.max_ns(), 0);
@@ -151,7 +151,7 @@ TEST_F(ServoLoopTest, notANumberIsHeldForFiveTicksThenFaults) {
   const ServoStats& stats = run(device, {kRate, {}, 0});
   EXPECT_EQ(stats.end, ServoEnd::kFault);
   EXPECT_EQ(stats.fault, Fault::kSampleNotFinite);
-  // held ticks, the gate's ramp, and a little more were recorded; then zero force
+  // The recording has the held ticks, the gate's ramp and a little more; then zero force.
   EXPECT_LT(stats.ticks, 300u + 5 + 60);
   EXPECT_EQ(device.writes.back(), Wrench{});
   EXPECT_NEAR(samples_[304].force_W_N[2], samples_[299].force_W_N[2], 1e-12);
@@ -250,13 +250,13 @@ TEST_F(ServoLoopTest, theLoopNeverTouchesTheHeap) {
 
 TEST_F(ServoLoopTest, thePhasesOfATickAreTimedApartAndAddUpToIt) {
   FakeDevice device(goingDown(0.02, kRate));
-  clock_.read_cost_ns = 1000;  // each of the looks at the clock costs 1 µs, and one stands after each phase
+  clock_.read_cost_ns = 1000;  // Each clock read costs 1 µs, and there is one after each phase.
   device.read_cost = [&] { clock_.now_ns += 7'000; };
   device.on_write = [&](std::uint64_t) { clock_.now_ns += 2'000; };
   const ServoStats& stats = run(device, {kRate, {}, 50});
   EXPECT_EQ(samples_[10].engine_ns, 1000);
   EXPECT_EQ(samples_[10].device_ns, 8'000 + 3'000);
-  // with one value only, a quantile is that value: never above the largest
+  // With one value, every quantile is that value: never above the largest.
   EXPECT_EQ(stats.read.quantile_ns(0.5), 8'000);
   EXPECT_EQ(stats.engine.quantile_ns(0.5), 1'000);
   EXPECT_EQ(stats.write.quantile_ns(0.5), 3'000);
@@ -268,9 +268,11 @@ TEST_F(ServoLoopTest, thePhasesOfATickAreTimedApartAndAddUpToIt) {
     EXPECT_EQ(histogram->total(), 50u);
 }
 
-// FAULT in the loop: waited out or not, acknowledged, and the end from outside.
+// FAULT in the loop: with and without waiting for its end, with acknowledgement, and with a stop from
+// outside.
 
-// down to a force, no reading from `silent_from` to `back_at`, then outside the tissue
+// Moves down until there is force, gives no reading from `silent_from` to `back_at`, then is outside the
+// tissue.
 FakeDevice::Script silentFor(std::uint64_t silent_from, std::uint64_t back_at) {
   return [=](std::uint64_t tick, DeviceReading& reading) {
     if (tick < silent_from) return goingDown(0.02, kRate)(tick, reading);
@@ -395,7 +397,7 @@ TEST_F(ServoFault, crashStopTakesTheForceAwayWithin20MsAndEndsTheLoop) {
     EXPECT_NEAR(samples_[359].force_W_N[2], samples_[349].force_W_N[2] / 2, 1e-9);
     EXPECT_EQ(samples_[369].force_W_N[2], 0);
     EXPECT_EQ(device.writes.back(), Wrench{});
-    // the recording says why
+    // The recording contains the reason.
     EXPECT_EQ(samples_[360].fault, static_cast<std::uint8_t>(Fault::kProgramTrouble));
   }
 }

@@ -26,12 +26,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A crash of another part of the program, for real: a child process with a loop, a device in shared memory,
-// and a "view" that dies.
+// Tests a real crash of another part of the program: a child process with a loop, a device in shared memory,
+// and a "view" that crashes.
 
 constexpr double kGuardRate_hz = 1000;
 
-// what the parent sees of the child
+// The parent's view of the child.
 struct Seen {
   static constexpr std::size_t kMost = 60'000;
   std::atomic<std::size_t> writes{0};
@@ -76,7 +76,7 @@ class ChildDevice final : public Device {
   std::uint64_t tick_ = 0;
 };
 
-// on a page that nobody may touch
+// on an inaccessible page
 void segfault() {
   auto* page =
       static_cast<volatile int*>(::mmap(nullptr, 4096, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
@@ -96,7 +96,7 @@ int deeper(volatile int* depth) {
 [[noreturn]] void live(Seen& seen, const std::function<void()>& die, bool on_main_thread) {
   const rlimit none{0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
-  // what the dying say belongs into no test's log
+  // The output of a crashing child must not go to the test's log.
   if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
   SceneSpec spec = paperOneDof();
   spec.effects = bitOf(Effect::kCutting);
@@ -111,7 +111,7 @@ int deeper(volatile int* depth) {
     loop.run();
   });
   const auto view = [&] {
-    // after the machine stood still the force fades in again: wait for it
+    // After a stall of the machine the force fades in again: wait for it.
     std::size_t writes = 0;
     for (; writes < 450 || seen.force_N[writes - 1] < 0.95; writes = seen.writes.load())
       std::this_thread::sleep_for(1ms);
@@ -141,12 +141,12 @@ void expectRampToZero(const Seen& seen) {
   const std::size_t crash = seen.crashed_at.load(), last = seen.writes.load();
   ASSERT_GE(crash, 450u);
   ASSERT_GT(seen.force_N[crash - 1], 0.9) << "there was a force to take away";
-  // the loop hears of it a tick or two later
+  // The loop sees it a tick or two later.
   std::size_t begin = crash - 1;
   while (begin + 1 < last && seen.force_N[begin + 1] > 0.97 * seen.force_N[begin]) ++begin;
   ASSERT_LT(begin + 1, last) << "the force never fell";
   const double before_N = seen.force_N[begin];
-  // the first tick of the ramp is the one that follows, whenever a busy machine let it run
+  // The first tick of the ramp is the next one, whenever a busy machine runs it.
   const std::uint64_t first = seen.tick[begin + 1];
   for (std::size_t n = begin + 1; n + 1 < last; ++n) {
     const double gone = std::min(1.0, static_cast<double>(seen.tick[n] - first + 1) / 20);
@@ -237,7 +237,7 @@ TEST(CrashGuard, aCrashOfTheHapticThreadItselfIsNotWaitedFor) {
   EXPECT_LT(std::chrono::steady_clock::now() - before, 10s) << "and it does not hang";
 }
 
-// where a device's last word goes
+// The destination of a device's last command.
 struct WordPipe {
   WordPipe() { EXPECT_EQ(::pipe2(ends, O_NONBLOCK | O_CLOEXEC), 0); }
   ~WordPipe() {
@@ -301,7 +301,7 @@ TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
     FakeClock clock;
     auto ring = std::make_unique<SampleRing>();
     ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 100});
-    const CrashGuard guard(loop);  // and nobody runs it
+    const CrashGuard guard(loop);  // no thread runs it
     std::abort();
   }
   int status = 0;
@@ -328,16 +328,17 @@ TEST(CrashGuard, afterwardsSignalsAreAsBefore) {
   EXPECT_EQ(after.sa_handler, before.sa_handler);
 }
 
-// What would end or stop the program on the spot, with the device's last force: each in a child process.
+// Signals that would end or stop the program at once and leave the device's last force on: each in a child
+// process.
 
-// a program that gets `signal` from outside: what it was told of it (0: nothing), or -1 when it died, -2 when
-// it stood still
+// Sends `signal` to a program from outside. Returns the signal that it received (0: none), -1 if it died, or
+// -2 if it stopped.
 int told(int signal, void (*before)(int) = SIG_DFL) {
   const pid_t child = ::fork();
   if (child == 0) {
-    ::signal(signal, before);  // whatever the one that runs this test has
+    ::signal(signal, before);  // whatever the parent process has set
     const sigset_t stop = blockStopSignals();
-    // as everywhere in the station: another thread takes it than the one that waits for it
+    // as everywhere in the station: the receiving thread is not the waiting thread
     std::thread([signal] { ::kill(::getpid(), signal); }).join();
     ::_exit(signalWithin(stop, 0ms));
   }

@@ -78,9 +78,9 @@ TEST(EnterKey, nothingToReadFromIsNoEnter) {
   ::close(null);
 }
 
-// Nobody reads what the station says (Ctrl-S, a pager): it goes on all the same.
+// The station continues to run even if its output is not read (Ctrl-S, a pager).
 
-// a pipe into which not one more byte goes; its writing end waits as a terminal's does
+// A full pipe; its writing end blocks like a terminal.
 class FullPipe {
  public:
   FullPipe() {
@@ -102,9 +102,9 @@ class FullPipe {
   std::array<int, 2> ends_{-1, -1};
 };
 
-// how `child` ended; −1 when it did not within 10 s
+// Returns the exit status of `child`, or −1 if it did not end within 10 s.
 int ended(pid_t child) {
-  if (child < 0) throw std::runtime_error("cannot fork");  // a signal to -1 would reach everybody
+  if (child < 0) throw std::runtime_error("cannot fork");  // a signal to -1 would reach every process
   int status = -1;
   for (int i = 0; i < 1000; ++i) {
     if (::waitpid(child, &status, WNOHANG) == child) return status;

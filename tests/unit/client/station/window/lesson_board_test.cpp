@@ -1,4 +1,4 @@
-// What the station's threads and the window tell each other; that the window holds up nobody.
+// Tests the communication between the station's threads and the window, and that the window blocks no thread.
 #include <gtest/gtest.h>
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// The window's picture of a lesson is the engine's own.
+// The window shows the engine's own data of a lesson.
 #include <gtest/gtest.h>
 
 #include "client/station/run/options.h"
@@ -19,7 +19,7 @@ std::shared_ptr<const LessonBeginning> shoulder() {
   return beginning;
 }
 
-// the samples that a station would record going straight in at 20 mm/s, and the reports behind them
+// The samples that a station records while going straight in at 20 mm/s, and their reports.
 struct Recorded {
   std::vector<GestureSample> samples;
   std::vector<StepReport> reports;

@@ -1,4 +1,4 @@
-// Lesson after lesson, as a window asks for them, with the simulated device in real time and without a
+// Runs lesson after lesson on request of a window, with the simulated device in real time and without a
 // server.
 #include <gmock/gmock.h>
 
@@ -44,7 +44,7 @@ class ConductorTest : public testing::Test {
     thread_.join();
     return code_;
   }
-  // false when it never came to that
+  // Returns false if this never happened.
   bool until(const std::function<bool(const BoardState&)>& condition) {
     for (int i = 0; i < 3000; ++i) {
       board_.look(state_, seen_);
@@ -139,7 +139,7 @@ TEST_F(ConductorTest, aLessonThatCannotBeginIsSaidAtTheStart) {
   ASSERT_TRUE(
       until([](const BoardState& state) { return state.stage == Stage::kStart && !state.trouble.empty(); }));
   EXPECT_THAT(state_.trouble, HasSubstr("never fetched"));
-  // and one that can is not held up by it
+  // A lesson that can start is not delayed by it.
   board_.ask({BoardRequest::Kind::kBegin, {"tom", "", true}});
   ASSERT_TRUE(until(Stage::kEnd));
   EXPECT_TRUE(state_.trouble.empty());
@@ -147,7 +147,7 @@ TEST_F(ConductorTest, aLessonThatCannotBeginIsSaidAtTheStart) {
 }
 
 TEST_F(ConductorTest, whoCallsItOffWhileItIsPreparedIsBackAtTheStart) {
-  // the stop is asked for as soon as the first step is said, on the lesson's own thread
+  // The lesson's own thread requests the stop as soon as the first step is reported.
   struct CallsOff : LessonObserver {
     LessonRequests* requests = nullptr;
     void preparing(const std::string&) override { requests->stop({}); }

@@ -1,4 +1,4 @@
-// Mouse and keys to wishes, by numbers.
+// Tests with numbers how mouse and keys become steering commands.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -68,7 +68,7 @@ TEST(PointerSteering, dragsMoveAcrossToTheRightAndAwayAsSeen) {
   input.across_up_px = 20;
   // the person stands at +x: away is −x, and the needle keeps its height
   expectNear(t.moved(input), {-20 * PointerSteering::kAcross_m_per_px, 0, 0});
-  // from the other side both are the other way
+  // from the other side, both directions are reversed
   Steered u;
   expectNear(u.moved(input, {{0, -1, 0}, normalized(Vec3{0.3, 0, 1})}),
              {20 * PointerSteering::kAcross_m_per_px, 0, 0});

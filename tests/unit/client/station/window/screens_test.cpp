@@ -1,4 +1,5 @@
-// Every screen of the trainee's window beside its reference picture, and what its keys and buttons ask for.
+// Compares every screen of the trainee's window with its reference picture, and checks the requests of its
+// keys and buttons.
 #include <gmock/gmock.h>
 
 #include "client/station/run/local_score.h"
@@ -13,7 +14,7 @@ using namespace std::chrono_literals;
 
 class TraineeScreens : public TraineeStage {
  protected:
-  /// The share of the pixels that change when `change` is done to the board.
+  /// Returns the share of pixels that change when `change` is applied to the board.
   double changes(const std::function<void()>& change) {
     const RgbaImage before = picture();
     change();
@@ -109,7 +110,7 @@ TEST_F(TraineeScreens, lessonWithUltrasound) {
   aids.Add(pb::Exercise::ULTRASOUND);
   showLesson(3.2, aids);
   PictureTolerance tolerance;
-  tolerance.share_of_pixels = 0.03;  // what it costs stands there, and differs
+  tolerance.share_of_pixels = 0.03;  // The screen shows the cost, which varies.
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_ultrasound"), tolerance));
 }
 
@@ -118,7 +119,7 @@ TEST_F(TraineeScreens, lessonByFeel) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_by_feel")));
 }
 
-// each aid hides what it names, at once
+// Each aid hides the item that it names, at once.
 TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
   for (int number = pb::Exercise::PHASE; number <= pb::Exercise::ALIGNMENT; ++number) {
     AidList all = usualAids();
@@ -216,7 +217,7 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   ASSERT_TRUE(steering_->fetch(request));
   EXPECT_NEAR(request.X_WT.p.z, 0.027 - PointerSteering::kAdvance_mps * 10 / 30,
               PointerSteering::kAdvance_mps / 30);
-  // the side panel is not the picture
+  // The side panel is not part of the picture.
   const Vec3 before = request.X_WT.p;
   surface_->moveMouse(1100, 400);
   picture(2);

@@ -17,7 +17,7 @@ TEST(PicturePlan, takesEachOnceWhenItsTimeHasCome) {
     for (const auto& picture : plan.due(stage, s)) text += picture.file.string() + " ";
     return text;
   };
-  // the first frames of a screen are still finding their places
+  // The layout of a screen settles in its first frames.
   EXPECT_EQ(names(Stage::kStart, 0) + names(Stage::kStart, 0), "");
   EXPECT_EQ(names(Stage::kStart, 0), "start ");
   EXPECT_EQ(names(Stage::kStart, 0), "");

@@ -22,7 +22,7 @@ OrbitCamera someCamera(test::Random& draw) {
   return camera;
 }
 
-// as OpenGL would: clip coordinates, divided, then the viewport
+// as in OpenGL: clip coordinates, division, then the viewport
 PicturePoint byMatrices(const OrbitCamera& camera, Vec3 p) {
   const Matrix4 view = camera.view(), projection = camera.projection(kWidth, kHeight);
   const auto apply = [](const Matrix4& m, const std::array<double, 4>& v) {
@@ -93,7 +93,7 @@ TEST(OrbitCamera, upStaysUpInThePicture) {
 
 TEST(OrbitCamera, aDragTurnsTheSceneWithThePointerAndHoldsItsElevation) {
   OrbitCamera camera;
-  // a point nearer than the focus goes with the pointer, to the right and down
+  // A point nearer than the focus moves with the pointer, to the right and down.
   const Vec3 front = camera.focus_W_m + (camera.eye_W_m() - camera.focus_W_m) * 0.3;
   const auto before = camera.project(front, kWidth, kHeight);
   camera.orbit(30, 20, kHeight);

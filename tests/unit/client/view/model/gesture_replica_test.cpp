@@ -75,7 +75,7 @@ TEST(GestureReplica, findsEntryLineAndAlpha) {
     ASSERT_NEAR(now.alpha_rad, std::atan((length_m - now.insertion_m) / (length_m + now.insertion_m)), 1e-12);
     if (!now.inside) continue;
     seen_inside = true;
-    // P0 lies on the skin, and the sample's own lateral error is that from the line through it
+    // P0 lies on the skin, and the sample's own lateral error is the distance from the line through it.
     ASSERT_NEAR(depthAt(*lesson.scene, now.p_entry_W_m), 0, 1e-6);
     ASSERT_NEAR(norm(now.u_W), 1, 1e-9);
     const Vec3 from = now.p_WT_m - now.p_entry_W_m;
@@ -127,7 +127,7 @@ TEST(GestureReplica, lostSamplesAreFlaggedUntilTheTipIsOutside) {
   for (std::size_t i = 0; i < lesson.samples.size(); ++i) {
     const GestureSample& sample = lesson.samples[i];
     if (!gap && sample.layer >= 1) {
-      // 200 ms are lost in the tissue
+      // 200 ms are lost while in the tissue
       gap = true;
       replica.noteGap();
       i += 200;
@@ -139,7 +139,7 @@ TEST(GestureReplica, lostSamplesAreFlaggedUntilTheTipIsOutside) {
     } else if (now.inside) {
       ASSERT_TRUE(now.approximate);
       flagged = true;
-      // entry and line were seen before
+      // The entry and the line were received before.
       ASSERT_NEAR(depthAt(*lesson.scene, now.p_entry_W_m), 0, 1e-6);
     } else {
       ASSERT_FALSE(now.approximate);

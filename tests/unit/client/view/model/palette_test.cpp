@@ -15,7 +15,7 @@ double contrast(Rgb a, Rgb b) {
   return (std::max(la, lb) + 0.05) / (std::min(la, lb) + 0.05);
 }
 
-// how a dichromat sees it: Viénot, Brettel and Mollon 1999, in linear light
+// Simulates a dichromat's view: Viénot, Brettel and Mollon 1999, in linear light.
 Rgb seenBy(Rgb colour, bool protanope) {
   const auto linear = [](float v) { return std::pow(static_cast<double>(v), 2.2); };
   const double r = linear(colour.red), g = linear(colour.green), b = linear(colour.blue);

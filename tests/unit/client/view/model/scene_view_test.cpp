@@ -79,7 +79,7 @@ TEST(SceneView, layersAreNamedAndNumberedWhereTheyComeTwice) {
   EXPECT_EQ(layerName(*lumbar.scene, 3), "tendon 2");
   EXPECT_EQ(layerName(*lumbar.scene, 99), "?");
   EXPECT_TRUE(lumbar.scene->layers[3].has_membrane);
-  // what is round is filled by its last layer
+  // A round limb is filled by its last layer.
   const test::SampleLesson shoulder = test::sampleLesson("shoulder-adult");
   EXPECT_DOUBLE_EQ(shoulder.scene->layers.back().bottom_m, 0.06);
 }

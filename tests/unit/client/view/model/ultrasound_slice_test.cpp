@@ -97,7 +97,7 @@ TEST(UltrasoundSlice, tissuesDifferAndHaveSpeckle) {
     const Vec3 p = scene.focus_W_m - scene.focus_normal_W * depth_m + slice.plane.right_W * 0.02;
     return meanAround(slice.image, slice.x(p), slice.y(p), 4);
   };
-  EXPECT_GT(at(0.03), 1.5 * at(0.012));  // ligament sends back more than fat
+  EXPECT_GT(at(0.03), 1.5 * at(0.012));  // ligament reflects more than fat
   // within one tissue pixels scatter, and not by rows or columns alone
   double sum = 0, squares = 0;
   int count = 0;
@@ -130,7 +130,7 @@ TEST(UltrasoundSlice, thePlaneHoldsTheNeedleAndDoesNotFlip) {
     if (any) {
       ASSERT_GT(dot(plane.right_W, before.right_W), std::cos(0.25)) << sample.tick;
     }
-    // within a quarter turn it has found the needle: the tip is within the plane as far as it is seen
+    // Within a quarter turn it has found the needle: the tip lies in the plane within the visible thickness.
     if (pictures_inside > 8) {
       const Vec3 out = cross(plane.right_W, plane.down_W);
       ASSERT_LT(std::fabs(dot(now.p_WT_m - plane.origin_W_m, out)), 0.0015) << sample.tick;
