@@ -18,7 +18,7 @@ using namespace std::chrono_literals;
 
 constexpr std::size_t kLineEvery = 36;  // attempts, where no terminal shows each
 
-/// A quoted cell: commas and quotes in it part nothing.
+/// A quoted cell: commas and quotes in it do not separate cells.
 std::string cellOf(const std::string& text) {
   std::string cell = "\"";
   for (const char c : text) cell += c == '"' ? std::string("\"\"") : std::string(1, c == '\n' ? ' ' : c);
@@ -76,7 +76,7 @@ Result<std::vector<ClassSession>> runClass(const ClassOptions& options,
   for (std::size_t i = 0; i < n; ++i) {
     threads.emplace_back([&, i] {
       ends[i] = stations[i]->practise(work[i], [&stop] { return stop.load(); });
-      // one that fails ends the others: the class would have holes that nobody asked for
+      // a failing station ends the others: otherwise the class would have unplanned gaps
       if (!ends[i].ok()) stop = true;
       --working;
     });
@@ -93,7 +93,7 @@ Result<std::vector<ClassSession>> runClass(const ClassOptions& options,
   }
   if (shows) std::fprintf(stderr, "\r%zu of %zu attempts\n", done.load(), plan.size());
   for (std::thread& thread : threads) thread.join();
-  // the one that failed by itself says why, not those that were stopped because of it
+  // reports the error of the station that failed first, not of those stopped because of it
   const Status* fault = nullptr;
   for (const Status& end : ends) {
     if (end.ok()) continue;

@@ -27,7 +27,7 @@ using namespace std::chrono_literals;
 constexpr auto kPatienceForALesson = 10s, kPatienceForVerdicts = 60s;
 constexpr std::size_t kChunkSamples = 1000;
 
-/// Nothing: nothing was required.
+/// Empty: there were no requirements.
 std::optional<bool> passedOf(const std::string& score_json) {
   const auto rows = nlohmann::json::parse(score_json, nullptr, false);
   std::optional<bool> passed;
@@ -113,7 +113,7 @@ Status ClassStation::practise(std::vector<ClassSession>& attempts, const std::fu
   std::size_t first = 0;
   for (std::size_t i = 0; i < attempts.size(); ++i) {
     if (stopped()) return Error{ErrorCode::kFailed, "stopped"};
-    // what was passed decides about what is locked: the server's word is waited for before another exercise
+    // passed exercises unlock others: wait for the server's verdict before the next exercise
     if (i > first && (attempts[i].plan.exercise != attempts[first].plan.exercise ||
                       attempts[i].plan.trainee != attempts[first].plan.trainee)) {
       RETURN_IF_ERROR(settle(attempts, first, i));

@@ -1,4 +1,4 @@
-// needlelab-class: fills a lab with what simulated trainees would have done in some weeks.
+// needlelab-class: fills a lab with some weeks of sessions by simulated trainees.
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 #include <cstdio>

@@ -42,7 +42,7 @@ std::vector<PlannedAttempt> planClass(const std::vector<ClassTrainee>& trainees,
     }
     std::sort(times.begin(), times.end());
     for (std::size_t k = 1; k < each; ++k) times[k] = std::max(times[k], times[k - 1] + kBetween_ns);
-    // where there are more attempts than days hold, they move to earlier, not into the future
+    // attempts that exceed the days' capacity move to earlier days, not into the future
     std::int64_t latest = last_ns;
     for (std::size_t k = each; k-- > 0;) {
       times[k] = std::min(times[k], latest);

@@ -1,6 +1,6 @@
-// In the server under test only: before SQLite's own file system stands one that says in a shared page
-// whether a commit or a checkpoint is going on, and kills the process (kill -9, to itself) at the operation
-// it is told. The page is the file that NEEDLELAB_CRASH_PAGE names; without it nothing is changed.
+// In the server under test only: a VFS in front of SQLite's own. It reports in a shared page whether a commit
+// or a checkpoint is running, and kills its own process (kill -9) at the requested operation.
+// NEEDLELAB_CRASH_PAGE names the page's file; without it nothing changes.
 #include <fcntl.h>
 #include <signal.h>
 #include <sqlite3.h>
@@ -17,11 +17,11 @@
 namespace needlelab::test {
 namespace {
 
-/// What the server under test shows of itself, and where it is told to die: a page of memory in a file.
+/// The shared page, a file mapped into memory: the server's phase, and the operation at which it must die.
 /// Little-endian words; harness/crash_page.py reads and writes the same. The harness arms `die_in` before the
 /// server starts or while it runs; the server alone writes the others.
 struct CrashPage {
-  std::atomic<std::uint64_t> phase;        ///< what goes on now, a CrashPhase
+  std::atomic<std::uint64_t> phase;        ///< current phase, a CrashPhase
   std::atomic<std::uint64_t> commits;      ///< syncs of the log outside of checkpoints
   std::atomic<std::uint64_t> checkpoints;  ///< begun
   std::atomic<std::uint64_t> operations;   ///< writes and syncs in the armed phase since it was armed
@@ -35,7 +35,7 @@ enum CrashPhase : std::uint64_t { kElsewhere = 0, kInCommit = 1, kInCheckpoint =
 CrashPage* page = nullptr;
 sqlite3_vfs* system_vfs = nullptr;
 sqlite3_vfs ours;
-// of the writer's thread, which alone writes
+// of the writer's thread, the only one that writes
 bool checkpointing = false, log_written = false;
 
 /// Behind the system's own file, in the same allocation.
@@ -90,10 +90,10 @@ int xFileControl(sqlite3_file* file, int op, void* arg) {
 int xOpen(sqlite3_vfs*, const char* name, sqlite3_file* file, int flags, int* out) {
   const int rc = system_vfs->xOpen(system_vfs, name, file, flags, out);
   if (rc != SQLITE_OK || (flags & (SQLITE_OPEN_WAL | SQLITE_OPEN_MAIN_DB)) == 0) return rc;
-  // backups are not what is killed here
+  // backups are not killed here
   const std::string_view path = name == nullptr ? "" : name;
   if (!path.ends_with("needlelab.db") && !path.ends_with("needlelab.db-wal")) return rc;
-  // the system's methods are others for a log than for a database
+  // the system's methods differ between a log and a database
   static sqlite3_io_methods both[2];
   sqlite3_io_methods& methods = both[(flags & SQLITE_OPEN_WAL) != 0 ? 1 : 0];
   behind(file) = {file->pMethods, (flags & SQLITE_OPEN_WAL) != 0};

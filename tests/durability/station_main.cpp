@@ -1,6 +1,6 @@
-// needlelab-durability-station: a station's spool and uplink without its hand and its loop. It writes down
-// every sample before it gives it to the spool, and every word of the server, in a ledger that no kill
-// reaches: the judge compares. All that it does follows from its seed.
+// needlelab-durability-station: a station's spool and uplink, without hand and loop. It writes every sample,
+// before the spool gets it, and every answer of the server to a ledger that survives kills; the judge
+// compares. Its seed determines all its actions.
 #include <signal.h>
 
 #include <CLI/CLI.hpp>
@@ -32,7 +32,7 @@ struct Options {
 
 std::atomic<bool> stop{false};
 
-/// Sessions of which the server has said something. Thread: any.
+/// Sessions with an answer from the server. Thread: any.
 class Heard {
  public:
   void add(const std::string& id) {
@@ -110,7 +110,7 @@ bool record(const Options& options, Spool& spool, Uplink& uplink, StationLedger&
   SpoolWriter writer(*ring, *session, writer_options, callbacks);
   uplink.add(*session, true);
 
-  // between half and all of what was asked, so that ends fall anywhere in a chunk
+  // between half and all of the requested samples, so that ends fall anywhere in a chunk
   const auto most = static_cast<std::uint64_t>(options.samples);
   const std::uint64_t count = most - random() % (most / 2 + 1);
   const auto began = std::chrono::steady_clock::now();
@@ -182,7 +182,7 @@ int run(const Options& options) {
   for (int i = 0; i < options.sessions && !stop; ++i)
     if (!record(options, **spool, uplink, ledger, station, random)) return 1;
   const auto patience = std::chrono::seconds(options.drain_s);
-  // about closed sessions the uplink asks whether the server still has them: nobody goes before it has heard
+  // the uplink asks whether the server still has the closed sessions: wait for the answer before exit
   const auto until = std::chrono::steady_clock::now() + patience;
   for (const auto& session : not_safe) {
     const std::string& id = session->description().session_id();

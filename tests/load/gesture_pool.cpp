@@ -81,7 +81,7 @@ std::size_t StationStream::partOf(std::uint64_t tick) {
   while (parts_.empty() || parts_.back().end_tick <= tick) {
     const std::uint64_t from = parts_.empty() ? 0 : parts_.back().end_tick;
     const PoolGesture& gesture = pool_.gestures[random_.next() % pool_.gestures.size()];
-    // the first one is begun somewhere in its middle: else all stations would do the same at the same time
+    // starts somewhere within the first gesture, so that the stations are not in step
     const std::size_t skip = from == 0 ? random_.next() % gesture.size() : 0;
     parts_.push_back({&gesture, from + gesture.size() - skip, skip});
   }
@@ -106,7 +106,7 @@ void StationStream::fill(std::uint64_t first_tick, std::span<GestureSample> out)
     s.wall_W_m[0] += placement_m_.x;
     s.wall_W_m[1] += placement_m_.y;
     s.wall_W_m[2] += placement_m_.z;
-    // what device and engine take differs from tick to tick, as on a real machine
+    // the times of device and engine vary from tick to tick, as on a real machine
     const std::uint64_t noise = mixed(noise_seed_, tick);
     s.device_ns = static_cast<std::int32_t>(8'000 + noise % 4'000);
     s.engine_ns = static_cast<std::int32_t>(30 + (noise >> 32) % 400);

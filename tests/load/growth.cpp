@@ -1,4 +1,5 @@
-/// needlelab_load_growth: a run of needlelab-load for each size, one with a profile, and the report of all.
+/// needlelab_load_growth: runs needlelab-load for each size, once with a profile, and writes the common
+/// report.
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -50,7 +51,7 @@ pid_t childOf(pid_t parent) {
   return child;
 }
 
-// looks at the server for some seconds in the middle of a run
+// profiles the server for some seconds in the middle of a run
 Status profileServer(Growth& growth, std::size_t stations, const TempFolder& folder) {
   constexpr double kSpan_s = 8, kRun_s = 14;
   const auto data = folder.path() / "perf.data", text = folder.path() / "perf.txt";

@@ -57,7 +57,7 @@ FaultPlan::FaultPlan(const LoadOptions& options)
 }
 
 void FaultPlan::planNext() {
-  // held to a quarter and three times the mean: no run without a fault, no storm of them
+  // limited to a quarter and three times the mean, so that every run has faults, but not a storm of them
   next_s_ += every_s_ * std::clamp(-std::log(1 - random_.uniform()), 0.25, 3.0);
 }
 

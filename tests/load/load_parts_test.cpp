@@ -1,4 +1,4 @@
-// Gestures, comparison, schedule, faults, profile: what needs no server.
+// Tests without a server: gestures, comparison, schedule, faults, profile.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -197,7 +197,7 @@ TEST_F(Compared, findsSamplesOfAnotherStationAndOfNobody) {
   EXPECT_EQ(d.lost, 0u);
 }
 
-// a station that nobody connects: its schedule alone
+// a station without a connection: its schedule alone
 struct LonelyStation {
   explicit LonelyStation(std::uint64_t ticks, std::int64_t start_ns) {
     shared.pool = &pool();
@@ -286,7 +286,7 @@ TEST(LoadOptions, whatIsOutOfRangeIsNamed) {
   EXPECT_NE(refused([](O o) { o.ca_file = "x"; }).find("--server"), std::string::npos);
 }
 
-// a run as it should be, with the memory and handles given
+// a good run with the given memory and handles
 LoadResult quietRun(double growth_KiB_per_min, double handles_per_min) {
   LoadResult result;
   result.options.stations = result.stations_closed = 200;

@@ -127,7 +127,7 @@ class LoadRun {
     return {};
   }
 
-  // names that no earlier run has used: a session's station is found by it
+  // names unused by earlier runs: they identify a session's station
   Status enrolThere() {
     ASSIGN_OR_RETURN(auto password, readPassword(options_.password_file, ""));
     login_ = personLogin(options_.user, password);
@@ -234,7 +234,7 @@ class LoadRun {
     return {};
   }
 
-  // everything that was made is acknowledged, all sessions are closed
+  // all samples are acknowledged and all sessions closed
   Status drain() {
     const std::int64_t begin_ns = steadyNowNs();
     std::int64_t moved_ns = begin_ns;

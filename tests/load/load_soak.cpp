@@ -44,7 +44,7 @@ Finding said(const std::string& what, std::string value) {
   return {what, std::move(value), "", Verdict::kGood};
 }
 
-// a connection that is lost comes back within a second: most of the time all are there
+// a lost connection returns within a second: most of the time all are connected
 Finding steadyHandles(std::span<const ServerRow> rows) {
   const std::size_t third = std::max<std::size_t>(1, rows.size() / 3);
   std::vector<double> first, last;

@@ -19,7 +19,7 @@ constexpr std::size_t kMostQueuedBytes = 1u << 20;
 constexpr std::uint64_t kFramesPerStatus = 5;  // 10 Hz
 constexpr std::chrono::milliseconds kFirstRetry{200}, kMostRetry{5000};
 
-// one thread's work space: a thousand stations with a chunk's samples each would not fit the caches
+// one work space per thread: a thousand stations with a chunk's samples each would not fit the caches
 std::span<GestureSample> scratch(std::size_t count) {
   thread_local std::vector<GestureSample> samples(LoadShared::kChunkTicks);
   return std::span(samples).first(count);
@@ -167,7 +167,7 @@ void LoadStation::committed(std::uint64_t seqs) {
   sent_ = std::max(sent_, committed_);
 }
 
-// --- the connection: what the station says first, and what the server's answers mean
+// --- the connection: the station's first messages, and handling of the server's answers
 
 void LoadStation::connect() {
   ClientConfig config = shared_.client;
@@ -259,7 +259,7 @@ void LoadStation::onRefusal(const pb::Refusal& refusal) {
   last_error_ = std::string(reasonName(refusal.reason())) + ": " + refusal.text();
   if (refusal.fatal() || refusal.session_id() != session_id_) return;
   if (refusal.reason() == pb::Refusal::GAP || refusal.reason() == pb::Refusal::UNKNOWN_SESSION) {
-    // ask where it stands; chunks in flight are refused as well, before the answer comes
+    // ask for the session's state; the server also refuses the chunks in flight before its answer
     if (state_ != State::kOpen && state_ != State::kClosing) return;
     state_ = State::kOpening;
     link_.send(openMessage());
@@ -275,7 +275,7 @@ void LoadStation::onRefusal(const pb::Refusal& refusal) {
       trouble_ = "the server refuses the session: " + last_error_;
       break;
     default:
-      break;  // of the moment: the next connection asks again
+      break;  // temporary: the next connection asks again
   }
   link_.drop(CloseReason::kLocal, last_error_);
 }

@@ -1,4 +1,4 @@
-// Real servers under load: nothing is lost, and what is wrong is found.
+// Real servers under load: no sample is lost, and planted faults are found.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
@@ -70,8 +70,8 @@ TEST_F(LoadProgram, aStalledServerShowsInTheLatenciesAndNothingIsLost) {
     EXPECT_EQ(result[key], 24'000) << key;
   for (const char* key : {"lost", "duplicated", "different", "foreign", "live_corrupt"})
     EXPECT_EQ(result[key], 0) << key;
-  // every station makes a chunk each second, so some were due while the server stood: no pause of the
-  // generator hides it. Frames too, which the queues let go or bring late.
+  // every station makes a chunk each second, so some were due while the server was down: no pause of the
+  // generator hides it. The same holds for frames, which the queues drop or deliver late.
   EXPECT_GT(result["ack_max_ms"], 300);
   EXPECT_TRUE(result["live_max_ms"] > 300 || result["live_dropped_frames"] > 8 * 10) << result;
   EXPECT_EQ(result["live_frames_sent"], 8 * 150);
@@ -143,7 +143,7 @@ TEST(LoadRun, faultsLoseNothing) {
   EXPECT_GT(result->stations.connections, 10u);
 }
 
-// a server that was not started by the run: enrolled and read through it
+// a server not started by the run: the run enrols stations and reads samples through it
 TEST(LoadRun, worksOnAServerThatRunsAlready) {
   const TempFolder folder;
   const auto enrolled = enrol(folder.path() / "data", 0);
@@ -162,7 +162,7 @@ TEST(LoadRun, worksOnAServerThatRunsAlready) {
   EXPECT_EQ(result->stored.samples.stored, 4'500u);
 }
 
-// what a database may hold that it should not, planted
+// planted faults in the database
 class PlantedDatabase : public testing::Test {
  protected:
   PlantedDatabase() {

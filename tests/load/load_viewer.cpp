@@ -51,7 +51,7 @@ void LoadViewer::onConnected() {
     envelope.mutable_subscribe()->set_station(shared_.stations[i].name);
     link_.send(envelope);
   }
-  // what was missed between two connections is not a drop
+  // frames missed between two connections do not count as drops
   for (auto& [name, watched] : by_name_) watched.seen = false;
 }
 

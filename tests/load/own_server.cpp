@@ -64,7 +64,7 @@ Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations) 
     const StationKeyBytes key = makeStationKey();
     enrolled.stations.emplace_back(fmt::format("load-{:04}", i + 1), std::string(key.begin(), key.end()));
   }
-  // all in one transaction: a thousand would take a minute
+  // all in one transaction: a thousand transactions would take a minute
   const Status done = (store)->writer().run([&](Connection& writer) -> Status {
     const std::int64_t now_ns = wallNowNs();
     Person person;
@@ -171,7 +171,7 @@ Profile profileOf(std::string_view perf_script) {
     thread = 0;
     frames.clear();
   };
-  // blocks apart by empty lines: the thread, then its frames
+  // blocks separated by empty lines: the thread, then its frames
   std::istringstream lines{std::string(perf_script)};
   for (std::string line; std::getline(lines, line);) {
     const auto first = line.find_first_not_of(" \t");

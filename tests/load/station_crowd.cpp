@@ -70,7 +70,7 @@ Task<> StationThread::schedule() {
       co_await timer.async_wait(kUseTuple);
     }
   }
-  // all at once, as a lab ends; the server's scores do not stand in the streaming's figures
+  // all at once, as at the end of a lab; the streaming's figures do not include the server's scoring
   for (const auto& station : stations_) station->close();
 }
 
@@ -117,7 +117,7 @@ void StationThread::stop() {
     stopping_ = true;
     for (const auto& station : stations_) station->stop();
   });
-  // coroutines that were woken by it get their turn to end
+  // lets the woken coroutines finish
   for (int i = 0; i < 3; ++i) net_.call([] {});
   net_.stop();
 }

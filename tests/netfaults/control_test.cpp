@@ -1,4 +1,4 @@
-// An instructor's message reaches the trainee, or the instructor hears that it may not have.
+// An instructor's message reaches the trainee, or the instructor learns that it may be lost.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <algorithm>
@@ -81,7 +81,7 @@ TEST_F(ControlTest, aMessageIntoAHalfOpenConnectionIsSaidToBeLost) {
   EXPECT_NE(lost.error().message.find("did not confirm it"), std::string::npos) << lost.error().message;
   EXPECT_LT(std::chrono::steady_clock::now() - began, 2s);
   EXPECT_EQ(timesHeard("into nothing"), 0u);
-  // and it is not held back for later, when nobody expects it any more
+  // and it is not delivered late
   proxy_.refuseAll(false);
   connected();
   for (int i = 0; i < 400 && !instructor_->call(messageTo("s1", "again")).ok(); ++i)
@@ -117,7 +117,7 @@ TEST_F(ControlTest, underCutsEachMessageIsHeardOrItsLossIsSaid) {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-/// Accepts, keeps, never reads.
+/// Accepts connections, keeps them open and never reads.
 class MuteServer {
  public:
   MuteServer() : acceptor_(io_, Tcp::endpoint(asio::ip::address_v4::loopback(), 0)) {

@@ -89,7 +89,7 @@ void FaultStation::watchAcks() {
 
 bool FaultStation::waitUntilDone(std::chrono::milliseconds patience) {
   const auto end = std::chrono::steady_clock::now() + patience;
-  // waitUntilDone gives up at a refusal of the log-in, which a bad network can look like for a moment
+  // waitUntilDone gives up at a refused log-in; a bad network can briefly look like one
   while (std::chrono::steady_clock::now() < end) {
     if (uplink_->waitUntilDone(50ms) && session_->contents().ended)
       return state().current_verdict.has_value();
@@ -138,7 +138,7 @@ void FaultStation::expectWhole(RunningServer& server) const {
   EXPECT_EQ(tick, contents.samples);
   EXPECT_EQ(hash.digest(), contents.hash);
 
-  // and the server's own account of it
+  // and the server's own record of it
   pb::Request ask;
   ask.mutable_get_session()->set_session_id(id);
   const pb::SessionInfo info = server.asAdmin(ask).session();

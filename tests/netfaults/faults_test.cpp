@@ -1,5 +1,4 @@
-// Each fault of the network alone: nothing is lost, nothing doubled, and the acknowledgements go forward
-// only.
+// Each network fault alone: no sample is lost or duplicated, and acknowledgements never go back.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <cstdlib>
@@ -16,7 +15,7 @@ using namespace std::chrono_literals;
 struct FaultCase {
   const char* name;
   ConnectionScript script;
-  /// How many connections have it; those after them are healthy.
+  /// Number of connections with the fault; later ones are healthy.
   std::uint64_t connections;
 };
 
@@ -74,7 +73,7 @@ std::vector<FaultCase> faultCases() {
   };
 }
 
-// all at once, each behind a bad network of its own: one server has to bear them together
+// all at once on one server, each behind its own bad network
 TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
   RunningServer server(withShortLimits);
   const std::vector<FaultCase> cases = faultCases();
@@ -96,14 +95,14 @@ TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
     SCOPED_TRACE(std::string(cases[i].name) + ":" + script.text());
     ASSERT_TRUE(stations[i]->waitUntilDone(60s)) << state.error << state.current_trouble;
     station.expectWhole(server);
-    // it was the fault that was tested
+    // the tested fault really occurred
     const ProxyCounts counts = proxies[i]->counts();
     EXPECT_EQ(counts.refused, script.refuse ? 3u : 0u);
     EXPECT_EQ(counts.cuts > 0, script.cut_at.has_value());
     EXPECT_EQ(counts.corrupted > 0, script.up.corrupt_at || script.down.corrupt_at);
     EXPECT_EQ(counts.stalls > 0, script.up.stall_at || script.down.stall_at);
     EXPECT_GE(counts.duplicates, script.duplicates);
-    // a network that merely is slow costs no connection
+    // a merely slow network ends no connection
     if (cases[i].connections == 99) {
       EXPECT_EQ(station.state().connections, 1u) << station.state().error;
     }
@@ -117,8 +116,8 @@ std::uint64_t seedFromEnvironment() {
   return given != nullptr ? std::strtoull(given, nullptr, 10) : static_cast<std::uint64_t>(wallNowNs());
 }
 
-/// Several stations at once, each behind a proxy of its own. One station's bad connections end after 12, so
-/// that every round ends.
+/// Several stations at once, each behind its own proxy. A station has at most 12 bad connections, so that
+/// every round ends.
 void runRound(std::uint64_t seed, std::size_t count) {
   SCOPED_TRACE(fmt::format("NEEDLELAB_SEED={}", seed));
   RunningServer server(withShortLimits);
@@ -132,7 +131,7 @@ void runRound(std::uint64_t seed, std::size_t count) {
                                                      if (n >= 12) return ConnectionScript{};
                                                      ConnectionScript script = randomScript(mine, span);
                                                      // every station loses its first connection somewhere,
-                                                     // whatever else comes
+                                                     // besides all other faults
                                                      if (n == 0 && !script.cut_at)
                                                        script.cut_at = mine.below(span);
                                                      return script;
@@ -175,8 +174,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr auto kMachineStalls = 700ms;  // eight builds on two cores
 
-/// The latest end of a connection that hears nothing: the limit itself, a quarter of it until the watch looks
-/// again (2.5 s at most), and the grace for a last message.
+/// The latest end of a silent connection: the limit itself, plus a quarter of it until the next check (2.5 s
+/// at most), plus the grace for a last message.
 std::chrono::milliseconds latestEnd(const ChannelLimits& limits) {
   return limits.idle_timeout + std::min<std::chrono::milliseconds>(limits.idle_timeout / 4, 2500ms) +
          limits.close_grace;
@@ -212,7 +211,7 @@ void run(const ChannelLimits& limits) {
   FaultStation station(server, "s1", proxy.port(), settings);
   ASSERT_LT(timeUntil([&] { return station.state().current_committed >= 5; }, 10s), 10s);
 
-  // the network swallows everything: neither end sees an end; and no new connection comes through either
+  // the network discards everything: neither side sees an end, and new connections fail too
   proxy.refuseAll(true);
   proxy.cutAll(Cut::kSilent);
   ASSERT_TRUE(isOnline(*instructor, "s1"));
@@ -259,7 +258,7 @@ TEST(HalfOpenTest, aPeerWhoStallsInItsHandshakeIsEndedInTime) {
   });
   asio::io_context io;
   std::vector<std::unique_ptr<Tcp::socket>> sockets;
-  // some send nothing at all, some the half of a ClientHello
+  // some send nothing, some half of a ClientHello
   for (int i = 0; i < 20; ++i) {
     sockets.push_back(std::make_unique<Tcp::socket>(io));
     sockets.back()->connect(
@@ -267,7 +266,7 @@ TEST(HalfOpenTest, aPeerWhoStallsInItsHandshakeIsEndedInTime) {
     if (i % 2 == 1) asio::write(*sockets.back(), asio::buffer(std::string("\x16\x03\x01\x01\x00\x01", 6)));
   }
   const auto began = Clock::now();
-  // those that are connected to the server itself see its end
+  // clients connected directly to the server see its end
   for (std::size_t i = 0; i < sockets.size(); i += 2) {
     char byte = 0;
     boost::system::error_code error;
@@ -280,7 +279,8 @@ TEST(HalfOpenTest, aPeerWhoStallsInItsHandshakeIsEndedInTime) {
 
 using namespace std::chrono_literals;
 
-/// The first connection's bytes stop at `hold_at` and come `late` after the second connection was made.
+/// Holds the first connection's bytes from `hold_at` on, and delivers them `late` after the second
+/// connection.
 FaultProxy::Scripts lateFirst(std::uint64_t hold_at, std::chrono::milliseconds late) {
   return [=](std::uint64_t n, Random&) {
     ConnectionScript script;
@@ -292,10 +292,10 @@ FaultProxy::Scripts lateFirst(std::uint64_t hold_at, std::chrono::milliseconds l
   };
 }
 
-// From the handshake over log-in and OpenSession to chunks: wherever the older connection stuck, what comes
-// of it later harms nothing. All at once, because each waits for its time-outs.
+// From the handshake over log-in and OpenSession to chunks: wherever the older connection stalled, its late
+// bytes do no harm. All at once, because each waits for its timeouts.
 TEST(ReconnectOrderTest, lateBytesOfTheOlderConnectionHarmNothing) {
-  // a patient server: the older connection still stands there when the station has long given it up
+  // a server with long timeouts: it still holds the older connection long after the station gave it up
   RunningServer server([](ServerOptions& options) {
     options.limits = shortLimits();
     options.limits.handshake_timeout = options.limits.idle_timeout = 20s;
@@ -318,7 +318,7 @@ TEST(ReconnectOrderTest, lateBytesOfTheOlderConnectionHarmNothing) {
     ASSERT_TRUE(stations[i]->waitUntilDone(60s)) << stations[i]->state().error;
     stations[i]->expectWhole(server);
     late += proxies[i]->counts().late;
-    // the older connection must not throw the newer one out
+    // the older connection must not displace the newer one
     EXPECT_LE(stations[i]->state().connections, 2u) << stations[i]->state().error;
     for (const std::string& text : stations[i]->said())
       EXPECT_EQ(text.find("CONFLICT"), std::string::npos) << text;

@@ -1,4 +1,4 @@
-// A thundering herd: the server is killed under load, and all stations come back at once.
+// A thundering herd: the server is killed under load, and all stations reconnect at once.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <algorithm>
@@ -33,12 +33,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// The server of the herd: a program on a folder with many stations, killed and started again.
+/// The herd's server: a process on a folder with many stations, killed and restarted.
 class HerdServer {
  public:
   /// Makes the folder and `stations` keys, then starts the program.
   explicit HerdServer(std::size_t stations);
-  /// On the same port as before.
+  /// Restarts on the same port.
   void start();
   void kill();
   /// SIGTERM; the exit code.
@@ -58,12 +58,12 @@ class HerdServer {
   std::uint16_t port_ = 0;
 };
 
-// A light station of the herd: connects as the real one does (ServerLink), sends a chunk of 1 s each
-// second, keeps what is not acknowledged.
+// A lightweight station: connects like the real one (ServerLink), sends a chunk of 1 s every second, and
+// keeps unacknowledged chunks.
 
 using HerdClock = std::chrono::steady_clock;
 
-/// The chunks that all stations of the herd send: equal ones, because only their number matters here.
+/// The chunks of all stations: equal, because only their number matters here.
 class HerdChunks {
  public:
   explicit HerdChunks(std::size_t most);
@@ -75,7 +75,7 @@ class HerdChunks {
   std::vector<std::string> chunks_;
 };
 
-/// What became of all attempts to connect. One thread.
+/// Results of all connection attempts. One thread.
 struct HerdTally {
   std::vector<HerdClock::time_point> connected;  ///< logged in
   std::uint64_t lost = 0;                        ///< connections that ended
@@ -90,12 +90,12 @@ class HerdStation {
               HerdTally& tally);
   void connect() { link_.logIn(config_); }
 
-  /// Logged in, session open, and all made before `since` is acknowledged.
+  /// True if it is logged in, its session is open, and all chunks made before `since` are acknowledged.
   [[nodiscard]] bool whole() const { return open_ && committed_ >= backlog_; }
-  /// The server was killed now: when is it whole again, with what is made until it is back?
+  /// Call at the server's kill: measures the time until full recovery, including the chunks made meanwhile.
   void outage() { open_ = false, whole_at_.reset(); }
   [[nodiscard]] std::optional<HerdClock::time_point> wholeAt() const { return whole_at_; }
-  /// No more chunks: send the rest and close the session.
+  /// Stops making chunks, sends the rest and closes the session.
   void end() { ending_ = true; }
   [[nodiscard]] bool complete() const { return complete_; }
   [[nodiscard]] std::uint64_t committed() const { return committed_; }
@@ -128,7 +128,7 @@ using namespace std::chrono_literals;
 
 constexpr std::uint64_t kWindow = 64;
 
-/// The same text for the same kind of failure.
+/// Maps failures of the same kind to the same text.
 std::string kindOf(const Error& error) {
   for (const char* kind : {"refused", "reset", "no answer within", "no log-in within", "RATE_LIMITED",
                            "CONFLICT", "closed the connection", "bye"})
@@ -378,7 +378,7 @@ void run(const Storm& storm) {
   tally = {};
   const auto killed_for = storm.outage;
   const auto start = HerdClock::now();
-  // starting takes its time as well, and the herd goes on trying meanwhile
+  // starting takes time too, and the stations keep trying meanwhile
   std::atomic<bool> up{false};
   std::thread starter([&] {
     server.start();
@@ -418,7 +418,7 @@ void run(const Storm& storm) {
     std::cout << "; server " << sample->rss_KiB / 1024 << " MiB, " << sample->handles << " handles";
   std::cout << '\n';
   EXPECT_EQ(tally.went_back, 0u) << "acknowledged, and not there after the kill";
-  // who was let in stays in: the storm of the others ends nobody's connection
+  // connected stations stay connected: the reconnecting others end no connection
   EXPECT_EQ(tally.lost, 0u);
 
   // complete: the server checks each session's count and hash from its database

@@ -1,4 +1,4 @@
-// The network of a station stalls: its haptic loop does not notice.
+// A stalled network does not disturb a station's haptic loop.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <algorithm>
@@ -12,8 +12,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Two stations at once on the same machine, the one beside the other: what this machine does to a loop it
-// does to both, so the ratio says what the network does.
+// Runs two stations at once on the same machine: machine load affects both loops, so the ratio shows the
+// effect of the network.
 TEST(StalledStationTest, missesNoMoreTicksThanTheOneBesideIt) {
   Lab lab;
   ASSERT_EQ(lab.admin({"station", "add", "station-2", "--out", lab.path("station-2.key")}), 0);

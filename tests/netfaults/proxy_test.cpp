@@ -1,4 +1,4 @@
-// The bad network does what its script says: else the tests behind it prove nothing.
+// Tests that the bad network follows its script; the other tests rely on this.
 #include <gtest/gtest.h>
 #include <poll.h>
 
@@ -13,7 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-/// Takes connections; keeps what each sent and how it ended; echoes.
+/// An echo server; records each connection's bytes and its end.
 class EchoServer {
  public:
   struct Seen {
@@ -33,7 +33,7 @@ class EchoServer {
     const std::scoped_lock lock(mutex_);
     return seen_;
   }
-  /// Nothing when that connection did not come yet.
+  /// Empty when that connection has not come yet.
   Seen seen(std::size_t n) {
     const std::scoped_lock lock(mutex_);
     return n < seen_.size() ? seen_[n] : Seen{};
@@ -87,7 +87,7 @@ class Peer {
     boost::system::error_code ignored;
     asio::write(socket_, asio::buffer(bytes), ignored);
   }
-  /// So many bytes, or what came before the end or 2 s.
+  /// Reads that many bytes, or fewer at the end of the connection or after 2 s.
   std::string read(std::size_t count, std::chrono::milliseconds limit = 2000ms) {
     std::string bytes(count, '\0');
     std::size_t got = 0;

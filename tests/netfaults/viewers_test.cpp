@@ -1,4 +1,5 @@
-// Viewers who read nothing, a byte at a time, or die: they lose their own frames, and nobody else notices.
+// Viewers that read nothing, read a byte at a time, or die: they lose their own frames and do not affect
+// others.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
@@ -53,7 +54,7 @@ struct Times {
   }
 };
 
-// what shows that others were held up, or nothing
+// evidence that other viewers were delayed, or empty
 std::string heldUp(Times& alone, Times& beside) {
   if (beside.ms.size() <= alone.ms.size() / 2)
     return fmt::format("{} in place of {}", beside.ms.size(), alone.ms.size());
@@ -62,7 +63,8 @@ std::string heldUp(Times& alone, Times& beside) {
   return {};
 }
 
-/// A station that streams: a live frame each 20 ms, a chunk each 100 ms, and how long each ack took.
+/// A streaming station: a live frame every 20 ms, a chunk every 100 ms; measures each acknowledgement's
+/// delay.
 class Streamer {
  public:
   Streamer(RunningServer& server, const std::string& name, std::uint64_t seed)
@@ -123,7 +125,7 @@ class Streamer {
         sent.push_back(Clock::now());
       }
     }
-    // what is on its way still comes
+    // bytes in flight still arrive
     if (acked_ < chunks_) session_.waitForAck(client_, chunks_);
     acked_ = chunks_.load();
     client_.finish();
@@ -146,7 +148,7 @@ void watchAll(BlockingClient& client) {
   }
 }
 
-/// A viewer who reads all that comes, and when.
+/// A viewer that reads everything and records arrival times.
 class GoodViewer {
  public:
   explicit GoodViewer(BlockingClient client) : client_(std::move(client)) {
@@ -210,9 +212,8 @@ class ViewersTest : public testing::Test {
   std::string token_;
 };
 
-/// A hundred at once: a third reads nothing, a third gets single bytes through a bad network, a third dies
-/// without a word. First all log in, which may take long; then they subscribe, so that they stand still from
-/// then on.
+/// A hundred viewers at once: a third reads nothing, a third gets single bytes through a bad network, a third
+/// dies silently. All log in first, which may take long; then they subscribe and stop reading.
 class Crowd {
  public:
   Crowd(std::uint16_t port, const ClientConfig& good)
@@ -241,7 +242,7 @@ class Crowd {
     dead_network_.cutAll(Cut::kSilent);
     silent_since_ = Clock::now();
   }
-  /// Since the first of them has frames coming that it does not read.
+  /// Time since the first of them has unread frames.
   [[nodiscard]] Clock::duration standsFor() const { return Clock::now() - stands_since_; }
   [[nodiscard]] Clock::time_point silentSince() const { return silent_since_; }
   /// One of the third that reads nothing.
@@ -253,9 +254,9 @@ class Crowd {
   Clock::time_point stands_since_, silent_since_;
 };
 
-/// A viewer's gaps in the frames beside what it was told of them. A drop is told at once, with the next frame
-/// of any station, and seen as a gap with the next one of its own: so gaps never are more than what was told,
-/// and not less than what had been told before each station's last frame.
+/// Compares a viewer's frame gaps with the reported drops. The next frame of any station reports a drop; the
+/// next frame of the same station shows the gap. So the gaps never exceed the reported drops, and are at
+/// least those reported before each station's last frame.
 class LossLedger {
  public:
   void add(const pb::LiveFrame& frame) {
@@ -272,9 +273,10 @@ class LossLedger {
     mark_ = told_;
     since_mark_.clear();
   }
-  /// Nothing was lost for a frame of each station at least, and what was lost before the first one is known.
+  /// True after at least one frame of each station without a new loss; losses before the first frame are then
+  /// known.
   [[nodiscard]] bool quiet() const { return quiet_; }
-  /// Told losses that have been found as gaps.
+  /// Reported losses that were found as gaps.
   [[nodiscard]] std::uint64_t settled() const { return settled_; }
   [[nodiscard]] const std::string& wrong() const { return wrong_; }
 
@@ -282,12 +284,12 @@ class LossLedger {
   std::map<std::string, std::uint64_t> last_seq_;
   std::set<std::string> since_mark_;
   std::uint64_t gaps_ = 0, told_ = 0, mark_ = 0, settled_ = 0;
-  std::optional<std::uint64_t> before_;  // lost before the first frame: told, and no gap
+  std::optional<std::uint64_t> before_;  // lost before the first frame: reported, but no gap
   bool quiet_ = false;
   std::string wrong_;
 };
 
-/// Reads live frames until `enough`; what went wrong, or nothing.
+/// Reads live frames until `enough`; returns an error message, or empty.
 std::string readUntil(BlockingClient& viewer, LossLedger& ledger,
                       const std::function<bool(const pb::LiveFrame&)>& enough) {
   for (const auto until = Clock::now() + 20s; Clock::now() < until;) {
@@ -329,8 +331,8 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
   };
   std::this_thread::sleep_for(300ms);
 
-  // Where the machine had no core for us, or stood still for so long that the server ended the crowd, both
-  // are measured again before anything is said against the server.
+  // If the machine had no free core, or stalled so long that the server ended the crowd, both are measured
+  // again before the test blames the server.
   constexpr std::uint64_t kMostGrown_KiB = kBadViewers * 64;
   Measured alone, beside;
   std::unique_ptr<Crowd> crowd;
@@ -364,19 +366,19 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
             << beside.waited.count() << " ms beside them\n";
   line("acks", alone.acks, beside.acks);
   line("live", alone.live, beside.live);
-  // 100 queues of frames that are 100 ms old at most, not all that was sent since
+  // 100 queues with frames of at most 100 ms, not everything sent since
   std::cout << "memory grew by " << grown_KiB << " KiB while they did not read\n";
   if (judged) {
     EXPECT_EQ(heldUp(alone.acks, beside.acks), "");
     EXPECT_EQ(heldUp(alone.live, beside.live), "");
-    // a sanitizer keeps what was freed for a while
+    // a sanitizer holds freed memory for a while
     if (!kSanitized) {
       EXPECT_LT(grown_KiB, kMostGrown_KiB) << "the whole process, server and clients";
     }
   }
 
-  // who stands still and reads again gets fresh frames, and is told of every one that it lost. A stall of the
-  // machine may make it stand for longer than the server waits: then another one does
+  // a viewer that pauses and reads again gets fresh frames and a report of every lost one. A stall of the
+  // machine may extend the pause beyond the server's timeout: then another viewer tries
   for (int again = 0; again < 8; ++again) {
     ClientConfig config = viewerConfig(false);
     config.limits.socket_buffer_bytes = 16384;  // full after few frames
@@ -404,7 +406,7 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
     break;
   }
 
-  // who never reads again is ended by the server: the write took too long
+  // the server ends a viewer that never reads again: the write took too long
   std::this_thread::sleep_until(crowd->silentSince() + kWriteTimeout + kWriteTimeout / 4 + 1s);
   for (std::size_t i = 1; i < kBadViewers / 3; i += 10) {
     BlockingClient& mute = crowd->mute(i);
@@ -419,8 +421,8 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
   for (const auto& station : stations) EXPECT_EQ(station->acked(), station->chunksSent());
 }
 
-// replies are never dropped; who asks and asks and does not read is sent away with a reason, and its memory
-// is bounded by the queue's limit
+// replies are never dropped; the server disconnects a client that keeps asking without reading, with a
+// reason, and the queue's limit bounds its memory
 TEST_F(ViewersTest, aViewerWhoDoesNotReadItsRepliesIsEndedByTheQueuesLimit) {
   Streamer station(server_, "s0", 1);
   FakeSession big("s1");
@@ -447,7 +449,7 @@ TEST_F(ViewersTest, aViewerWhoDoesNotReadItsRepliesIsEndedByTheQueuesLimit) {
       ask.mutable_request()->set_id(id);
       channel.send(ask);
     }
-    // sends, and does not read a byte, until the server has had enough
+    // sends without reading until the server disconnects
     asio::steady_timer pause(io, 2500ms);
     co_await pause.async_wait(kUseTuple);
     for (;;) {
@@ -457,7 +459,7 @@ TEST_F(ViewersTest, aViewerWhoDoesNotReadItsRepliesIsEndedByTheQueuesLimit) {
       if (got->has_refusal()) reason = got->refusal().text() + " " + reasonName(got->refusal().reason());
     }
   };
-  // before the queue is full, a machine that stands still may make the write take too long: then asked again
+  // before the queue is full, a stall of the machine may make the write time out: then it tries again
   for (int again = 0; again < 8; ++again) {
     reason.clear();
     replies = 0;

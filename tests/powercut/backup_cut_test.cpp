@@ -1,4 +1,4 @@
-// Power cuts while a backup is made: a file under the backup's name is a whole backup.
+// Power cuts during a backup: a file with the backup's name is always a complete backup.
 #include <gtest/gtest.h>
 
 #include "db/backup.h"
@@ -49,7 +49,7 @@ TEST(BackupCut, whatHasTheBackupsNameIsWhole) {
     }
     ++absent;
     if (instant > done) return "the backup that was said to be done is not there";
-    // what is left of it stands in nobody's way
+    // the remains do not block the next backup
     Connection reader = db.reader();
     const auto again = backupTo(reader, file);
     return again.ok() ? std::string() : again.error().message;

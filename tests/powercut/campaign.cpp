@@ -12,7 +12,7 @@
 namespace needlelab::test {
 namespace {
 
-// thousands of small folders: in memory where there is such a place
+// thousands of small folders: in memory if possible
 [[maybe_unused]] const bool in_memory =
     ::access("/dev/shm", W_OK) == 0 && ::setenv("TMPDIR", "/dev/shm", 0) == 0;
 
@@ -87,7 +87,7 @@ PlantedRun runPlanted(const std::string& bug, const std::string& filter) {
   std::array<char, 4096> text{};
   while (std::fgets(text.data(), text.size(), pipe) != nullptr) run.said += text.data();
   const int status = ::pclose(pipe);
-  // a campaign must have reported a finding: a crash or an empty filter is not a catch
+  // the campaign must report a finding: a crash or an empty filter does not count
   for (std::size_t at = 0; (at = run.said.find(kBad, at)) != std::string::npos; ++at) {
     const std::size_t begin = run.said.rfind('\n', at) + 1;
     std::printf("with %s: %s\n", bug.c_str(),

@@ -1,4 +1,4 @@
-// Wall clocks that jump: nothing that waits, expires or sorts depends on them.
+// Jumping wall clocks: waits, expiries and sort orders do not depend on them.
 #include <gtest/gtest.h>
 #include <sys/syscall.h>
 #include <time.h>
@@ -104,7 +104,7 @@ TEST_F(ClockJump, tokensAndLockOutsFollowTheSteadyClock) {
     const auto again = server.connect(by_token);
     EXPECT_TRUE(again.ok()) << again.error().message;
   }
-  // who guesses waits, however the clock jumps
+  // a password guesser still waits, however the clock jumps
   wall_jump_s = 0;
   for (int i = 0; i < 6; ++i) EXPECT_FALSE(server.connect(personLogin("ines", "guess")).ok());
   for (const std::int64_t jump : {kDay_s, -kDay_s}) {
@@ -153,7 +153,7 @@ TEST_F(ClockJump, aStationWithoutTheRightYearIsTakenAndItsTimeStoredAsItIs) {
     const auto info = server.asAdmin(request).session();
     EXPECT_EQ(info.description().started_unix_ns(), started_ns);
     EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
-    // when it came by the server's own clock is kept beside it
+    // the server also stores the arrival time by its own clock
     EXPECT_LT(std::abs(info.received_unix_ns() - wallNowNs()), 60'000'000'000);
   }
 }

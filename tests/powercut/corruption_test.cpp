@@ -1,4 +1,4 @@
-// Bytes that a disk has changed: found, named, never given out as samples; the rest is still readable.
+// Bytes changed by a disk: detected and reported, never returned as samples; the rest stays readable.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ void fill(Connection& writer, std::uint64_t from_seq, std::uint64_t to_seq) {
   }
 }
 
-/// What could be read of a damaged database. `wrong`: what must never be.
+/// Results of reading a damaged database. `wrong` must stay empty.
 struct Found {
   bool opened = false, checked_ok = false;
   std::uint64_t readable = 0;  ///< chunks that came back as they were stored
@@ -98,7 +98,7 @@ void flip(const fs::path& file, std::uint64_t offset, Random& random) {
   stream.put(static_cast<char>(byte ^ (1 << random.below(8))));
 }
 
-/// What each page of a database is for: "header", "chunks leaf", "chunks overflow", "sessions leaf", …
+/// The role of each page of a database: "header", "chunks leaf", "chunks overflow", "sessions leaf", …
 std::map<std::string, std::vector<std::uint64_t>> pagesByUse(const fs::path& path) {
   std::map<std::string, std::vector<std::uint64_t>> pages;
   auto connection = TestDb::must(Connection::open(path, {}));
@@ -144,7 +144,7 @@ TEST(Corruption, aFlippedBitInAnyPageIsFoundOrHarmlessAndTheRestIsReadable) {
       said += found.opened && !found.checked_ok ? 1 : 0;
       EXPECT_EQ(found.wrong, "") << use << ", page " << page << ", byte " << within << ", seed " << seed
                                  << ": " << found.words;
-      // a server starts on it, or says why not
+      // a server starts on it, or reports why not
       Store::Options options;
       const auto store = Store::open(folder.path(), options);
       started += store.ok() ? 1 : 0;

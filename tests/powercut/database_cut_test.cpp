@@ -1,4 +1,5 @@
-// Power cuts while the database's writer works: what was acknowledged is there, bit by bit, and work goes on.
+// Power cuts while the database's writer works: all acknowledged data are there, bit by bit, and work goes
+// on.
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
@@ -24,7 +25,7 @@ Uuid idOf(std::uint64_t session) {
   return id;
 }
 
-/// The bytes of chunk `seq` of a session: others in every session, of very different lengths.
+/// The bytes of chunk `seq` of a session: different in every session, of very different lengths.
 Bytes chunkFor(std::uint64_t session, std::uint64_t seq) {
   Random random(session * 1'000'003 + seq);
   const std::size_t count = random.chance(0.1) ? 200 + random.below(300) : 1 + random.below(40);
@@ -36,7 +37,7 @@ std::uint64_t chunkMark(std::uint64_t session, std::uint64_t seq) {
   return session * 1'000'000 + seq;
 }
 
-/// What a session has been given so far.
+/// The chunks of a session so far.
 struct Given {
   std::uint64_t chunks = 0, samples = 0;
   SessionHash hash;
@@ -44,14 +45,14 @@ struct Given {
 };
 
 /// A load on a database through DbWriter: sessions opened, chunks, repeated chunks, closes; groups of
-/// several, checkpoints after each commit or none for long, readers that hold a checkpoint up, restarts of
-/// the writer. The same calls to the disk for the same seed, because every group is full before it is taken.
+/// several, checkpoints after each commit or rarely, readers that delay a checkpoint, restarts of the writer.
+/// The same seed gives the same disk calls, because the writer takes only full groups.
 class Load {
  public:
   Load(std::uint64_t seed, DiskLog& log, std::filesystem::path path)
       : random_(seed), log_(log), path_(std::move(path)) {}
 
-  /// `ends` with the writer's failure, if any.
+  /// Returns the writer's failure, if any.
   std::optional<Error> run(int segments) {
     for (int i = 0; i < segments; ++i) {
       if (auto error = segment(); error) return error;
@@ -78,7 +79,7 @@ class Load {
     const std::uint64_t groups = 2 + random_.below(7);
     for (std::uint64_t g = 0; g < groups && !writer.failed(); ++g) {
       for (std::size_t i = 0; i < options.max_group; ++i) post(writer);
-      // a group is through before the next: the same calls in the same order each time
+      // each group completes before the next, for the same calls in the same order each time
       while (pending_ > 0) std::this_thread::sleep_for(50us);
     }
     view.reset();
@@ -156,7 +157,7 @@ class Load {
   std::map<std::uint64_t, Given> given_;
 };
 
-/// What had been acknowledged before an instant.
+/// The chunks acknowledged before an instant.
 struct Acknowledged {
   std::map<std::uint64_t, std::uint64_t> chunks;  // by session: how many
   std::map<std::uint64_t, std::uint64_t> closed;  // with so many chunks
@@ -190,7 +191,7 @@ std::string judgeDatabase(const DiskLog& log, const std::filesystem::path& folde
     if (*next < count)
       return name + " has " + std::to_string(*next) + " chunks, " + std::to_string(count) +
              " were acknowledged";
-    // what is there beyond the acknowledged ones is right as well
+    // chunks beyond the acknowledged ones are correct as well
     const auto chunks = store.readChunks(idOf(session), 0, UINT32_MAX, SIZE_MAX);
     if (!chunks) return chunks.error().message;
     if (chunks->size() != *next) return name + " gives another number of chunks than it has";
@@ -246,7 +247,7 @@ TEST(DatabaseCut, memoryMappingIsOff) {
   auto size = db.writer.prepare("PRAGMA mmap_size");
   const auto row = size.step();
   ASSERT_OK(row);
-  // on files that are mapped a write could reach the disk without a call that is seen here
+  // with mapped files a write could reach the disk without a visible call
   EXPECT_EQ(*row ? size.integer(0) : 0, 0);
 }
 
@@ -298,7 +299,7 @@ TEST(DatabaseCut, aFailedSyncBeforeTheCutLosesNothingAcknowledged) {
   EXPECT_GT(failed, 2);
 }
 
-// the campaign shows with planted bugs that it would find them; the lines that it prints there are read here
+// planted bugs show that the campaign detects them; this test reads the campaign's output
 
 TEST(DatabaseCutPlanted, synchronousNormalIsCaught) {
   const auto run = runPlanted("synchronous-normal", "DatabaseCut.nothingAcknowledgedIsLost");

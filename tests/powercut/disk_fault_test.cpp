@@ -1,5 +1,5 @@
-// Disks that are full, read-only or failing under a server: it stops acknowledging, says what to do, and
-// after that nothing is missing.
+// Full, read-only or failing disks under a server: it stops acknowledging and reports the remedy; after that
+// nothing is missing.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/mount.h>
@@ -38,7 +38,7 @@ class RecordedStation {
       sessions_.push_back(session);
     }
   }
-  /// Uploads until `enough`, or all is closed; true then.
+  /// Uploads until `enough` or until all is closed; returns true then.
   template <typename Enough>
   bool upload(const ClientConfig& client, Enough enough) {
     UplinkConfig config;
@@ -61,7 +61,7 @@ class RecordedStation {
   std::vector<std::shared_ptr<SpoolSession>> sessions_;
 };
 
-/// Words when the database lacks something that the station was told it has.
+/// Returns a message when the database lacks acknowledged data.
 std::string missingOf(const fs::path& database, const RecordedStation& station, bool everything) {
   auto opened = Connection::open(database, {.mode = Connection::Mode::kWriter});
   if (!opened) return opened.error().message;
@@ -178,7 +178,7 @@ TEST(DiskFault, aPageThatCannotBeReadIsSaidAndTheServerGoesOn) {
     return SessionStore(reader).readChunks(station.sessions()[0]->id(), 0, UINT32_MAX, SIZE_MAX);
   };
   ASSERT_OK(read());
-  // this reader's page: the server's own threads score the session meanwhile, and read as well
+  // for this reader's page: meanwhile the server's own threads score the session and read too
   auto reads = std::make_shared<int>(0);
   WatchedDisk::setFault(
       database, [reads, reader = std::this_thread::get_id()](DiskCall call, const std::string&) {
@@ -206,7 +206,7 @@ std::string keyOf(const std::string& line) {
   return key;
 }
 
-/// A small disk of its own, for this program and those that it starts; gone at the end.
+/// A private small disk for this program and its children; removed at the end.
 class SmallDisk {
  public:
   explicit SmallDisk(const char* size) {

@@ -94,7 +94,7 @@ const char* nameOf(CutOutcome outcome) {
   return "?";
 }
 
-/// What one power cut does, as far as it is the same for the whole disk.
+/// The choices of one power cut that apply to the whole disk.
 struct DiskReplay::Choice {
   CutOutcome outcome = CutOutcome::kNothing;
   std::uint64_t sector = 512;
@@ -159,7 +159,7 @@ void DiskReplay::play(std::size_t number) {
 }
 
 void DiskReplay::syncFile(File& file) {
-  // what a failed sync left behind stays in doubt, below what is sure now
+  // data of a failed sync stay uncertain, below the data that are certain now
   if (std::any_of(file.since.begin(), file.since.end(), [](const Change& c) { return c.doomed; })) {
     for (Change& change : file.since) change.sure = !change.doomed;
     return;

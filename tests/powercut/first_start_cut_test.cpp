@@ -1,4 +1,4 @@
-// Power cuts while a server makes its folder: the next start works, and a CA that was given out stays.
+// Power cuts while a server creates its folder: the next start works, and a published CA stays valid.
 #include <gtest/gtest.h>
 
 #include "common/base/files.h"
@@ -27,7 +27,7 @@ std::string textOfFile(const fs::path& path) {
   return text.ok() ? *text : std::string();
 }
 
-/// What the world knows of the server before an instant.
+/// The server's published state before an instant.
 struct Known {
   std::string ca;
   bool station = false;
@@ -48,7 +48,7 @@ std::string judgeStart(const DiskLog& log, const fs::path& folder, std::size_t i
   const auto ca = textOfFile((*server)->caFile());
   if (!known.ca.empty() && ca != known.ca) return "the CA that was given out is another one now";
   if (ca.find("-----END CERTIFICATE-----") == std::string::npos) return "half a CA";
-  // key and certificate are each other's, and the CA's
+  // key and certificate match, and the CA signed them
   const auto again = ensureTlsFiles(tlsFilesIn(folder / "data" / "tls"), {"127.0.0.1"});
   if (!again.ok()) return again.error().message;
   if (*again) return "the certificate that the server started with was not good";

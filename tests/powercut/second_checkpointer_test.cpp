@@ -1,6 +1,5 @@
-// A reader that checkpoints beside the writer: SQLite before 3.51.3 can then lose what was committed
-// meanwhile (tests/unit/db/wal_reset_test.cpp). The product's readers, borrowed and used as the server does,
-// never do.
+// If a reader checkpoints beside the writer, SQLite before 3.51.3 can lose data committed meanwhile
+// (tests/unit/db/wal_reset_test.cpp). The product's readers, used as in the server, never checkpoint.
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
@@ -15,7 +14,7 @@ namespace needlelab::test {
 namespace {
 
 TEST(SecondCheckpointer, readersOfThePoolNeverCheckpoint) {
-  // the shim becomes everybody's VFS: the pool cannot be given one
+  // the shim becomes the default VFS, because the pool takes none
   sqlite3_vfs* const usual = sqlite3_vfs_find(nullptr);
   sqlite3_vfs_register(sqlite3_vfs_find(ShimVfs::name()), 1);
   {
@@ -28,7 +27,7 @@ TEST(SecondCheckpointer, readersOfThePoolNeverCheckpoint) {
     { const auto first = TestDb::must(pool.borrow()); }
     while (added < 350) add();
     ASSERT_OK(db.writer.checkpointPassive());
-    // a commit at the worst instant, should anybody else checkpoint
+    // a commit at the worst instant, in case another connection checkpoints
     bool reached = false;
     ShimVfs::instance().setHook([&](ShimVfs::Op op, const std::string&, std::int64_t, int) {
       if (op == ShimVfs::Op::kHeaderRead && !std::exchange(reached, true))

@@ -1,5 +1,5 @@
-// Power cuts while a station records: what was synced is in the spool, what was sent never changes, the rest
-// is uploaded, and a session that has begun does not vanish.
+// Power cuts while a station records: synced data are in the spool, sent data never change, the rest is
+// uploaded, and no started session vanishes.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -62,7 +62,7 @@ class StationDay {
     spool_.reset();
     spool_ = open();
     record(3, true);
-    // what is Safe leaves the spool
+    // sessions that are Safe leave the spool
     log_.mark("removing", 1);
     SpoolKeep keep;
     keep.min_free_bytes = 0;
@@ -89,7 +89,7 @@ class StationDay {
     if (!sessions_[session]->setReceipt(receipt).ok()) throw std::runtime_error("no receipt");
     log_.mark("closed", session);
   }
-  // as the uplink does: what is durable is sent, and some of it acknowledged
+  // like the uplink: sends durable chunks, and gets some of them acknowledged
   void send(std::uint64_t number, SpoolSession& session, std::uint64_t& sent) {
     for (const std::uint64_t durable = session.contents().chunks; sent < durable; ++sent) {
       const auto bytes = session.readChunk(sent);
@@ -137,7 +137,7 @@ class StationDay {
   std::map<std::uint64_t, std::shared_ptr<SpoolSession>> sessions_;
 };
 
-/// What must be there after a cut, by the log alone.
+/// The required state after a cut, from the log alone.
 struct Expected {
   struct Session {
     std::vector<std::string> sent;
@@ -176,7 +176,7 @@ Expected expectedBefore(const DiskLog& log, std::size_t instant) {
   return all;
 }
 
-/// Sends all of a session to a server that has its first chunks; words when something does not fit.
+/// Sends a whole session to a server that has its first chunks; returns a message on a mismatch.
 std::string upload(const std::shared_ptr<SpoolSession>& spool, std::vector<std::string> server) {
   UplinkSession uplink(spool);
   while (auto message = uplink.next(true)) {
@@ -226,7 +226,7 @@ std::string judgeSpool(const DiskLog& log, const fs::path& folder, std::size_t i
     const std::string name = "session " + std::to_string(number) + " ";
     if (!found.contains(number)) {
       if (expected.closed) continue;  // in the spool, or removed
-      // a folder without a mark of it: the cut came before `create` returned
+      // a folder without a mark: the cut came before `create` returned
       bool created = false;
       for (std::size_t i = 0; i < instant; ++i)
         created |= log.events()[i].name == "created" && log.events()[i].offset == number;
@@ -267,7 +267,7 @@ std::string judgeSpool(const DiskLog& log, const fs::path& folder, std::size_t i
   return {};
 }
 
-/// Cuts the mending as well, now and then.
+/// Sometimes cuts the repair as well.
 std::string judgeSpoolTwice(const DiskLog& log, const fs::path& folder, std::size_t instant, Random& random,
                             CutCounts& counts) {
   if (random.chance(0.3) && fs::exists(folder / "spool")) {
@@ -301,7 +301,7 @@ void cutSpool(const DiskLog& log, std::uint64_t seed, int cuts, CutCounts& count
 TEST(SpoolCut, aCutTakesNothingThatWasSyncedAndNothingThatWasSent) {
   const std::uint64_t seed = seedOr(20261121);
   CutCounts counts;
-  // two threads write: the seed alone does not make the same calls again, the saved log does
+  // two threads write: the seed alone does not repeat the calls, but the saved log does
   if (const char* const saved = std::getenv("NEEDLELAB_TRACE"); saved != nullptr) {
     cutSpool(DiskLog::load(saved), seed, 60, counts);
   } else {

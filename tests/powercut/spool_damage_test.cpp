@@ -113,7 +113,7 @@ TEST(SpoolDamage, aFlippedBitInAnyFileHarmsOnlyWhatItHits) {
           EXPECT_EQ(tick, number == 2 ? 520u : 500u) << where;
         }
         shorter += tick < (number == 2 ? 520u : 500u) ? 1 : 0;
-        // what is shorter than it was is not passed off as whole
+        // a shortened session is not reported as complete
         if (tick < 500) {
           EXPECT_TRUE(contents.interrupted) << where;
         }

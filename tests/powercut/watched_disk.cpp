@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 
 std::atomic<bool> watching = false, faulty = false;
 
-/// All that is known of the watched folder. Guarded by its mutex; never destroyed, for calls at the exit.
+/// The state of the watched folder. Guarded by its mutex; never destroyed, for calls during exit.
 struct World {
   std::mutex mutex;
   DiskLog* log = nullptr;
@@ -93,7 +93,7 @@ void note(DiskEvent event) {
   std::abort();
 }
 
-/// Locked while a call is at work, when there is anything to do for it.
+/// Holds the lock during a call while a folder is watched or faults are set.
 class Guard {
  public:
   Guard() {
@@ -101,7 +101,7 @@ class Guard {
     watched_ = lock_.owns_lock() && watching;
   }
   [[nodiscard]] bool watched() const { return watched_; }
-  /// Whether the call has to fail: errno is set.
+  /// Returns whether the call must fail, with errno set.
   [[nodiscard]] bool fails(DiskCall call, const std::string& path) const {
     const World& w = world();
     if (!lock_.owns_lock() || !w.fault || path.compare(0, w.fault_folder.size(), w.fault_folder) != 0)
@@ -259,7 +259,7 @@ int makeTemporary(char* name, int flags) {
   return -1;
 }
 
-// what is there at the start
+// logs the initial content
 void takeIn(const fs::path& folder, std::uint32_t node) {
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
@@ -381,7 +381,7 @@ ssize_t pread64(int fd, void* data, size_t count, off64_t at) {
   if (const Guard guard; guard.fails(DiskCall::kRead, fd)) return -1;
   return ::syscall(SYS_pread64, fd, data, count, at);
 }
-// copying goes through write() then, where it is seen
+// copying then uses write(), which is logged
 ssize_t sendfile(int, int, off_t*, size_t) noexcept {
   errno = EINVAL;
   return -1;

@@ -1,4 +1,5 @@
-/// needlelab-soak: server, station and viewer for an hour, and whether memory is flat and nothing is lost.
+/// needlelab-soak: runs server, station and viewer for an hour, and judges whether memory is flat and nothing
+/// is lost.
 #include <CLI/CLI.hpp>
 #include <iostream>
 

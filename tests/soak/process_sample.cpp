@@ -20,10 +20,10 @@ std::optional<ProcessSample> sampleProcess(pid_t pid) {
     if (key == "RssAnon:") words >> sample.anon_KiB;
     if (key == "Threads:") words >> sample.threads;
   }
-  // one that has ended and was not waited for yet has no memory any more
+  // an ended process that is not yet reaped has no memory
   if (sample.rss_KiB == 0) return std::nullopt;
 
-  // the name stands in brackets and may hold anything: fields count from the last one
+  // the name is in brackets and may contain anything: count fields from the last bracket
   std::ifstream stat_file(proc / "stat");
   std::string text((std::istreambuf_iterator<char>(stat_file)), {});
   const auto end = text.rfind(')');

@@ -197,8 +197,8 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
         return handles ? row.processes[which].handles : row.processes[which].threads;
       });
       if (counts.empty()) continue;
-      // files are opened for a moment; what counts is whether they stay: the least of the first and of the
-      // last third
+      // programs open files briefly; only lasting growth counts: compare the minima of the first and the last
+      // third
       const auto third = static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, counts.size() / 3));
       const double before = *std::min_element(counts.begin(), counts.begin() + third);
       const double after = *std::min_element(counts.end() - third, counts.end());
@@ -230,7 +230,7 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
   for (const std::string& trouble : data.troubles)
     findings.push_back({"trouble that was said", trouble, "none", Verdict::kBad});
 
-  // reported: they depend on what else the machine does
+  // reported only: they depend on other programs on the machine
   const double ticks = std::max(1.0, static_cast<double>(number("ticks")));
   findings.push_back({"ticks missed",
                       fmt::format("{} of {:.0f} ({:.4f} %)", number("missed_ticks"), ticks,

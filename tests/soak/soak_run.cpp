@@ -115,7 +115,7 @@ class Soak {
       all.insert(all.end(), more.begin(), more.end());
       return all;
     };
-    // a viewer at the full rate; its lines are what we take the live latency from
+    // a viewer at the full rate; its output lines give the live latency
     processes_[kViewer] =
         std::make_unique<Process>(program("needlelab-instructor"),
                                   with({"--user", "ines", "--password-file", out_ / "password", "--headless",
@@ -133,7 +133,7 @@ class Soak {
     return {};
   }
 
-  // everything that the server has told us meanwhile
+  // all messages from the server in the meantime
   void takeNews() {
     for (;;) {
       auto got = client_->receive(1ms);
@@ -166,7 +166,7 @@ class Soak {
         processes_[kStation]->wait(0ms))
       return failed("the station did not begin", *processes_[kStation]);
     const auto began = std::chrono::steady_clock::now();
-    // the session began up to a second before we heard of it
+    // the session began up to a second before the station reported it
     const double end_s = options_.seconds - options_.every_s() - 1.5;
     for (std::uint64_t k = 0;; ++k) {
       // at fixed times, so that sampling does not drift
@@ -174,7 +174,7 @@ class Soak {
       takeNews();
       SoakRow row;
       row.time_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-      // the end of the lesson, where all is hashed and closed, is another thing
+      // exclude the end of the lesson, where the station hashes and closes the session
       if (row.time_s >= end_s || status_.session_id().empty()) break;
       for (std::size_t i = 0; i < kSoakProcesses; ++i) {
         const auto sample = sampleProcess(processes_[i]->pid());

@@ -72,7 +72,7 @@ TEST(SoakQuantile, byRank) {
   EXPECT_EQ(quantile(hundred, 0.5), 50);
 }
 
-// data as of a good hour, to be spoiled
+// data of a good hour, which the tests then damage
 SoakData goodHour() {
   SoakData data;
   for (int i = 0; i < 3600; ++i) {

@@ -13,13 +13,13 @@ import time
 from crash_page import ELSEWHERE, IN_CHECKPOINT, IN_COMMIT
 from lab import Failed, Lab, Programs, loss_ms, until
 
-IN_A_LAB = 10  # kills, before the lab is drained, judged at its end and begun anew: that keeps the judge quick
+IN_A_LAB = 10  # kills per lab; then it is drained, judged and replaced by a new lab, which keeps the judge fast
 LEAST_SHARE = 0.2
 PHASES = {ELSEWHERE: "elsewhere", IN_COMMIT: "in a commit", IN_CHECKPOINT: "in a checkpoint"}
 
 
 def kill_server(lab, draw, must_hit):
-    """After some acknowledgements since the last start; the phase in which it died."""
+    """Kills after some acknowledgements since the last start; returns the phase in which the server died."""
     lab.wait_for_more("ack", draw.randint(1, 10))
     kind, operation, wait_s = draw.random(), draw.randint(1, 8), draw.uniform(0, 0.06)
     if kind < 0.35 or (must_hit and kind < 0.7):
@@ -31,7 +31,7 @@ def kill_server(lab, draw, must_hit):
         return lab.kill_server()
     try:
         until(lambda: lab.server.poll() is not None, "the armed operation", seconds=3)
-    except Failed:  # that many never came: then wherever it is
+    except Failed:  # that many never came: kill at any point
         lab.server.kill()
     return lab.server_died()
 

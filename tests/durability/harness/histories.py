@@ -46,7 +46,7 @@ class History:
         return [n for n in self.names if self.lab.stations[n].poll() is None]
 
     def _station(self, name):
-        # drawn whether it is needed or not: how far a station is depends on the machine, what comes next must not
+        # always drawn: a station's progress depends on the machine, but the next steps must not
         sessions, samples, seed = self.draw.randint(1, 3), self.draw.choice((5, 40, 150, 400)), self.draw.getrandbits(32)
         if name in self.lab.stations and self.lab.stations[name].poll() is None:
             return

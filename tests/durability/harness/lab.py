@@ -1,4 +1,4 @@
-"""A skills lab under test: one server, stations with ledgers, backups, kills; and the judge over what is left."""
+"""A skills lab under test: one server, stations with ledgers, backups, kills; and the judge of the result."""
 import json
 import os
 import pathlib
@@ -31,8 +31,8 @@ def until(condition, what, seconds=PATIENCE_S, pause=0.005):
         time.sleep(pause)
 
 
-LOSS_MS = 20  # what a killed station may lose where its writer may have real-time priority (client/net/README.md)
-REACH_NS = 60_000_000  # so long before a kill a stall of the machine may still matter
+LOSS_MS = 20  # allowed loss of a killed station if its writer may have real-time priority (client/net/README.md)
+REACH_NS = 60_000_000  # a stall of the machine up to this long before a kill may matter
 
 
 def loss_ms(given):
@@ -47,7 +47,7 @@ def loss_ms(given):
 
 
 class Programs:
-    """Where they are, and a prepared data folder that each lab begins with a copy of."""
+    """Paths of the programs, and a prepared data folder; each lab starts with a copy of it."""
 
     def __init__(self, bin_folder, stations=4):
         self.bin = pathlib.Path(bin_folder).resolve()
@@ -68,7 +68,7 @@ class Programs:
 
 
 class Lab:
-    """Use as a context: all processes end with it. `plant`: the bug that is built into server and stations."""
+    """Use it as a context manager: its exit ends all processes. `plant`: the planted bug of server and stations."""
 
     def __init__(self, programs, plant=None, loss=LOSS_MS):
         self.programs, self.plant, self.loss_ns = programs, plant, loss * 1e6
@@ -116,7 +116,7 @@ class Lab:
         self.port = int(port_file.read_text())
 
     def kill_server(self):
-        """Now. Gives the phase in which it was."""
+        """Kills the server now. Returns its phase."""
         self.server.kill()
         return self.server_died()
 
@@ -153,11 +153,11 @@ class Lab:
             self.note(e="kill", station=name, t=at, held_up=held_up)
 
     def stop_station(self, name):
-        """SIGTERM: it records no more and drains."""
+        """Sends SIGTERM: the station stops recording and drains its spool."""
         self.stations[name].terminate()
 
     def end_station(self, name):
-        """Waits until it has nothing left to do."""
+        """Waits until the station has finished."""
         try:
             code = self.stations[name].wait(PATIENCE_S + 30)
         except subprocess.TimeoutExpired as error:
@@ -166,7 +166,7 @@ class Lab:
             raise Failed(f"{name} ended with {code}")
 
     def drain(self, names):
-        """All that the spools hold goes to the server."""
+        """Uploads all spools to the server."""
         for name in names:
             if name in self.stations:
                 self.end_station(name)
@@ -184,7 +184,7 @@ class Lab:
         self.backups.append(path)
 
     def restore(self, backup):
-        """In place of the database of the stopped server, as db/README.md says."""
+        """Replaces the database of the stopped server, as db/README.md describes."""
         database = self.folder / "data" / "needlelab.db"
         shutil.copy(backup, database)
         for suffix in ("-wal", "-shm"):
@@ -197,7 +197,7 @@ class Lab:
             file.write(json.dumps(event) + "\n")
 
     def count(self, kind):
-        """Events of this kind that all stations have noted so far."""
+        """Number of events of this kind in all ledgers so far."""
         for path in (self.folder / "ledger").glob("*.jsonl"):
             with open(path, "rb") as file:
                 file.seek(self._read.get(path, 0))
@@ -216,6 +216,6 @@ class Lab:
         """The faults, as (name, text). The server does not run."""
         if self.server is not None and self.server.poll() is None:
             raise Failed("a running server's database cannot be judged")
-        time.sleep(0.03)  # what the server had sent is on its way into the ledgers
+        time.sleep(0.03)  # the server's last messages are on their way into the ledgers
         ledgers = Ledgers(self.folder / "ledger", self.loss_ns)
         return judge_all(Database(self.folder / "data" / "needlelab.db"), ledgers, [chunks_in(b) for b in self.backups], at_end)

@@ -12,7 +12,7 @@ from rude_client import ACK, REFUSAL, RudeClient
 
 
 def ack_before_commit(lab):
-    """Killed at the first write of a commit, after it had time to send what it should not say yet."""
+    """Kills at the first write of a commit, after the server had time to send a premature acknowledgement."""
     lab.start_server()
     lab.start_station("station-1", sessions=100, samples=2000)
     # the commit may be of the clock's offset, which nobody acknowledges: then again
@@ -65,7 +65,7 @@ def hash_not_checked(lab):
 
 
 def spool_purged_at_ack(lab):
-    """Yesterday's backup is restored: what came since is still in the spools."""
+    """Restores yesterday's backup: later chunks are still in the spools."""
     lab.start_server()
     lab.backup()
     lab.start_station("station-1", samples=300)
@@ -101,7 +101,7 @@ BUGS = {
 
 
 def run(programs, bug, planted):
-    """What is wrong with the outcome, in words, or nothing."""
+    """Returns a message about a wrong outcome, or nothing."""
     history, names = BUGS[bug]
     with Lab(programs, plant=bug if planted else None) as lab:
         try:

@@ -1,4 +1,4 @@
-"""A client that says what no station of ours says: written from proto/ alone, for the gap, the repetition, the wrong hash."""
+"""A client that sends invalid input, written from proto/ alone: a gap, a repetition, a wrong hash."""
 import hashlib
 import json
 import pathlib
@@ -97,7 +97,7 @@ class RudeClient:
                     return number, message(body)
 
     def record(self, chunks):
-        """In the ledger: these are the session's samples and its hash."""
+        """Writes the session's samples and its hash to the ledger."""
         for seq in range(chunks):
             data, values = chunk_bytes(seq)
             self.hash.update(data)

@@ -42,7 +42,7 @@ def _witness(path, processor):
     while os.getppid() == parent:
         before = time.monotonic_ns()
         time.sleep(PERIOD_NS / 1e9)
-        # as a spool's tail is written and begun anew: a disk that others keep busy holds up this as well
+        # writes and restarts a file like a spool's tail: a busy disk delays this as well
         size += os.pwrite(tail, bytes(300), size)
         if size > 30_000:
             os.ftruncate(tail, 0)
@@ -70,11 +70,11 @@ class Witnesses:
             process.wait()
 
     def held_up_ns(self, since, until):
-        """The most that a processor's witness was held up in that time (steady clock, ns)."""
+        """The longest delay of any processor's witness in that time (steady clock, ns)."""
         worst = 0
         for page in self._pages:
             end = time.monotonic() + 1
-            # its next wake-up tells of a stall that goes on
+            # its next wake-up reports a stall that is still going on
             while max(t for t, _ in struct.iter_unpack("<QQ", page[:])) <= until and time.monotonic() < end:
                 time.sleep(0.001)
             worst = max(worst, sum(late for t, late in struct.iter_unpack("<QQ", page[:]) if t > since and t - late - PERIOD_NS < until))

@@ -86,7 +86,7 @@ def _decoded(data):
 
 
 class Database:
-    """`path`: a needlelab.db that nobody writes now; what stands in its -wal counts. It is copied first."""
+    """`path`: a needlelab.db without a running writer; its -wal counts. The judge copies it first."""
 
     def __init__(self, path):
         self.faults, self.sessions = [], {}
@@ -127,6 +127,6 @@ class Database:
 
 
 def chunks_in(path):
-    """Of a backup: session -> how many chunks it has without a gap."""
+    """For a backup: session -> number of chunks without a gap."""
     return {s.id: next((i for i, c in enumerate(s.chunks) if c[0] != i or c[4] is None), len(s.chunks))
             for s in Database(path).sessions.values()}

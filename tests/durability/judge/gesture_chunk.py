@@ -1,4 +1,4 @@
-"""Chunks of gesture samples, read as common/gesture/FORMAT.md section 1 describes them. Made from that page alone."""
+"""Reads chunks of gesture samples. Written from common/gesture/FORMAT.md section 1 alone."""
 import struct
 from itertools import accumulate
 
@@ -13,7 +13,7 @@ WALL = range(16, 19)
 
 
 class Unreadable(Exception):
-    """Bytes that are no chunk."""
+    """The bytes are not a valid chunk."""
 
 
 def _crc_table():

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The judge on trial: golden chunks against their twins, and a good database in which one thing at a time is spoilt."""
+"""Tests the judge: golden chunks against their twins, and a good database with one planted fault at a time."""
 import hashlib
 import json
 import math
@@ -157,7 +157,7 @@ class Spoilt(unittest.TestCase):
 
     def test_a_sample_left_out(self):
         extra = list(chunk_bytes(1)[1][9])
-        extra[0:2] = [1000, 10**9]  # recorded before what is tick 20
+        extra[0:2] = [1000, 10**9]  # recorded before tick 20
         self.events.insert(next(i for i, e in enumerate(self.events) if e["e"] == "s" and e["v"][0] == 20),
                            {"e": "s", "t": 0, "v": extra})
         self.assertIn("gap", self.names())

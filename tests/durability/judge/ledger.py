@@ -1,10 +1,10 @@
-"""What stations and the harness wrote down while it happened: *.jsonl, a line an event (README.md has the fields)."""
+"""The ledgers of stations and harness: *.jsonl, one line per event (README.md has the fields)."""
 import json
 import pathlib
 
 
 class Recorded:
-    """A session as its station recorded it: samples in order, what it was told of them."""
+    """A session in its station's ledger: samples in order, and the server's answers."""
 
     def __init__(self, event):
         self.id, self.station = event["id"], event["station"]
@@ -18,7 +18,7 @@ class Recorded:
 
 class Ledgers:
     def __init__(self, folder, loss_ns):
-        """`loss_ns`: what a killed station may lose, before the kill."""
+        """`loss_ns`: allowed loss of a killed station, before the kill."""
         self.sessions, self.kills, self.restores, self.backups = {}, [], [], []
         self.loss_ns = loss_ns
         for path in sorted(pathlib.Path(folder).glob("*.jsonl")):
@@ -29,7 +29,8 @@ class Ledgers:
     def _read(self, path):
         session = None
         lines = path.read_text().split("\n")
-        # a line that a kill cut off was written before its sample went in: nobody has that sample
+        # the station writes a line before it gives the sample to the spool: the sample of a cut-off line does
+        # not exist
         for line in lines[:-1]:
             event = json.loads(line)
             kind = event["e"]
@@ -58,9 +59,10 @@ class Ledgers:
         for session in self.sessions.values():
             if session.station != kill["station"] or not session.times or session.required is not None:
                 continue
-            # it may have noted some more between the reading of that clock and its death
+            # it may have written more between that clock reading and its death
             if session.times[0] <= kill["t"] and (session.end is None or session.end["interrupted"]):
-                # a sample's line is written before the spool gets it: that it has it is sure at the next line only
+                # a sample's line comes before the spool gets it: only the next line proves that the spool has
+                # it
                 limit = kill["t"] - self.loss_ns - kill.get("held_up", 0)
                 session.required = sum(t < limit for t in session.times[1:])
 

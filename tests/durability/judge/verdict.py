@@ -1,4 +1,4 @@
-"""Compares what the database holds with what the ledgers say. Each fault has a name; README.md says what it means."""
+"""Compares the database with the ledgers. README.md lists the faults by name."""
 import math
 
 from database import COMPLETE, INTERRUPTED, OPEN
@@ -44,7 +44,7 @@ def _differing_column(chunk, row, recorded):
 
 
 def _check_row(stored, judge, name):
-    """What the session's row says agrees with its chunks, and these with themselves."""
+    """Checks the session's row against its chunks, and the chunks themselves."""
     if stored.fault:
         judge.fault("unreadable", f"{name}: {stored.fault}")
     if stored.progress_fault:
@@ -68,7 +68,7 @@ def _check_row(stored, judge, name):
 
 
 def _check_samples(stored, recorded, judge, name):
-    """Every stored sample is the next recorded one. How many were."""
+    """Checks that every stored sample is the next recorded one. Returns their number."""
     place = {values[0]: i for i, values in enumerate(recorded.samples)}
     expected = 0
     for seq, _, _, _, chunk, _ in stored.chunks:
@@ -96,7 +96,7 @@ def _check_samples(stored, recorded, judge, name):
 
 
 def _check_end(stored, recorded, arrived, judge, name):
-    """After all stations have drained."""
+    """Checks after all stations have drained."""
     required = len(recorded.samples) if recorded.required is None else recorded.required
     if arrived < required:
         judge.fault("recorded-but-missing", f"{name}: {required} samples had to arrive, {arrived} did")
