@@ -1,4 +1,4 @@
-/// `needlelab-sim accuracy`: what accuracy costs in time, as tables, JSON, CSV and pictures.
+/// `needlelab-sim accuracy`: the cost of accuracy in time, as tables, JSON, CSV and pictures.
 #include <unistd.h>
 
 #include <cstdio>
@@ -28,7 +28,7 @@ struct AccuracyCommand {
   std::string data;
 };
 
-// where the recordings are: the option, the environment, or beside the project; empty when nowhere
+// the recordings' folder: from the option, the environment, or beside the project; empty when not found
 Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
   if (!command.data.empty()) {
     if (std::filesystem::is_directory(command.data)) return std::filesystem::path(command.data);
@@ -36,7 +36,7 @@ Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
   }
   const char* set = std::getenv("NEEDLELAB_DATA");
   const std::filesystem::path folder = set != nullptr && *set != 0 ? set : "../shared/data";
-  std::error_code unreadable;  // then it is as if it were not there
+  std::error_code unreadable;  // then it counts as missing
   return std::filesystem::is_directory(folder, unreadable) ? folder : std::filesystem::path();
 }
 
@@ -54,7 +54,7 @@ AccuracyProgress progressOnTerminal() {
   };
 }
 
-// before the work, so that minutes are not spent for a folder that cannot be made
+// before the work, so that an unusable folder fails at once and not after minutes
 Status makeFolder(const std::filesystem::path& folder) {
   std::error_code made;
   std::filesystem::create_directories(folder, made);
@@ -114,7 +114,7 @@ int accuracy(const AccuracyCommand& command) {
   }
   for (const std::string& note : notes) std::fprintf(stderr, "needlelab-sim accuracy: %s\n", note.c_str());
 
-  // the report on standard output, unless that is where the JSON goes
+  // the report on standard output, unless the JSON goes there
   if (!command.json.wanted || !command.json.file.empty()) {
     std::printf("what accuracy costs in time, on %s\n\n%s", machineText().c_str(),
                 accuracyTables(rows).c_str());

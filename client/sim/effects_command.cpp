@@ -1,4 +1,4 @@
-/// `needlelab-sim effects`: what each set of live effects costs.
+/// `needlelab-sim effects`: the cost of each set of live effects.
 #include <unistd.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ std::vector<std::string> countingCommand(const EffectsOptions& options) {
   return command;
 }
 
-// with --instructions counting must work, without it counts are taken where they can be had
+// with --instructions counting must work; without it counts are optional
 Status count(const EffectsOptions& options, const SceneSpec& scene, std::vector<EffectSetCost>& sets) {
   if (options.no_instructions || (!options.instructions && !hasValgrind())) return {};
   if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "counting instructions under callgrind ...\n");

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::size_t kBatchTicks = 64, kBatchesInTurn = 8;
 constexpr int kRounds = 120;        // at 15 ns a tick half a second in all
-constexpr double kMostTime_s = 20;  // for models whose tick takes long
+constexpr double kMostTime_s = 20;  // for models with a slow tick
 constexpr std::size_t kLeastRounds = 3;
 
 // one set, ready to be stepped

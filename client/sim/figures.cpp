@@ -22,7 +22,7 @@ struct PhaseSpan {
   double from_s = 0, to_s = 0;
 };
 
-// in order, without gaps; stretches shorter than `least_s` go to their neighbour before
+// in order, without gaps; stretches shorter than `least_s` join the previous one
 std::vector<PhaseSpan> phaseSpans(const FigureRun& run, double least_s) {
   std::vector<PhaseSpan> raw;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
@@ -73,8 +73,7 @@ HandPlan oneLayerPlan() {
   return plan;
 }
 
-// speed between the means of the 0.1 s before and after: what a reader means by it, without tremor and
-// encoder steps
+// speed between the means of the 0.1 s before and after: removes tremor and encoder steps
 double smoothSpeed_z(const FigureRun& run, std::size_t i) {
   const auto reach = static_cast<std::size_t>(0.1 * run.rate_hz);
   if (i < reach || i + reach >= run.ticks.size()) return std::numeric_limits<double>::quiet_NaN();
@@ -109,7 +108,7 @@ HandPlan sixLayerPlan() {
   const Vec3 in = -zAxis(X_WL.q);
   const Quat q = orientationAlong(in);
   const auto at = [&](double depth_m) { return Pose{X_WL.p + in * depth_m, q}; };
-  // the hand aims beyond where the tip gets to: at 4 N its spring gives way by 4.4 mm
+  // the hand aims beyond the tip's goal: at 4 N its spring yields by 4.4 mm
   HandPlan plan(at(-0.015));
   plan.hold(kLeadIn_s - 0.24)
       .moveIn(at(0.056), 0.97, Motion::kTrapezoid)
@@ -126,8 +125,8 @@ constexpr Vec3 kBeyond{0.005, 0, 0};           // the hand aims beyond the targe
 constexpr double kArrow_mm_per_N = 6;
 
 HandPlan clampingPlan() {
-  const Vec3 first = normalized(Vec3{-0.22, 0.10, -1});          // the way that the user begins with
-  const Vec3 aside = normalized(cross(first, Vec3{0.3, 1, 0}));  // where he drifts to
+  const Vec3 first = normalized(Vec3{-0.22, 0.10, -1});          // the user's first direction
+  const Vec3 aside = normalized(cross(first, Vec3{0.3, 1, 0}));  // direction of the drift
   const Vec3 right = normalized(kTarget_W_m);                    // the way to the target
   const Quat q1 = orientationAlong(first), q2 = orientationAlong(right);
   const auto on = [](Vec3 axis, double length_m) { return axis * length_m; };

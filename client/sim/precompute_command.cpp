@@ -46,12 +46,12 @@ Status checkOptions(const PrecomputeOptions& options) {
                       {{"--out", options.out}, {"--json", options.json.file}});
 }
 
-// a µN and 0.1 µm: less has no meaning, and 17 digits cannot be read
+// a µN and 0.1 µm: finer steps are meaningless, and 17 digits are unreadable
 double rounded(double value, double per_unit) {
   return std::round(value * per_unit) / per_unit;
 }
 
-// the profile with its table; every number that cannot be rendered is found before anything is written
+// the profile with its table; checks all numbers for the renderable range before writing
 Result<pb::Profile> profileWithTable(const pb::Profile& from, SceneSpec table, const std::string& source) {
   pb::Profile profile = from;
   table.axial_model = AxialModel::kPrecomputed;

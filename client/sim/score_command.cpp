@@ -1,4 +1,4 @@
-/// `needlelab-sim score`: the measures of a trajectory, as the server would give them for that gesture.
+/// `needlelab-sim score`: the measures of a trajectory, equal to the server's for that gesture.
 #include <fmt/core.h>
 
 #include <cmath>
@@ -36,7 +36,7 @@ struct ScoreOptions {
   JsonOption json;
 };
 
-// the trajectory through gate and engine, as a station would have recorded it
+// runs the trajectory through gate and engine, as on a station
 Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   HapticChain chain(scene.model, DeviceLimits{}, scene.X_HT);
   std::vector<GestureSample> samples;

@@ -41,7 +41,7 @@ int runSim(int argc, const char* const* argv) {
     }
     return code;
   } catch (const std::exception& e) {
-    // out of memory, or the file system: said in a line, never with a trace
+    // out of memory, or a file system error: reports one line, never a trace
     std::fprintf(stderr, "needlelab-sim: %s\n", e.what());
     return kExitFailed;
   }

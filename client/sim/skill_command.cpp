@@ -1,4 +1,4 @@
-/// `needlelab-sim skill`: which measures tell simulated hands of different skill apart.
+/// `needlelab-sim skill`: finds the measures that separate simulated hands of different skill.
 #include <fmt/core.h>
 #include <unistd.h>
 

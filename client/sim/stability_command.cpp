@@ -28,7 +28,7 @@ struct StabilityOptions {
   bool long_form = false;
 };
 
-// the members of `all` whose names are in `wanted`, in their order; all of them when `wanted` is empty
+// the members of `all` named in `wanted`, in their order; all of them when `wanted` is empty
 template <typename T, typename NameOf>
 Result<std::vector<T>> chosenOf(const std::vector<T>& all, const std::vector<std::string>& wanted,
                                 const char* option, NameOf&& name_of) {
@@ -90,7 +90,7 @@ Status drawOverview(const std::vector<CaseRow>& rows, const std::filesystem::pat
       const CaseRow* row = rowOf(rows, names[y], models[x]);
       std::string text;
       if (row != nullptr && row->applicable) {
-        // a row may have a second condition, which its note tells
+        // a row may have a second condition, given in its note
         const bool other = !row->passed && row->measured && row->limit && *row->measured <= *row->limit;
         text = shortNumber(row->measured) + (other ? " *" : "");
         if (limit == " ≤ ") limit = fmt::format("{} ≤ {}", row->quantity, shortNumber(row->limit));
@@ -129,8 +129,7 @@ const CaseOutcome* heldOutcome(const std::vector<CaseOutcome>& outcomes, std::st
   return nullptr;
 }
 
-// The force of the wall, Voigt and direct in the cases in which they were held still. Nothing when none of
-// them was run.
+// The force of the wall, Voigt and direct in the hold cases. Empty when none of these cases was run.
 Status drawHolds(const std::vector<CaseOutcome>& outcomes, const std::filesystem::path& out) {
   // each curve about its own mean, from one second into its window: long enough after the begin of the hold
   PlotTable table("panel,t_s,force_n");

@@ -20,7 +20,7 @@ Result<SceneSpec> femScene() {
   return likeForLike(scenes.back().spec, AxialModel::kFem);
 }
 
-// the finest mesh, compiled, and how big it is
+// the finest mesh, compiled, and its size
 struct Finest {
   SceneModel model;
   int nodes = 0;
@@ -86,7 +86,7 @@ AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes) {
   row.reference = fmt::format("the finest mesh, {} nodes, over an insertion and a withdrawal", finest_nodes);
   row.rms_error_n = mesh.force_rms_error_N;
   row.max_error_n = mesh.force_max_error_N;
-  row.noticeable_n = noticeableForce_N(0);  // the least that there is: peaks may hide more
+  row.noticeable_n = noticeableForce_N(0);  // the lower limit: force peaks may hide more
   row.median_ns = mesh.live_step_p50_s * 1e9;
   row.p99_ns = mesh.live_step_p99_s * 1e9;
   row.cpu_share = mesh.live_step_p50_s * kFemRate_hz;

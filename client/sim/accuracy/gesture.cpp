@@ -240,7 +240,8 @@ Result<StudyLesson> generatedLesson() {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     SimulatedDeviceOptions options;
     options.hand.seed = seed;
-    options.encoder_step_m = options.encoder_step_rad = 0;  // else a step of its own hides the stored one
+    options.encoder_step_m = options.encoder_step_rad =
+        0;  // otherwise the encoder step hides the stored step
     SimulatedDevice device(options, studyPlan(spec, seed));
     const auto ticks = static_cast<std::uint64_t>(studyPlan(spec, seed).duration_s() * kLessonRate_hz);
     ASSIGN_OR_RETURN(auto run, runClosedLoop(lesson.model, device, {}, ticks));

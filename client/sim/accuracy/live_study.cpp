@@ -27,7 +27,7 @@ std::int64_t processorNow_ns() {
   return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
 }
 
-// what one frame interval measured
+// results for one frame interval
 struct Passed {
   std::vector<double> transit_ns;  // of each frame: encode, send, receive, decode
   double processor_ns = 0;         // of all of them, both ends
@@ -69,7 +69,7 @@ Result<Passed> passAll(TlsLoopback& loop, const StudyLesson& lesson, std::size_t
   return passed;
 }
 
-// every sample of every frame: the wait until its frame is full, then the frame's way
+// every sample of every frame: the wait until its frame is full, then the frame's transit
 void setLatency(AccuracyRow& row, const Passed& passed, std::size_t per_frame) {
   std::vector<double> latency_ms;
   double sum = 0;
@@ -82,7 +82,7 @@ void setLatency(AccuracyRow& row, const Passed& passed, std::size_t per_frame) {
   row.latency_p99_ms = timingOf(std::move(latency_ms), 1).p99_ns;  // the same quantile, in ms here
 }
 
-// the force that a viewer reads at a tick, against the force of that tick
+// the force that a viewer sees at a tick, compared with the force of that tick
 void setStaleness(AccuracyRow& row, const StudyLesson& lesson, std::size_t per_frame, double transit_ms) {
   const auto late = static_cast<std::size_t>(std::ceil(transit_ms * kLiveRate_hz * 1e-3));
   ErrorRuns runs;

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kModelRate_hz = 1000;
 
-// a gesture and the force that the scene asks for in it
+// a gesture and the force that the scene prescribes for it
 struct Asked {
   StudyGesture gesture;
   std::vector<double> force_N;

@@ -134,7 +134,7 @@ std::vector<std::pair<double, double>> frontOf(const Panel& panel, const PanelFr
       front.emplace_back(std::clamp(point.x, frame.x.from, frame.x.to),
                          std::clamp(point.y, frame.y.from, frame.y.to));
   std::sort(front.begin(), front.end());
-  // beyond its dearest point it goes on: more time gives no less error
+  // the front continues beyond its costliest point: more time gives no less error
   if (!front.empty()) front.emplace_back(frame.x.to, front.back().second);
   return front;
 }
@@ -193,7 +193,7 @@ void addTexts(const Panel& panel, const PanelPlace& place, const PanelFrame& fra
              {" " + panel.series[s]});
 }
 
-// names of points, and lines to those that stand far from theirs
+// labels of points, and lines to labels far from their points
 void addNames(const Panel& panel, const PanelFrame& frame, PlotBlocks& data) {
   std::vector<PixelPoint> points;
   std::vector<std::string> labels;

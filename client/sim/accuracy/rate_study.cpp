@@ -21,7 +21,7 @@ SimulatedDeviceOptions deviceOf(std::uint64_t seed) {
   SimulatedDeviceOptions options;
   options.hand.seed = seed;
   options.delay_ticks = kDelayTicks;
-  // one step for every rate, so that the hand is the same hand: every rate divides it
+  // the same integration step for every rate, so that the hand is the same: every rate divides it
   options.integration_hz = 2 * kReference_hz;
   return options;
 }
@@ -123,7 +123,7 @@ Status sweepScene(Sweep& sweep, const StudyScene& scene, const std::string& mode
     row.max_error_n = errors[r].max();
     row.rms_error_spread_n = errors[r].spread();
     row.max_step_n = steps_N[r];
-    // FORCE_MODEL.md, "Device limits", of a hand that damps nothing
+    // FORCE_MODEL.md, "Device limits", for a hand without damping
     const double limit_N_per_m = DeviceLimits{}.damping_Ns_per_m * kRates_hz[r] / (0.5 + kDelayTicks);
     row.stiffness_margin = limit_N_per_m / stiffness_N_per_m;
     row.noticeable_n = noticeableForce_N(force_N);

@@ -40,7 +40,7 @@ double costOf(const AccuracyRow& row) {
   return costOf_ns(row).value_or(kNone);
 }
 
-// what "good enough" means in a study; infinite error never is
+// the definition of "good enough" in a study; an infinite error never is
 bool goodEnough(const AccuracyRow& row) {
   const double error_N = errorOf(row), noticed_N = row.noticeable_n.value_or(0);
   switch (row.study) {
@@ -73,7 +73,7 @@ double priceOf(const AccuracyRow& row) {
   }
 }
 
-// how far a row is from good enough
+// a row's distance from "good enough"
 double lackOf(const AccuracyRow& row) {
   return row.study == AccuracyStudy::kLive ? row.latency_p99_ms.value_or(kNone) : errorOf(row);
 }
@@ -180,7 +180,7 @@ std::string restOf(const RowGroup& group, const AccuracyRow& row) {
   return text;
 }
 
-// how much a choice asks for: more is more careful
+// the demands of a choice: more is more conservative
 double demandOf(const AccuracyRow& row) {
   switch (row.study) {
     case AccuracyStudy::kModel:
@@ -197,7 +197,8 @@ double demandOf(const AccuracyRow& row) {
   return 0;
 }
 
-// one choice for all comparisons of a study: the model that most of them take, the most careful of the others
+// one choice for all comparisons of a study: the most frequent model; for the other studies the most
+// conservative choice
 std::string consensusOf(AccuracyStudy study, const std::vector<Advice>& advices) {
   std::vector<const AccuracyRow*> taken;
   for (const Advice& advice : advices)
@@ -258,7 +259,7 @@ std::vector<std::string> recommendation(const AccuracyRows& rows) {
   std::vector<Advice> advices;
   for (const RowGroup& group : groups) advices.push_back(adviceFor(group));
 
-  // scenes with the same comparator and the same choice share a paragraph: the first one's
+  // scenes with the same comparator and the same choice share the first one's paragraph
   std::vector<std::string> paragraphs;
   std::vector<bool> said(groups.size());
   for (std::size_t i = 0; i < groups.size(); ++i) {

@@ -114,7 +114,7 @@ StatisticalSpec spreadAround(const DepthCurve& curve, const CurveFit& table, con
     }
     const double mean_N = std::max(kLeast_N, row.cutting_N);
     const double sd_N = count > 0 ? std::sqrt(squares / static_cast<double>(count)) : 0;
-    // more spread than the mean itself would only make a heavier tail of a log-normal law
+    // more spread than the mean would only give a log-normal law a heavier tail
     spec.table.push_back({row.depth_m, mean_N, std::clamp(sd_N, kLeast_N, mean_N)});
   }
   return spec;
@@ -148,7 +148,7 @@ Result<SpreadCheck> checkSpread(const DepthCurve& curve, const StatisticalSpec& 
   check.spread_of_rms = std::sqrt(check.spread_of_rms);
   check.held_out_of_mean = curveError(curve.bins, curve.force_N, mean_N, held_out);
 
-  // before the contact digitised noise is below zero as often as above, which no log-normal force is
+  // before the contact the digitised noise is symmetric about zero; a log-normal force is not
   constexpr double kFelt_N = 0.02;
   std::size_t rows = 0, inside = 0;
   for (const CurveBin& bin : curve.bins) {
@@ -178,7 +178,7 @@ constexpr const char* kAlternate =
     "halves in "
     "turn)";
 
-// the fitted scene as it runs: time of a tick, greatest step, and its error's share that can be felt
+// the fitted scene at run time: time of a tick, greatest step, and the noticeable share of its error
 std::string addRun(const CurveFit& fit, double to_m, AccuracyRow& row) {
   const auto run = runCurve(fit.scene, to_m);
   const auto model = compile(fit.scene.spec, 1000);
@@ -256,7 +256,7 @@ Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const De
   return row;
 }
 
-// the error of a model that knows nothing of that part: it holds the last force before the split
+// the baseline error: holds the last force before the split
 double errorOfHolding(const DepthCurve& curve) {
   const auto fitted = chosenBins(curve, beforeTheSplit());
   const std::vector<double> held_N(curve.depth_m.size(), fitted.back().value);
@@ -270,7 +270,7 @@ AccuracyRow extrapolationRow(const CurveFit& fit, const DepthCurve& curve) {
   row.reference =
       "recorded force over depth; fitted on the first 25 mm, error on the rest (extrapolation past three "
       "ruptures)";
-  row.advises = false;  // which model happens to be least wrong ahead of its data says nothing of models
+  row.advises = false;  // the order of the models beyond their data is chance
   row.rms_error_n = fit.held_out.rms;
   row.max_error_n = fit.held_out.max;
   const std::string time = addRun(fit, curve.depth_m.back(), row);
@@ -298,7 +298,7 @@ Result<AccuracyRows> recordedCurveRows(const AccuracyOptions& options, const Acc
                   "0.25 mm; falls within one bin are between the needle's force before and after",
                   kCurveScene, backward));
 
-  // the same models for each choice of what to fit on
+  // the same models for each choice of fitted rows
   const std::vector<BinChoice> choices = {alternateBlocks(0), alternateBlocks(1), beforeTheSplit()};
   std::vector<std::vector<CurveModel>> models;
   for (const BinChoice& choice : choices) models.push_back(curveModels(chosenBins(curve, choice)));

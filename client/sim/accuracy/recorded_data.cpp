@@ -35,7 +35,7 @@ std::filesystem::path recordedDataFolder() {
 }
 
 bool hasRecording(const std::filesystem::path& folder, const char* file) {
-  std::error_code unreadable;  // a folder that we may not read holds nothing for us
+  std::error_code unreadable;  // an unreadable folder counts as empty
   return std::filesystem::is_regular_file(folder / file, unreadable);
 }
 

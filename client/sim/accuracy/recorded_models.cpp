@@ -27,7 +27,7 @@ double valueAt(const std::vector<CurveBin>& bins, double depth_m) {
   return std::lerp(before.value, after->value, (depth_m - before.at) / (after->at - before.at));
 }
 
-// where the force first stays above 5 % of its greatest: the needle has met something firm
+// where the force first stays above 5 % of its maximum: the needle is in contact
 double contactDepth(const std::vector<CurveBin>& bins) {
   double most_N = 0;
   for (const CurveBin& bin : bins) most_N = std::max(most_N, bin.value);
@@ -59,7 +59,7 @@ FitParameter forceParameter(const std::string& name, double start_N) {
   return {name, held, 0, kMostForce_N, std::max(0.02, 0.1 * held)};
 }
 
-// places where something begins: the contact, then what follows each rupture but the last
+// starts of segments: the contact, then the end of each rupture but the last
 struct Piece {
   double top_m = 0, rupture_m = 0, peak_N = 0, before_N = 0, after_N = 0;
 };
@@ -72,7 +72,7 @@ std::vector<Piece> piecesOf(const std::vector<CurveBin>& bins) {
     top_m = rupture.valley_m;
     before_N = rupture.valley_N;
   }
-  // a curve that never ruptures is one piece that ends where it ends
+  // a curve without ruptures is a single piece
   if (pieces.empty())
     pieces.push_back(
         {top_m, std::max(bins.back().at, top_m + kThinnest_m), bins.back().value, 0, bins.back().value});
@@ -96,8 +96,8 @@ void setThicknesses(CurveScene& scene, std::vector<double> tops_m) {
     scene.spec.layers[i].thickness_m = i + 1 < tops_m.size() ? tops_m[i + 1] - tops_m[i] : 0.05;
 }
 
-// Tops of layers: the curve is cut in two where that takes most of its squares about the parts' means away,
-// again and again, until it has as many layers as a profile may have or no cut takes a hundredth of a newton.
+// Tops of layers: cuts the curve repeatedly where the cut reduces the squares about the parts' means most,
+// until it has a profile's maximum number of layers or no cut gains a hundredth of a newton.
 std::vector<double> layerTops(const std::vector<CurveBin>& bins) {
   struct Part {
     std::size_t from, to;  // bins
@@ -258,7 +258,8 @@ CurveModel godObjectModel(const std::vector<CurveBin>& fit_on) {
     scene.spec.god_object.stiffness_N_per_m = values[0];
     std::vector<double> tops_m;
     for (std::size_t i = 1; i + 1 < values.size(); i += 2) {
-      // let through where the spring has the layer's force: place and slope fit better than force and slope
+      // the proxy passes where the spring reaches the layer's force: position and slope fit better than force
+      // and slope
       const double force_N = values[0] * std::max(0.0, values[i + 1] - values[i]);
       tops_m.push_back(values[i]);
       scene.spec.layers.push_back(layerOf(0, std::min(force_N, kMostForce_N)));

@@ -17,7 +17,7 @@ namespace {
 
 std::string number(const std::optional<double>& value, double scale = 1) {
   if (!value) return {};
-  // %g falls into powers of ten above 999: figures of a table stay plain
+  // %g switches to powers of ten above 999: keep a table's numbers plain
   return std::abs(*value * scale) >= 1000 ? fmt::format("{:.0f}", *value * scale)
                                           : fmt::format("{:.3g}", *value * scale);
 }

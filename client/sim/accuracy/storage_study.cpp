@@ -117,8 +117,7 @@ Status addLesson(const StudyLesson& lesson, double budget_s, AccuracyRows& rows)
     row.cannot_show = "the disk: chunks are in memory; what a score makes of the error";
     rows.push_back(row);
 
-    // the engine starts where the recording starts, and nowhere else: what it makes of the poses as they
-    // were recorded is the comparator
+    // the engine starts only where the recording starts; its output for the recorded poses is the comparator
     StudyLesson again = lesson;
     for (std::size_t i = 0; i < again.samples.size(); ++i) {
       again.samples[i].force_W_N[0] = before_N[i].x;
@@ -143,7 +142,7 @@ Resolution scaledResolution(double length_m) {
   const double scale = length_m / standard.length_m;
   Resolution scaled = standard;
   scaled.length_m = length_m;
-  // beyond that the gate refuses the quaternions that come back
+  // beyond that the gate rejects the decoded quaternions
   scaled.quaternion = std::min(scaled.quaternion * scale, 0x1p-12);
   scaled.force_N *= scale;
   scaled.torque_Nm *= scale;

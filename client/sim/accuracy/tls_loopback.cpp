@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::chrono::seconds kPatience{5};
 
-// a folder of our own, gone when we are
+// a private folder, removed by the destructor
 struct OwnFolder {
   std::filesystem::path path;
   OwnFolder() {
@@ -80,7 +80,7 @@ Status TlsLoopback::Ends::connect() {
   if (failed) return Error{ErrorCode::kUnavailable, "no connection on 127.0.0.1: " + failed.message()};
 
   ChannelLimits limits;
-  limits.live_age = std::chrono::seconds(5);  // a machine that stalls must not drop what is measured
+  limits.live_age = std::chrono::seconds(5);  // a stall of the machine must not drop measured frames
   limits.frame_bytes = kMaxFrameBytes;
   sender = Channel::make(TlsStream(std::move(near), *client_tls), limits);
   receiver = Channel::make(TlsStream(std::move(far), *server_tls), limits);

@@ -47,7 +47,7 @@ double hedgesG(std::span<const double> a, std::span<const double> b) {
 Interval bootstrapG(std::span<const double> a, std::span<const double> b, std::size_t resamples,
                     HandRandom& random) {
   std::vector<double> drawn_a(a.size()), drawn_b(b.size()), values;
-  // values that are all the same would be drawn for ever
+  // equal values would be drawn forever
   for (std::size_t tries = 0; values.size() < resamples && tries < 2 * resamples; ++tries) {
     for (double& v : drawn_a) v = a[indexBelow(a.size(), random)];
     for (double& v : drawn_b) v = b[indexBelow(b.size(), random)];
@@ -67,7 +67,7 @@ Interval bootstrapG(std::span<const double> a, std::span<const double> b, std::s
 
 std::vector<bool> randomLabels(std::size_t n, std::size_t first, HandRandom& random) {
   std::vector<bool> labels(n, false);
-  // each place in turn, with the chance that is left for it
+  // each position in turn, with its remaining probability
   std::size_t wanted = first;
   for (std::size_t i = 0; i < n; ++i) {
     if (indexBelow(n - i, random) >= wanted) continue;

@@ -110,7 +110,7 @@ double spreadOf(const std::vector<double>& v) {
   return std::sqrt(sum / static_cast<double>(v.size() - 1));
 }
 
-/// A spread that rounding alone would leave is none.
+/// Treats a spread of rounding size as zero.
 double realSpread(const std::vector<double>& v) {
   const double spread = spreadOf(v);
   return spread > 1e-12 * std::max(1e-6, std::abs(meanOf(v))) ? spread : 0;

@@ -44,7 +44,7 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
 }
 
 void judge(CaseRow& row, bool growing) {
-  // two encoder counts of 5 mN are 0.01 N, whatever the last bit says
+  // two encoder counts of 5 mN equal 0.01 N up to rounding
   constexpr double kRounding = 1 + 1e-9;
   row.applicable = true;
   row.passed = row.finite && !growing && row.measured && row.limit && *row.measured <= *row.limit * kRounding;
@@ -128,7 +128,7 @@ void CaseTally::add(const PlantRun& run, TimeWindow window, double measured, con
   CaseRow& worst = outcome_.row;
   worsen(worst, row);
   growing_ = growing_ || growing;
-  // a measure that is not a number is the worst of all
+  // NaN counts as the worst measure
   if (worst.measured && !std::isnan(measured) && !(measured > *worst.measured)) return;
   worst.measured = measured;
   outcome_.traces = {traceOf(run, label)};

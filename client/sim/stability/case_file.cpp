@@ -205,7 +205,7 @@ PlantOptions CaseEntry::plant() {
     else
       *row->value = value.get<double>();
   }
-  // whole numbers; the others' ranges are the device's business
+  // whole numbers; the device checks the ranges of the others
   if (!(delay >= 0 && delay <= SimulatedDevice::kMaxDelayTicks && delay == std::floor(delay)))
     fail("plant.delay_ticks", "must be a whole number, 0 to 15");
   else

@@ -49,7 +49,7 @@ double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& tim
   for (const GatedTick& tick : ticks)
     if (!isFinite(tick.out_W.force_N) || !isFinite(tick.out_W.torque_Nm)) return kNever;
 
-  // the tick of the fault, and that it is the right one
+  // finds the tick of the fault, and checks its kind
   std::size_t fault = timeline.from;
   if (!with_gate) fault += timeline.held_ticks + timeline.slack_ticks;
   while (with_gate && fault < ticks.size() && ticks[fault].fault == Fault::kNone) ++fault;

@@ -10,19 +10,19 @@
 
 namespace needlelab {
 
-/// A still hand, a coarse encoder: the force must stand still.
+/// A still hand and a coarse encoder: the force must be steady.
 static Result<CaseOutcome> holdQuantised(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-/// Many hands, each with its stiffness, damping, tremor and depth: how much the force chatters.
+/// Many hands with different stiffness, damping, tremor and depth: measures the chatter of the force.
 static Result<CaseOutcome> holdTremorRandom(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-/// Tremor of any usual size: a hand that rests is seen to rest.
+/// Usual sizes of tremor: a resting hand is detected as resting.
 static Result<CaseOutcome> tremorStops(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-/// A slow insertion is smooth, and no stop.
+/// A slow insertion is smooth and does not trigger a stop.
 static Result<CaseOutcome> slowInsert(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 /// A hold where one tissue ends and a firmer one begins.
 static Result<CaseOutcome> boundaryHold(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 /// A hand that creeps on in the stop: the force still decays to the rejection force.
 static Result<CaseOutcome> creepThenStop(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-/// Firm tissue, soft hand: the force that decays lets the needle advance, and that must not end the stop.
+/// Firm tissue, soft hand: the needle advances as the force decays, and this must not end the stop.
 static Result<CaseOutcome> stopOnce(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 
 std::vector<StabilityCase> holdCases() {
@@ -62,7 +62,7 @@ Result<CaseOutcome> worstHold(std::string_view name, const CaseSettings& setting
 
 }  // namespace
 
-// aims all over one encoder step: a needle that rests on its edge is the hard one
+// aims spread over one encoder step: the hard case is a needle resting on a step's edge
 Result<CaseOutcome> holdQuantised(const CaseSettings& settings, AxialModel model,
                                   const ForceSourceFactory& source) {
   auto outcome = worstHold("hold_quantised", settings, model, source);
@@ -79,7 +79,7 @@ Result<CaseOutcome> holdQuantised(const CaseSettings& settings, AxialModel model
   return outcome;
 }
 
-// aims beyond the boundary by what leaves the tip on it, in one model or another
+// aims beyond the boundary so that the tip rests on it, for each of the models
 Result<CaseOutcome> boundaryHold(const CaseSettings& settings, AxialModel model,
                                  const ForceSourceFactory& source) {
   return worstHold("boundary_hold", settings, model, source);
@@ -87,7 +87,7 @@ Result<CaseOutcome> boundaryHold(const CaseSettings& settings, AxialModel model,
 
 namespace {
 
-// how often the phase becomes STOPPED
+// number of changes to STOPPED
 int stopsIn(std::span<const PlantTick> ticks) {
   int stops = 0;
   Phase before = Phase::kFree;
@@ -266,7 +266,7 @@ Result<CaseOutcome> tremorStops(const CaseSettings& settings, AxialModel model,
   const double limit_s = entry.number("limit", 0), share = entry.number("share_stopped", 0, 1);
   CaseTally tally("STOPPED after the target rests [s]", limit_s, entry.chatterFilter());
   ASSIGN_OR_RETURN(const auto times, stopTimes(entry, scene, source, "path", limit_s, &tally));
-  // no person stops from one millisecond to the next: told, not judged
+  // no person stops within a millisecond: reported, not judged
   ASSIGN_OR_RETURN(const auto abrupt, stopTimes(entry, scene, source, "path_abrupt", limit_s, nullptr));
 
   CaseOutcome outcome = tally.finish();

@@ -83,7 +83,7 @@ std::vector<double> bandPassed(std::span<const double> signal, double rate_hz, c
   }
   std::vector<double> out;
   out.reserve(signal.size());
-  // a high-pass at rest gives nothing, whatever stands at its input: so the first value is taken off
+  // a high-pass at rest has zero output for any constant input, so subtract the first value
   for (const double value : signal) {
     double passed = value - signal.front();
     for (Section& s : sections) passed = s.next(passed);
@@ -138,7 +138,7 @@ double maxUnexplainedStep_N(const PlantRun& run) {
 bool grows(std::span<const double> signal, double floor) {
   const std::size_t quarter = signal.size() / 4;
   if (quarter == 0) return false;
-  // from quarter to quarter: a hand that begins to rest within the window swells once and stays
+  // from quarter to quarter: a hand that comes to rest within the window grows once and then stays
   const double first = acRms(signal.first(quarter));
   double before = first, last = first;
   for (std::size_t i = 1; i < 4; ++i, before = last) {

@@ -134,8 +134,8 @@ double axialOf(const StepReport& report) {
   return report.cutting_N + report.attracted_N;
 }
 
-// Energy that the wall gave to the hand from tick `from` on beyond what its spring f²/2K had stored then and
-// has no longer; greatest over the ticks at which the tip stands still.
+// Energy that the wall gave to the hand from tick `from` on, minus the energy released by its spring (f²/2K)
+// since then; greatest over the ticks with a still tip.
 double createdEnergy(const MotionRun& run, std::size_t from, double stiffness) {
   const auto stored = [&](std::size_t k) {
     const double f = axialOf(run.ticks[k].report);
@@ -249,7 +249,7 @@ Result<CaseOutcome> beyondTheNeedle(const CaseSettings& settings, AxialModel mod
   const PassivityRecord record = observed(run);
   CaseOutcome outcome{rowOf(record), {forceTrace(run, std::string(axialModelName(model)))}};
   judgeMotion(outcome.row, "greatest force step beyond the springs' slope [N]", record.worst_step_N, limit);
-  // the case is about what happens there: it must have been there, and torque must not step either
+  // the run must have reached this region, and torque must not step either
   if (!(record.flags & kFlagBeyondNeedle) || record.worst_torque_step_Nm > torque_limit) {
     outcome.row.passed = false;
     outcome.row.verdict = Verdict::kChatters;
@@ -347,7 +347,7 @@ Result<CaseOutcome> grazing85(const CaseSettings& settings, AxialModel model,
   ASSIGN_OR_RETURN(const auto run,
                    runMotion(source, given.scene, samplesOf(given.motion), given.motion.rate_hz));
   const PassivityRecord record = observed(run);
-  // entries and exits are what this is about
+  // the case is about entries and exits
   double step = 0;
   for (std::size_t k = 1; k < run.ticks.size(); ++k)
     step = std::max(
@@ -360,8 +360,8 @@ Result<CaseOutcome> grazing85(const CaseSettings& settings, AxialModel model,
 
 namespace {
 
-// Net energy that came out at the hand's grip: the work that the device rendered, less what its own damping
-// took and its mass has at the end.
+// Net energy delivered at the hand's grip: the device's rendered work, minus the losses in its own damping
+// and the final kinetic energy of its mass.
 double energyAtGrip_J(const PlantRun& run, const SimulatedDeviceOptions& device) {
   double damped_J = 0;
   for (const PlantTick& tick : run.ticks)
@@ -370,8 +370,8 @@ double energyAtGrip_J(const PlantRun& run, const SimulatedDeviceOptions& device)
   return last.energy_J - damped_J - 0.5 * device.limits.apparent_mass_kg * normSquared(last.v_W_mps);
 }
 
-// The gate lets the force fade in over the first 200 ms (§3.7). A spring that is pressed meanwhile gives back
-// more than it took: a gesture begins after it.
+// The gate fades the force in over the first 200 ms (§3.7). A spring pressed meanwhile gives back more than
+// it took, so gestures begin after the fade-in.
 HandPlan restedPlan(PassivityGesture gesture) {
   PassivityStroke rest = gesture.start;
   rest.seconds = 0.25;
@@ -429,7 +429,7 @@ Result<CaseOutcome> randomEnergy(const CaseSettings& settings, AxialModel model,
   search.rate_hz = entry.number("rate_hz", 50, 40'000);
   search.limits.energy_J = entry.number("limit", 0);
   search.limits.step_N = entry.number("step_limit_n", 0);
-  // shrinking asks for hundreds of scenes, each of which would need a mesh of its own
+  // shrinking needs hundreds of scenes, each with its own mesh
   search.most_counter_examples =
       model == AxialModel::kFem ? 0 : static_cast<std::size_t>(entry.whole("most_counter_examples"));
   search.source_name = std::string(axialModelName(model));

@@ -1,5 +1,5 @@
-/// Bad samples of a device: jumps, values that are not numbers, silence. FORCE_MODEL.md, "Gate", says what
-/// the force does then.
+/// Bad samples of a device: jumps, NaN and infinite values, silence. FORCE_MODEL.md, "Gate", defines the
+/// force in these cases.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -31,8 +31,8 @@ Result<GateEntry> gateEntry(const CaseSettings& settings, std::string_view name,
   return out;
 }
 
-// A short disturbance is bridged, a long one ends in FAULT until the tip is out and a person has seen it;
-// then the force comes back.
+// The gate bridges a short disturbance. A long one ends in FAULT until the tip is out and a person has
+// acknowledged it; then the force returns.
 struct Disturbance {
   std::function<void(DeviceSample&, std::size_t)> change;
   double short_s = 0.003, long_s = 0.2;
@@ -78,7 +78,7 @@ Result<Outcome> disturbed(const GateEntry& entry, const ForceSourceFactory& sour
     outcome.violation_N = std::max(outcome.violation_N, norm(ticks[k].out_W.force_N - held));
   for (std::size_t k = glitch; k < timeline.from; ++k)
     if (ticks[k].fault != Fault::kNone) outcome.violation_N = std::numeric_limits<double>::infinity();
-  // an engine that never comes back would keep to any timeline
+  // a force that never returns would meet any timeline
   if (norm(ticks[again].out_W.force_N) < 0.5 * norm(held) || !(norm(held) > kAnyForce_N))
     outcome.violation_N = std::numeric_limits<double>::infinity();
   return outcome;
@@ -121,7 +121,7 @@ Result<CaseOutcome> startsInside(const CaseSettings& settings, AxialModel model,
     seen = std::max(seen, norm(tick.report.wrench_W.force_N));
   }
   judgeMotion(outcome.row, "greatest force before the tip was outside [N]", before, limit);
-  // no force at all would be no answer either
+  // zero force throughout must not pass either
   if (!(after > kAnyForce_N)) {
     outcome.row.passed = false;
     outcome.row.verdict = Verdict::kChatters;
@@ -152,7 +152,7 @@ Result<CaseOutcome> notANumber(const CaseSettings& settings, AxialModel model,
 
 Result<CaseOutcome> frozenDevice(const CaseSettings& settings, AxialModel model,
                                  const ForceSourceFactory& source, Gate gate) {
-  // silence: held until the watchdog notices, then as for any fault
+  // silence: the force is held until the watchdog reacts, then as for any fault
   CaseEntry numbers(settings.file, "frozen_device", settings.long_form);
   Disturbance silence;
   silence.change = [](DeviceSample& sample, std::size_t) { sample.fresh = false; };
@@ -210,8 +210,8 @@ std::vector<DeviceSample> insertion(Turn turn, bool always) {
   return samples;
 }
 
-// The trajectory is fixed at entry, along the normal for a needle that points out: how the needle stands
-// changes no force. Torque comes slowly.
+// The trajectory is fixed at entry, along the normal for a needle that points out: the needle's orientation
+// does not change the force. Torque builds up slowly.
 double departure(const std::vector<GatedTick>& turned, const std::vector<GatedTick>& upright) {
   double worst = 0;
   for (std::size_t k = 1; k < turned.size(); ++k) {

@@ -84,7 +84,7 @@ void visit(Message& message, Get get, Set set, const NumberVisit& number) {
   (message.*set)(value);
 }
 
-// the numbers that a layer can do without
+// the optional numbers of a layer
 void visitLayer(pb::Layer& layer, const NumberVisit& number) {
   using L = pb::Layer;
   visit(layer, &L::thickness_m, &L::set_thickness_m, number);
@@ -167,7 +167,7 @@ double sizeOf(const PassivityGesture& gesture) {
   double digits = 0, seconds = 0, magnitudes = 0;
   visitAll(copy, [&](double& value) { digits += significantDigits(value); });
   visitStrokes(copy, [&](double& value) { magnitudes += std::min(std::abs(value), 10.0); });
-  // directions that change from stroke to stroke are what makes a gesture hard to follow
+  // changes of direction between strokes make a gesture hard to follow
   double changes = 0;
   const PassivityStroke* before = &gesture.start;
   for (const PassivityStroke& stroke : gesture.strokes) {
@@ -245,7 +245,7 @@ void drawLayer(Draw& draw, pb::Layer& layer) {
   membrane.set_force_n(roundedTo(draw.in(0.2, 0.95) * membrane.linear_n_per_m() * layer.thickness_m(), 3));
 }
 
-// all of them; or any set; or one alone, where nothing else pays for what it gives
+// all of them; or any set; or one alone, so that no other effect hides its energy
 void drawEffects(Draw& draw, double all_share, pb::Profile& profile) {
   const bool all = draw.chance(all_share), alone = draw.chance(0.5);
   constexpr int kFirst = 1, kLast = static_cast<int>(kPlacedEffectCount);  // stages are not drawn
@@ -376,7 +376,7 @@ class StrokeDraw {
     now_.tilt_x = draw_.in(-most, most);
     now_.tilt_y = draw_.in(-most, most);
   }
-  // slow, brisk or a rest; never faster than the range says
+  // slow, brisk or a rest; never faster than the range allows
   void timed(PassivityStroke& stroke) {
     const double drawn = draw_.chance(0.3) ? draw_.in(0.5, 2) : draw_.in(0.05, 0.6);
     const Vec3 way{stroke.x_m - last_.x_m, stroke.y_m - last_.y_m, stroke.depth_m - last_.depth_m};

@@ -77,14 +77,14 @@ Result<PassivityFindings> searchGestures(const PassivitySearch& search, AxialMod
 
 namespace {
 
-// a smaller gesture is one that a hand could make too: outside at both ends, …
+// a smaller gesture must also be possible for a hand: outside at both ends, …
 bool beginsAndEndsOutside(const PassivityGesture& gesture) {
   constexpr double kOutside_m = -5e-4;
   return !gesture.strokes.empty() && gesture.start.depth_m <= kOutside_m &&
          gesture.strokes.back().depth_m <= kOutside_m;
 }
 
-// … and no faster than the one that came in: strokes that are get the time that they need
+// … and no faster than the original: strokes that are too fast get more time
 void giveTime(PassivityGesture& gesture, double most_speed_mps, double most_turn_per_s) {
   const PassivityStroke* before = &gesture.start;
   for (PassivityStroke& stroke : gesture.strokes) {
@@ -95,7 +95,7 @@ void giveTime(PassivityGesture& gesture, double most_speed_mps, double most_turn
   }
 }
 
-// the purpose that a stroke has now, whatever it was drawn for
+// the stroke's current purpose, independent of the original one
 StrokeKind kindOf(const PassivityStroke& stroke, const PassivityStroke& before) {
   if (stroke.depth_m < 0) return StrokeKind::kExit;
   if (stroke.depth_m > before.depth_m) return StrokeKind::kInsert;

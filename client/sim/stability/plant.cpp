@@ -29,7 +29,7 @@ class EngineSource final : public ForceSource {
   SimState state_{};
 };
 
-// a mesh takes a second: scenes that differ in nothing it sees share its compliance
+// a mesh takes a second: scenes with the same mesh inputs share its compliance
 class MeshCache {
  public:
   Status complete(SceneSpec& scene) {
@@ -67,7 +67,7 @@ ForceSourceFactory engineSource() {
 
 namespace {
 
-// the device on its own fine steps, so that ticks may be late and delays need not be the device's business
+// the device runs on its own fine steps, so that ticks can be late and delays are handled outside the device
 class FinePlant {
  public:
   FinePlant(const PlantOptions& options, const HandPlan& plan)

@@ -40,7 +40,7 @@ double peakToPeakIn(const PlantRun& run, TimeWindow window) {
 
 }  // namespace
 
-// everything between full cutting and full attraction is what the tissue itself can do
+// the tissue itself can produce any force between full cutting and full attraction
 Result<CaseOutcome> overLimitBounded(const CaseSettings& settings, AxialModel model,
                                      const ForceSourceFactory& source) {
   CaseEntry entry(settings.file, "over_limit_bounded", settings.long_form);
@@ -54,7 +54,7 @@ Result<CaseOutcome> overLimitBounded(const CaseSettings& settings, AxialModel mo
   const LayerSpec& layer = wall.layers.front();
   CaseTally tally("force peak-to-peak [N]", share * (layer.cutting_force_N + layer.attracted_force_N), band);
   ASSIGN_OR_RETURN(const auto run, runScene(source, scene, path.plan, plant));
-  // the way in and out too; it is meant to swing: what counts is what bounds it
+  // includes the insertion and withdrawal; the run is expected to swing, only the bound counts
   const TimeWindow whole{0, path.plan.duration_s() + 1};
   tally.add(run, whole, peakToPeakIn(run, whole), std::string(axialModelName(model)), heldIn(run, whole));
   CaseOutcome outcome = tally.finish();
@@ -166,7 +166,7 @@ Result<CaseOutcome> freeHandRelease(const CaseSettings& settings, AxialModel mod
   tally.add(run, free, retreat_m(run, free.from_s), std::string(axialModelName(model)));
   CaseOutcome outcome = tally.finish();
 
-  // a needle that is thrown back so fast that the stop ends stops again
+  // a needle thrown back fast enough to end the stop stops again
   if (const int stops = stopsAfter(run, free.from_s); stops > 0) {
     outcome.row.note = fmt::format("{}{}", stops, stops > 1 ? " new stops" : " new stop");
     if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
@@ -190,7 +190,7 @@ Result<CaseOutcome> skinFlutter(const CaseSettings& settings, AxialModel model,
   const HandPlan plan = flutterPlan(amplitude_m, frequency_hz, cycles);
   const TimeWindow whole{0, plan.duration_s()};
   ASSIGN_OR_RETURN(const auto run, runScene(source, scene, plan, plant));
-  // forces come and go with every entry: only the gate and the cap tell that it grows
+  // the force changes with every entry: only the gate and the cap indicate growth
   const EntryWork work = workPerEntry(run);
   tally.add(run, whole, work.worst_J, std::string(axialModelName(model)), heldIn(run, whole));
   CaseOutcome outcome = tally.finish();

@@ -60,7 +60,7 @@ Result<Found> largestStable(double guess, double least, double cap,
   return found;
 }
 
-// everything that cases.json says of the study
+// the study's entry in cases.json
 struct Study {
   SceneSpec wall;
   PlantOptions plant;
@@ -141,7 +141,7 @@ class ModelScan {
     return row;
   }
 
-  // what becomes of a nudge with more than `limit_N_per_m`, in tissue as it is
+  // the response to a nudge beyond `limit_N_per_m`, in realistic tissue
   [[nodiscard]] Result<BeyondRow> beyond(double limit_N_per_m) const {
     const PlantOptions& plant = study_.beyond_plant;
     BeyondRow row;

@@ -33,7 +33,7 @@ class Swing {
   double sum_ = 0, n_ = 0;
 };
 
-// where the needle goes on the whole: the mean over the time around a tick
+// the needle's drift: the mean over the time around a tick
 class SlowPart {
  public:
   explicit SlowPart(const PlantRun& run)
@@ -115,7 +115,7 @@ bool isStable(const NudgeOutcome& outcome, double encoder_step_m) {
 
 Result<NudgeRun> nudge(const ForceSourceFactory& source, const SceneSpec& scene, double stiffness_N_per_m,
                        const PlantOptions& plant, const NudgeOptions& options) {
-  // where hand and wall hold each other at `press_N`
+  // where hand and wall balance at `press_N`
   const HandOptions& hand = plant.device.hand;
   const double depth_m = options.press_N * (1 / stiffness_N_per_m + 1 / hand.stiffness_N_per_m);
   // the tap is a triangle in the hand's aim: the spring's impulse is k·height·time/2, the damper's cancels
@@ -221,7 +221,7 @@ Result<ScannedModel> ScannedModel::prepare(const SceneSpec& scene, AxialModel mo
   if (model != AxialModel::kFem) return scanned;
 
   RETURN_IF_ERROR(addCompliance(scanned.scene_));
-  // how stiff it feels depends on how deep it is: towards the wall's own stiffness in a few steps
+  // the felt stiffness depends on depth: iterate to the wall's own stiffness in a few steps
   constexpr int kSteps = 4;
   const double wanted = scene.tracking_wall.stiffness_N_per_m;
   for (int step = 0; step < kSteps; ++step) {

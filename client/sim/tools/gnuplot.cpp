@@ -86,7 +86,7 @@ struct PlotFile {
   std::string_view name, text;
 };
 
-// runs the first of `files`; everything stands beside the picture, under its name, until the picture is whole
+// runs the first of `files`; all files are beside the picture, under its name, until the picture is complete
 Status draw(const std::vector<PlotFile>& files, const std::filesystem::path& png,
             const std::string& commands) {
   const std::filesystem::path part = png.string() + ".part", folder = png.string() + ".plots",
@@ -117,7 +117,7 @@ bool hasGnuplot() {
   while (!rest.empty()) {
     const std::size_t colon = rest.find(':');
     const auto candidate = std::filesystem::path(rest.substr(0, colon)) / "gnuplot";
-    std::error_code unreadable;  // a folder of the PATH that we may not look into has no gnuplot for us
+    std::error_code unreadable;  // skip unreadable folders of the PATH
     if (::access(candidate.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(candidate, unreadable))
       return true;
     rest.remove_prefix(colon == std::string_view::npos ? rest.size() : colon + 1);
