@@ -264,7 +264,7 @@ void Server::Parts::refuseConnection(const std::string& host) {
 }
 
 Task<> Server::Parts::signalLoop() {
-  if (stopping) co_return;  // stop() came before run(): a timer cancelled then must not start now
+  if (stopping) co_return;  // stop() came before run() and its cancellation had no effect here
   auto [error, signal] = co_await signals.async_wait(kUseTuple);
   if (error) co_return;
   logEvent(LogLevel::kInfo, "signal", {{"number", signal}});

@@ -1,5 +1,5 @@
-/// One function per call. The caller has checked the role; the functions check whose data the request
-/// concerns. Private to this folder.
+/// One function per call. The caller has checked the role; the functions check access to each person's data.
+/// Private to this folder.
 #pragma once
 
 #include <atomic>

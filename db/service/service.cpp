@@ -22,7 +22,7 @@
 namespace needlelab {
 namespace {
 
-/// Clears its value on every exit.
+/// Clears the flag on destruction.
 class Cleared {
  public:
   explicit Cleared(std::atomic<bool>& flag) : flag_(flag) {}
