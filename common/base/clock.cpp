@@ -24,7 +24,7 @@ double measuredClock_ns() {
   constexpr int kReadings = 1000;
   std::vector<double> costs_ns;
   for (int i = 0; i < kReadings; ++i) {
-    // ten at a time: one reading is near the clock's own step
+    // ten at a time: one reading takes about one step of the clock
     const std::int64_t from_ns = steadyNowNs();
     for (int k = 0; k < 9; ++k) keep(steadyNowNs());
     costs_ns.push_back(static_cast<double>(steadyNowNs() - from_ns) / 10);

@@ -10,8 +10,8 @@
 namespace needlelab {
 namespace {
 
-// eight tables: table[k][b] advances the CRC of byte b by k further zero bytes, so that 8 bytes go in one
-// round
+// eight tables: table[k][b] advances the CRC of byte b by k further zero bytes, so that one round handles 8
+// bytes
 constexpr auto kTables = [] {
   std::array<std::array<std::uint32_t, 256>, 8> tables{};
   for (std::uint32_t b = 0; b < 256; ++b) {

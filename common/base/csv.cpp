@@ -29,7 +29,7 @@ std::size_t splitCells(std::string_view line, Cell cell) {
   }
 }
 
-// what a file says goes into messages on a terminal: no control characters
+// the file's text appears in messages on a terminal: remove control characters
 std::string inQuotes(std::string_view text) {
   std::string shown(text.substr(0, 40));
   for (char& c : shown)
@@ -62,7 +62,7 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
     return Error{ErrorCode::kInvalidInput, fmt::format("{} line {}: {}", path.string(), line_number, why)};
   };
 
-  // header: which cell of a row goes to which wanted column
+  // header: map the cells of a row to the wanted columns
   std::string_view line;
   if (!nextLine(line)) {
     line_number = 1;

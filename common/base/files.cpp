@@ -14,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-/// The nearest folder that is there.
+/// Returns the nearest existing parent folder.
 std::filesystem::path nearestFolder(const std::filesystem::path& path) {
   std::error_code error;
   auto folder = std::filesystem::absolute(path, error).parent_path();
@@ -42,7 +42,7 @@ bool writeAll(int fd, ByteView bytes) {
   return true;
 }
 
-// a device or a pipe: a rename would put a file in its place, e.g. of /dev/null
+// a device or a pipe: a rename would replace it by a file, e.g. /dev/null
 bool isStream(const std::filesystem::path& path) {
   struct stat info {};
   return ::stat(path.c_str(), &info) == 0 && (S_ISCHR(info.st_mode) || S_ISFIFO(info.st_mode));
@@ -68,7 +68,7 @@ fs::path folderOf(const fs::path& file) {
   return file.has_parent_path() ? file.parent_path() : fs::path(".");
 }
 
-// files that are there are compared by what they are (links), others by where they will be
+// compares existing files by identity (links), and new files by path
 bool isSameFile(const fs::path& a, const fs::path& b) {
   std::error_code unknown;
   if (fs::equivalent(a, b, unknown)) return true;
@@ -108,7 +108,7 @@ Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t
   const auto invalid = [&](const std::string& why) {
     return Error{ErrorCode::kInvalidInput, path.string() + ": " + why};
   };
-  // a named pipe that nobody writes would hold up the open, where no Ctrl-C is taken
+  // opening a named pipe without a writer would block, and Ctrl-C is not handled there
   const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
   if (fd < 0) return invalid(std::string("cannot open: ") + std::strerror(errno));
   struct stat info {};
@@ -160,7 +160,7 @@ Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path)
                                                ", a file cannot take its place"};
   struct stat link {};
   if (::lstat(path.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return path;
-  std::error_code nameless;  // as /dev/stdout of a file that was removed meanwhile
+  std::error_code nameless;  // e.g. /dev/stdout when its file has been removed
   auto end = std::filesystem::canonical(path, nameless);
   if (nameless)
     return Error{ErrorCode::kInvalidInput,
@@ -196,7 +196,7 @@ Result<GrowingFile> GrowingFile::create(const std::filesystem::path& path) {
   file.fd_ = ::mkostemp(file.temporary_.data(), O_CLOEXEC);
   if (file.fd_ < 0) {
     const Error error = file.systemError("create a file beside it");
-    // a folder that is not there is the caller's mistake
+    // a missing folder is the caller's mistake
     if (errno == ENOENT || errno == ENOTDIR) return Error{ErrorCode::kInvalidInput, error.message};
     return error;
   }

@@ -13,7 +13,7 @@ namespace needlelab {
 Uuid makeUuidV7() {
   Uuid id{};
   if (getrandom(id.data(), id.size(), 0) != static_cast<ssize_t>(id.size())) std::abort();
-  // 48 bits of milliseconds, 12 random ones; never before this process' last, whatever the clock does: then
+  // 48 bits of milliseconds, 12 random ones; never below this process' last UUID: if the clock goes back,
   // they count on from there (RFC 9562, 6.2)
   const auto ms = static_cast<std::uint64_t>(wallNowNs() / 1'000'000) & 0xFFFF'FFFF'FFFFu;
   const std::uint64_t wanted = ms << 12 | (static_cast<std::uint64_t>(id[6] & 0x0Fu) << 8 | id[7]);

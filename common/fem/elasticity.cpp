@@ -200,7 +200,7 @@ Result<std::unique_ptr<ElasticSolver>> ElasticSolver::make(const TetMesh& mesh,
   llt.cholmod().nmethods = 1;
   llt.cholmod().method[0].ordering = CHOLMOD_METIS;
   llt.cholmod().print = 0;
-  // CHOLMOD's own status is asked at each step: Eigen's goes on with a factor that is not there
+  // check CHOLMOD's own status at each step: Eigen continues without a factor
   llt.analyzePattern(matrix);
   if (llt.cholmod().status < CHOLMOD_OK) return solver->failure("ordered");
   llt.factorize(matrix);
@@ -240,7 +240,7 @@ Result<Eigen::MatrixXd> ElasticSolver::solve(const Eigen::SparseMatrix<double>& 
 }
 
 Result<Eigen::VectorXd> ElasticSolver::solvePrescribed(const Eigen::VectorXd& prescribed_m) const {
-  // the held unknowns' part goes to the right-hand side, element by element
+  // move the held unknowns' part to the right-hand side, element by element
   Eigen::VectorXd rows = Eigen::VectorXd::Zero(size_);
   for (std::size_t n = 0; n < mesh_->element.size(); ++n) {
     const TetNodes& e = mesh_->element[n];

@@ -14,7 +14,7 @@ constexpr double kBelowShare = 0.15;
 /// Cells of a circle in the quarter; even, so that the box's edge is a line of the grid. Four instead of two
 /// make the needle 0.4 % softer, and the mesh almost twice as large.
 constexpr int kAround = 2;
-/// Which of the rings is the needle's surface.
+/// Index of the ring at the needle's surface.
 constexpr int kNeedleRing = 1;
 
 // the geometric growth q with first (1 + q + … + q^(n−1)) = total; by bisection
@@ -29,7 +29,7 @@ double growthFor(double first, int n, double total) {
   return low;
 }
 
-// lines along the path: every layer's top is one, cells of about the same height in between
+// lines along the path: one at every layer's top, with cells of about the same height in between
 std::vector<double> linesOnPath(const NeedleBoxSpec& spec, int cells) {
   std::vector<double> edges;
   for (const double top : spec.top_m)
@@ -45,7 +45,7 @@ std::vector<double> linesOnPath(const NeedleBoxSpec& spec, int cells) {
   return lines;
 }
 
-// below the path cells grow; a layer's top there becomes a line, in place of one that is near
+// below the path cells grow; each layer's top there replaces the nearest line
 void addLinesBelow(const NeedleBoxSpec& spec, int cells, std::vector<double>& lines) {
   double height = lines.back() - lines[lines.size() - 2];
   const double total = spec.depth_m - spec.length_m;
@@ -89,8 +89,8 @@ constexpr std::array<double, 3> kGaussWeight = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 
 NeedleBox::Lines NeedleBox::linesFor(const NeedleBoxSpec& spec, int nodes) {
   Lines lines;
-  // (2 cells + 1) lines of nodes in each direction. What counts most for the tip is the cells' height on the
-  // path, then the number of rings, which grow geometrically: about four cells on the path for each ring
+  // (2 cells + 1) lines of nodes in each direction. The height of the cells on the path matters most for the
+  // tip, then the number of rings, which grow geometrically: about four cells on the path for each ring
   const double wanted = static_cast<double>(nodes) / (2 * kAround + 1);
   const int rings = std::max(4, static_cast<int>(std::lround(0.84 * std::cbrt(wanted))));
   const int cells_deep =
@@ -145,7 +145,7 @@ Eigen::SparseMatrix<double> NeedleBox::surfaceLoads(const std::vector<double>& e
   std::vector<Eigen::Triplet<double>> weights;
   constexpr int line = kNeedleRing, around = kAround;
 
-  // a point of the surface at (t, s) of the rectangle (j, k), by the shape functions of the triangle it is in
+  // a point of the surface at (t, s) of the rectangle (j, k), by the shape functions of its triangle
   const auto addPoint = [&](int column, double weight, int j, int k, double t, double s) {
     const std::int32_t least = grid_.corner(line, j, k), greatest = grid_.corner(line, j + 1, k + 1);
     const bool along_j = t >= s;  // which side of the diagonal

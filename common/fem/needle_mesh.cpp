@@ -15,10 +15,10 @@ namespace needlelab {
 namespace {
 
 constexpr double kStrainLimit = 0.1;
-/// Thinner layers than this make elements that no double can tell from flat ones.
+/// In thinner layers, rounding makes elements indistinguishable from flat ones.
 constexpr double kThinnestLayer_m = 1e-6;
-/// Each station gives by this share of the mean more than the mesh says: stations may be finer than the mesh,
-/// and their compliance would be singular. It takes 0.1 % to 0.2 % off the stiffness of a whole needle.
+/// Share of the mean that is added to each station's own compliance: stations may be finer than the mesh, and
+/// their compliance would be singular. It lowers the stiffness of a whole needle by 0.1 % to 0.2 %.
 constexpr double kOwnGive = 1e-2;
 
 Status checked(const SceneSpec& spec, const NeedleMeshOptions& options) {
@@ -67,7 +67,7 @@ NeedleBoxSpec boxOf(const SceneSpec& spec, const NeedleMeshOptions& options) {
   return box;
 }
 
-// the station's forces of a needle that is in all the way and cuts: friction on each, cutting on the last
+// forces on the stations of a fully inserted needle that cuts: friction on each, cutting on the last
 Eigen::VectorXd fullLoad(const SceneSpec& spec, const NeedleBoxSpec& box, std::size_t stations) {
   const double spacing = box.length_m / static_cast<double>(stations);
   Eigen::VectorXd load(static_cast<Eigen::Index>(stations));

@@ -76,7 +76,7 @@ Result<Header> readHeader(ByteView chunk) {
     return corrupt("its mask of raw columns contradicts its resolution");
   info.lossless_columns = header.raw & ~declared;
 
-  // every row and block has a least length: so a short text cannot ask for much memory
+  // every row and block has a least length: so a short input cannot claim much memory
   header.bytes = kMagic.size() + in.position();
   const auto raw_count = static_cast<std::size_t>(std::popcount(header.raw));
   const std::size_t least = raw_count * 8 + (kColumnCount - 2 - raw_count) + blocksOf(info.count) * 4;
@@ -105,7 +105,7 @@ class Decoder {
     time_step_ns_ = timeStepNs(header.info.resolution);
   }
 
-  // null when the bytes cannot be
+  // null for invalid bytes
   const std::uint8_t* firstRow(const std::uint8_t* in, const std::uint8_t* end, GestureSample* out) {
     for (std::size_t c = kFirstReal; c < kColumnCount; ++c) {
       if (wide_ >> c & 1u) {
@@ -159,7 +159,7 @@ class Decoder {
     return in;
   }
 
-  // turns the columns' integers into samples; false when one is out of its field's range
+  // turns the columns' integers into samples; false when a value is out of its field's range
   bool emit(std::size_t first, std::size_t rows, GestureSample* out) {
     const std::uint64_t* const tick = wide_columns_[kTick].block();
     const std::uint64_t* const time = wide_columns_[kTime].block();
@@ -221,7 +221,7 @@ class Decoder {
     return too_big == 0;
   }
 
-  // steps of time, held within the field: a value at its end may have been rounded beyond it
+  // steps of time, clamped to the field: a value at its end may have been rounded beyond it
   [[nodiscard]] std::int32_t nanoseconds(std::uint32_t steps) const {
     using Limits = std::numeric_limits<std::int32_t>;
     const std::int64_t ns = static_cast<std::int32_t>(steps) * time_step_ns_;

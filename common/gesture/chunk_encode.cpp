@@ -16,7 +16,7 @@ namespace {
 using namespace chunk_format;
 using namespace column_coding;
 
-// steps that a stored integer may count; a value beyond makes its column raw
+// greatest number of steps in a stored integer; a value beyond makes its column raw
 constexpr double kMostSteps = 2147483647.0;
 // added to a double below 2⁵¹ it leaves the nearest integer, ties to even, in the low bits: rounding without
 // a call
@@ -40,7 +40,7 @@ struct Window {
   }
 };
 
-/// One chunk in the making. `raw` says which real columns are stored as bits.
+/// A chunk under construction. `raw` marks the real columns that are stored as bits.
 class Encoder {
  public:
   Encoder(const Resolution& resolution, std::span<const GestureSample> samples, std::uint32_t raw)
@@ -59,7 +59,7 @@ class Encoder {
   }
 
   std::int64_t periodNs() const { return period_ns_; }
-  // columns that met a value they cannot store in steps
+  // columns with a value that cannot be stored in steps
   std::uint32_t misfits() const { return misfits_; }
 
   std::uint8_t* firstRow(std::uint8_t* out) {
@@ -145,7 +145,7 @@ class Encoder {
     if (good == 0) misfits_ |= 1u << column;
   }
 
-  // a wall column with absent values: they repeat the value before them, which costs nothing
+  // a wall column with absent values: they repeat the previous value, which costs nothing
   void fillGappy(std::uint32_t bit, const unsigned char* at, std::size_t rows, double inverse,
                  std::uint32_t* v, std::size_t column) {
     const std::uint32_t* const there = columns_[kWallPresence].block();
@@ -160,7 +160,7 @@ class Encoder {
     }
   }
 
-  // bit k: wall component k is a number, or its column is raw and holds whatever there is
+  // bit k: wall component k is a number, or its column is raw and holds any value
   void fillPresence(const GestureSample* s, std::size_t rows) {
     std::uint32_t* const there = columns_[kWallPresence].block();
     const std::uint32_t always = raw_ >> kWall & 7u;
@@ -244,7 +244,7 @@ std::uint8_t* putHeader(std::uint8_t* out, const Resolution& resolution,
   return out;
 }
 
-// work space that is kept per thread, so that a chunk a second does not ask the system for memory
+// work space kept per thread, so that one chunk per second does not allocate
 std::uint8_t* scratchOf(std::size_t bytes) {
   thread_local std::unique_ptr<std::uint8_t[]> scratch;
   thread_local std::size_t room = 0;
@@ -269,8 +269,8 @@ Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> s
     out = encoder.firstRow(out);
     for (std::size_t first = 1; first < samples.size(); first += kBlock)
       out = encoder.block(first, std::min(kBlock, samples.size() - first), out);
-    // when a column did not fit, the chunk is made again with that column raw: rare, and at most once, as
-    // every row was seen
+    // when a column did not fit, encode the chunk again with that column raw: rare, and at most once, because
+    // every row has been seen
     if (encoder.misfits() != 0) {
       raw |= encoder.misfits();
       continue;

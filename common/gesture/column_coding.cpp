@@ -29,7 +29,7 @@ std::uint64_t load64(const std::uint8_t* in) {
   return word;
 }
 
-// value i takes the bits [i·width, (i+1)·width), least significant first; the last byte is filled with zeros
+// value i has the bits [i·width, (i+1)·width), least significant first; the last byte is padded with zeros
 template <typename U>
 std::uint8_t* packBits(const U* values, std::size_t rows, int width, std::uint8_t* out) {
   std::uint64_t pending = 0;
@@ -62,7 +62,7 @@ std::uint8_t* packBits(const U* values, std::size_t rows, int width, std::uint8_
   return out;
 }
 
-// reads up to 8 bytes beyond the values' own
+// reads up to 8 bytes beyond the values
 template <typename U>
 void unpackBits(const std::uint8_t* in, std::size_t rows, int width, U* values) {
   if (width == 0) {
@@ -84,7 +84,7 @@ void unpackBits(const std::uint8_t* in, std::size_t rows, int width, U* values) 
   }
 }
 
-// what choosing a mode needs to know of a block, from one pass over it
+// statistics of a block for the choice of its mode, from one pass
 template <typename U>
 struct Extent {
   using S = SignedOf<U>;
@@ -124,7 +124,7 @@ std::uint8_t* packColumn(const U* v, std::size_t rows, std::uint8_t* out) {
   // differences; plain loops that compilers turn into SIMD
   U first[kRows], second[kRows];
   U changed = 0;
-  // v[i - 1] would wrap the index at the first row, which no pointer may be moved by
+  // at the first row, the index i - 1 would wrap around, which is undefined for pointers
   const U* const before = v - 1;
   const U* const before_that = v - 2;
   for (std::size_t i = 0; i < rows; ++i) {
@@ -194,7 +194,7 @@ const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end
   const auto left = static_cast<std::size_t>(end - in);
   if (bytes > left) return nullptr;
 
-  // words are loaded whole: near the end of the chunk from a copy that has room behind it
+  // whole words are loaded: near the end of the chunk from a copy with padding
   U residual[kRows];
   if (bytes + 8 <= left) {
     unpackBits(in, rows, width, residual);

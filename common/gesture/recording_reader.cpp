@@ -106,7 +106,7 @@ Status RecordingReader::checkStart() {
                   kMagic.begin()))
     return Error{ErrorCode::kInvalidInput,
                  path_.string() + ": is not a needlelab recording: it does not start with \\x89NLREC"};
-  // a file cut within its first bytes is a recording without anything in it
+  // a file cut within its first bytes is an empty recording
   if (start.size() < kStartBytes) return {};
   std::uint16_t major;
   std::uint32_t crc;
@@ -201,7 +201,7 @@ Status RecordingReader::scan() {
     const bool enough = size_ - offset >= kRecordHeaderBytes;
     if (enough) RETURN_IF_ERROR(readAt(offset, kRecordHeaderBytes, head));
     if (!enough || !readRecordHeader(head, header)) {
-      // not a record: go on at the next one, if there is any
+      // not a record: continue at the next record, if any
       ASSIGN_OR_RETURN(const auto next, findRecord(offset + 1));
       damages_.push_back(
           {offset, next - offset,
@@ -238,7 +238,7 @@ Status RecordingReader::scan() {
       good_damages = damages_.size();
     }
   }
-  // what is unreadable up to the end is the mark of a cut, not of damage in the middle
+  // unreadable bytes up to the end mark a cut, not damage in the middle
   entries_.resize(good_entries);
   damages_.resize(good_damages);
   tail_bytes_ = size_ - good_end;

@@ -109,7 +109,7 @@ Status RecordingWriter::writeAll(ByteView bytes) {
 }
 
 Status RecordingWriter::writeRecord(std::uint8_t kind, ByteView content) {
-  // one write a record, so that a crash between two calls leaves whole records only
+  // one write per record, so that a crash between two calls leaves only whole records
   scratch_.clear();
   putRecord(scratch_, kind, content);
   return writeAll(scratch_);
@@ -156,7 +156,7 @@ Status RecordingWriter::finish() {
   }
   RETURN_IF_ERROR(writeAll(footer));
 
-  // data first, then the name: nobody sees a half-written file under it
+  // data first, then the name: no reader sees a half-written file
   if (::fsync(fd_) != 0) return fail("sync");
   if (mode_ == Mode::kAtomic) {
     if (::fchmod(fd_, 0644) != 0) return fail("set the permissions of");

@@ -67,7 +67,7 @@ const std::vector<std::string> kSampleCsvColumns = {
 template <typename Integer>
 bool putInteger(double value, Integer& field) {
   using Limits = std::numeric_limits<Integer>;
-  // the limits of 64 bits are not doubles; one step inside they are
+  // the limits of 64 bits cannot be represented as doubles; one step inside they can
   if (value != std::floor(value) || value < static_cast<double>(Limits::lowest()) ||
       value >= static_cast<double>(Limits::max()) + (sizeof(Integer) < 8 ? 1 : 0))
     return false;

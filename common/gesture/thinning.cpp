@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-/// The numbers of a sample that are averaged one by one.
+/// The numbers of a sample that are averaged separately.
 constexpr std::size_t kMeans = 16;
 std::array<double*, kMeans> meansOf(GestureSample& s) {
   return {&s.p_WT_m[0],      &s.p_WT_m[1],      &s.p_WT_m[2],       &s.speed_mps,
@@ -29,7 +29,7 @@ double ticksBetween(std::uint64_t a, std::uint64_t b) {
   return a >= b ? static_cast<double>(a - b) : -static_cast<double>(b - a);
 }
 
-/// What is collected of the samples between two that are kept.
+/// Collects the values of the samples between two kept samples.
 void join(GestureSample& group, const GestureSample& sample) {
   group.flags |= sample.flags;
   group.buttons |= sample.buttons;
@@ -73,7 +73,7 @@ void Thinner::add(const GestureSample& sample, std::vector<GestureSample>& out) 
   const double at = ticksBetween(sample.tick, first_tick_);
   if (at >= due_) {
     keep(sample, first);
-    // behind a gap the grid goes on at its next point
+    // after a gap the grid continues at its next point
     due_ = step_ticks_ * (std::floor(at / step_ticks_) + 1);
     if (due_ <= at) due_ += step_ticks_;
   } else if (group_) {
@@ -107,14 +107,14 @@ void Thinner::settle(std::vector<GestureSample>& out, bool all) {
     ++done;
   }
   centers_.erase(centers_.begin(), centers_.begin() + static_cast<std::ptrdiff_t>(done));
-  // nothing that is still to be decided looks further back than this
+  // no pending sample needs older samples than this
   const double needed =
       (centers_.empty() ? due_ : ticksBetween(centers_.front().sample.tick, first_tick_)) - step_ticks_;
-  // by halves: at a low rate the window holds thousands, and this is asked for every sample
+  // binary search: at a low rate the window holds thousands of samples, and this runs for every sample
   const auto keep_from = std::partition_point(
       window_.begin(), window_.end() - 1,
       [&](const GestureSample& s) { return ticksBetween(s.tick, first_tick_) <= needed; });
-  // moved in larger lots, so that it costs nothing for each sample
+  // moved in large batches, so that the cost per sample is negligible
   if (static_cast<double>(keep_from - window_.begin()) >= step_ticks_)
     window_.erase(window_.begin(), keep_from);
 }
@@ -138,7 +138,7 @@ GestureSample Thinner::meanAround(const Center& center) const {
       sums[i] += weight * values[i];
       weights[i] += weight;
     }
-    // of the two quaternions of an orientation the one on the centre's side
+    // of the two quaternions of an orientation, take the one on the centre's side
     double dot = 0;
     for (std::size_t i = 0; i < 4; ++i) dot += s->q_WT[i] * center.sample.q_WT[i];
     for (std::size_t i = 0; i < 4; ++i) q[i] += (dot < 0 ? -weight : weight) * s->q_WT[i];

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kSin10Degrees = 0.17364817766693034885;
 
-// P0, n, u, and all that is remembered set to its beginning; `state` still holds the tick before
+// sets P0, n, u and the state of the insertion to their initial values; `state` still holds the previous tick
 void beginInsertion(const SceneModel& model, SimState& state, const TipSample& sample, double depth_m) {
   const Vec3 axis = unitAxis(sample);
   const Vec3 motion = sample.p_WT_m - state.p_prev_W_m;

@@ -9,12 +9,12 @@ namespace needlelab {
 namespace {
 
 constexpr double kFadeIn_s = 0.2;    // start-up
-constexpr double kFadeOut_s = 0.02;  // a fault takes the force away within this time
+constexpr double kFadeOut_s = 0.02;  // a fault removes the force within this time
 constexpr double kSlewForce_N_per_s = 2000;
 constexpr double kSlewTorque_Nm_per_s = 100;
 constexpr double kMaxTipSpeed_mps = 5;
-constexpr std::int64_t kHoldTicks = 5;  // rejected samples that the last force is held for
-constexpr double kWatchdog_s = 0.02;    // silence of the device after which the force goes
+constexpr std::int64_t kHoldTicks = 5;  // number of rejected samples for which the last force is held
+constexpr double kWatchdog_s = 0.02;    // silence of the device after which the force is removed
 
 bool limitMagnitude(Vec3& v, double most) noexcept {
   const double size = norm(v);
@@ -38,7 +38,7 @@ Wrench scaled(const Wrench& w, double s) noexcept {
   return {w.force_N * s, w.torque_Nm * s};
 }
 
-// the fault that the device itself reports; the one that a person did first
+// the fault that the device itself reports; a person's action comes first
 Fault faultSaid(std::uint32_t condition) noexcept {
   if ((condition & kDeviceEmergencyStop) != 0) return Fault::kEmergencyStop;
   if ((condition & kDeviceLost) != 0) return Fault::kDeviceLost;
@@ -87,9 +87,9 @@ void ForceGate::raiseFromOutside(Fault fault) noexcept {
   if (fault_ == Fault::kNone) raise(fault);
 }
 
-// the motors got warm in the ticks that the loop missed, too: the device went on with the last force
+// the motors also warmed up during missed ticks: the device kept rendering the last force
 void ForceGate::spendMissed(std::int64_t ticks) noexcept {
-  constexpr std::int64_t kMost = 20'000;  // 2 s at 10 kHz: no device goes on for longer by itself
+  constexpr std::int64_t kMost = 20'000;  // 2 s at 10 kHz: no device renders longer than that by itself
   const double force_N = norm(out_.force_N), torque_Nm = norm(out_.torque_Nm);
   for (std::int64_t i = std::min(ticks, kMost); i > 0; --i) {
     force_budget_.spend(force_N);
@@ -97,14 +97,14 @@ void ForceGate::spendMissed(std::int64_t ticks) noexcept {
   }
 }
 
-// how long nothing was heard of the device; ticks that the loop itself missed count, too
+// the time since the device's last update; ticks that the loop itself missed count, too
 void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_t condition) noexcept {
   if ((condition & kDeviceNotReady) != 0) {
-    silent_ticks_ = 0;  // it says why it is silent, and has no force
+    silent_ticks_ = 0;  // the device reports the reason of its silence, and has no force
   } else if (!fresh) {
     silent_ticks_ += elapsed_ticks;
   } else {
-    // a device that reports as ever after the loop itself stood still: the force fades in again
+    // the loop itself stalled, and the device still reports: the force fades in again
     if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) {
       after_stall_ = true;
       elapsed_ticks_ = 1;
@@ -113,10 +113,10 @@ void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_
   }
 }
 
-// in FAULT: false when it is over, with the tick that this is
+// in FAULT: returns false when the fault ends with this tick
 bool ForceGate::staysInFault(const TipSample& tip, bool fresh, double handle_speed_mps,
                              std::uint32_t condition) noexcept {
-  // a tip that still jumps is a cause that lasts; each place is judged against the one before
+  // while the tip still jumps, the cause lasts; each place is compared with the previous one
   if (fresh) {
     bad_in_fault_ = judge(tip) != Fault::kNone || !(handle_speed_mps <= limits_.fault_speed_mps);
     have_good_ = isFinite(tip.p_WT_m);
@@ -127,7 +127,7 @@ bool ForceGate::staysInFault(const TipSample& tip, bool fresh, double handle_spe
                  silent_ticks_ > silent_limit_ticks_;
   if (cause_lasts_) acknowledged_ = false;
   if (!fresh || !acknowledged_ || !outside_ || fade_ != 0.0) return true;
-  // as after start-up: nothing is remembered, the force fades in
+  // as after start-up: the state is cleared, the force fades in
   fault_ = Fault::kNone;
   acknowledged_ = false;
   after_stall_ = false;
@@ -152,7 +152,7 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   cause_outside_ = false;
   if (in_fault) return false;
 
-  // what the device says of itself counts at once
+  // the device's own report has immediate effect
   if (const Fault said = faultSaid(condition); said != Fault::kNone) {
     raise(said);
     return false;
@@ -179,13 +179,13 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   return true;
 }
 
-// a share that goes away: by time, so that missed ticks do not make it later
+// the share fades out by time, so that missed ticks do not delay it
 double ForceGate::lowered(double share) const noexcept {
   const double next = share - fade_out_step_ * static_cast<double>(std::max<std::int64_t>(1, elapsed_ticks_));
   return next > 1e-9 ? next : 0.0;
 }
 
-// start: what is wanted comes slowly; a hold takes it away and lets it come again
+// fade: the wanted force comes slowly at the start; a hold removes it and fades it in again
 void ForceGate::changeShare() noexcept {
   if (holding_ || after_stall_) {
     fade_ = lowered(fade_);
@@ -205,7 +205,7 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
       raise(Fault::kForceNotFinite);
   }
 
-  // fault: the force falls to zero in a straight line
+  // fault: the force falls linearly to zero
   Wrench next;
   if (fault_ != Fault::kNone) {
     flags_ |= kGateFaulted;
@@ -245,7 +245,7 @@ namespace {
 
 constexpr double kThermalWindow_s = 10;
 constexpr double kBucket_s = 0.1;
-constexpr double kThermalRecovery_s = 1;  // from nothing to the peak, when the motors have cooled
+constexpr double kThermalRecovery_s = 1;  // from zero to the peak, when the motors have cooled
 
 }  // namespace
 
@@ -266,15 +266,15 @@ double ThermalBudget::allowed(double wanted) noexcept {
 
 double ThermalBudget::limitNow(double wanted) const noexcept {
   if (budget_ <= 0) return 0.0;
-  // the bucket that has left the window is given back tick by tick: all at once it would be felt
+  // the bucket that has left the window is given back tick by tick: the user would feel a step
   const double progress = static_cast<double>(ticks_in_bucket_) / static_cast<double>(ticks_per_bucket_);
   const double leaving = bucket_[(current_ + 1) % kBuckets];
   const double left = budget_ - (whole_ + bucket_[current_] + (1.0 - progress) * leaving);
-  // what is left, spread over a whole window, covers it: nearly always
+  // the remaining budget, spread over a whole window, is enough: nearly always
   if (wanted * wanted * kThermalWindow_s <= left) return peak_;
 
-  // the magnitude that could be held for good from now on: until the bucket `back` is out of the window, it
-  // and all younger ones count
+  // the magnitude that can be held forever from now on: until the bucket `back` leaves the window, it and all
+  // younger buckets count
   const double bucket_s = static_cast<double>(ticks_per_bucket_) * period_s_;
   double counted = 0, held_squared = peak_ * peak_;
   for (std::size_t back = 0; back < kBuckets - 1; ++back) {
@@ -285,7 +285,7 @@ double ThermalBudget::limitNow(double wanted) const noexcept {
     held_squared = std::min(held_squared, (budget_ - counted) / until_s);
   }
   held_squared = std::max(0.0, held_squared);
-  // and more than that for a while, the more the colder the motors are
+  // a greater magnitude is allowed for a while: the colder the motors, the greater
   const double cold = std::max(0.0, left / budget_);
   return std::sqrt(held_squared + (peak_ * peak_ - held_squared) * (cold * cold * cold));
 }
@@ -296,8 +296,8 @@ void ThermalBudget::spend(double magnitude) noexcept {
   ticks_in_bucket_ = 0;
   current_ = (current_ + 1) % kBuckets;
   bucket_[current_] = 0;
-  // summed again, so that no rounding error is carried on for hours; all but the current one and the one that
-  // leaves
+  // sum again, so that rounding errors do not accumulate for hours; all but the current bucket and the
+  // leaving bucket
   whole_ = 0;
   for (std::size_t i = 2; i < kBuckets; ++i) whole_ += bucket_[(current_ + i) % kBuckets];
 }

@@ -51,7 +51,7 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(state.insertions);
   if (!state.inside) return hash.value();
 
-  // the rest has a meaning only during an insertion
+  // the other members matter only during an insertion
   hash.add(static_cast<std::uint64_t>(state.phase));
   for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W}) hash.add(v);
   hash.add(state.slant);

@@ -50,7 +50,7 @@ class Cone {
   const SimState& state_;
   Vec3 arm_W_m_;
   double depth_m_;
-  double before_rad_ = -1.0;  // taken when it is needed
+  double before_rad_ = -1.0;  // computed on demand
 };
 
 }  // namespace
@@ -65,7 +65,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
   double angle = std::min(detAsin(tick.lateral_m / radius) - detAsin(kept_m / radius), model.max_turn_rad);
   if (!(angle > 0.0)) return false;
 
-  // the greatest angle that the cone allows
+  // the greatest angle within the cone
   Cone cone(model, state, arm, tick.depth_m);
   Turned turned = turnedBy(angle, state, side);
   if (!cone.holds(turned)) {
@@ -78,7 +78,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
     turned = turnedBy(allowed, state, side);
   }
 
-  // what is measured along u moves with it
+  // all lengths along u move with it
   const double x_before = tick.x_m;
   const Vec3 u_before = state.u_W;
   state.u_W = turned.u_W;

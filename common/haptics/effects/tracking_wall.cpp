@@ -5,7 +5,7 @@
 
 namespace needlelab {
 
-// their section, tracking_wall, belongs to every scene: stops and phases need it too
+// every scene has their section, tracking_wall: stops and phases need it, too
 
 extern const EffectEntry kCuttingEntry;
 constinit const EffectEntry kCuttingEntry = {

@@ -17,8 +17,8 @@ EffectMask effectsOfLayers(const SceneSpec& spec) {
 
 namespace {
 
-// stands for a model that this build does not have: `validate` refuses the scene by name, so that it is never
-// rendered by another model without a word
+// stands for a model that this build does not have: `validate` refuses the scene by name, so that another
+// model never renders it silently
 constinit const AxialEntry kNotBuiltEntry = {
     nullptr,
     [](const SceneSpec& spec, SpecChecker& check) {

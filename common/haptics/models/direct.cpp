@@ -1,7 +1,6 @@
 /// DIRECT: a spring from the surface to the tip, as the simplest simulators render a needle:
-/// f = −K·max(0, x), with `step_at_layers` up to the cutting force of the layer that the tip is in
-/// (FORCE_MODEL.md, "Axial models"). The force steps where the tip crosses into another layer: that is what
-/// it is here to show.
+/// f = −K·max(0, x), with `step_at_layers` at most the cutting force of the tip's layer (FORCE_MODEL.md,
+/// "Axial models"). The force steps where the tip enters another layer: the model is here to show that.
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"

@@ -1,8 +1,8 @@
 /// FEM: the reaction of linear elastic tissue to a needle that sticks to it, slips and cuts it
 /// (FORCE_MODEL.md, "Axial models"), with the mesh's compliance in place of the mesh (fem_needle.h). Rendered
-/// directly: there is no wall. A needle that is pushed in tents the tissue until the cutting force is
-/// reached; on the way out the shaft's friction pulls. A stop relaxes nothing: the tissue is elastic.
-/// `cutting_N` is the tip's force, `friction_N` the shaft's.
+/// directly, without a wall. On the way in, the needle tents the tissue until the cutting force is reached;
+/// on the way out, the shaft's friction pulls. A stop relaxes nothing: the tissue is elastic. `cutting_N` is
+/// the tip's force, `friction_N` the shaft's.
 #include <fmt/core.h>
 
 #include "common/haptics/effects/step_live.h"
@@ -20,8 +20,7 @@ struct Fem {
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
     if (state.ticks_inside == 1) state.needle = NeedleState{};
-    // `wall_m` is where the path begins: turns and ruptures move it, and with it all that the needle
-    // remembers
+    // `wall_m` is the start of the path: turns and ruptures move it, and with it the needle's whole state
     const NeedleForce force =
         stepNeedle(*model.fem, {tick.x_cut_m - state.wall_m, tick.insertion_m, state.slant}, state.needle);
     if (force.releases) report.flags |= kFlagLayerChange;

@@ -6,15 +6,15 @@
 namespace needlelab {
 namespace {
 
-// what is taken for zero: far below what can be felt, far above rounding
+// tolerance for zero: far below perceptible forces, far above rounding
 constexpr double kForceNear_N = 1e-10, kPlaceNear_m = 1e-13;
-/// The cut runs ahead of the needle by at most so many stations in a tick: further, it would leave its force
-/// behind.
+/// The greatest number of stations by which the cut runs ahead of the needle in a tick: further ahead, it
+/// would leave its force behind.
 constexpr double kCutAhead = 0.25;
 constexpr std::size_t kMaxUnknowns = kMaxNeedleStations + 1;  // shaft and tip
 
-// How the tip's force is spread over stations: a cubic B-spline about it. Between two stations it moves over
-// from one to the other so smoothly that no force ripples with the stations (a hat function would give 17 %).
+// Spreads the tip's force over stations by a cubic B-spline about the tip. The force moves from one station
+// to the next so smoothly that it does not ripple with the stations (a hat function would give 17 %).
 struct TipSpread {
   std::array<std::size_t, 4> station{};
   std::array<double, 4> weight{};
@@ -44,7 +44,7 @@ void addScaled(double* __restrict to, const double* __restrict from, double fact
 }
 
 // Solves the upper triangle `a` (rows of `stride`, symmetric positive definite) · x = b in place of b, by
-// Cholesky; `a` is lost.
+// Cholesky; destroys `a`.
 void solvePositive(double* a, std::size_t stride, std::size_t size, double* b) {
   for (std::size_t k = 0; k < size; ++k) {
     double* row = a + k * stride;
@@ -65,7 +65,7 @@ void solvePositive(double* a, std::size_t stride, std::size_t size, double* b) {
 }
 
 /// The problem of one tick: r = b − A y, with y in [low, high]; r = 0 where y is inside, r ≥ 0 at high, r ≤ 0
-/// at low. Unknown n of the first `shaft` is that station's force, the last one is the tip's.
+/// at low. The first `shaft` unknowns are the forces of the stations, the last unknown is the tip's force.
 class Contact {
  public:
   Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& state);
@@ -101,7 +101,7 @@ Contact::Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& s
   const double tip_depth = state.cut_m * pose.slant;
   spreadTip(tip_depth);
 
-  // the motion of this tick is shared between the tissue and slip
+  // the motion of this tick divides into tissue motion and slip
   const double motion = pose.x_m - state.x_m;
   for (std::size_t i = 0; i < shaft_; ++i) {
     target_[i] = motion + state.moved_m[i];
@@ -116,7 +116,7 @@ Contact::Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& s
   count_ = shaft_ + 1;
 }
 
-// the friction of the part of each station that the needle is in; none is left of a station that it has left
+// friction of the inserted part of each station; 0 for a station that the needle has left
 void Contact::boundShaft(double length_m) {
   const double depth = length_m * pose_.slant;
   const double last = depth / compliance_.spacing_m;
@@ -146,7 +146,7 @@ double Contact::giveBetween(std::size_t a, std::size_t b) const {
   return compliance_.give(a, b);
 }
 
-// forces of what sticks, with what slips at its bound; `rest_` becomes r
+// computes the forces of the sticking unknowns, with the slipping ones at their bounds; `rest_` becomes r
 void Contact::solveOnce() {
   std::array<std::size_t, kMaxUnknowns> sticking;
   std::size_t free = 0;
@@ -181,8 +181,8 @@ void Contact::solveOnce() {
   }
 }
 
-// what is wrong: beyond its bound it should slip, slipping the wrong way it should stick. `which` is told;
-// gives how many there are
+// finds the violations: an unknown beyond its bound should slip, an unknown slipping the wrong way should
+// stick. Fills `which`; returns their number
 std::size_t Contact::findWrong(std::array<std::size_t, kMaxUnknowns>& which) const {
   std::size_t wrong = 0;
   for (std::size_t n = 0; n < count_; ++n) {
@@ -195,12 +195,12 @@ std::size_t Contact::findWrong(std::array<std::size_t, kMaxUnknowns>& which) con
   return wrong;
 }
 
-// Block principal pivoting (Portugal, Júdice and Vicente 1994): all that is wrong changes at once while that
-// makes less of it; when it does not, three times over, the last wrong one alone changes (which must end)
-// until it does.
+// Block principal pivoting (Portugal, Júdice and Vicente 1994): all violations change at once while their
+// number falls; if it does not fall three times in a row, only the last violation changes (this must end)
+// until it falls again.
 void Contact::solve() {
   constexpr int kPatience = 3;
-  // nothing to hold: slips, whichever way
+  // no friction to hold the station: it slips in either direction
   for (std::size_t n = 0; n < count_; ++n)
     if (low_[n] == high_[n] && hold_[n] == Hold::kSticks) hold_[n] = Hold::kSlipsIn;
   std::array<std::size_t, kMaxUnknowns> wrong;
@@ -230,7 +230,7 @@ void Contact::solve() {
   }
   state_.solves = kMostSolves;
   ++state_.unsettled;
-  // within bounds all the same: what does not fit is slip of this tick
+  // keep within bounds anyway: the remainder is slip of this tick
   for (std::size_t n = 0; n < count_; ++n) force_[n] = std::clamp(force_[n], low_[n], high_[n]);
 }
 
@@ -251,7 +251,7 @@ NeedleForce Contact::finish() {
   state.tip_hold = hold_[shaft_];
   if (state.tip_N != 0.0) addScaled(state.moved_m.data(), tip_column_.data(), state.tip_N, stations_);
 
-  // the tip: what it went beyond the tissue's motion is cut, what it fell short of it is a gap
+  // the tip: motion beyond the tissue's motion cuts, motion short of it leaves a gap
   state.tip_moved_m = meanOver(spread_, state.moved_m.data());
   const double slip = rest_[shaft_];
   state.gap_m = state.tip_hold == Hold::kSticks ? 0.0 : std::max(0.0, -slip);
@@ -305,7 +305,7 @@ FemNeedle compileNeedle(const SceneSpec& spec) {
     mean_give += compliance.give(i, i) / static_cast<double>(stations);
   }
   needle.bevel_m = 2 * compliance.radius_m;
-  // keeps the tip's equation apart from those of the shaft where all of it sticks
+  // keeps the tip's equation independent of the shaft's equations where all of it sticks
   needle.tip_give_m_per_N = 0.01 * mean_give;
 
   std::vector<double> matrix = compliance.give_m_per_N, force(stations, 1.0);

@@ -1,11 +1,11 @@
 /// FIRST_ORDER: the needle's force as the sum of three, after Okamura, Simone and O'Leary 2004 (their
 /// quadratic stiffness taken linear): stiffness before puncture, then cutting and friction (FORCE_MODEL.md,
-/// "Axial models"). Each layer has a surface at its top that holds with k (x − s) until that reaches its
-/// puncture force. While one holds, nothing is cut or rubbed beyond it (x_c of FORCE_MODEL.md, "Puncture").
-/// Cutting is constant in a layer and friction ∫ friction ds over the length that is through, both by dragged
-/// walls (K_t and K_f): cutting on the way in only, friction both ways. There is no relaxation in a stop: the
-/// model has none. It has its own puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is
-/// refused.
+/// "Axial models"). Each layer has a surface at its top that holds with k (x − s) until this reaches its
+/// puncture force. While a surface holds, there is no cutting or friction beyond it (x_c of FORCE_MODEL.md,
+/// "Puncture"). Cutting is constant in a layer, and friction is ∫ friction ds over the length beyond the
+/// surfaces; both use dragged walls (K_t and K_f): cutting on the way in only, friction in both directions.
+/// The model has no relaxation in a stop. It has its own puncture and friction: a scene that lists PUNCTURE
+/// or SHAFT_FRICTION is refused.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -30,14 +30,14 @@ struct FirstOrder {
     Tick own = tick;
     const double held_N = applyMembranes(model, state, own, before.x_m, before.depth_m, report);
 
-    // cutting in the layer that is open at x_c
+    // cutting in the open layer at x_c
     const auto closed = static_cast<std::uint32_t>(std::countr_zero(intactMembranes(state)));
     double cut_m = 0.0;
     if (closed != 0) cut_m = model.layers[std::min(state.layer, closed - 1)].cut_stretch_m;
     state.wall_m = std::min(std::max(state.wall_m, own.x_cut_m - cut_m), own.x_cut_m);
     report.cutting_N = -model.wall.stiffness_N_per_m * (own.x_cut_m - state.wall_m);
 
-    // friction on the length that is through
+    // friction on the length beyond the surfaces
     own.insertion_m = std::min(tick.insertion_m, std::max(0.0, own.x_cut_m));
     return report.cutting_N + applyShaftFriction(model, state, own, report) + held_N;
   }
@@ -78,7 +78,7 @@ void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
     rubs = rubs || own.friction_N_per_m > 0;
   }
   model.membrane_count = model.layer_count;
-  // while a top holds, x_c and with it both walls stand still
+  // while a top holds, x_c and both walls stand still
   model.axial_stiffness_N_per_m =
       std::max(steepest_N_per_m,
                spec.tracking_wall.stiffness_N_per_m + (rubs ? spec.friction_stiffness_N_per_m : 0.0));

@@ -1,11 +1,10 @@
 /// GOD_OBJECT: the proxy of surface rendering (Zilles and Salisbury 1995: a point that stays on the surface
 /// while the tip goes through it) put onto the tops of layers (FORCE_MODEL.md, "Axial models"). It lies on
 /// the top of the layer that the tip meets and pulls the tip back with f = −K (x − x_proxy); when K (x −
-/// x_proxy) exceeds that layer's cutting force, the proxy is let through, for the rest of this insertion, and
-/// goes with the tip to the next top. Between tops there is no force at all, and the force vanishes where the
-/// proxy is let through: that is what it is here to show. It never pulls inward. A top's place along u is
-/// taken as a membrane's (FORCE_MODEL.md, "Puncture"): the x interpolated by δ between the tick before and
-/// this one.
+/// x_proxy) exceeds that layer's cutting force, the proxy passes this top for the rest of the insertion and
+/// moves with the tip to the next top. Between tops the force is zero, and it drops to zero where the proxy
+/// passes: the model is here to show that. It never pulls inward. A top's place along u is determined like a
+/// membrane's (FORCE_MODEL.md, "Puncture"): the x interpolated by δ between the previous tick and this tick.
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"
@@ -23,7 +22,7 @@ struct GodObject {
     meetTops(model, state, tick);
     double pressed_N = 0.0;
     for (;;) {
-      // a proxy that goes with the tip stays at the next top that the tip has crossed
+      // a proxy that moves with the tip stops at the next top that the tip has crossed
       if (!state.proxy_held) {
         if (state.proxy_layer + 1 >= state.tops_met) break;
         ++state.proxy_layer;
@@ -41,7 +40,7 @@ struct GodObject {
     return report.cutting_N = -pressed_N;
   }
 
-  // keeps where the tip crossed the top of each layer first
+  // stores where the tip first crossed the top of each layer
   static void meetTops(const SceneModel& model, SimState& state, const Tick& tick) {
     if (state.tops_met >= model.layer_count || tick.depth_m < model.layers[state.tops_met].top_m) return;
     const TickBefore before = tickBefore(state);

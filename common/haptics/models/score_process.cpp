@@ -12,7 +12,8 @@ namespace {
 constexpr double kRange_m = 1.0;  // no table is deeper
 constexpr double kCellsPerLength = 4;
 
-// SplitMix64's finaliser (Steele, Lea and Flood 2014): every bit of the result hangs on every bit of the word
+// SplitMix64's finaliser (Steele, Lea and Flood 2014): every bit of the result depends on every bit of the
+// word
 std::uint64_t mixed(std::uint64_t word) noexcept {
   word += 0x9E3779B97F4A7C15ull;
   word = (word ^ (word >> 30)) * 0xBF58476D1CE4E5B9ull;
@@ -58,7 +59,7 @@ double ScoreProcess::at(std::uint64_t key, double depth_m, ScorePath& path) cons
       path.low[0] = normalOf(key, 0);
       path.high[0] = root_rho_ * path.low[0] + std::sqrt(1 - root_rho_ * root_rho_) * normalOf(key, 1);
     } else {
-      // levels whose cell is the same for the old and the new place stay
+      // levels with the same cell for the old and the new place stay
       level = levels_ - std::bit_width(static_cast<std::uint32_t>(cell ^ path.cell));
     }
     for (; level < levels_; ++level) {

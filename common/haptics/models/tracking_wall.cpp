@@ -10,7 +10,7 @@ namespace {
 
 constexpr StepTable kWallSteps = stepTable<LayeredWall>();
 
-// its section is part of every scene and checked there
+// every scene has this section, and `validate` checks it
 void nothingToCheck(const SceneSpec&, SpecChecker&) {}
 
 void useWall(const SceneSpec& spec, SceneModel& model) {

@@ -1,7 +1,7 @@
 /// VOIGT: a spring and a damper side by side from the surface to the tip, the Kelvin-Voigt element that many
-/// simulators take for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), it never pulls
-/// (FORCE_MODEL.md, "Axial models"). ẋ is the difference over one tick, x = 0 at the tick before entry: what
-/// a quantised position costs there is B·quantum/T, and that is part of what this model is here to show.
+/// simulators use for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), it never pulls
+/// (FORCE_MODEL.md, "Axial models"). ẋ is the difference over one tick, x = 0 at the tick before entry: a
+/// quantised position causes force steps of B·quantum/T there; the model is here to show that, too.
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"
@@ -18,8 +18,8 @@ struct Voigt {
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
-    // of kept positions, so that a turn of u does not count as motion; the zero before the entry tick is one
-    // of them
+    // uses stored positions, so that a turn of u does not count as motion; the zero before the entry tick is
+    // one of them
     const double moved_m = state.x_history_m[state.ticks_inside & state.history_mask] -
                            state.x_history_m[(state.ticks_inside - 1) & state.history_mask];
     const double pressed_N =

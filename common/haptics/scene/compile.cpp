@@ -60,7 +60,7 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
   model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
 }
 
-// the live effects that have no place in the tick; the cap comes after them
+// the live stages; the cap comes after them
 void compileStages(const SceneSpec& spec, SceneModel& model) {
   model.stage_numbers = spec.stage_numbers;
   for (const EffectEntry* entry : effectsAsShown()) {

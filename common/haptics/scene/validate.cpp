@@ -44,7 +44,7 @@ void checkLayer(const LayerSpec& layer, bool attracted_live, SpecChecker& check)
     if (entry->checkLayer != nullptr) entry->checkLayer(layer, check);
   check.number("rejection_force_n", layer.rejection_force_N, kForce);
 
-  // what remains at a stop cannot be more than the wall can hold in either direction
+  // the force that remains in a stop cannot exceed the wall's limit in either direction
   const double greatest =
       attracted_live ? std::min(layer.cutting_force_N, layer.attracted_force_N) : layer.cutting_force_N;
   check.require(
@@ -66,7 +66,7 @@ void checkLayers(const SceneSpec& spec, SpecChecker& check) {
   }
 }
 
-// a field's accessor is for reading and writing: it gets a scene that it may write to
+// a field's accessor can write: pass it a mutable scene
 double numberOf(const EffectField& field, const SceneSpec& spec) {
   return field.of(const_cast<SceneSpec&>(spec));
 }
@@ -90,7 +90,7 @@ void checkSections(const SceneSpec& spec, SpecChecker& check) {
 
   for (const EffectEntry* entry : effectEntries()) {
     check.enter(std::string(entry->section) + (entry->section.empty() ? "" : "."));
-    // a scene without a stage's section has zeros for its numbers: it is not live
+    // without a stage's section its numbers are zero: the stage is not live
     if (entry->stage != nullptr && !hasAnyNumber(*entry, spec)) continue;
     for (const EffectField& field : entry->fields)
       check.number(field.name, numberOf(field, spec), field.range);
