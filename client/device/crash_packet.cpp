@@ -8,8 +8,8 @@
 namespace needlelab {
 namespace {
 
-// Never freed: a handler may read them at any instant. A file descriptor that was closed and reused meanwhile
-// refuses a device's request.
+// Never freed: a handler may read them at any instant. A file descriptor closed and reused meanwhile refuses
+// a device's request.
 std::atomic<CrashPacketSender> packet_sender{nullptr};
 std::atomic<int> packet_file{-1};
 std::atomic<pid_t> packet_thread{0};

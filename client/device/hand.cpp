@@ -10,8 +10,8 @@
 namespace needlelab {
 namespace {
 
-// Twice the vector part of the turn from `from` to `to`, the short way: the rotation vector of a small turn,
-// in the frame in which both stand; its length is 2 sin(angle/2).
+// Returns twice the vector part of the shortest turn from `from` to `to`: the rotation vector of a small
+// turn, in their common frame; its length is 2 sin(angle/2).
 Vec3 turnVector(Quat from, Quat to) {
   const Quat d = to * conjugate(from);
   return Vec3{d.x, d.y, d.z} * (d.w < 0 ? -2.0 : 2.0);
@@ -66,7 +66,7 @@ Vec3 HandTremor::next() noexcept {
   for (std::size_t i = 0; i < 3; ++i)
     for (Partial& p : partials_[i]) {
       const double c = p.c * p.turn_c - p.s * p.turn_s, s = p.s * p.turn_c + p.c * p.turn_s;
-      // one step of Newton's towards length 1, so that rounding never adds up
+      // one Newton step towards length 1, so that rounding does not accumulate
       const double scale = 1.5 - 0.5 * (c * c + s * s);
       p.c = c * scale, p.s = s * scale;
       sum[i] += p.s;
@@ -106,7 +106,7 @@ Hand::Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double s
       X_TH_(inverse(X_HT)),
       step_s_(step_s),
       tremor_(options.tremor_m, options.seed, step_s),
-      // a device is read before the hand's first step
+      // the first read of a device precedes the hand's first step
       plunger_(plan_.start().plunger),
       wanted_(startPose()) {
   if (steering) steered_.emplace(std::move(steering), plan_.start(), step_s);
@@ -123,7 +123,7 @@ bool Hand::finished() const noexcept {
 }
 
 HandAim Hand::plannedAim() const noexcept {
-  // time within the plan; whole repeats are taken off
+  // time within the plan, without whole repeats
   double t = static_cast<double>(step_) * step_s_;
   if (const double duration = plan_.duration_s(); duration > 0 && t >= duration) {
     const double done = static_cast<double>(static_cast<std::int64_t>(t / duration));
@@ -137,7 +137,7 @@ Wrench Hand::pull(const HandleState& handle) noexcept {
   const HandAim aim = steered_ ? steered_->next() : plannedAim();
   plunger_ = aim.plunger;
 
-  // the tip's aim with tremor and correction, moved to the handle; its velocity from the step before
+  // the tip's aim with tremor and correction, moved to the handle; velocity from the previous step
   const Pose before = wanted_;
   const Pose planned = aim.X_WT * X_TH_;
   if (options_.correction_per_s > 0) {

@@ -15,7 +15,7 @@
 namespace needlelab {
 namespace {
 
-// CLI::Range lets `nan` pass; this does not
+// unlike CLI::Range, rejects `nan`
 CLI::Validator within(double low, double high, bool low_allowed = true) {
   const std::string allowed = fmt::format("{}{:g} to {:g}", low_allowed ? "" : "above ", low, high);
   return CLI::Validator(
@@ -41,14 +41,15 @@ constexpr HandSkill kExpert{40e-6, 0.020, 0.7e-3, 0.5e-3, 1};
 constexpr double kApproach_m = 0.02, kRest_s = 0.5;
 constexpr double kOnSurface_m = 1e-6;
 
-/// About a normal distribution: the sum of twelve uniform numbers less six; no C library decides about bits.
+/// Approximately normal: the sum of twelve uniform numbers minus six; the bits do not depend on the C
+/// library.
 double nearlyNormal(HandRandom& random) {
   double sum = -6;
   for (int i = 0; i < 12; ++i) sum += random.uniform();
   return sum;
 }
 
-/// As an author wrote it: `signedDepth` wants a plane's normal of unit length.
+/// Normalises an author's plane: `signedDepth` requires a unit normal.
 double depthBelow(Limb limb, Vec3 p_W_m) {
   if (auto* plane = std::get_if<PlaneLimb>(&limb)) plane->normal = normalized(plane->normal);
   return signedDepth(limb, p_W_m);
@@ -60,7 +61,7 @@ Error invalid(const std::string& why) {
   return {ErrorCode::kInvalidInput, "--hand-plan: " + why};
 }
 
-// a point of the surface that a hand would take if nobody names a target
+// the surface point for a hand without a target
 Vec3 referencePoint(const Limb& limb) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return plane->point_m;
   if (const auto* sphere = std::get_if<SphereLimb>(&limb))
@@ -75,7 +76,7 @@ Result<HandPlan> planFromCsv(const std::string& path) {
   HandPlan plan(track.X_WH.front());
   if (!track.plunger.empty()) plan.plungerAtStart(track.plunger.front());
   for (std::size_t i = 1; i < track.t_s.size(); ++i) {
-    // of rows with the same time the first counts
+    // of rows with the same time the first one is used
     const double seconds = track.t_s[i] - track.t_s.front() - plan.duration_s();
     if (seconds > 0)
       plan.moveIn(track.X_WH[i], seconds, track.plunger.empty() ? 0 : track.plunger[i], Motion::kLinear);
@@ -210,7 +211,7 @@ HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m
   const auto astray = [&] {
     return (skill.aim_m * nearlyNormal(random)) * side + (skill.aim_m * nearlyNormal(random)) * other;
   };
-  // the way that the hand takes: from where it enters to where it believes the target is
+  // the hand's way: from its entry to its estimate of the target
   const Vec3 entry = meant + astray();
   const Vec3 believed = target_W_m + 0.5 * astray();
   const Vec3 way = believed - entry;
@@ -220,7 +221,7 @@ HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m
   const auto at = [&](double along_m) { return Pose{entry + axis * along_m, q}; };
   const double beyond_m = skill.overshoot_m * (0.5 + random.uniform());
 
-  // speed differs from attempt to attempt by a tenth
+  // speed varies by a tenth between attempts
   const double speed_mps = skill.speed_mps * (0.9 + 0.2 * random.uniform());
   HandPlan plan(at(-kApproach_m));
   plan.plungerAtStart(kPlungerBeforeAspiration).hold(kRest_s);
@@ -257,7 +258,7 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
   const bool is_name = kind == "target" || kind == "retry" || kind == "depth" || kind == "rest";
   auto plan = is_name ? planByName(kind, argument, options, scene_W, targets_W) : planFromCsv(options.plan);
 
-  // a plan that is done again must end where it starts, or the hand would jump, and so would the plunger
+  // a repeated plan must end where it starts, or hand and plunger would jump
   if (plan.ok() && options.repeat != 1) {
     if (plan->end().plunger != plan->start().plunger) plan->hold(0.5, plan->start().plunger);
     if (plan->end().X_WT != plan->start().X_WT)

@@ -13,7 +13,7 @@ constexpr double kMinJerkPeak = 1.875;  // greatest over mean speed of a minimum
 constexpr double kTurnSpeed_radps = 1;  // of a turn on the spot
 constexpr double kShortestMove_s = 1e-3;
 
-// rotation by the shortest turn that takes unit vector `from` to unit vector `to`; they must not be opposite
+// returns the shortest rotation from unit vector `from` to unit vector `to`, which must not be opposite
 Quat shortestTurn(Vec3 from, Vec3 to) {
   const Vec3 axis = cross(from, to);
   return normalized(Quat{axis.x, axis.y, axis.z, 1 + dot(from, to)});
@@ -30,7 +30,7 @@ Quat between(Quat a, Quat b, double share) {
   return normalized(Quat{u * a.x + v * b.x, u * a.y + v * b.y, u * a.z + v * b.z, u * a.w + v * b.w});
 }
 
-// length of the turn between two rotations: 2 sin(angle/2), close to the angle for the turns of a hand
+// length of the turn between two rotations: 2 sin(angle/2), close to the angle for a hand's turns
 double turnBetween(Quat a, Quat b) {
   const Quat d = b * conjugate(a);
   return 2 * std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
@@ -49,13 +49,13 @@ Vec3 directionOr(Vec3 v, Vec3 fallback) {
 
 constexpr Vec3 kUp{0, 0, 1};
 
-// δ of a limb as an author wrote it: `signedDepth` wants a plane's normal of unit length
+// δ of an author's limb; normalises a plane's normal, because `signedDepth` requires a unit one
 double depthOf(Limb limb, Vec3 p) {
   if (auto* plane = std::get_if<PlaneLimb>(&limb)) plane->normal = normalized(plane->normal);
   return signedDepth(limb, p);
 }
 
-// hold, the plunger going back in the second quarter where asked for, and down in the second half
+// adds a hold: draws the plunger back in the second quarter if requested, and presses it in the second half
 void holdAndInject(HandPlan& plan, const PlanStyle& style) {
   if (style.aspirate)
     plan.hold(style.hold_s / 4).hold(style.hold_s / 4, 0);
@@ -134,8 +134,7 @@ HandAim HandPlan::at(double t_s) const noexcept {
 
 Quat orientationAlong(Vec3 axis) {
   const Vec3 a = normalized(axis);
-  // from the nearer one of +z and −z, so that the two are never opposite; −z is reached by half a turn about
-  // x
+  // start from the nearer of +z and −z, so that the vectors are never opposite; half a turn about x gives −z
   return a.z >= 0 ? shortestTurn(kUp, a) : turnedTo(Quat{1, 0, 0, 0}, a);
 }
 
@@ -175,7 +174,7 @@ HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const P
   const double depth = depthOf(limb_W, target_W_m);
   const Vec3 entry = target_W_m + n * depth;
   const Vec3 right = -n;
-  // any direction across; the miss is small, so that the tangent's first terms do
+  // any direction across; the miss is small, so the tangent's first terms suffice
   const Vec3 across = normalized(cross(n, std::abs(n.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
   const Vec3 wrong = normalized(right + across * (miss_rad * (1 + miss_rad * miss_rad / 3)));
   const Quat q_right = orientationAlong(right), q_wrong = turnedTo(q_right, wrong);

@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-// the shortest rotation from +z to `axis`, which is not near −z
+// returns the shortest rotation from +z to `axis`, which must not be near −z
 Quat shortest(Vec3 axis) {
   return normalized(Quat{-axis.y, axis.x, 0, 1 + axis.z});
 }
@@ -30,7 +30,7 @@ void put(double (&to)[3], Vec3 v) {
 }  // namespace
 
 Quat rotationOfAxis(Vec3 axis) noexcept {
-  // needles point down, most of them: from −z, reached by half a turn about x, the way is short
+  // most needles point down: start from −z (half a turn about x), which is near
   if (axis.z > 0) return shortest(axis);
   return Quat{1, 0, 0, 0} * shortest({axis.x, -axis.y, -axis.z});
 }
@@ -40,7 +40,7 @@ Quat AssumedAxis::at(const SceneModel& model, const SimState& before, Vec3 p_WT_
   const bool inside = depth_m > 0;
   if (inside && before.inside) return kept_;
   const bool enters = inside && before.outside_once;
-  // at a sphere's very centre, without a motion, any direction will do
+  // at a sphere's exact centre, without motion, any direction is valid
   Vec3 motion = p_WT_m - before.p_prev_W_m;
   if (normSquared(motion) == 0) motion = {0, 0, -1};
   const Vec3 at = enters ? entryPoint(before, p_WT_m, depth_m) : p_WT_m;
@@ -59,7 +59,7 @@ HapticChain::HapticChain(const SceneModel& model, const DeviceInfo& device, cons
   plunger.source = device.plunger;
   plunger_ = Plunger(plunger, model.rate_hz);
   has_orientation_ = device.has_orientation;
-  // for a device that renders nothing the torque is computed for the record
+  // for a device that renders nothing, the torque is only for the recording
   renders_torque_ = device.renders_torque || !device.renders_force;
 }
 
@@ -80,10 +80,10 @@ Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) no
   return wrenchAtHandle(wanted, tip_.p, handle_.p);
 }
 
-// phase and layer stay as the engine last reported them; the tip's place is recorded as far as it is known
+// keeps the engine's last phase and layer; updates the tip's position as far as known
 void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
   report_.flags = kFlagNotStepped;
-  if ((gate_.flags() & kGateSampleRejected) != 0) return;  // a rejected sample is not recorded as a place
+  if ((gate_.flags() & kGateSampleRejected) != 0) return;  // a rejected sample does not update the position
   if (!isFinite(X_WT.p) || !isFinite(X_WT.q) || !isFinite(X_WH.p)) return;
   handle_ = X_WH;
   tip_.p = X_WT.p;
@@ -94,7 +94,7 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
                                 double share, ChainTick& out) noexcept {
   const Pose X_WT = tipOf(reading.X_WH);
   Wrench wanted_at_handle;
-  // a new start after a FAULT begins outside, so that the engine forgets the insertion of before
+  // a restart after a FAULT begins outside, so that the engine forgets the earlier insertion
   if (gate_.fault() != Fault::kNone && fresh && isFinite(X_WT.p))
     gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
   if (gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition))
@@ -109,7 +109,7 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   out.X_WT = tip_;
   out.report = report_;
   out.rendered_W = guarded.wrench();
-  // the torque that the device renders at the handle, about the tip again
+  // the rendered torque at the handle, converted to the tip
   out.torque_at_tip_Nm = has_orientation_
                              ? out.rendered_W.torque_Nm - cross(tip_.p - handle_.p, out.rendered_W.force_N)
                              : Vec3{};

@@ -14,11 +14,11 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kSingular = 1e-9;  // of M: a direction that the turns leave open
+constexpr double kSingular = 1e-9;  // of M: the turns leave a direction undetermined
 constexpr std::size_t kFewest = 10;
 constexpr int kSubsets = 300;
-constexpr std::size_t kSubsetSize = 4;  // three poses with different axes are enough
-constexpr std::size_t kJudged = 500;    // samples that judge a subset
+constexpr std::size_t kSubsetSize = 4;  // three poses with different axes suffice
+constexpr std::size_t kJudged = 500;    // samples that rate a subset
 constexpr double kStrayFloor_m = 0.2e-3;
 constexpr double kStraySigmas = 5;  // chi of three coordinates: 1.5e-5 lie beyond
 constexpr double kMedianOfChi3 = 1.5382;
@@ -70,7 +70,7 @@ struct Start {
   double median_m = 0;
 };
 
-// the median residual of a candidate over samples spread evenly over the time
+// median residual of a candidate, over samples at even intervals
 Start judged(const PivotSums::Solution& s, std::span<const PivotSample> samples,
              std::vector<double>& scratch) {
   scratch.clear();
@@ -101,7 +101,7 @@ std::optional<Start> bestStart(std::span<const PivotSample> samples) {
   return best;
 }
 
-// how many neighbouring samples tell as much as one: 1 + 2·Σρ_k, up to the first small ρ
+// number of neighbouring samples worth one: 1 + 2·Σρ_k, up to the first small ρ
 double correlationOf(const std::vector<Vec3>& residuals) {
   double power = 0;
   for (const Vec3& r : residuals) power += normSquared(r);
@@ -118,7 +118,7 @@ double correlationOf(const std::vector<Vec3>& residuals) {
   return sum;
 }
 
-// times of the samples that were left out, joined where they nearly touch; short ones are strays
+// intervals of the dropped samples, joined across small gaps; short ones are single outliers
 std::vector<PivotSlip> slipsOf(std::span<const PivotSample> samples, const std::vector<bool>& used,
                                const PivotFit& fit) {
   std::vector<PivotSlip> slips;
@@ -206,7 +206,7 @@ Result<PivotFit> fitPivot(std::span<const PivotSample> samples) {
   const auto start = bestStart(samples);
   if (!start) return PivotSums().solve().error();
 
-  // leave out outliers until nothing changes
+  // drop outliers until nothing changes
   PivotFit fit;
   fit.p_HT_m = start->p_HT_m;
   fit.p_WP_m = start->p_WP_m;
@@ -233,7 +233,7 @@ Result<PivotFit> fitPivot(std::span<const PivotSample> samples) {
     scale_m = medianOf(inside) / kMedianOfChi3;
   }
 
-  // how good it is
+  // quality of the fit
   std::vector<Vec3> residuals;
   double square_sum = 0;
   for (std::size_t i = 0; i < samples.size(); ++i) {

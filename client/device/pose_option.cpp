@@ -69,7 +69,7 @@ Result<Pose> fromFile(const std::string& path, const std::string& option) {
     std::size_t count, at;
   } groups[] = {{"position_m", {"x", "y", "z", nullptr}, 3, 0}, {"quaternion", {"x", "y", "z", "w"}, 4, 3}};
   for (const auto& [key, value] : json.items())
-    // where the file came from is for people
+    // the file's origin is for people only
     if (key != groups[0].name && key != groups[1].name && !(key == "calibration" && value.is_object()))
       return fail("field '" + key.substr(0, 40) +
                   "' is unknown; position_m and quaternion (and perhaps calibration) are expected");
@@ -94,7 +94,7 @@ Numbers numbersOf(const Pose& pose) {
 }  // namespace
 
 Result<Pose> parsePoseOption(const std::string& text, const std::string& option) {
-  // a list of numbers has commas and nothing that only a file's name has
+  // a list of numbers has commas and no character that only a file name has
   const bool numbers =
       text.find(',') != std::string::npos && text.find_first_not_of("0123456789+-.,eE ") == std::string::npos;
   return numbers ? fromNumbers(text, option) : fromFile(text, option);

@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kOnTick_s = 1e-9;             // rows this close to a tick are taken as they are
+constexpr double kOnTick_s = 1e-9;             // rows this close to a tick are used unchanged
 constexpr double kMaxPosition_m = 1e3;         // as in a profile's vectors
 constexpr double kQuaternionSlack = 1e-3;      // as client/sim/README.md says
 constexpr std::size_t kMaxTicks = 50'000'000;  // 14 h at 1 kHz
@@ -54,7 +54,7 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
   const auto column = [&](const char* name) -> const std::vector<double>& {
     return table->columns[static_cast<std::size_t>(table->find(name))];
   };
-  // rows are counted as a person counts them in an editor: the header is line 1 (blank lines aside)
+  // counts lines as an editor does: the header is line 1 (ignoring blank lines)
   const auto fail = [&](std::size_t row, const std::string& why) {
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("{} row {} (line {}): {}", path.string(), row + 1, row + 2, why)};
@@ -144,7 +144,7 @@ Status RecordingDevice::open(double rate_hz) {
 DeviceRead RecordingDevice::read(DeviceReading& reading) noexcept {
   if (next_ >= poses_.size()) return DeviceRead::kFinished;
   reading.X_WH = poses_[next_];
-  // the recording has no speed of its own: the gate watches the tip's
+  // a recording has no measured speed; the gate checks the tip's
   reading.speed_mps = 0;
   reading.plunger = plunger_.empty() ? 0 : plunger_[next_];
   reading.buttons = 0;

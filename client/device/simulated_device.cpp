@@ -14,8 +14,7 @@
 namespace needlelab {
 namespace {
 
-// `value` rounded to a whole number of steps (half a step goes up); as it is when there is no step. Any
-// unit.
+// Rounds `value` to a whole number of steps (half a step rounds up); unchanged when the step is 0. Any unit.
 double toStep(double value, double step) {
   return step > 0 ? std::floor(value / step + 0.5) * step : value;
 }
@@ -54,7 +53,7 @@ Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
 
 constexpr std::uint64_t kSlots = SimulatedDevice::kMaxDelayTicks + 1;
 
-// an angle is twice a quaternion component near rest: half a step there is a step of angle
+// near rest, an angle is twice a quaternion component, so half a step of it is a step of the angle
 Pose asEncoded(const Pose& X, double step_m, double step_rad) {
   Pose seen{{toStep(X.p.x, step_m), toStep(X.p.y, step_m), toStep(X.p.z, step_m)}, X.q};
   if (step_rad > 0) {
@@ -74,7 +73,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandPlan
   info_.name = fmt::format("simulated Virtuose 6D Desktop, hand {:g} N/m and {:g} N·s/m",
                            options.hand.stiffness_N_per_m, options.hand.damping_Ns_per_m);
   info_.limits = options.limits;
-  info_.plunger = PlungerSource::kAnalog;  // the hand knows where it is
+  info_.plunger = PlungerSource::kAnalog;  // the hand supplies the position
 }
 
 Status SimulatedDevice::open(double rate_hz) {
@@ -93,7 +92,7 @@ void SimulatedDevice::integrate(const Wrench& wrench) noexcept {
   const double mass = options_.limits.apparent_mass_kg;
   const Wrench hand = hand_->pull(handle_);
 
-  // translation: semi-implicit Euler, dry friction takes at most the speed that is left
+  // translation: semi-implicit Euler; dry friction removes at most the remaining speed
   Vec3& v = handle_.v_W_mps;
   v += (hand.force_N + wrench.force_N - v * options_.limits.damping_Ns_per_m) * (step_s_ / mass);
   if (options_.dry_friction_N > 0) {
@@ -158,7 +157,7 @@ Status PivotDevice::open(double rate_hz) {
 }
 
 Pose PivotDevice::handleAt(double t_s) const noexcept {
-  // a swing about a horizontal axis that itself goes round, and a slow turn of the handle about its needle
+  // a swing about a rotating horizontal axis, and a slow turn of the handle about its needle
   const double azimuth = kTwoPi * t_s / motion_.turn_period_s;
   const double half = 0.5 * motion_.swing_rad * std::sin(kTwoPi * t_s / motion_.swing_period_s);
   const double half_turn = 0.25 * std::sin(kTwoPi * t_s / (1.7 * motion_.turn_period_s));

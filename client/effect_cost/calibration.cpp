@@ -35,7 +35,7 @@ Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, dou
   if (!whole.ok()) return whole.error();
   const auto gesture = measuringGesture(scene, rate_hz);
 
-  // the first one has them all
+  // the first one has all effects
   EffectCosts costs;
   std::vector<Variant> variants;
   const auto add = [&](EffectMask effects) -> Status {

@@ -16,7 +16,7 @@
 
 extern char** environ;  // POSIX: the environment that the child gets
 
-/// callgrind writes what it has counted when this is called; not inlined, found by its name
+/// callgrind writes its counts at each call of this function; not inlined, because callgrind finds it by name
 extern "C" [[gnu::noinline]] void needlelab_end_counted_part() {
   asm volatile("" ::: "memory");
 }
@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// a folder of our own for callgrind's files, gone when this is
+// a temporary folder for callgrind's files; the destructor removes it
 class ScratchFolder {
  public:
   ScratchFolder() {
@@ -45,7 +45,7 @@ class ScratchFolder {
   fs::path path_;
 };
 
-// runs to the end; its exit status, or −1
+// runs the command to its end; returns the exit status, or −1
 int runQuietly(std::vector<std::string> command, const fs::path& messages) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
@@ -116,7 +116,7 @@ Result<std::vector<std::uint64_t>> countStepInstructions(const std::vector<std::
     return Error{ErrorCode::kFailed, "counting with valgrind failed (exit " + std::to_string(status) +
                                          "): " + text.substr(text.size() > 600 ? text.size() - 600 : 0)};
   }
-  // count.1, count.2, … ; what comes after the last mark is in the last one
+  // count.1, count.2, … ; the last file has the counts after the last mark
   std::vector<std::uint64_t> counts;
   for (std::size_t part = 1; part <= parts; ++part) {
     const auto total = totalIn(out.string() + "." + std::to_string(part));

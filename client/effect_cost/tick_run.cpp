@@ -14,7 +14,7 @@ constexpr double kAside_m = 2e-4, kTremor_m = 3e-5, kTremor_hz = 9.7;
 
 struct Site {
   Vec3 p_surface_m, inward;
-  double room_m = 1;  ///< how far in the shape goes on
+  double room_m = 1;  ///< depth of the shape
 };
 
 Site siteOn(const Limb& limb) {
@@ -34,7 +34,7 @@ Site siteOn(const Limb& limb) {
   return {middle + out * radius, -out, 0.8 * radius};
 }
 
-// through all tops of layers, as far as needle and shape allow
+// depth through all layer tops, as far as needle and shape allow
 double depthOf(const SceneSpec& scene, double room_m) {
   constexpr double kIntoLast_m = 0.01;
   double depth_m = 0;
@@ -66,7 +66,7 @@ std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) 
   for (std::size_t k = 0; k < ticks; ++k) {
     const double t = static_cast<double>(k) / rate_hz, share = shareAt(t);
     const double wave = std::sin(2 * std::numbers::pi * kTremor_hz * t);
-    // never nearer to the surface than the tremor is wide
+    // never nearer to the surface than the tremor's width
     const double in_m = 2 * kTremor_m + share * (depth_m - 3 * kTremor_m) + kTremor_m * wave;
     gesture.push_back(
         {site.p_surface_m + site.inward * in_m + aside * (share * (kAside_m + kTremor_m * wave)), q});

@@ -43,7 +43,7 @@ std::optional<WindowState> readWindowState(const std::filesystem::path& file) {
 }
 
 Status writeWindowState(const std::filesystem::path& file, const WindowState& state) {
-  std::error_code ignored;  // the write below reports a folder that is still missing
+  std::error_code ignored;  // the write below reports a missing folder
   if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), ignored);
   const std::string text = fmt::format(
       "{{\"x_px\": {}, \"y_px\": {}, \"width_px\": {}, \"height_px\": {}, \"font_scale\": {:.2f}}}\n",
@@ -63,13 +63,13 @@ class WindowContext final : public GlContext {
  public:
   explicit WindowContext(GLFWwindow* window) : window_(window) {
     glfwMakeContextCurrent(window_);
-    // waits for the display's refresh, if it has one; llvmpipe has none, and the surface paces itself
+    // wait for the display's refresh, if it has one; llvmpipe has none, so the surface paces itself
     glfwSwapInterval(1);
   }
   ~WindowContext() override {
     glfwDestroyWindow(window_);
-    // the library stays loaded until the process ends: a leak report could not name the functions of an
-    // unloaded driver
+    // keep the library loaded until the process ends: a leak report cannot name functions of an unloaded
+    // driver
   }
   WindowContext(const WindowContext&) = delete;
   WindowContext& operator=(const WindowContext&) = delete;
@@ -80,7 +80,7 @@ class WindowContext final : public GlContext {
   GLFWwindow* window_;
 };
 
-// a window on a monitor that has gone would be out of reach
+// avoids a window on a disconnected monitor
 bool isOnSomeMonitor(const WindowState& state) {
   int count = 0;
   GLFWmonitor** monitors = glfwGetMonitors(&count);
@@ -131,8 +131,8 @@ class OffScreenContext final : public GlContext {
   ~OffScreenContext() override {
     eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     if (context_ != EGL_NO_CONTEXT) eglDestroyContext(display_, context_);
-    // the display stays: it belongs to the process, and a leak report could not name the functions of an
-    // unloaded driver
+    // keep the display: it belongs to the process, and a leak report cannot name functions of an unloaded
+    // driver
   }
   OffScreenContext(const OffScreenContext&) = delete;
   OffScreenContext& operator=(const OffScreenContext&) = delete;

@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-// of the one surface that a process has
+// of the process's only surface
 std::uint64_t texture_changes = 0, content = 0;
 
 Result<unsigned> compiledShader(GLenum kind, const char* name, const char* source) {
@@ -272,7 +272,7 @@ void Texture::put(int width, int height, bool grey, const void* pixels) {
   const bool fresh = name_ == 0 || width != width_ || height != height_ || grey != grey_;
   if (name_ == 0) glGenTextures(1, &name_);
   glBindTexture(GL_TEXTURE_2D, name_);
-  // rows of one byte a pixel need not begin at multiples of four
+  // rows of one-byte pixels need not start at multiples of four
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
   const GLenum format = grey ? GL_RED : GL_RGBA;
   if (fresh) {
@@ -282,7 +282,7 @@ void Texture::put(int width, int height, bool grey, const void* pixels) {
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    // one channel is shown as grey, opaque
+    // show one channel as opaque grey
     const GLint swizzle[4] = {GL_RED, grey ? GL_RED : GL_GREEN, grey ? GL_RED : GL_BLUE,
                               grey ? GL_ONE : GL_ALPHA};
     glTexParameteriv(GL_TEXTURE_2D, GL_TEXTURE_SWIZZLE_RGBA, swizzle);

@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-/// Where a plot's numbers stand on the surface.
+/// Maps a plot's values to the surface.
 struct PlotFrame {
   ImVec2 low_px, high_px;  ///< corners of the field: left upper, right lower
   double from = 0, to = 1;
@@ -29,7 +29,7 @@ struct PlotFrame {
   }
 };
 
-constexpr float kLevel_px = 0.2F;  // nobody sees less than that
+constexpr float kLevel_px = 0.2F;  // smaller differences are invisible
 
 ImVec2 sizeOfText(std::string_view text) {
   return ImGui::CalcTextSize(text.data(), text.data() + text.size());
@@ -72,7 +72,7 @@ void drawPlotText(ImDrawList& list, ImVec2 at, ImU32 colour, std::string_view te
 void drawColumns(ImDrawList& list, const PlotFrame& frame, const PlotSeries& series,
                  std::span<const PixelColumn> columns) {
   const ImU32 colour = packed(series.colour);
-  // whole pixels: ImGui then draws a line with half of the triangles
+  // with whole pixels, ImGui draws a line with half of the triangles
   const float width_px = std::max(1.0F, std::round(space() * 0.21F));
   const float per_column_px =
       (frame.high_px.x - frame.low_px.x) / static_cast<float>(std::max<std::size_t>(columns.size(), 1));
@@ -93,7 +93,7 @@ void drawColumns(ImDrawList& list, const PlotFrame& frame, const PlotSeries& ser
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const PixelColumn& column = columns[i];
     if (column.empty()) {
-      // a column or two without a sample are only a slow stream; more of them are a hole, or no value there
+      // one or two empty columns only mean a slow stream; more of them are a gap, or a missing value
       if (++empty_run > 3 + static_cast<int>(columns.size()) / 60) flush();
       continue;
     }
@@ -126,7 +126,7 @@ void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBan
     if (low_px - top_px < 0.5F) continue;
     list.AddRectFilled({frame.low_px.x, top_px}, {frame.high_px.x, low_px}, packed(band.colour, 0.17F));
     list.AddLine({frame.low_px.x, top_px}, {frame.high_px.x, top_px}, packed(band.colour, 0.45F));
-    // a stripe of the full colour at the edge ties the name to the tissue's colour elsewhere
+    // a stripe of full colour at the edge links the name to the tissue's colour elsewhere
     list.AddRectFilled({frame.low_px.x, top_px}, {frame.low_px.x + 4, low_px}, packed(band.colour, 0.9F));
     const float text_px = ImGui::GetFontSize();
     const float at_px = std::max((top_px + low_px - text_px) * 0.5F, taken_to_px);
@@ -147,7 +147,7 @@ void drawMarks(ImDrawList& list, const PlotFrame& frame, std::span<const PlotMar
     const float x_px = frame.xAt(mark.x);
     list.AddLine({x_px, frame.low_px.y}, {x_px, frame.high_px.y}, packed(mark.colour, 0.38F));
     const float width_px = sizeOfText(mark.sign).x;
-    // signs that would cover one another are left out; their lines stay
+    // skip signs that would overlap; keep their lines
     if (!mark.sign.empty() && x_px - width_px * 0.5F > sign_free_px) {
       drawPlotText(list, {x_px - width_px * 0.5F, frame.low_px.y + 1}, packed(mark.colour), mark.sign);
       sign_free_px = x_px + width_px * 0.5F;
@@ -166,8 +166,8 @@ void drawMarks(ImDrawList& list, const PlotFrame& frame, std::span<const PlotMar
   drawPlotText(list, at, packed(mixed(nearest->colour, kWhite, 0.4F)), nearest->text);
 }
 
-/// What a plot remembers from frame to frame: its range of y, so that it grows at once and shrinks calmly.
-/// It belongs to the stretch of x that was shown: a jump or another zoom forgets it.
+/// A plot's y range between frames, so that it grows at once and shrinks slowly. It is valid for the shown x
+/// range: a jump or another zoom resets it.
 struct PlotMemory {
   double low = 0, high = 0;
   bool known = false;
@@ -182,7 +182,7 @@ struct PlotMemory {
 };
 
 PlotMemory& memoryOf(ImGuiID id) {
-  // one map: a process has one ImGui context; the ids are few and live as long as the window
+  // one map suffices: a process has one ImGui context, with few ids that live as long as the window
   static std::map<ImGuiID, PlotMemory> memories;
   return memories[id];
 }
@@ -230,7 +230,7 @@ AxisTicks rangeOf(const Plot& plot, PlotRange data, PlotMemory& memory, float he
   const int wanted = std::clamp(static_cast<int>(height_px / (ImGui::GetFontSize() * 2.2F)), 2, 8);
   if (plot.low && plot.high) return axisTicks(*plot.low, *plot.high, wanted, false);
   if (!data.known()) data = {0, 1};
-  // zero is part of the picture when it is near
+  // include zero when it is near
   if (data.low > 0 && data.low < 0.6 * data.high) data.low = 0;
   if (data.high < 0 && data.high > 0.6 * data.low) data.high = 0;
   if (memory.known) {
@@ -239,7 +239,7 @@ AxisTicks rangeOf(const Plot& plot, PlotRange data, PlotMemory& memory, float he
     if (data.low >= memory.low && data.high <= memory.high && data.high - data.low > 0.45 * span)
       return axisTicks(plot.low.value_or(memory.low), plot.high.value_or(memory.high), wanted, false);
   }
-  // the data with a little air, in quarters of a step: the axis does not stir with each new greatest value
+  // the data with a margin, in quarters of a step, so that the axis does not move with each new maximum
   const double air = 0.05 * (data.high - data.low);
   const double quarter = axisTicks(data.low, data.high, wanted, false).step / 4;
   const double low = data.low == 0 ? 0 : std::floor((data.low - air) / quarter) * quarter;
@@ -256,7 +256,7 @@ std::string valueText(const PixelColumn& column, double step) {
   return tickText(static_cast<double>(column.last), decimals);
 }
 
-// the column nearest before, within a few
+// the nearest earlier column, within a few
 const PixelColumn* columnAt(std::span<const PixelColumn> columns, std::ptrdiff_t index) {
   for (std::ptrdiff_t i = index; i >= 0 && i > index - 6; --i)
     if (i < static_cast<std::ptrdiff_t>(columns.size()) && !columns[static_cast<std::size_t>(i)].empty())
@@ -291,7 +291,7 @@ void drawAxes(ImDrawList& list, const PlotFrame& frame, const Plot& plot, bool s
   list.AddRect(frame.low_px, frame.high_px, packed(kLineGrey));
 }
 
-/// Title at the left, then the series with their colours; the values at the cursor or the mouse beside them.
+/// Title at the left, then the series with their colours; with the values at the cursor or the mouse.
 void drawLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
                 std::span<const std::vector<PixelColumn>> columns, std::ptrdiff_t read_at, double step) {
   WithFont font(Letters::kSmall);
@@ -368,7 +368,7 @@ PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_
   frame.to = plot.to > plot.from ? plot.to : plot.from + 1;
   frame.downward = plot.downward;
 
-  // one column a pixel
+  // one column per pixel
   const auto count = static_cast<std::size_t>(frame.high_px.x - frame.low_px.x);
   std::vector<std::vector<PixelColumn>> columns(plot.series.size());
   PlotRange data;
@@ -391,7 +391,7 @@ PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_
   drawAxes(list, frame, plot, show_x_axis);
   ImGui::PushClipRect(frame.low_px, frame.high_px, true);
   drawBands(list, frame, plot.bands);
-  // the first series lies on top
+  // draw the first series last, on top
   for (std::size_t i = plot.series.size(); i-- > 0;) drawColumns(list, frame, plot.series[i], columns[i]);
   const float mouse_px = ImGui::GetIO().MousePos.x;
   drawMarks(list, frame, plot.marks, result.hovered ? &mouse_px : nullptr);
@@ -423,7 +423,7 @@ PlotResult plotStack(const char* id, std::span<const Plot> plots, ImVec2 size_px
   for (const Plot& plot : plots) shares += plot.share;
   if (plots.empty() || shares <= 0) return {};
   const float text_px = fontOf(Letters::kSmall)->FontSize;
-  // the last plot has the axis of x below it; its field is as large as the others'
+  // the last plot has the x axis below it; its field is as large as the others
   const float heights_px = size_px.y - text_px * 1.5F;
   PlotResult all;
   ImGui::PushID(id);
@@ -452,8 +452,7 @@ void sparkline(std::span<const float> values, float low, float high, Rgb colour,
   const ImVec2 at = ImGui::GetCursorScreenPos();
   ImDrawList& list = *ImGui::GetWindowDrawList();
   if (values.size() > 1 && high > low) {
-    // no more points than pixels; of the points that share a pixel the greatest is drawn, so that no peak is
-    // lost
+    // at most one point per pixel: draws the maximum of the points that share one, so that no peak is lost
     const auto most = static_cast<std::size_t>(std::max(2.0F, size_px.x));
     const std::size_t count = std::min(values.size(), most);
     std::vector<ImVec2> points(count);

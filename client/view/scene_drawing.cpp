@@ -1,5 +1,5 @@
-// The passes of a drawing, in their order: opaque surfaces, then what shines through them, then transparent
-// ones.
+// The passes of a drawing, in order: opaque surfaces, then hidden parts that shine through, then transparent
+// surfaces.
 #include <epoxy/gl.h>
 
 #include <algorithm>
@@ -55,7 +55,7 @@ void SceneRenderer::Parts::drawInto(SceneBuffers& buffers, const SceneFrame& now
     buffers.picture.bind(width_px, height_px);
     covered = buffers.picture.whole();
   }
-  // restore what the needle covered, then draw the needle where it is now
+  // restore the area that the needle covered, then draw the needle at its new pose
   const PixelRect moving = movingRect(width_px, height_px), changed = joined(covered, moving);
   buffers.picture.copyFrom(buffers.still, changed);
   buffers.picture.bind(width_px, height_px);
@@ -70,7 +70,7 @@ void SceneRenderer::Parts::drawInto(SceneBuffers& buffers, const SceneFrame& now
   buffers.picture.resolve(changed);
 }
 
-// opaque first: the skin, and the cut; then the hidden parts of what lies in the tissue shine through
+// draws opaque surfaces first (skin and cut); then hidden parts inside the tissue shine through
 void SceneRenderer::Parts::drawStill(bool in_haste) {
   glDisable(GL_CULL_FACE);
   glDisable(GL_BLEND);
@@ -105,7 +105,8 @@ void SceneRenderer::Parts::drawStill(bool in_haste) {
   glDisable(GL_DEPTH_TEST);
 }
 
-// faint inside the tissue, plain before it; then the transparent parts, from the inside outward
+// draws the needle faint inside the tissue and solid in front of it; then the transparent parts, from the
+// inside outward
 void SceneRenderer::Parts::drawMoving() {
   solid.use();
   glEnable(GL_DEPTH_TEST);
@@ -151,7 +152,7 @@ void SceneRenderer::Parts::setView(int width_px, int height_px) {
       for (std::size_t k = 0; k < 4; ++k)
         both[4 * column + row] += projection[4 * k + row] * view[4 * column + k];
 
-  // the cut stands upright, turned to the eye, a little behind what one aims at
+  // the cut is upright, faces the eye, and lies slightly behind the target
   const Vec3 n = scene->focus_normal_W;
   const Vec3 to_eye = camera.eye_W_m() - scene->focus_W_m;
   Vec3 level = to_eye - n * dot(n, to_eye);
@@ -178,7 +179,7 @@ PixelRect SceneRenderer::Parts::movingRect(int width_px, int height_px) const {
   const auto take = [&](Vec3 p_W_m, double radius_m) {
     const auto at = frame->camera.project(p_W_m, width_px, height_px);
     if (!at) {
-      all = true;  // beside the eye: take the whole picture
+      all = true;  // beside the eye: use the whole picture
       return;
     }
     const double near_m = std::max(
@@ -235,7 +236,7 @@ GuideCone SceneRenderer::Parts::guideCone() const {
 void SceneRenderer::Parts::drawSkin() {
   solid.use();
   solid.set("cut", open ? 1 : 0);
-  glEnable(GL_CULL_FACE);  // its inside is never seen
+  glEnable(GL_CULL_FACE);  // its inside is never visible
   put(skin, modelMatrix({}), mixed(tissueColour(scene->layers.front().tissue), kBlack, 0.06F), 1, 0.10F);
   glDisable(GL_CULL_FACE);
   solid.set("cut", 0);
@@ -269,7 +270,7 @@ void SceneRenderer::Parts::drawSection() {
     section.set("a_W", capsule.a_m);
     section.set("b_W", capsule.b_m);
     section.set("radius", asFloat(capsule.radius_m));
-    // across the limb it ends by itself, along it softly
+    // across the limb it ends naturally; along the limb it fades
     const double lengthwise = std::fabs(dot(across, normalized(capsule.b_m - capsule.a_m)));
     half_m = std::max(1.35 * reach_m, 1.02 * capsule.radius_m);
     section.set("fades", lengthwise > 0.3 ? 1.0F : 0.0F);
@@ -340,8 +341,8 @@ void SceneRenderer::Parts::drawGuides() {
   glEnable(GL_DEPTH_TEST);
 }
 
-// along the needle the arrows are stacked, pushing on one side of it, pulling on the other; sideways arrows
-// begin at the tip
+// stacks the axial arrows along the needle, pushing ones on one side and pulling ones on the other; lateral
+// arrows begin at the tip
 void SceneRenderer::Parts::drawArrows() {
   const Moment& moment = frame->moment;
   const OrbitCamera& camera = frame->camera;
@@ -376,7 +377,7 @@ void SceneRenderer::Parts::drawArrows() {
   glEnable(GL_DEPTH_TEST);
 }
 
-// the half that was taken away, as a breath of skin
+// draws the removed half as faint skin
 void SceneRenderer::Parts::drawFrontSkin() {
   glEnable(GL_CULL_FACE);
   solid.set("cut", -1);

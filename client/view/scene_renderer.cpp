@@ -127,7 +127,7 @@ void main() {
   shown = mix(low, high, at.y);
 })";
 
-// nobody sees smaller changes: they do not cause another drawing
+// smaller changes are invisible and do not cause another drawing
 constexpr double kSeenLength_m = 2e-5, kSeenAngle = 2e-3, kSeenForce_N = 0.01;
 
 void addStepped(std::vector<double>& key, double value, double step) {
@@ -200,7 +200,7 @@ Result<std::unique_ptr<SceneRenderer>> SceneRenderer::make(int samples) {
   parts->unit_square.upload(unitSquare());
   parts->ball.upload(ballMesh(1, 14));
   parts->arrow.upload(arrowMesh());
-  // from its apex at the origin to radius 1 at z = 1
+  // a cone from its apex at the origin to radius 1 at z = 1
   parts->cone.upload(latheMesh({{0, 0}, {1, 1}}, 40));
   parts->ring.upload(latheMesh({{0.8, 0}, {0.8, 0.1}, {1, 0.1}, {1, 0}}, 32));
   return std::unique_ptr<SceneRenderer>(new SceneRenderer(std::move(parts)));
@@ -246,7 +246,7 @@ bool SceneRenderer::draw(const SceneFrame& frame, int width_px, int height_px) {
   if (!parts.scene || width_px < 1 || height_px < 1) return false;
   std::vector<double> still = stillKey(frame, width_px, height_px), moving = movingKey(frame);
   const bool still_changed = still != parts.still_key;
-  // a camera that has come to rest gets the fine picture
+  // a resting camera gets the fine picture
   const bool turning = still_changed && parts.still_changed_before && parts.has_quick;
   SceneBuffers& buffers = turning ? parts.quick : parts.fine;
   const bool limb_too = still_changed || parts.shown != &buffers;
@@ -277,7 +277,7 @@ void SceneRenderer::show(ImDrawList& list, ImVec2 corner_px) {
   if (parts.shown == nullptr) return;
   parts.shown_corner_px = corner_px;
   for (const float number : {corner_px.x, corner_px.y}) noteContent(std::bit_cast<std::uint32_t>(number));
-  // copied, not blended: ten times cheaper than a textured rectangle where the processor draws
+  // copy without blending: ten times cheaper than a textured rectangle with software rendering
   list.AddCallback(
       [](const ImDrawList*, const ImDrawCmd* command) {
         const Parts& of = *static_cast<const Parts*>(command->UserCallbackData);

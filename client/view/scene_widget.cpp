@@ -11,11 +11,11 @@
 namespace needlelab {
 namespace {
 
-/// Where the picture stands on the surface, and its camera.
+/// The picture's place on the surface, and its camera.
 struct PictureFrame {
   ImVec2 corner_px, size_px;
   const OrbitCamera* camera = nullptr;
-  /// On the surface; empty behind the eye.
+  /// Returns a point on the surface; empty behind the eye.
   [[nodiscard]] std::optional<ImVec2> at(Vec3 p_W_m) const;
   [[nodiscard]] bool holds(ImVec2 point_px) const;
 };
@@ -31,7 +31,7 @@ void shadowedText(ImDrawList& list, ImVec2 at, ImU32 colour, const std::string& 
 
 void dashedLine(ImDrawList& list, ImVec2 a, ImVec2 b, ImU32 colour, float width_px, float dash_px) {
   const float length_px = std::hypot(b.x - a.x, b.y - a.y);
-  // a line to far outside the picture must not make ten thousand dashes
+  // a line far beyond the picture must not make ten thousand dashes
   const int dashes = std::min(200, static_cast<int>(length_px / (2 * dash_px)) + 1);
   for (int i = 0; i < dashes; ++i) {
     const float from = static_cast<float>(2 * i) * dash_px / std::max(length_px, 1.0F);
@@ -48,7 +48,7 @@ struct SceneLabel {
   float y_px = 0;  ///< of the text's middle
 };
 
-// one under the other without touching, each as near to its anchor as that allows
+// places labels one below the other without overlap, each as near to its anchor as possible
 void spread(std::vector<SceneLabel>& labels, float from_px, float to_px, float height_px) {
   std::sort(labels.begin(), labels.end(),
             [](const SceneLabel& a, const SceneLabel& b) { return a.anchor_px.y < b.anchor_px.y; });
@@ -91,7 +91,7 @@ void drawColumn(ImDrawList& list, std::vector<SceneLabel>& labels, float edge_px
   }
 }
 
-// the place in the cut where a layer's middle is: below a place of the skin to the left of the focus
+// returns a layer's middle in the cut: below a point of the skin to the left of the focus
 Vec3 layerAnchor(const SceneView& scene, const LayerView& layer, const OrbitCamera& camera) {
   const Vec3 up = scene.focus_normal_W, right = camera.right_W();
   const Vec3 level = normalized(right - up * dot(up, right));
@@ -137,7 +137,7 @@ void drawGuideLines(ImDrawList& list, const PictureFrame& picture, const SceneVi
     list.AddCircle(*entry, 5, packed(kYellow), 16, 2);
     return;
   }
-  // where the needle would go if it went straight on
+  // the needle's path straight ahead
   const Vec3 axis_W = normalized(zAxis(moment.q_WT));
   const double to_skin_m = std::max(0.0, -depthAt(scene, moment.p_WT_m));
   const auto tip = picture.at(moment.p_WT_m),
@@ -151,7 +151,7 @@ void drawTrails(ImDrawList& list, const PictureFrame& picture, const SceneFrame&
     points.reserve(trail.points_W_m.size());
     for (const Vec3 p_W_m : trail.points_W_m) {
       const auto at = picture.at(p_W_m);
-      // points that share a pixel become one
+      // merge points that share a pixel
       if (at && (points.empty() || std::hypot(at->x - points.back().x, at->y - points.back().y) > 0.7F))
         points.push_back(*at);
     }

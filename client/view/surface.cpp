@@ -29,9 +29,9 @@
 namespace {
 std::atomic<bool> a_surface_was_opened{false};
 }
-// Threads of the driver live until the process ends, and LeakSanitizer's look at them crashes now and then
-// ("Tracer caught signal 11"); what drivers keep until then would be reported, too. So a process that drew is
-// not searched.
+// Driver threads live until the process ends, and LeakSanitizer sometimes crashes when it scans them ("Tracer
+// caught signal 11"); it would also report memory that drivers keep. So skip the leak check in a process that
+// drew.
 extern "C" int __lsan_is_turned_off();
 extern "C" int __lsan_is_turned_off() {
   return a_surface_was_opened ? 1 : 0;
@@ -53,7 +53,7 @@ bool hasDisplay() {
   return display != nullptr && *display != '\0';
 }
 
-// keys by GLFW's numbers, as ImGui's GLFW backend has them: the same shortcuts work off screen
+// keys by GLFW's numbers, as in ImGui's GLFW backend, so that the same shortcuts work off screen
 void mapKeys(ImGuiIO& io) {
   io.KeyMap[ImGuiKey_Tab] = GLFW_KEY_TAB;
   io.KeyMap[ImGuiKey_LeftArrow] = GLFW_KEY_LEFT;
@@ -79,7 +79,7 @@ void mapKeys(ImGuiIO& io) {
   io.KeyMap[ImGuiKey_Z] = GLFW_KEY_Z;
 }
 
-// FNV over 64-bit words of all that the frame would draw
+// FNV hash over 64-bit words of the frame's draw data
 std::uint64_t hashOfBytes(const void* data, std::size_t size, std::uint64_t hash) {
   const auto* bytes = static_cast<const unsigned char*>(data);
   for (; size >= 8; size -= 8, bytes += 8) {
@@ -119,9 +119,9 @@ struct Surface::Parts {
   double font_scale = 1, wanted_scale = 1;
   std::int64_t due_ns = 0, began_ns = 0;
   double cost_s = 0;
-  std::uint64_t drawn_hash = 0;  // of the frame that is shown
+  std::uint64_t drawn_hash = 0;  // of the shown frame
   std::uint64_t frames_drawn = 0;
-  int repeats = 0;                  // frames since, that were the same
+  int repeats = 0;                  // identical frames since
   int width_px = 0, height_px = 0;  // of the picture
 
   ~Parts();
@@ -148,7 +148,7 @@ Surface::~Surface() {
   glfwGetWindowPos(window, &state.x_px, &state.y_px);
   glfwGetWindowSize(window, &state.width_px, &state.height_px);
   state.font_scale = parts_->wanted_scale;
-  // a lesson does not fail at its end because the window's place cannot be written
+  // failing to write the window's position must not fail a lesson at its end
   (void)writeWindowState(parts_->options.state_file, state).ok();
 }
 
@@ -156,7 +156,7 @@ Result<std::unique_ptr<Surface>> Surface::open(const SurfaceOptions& options) {
 #if defined(__SANITIZE_ADDRESS__)
   a_surface_was_opened = true;
 #endif
-  // one worker: a view beside a haptic loop has one core to itself at most
+  // one worker, because a view beside a haptic loop has at most one core of its own
   ::setenv("LP_NUM_THREADS", "1", /*overwrite=*/0);
   const bool window = options.kind == SurfaceOptions::Kind::kWindow ||
                       (options.kind == SurfaceOptions::Kind::kAny && hasDisplay());
@@ -177,7 +177,7 @@ Result<std::unique_ptr<Surface>> Surface::open(const SurfaceOptions& options) {
 void Surface::Parts::start() {
   ImGui::CreateContext();
   ImGuiIO& io = ImGui::GetIO();
-  io.IniFilename = nullptr;  // layouts are ours, not dragged about
+  io.IniFilename = nullptr;  // the layout is fixed, so nothing to save
   io.LogFilename = nullptr;
   io.ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
   io.ConfigWindowsMoveFromTitleBarOnly = true;
@@ -189,7 +189,7 @@ void Surface::Parts::start() {
     mapKeys(io);
     io.BackendFlags |= ImGuiBackendFlags_HasMouseCursors;
     io.MousePos = {-FLT_MAX, -FLT_MAX};
-    io.ConfigInputTextCursorBlink = false;  // the same picture each time
+    io.ConfigInputTextCursorBlink = false;  // for reproducible pictures
   }
   ImGui_ImplOpenGL3_Init("#version 330 core");
   const std::optional<WindowState> before =
@@ -217,7 +217,7 @@ void Surface::Parts::applyFontScale() {
   ImGui_ImplOpenGL3_CreateFontsTexture();
 }
 
-// sleeps until the next frame is due; input wakes a window early, but is drawn when the frame is due
+// sleeps until the next frame is due; handles a window's input early, but draws it when the frame is due
 void Surface::Parts::waitForTurn() {
   if (context->window() != nullptr) glfwPollEvents();
   if (!(options.frames_per_s > 0)) return;
@@ -231,7 +231,7 @@ void Surface::Parts::waitForTurn() {
       std::this_thread::sleep_for(std::chrono::nanoseconds(due_ns - now_ns));
     now_ns = steadyNowNs();
   }
-  // a frame that came late does not make the next ones come in a rush
+  // after a late frame, do not hurry the next ones
   due_ns += period_ns;
   if (due_ns <= now_ns) due_ns = now_ns + period_ns;
 }
@@ -265,7 +265,7 @@ bool Surface::beginFrame() {
 void Surface::endFrame() {
   Parts& parts = *parts_;
   ImGui::Render();
-  // the same frame is shown already; it is still drawn now and then, for a display that lost it
+  // the same frame is already shown; still draw it now and then, for a display that lost it
   const std::uint64_t hash = hashOfFrame(*ImGui::GetDrawData(), parts.width_px, parts.height_px);
   const bool same = hash == parts.drawn_hash && ++parts.repeats < kMostRepeats;
   if (same) {
@@ -292,7 +292,7 @@ void Surface::endFrame() {
 
 RgbaImage Surface::picture() const {
   if (parts_->buffer) return parts_->buffer->read();
-  // a window's buffer is gone once it was shown, but the frame's lists still exist: draw them again
+  // a window's buffer is invalid after the swap, but the frame's lists still exist: draw them again
   ImDrawData* data = ImGui::GetDrawData();
   if (data == nullptr || !data->Valid) return {};
   FrameBuffer copy;

@@ -19,11 +19,11 @@ namespace {
 
 constexpr const char* kFontFolder = "/usr/share/fonts/truetype/dejavu/";
 
-// names of people and of tissues in Europe's letters, and all the signs that the windows use
+// European letters for names of people and tissues, and all signs in the windows
 constexpr ImWchar kTextRanges[] = {0x0020, 0x024F, 0x0370, 0x03FF, 0x0400, 0x045F, 0x2010, 0x2027, 0x2030,
                                    0x205E, 0x2070, 0x209C, 0x20AC, 0x20AC, 0x2190, 0x21FF, 0x2200, 0x22FF,
                                    0x23E9, 0x23FA, 0x25A0, 0x25FF, 0x2600, 0x26FF, 0x2700, 0x27BF, 0};
-// the largest letters are few: figures and units
+// the largest font only needs figures and units
 constexpr ImWchar kFigureRanges[] = {0x0020, 0x00FF, 0x03B1, 0x03C9, 0x2010, 0x2026, 0x2190,
                                      0x2193, 0x2212, 0x2212, 0x221E, 0x221E, 0x25A0, 0x25CF,
                                      0x26A0, 0x26A0, 0x2713, 0x2718, 0};
@@ -78,7 +78,7 @@ ImVec2 sizeOf(std::string_view text) {
   return ImGui::CalcTextSize(text.data(), text.data() + text.size());
 }
 
-// how many bytes of UTF-8 fit into that width
+// returns the number of UTF-8 bytes that fit into the width
 std::size_t bytesThatFit(std::string_view text, float width_px) {
   const char* rest = nullptr;
   ImFont* font = ImGui::GetFont();
@@ -192,7 +192,7 @@ void conditionLine(Condition condition, std::string_view words) {
 }
 
 void figure(std::string_view value, std::string_view unit, std::string_view caption, Rgb colour) {
-  // drawn, not laid out: three sizes of letters stand on their own lines
+  // draws directly, without layout: three letter sizes on their own lines
   const ImVec2 at = ImGui::GetCursorScreenPos();
   ImDrawList& list = *ImGui::GetWindowDrawList();
   ImVec2 size{0, 0};
@@ -263,7 +263,7 @@ void levelBar(double share, std::string_view text, Rgb colour, float width_px) {
   const std::string shown = over ? std::string(trouble.sign) + " " + std::string(text) : std::string(text);
   const ImVec2 size = sizeOf(shown);
   const ImVec2 where{at.x + space() * 0.7F, at.y + (height_px - size.y) * 0.5F};
-  // a dark shadow keeps the letters legible on any colour
+  // a dark shadow keeps the text legible on any colour
   list.AddText({where.x + 1, where.y + 1}, packed(kBlack, 0.85F), shown.c_str());
   list.AddText(where, packed(kWhite), shown.c_str());
   ImGui::Dummy({width_px, height_px});
@@ -300,7 +300,8 @@ void endPanel() {
   ImGui::EndChild();
 }
 
-// Opaque rectangles without a texture or blending: llvmpipe clears them at a tenth of what ImGui's own cost.
+// Opaque rectangles without a texture or blending: with llvmpipe a clear costs a tenth of ImGui's own
+// rectangles.
 namespace {
 
 struct SolidJob {
@@ -308,7 +309,7 @@ struct SolidJob {
   Rgb colour;
 };
 
-// of the frame under way; ImGui's lists refer to them until the next frame begins
+// of the current frame; ImGui's lists refer to them until the next frame begins
 SolidJob& newJob() {
   static std::deque<SolidJob> jobs;
   static int frame = -1;

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-// 0-1 at the corners of a lattice
+// random values 0-1 at the corners of a lattice
 double latticeValue(int x, int y, std::uint32_t seed) {
   std::uint32_t h = static_cast<std::uint32_t>(x) * 0x9E3779B1u ^
                     static_cast<std::uint32_t>(y) * 0x85EBCA77u ^ seed * 0xC2B2AE3Du;
@@ -21,7 +21,7 @@ double latticeValue(int x, int y, std::uint32_t seed) {
   return static_cast<double>(h) / 4294967295.0;
 }
 
-/// Smooth noise about 0, -1 to 1; `cells` of y repeat.
+/// Smooth noise about 0, from -1 to 1; repeats after `cells` in y.
 double smoothNoise(double x, double y, int cells, std::uint32_t seed) {
   const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
   const auto eased = [](double t) { return t * t * (3 - 2 * t); };
@@ -70,7 +70,7 @@ double deepestLayer_m(const SceneView& scene) {
 RgbaImage tissueTable(const SceneView& scene, double deepest_m) {
   RgbaImage image{kTableDepths, kTableAlong, {}};
   image.pixels.resize(4 * static_cast<std::size_t>(kTableDepths) * kTableAlong);
-  // lines of the same width on the picture, whatever the scene's size
+  // the lines have the same width in the picture for any scene size
   const double line_m = std::max(0.004 * scene.extent_m, 0.6 * deepest_m / kTableDepths);
   for (int x = 0; x < kTableDepths; ++x) {
     const double depth_m = (x + 0.5) / kTableDepths * deepest_m;

@@ -26,7 +26,7 @@ void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& 
     return;
   }
   if (now_s >= next_s_) {
-    // fewer pixels than are shown: smoothed, they look like the real thing
+    // compute fewer pixels than shown: smoothing makes them look realistic
     settings_.height = std::clamp(static_cast<int>(height_px * 0.75F), 64, 360);
     settings_.width =
         std::clamp(static_cast<int>(static_cast<float>(settings_.height) * width_px / height_px), 48, 640);

@@ -18,7 +18,7 @@ namespace {
 
 using MadeDevice = Result<std::unique_ptr<Device>>;
 
-// the rest of the spec without the separator
+// returns the rest of the spec without the separator
 std::string argumentOf(const std::string& rest) {
   return rest.empty() ? rest : rest.substr(1);
 }
@@ -60,7 +60,7 @@ MadeDevice makeVirtuose(const std::string& rest, const DeviceOptions& /*options*
 
 MadeDevice makeFalcon(const std::string& rest, const DeviceOptions& /*options*/) {
   ASSIGN_OR_RETURN(auto falcon, falconOptions(rest));
-  // loading takes some seconds: a person sees how far it is
+  // loading takes some seconds: show the progress
   if (::isatty(STDERR_FILENO) != 0)
     falcon.progress = [](const std::string& text) {
       std::fprintf(stderr, "\r%s ", text.c_str());

@@ -22,13 +22,13 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr int kFirmwareTries = 3;
-constexpr int kRunsTries = 3;  // 50 ms each, before a load is thought necessary
+constexpr int kRunsTries = 3;  // 50 ms each, before loading the firmware
 constexpr milliseconds kLookAgain{500};
-constexpr milliseconds kBreath{20};  // a device that is lost again at once must not be opened without end
+constexpr milliseconds kBreath{20};  // pause that limits reopening of a device lost again at once
 constexpr std::int64_t kFirstReport_ns = 1'000'000'000;
 constexpr std::int64_t kFinalCommand_ns = 100'000'000;
 constexpr std::int64_t kStatusEvery_ns = 50'000'000;
-/// So many ticks without a new report are more than two clocks beside each other.
+/// More ticks without a new report than the drift of two clocks explains.
 constexpr std::uint32_t kOverrunTicks = 5;
 
 constexpr const char* kHomingText =
@@ -38,7 +38,7 @@ constexpr const char* kHomingText =
 void useFifo(int priority) noexcept {
   sched_param parameters{};
   parameters.sched_priority = priority;
-  // without the right the thread stays as it is: reports come late when the machine is busy
+  // without permission the thread keeps its priority: reports are late on a busy machine
   static_cast<void>(::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters));
 }
 
@@ -216,7 +216,7 @@ void FalconDevice::updateStatusText(const falcon::Exchange& exchange) {
     case falcon::Exchange::Trouble::kNone:
       if (!exchange.homed()) text = kHomingText;
   }
-  // a reader of ordinary priority may hold the lock: the motors do not wait for it
+  // a reader of ordinary priority may hold the lock; the motors must not wait for it
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock) return;
   status_text_ = std::move(text);
@@ -246,11 +246,11 @@ DeviceRead FalconDevice::read(DeviceReading& reading) noexcept {
   } else if (++stale_ticks_ > kOverrunTicks) {
     condition |= kDeviceOverrun;
   }
-  // a lost device reports no buttons: the plunger must not go on
+  // a lost device reports no buttons, so that the plunger stops
   if ((condition & (kDeviceLost | kDeviceTrouble)) != 0) reading.buttons = 0;
   reading.condition = condition;
   placed_ = placed_ && (condition & (kDeviceNotReady | kDeviceLost)) == 0;
-  // without their zero the encoders give no place
+  // without their zero the encoders give no position
   if (!fresh || (condition & (kDeviceNotReady | kDeviceLost)) != 0) return DeviceRead::kNoUpdate;
 
   const falcon::LegAngles theta = falcon::anglesOfEncoders(seen.report.encoder);
@@ -265,12 +265,12 @@ DeviceRead FalconDevice::read(DeviceReading& reading) noexcept {
 }
 
 double FalconDevice::speed(Vec3 p_m, std::int64_t at_ns) noexcept {
-  // over eight reports: a step of an encoder in a single one would look like 0.04 m/s
+  // average over eight reports: one encoder step in a single report would look like 0.04 m/s
   double speed_mps = 0;
   if (trail_.used > 0) {
     const std::size_t oldest = trail_.used < Trail::kSteps ? 0 : trail_.next;
     const double elapsed_s = 1e-9 * static_cast<double>(at_ns - trail_.at_ns[oldest]);
-    // at least as long as two reports take: two that came at once would make it endless
+    // at least the time of two reports: two simultaneous reports would give an infinite speed
     speed_mps = norm(p_m - trail_.p_m[oldest]) / std::max(elapsed_s, 2e-3);
   }
   trail_.p_m[trail_.next] = p_m;

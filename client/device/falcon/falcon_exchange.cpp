@@ -38,7 +38,7 @@ void Exchange::onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) no
 
 void Exchange::onSent(bool done) noexcept {
   sending_ = false;
-  // a command that was not sent gets no answer
+  // an unsent command gets no answer
   if (!done && unanswered_ > 0) --unanswered_;
 }
 
@@ -65,7 +65,7 @@ Command Exchange::nextCommand(std::int64_t now_ns) noexcept {
   }
   Command command;
   if (homed_ && !starved_ && trouble_ == Trouble::kNone) command.motor = request_.motor;
-  // red while the hand has something to do for it, green when it is ready
+  // red while the device needs the user, green when it is ready
   command.bits = homed_ ? kOutGreen : kOutRed | kOutHome;
   return command;
 }
@@ -96,7 +96,7 @@ std::int64_t Exchange::step(std::int64_t now_ns) noexcept {
 bool Exchange::sendFinalCommand(std::int64_t patience_ns) noexcept {
   const Packet last = encodeCommand({});
   const std::int64_t end_ns = steadyNowNs() + patience_ns;
-  // wait for the commands under way first: they still carry torque
+  // first wait for the commands in flight: they still carry torque
   bool asked = false;
   std::int64_t again_ns = 0;
   std::uint64_t reports_before = counts_.reports;

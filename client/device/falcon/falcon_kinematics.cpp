@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kAxisRadius_m = kBaseRadius_m - kPlatformRadius_m;
 constexpr double kLongestShin_m = kShortLinks_m + kShin_m;
-/// A parallelogram bent further to the side than this share of its length is beyond the device.
+/// The device cannot bend a parallelogram to the side by more than this share of its length.
 constexpr double kMostAside = 0.95;
 /// Below this spread torques fade, so that they stay bounded where the legs cannot bear a force.
 constexpr double kLeastSpread = 0.08;
@@ -23,7 +23,7 @@ struct Axes {
   Vec3 u, v;
 };
 
-// before main, so that no call has to ask whether it is done
+// initialised before main, so that no call checks for it
 const std::array<Axes, 3> kAxes = [] {
   std::array<Axes, 3> all;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -74,14 +74,14 @@ Vec3 gradientOf(std::size_t leg, const Shin& s) noexcept {
   return s.u * axes.u + aside * axes.v + s.w * kW;
 }
 
-// where the spheres around three knees meet, in front of them
+// intersection of the spheres around three knees, in front of them
 Vec3 spheresMeet(const std::array<Vec3, 3>& knee, double radius) noexcept {
-  // all points at one distance from the three lie on a line: through the circle's middle, square to its plane
+  // points equidistant from all three lie on a line through the circle's centre, perpendicular to its plane
   const Vec3 a = knee[1] - knee[0], b = knee[2] - knee[0];
   const Vec3 normal = cross(a, b);
   const double n2 = normSquared(normal);
   const Vec3 to_middle = (normSquared(a) * cross(b, normal) + normSquared(b) * cross(normal, a)) / (2 * n2);
-  // legs pulled wholly apart do not meet: the middle between them then
+  // legs pulled fully apart do not meet: use the middle between them
   const double height2 = std::max(0.0, radius * radius - normSquared(to_middle));
   const double height = std::sqrt(height2 / n2);
   return knee[0] + to_middle + (normal.z > 0 ? height : -height) * normal;
@@ -144,7 +144,7 @@ Place forwardKinematics(const LegAngles& theta_rad) noexcept {
     p += dp;
     found = length <= kNewtonDone_m;
   }
-  // legs that are pulled apart, or would have given way before they came here: not a place of the device
+  // legs pulled apart or past a singularity: the device cannot reach this position
   if (!found || aside || spread < 0 || !isFinite(p)) {
     place.flags |= kOutOfReach;
     p = meeting;
@@ -213,8 +213,8 @@ Torques torquesForForce(const LegJacobian& legs, Vec3 f_F_N) noexcept {
     torques.flags = kInputNotFinite;
     return torques;
   }
-  // the force as a sum of pushes along the shins: Σ x_i n_i = f. Near a singular place 1/det is replaced by
-  // det/least², which meets it there and goes to zero with it
+  // the force as a sum of pushes along the shins: Σ x_i n_i = f. Near a singular position, det/least²
+  // replaces 1/det: it joins continuously and goes to zero with det
   const double least = kLeastSpread * scale;
   double inverse = 0;
   if (std::fabs(det) >= least) {

@@ -74,7 +74,7 @@ void PacketReader::reject() noexcept {
 }
 
 bool PacketReader::push(std::uint8_t byte, Report& report) noexcept {
-  // a packet that another one begins in was cut off
+  // the start of another packet means that this one was cut off
   if (byte == kBegin) {
     if (used_ != 0) reject();
     packet_[0] = byte;

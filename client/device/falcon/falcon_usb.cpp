@@ -29,7 +29,7 @@ namespace {
 // Message for a libusb error code, with advice. `doing` is the step that failed.
 Error usbError(const std::string& doing, int code);
 
-/// Interface 0 of an opened device, claimed. A kernel driver that held it (ftdi_sio) gets it back at the end.
+/// Interface 0 of an opened device, claimed. Returns it to an earlier kernel driver (ftdi_sio) at the end.
 class UsbLink final : public FalconLink {
  public:
   /// Owns `handle` from now on, also on failure.
@@ -50,7 +50,8 @@ class UsbLink final : public FalconLink {
 
  private:
   static constexpr std::uint8_t kOut = 0x02, kIn = 0x81;
-  static constexpr std::size_t kReads = 4;  // pending at a time: none is missed while one is handed on
+  static constexpr std::size_t kReads =
+      4;  // pending at a time, so that none is missed while one is processed
 
   struct Read {
     UsbLink* link = nullptr;
@@ -79,7 +80,7 @@ class UsbLink final : public FalconLink {
   bool write_pending_ = false;
   int failures_in_a_row_ = 0;
   std::uint64_t happened_ = 0;  // transfers that ended
-  std::vector<pollfd> files_;   // that libusb waits for
+  std::vector<pollfd> files_;   // the files that libusb waits for
 };
 
 constexpr int kInterface = 0;
@@ -88,11 +89,11 @@ constexpr unsigned kWriteTimeout_ms = 100;
 constexpr int kMostFailuresInARow = 10;
 constexpr std::int64_t kLastTransfers_ns = 1'000'000'000;
 
-// lights out, zero torque; made before anything can crash
+// zero torque with lights off; built before anything can crash
 Packet no_force = encodeCommand({});
 
-// Runs in a signal handler and goes past libusb, since libusb's state may be broken: the kernel sends the
-// packet after the transfers under way, and waits until the device has it.
+// Runs in a signal handler and bypasses libusb, whose state may be corrupt: the kernel sends the packet after
+// the pending transfers, and waits until the device has it.
 bool sendNoForce(int file) noexcept {
   constexpr unsigned kEndpoint = 0x02, kTimeout_ms = 50;
   usbdevfs_bulktransfer transfer{kEndpoint, kPacketBytes, kTimeout_ms, no_force.data()};
@@ -150,7 +151,7 @@ Result<std::unique_ptr<FalconLink>> UsbLink::claim(libusb_context* context, libu
     return usbError("Falcon: claiming it", code);
   link->claimed_ = true;
 
-  // all transfers are allocated now, so that none is missing later
+  // allocate all transfers now, so that no later allocation can fail
   link->write_ = libusb_alloc_transfer(0);
   bool made = link->write_ != nullptr;
   for (Read& read : link->reads_) {
@@ -287,7 +288,7 @@ void UsbLink::handleEvents(long microseconds) noexcept {
 }
 
 void UsbLink::wait(std::int64_t until_ns) noexcept {
-  // libusb waits in whole milliseconds: too coarse for a period of one
+  // libusb waits in whole milliseconds: too coarse for a period of 1 ms
   constexpr std::int64_t kRest_ns = 100'000;
   const std::uint64_t before = happened_;
   for (;;) {
@@ -300,7 +301,7 @@ void UsbLink::wait(std::int64_t until_ns) noexcept {
     if (ready <= 0) continue;
     handleEvents(0);
     if (happened_ != before || lost_) return;
-    // a file that is ready for nothing, as an emulated device's, must not make this thread spin
+    // a file with a meaningless ready state, as an emulated device's, must not make this thread spin
     const timespec rest = asTimespec(std::min(kRest_ns, std::max<std::int64_t>(0, until_ns - steadyNowNs())));
     static_cast<void>(::nanosleep(&rest, nullptr));
   }
@@ -317,7 +318,7 @@ void UsbLink::stopStream() noexcept {
   for (const Read& read : reads_)
     if (read.pending) static_cast<void>(libusb_cancel_transfer(read.transfer));
   if (write_pending_) static_cast<void>(libusb_cancel_transfer(write_));
-  // a transfer may be freed only when it has ended
+  // a transfer may be freed only after its end
   const std::int64_t end_ns = steadyNowNs() + kLastTransfers_ns;
   while (anythingPending() && steadyNowNs() < end_ns) handleEvents(10'000);
   listener_ = nullptr;
@@ -335,7 +336,7 @@ std::string busPath(libusb_device* device) {
   return path;
 }
 
-// empty when it has none or cannot be read
+// empty when the device has none or it cannot be read
 std::string serialOf(libusb_device* device, libusb_device_handle* handle) {
   libusb_device_descriptor descriptor{};
   if (libusb_get_device_descriptor(device, &descriptor) != 0 || descriptor.iSerialNumber == 0) return {};
@@ -398,7 +399,7 @@ class UsbBus final : public FalconBus {
       if (left_ns <= 0) return;
       constexpr std::int64_t kMost_ns = 50'000'000;
       timeval wait{0, static_cast<suseconds_t>(std::min(left_ns, kMost_ns) / 1000)};
-      // an error that comes at once must not make a thread of high priority spin
+      // an immediate error must not make a high-priority thread spin
       if (libusb_handle_events_timeout_completed(context_, &wait, nullptr) != 0)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
@@ -412,7 +413,7 @@ class UsbBus final : public FalconBus {
       return Error{ErrorCode::kUnavailable, std::string("Falcon: USB cannot be used on this computer: ") +
                                                 libusb_strerror(code) + " (" + libusb_error_name(code) + ")"};
     }
-    // without hotplug the list is looked through again and again: slower, but it works
+    // without hotplug, poll the list: slower, but it works
     if (libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG) != 0)
       watching_ = libusb_hotplug_register_callback(
                       context_, LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED, LIBUSB_HOTPLUG_NO_FLAGS, kUsbVendor,

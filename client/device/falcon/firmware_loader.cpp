@@ -129,7 +129,7 @@ Result<std::vector<std::uint8_t>> readFirmware(const std::string& file) {
 }
 
 Status setRunLine(FtdiPort& port) {
-  // a chip that was unplugged from USB while the device kept its power has forgotten its format, too
+  // a chip unplugged from USB while the device kept its power has also lost its line format
   if (Status done =
           controls(port, {{kFtdiLatency, 1, 0}, {kFtdiData, kData8N1, 0}, {kFtdiFlowControl, 0, 0}});
       !done.ok())
@@ -143,8 +143,8 @@ Result<bool> firmwareRuns(FtdiPort& port, int tries) {
   FtdiInput input(port);
   PacketReader reader;
   for (int i = 0; i < tries; ++i) {
-    // a loader that waits for more firmware echoes, and an echo looks like the report of a device that has
-    // just been switched on: two patterns of lights, so that no buttons held down look like both
+    // a loader waiting for more firmware echoes, and an echo looks like the report of a device just switched
+    // on: send two patterns of lights, because no set of pressed buttons matches both
     const Command ask{{}, i % 2 == 0 ? kOutRed : kOutBlue};
     RETURN_IF_ERROR(port.write(encodeCommand(ask), kWrite));
     std::vector<std::uint8_t> bytes;

@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-// the functions, one by one; `missing` collects the names of those that are not there
+// loads the functions one by one; `missing` collects the names of missing ones
 class Symbols {
  public:
   explicit Symbols(void* library) : library_(library) {}

@@ -11,8 +11,8 @@
 namespace needlelab {
 namespace {
 
-constexpr auto kNap = std::chrono::milliseconds(20);  // how fast the keep-alive thread sees that it is to end
-// a unit quaternion in floats is this near to length 1; others are left to the gate
+constexpr auto kNap = std::chrono::milliseconds(20);  // how often the keep-alive thread checks for its end
+// tolerance of a unit quaternion's length in floats; the gate handles others
 constexpr double kRounding = 1e-3;
 
 Vec3 vectorOf(const float* v) {
@@ -57,7 +57,7 @@ Status VirtuoseDevice::open(double rate_hz) {
   return {};
 }
 
-// opens, and reads once the values that are later read in turn
+// opens the device, and reads once the values that are later read in turn
 Status VirtuoseDevice::connect() {
   ASSIGN_OR_RETURN(context_, openVirtuose(*api_, setup_));
   trouble_ = 0;
@@ -65,7 +65,7 @@ Status VirtuoseDevice::connect() {
   buttons_ = 0;
   has_button_.fill(false);
   for (int i = 0; i < kButtons; ++i) {
-    int pressed = 0;  // a missing button is refused, and not queried again
+    int pressed = 0;  // the library refuses a missing button; do not query it again
     has_button_[static_cast<std::size_t>(i)] = api_->virtGetButton(context_, i + 1, &pressed) == 0;
   }
   int power = 0, held = 0, operational = 0;
@@ -115,7 +115,7 @@ void VirtuoseDevice::keepAlive() {
   }
 }
 
-// true when the connection is the haptic thread's
+// returns true when the haptic thread owns the connection
 bool VirtuoseDevice::takeConnection() noexcept {
   Owner owner = owner_.load(std::memory_order_relaxed);
   if (owner == Owner::kLoop) return true;
@@ -123,7 +123,7 @@ bool VirtuoseDevice::takeConnection() noexcept {
   return owner_.compare_exchange_strong(owner, Owner::kLoop, std::memory_order_acquire);
 }
 
-// after this the haptic thread touches neither the connection nor its state, so it comes last
+// call this last: afterwards the haptic thread touches neither the connection nor its state
 void VirtuoseDevice::giveUpConnection() noexcept {
   link_is_lost_ = false;
   ticks_of_trouble_ = 0;
@@ -165,7 +165,7 @@ std::uint32_t VirtuoseDevice::rememberedCondition() const noexcept {
          virtuoseConditionOfFailure(failure_);
 }
 
-// a device that answers but refuses to work for a whole second is opened again
+// reopens a device that answers but refuses to work for a whole second
 void VirtuoseDevice::countFailure() noexcept {
   if (link_is_lost_ || static_cast<double>(++ticks_of_trouble_) >= setup_.rate_hz) giveUpConnection();
 }
@@ -179,7 +179,7 @@ DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
     return DeviceRead::kNoUpdate;
   }
 
-  // each answer is judged before the next question: a lost connection is not ours any more
+  // check each answer before the next query: a lost connection is not ours any more
   float pose[7] = {}, speed[6] = {};
   int held = 0, operational = 0;
   const bool answered =
@@ -212,7 +212,8 @@ void VirtuoseDevice::write(const GuardedWrench& at_handle_W) noexcept {
   float six[6] = {static_cast<float>(wrench.force_N.x),   static_cast<float>(wrench.force_N.y),
                   static_cast<float>(wrench.force_N.z),   static_cast<float>(wrench.torque_Nm.x),
                   static_cast<float>(wrench.torque_Nm.y), static_cast<float>(wrench.torque_Nm.z)};
-  // the gate lets none through; since a hand is behind this line, it is checked again
+  // the gate already blocks values that are not finite; check again, because this output moves a person's
+  // hand
   if (!isFinite(wrench.force_N) || !isFinite(wrench.torque_Nm)) {
     std::fill(std::begin(six), std::end(six), 0.0f);
     trouble_ |= kDeviceTrouble;
@@ -223,7 +224,7 @@ void VirtuoseDevice::write(const GuardedWrench& at_handle_W) noexcept {
 void VirtuoseDevice::maintain() {
   const std::scoped_lock lock(mutex_);
   if (owner_.load(std::memory_order_acquire) != Owner::kLost || steadyNowNs() < next_try_ns_) return;
-  // the device takes one connection: the old one goes first
+  // the device accepts one connection: close the old one first
   closeVirtuose(*api_, std::exchange(context_, nullptr));
   const Status status = connect();
   retry_ =

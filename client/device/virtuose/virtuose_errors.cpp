@@ -13,7 +13,7 @@ struct ErrorRow {
   const char* to_do;
 };
 
-// advice that the person at the machine can follow; faults of ours say so
+// advice for the person at the machine; errors of our program say so
 constexpr const char* kOurs = "this is a fault of needlelab: report it, with this line";
 constexpr ErrorRow kErrors[] = {
     {kVirtNoError, "the library gives no reason", "look into the vendor's log"},

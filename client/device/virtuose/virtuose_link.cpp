@@ -55,18 +55,18 @@ std::string versionText(const VirtuoseApi& api, VirtContext context) {
   return text;
 }
 
-// advice for a person before it works; empty when it is ready
+// advice until the device is ready; empty when it is
 std::string stateOf(const VirtuoseApi& api, VirtContext context) {
   int operational = 0;
   unsigned alarm = 0, failure = 0;
-  // the code is that of the last call: the first refusal ends it
+  // the error code belongs to the last call, so stop at the first refusal
   const bool answered = api.virtGetEmergencyStop(context, &operational) == 0 &&
                         api.virtGetAlarm(context, &alarm) == 0 && api.virtGetFailure(context, &failure) == 0;
   if (!answered) {
     const int code = api.virtGetErrorCode(context);
     return "it does not tell how it is: " + virtuoseErrorText(code, api.virtGetErrorMessage(code));
   }
-  // nobody needs to hold it yet, and without permission it has no power
+  // no hand is needed yet, and without permission the device has no power
   return virtuoseStateText(operational != 0 ? 0u : kDeviceEmergencyStop, alarm, failure);
 }
 

@@ -10,7 +10,7 @@ namespace {
 constexpr double kMaxElevation_rad = 85 * std::numbers::pi / 180;
 constexpr double kNearest_m = 0.02, kFarthest_m = 2;
 
-// unit, at right angles to the unit vector `up`, as near to `wanted` as can be
+// returns the unit vector perpendicular to the unit vector `up` and nearest to `wanted`
 Vec3 levelled(Vec3 wanted, Vec3 up) {
   const Vec3 level = wanted - up * dot(up, wanted);
   if (normSquared(level) > 1e-6) return normalized(level);
@@ -64,8 +64,7 @@ Matrix4 OrbitCamera::view() const {
 }
 
 Matrix4 OrbitCamera::projection(double width_px, double height_px) const {
-  // the nearest thing that matters is a needle in front of the focus; 24 bits of depth then resolve
-  // micrometres
+  // the nearest relevant object is a needle in front of the focus; 24 bits of depth then resolve micrometres
   const double near_m = distance_m * 0.1, far_m = distance_m * 10;
   const double scale = 1 / std::tan(field_of_view_rad / 2);
   const double aspect = std::max(width_px, 1.0) / std::max(height_px, 1.0);

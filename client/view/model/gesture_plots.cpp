@@ -61,7 +61,7 @@ void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, dou
   if (scene == nullptr) return;
   for (const LayerView& layer : scene->layers)
     plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, tissueColour(layer.tissue), layer.name});
-  // as deep as the target at least, so that the way still to go is seen
+  // at least as deep as the target, so that the remaining way is visible
   double deepest_m = 0.004;
   for (const TargetView& target : scene->targets)
     deepest_m = std::max(deepest_m, depthAt(*scene, target.center_W_m) + 2 * target.radius_m);

@@ -6,7 +6,8 @@
 namespace needlelab {
 namespace {
 
-// a stored pose is off by half a micrometre: near the skin replica and record may differ for this many ticks
+// a stored pose has an error of half a micrometre: near the skin, replica and recording may differ for this
+// many ticks
 constexpr int kPatience_ticks = 5;
 
 Vec3 vectorOf(const double (&v)[3]) {
@@ -25,7 +26,7 @@ void copySample(const GestureSample& sample, double loop_rate_hz, Moment& now) {
   now.time_s = static_cast<double>(sample.tick) / loop_rate_hz;
   const Vec3 p_W_m = vectorOf(sample.p_WT_m);
   const Quat q_W{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
-  // an invalid pose is not drawn: the last good one stays
+  // keep the last good pose instead of an invalid one
   if (isFinite(p_W_m)) now.p_WT_m = p_W_m;
   if (isFinite(q_W) && dot(q_W, q_W) > 0.25) now.q_WT = q_W;
   now.force_W_N = vectorOf(sample.force_W_N);
@@ -52,8 +53,8 @@ struct GestureReplica::State {
   StepReport report;
   Moment now;
   std::uint64_t fed = 0;
-  bool lost = false;      // something is missing since the tip was last outside
-  int disagreements = 0;  // ticks in a row in which replica and record differ on being inside
+  bool lost = false;      // samples are missing since the tip was last outside
+  int disagreements = 0;  // consecutive ticks in which replica and recording differ on being inside
   bool guessed = false;   // entry and u were guessed from the pose, because the entry was missed
   Vec3 guessed_entry_W_m, guessed_u_W;
 
@@ -113,7 +114,7 @@ void GestureReplica::State::stepAlong() {
   step(*model, {now.p_WT_m, now.q_WT}, engine, report);
 }
 
-// the record decides whether there is an insertion; the replica follows it
+// the recording decides whether there is an insertion; the replica follows it
 void GestureReplica::State::compareWith(const GestureSample& sample) {
   const bool recorded_inside = sample.layer >= 0;
   if (!recorded_inside && report.depth_m <= 0) lost = guessed = false;
@@ -125,7 +126,7 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
   if (++disagreements <= kPatience_ticks) return;
   lost = true;
   if (!recorded_inside) {
-    // another start of the engine than ours, e.g. inside the tissue: no force until it was outside
+    // the engine started differently, e.g. inside the tissue: no force until it has been outside
     engine = {};
   } else if (!guessed) {
     guessed = true;
@@ -141,7 +142,7 @@ void GestureReplica::State::tellInsertion() {
   now.alpha_rad = orientationLimitAngle(model->needle_length_m, now.inside ? now.insertion_m : 0);
   now.tilt_rad = 0;
   now.clamping_W = {};
-  // in a FAULT nothing is stepped and the force is gone
+  // in a FAULT the engine does not step, and the force is zero
   const bool forces = engine.inside && now.fault == 0;
   now.terms = forces ? termsOf(report) : std::array<double, kEffectCount>{};
   if (!now.inside) return;

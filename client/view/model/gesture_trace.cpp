@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t kBlock = 1024, kPart = 32, kParts = kBlock / kPart;
 constexpr double kMomentPeriod_s = 0.01;
 constexpr std::size_t kMostEvents = 4000;
-constexpr double kSameTurn_s = 0.2;  // turns closer together than this are one event
+constexpr double kSameTurn_s = 0.2;  // turns closer than this are one event
 constexpr double kDegrees = 180 / std::numbers::pi;
 
 float shortened(double value) {
@@ -139,7 +139,7 @@ std::string_view signOf(TraceEvent::Kind kind) {
   return "";
 }
 
-// a page of ticks, with the least and greatest of each channel for every 32 and for the whole
+// a page of ticks, with each channel's minimum and maximum for every 32 ticks and for the whole page
 struct GestureTrace::Store {
   struct Block {
     std::size_t count = 0;
@@ -200,7 +200,7 @@ void GestureTrace::push(const Moment& moment) {
   store.blocks.back()->push(moment);
   const std::size_t events_before = store.events.size();
   store.findEvents(moment);
-  // whole moments: each hundredth of a second, and where something happens
+  // keep whole moments every hundredth of a second, and at events
   if (store.moments.empty() || moment.time_s >= store.moments.back().time_s + kMomentPeriod_s - 1e-9 ||
       store.events.size() != events_before)
     store.moments.push_back(moment);
@@ -309,7 +309,7 @@ double GestureTrace::peakForce_N() const {
   return peak_N;
 }
 
-// a stretch of ticks that falls into one column is added at once, by its least and greatest
+// adds a run of ticks within one column at once, by its minimum and maximum
 void GestureTrace::Store::addBlock(const Block& block, std::size_t channel, double from_s, double to_s,
                                    std::span<PixelColumn> out) {
   const double per_s = static_cast<double>(out.size()) / (to_s - from_s);

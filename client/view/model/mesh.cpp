@@ -47,7 +47,7 @@ Mesh gridMesh(int rows, int columns, const std::function<Vec3(double, double)>& 
   for (int row = 0; row <= rows; ++row) {
     for (int column = 0; column <= columns; ++column) {
       const double r = static_cast<double>(row) / rows, c = static_cast<double>(column) / columns;
-      // beside a pole, where one of the two differences has no length
+      // beside a pole, where one of the two differences is zero
       const double beside = std::clamp(r, 2 * kStep, 1 - 2 * kStep);
       const Vec3 along_row = place(beside + kStep, c) - place(beside - kStep, c);
       const Vec3 along_column = place(beside, c + kStep) - place(beside, c - kStep);
@@ -94,7 +94,7 @@ namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 
-// the pose that takes z to `axis` and the origin to `p`
+// returns the pose that takes z to `axis` and the origin to `p`
 Pose poseAlong(Vec3 p, Vec3 axis) {
   const double w = 1 + axis.z;
   if (w < 1e-9) return {p, {1, 0, 0, 0}};
@@ -177,7 +177,7 @@ Mesh layerSurface(const SceneView& scene, double depth_m) {
   }
   const auto& capsule = std::get<CapsuleLimb>(scene.limb_W);
   if (!(depth_m < capsule.radius_m)) return {};
-  // a long limb is shown as far as one looks
+  // show a long limb only near the focus
   const Vec3 along = capsule.b_m - capsule.a_m;
   const double length_m = norm(along);
   const Vec3 axis = along / length_m;
@@ -188,7 +188,7 @@ Mesh layerSurface(const SceneView& scene, double depth_m) {
   const Vec3 a_m = capsule.a_m + axis * from_m, b_m = capsule.a_m + axis * to_m;
   const bool whole_a = from_m <= 0, whole_b = to_m >= length_m;
   if (whole_a && whole_b) return tubeMesh(a_m, b_m, radius_m, 12, 56);
-  // its ends are open where it goes on
+  // its ends are open where the limb continues
   std::vector<LathePoint> profile;
   if (whole_a) profile = roundProfile(radius_m, -kTurn / 4, 0, 0, 12);
   constexpr int kRings = 12;
@@ -242,7 +242,7 @@ Mesh needleMesh(const NeedleSpec& needle, double drawn_diameter_m) {
 }
 
 SyringeMesh syringeMesh(double needle_length_m) {
-  // of a size that fits the needle: short needles come on small syringes
+  // choose a size for the needle: short needles come on small syringes
   const double size = std::clamp(needle_length_m / 0.05, 0.55, 1.15);
   const double hub_m = 0.012 * size, barrel_m = 0.05 * size, radius_m = 0.0062 * size;
   const double hub_z = -needle_length_m, barrel_z = hub_z - hub_m, end_z = barrel_z - barrel_m;
@@ -273,7 +273,7 @@ SyringeMesh syringeMesh(double needle_length_m) {
     });
     append(syringe.scale, line);
   }
-  // drawn out: its stopper is near the barrel's end; the rod and the thumb's plate come behind
+  // drawn out: the stopper is near the barrel's end; rod and thumb plate follow behind
   syringe.stroke_m = barrel_m - 0.012 * size;
   const double stopper_z = end_z + 0.004 * size;
   syringe.stopper_z_m = stopper_z + 0.004 * size;

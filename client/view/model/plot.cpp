@@ -8,9 +8,9 @@
 namespace needlelab {
 namespace {
 
-constexpr double kLargest = 1e12;  // beyond that nobody reads an axis
+constexpr double kLargest = 1e12;  // above this an axis is unreadable
 
-// the least of 1, 2, 5 times a power of ten that is at least `rough`
+// returns the smallest 1, 2 or 5 times a power of ten that is at least `rough`
 double roundStep(double rough) {
   const double power = std::pow(10.0, std::floor(std::log10(rough)));
   for (const double factor : {1.0, 2.0, 5.0})
@@ -33,9 +33,9 @@ AxisTicks axisTicks(double low, double high, int wanted, bool widen, double leas
     high += half;
   }
   AxisTicks ticks;
-  // indices of the multiples, so that no sum of steps drifts
+  // uses indices of the multiples, so that steps do not accumulate errors
   double first = 0, last = 0;
-  // a range may hold one multiple or none: one tick alone does not show a scale
+  // a range may contain one multiple or none; a single tick does not show a scale
   for (double rough = (high - low) / std::max(wanted, 2);; rough *= 0.5) {
     ticks.step = roundStep(std::max(rough, least_step));
     first = std::ceil(low / ticks.step - 1e-9);
@@ -59,7 +59,7 @@ std::string tickText(double value, int decimals) {
   std::string text = fmt::format("{:.{}f}", value, std::clamp(decimals, 0, 9));
   if (text.front() != '-') return text;
   text.erase(0, 1);
-  // what rounds to zero has no sign
+  // a value that rounds to zero has no sign
   if (text.find_first_not_of("0.") == std::string::npos) return text;
   return "\u2212" + text;
 }
@@ -67,7 +67,7 @@ std::string tickText(double value, int decimals) {
 std::string clockText(double seconds, int decimals) {
   if (!std::isfinite(seconds)) return "–:––";
   const std::string sign = seconds < 0 ? "\u2212" : "";
-  // rounded first, so that 59.96 does not become 0:60.0
+  // round first, so that 59.96 does not become 0:60.0
   const double unit = decimals > 0 ? 10 : 1;
   const auto units = static_cast<long long>(std::floor(std::fmin(std::fabs(seconds), 1e9) * unit + 0.5));
   const long long per_minute = 60 * static_cast<long long>(unit);

@@ -37,7 +37,7 @@ std::vector<LayerView> layersOf(const pb::Profile& profile) {
   return views;
 }
 
-// how far below its surface a limb goes; infinite for a plane
+// returns a limb's depth below its surface; infinite for a plane
 double reachOf(const Limb& limb) {
   if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return sphere->radius_m;
   if (const auto* capsule = std::get_if<CapsuleLimb>(&limb)) return capsule->radius_m;
@@ -53,7 +53,7 @@ Vec3 middleOf(const Limb& limb) {
 }  // namespace
 
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
-  // the engine's own reading of the profile: checks it, and places the limb
+  // the engine's own conversion of the profile checks it and places the limb
   ASSIGN_OR_RETURN(auto spec, sceneSpecOf(profile, X_WL));
   SceneView view;
   view.profile_id = profile.id();
@@ -62,13 +62,13 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   view.limb_W = spec.limb;
   if (auto* plane = std::get_if<PlaneLimb>(&view.limb_W)) plane->normal = normalized(plane->normal);
   view.layers = layersOf(profile);
-  // the last layer has no end: a limb that is round is filled with it
+  // the last layer has no end: it fills a round limb
   if (const double reach_m = reachOf(view.limb_W); std::isfinite(reach_m))
     view.layers.back().bottom_m = std::max(view.layers.back().bottom_m, reach_m);
   view.needle = needleOf(profile.needle());
   view.max_force_N = spec.max_force_N;
 
-  // the regions' places are those that the score takes
+  // use the same region positions as the score
   Anatomy anatomy = anatomyOf(profile, X_WL);
   for (Region& region : anatomy.targets)
     view.targets.push_back({std::move(region.name), region.a_W_m, region.radius_m});
@@ -78,7 +78,7 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
                             region.b_W_m, region.radius_m});
   }
 
-  // where one looks: above the target; where a limb has no normal (its middle) the profile's z is up
+  // focus above the target; where a limb has no normal (its middle), the profile's z is up
   const Vec3 from = view.targets.empty() ? middleOf(view.limb_W) : view.targets.front().center_W_m;
   view.focus_normal_W = surfaceNormal(view.limb_W, from, -zAxis(view.X_WL.q));
   const double below_m = signedDepth(view.limb_W, from);

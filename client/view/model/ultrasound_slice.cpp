@@ -17,7 +17,7 @@ constexpr double kMaxTurn_rad = 0.2;      // of the plane, from one picture to t
 constexpr double kDepthStep_m = 0.00005;  // of the table of echoes over depth
 constexpr int kGrainSize = 256;           // a tile of speckle, repeated
 constexpr double kGrainAcross_m = 0.00022,
-                 kGrainDown_m = 0.00012;  // wider than high: sound resolves better along its way
+                 kGrainDown_m = 0.00012;  // wider than high, because sound resolves better along its path
 
 /// The echo of a tissue: 0 black to 1 white, and its grain.
 struct Echo {
@@ -61,8 +61,8 @@ Echo echoOf(pb::Hazard::Kind kind) {
   }
 }
 
-// speckle: the size of a sum of random phases (Rayleigh's), about 1 in the mean; smoothed a little, tiles
-// without a seam
+// speckle: magnitude of a sum of random phases (Rayleigh distribution), mean about 1; slightly smoothed,
+// tiles seamlessly
 std::array<float, kGrainSize * kGrainSize> makeGrain() {
   std::array<float, kGrainSize * kGrainSize> raw{}, smooth{};
   std::uint64_t state = 0x9E3779B97F4A7C15u;
@@ -96,8 +96,8 @@ float grainAt(const GrainTile& tile, int x, int y) {
   return tile[static_cast<std::size_t>((y & 255) * kGrainSize + (x & 255))];
 }
 
-/// Echo by depth below the skin, so that a pixel costs one look-up: the layers, and a bright line where one
-/// begins.
+/// Table of echoes by depth below the skin, one look-up per pixel: the layers, and a bright line at the start
+/// of each.
 struct EchoTable {
   std::vector<Echo> echoes;
   std::vector<float> line;
@@ -126,7 +126,7 @@ struct EchoTable {
   }
 };
 
-/// A hazard's cut with the plane: distances are taken in the plane's own coordinates.
+/// A hazard's section in the plane, with distances in the plane's own coordinates.
 struct Shape {
   Vec3 a, b;  // x right, y down, z out of the plane, from the picture's origin
   double radius_m = 0;
@@ -139,7 +139,7 @@ struct Shape {
     const double t = squared > 0 ? std::clamp(dot(p - a, ab) / squared, 0.0, 1.0) : 0.0;
     return norm(p - (a + ab * t)) - radius_m;
   }
-  /// Whether it can be seen at all, and where: most pixels need not ask for the distance.
+  /// Whether the hazard is visible, and where, so that most pixels skip the distance.
   [[nodiscard]] bool isNear(double x_m, double y_m, double margin_m) const {
     const double reach_m = radius_m + margin_m;
     return y_m > std::min(a.y, b.y) - reach_m && y_m < std::max(a.y, b.y) + reach_m &&
@@ -157,8 +157,8 @@ std::uint8_t greyOf(float share) {
   return static_cast<std::uint8_t>(std::clamp(share, 0.0F, 1.0F) * 255.0F + 0.5F);
 }
 
-/// The needle: a bright line, brighter at its tip, with fainter echoes of itself below; weaker where the
-/// plane does not hold it.
+/// The needle: a bright line, brighter at its tip, with fainter echoes of itself below; weaker where it
+/// leaves the plane.
 void drawNeedle(const SlicePlane& plane, const Moment& moment, double needle_length_m, double m_per_px,
                 GreyImage& out) {
   const Vec3 tip = inPlane(plane, moment.p_WT_m);
@@ -186,7 +186,7 @@ void drawNeedle(const SlicePlane& plane, const Moment& moment, double needle_len
     const Vec3 p = tip + (hub - tip) * share;
     if (p.y < -0.001) continue;
     if (std::fabs(p.x) > 0.6 * out.width * m_per_px) continue;
-    // seen only near the plane
+    // visible only near the plane
     const auto held = static_cast<float>(std::exp(-(p.z / 0.0015) * (p.z / 0.0015)));
     const float at_tip = share * length_px * m_per_px < 0.0015 ? 1.0F : 0.0F;
     const float wave = 0.85F + 0.15F * grainAt(grainTile(), i / 2, 7);
@@ -207,16 +207,15 @@ SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const Slic
   plane.down_W = -out_W;
   plane.origin_W_m =
       moment.inside ? moment.p_entry_W_m : moment.p_WT_m + out_W * signedDepth(scene.limb_W, moment.p_WT_m);
-  // the needle's own direction across the skin, where it has one; else the plane of before
+  // the needle's direction across the skin, if it has one; else the previous plane
   const auto level = [&](Vec3 v) { return v - plane.down_W * dot(plane.down_W, v); };
   Vec3 across = level(axis_W);
-  // a needle outside wavers; one in the tissue has its trajectory, and a plane beside that would lose it
+  // outside, a needle wavers; in the tissue it has a trajectory, and a plane beside that would lose it
   const double open = moment.inside ? 0.02 : 0.09;
   const Vec3 kept = before != nullptr ? level(before->right_W) : level({1, 0, 0});
   const Vec3 usual = normalized(normSquared(kept) > 1e-6 ? kept : level({0, 1, 0}));
   if (normSquared(across) < open * open) across = usual;
-  // toward the same side as before, so that the picture does not flip; and no faster than a hand turns a
-  // probe
+  // keep the same side, so that the picture does not flip; turn no faster than a hand turns a probe
   across = normalized(dot(across, usual) < 0 ? -across : across);
   if (before == nullptr) {
     plane.right_W = across;
@@ -252,10 +251,10 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
     shapes.push_back(
         {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
 
-  // from the probe downward, so that everything that stops sound darkens all below it
+  // go down from the probe, so that anything that stops sound darkens everything below it
   std::vector<float> sound(static_cast<std::size_t>(out.width), 1.0F);
   const auto lost_in_bone = static_cast<float>(std::exp(-m_per_px / 0.0008));
-  // the grain belongs to the tissue: it stands still in W when the plane moves
+  // the grain belongs to the tissue: it stays fixed in W when the plane moves
   const double shift_x_m = dot(plane.origin_W_m, plane.right_W),
                shift_y_m = dot(plane.origin_W_m, plane.down_W);
   const GrainTile& tile = grainTile();
@@ -284,7 +283,7 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
           echo = shape.echo;
           line = 0;
         }
-        // its wall; bone shows only the side that the sound meets
+        // its wall; bone shows only the side facing the sound
         const double wide_m = shape.echo.stops_sound ? 0.0005 : 0.00025;
         if (std::fabs(away_m) < 3 * wide_m)
           line = std::max(line, (shape.echo.stops_sound ? 0.85F : 0.45F) *
