@@ -1,6 +1,6 @@
-/// What a second of gesture costs to encode and decode (goals: README.md).
-/// With --recordings (or --results DIR) the table of those goals; without, Google Benchmark. Items are
-/// samples: `items_per_second` is their rate, 1e9 divided by it the time of one.
+/// The cost of encoding and decoding a second of gesture (goals: README.md). With --recordings (or --results
+/// DIR) the table of those goals; without, Google Benchmark. Items are samples: `items_per_second` is their
+/// rate, 1e9 divided by it the time of one.
 #include <benchmark/benchmark.h>
 
 #include <string>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::size_t kChunkSamples = 1000;
 
-// the recordings when they are there, else a made-up gesture; cut into chunks of one second
+// the recordings if available, otherwise a synthetic gesture; cut into chunks of one second
 const std::vector<std::vector<GestureSample>>& chunksOfSamples() {
   static const auto chunks = [] {
     std::vector<std::vector<GestureSample>> parts;

@@ -24,14 +24,14 @@ constexpr int kPasses = 41;
 
 using Samples = std::vector<GestureSample>;
 
-// the processor's time of this thread: what else runs on the machine disturbs it less
+// this thread's processor time: other programs disturb it less
 double nowNs() {
   timespec t{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
 }
 
-// times of device and engine, and wake-ups that are late by 0-20 µs, as a station's loop has them
+// times of device and engine, and wake-ups late by 0-20 µs, as in a station's loop
 Samples withClocks(Samples samples) {
   std::mt19937_64 random(1);
   for (GestureSample& s : samples) {
@@ -69,7 +69,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// encoding and decoding in turns, with the clock columns in: what a station and a reader really do
+// encoding and decoding in turns, clock columns included, as in a station and a reader
 Figures measure(const testing::RecordedGesture& gesture) {
   const Samples samples = withClocks(gesture.samples);
   const auto count = static_cast<double>(samples.size());

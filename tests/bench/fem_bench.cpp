@@ -1,6 +1,6 @@
-// What FEM costs: a live step over mesh sizes and stations (p50, p99 and worst of single steps, over a stroke
-// with tremor, holds and reversals, where whole needles stick and slip), beside one solve of the whole mesh,
-// and the time before a lesson can start. A benchmark, not a test.
+// The cost of FEM: a live step over mesh sizes and stations (p50, p99 and worst of single steps, over a
+// stroke with tremor, holds and reversals, where whole needles stick and slip), beside one solve of the whole
+// mesh, and the time before a lesson can start. A benchmark, not a test.
 //   build/release/bin/needlelab_fem_bench
 #include <benchmark/benchmark.h>
 

@@ -1,7 +1,6 @@
-/// What the store takes in beside what SQLite itself can (goal: at least 70 % of raw SQLite
-/// with the same rows, the same groups and synchronous=FULL): the writer thread with SessionStore::append
-/// (checks, counters, one savepoint per chunk) and a bare loop of INSERTs, in turns, each with a database of
-/// its own on the same disk.
+/// The store's ingest rate compared with raw SQLite (goal: at least 70 % of raw SQLite with the same rows,
+/// the same groups and synchronous=FULL): the writer thread with SessionStore::append (checks, counters, one
+/// savepoint per chunk) and a bare loop of INSERTs, in turns, each with its own database on the same disk.
 #include <fmt/core.h>
 #include <sqlite3.h>
 
@@ -55,7 +54,7 @@ T must(Result<T> result) {
   return std::move(*result);
 }
 
-/// Chunks of a second at 1 kHz with clocks that jitter; of the recorded hands when they are there.
+/// Chunks of a second at 1 kHz with jittering clocks; from the recorded hands if available.
 struct Material {
   std::vector<Bytes> chunks;
   std::string source = "a made-up gesture";
@@ -121,7 +120,7 @@ struct Database {
   }
 };
 
-/// Ours: as the server does it, with the queue kept full so that each group has exactly `group` chunks.
+/// The store, as in the server, with the queue kept full so that each group has exactly `group` chunks.
 class Ours {
  public:
   Ours(const Settings& settings, std::size_t group)
@@ -166,8 +165,8 @@ class Ours {
   DbWriter writer_;
 };
 
-/// SQLite alone: one prepared INSERT of the same rows into the same table, the same settings of durability
-/// and of memory, a checkpoint as often; no check of anything, no counters, no foreign keys.
+/// SQLite alone: one prepared INSERT of the same rows into the same table, with the same durability and
+/// memory settings and the same number of checkpoints; no checks, no counters, no foreign keys.
 class Raw {
  public:
   Raw(const Settings& settings, std::size_t group) : database_(settings, "ingest-raw.db"), group_(group) {
@@ -230,7 +229,7 @@ double quantile(std::vector<double> values, double q) {
 
 constexpr double kGoal = 0.7;
 
-/// A line of the table; sets `met` to false when the goal was missed.
+/// Prints a line of the table; sets `met` to false when the goal was missed.
 std::string measure(const Settings& settings, const Material& material, std::size_t group, bool& met) {
   Ours ours(settings, group);
   Raw raw(settings, group);

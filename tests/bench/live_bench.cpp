@@ -1,6 +1,6 @@
-/// What one live frame costs the server: three processes, as in life (server, stations, viewers), over TLS on
-/// loopback. Frames and chunks are made beforehand, so the stations' share here is sending alone. The figures
-/// are CPU times of processes, which a busy machine disturbs less than times by the clock.
+/// The cost of one live frame for the server: three processes, as in production (server, stations, viewers),
+/// over TLS on loopback. Frames and chunks are made beforehand, so the stations only send. The figures are
+/// CPU times of processes, which a busy machine disturbs less than wall-clock times.
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -69,7 +69,7 @@ double cpuSeconds() {
   return s(usage.ru_utime) + s(usage.ru_stime);
 }
 
-/// The time that counts, after the warm-up; steady clock, which all processes share.
+/// The measured time, after the warm-up; steady clock, shared by all processes.
 struct Span {
   Span() = default;
   Span(const Settings& settings, std::int64_t start_ns)

@@ -1,4 +1,5 @@
-// The haptic loop's wake-up beside cyclictest's, in slices in turn, against the goals of README.md.
+// Compares the haptic loop's wake-up with cyclictest's, in alternating slices, and judges it by the goals of
+// README.md.
 //
 // cmake --build build/release --target record_loop_bench: two minutes, writes tests/bench/results/<machine>/
 //
@@ -22,7 +23,7 @@
 namespace needlelab::test {
 namespace {
 
-// what the loop pays for being watched
+// the cost of observing the loop
 std::string watchingText() {
   auto histogram = std::make_unique<LatencyHistogram>();
   std::int64_t ns = 20'000;

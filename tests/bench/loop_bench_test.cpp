@@ -1,6 +1,6 @@
-// The short form of the comparison with cyclictest. Other programs may be busy beside it, so it asks for far
-// less than the goals of README.md, and nothing of the largest: it finds a loop that is wrong, not one that
-// is a little slower.
+// The short form of the comparison with cyclictest. Other programs may be running, so its bounds are far
+// looser than the goals of README.md, and it ignores the maximum: it finds a broken loop, not a slightly
+// slower one.
 #include <gtest/gtest.h>
 
 #include <iostream>
@@ -18,7 +18,7 @@ TEST(LoopBench, wakesAboutAsWellAsCyclictestInTheSameSeconds) {
   if (!result.ok() && result.error().code == ErrorCode::kUnavailable) GTEST_SKIP() << result.error().message;
   ASSERT_TRUE(result.ok()) << result.error().message;
   std::cout << loopTable(*result);
-  // half a tick is what a machine may lose in one of the two sides' slices only
+  // a machine may lose up to half a tick in the slices of only one side
   constexpr std::int64_t kNoise_ns = 200'000;
   for (const auto& [quantile, ratio] : {std::pair(0.5, 2.0), std::pair(0.99, 3.0)})
     EXPECT_LE(static_cast<double>(result->loop.late.quantile_ns(quantile)),

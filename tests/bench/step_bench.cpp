@@ -100,7 +100,7 @@ void besideReference(benchmark::State& state) {
 
 void emptyStep(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept {}
 
-// one call at a time, with what comes before it untimed
+// one call at a time; its preparation is not timed
 void cold(benchmark::State& state, bool sleeps, bool empty) {
   auto run = LoopRun::start(layersLoop(paperSixLayers()));
   if (!run.ok()) {
@@ -135,7 +135,7 @@ void axialModel(benchmark::State& state, AxialModel model) {
     return;
   }
   StepLoop loop = layersLoop(scene);
-  loop.none_of &= ~kFlagForceCapped;  // a spring without end reaches the cap: that is what it is like
+  loop.none_of &= ~kFlagForceCapped;  // an unlimited spring reaches the cap by design
   hot(state, loop);
 }
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRateHz = 1000;
 
-// round a circle about the straight way in, the needle upright; angular speed below what u may turn
+// a circle about the insertion line, the needle upright; its angular speed is below u's limit
 Motion circle(double depth_m, double radius_m, double speed_mps) {
   const Site site = defaultSite();
   const auto ticks = static_cast<std::size_t>(2 * std::numbers::pi * radius_m / speed_mps * kRateHz);

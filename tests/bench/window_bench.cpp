@@ -1,6 +1,5 @@
-// What a frame of the windows costs where the processor draws (llvmpipe, one worker), on one core beside a
-// core that a haptic loop keeps busy: a lesson at 1280×720 as a whole and by parts, and what finer pictures
-// cost in time.
+// The cost of a frame of the windows with software rendering (llvmpipe, one worker), on one core beside a
+// core busy with a haptic loop: a lesson at 1280×720 as a whole and by parts, and the cost of finer pictures.
 #include <fmt/core.h>
 #include <pthread.h>
 #include <sched.h>
@@ -56,7 +55,7 @@ double quantile(std::vector<double> values, double share) {
                          static_cast<std::size_t>(share * static_cast<double>(values.size())))];
 }
 
-/// `period_s`: between the beginnings, as a window that paces itself; 0: one after the other.
+/// `period_s`: time between the starts, as in a window that paces itself; 0: without pauses.
 Row timed(const std::string& what, const std::string& note, int count, const std::function<void(int)>& one,
           double period_s = 0) {
   for (int i = 0; i < 10; ++i) one(i);
@@ -86,15 +85,15 @@ bool runOnCore(int core) {
   return ::pthread_setaffinity_np(::pthread_self(), sizeof cores, &cores) == 0;
 }
 
-/// The engine's ticks without a pause, on a core of its own, in a process of its own (so that the view's
-/// processor time is the view's): more than a loop at 1 kHz asks for.
+/// Runs the engine's ticks without a pause, on its own core and in its own process (so that the view's
+/// processor time covers the view only): more load than a loop at 1 kHz.
 class BusyCore {
  public:
   BusyCore(int core, const SampleLesson& lesson) : child_(::fork()) {
     if (child_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     runOnCore(core);
-    // busy, but leaves the core to whoever needs it
+    // busy, but yields the core to other programs
     const sched_param plain{};
     if (::sched_setscheduler(0, SCHED_OTHER, &plain) != 0 || ::nice(19) == -1) std::perror("busy core");
     auto state = std::make_unique<SimState>();
@@ -297,7 +296,7 @@ int benchMain(int argc, char** argv) {
   for (int i = 1; i + 1 < argc; i += 2) {
     if (std::strcmp(argv[i], "--results") == 0) results = argv[i + 1];
     if (std::strcmp(argv[i], "--commit") == 0) commit = argv[i + 1];
-    if (std::strcmp(argv[i], "--note") == 0) note = argv[i + 1];  // what else the machine did
+    if (std::strcmp(argv[i], "--note") == 0) note = argv[i + 1];  // other load on the machine
   }
   const SampleLesson lesson = sampleLesson("shoulder-adult");
   const auto cores = static_cast<int>(std::thread::hardware_concurrency());

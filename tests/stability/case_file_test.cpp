@@ -1,4 +1,4 @@
-// cases.json: a fault in it is named by file, case and field.
+// cases.json: errors name file, case and field.
 #include "client/sim/stability/case_file.h"
 
 #include <gtest/gtest.h>
@@ -55,7 +55,7 @@ TEST(CaseFile, whatIsWrongIsNamed) {
             "my.json: cases.hold_quantised.plant.delay_ticks: must be a whole number, 0 to 15");
   EXPECT_EQ(faultOf(R"({"filters": {"chatter": {"order": 40}}})"),
             "my.json: filters.chatter.order: must be a number within [2, 8]");
-  // a scene that is not a profile, and a device that is not one
+  // an invalid profile as the scene, and an invalid device
   EXPECT_NE(faultOf(R"({"scenes": {"one_layer": {"max_force_n": 99}}})").find("max_force_n: 99"),
             std::string::npos);
   EXPECT_NE(faultOf(R"({"cases": {"hold_quantised": {"plant": {"mass_kg": 0}}}})").find("mass in kg: 0"),

@@ -23,7 +23,7 @@ TEST(HoldTremorRandom, chattersLittleAndFarLessThanVoigt) {
 TEST(HoldTremorRandom, voigtItselfDoesNotPass) {
   const CaseRow row = rowOf("hold_tremor_random", AxialModel::kVoigt);
   EXPECT_EQ(row.verdict, Verdict::kChatters) << rowText(row);
-  // by its own chatter, not only because it cannot be an eighth of itself
+  // it fails by its own chatter, not only because it cannot be an eighth of itself
   EXPECT_GT(*row.measured, *row.limit) << rowText(row);
 }
 
@@ -82,7 +82,7 @@ TEST(StopOnce, withoutHysteresisTremorEndsIt) {
   EXPECT_FALSE(row.passed) << rowText(row);
 }
 
-// the harness must not be what makes a wall stable: the reference passes wherever the engine does
+// the harness must not make a wall stable: the reference passes wherever the engine does
 TEST(HoldCases, theReferenceWithoutDefectPassesToo) {
   for (const char* name : {"hold_quantised", "tremor_stops", "slow_insert_5mm_s", "boundary_hold",
                            "creep_then_stop", "stop_once"}) {

@@ -1,4 +1,4 @@
-// The measures of a run, against numbers that were worked out by hand.
+// The measures of a run, compared with hand-calculated numbers.
 #include "client/sim/stability/measures.h"
 
 #include <gtest/gtest.h>

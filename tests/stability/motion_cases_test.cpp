@@ -1,4 +1,4 @@
-// The cases of prescribed motion: the wall passes each, and the defect that each looks for fails.
+// The cases of prescribed motion: the wall passes each case, and its target defect fails.
 #include "client/sim/stability/motion_cases.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ const CaseFile& caseFile() {
   return file;
 }
 
-// a source that another one is behind
+// a source that wraps another one
 using Change = std::function<void(const TipSample& tip, ForceSource& inner, StepReport& report)>;
 class ChangedSource final : public ForceSource {
  public:
@@ -66,7 +66,7 @@ INSTANTIATE_TEST_SUITE_P(
     }(),
     [](const auto& test) { return test.param; });
 
-// the reference is a second engine written from the text alone: a case that it fails would be at fault itself
+// the reference is a second engine written from the text alone: if it failed a case, the case would be wrong
 TEST(ReferenceStands, allCasesWithoutAPlantedDefect) {
   for (const StabilityCase& one : motionCases()) {
     if (one.name == "random_energy" || one.name == "flipped_axis") continue;  // long with the reference
@@ -111,7 +111,7 @@ TEST(ClampPump, proportionalGivesWhatIsSaidOfItAndFails) {
   EXPECT_NE(wallRow("clamp_pump").note.find("PROPORTIONAL gives 19"), std::string::npos);
 }
 
-// a guard that looks safe: no force where the needle cannot be
+// a plausible but wrong guard: no force where the needle cannot be
 TEST(BeyondTheNeedle, cuttingTheForceOffThereFails) {
   const CaseRow row = wallRow("beyond_the_needle", changed([](const TipSample&, ForceSource&, StepReport& r) {
                                 if (r.flags & kFlagBeyondNeedle) r.wrench_W = {};
@@ -125,7 +125,7 @@ TEST(SphereFarSide, theForceDoesDropThere) {
   EXPECT_NEAR(*row.measured, 1.0, 0.05);  // f_cut, the declared release
 }
 
-// the fuzz finds a defect in far fewer ticks than it takes to show that there is none
+// fuzzing finds a defect in far fewer ticks than it needs to show that there is none
 CaseRow flippedRow(const ForceSourceFactory& source) {
   static const CaseFile file = [] {
     auto json = caseFile().json();
@@ -208,7 +208,7 @@ TEST(FlippedAxis, aForceAboveTheScenesGreatestIsFound) {
   EXPECT_TRUE(row.finite);
 }
 
-// what other models make of the axial cases: honest, and not all of it good
+// results of the other models in the axial cases, good and bad
 TEST(OtherModels, runTheAxialCasesOnly) {
   for (const StabilityCase& one : motionCases()) {
     if (one.name == "flipped_axis" || one.name == "random_energy") continue;

@@ -1,4 +1,4 @@
-// The observer's own arithmetic, and the gestures that it is fed with.
+// The observer's arithmetic, and its input gestures.
 #include "client/sim/stability/passivity_observer.h"
 
 #include <gtest/gtest.h>

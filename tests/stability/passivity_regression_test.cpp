@@ -1,5 +1,5 @@
-// Counter-examples that were found once and are kept in regressions/: each fails with the source that it was
-// found with, and the shipped wall passes it. NEEDLELAB_WRITE_REGRESSIONS=1 finds and writes them again.
+// The counter-examples in regressions/: each fails with its original force source, and the shipped wall
+// passes it. NEEDLELAB_WRITE_REGRESSIONS=1 finds and writes them again.
 #include <gtest/gtest.h>
 
 #include <algorithm>

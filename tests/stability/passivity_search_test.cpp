@@ -1,4 +1,4 @@
-// Random gestures: the wall gives the hand nothing and steps nowhere, whatever the gesture.
+// Random gestures: the wall never gives energy to the hand and never steps.
 #include <gtest/gtest.h>
 
 #include "client/sim/stability/motion_cases.h"
@@ -22,7 +22,7 @@ TEST(RandomEnergy, theWallGivesTheHandNothing) {
   for (const CaseAttachment& found : outcome->files) ADD_FAILURE() << found.name << "\n" << found.text;
 }
 
-// halving the tick halves a slope and leaves a jump: what is left at 4 kHz is not a jump
+// halving the tick halves a slope but not a jump: a step that shrinks at 4 kHz is not a jump
 TEST(RandomEnergy, stepsShrinkWithTheTick) {
   PassivitySearch search;
   search.gestures = 150;
@@ -44,7 +44,7 @@ TEST(RandomEnergy, gesturesSeeEverythingThatAnEngineDoes) {
   EXPECT_GE(found->worst.insertions, search.gestures);
 }
 
-// which models give energy or step is a finding, not a wish: the table must show it
+// the table must show which models give energy or step
 class EveryModel : public testing::TestWithParam<AxialModel> {};
 TEST_P(EveryModel, isJudgedHonestly) {
   const AxialModel model = GetParam();
@@ -119,7 +119,7 @@ TEST_P(PlantedDefect, isFoundAndShrunk) {
   ASSERT_GE(findings.failed, 1u);
   const CounterExample& example = findings.counter_examples.front();
   expectSmall(example, {});
-  // it fails because of the defect: without it nothing is left
+  // the defect causes the failure: without it the gesture passes
   const auto sound = runGesture(example.gesture, kShrunkModel, referenceSource());
   ASSERT_TRUE(sound.ok()) << sound.error().message;
   EXPECT_FALSE(findingOf(*sound, PassivityLimits{})) << counterExampleJson(example);
@@ -150,7 +150,7 @@ TEST(Shrink, theShippedEngineHasNothingToShrink) {
   for (const auto& example : findings.counter_examples) ADD_FAILURE() << counterExampleJson(example);
 }
 
-// what makes a gesture fail is kept to the last, whatever else it is made of
+// shrinking keeps the cause of the failure and drops everything else
 TEST(Shrink, keepsWhatTheFailureNeedsAndNothingElse) {
   const auto deepAndAside = [](const PassivityGesture& gesture) {
     for (const PassivityStroke& stroke : gesture.strokes)

@@ -1,4 +1,4 @@
-// The plant of the hard cases against the device and chain that the station uses.
+// Compares the plant of the hard cases with the station's device and chain.
 #include "client/sim/stability/plant.h"
 
 #include <gtest/gtest.h>

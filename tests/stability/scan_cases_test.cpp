@@ -44,7 +44,7 @@ Result<std::unique_ptr<ForceSource>> with(const SceneSpec& scene, double rate_hz
   return std::unique_ptr<ForceSource>(std::make_unique<Source>(std::move(engine).value()));
 }
 
-// it answers with the force of the tick before
+// it returns the force of the previous tick
 class LateByATick final : public AfterEngine {
  public:
   using AfterEngine::AfterEngine;

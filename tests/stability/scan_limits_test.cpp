@@ -41,12 +41,11 @@ TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
     } else {
       // bisection to 2 %, the quantised encoder, integration in steps: 10 % in all
       EXPECT_NEAR(row.stiffness_N_per_m / row.sampled_N_per_m, 1, 0.1) << words;
-      EXPECT_NEAR(row.felt_N_per_m / row.stiffness_N_per_m, 1, 0.1) << words;  // it was K that it felt
+      EXPECT_NEAR(row.felt_N_per_m / row.stiffness_N_per_m, 1, 0.1) << words;  // the felt stiffness was K
     }
   }
 
-  // beyond, the wall stays within the tissue's 1 N and 0.5 N; without a damper's help nothing is held by the
-  // gate
+  // beyond the limit the wall stays within the tissue's 1 N and 0.5 N; only a damper's force needs the gate
   for (const BeyondRow& row : limits->beyond)
     if (row.model == AxialModel::kEnhancedTrackingWall) {
       EXPECT_LE(row.swing_N, 1.5 + 1e-9);
@@ -55,7 +54,7 @@ TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
       EXPECT_GT(row.swing_N, 1.5);
     }
 
-  // at rest: next to nothing without friction, and then no less than the theory's safe bound
+  // at rest: almost zero without friction; with friction at least the theory's safe bound
   ASSERT_EQ(limits->rest.size(), 3u);
   EXPECT_LT(limits->rest[0].stiffness_N_per_m, 0.2 * limits->rest[1].stiffness_N_per_m);
   for (const RestLimitRow& row : limits->rest) EXPECT_GE(row.stiffness_N_per_m, 0.98 * row.theory_N_per_m);

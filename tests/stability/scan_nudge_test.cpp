@@ -1,4 +1,4 @@
-// The bounds of theory against each other and against the loop itself.
+// Compares the theoretical bounds with each other and with the loop itself.
 #include "client/sim/stability/scan_nudge.h"
 
 #include <gtest/gtest.h>
@@ -45,7 +45,7 @@ TEST(StiffnessTheory, theBoundOfColgateAndSchenkelIsTheLinearLimitOfAFastLoop) {
       loop.period_s = 1 / rate;
       loop.delay_ticks = delay;
       const double bound = passiveStiffnessLimit(loop.damping_Ns_per_m, loop.period_s, delay);
-      // what the bound leaves out are terms of T: 9 N/m here, at every rate
+      // the bound leaves out terms of T: 9 N/m here, at every rate
       EXPECT_NEAR(sampledStiffnessLimit(loop), bound, 15) << rate << " Hz, " << delay << " ticks late";
       EXPECT_GE(sampledStiffnessLimit(loop), bound);
     }

@@ -29,7 +29,7 @@ Function* systemsOwn(const char* name) {
 
 }  // namespace
 
-// ours stands before the system's, counts, and calls the system's
+// replaces the system's function: counts, then calls the system's
 #define NEEDLELAB_WATCH(name, parameters, arguments)            \
   extern "C" int name parameters {                              \
     static auto* const own = systemsOwn<int parameters>(#name); \

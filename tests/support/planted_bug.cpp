@@ -1,5 +1,5 @@
-// For a test's program: the bug that NEEDLELAB_PLANT names is in it. In the program's own sources, so that it
-// stands before the library's (common/base/planted_bug.cpp).
+// For test programs: enables the bug named by NEEDLELAB_PLANT. It is in the program's own sources, so that it
+// overrides the library's version (common/base/planted_bug.cpp).
 #include "common/base/planted_bug.h"
 
 #include <cstdlib>

@@ -172,7 +172,7 @@ ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
   wall_ += x_c - held_at;
   friction_wall_ += x_c - held_at;
 
-  // the layer whose tissue the tip cuts: the one above the first top that holds
+  // the layer that the tip cuts: the one above the first top that holds
   double cutting = 0;
   for (std::size_t i = 0; i < tops_.size() && tops_[i].through && i <= layerAt(tick.depth_m); ++i)
     cutting = scene_.layers[i].first_order->cutting_force_N;

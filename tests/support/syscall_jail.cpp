@@ -27,7 +27,7 @@ constexpr int kNoFilter = 110, kForbidden = 111, kTooLong = 112;  // the child's
 std::atomic<int> forbidden_call{-1};
 std::atomic<bool> at_its_end{false}, no_filter{false};
 
-// the jailed thread may not even come back from its handler (rt_sigreturn is a call): it rests here
+// the jailed thread cannot return from its handler (rt_sigreturn is a system call), so it waits here
 void onForbidden(int, siginfo_t* info, void*) {
   forbidden_call.store(info->si_syscall);
   for (;;) {
@@ -65,7 +65,7 @@ bool lock(const std::vector<int>& allowed) {
     }
     jailed();
     at_its_end.store(true);
-    // a thread's end makes calls, too: it rests until the process ends
+    // the end of a thread makes system calls too, so it waits until the process ends
     for (;;) {
 #if defined(__x86_64__)
       __builtin_ia32_pause();
@@ -93,7 +93,7 @@ JailOutcome runInJail(const std::vector<int>& allowed, const std::function<void(
       static_cast<void>(verdict);
   static_cast<void>(&child);
 #else
-  // the number of a forbidden call comes back through a pipe: an exit code has only 8 bits
+  // a pipe returns the number of a forbidden call: an exit code has only 8 bits
   int ends[2];
   if (::pipe(ends) != 0) return outcome;
   const pid_t pid = ::fork();

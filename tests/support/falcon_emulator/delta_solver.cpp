@@ -22,7 +22,7 @@ Matrix3d legAxes(std::size_t leg) {
   return axes;
 }
 
-// ∂(foot that the angles give)/∂(angles)
+// ∂(foot position)/∂(angles)
 Matrix3d footRates(const LegAngles& angles) {
   const double c1 = std::cos(angles[0]), s1 = std::sin(angles[0]);
   const double c2 = std::cos(angles[1]), s2 = std::sin(angles[1]);
@@ -94,7 +94,7 @@ Vector3d gripAt(const Vector3d& thigh_rad) {
   AllLegs angles = anglesInTheMiddle();
   Vector3d p(falcon::kOrigin_F_m.x, falcon::kOrigin_F_m.y, falcon::kOrigin_F_m.z);
   const Vector3d from(angles[0][0], angles[1][0], angles[2][0]);
-  // the thighs turn from the middle to where they are asked for, the rest follows
+  // the thighs turn from the middle to the requested angles; the other joints follow
   const int steps = 1 + static_cast<int>((thigh_rad - from).norm() / 0.05);
   for (int i = 1; i <= steps; ++i) {
     const Vector3d now = from + (thigh_rad - from) * (static_cast<double>(i) / steps);

@@ -9,12 +9,12 @@ namespace {
 constexpr std::size_t kBoardPacket = 16, kHistory = 20'000;
 constexpr std::uint8_t kNothing = 0x41;  // the letter that stands for 0
 
-// a serial line bears about 3 % of difference; the chip's nearest to 1456312 is 3 % off
+// a serial line tolerates a difference of about 3 %; the chip's nearest rate to 1456312 is 3 % off
 bool baudIs(const SerialSettings& settings, double wanted) {
   return std::abs(settings.baud / wanted - 1) < 0.032;
 }
 
-// why a byte sent with `settings` is not understood by a bootloader that waits for its first word
+// why a bootloader waiting for its first word does not understand a byte sent with `settings`
 std::string wrongForHello(const SerialSettings& settings) {
   if (!settings.purged_input || !settings.purged_output) return "the chip's buffers were not purged";
   if (settings.latency_ms != 16) return "latency " + std::to_string(settings.latency_ms) + " ms, not 16";
@@ -49,7 +49,7 @@ void FalconBoard::say(std::initializer_list<std::uint8_t> bytes, TimePoint at) {
   for (const std::uint8_t byte : bytes) chip_->send(byte, at);
 }
 
-// DTR that rises resets the board into its bootloader
+// a rising DTR resets the board into its bootloader
 void FalconBoard::lines(const SerialSettings& settings, bool dtr_rose) {
   if (!dtr_rose) return;
   if (!settings.rts_was_set || settings.rts) return;
@@ -67,7 +67,7 @@ void FalconBoard::receive(std::uint8_t byte, const SerialSettings& settings, Tim
     case Mode::kLoads:
       if (baudIs(settings, 140'000)) return load(byte, at);
       if (!baudIs(settings, 1'456'312)) return ignore("firmware neither at 140000 baud nor ended");
-      // the host says that the image is whole
+      // the host reports that the image is complete
       if (image_.empty() || (!firmware_.empty() && image_ != firmware_))
         return ignore("the image of " + std::to_string(image_.size()) +
                       " bytes is not this device's firmware");

@@ -45,9 +45,9 @@ void FalconBody::resetEncoders() {
   for (std::size_t leg = 0; leg < 3; ++leg) counted_from_rad_[leg] = angles_[leg][0];
 }
 
-// while the encoder looks for its zero, it counts from the place where the thigh passes the mark
+// while the encoder searches its zero, it counts from the position where the thigh passes the mark
 void FalconBody::moveTo(const Eigen::Vector3d& p) {
-  // a mark is missed by a hand that is elsewhere at once, so go there in small steps
+  // an instant jump of the hand would miss the mark, so move in small steps
   const Eigen::Vector3d from = p_;
   const int steps = 1 + static_cast<int>((p - from).norm() / 0.002);
   for (int i = 1; i <= steps; ++i) {
@@ -98,7 +98,7 @@ void FalconBody::advance(TimePoint now) {
     moveTo(path_(secondsBetween(told_, now)));
     return;
   }
-  // implicit in the speed, so that it stays put whatever the hand's stiffness
+  // implicit in the speed, so that it is stable for any stiffness of the hand
   while (now_ < now) {
     const double h = std::min(kStep_s, secondsBetween(now_, now));
     now_ += std::chrono::ceil<Clock::duration>(std::chrono::duration<double>(h));

@@ -31,7 +31,7 @@ double baudOf(std::uint16_t value, std::uint16_t index) {
   const unsigned whole = value & 0x3FFFu;
   const unsigned code = static_cast<unsigned>(value >> 14) | (index & 1u) << 2;
   if (whole == 0) return 3e6;
-  if (whole == 1) return code == 0 ? 2e6 : 0;  // 1 and a fraction is not to be had
+  if (whole == 1) return code == 0 ? 2e6 : 0;  // 1 plus a fraction is not available
   return 3e6 / (whole + eighths[code]);
 }
 
@@ -133,8 +133,8 @@ std::size_t FtdiChip::arrived(TimePoint now) const {
   return static_cast<std::size_t>(later - to_host_.begin());
 }
 
-// a transfer ends with a packet that is not full, or when it is full itself; a packet that is not full goes
-// when the latency timer fires, be there data or not
+// a transfer ends with a partial packet, or when it is full itself; the chip sends a partial packet when the
+// latency timer fires, with or without data
 std::optional<Bytes> FtdiChip::in(std::size_t room, TimePoint now) {
   if (trouble_.nak_in || room < 2) return std::nullopt;
   const std::size_t per_packet = perPacket();
@@ -144,7 +144,7 @@ std::optional<Bytes> FtdiChip::in(std::size_t room, TimePoint now) {
   const bool full = per_packet == kDataInPacket && there / kDataInPacket >= packets_of_room;
   if (!full && !fired) return std::nullopt;
 
-  // a host with a buffer smaller than a packet gets the part that fits; the chip's packets are never longer
+  // a host buffer smaller than a packet gets only the part that fits
   const std::size_t fits = std::min(per_packet, std::min(room, kPacket) - 2);
   Bytes bytes;
   for (std::size_t packet = 0; packet < packets_of_room; ++packet) {
@@ -158,13 +158,13 @@ std::optional<Bytes> FtdiChip::in(std::size_t room, TimePoint now) {
     }
     if (size < kDataInPacket) break;
   }
-  // the timer goes on in step, unless the host was away
+  // the timer keeps its phase, unless the host was away
   if (fired) deadline_ = now - deadline_ < latency() ? deadline_ + latency() : now + latency();
   return bytes;
 }
 
 TimePoint FtdiChip::nextEvent(std::size_t room, TimePoint now) const {
-  if (room == 0 || trouble_.nak_in) return TimePoint::max();  // `wake` comes when the trouble ends
+  if (room == 0 || trouble_.nak_in) return TimePoint::max();  // `wake` is called when the trouble ends
   TimePoint next = std::max(deadline_, now);
   const std::size_t enough = kDataInPacket * std::max<std::size_t>(1, room / kPacket);
   if (perPacket() == kDataInPacket && to_host_.size() >= enough)

@@ -76,11 +76,11 @@ struct UsbPort::Glue {
     auto* const port = static_cast<UsbPort*>(data);
     { const std::lock_guard made(hand_over); }
     const std::lock_guard lock(port->mutex_);
-    // umockdev drops a client after its node was closed, and reports that in no other way
+    // umockdev drops a client after its node was closed; this is the only report of the close
     g_object_weak_ref(G_OBJECT(client), Glue::closed, port);
     port->clients_.push_back(client);
     if (port->timer_source_ != nullptr) return;
-    // the timer belongs to the thread that answers
+    // the answering thread owns the timer
     preferThisThread();
     port->timer_source_ = g_unix_fd_source_new(port->timer_, G_IO_IN);
     const GUnixFDSourceFunc fire = [](gint fd, GIOCondition, gpointer self) -> gboolean {
@@ -117,7 +117,7 @@ UsbPort::UsbPort(UsbTestbed& testbed, UsbPeripheral& peripheral)
 
 UsbPort::~UsbPort() {
   unplug();
-  // nothing of umockdev's thread may come back to us
+  // umockdev's thread must not call this object any more
   const auto let_go = [this] {
     for (const gulong signal : signals_) g_signal_handler_disconnect(handler_, signal);
     if (timer_source_ != nullptr) g_source_destroy(timer_source_);
@@ -167,7 +167,7 @@ void UsbPort::plug() {
   GError* error = nullptr;
   if (umockdev_testbed_attach_ioctl(testbed_.get(), node_.c_str(), handler_, &error) == 0)
     throw std::runtime_error("umockdev takes no handler for " + node_);
-  // udev hears of it last, when everything is there
+  // notify udev last, when everything is ready
   const std::string port = "1-" + std::to_string(port_);
   syspath_ = "/devices/usb1/" + port;
   Bytes descriptors = deviceDescriptor(identity);

@@ -1,4 +1,4 @@
-// The ioctls of usbfs and the transfers that they begin and end; the rest of UsbPort is in usb_port.cpp.
+// The usbfs ioctls and the transfers that they start and end; the rest of UsbPort is in usb_port.cpp.
 #include <sys/ioctl.h>
 
 #include <linux/usbdevice_fs.h>
@@ -27,7 +27,7 @@ void UsbPort::finish(const Transfer& transfer, int status, std::size_t actual) {
   finished_.push_back(transfer);
 }
 
-// every bulk transfer that can end now does; then it sleeps until another may
+// ends all bulk transfers that can end now; then sleeps until the next one can
 void UsbPort::pump() {
   if (gone_) return;
   const TimePoint now = Clock::now();
@@ -39,7 +39,7 @@ void UsbPort::pump() {
     finish(out_.front(), 0, size);
     out_.pop_front();
   }
-  // behind what was submitted before
+  // after the earlier submissions
   while (out_.empty() && !waiting_writes_.empty()) {
     const WaitingWrite& call = waiting_writes_.front();
     const bool taken = peripheral_.out(call.bytes, now);
@@ -202,8 +202,8 @@ bool UsbPort::handle(_UMockdevIoctlClient* client) {
     umockdev_ioctl_data_unref(data);
   };
 
-  // a device that is gone still gives back what was in flight; nobody is kept waiting here, as libusb never
-  // asks
+  // an unplugged device still returns transfers in flight; the blocking form is not supported, because libusb
+  // never uses it
   if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) {
     reap(client);
     return true;
@@ -270,7 +270,7 @@ bool UsbPort::handle(_UMockdevIoctlClient* client) {
   }
 }
 
-// as the kernel does when a node is closed: what is in flight is forgotten, claims end
+// as the kernel does when a node is closed: drops transfers in flight and releases claims
 void UsbPort::forgetClient(_UMockdevIoctlClient* client) {
   const auto known = std::find(clients_.begin(), clients_.end(), client);
   if (known == clients_.end()) return;

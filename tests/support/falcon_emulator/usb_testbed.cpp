@@ -10,7 +10,7 @@
 namespace needlelab::test {
 
 UsbTestbed::UsbTestbed() : testbed_(umockdev_testbed_new()) {
-  // a terminal stands for the device's node: its end must not end a process that leads a session
+  // a terminal stands for the device's node: its hang-up must not end a session leader
   if (::getsid(0) == ::getpid()) std::signal(SIGHUP, SIG_IGN);
   gchar* const root = umockdev_testbed_get_root_dir(testbed_);
   root_ = root;

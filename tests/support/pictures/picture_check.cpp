@@ -31,7 +31,7 @@ RgbaImage differencePicture(const RgbaImage& a, const RgbaImage& b, int per_chan
   for (std::size_t i = 0; i + 3 < out.pixels.size() && i + 3 < b.pixels.size(); i += 4) {
     int worst = 0;
     for (std::size_t c = 0; c < 3; ++c) worst = std::max(worst, std::abs(a.pixels[i + c] - b.pixels[i + c]));
-    // what is the same is dim, what is not shines
+    // equal pixels are dim, different ones bright
     const bool off = worst > per_channel;
     for (std::size_t c = 0; c < 3; ++c)
       out.pixels[i + c] = static_cast<std::uint8_t>(off ? (c == 2 ? 0 : 255) : a.pixels[i + c] / 4);

@@ -9,7 +9,7 @@ namespace needlelab::test {
 namespace {
 
 constexpr std::size_t kMostQueued = 64u << 10;  // of one direction; above, the sender is not read
-constexpr std::size_t kFirstBytes = 4096;       // what a duplicate repeats
+constexpr std::size_t kFirstBytes = 4096;       // repeated by a duplicate
 constexpr auto kStallLook = std::chrono::milliseconds(2);
 
 void hardClose(Tcp::socket& socket) {
@@ -79,7 +79,7 @@ Task<> FaultConnection::readLane(std::shared_ptr<FaultConnection> self, Way way)
   const WayScript& script = it.script(way);
   std::array<char, 16384> buffer;
   while (!it.ended_) {
-    // what the receiver does not take must not be taken from the sender either
+    // when the receiver stops reading, stop reading from the sender too
     if (lane.queued >= kMostQueued && !it.silent_ && !lane.over) {
       co_await it.change(lane);
       continue;
@@ -87,7 +87,7 @@ Task<> FaultConnection::readLane(std::shared_ptr<FaultConnection> self, Way way)
     auto [error, count] = co_await it.from(way).async_read_some(asio::buffer(buffer), kUseTuple);
     if (it.ended_) co_return;
     if (it.silent_) {
-      // nobody hears of this end: the other side stays as it is
+      // the other side does not learn of this end
       if (!error) continue;
       hardClose(it.from(way));
       if (!it.to(way).is_open()) it.end(true);
@@ -195,7 +195,7 @@ void FaultConnection::laneOver(Way way, bool reset) {
   mine.queue.clear();
   mine.queued = 0;
   mine.wake.cancel();
-  // what the client sent before it left is still to come: the server sees it, and its end, later
+  // the held bytes of the client, and its end, reach the server later
   const bool late = script_.hold_at.has_value() && !up_.over;
   if (late) return;
   if (!reset && !lane(way == Way::kUp ? Way::kDown : Way::kUp).over) {
@@ -228,7 +228,7 @@ Task<> FaultConnection::duplicate(std::shared_ptr<FaultConnection> self, std::ui
   if (error) co_return;
   ++it.proxy_.counts_.duplicates;
   asio::steady_timer timer(it.client_.get_executor());
-  // a replay of what the client says, as it says it; an end when the server ends it or the client is gone
+  // replays the client's bytes as they come; ends when the server ends it or the client is gone
   for (std::size_t sent = 0; !it.ended_ && sent < kFirstBytes;) {
     if (sent < it.first_bytes_.size()) {
       const std::string more = it.first_bytes_.substr(sent);

@@ -27,7 +27,7 @@ T orEnd(Result<T> result) {
   std::abort();
 }
 
-// a hand's way between two places: starts and ends gently
+// a hand's path between two points: starts and ends gently
 double gently(double share) {
   const double t = std::clamp(share, 0.0, 1.0);
   return t * t * t * (10 - 15 * t + 6 * t * t);
@@ -86,7 +86,7 @@ SampleLesson sampleLesson(const std::string& name, const LessonShape& shape) {
     left = left * (1 - in_share) + out_share;
     const Vec3 tremor = side * (0.00015 * std::sin(2 * 3.14159265 * 9 * t)) +
                         axis * (0.00004 * std::sin(2 * 3.14159265 * 11 * t));
-    // a hand sways, so that there is something to tilt
+    // the hand sways, so that the needle tilts
     const double sway = 0.06 * std::sin(2 * 3.14159265 * 0.45 * t);
     const Vec3 about = cross(axis, side);
     const Quat swing{about.x * std::sin(sway / 2), about.y * std::sin(sway / 2), about.z * std::sin(sway / 2),

@@ -1,4 +1,4 @@
-// What the world around the device does: commands, and the script that gives them their time.
+// The device's surroundings: commands, and the script that times them.
 #include <algorithm>
 #include <cstdlib>
 #include <sstream>
@@ -121,7 +121,7 @@ int World::script(const std::string& text) {
   return 0;
 }
 
-// in device time, a cycle is a millisecond; what has a time of 0 does not wait for the first reading
+// in device time, a cycle is a millisecond; commands at time 0 do not wait for the first reading
 void World::runScript() {
   const double since_s = first_read_cycle_ < 0 ? 0 : static_cast<double>(cycles_ - first_read_cycle_) * 1e-3;
   while (next_event_ < events_.size() && events_[next_event_].time_s <= since_s + 1e-9)

@@ -1,4 +1,4 @@
-// The vendor's functions, as far as the station uses them, with the vendor's rules.
+// The vendor's functions used by the station, with the vendor's rules.
 #include <cmath>
 
 #include "tests/support/virtuose_standin/world.h"
@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kIncorrectValue = 9, kWrongMode = 17, kCallTime = 19, kNoMode = 0;
 
-// one call: time, link, rule, answer. `rule` gives 0 or the code that the call is refused with
+// one call: time, link, rule, answer. `rule` returns 0 or the error code of a refused call
 template <typename Rule>
 int call(void* pointer, const char* name, bool sets, Rule rule) {
   World& w = world();

@@ -22,7 +22,7 @@ constexpr double kHotShare = 0.5;  // a hot device renders less
 constexpr int kOutOfMemory = 1, kCommunication = 2, kTimeOut = 6, kIncompatible = 20;
 constexpr int kIndexingAll = 0;
 constexpr unsigned kOverheat = 0x4000, kSaturation = 0x8000, kOverrun = 0x20000;
-constexpr std::size_t kLog = 16'384;  // reserved: a haptic thread calls us
+constexpr std::size_t kLog = 16'384;  // reserved, because a haptic thread calls this
 
 double machineTime() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -42,7 +42,7 @@ World& world() {
 bool ExchangeRule::take(double now_s) {
   left_ = std::min(kMost, left_ + (now_s - last_s_) * kRate_hz);
   last_s_ = now_s;
-  // a hair less than one: virtual milliseconds are sums of 0.001
+  // slightly less than one: virtual milliseconds are sums of 0.001
   if (left_ < 1 - 1e-6) return false;
   left_ -= 1;
   return true;
@@ -91,7 +91,7 @@ void World::advance(double seconds) {
 
 void World::catchUp() {
   if (!started_) {
-    // the first call of a program that knows nothing of us: real time, and perhaps a script
+    // the first call of a program that does not control the stand-in: real time, and optionally a script
     reset();
     virtual_time_ = false;
     start_s_ = machineTime();
@@ -121,7 +121,7 @@ void World::millisecond() {
   index();
 }
 
-// the controller's own cycle: what a command of the last millisecond makes of the motors
+// the controller's own cycle: applies the command of the last millisecond to the motors
 void World::render() {
   const Context* context = active();
   felt_ = isPowered() && context != nullptr && context->command_type == kImpedance ? next_
@@ -144,7 +144,7 @@ void World::render() {
     for (double& value : felt_) value *= kHotShare;
 }
 
-// the service cuts who is silent
+// the service cuts silent connections
 void World::watch() {
   const double now_s = static_cast<double>(cycles_) * 1e-3;
   for (Context& context : contexts_) {
@@ -240,7 +240,7 @@ int World::answer(Context* context, const char* call, int error, bool sets) {
   return -1;
 }
 
-// the last word once; nothing beyond what was reserved
+// skips a repeat of the last word; never exceeds the reserved size
 void World::remember(std::string& list, std::string_view word) {
   const bool is_last = list.size() >= word.size() &&
                        list.compare(list.size() - word.size(), word.size(), word) == 0 &&
@@ -252,7 +252,7 @@ void World::remember(std::string& list, std::string_view word) {
 
 int World::close(Context& context) {
   const int error = arrives(context, "virtClose");
-  // what the service does not hear it learns from the silence
+  // without a message, the service detects the end by the silence
   const bool is_heard = error == 0 || context.state == Context::State::kCut;
   context.state = is_heard ? Context::State::kFree : Context::State::kLeftOpen;
   if (is_heard) {
