@@ -48,7 +48,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
       "needlelab-admin: people, groups, stations, profiles, courses, results, sessions, studies, backup"};
   app.set_version_flag("--version", std::string("needlelab-admin ") + NEEDLELAB_VERSION);
   app.require_subcommand(1);
-  app.fallthrough();  // the options below may stand after the subcommand, too
+  app.fallthrough();  // the options below are allowed after the subcommand, too
   app.footer(
       "Works on a running server (--server, --ca, --user) or on the folder of a stopped one (--data).\n"
       "Passwords come from files or the terminal, never from arguments.\n"
@@ -84,10 +84,10 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    // 0 for --help and --version; CLI11's other codes are all wrong usage here
+    // 0 for --help and --version; all other CLI11 codes mean wrong usage
     return app.exit(e, out, err) == 0 ? kExitDone : kExitInvalid;
   }
-  // a password file given to `user add` alone: with --server it is needed to log in
+  // a password file only for `user add`; --server needs one to log in, too
   if (!global.server.empty() && global.password_file.empty())
     std::swap(global.password_file, chosen.new_password_file);
 
@@ -108,7 +108,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   if (const auto done = chosen.run(context); !done) return fail(err, done.error());
   return kExitDone;
 } catch (const std::exception& e) {
-  // out of memory, or the file system: said in a line, never with a trace
+  // out of memory, or a file system error: report it in one line, without a trace
   err << "needlelab-admin: " << e.what() << "\n";
   return kExitFailed;
 }
@@ -167,7 +167,7 @@ Result<std::int64_t> momentOf(const std::string& field, const std::string& text)
   parts.tm_year -= 1900;
   parts.tm_mon -= 1;
   const std::time_t seconds = ::timegm(&parts);
-  // timegm takes a 31st of February for a day in March
+  // timegm turns 31 February into a day in March
   if (parts.tm_mon + 1 != given.tm_mon || parts.tm_mday != given.tm_mday || parts.tm_hour != given.tm_hour ||
       parts.tm_min != given.tm_min || given.tm_year < 1970 || given.tm_year > 2261)
     return wrong("is no day or time that there is");

@@ -1,4 +1,4 @@
-/// The program, callable from tests.
+/// The admin program as a function, for tests.
 #pragma once
 
 #include <iosfwd>

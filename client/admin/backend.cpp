@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-/// The name in the audit log of a person who works on the folder itself.
+/// The audit log's name for a person who works directly on the folder.
 std::string localName() {
   const passwd* entry = ::getpwuid(::getuid());
   return "local:" + (entry != nullptr && entry->pw_name != nullptr ? std::string(entry->pw_name)
@@ -39,7 +39,7 @@ class ServerBackend : public Backend {
  public:
   explicit ServerBackend(BlockingClient client) : client_(std::move(client)) {}
   Result<pb::Reply> call(const pb::Request& request) override {
-    // these may read the whole database
+    // these requests may read the whole database
     const bool slow = request.has_backup() || request.has_check() || request.has_run_retention() ||
                       request.has_rescore_all();
     return client_.call(request, slow ? std::chrono::hours(12) : std::chrono::minutes(5));
@@ -56,10 +56,10 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
   Store::Options options;
   options.holder = "needlelab-admin";
   options.create = create;
-  options.writer.window = std::chrono::milliseconds(0);  // nobody else writes: nothing to wait for
+  options.writer.window = std::chrono::milliseconds(0);  // no other writer: no need to wait
   auto store = Store::open(folder, options);
   if (!store) {
-    // the folder is what the user named: a wrong one is wrong input
+    // the user named the folder, so a wrong one is wrong input
     const bool missing = store.error().code == ErrorCode::kNotFound;
     return Error{missing ? ErrorCode::kInvalidInput : store.error().code, store.error().message};
   }

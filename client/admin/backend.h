@@ -1,4 +1,4 @@
-/// Executes requests: on a running server, or by this program on a stopped server's folder.
+/// Executes requests on a running server, or directly on a stopped server's folder.
 #pragma once
 
 #include <filesystem>
@@ -18,14 +18,14 @@ class Backend {
   Backend(const Backend&) = delete;
   Backend& operator=(const Backend&) = delete;
   virtual ~Backend() = default;
-  /// Blocks until the reply is there (changes: until they are committed).
+  /// Blocks until the reply arrives (changes: until they are committed).
   virtual Result<pb::Reply> call(const pb::Request& request) = 0;
-  /// True when paths in requests are paths of this machine.
+  /// Returns whether paths in requests are paths on this machine.
   [[nodiscard]] virtual bool local() const = 0;
 };
 
-/// DIR of a stopped server, as administrator. `create`: make it when it is missing.
-/// Errors: as Store::open; kUnavailable says that a server is running there.
+/// Opens DIR of a stopped server, as administrator. `create`: creates a missing folder. Errors: as
+/// Store::open; kUnavailable when a server is running there.
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create);
 
 struct ServerAddress {

@@ -15,13 +15,13 @@
 
 namespace needlelab {
 
-/// Options that stand before or after the subcommand.
+/// Options before or after the subcommand.
 struct GlobalOptions {
   std::string data;    ///< --data DIR
   std::string server;  ///< --server HOST:PORT
   std::string ca;
   std::string user;
-  std::string password_file;  ///< --password-file before the subcommand: the one to log in with
+  std::string password_file;  ///< --password-file before the subcommand: the log-in password
 };
 
 struct CommandContext {
@@ -30,18 +30,18 @@ struct CommandContext {
   const GlobalOptions& global;
 };
 
-/// The command that the command line chose.
+/// The chosen command.
 struct ChosenCommand {
-  std::function<Status()> check;  ///< optional: faults of the arguments that show without any database
+  std::function<Status()> check;  ///< optional: checks the arguments without a database
   std::function<Status(CommandContext&)> run;
-  /// In place of `run`: works on the files of --data alone, no database is opened.
+  /// Replaces `run` for commands that only need the files of --data, without opening the database.
   std::function<Status(const std::filesystem::path& folder, Output&)> run_on_files;
-  bool may_create = false;        ///< with --data: makes the folder when it is missing
+  bool may_create = false;        ///< with --data: creates a missing folder
   std::string new_password_file;  ///< of `user add` and `user passwd`
 };
 
 inline constexpr bool kMayCreate = true;
-/// Makes `command` run this function.
+/// Sets the function of `command`.
 inline void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run,
                  bool may_create = false) {
   command->callback([&chosen, run = std::move(run), may_create] {
@@ -62,34 +62,34 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen);
 void addScoreCommands(CLI::App& app, ChosenCommand& chosen);
 void addPersonCommands(CLI::App& app, ChosenCommand& chosen);
 
-/// Asks for a list page by page (control.proto): `ask` puts a page's name into the request, `take` keeps a
-/// reply's rows and gives the name of the page behind it; empty: enough.
+/// Requests a list page by page (control.proto): `ask` sets a page's name in the request; `take` stores a
+/// reply's rows and returns the next page's name, or an empty one to stop.
 Status eachPage(Backend& backend, const std::function<void(pb::Request&, const std::string&)>& ask,
                 const std::function<std::string(const pb::Reply&)>& take);
 
-/// A score with its comparison; `version` of the definitions, 0: the newest that there is.
+/// A score with its comparison; `version` of the definitions, 0: the newest.
 Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t version);
 
-/// A session's id from the command line. kInvalidInput.
+/// Parses a session's id from the command line. Errors: kInvalidInput.
 Result<Uuid> sessionIdOf(const std::string& text);
 
-/// Text to a file, atomically, or to `output` when `file` is empty.
+/// Writes the text to a file, atomically, or to `output` when `file` is empty.
 Status writeText(Output& output, const std::string& file, const std::string& text);
 
-/// A moment with its time zone: "2026-12-01T18:00Z", "2026-12-01T18:00:30+01:00" as ns since 1970 (UTC). A
-/// text without a zone is refused: what a bare time means depends on who reads it. kInvalidInput.
+/// A moment with its time zone: "2026-12-01T18:00Z", "2026-12-01T18:00:30+01:00" as ns since 1970 (UTC).
+/// Refuses a text without a zone, because a bare time is ambiguous. Errors: kInvalidInput.
 Result<std::int64_t> momentOf(const std::string& field, const std::string& text);
 
-// Passwords come from a file or the terminal, never from an argument: everybody on the machine sees those.
+// Passwords come from a file or the terminal, never from an argument: all users of the machine can see those.
 
-/// The first line of a file. kInvalidInput: missing, empty, too long.
+/// Returns the first line of a file. Errors: kInvalidInput (missing, empty, too long).
 Result<std::string> passwordFromFile(const std::filesystem::path& file);
 
-/// Asks on the terminal without echo. kInvalidInput without a terminal: names
-/// `option` as the way out.
+/// Asks on the terminal without echo. Errors: kInvalidInput without a terminal; the message suggests
+/// `option`.
 Result<std::string> askPassword(const std::string& prompt, const std::string& option);
 
-/// A new password, asked for twice.
+/// Asks twice for a new password.
 Result<std::string> askNewPassword(const std::string& name, const std::string& option);
 
 }  // namespace needlelab

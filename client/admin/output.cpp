@@ -37,7 +37,7 @@ std::string cellText(const Json& row, const Column& column) {
   return found->dump();
 }
 
-/// Characters, not bytes: continuation bytes of UTF-8 take no place.
+/// Counts characters, not bytes: skips continuation bytes of UTF-8.
 std::size_t widthOf(std::string_view text) {
   return static_cast<std::size_t>(std::count_if(
       text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
@@ -84,7 +84,7 @@ std::string oneLine(std::string_view text) {
 }
 
 std::string tableText(const std::vector<Column>& columns, const Json& rows) {
-  // all cells first, to know how wide the columns are
+  // format all cells first, to find the column widths
   std::vector<std::vector<std::string>> lines(1);
   for (const Column& column : columns) lines[0].emplace_back(column.title);
   for (const Json& row : rows) {
@@ -144,7 +144,7 @@ void Output::remark(std::string_view line) {
 
 Status Output::writeJson(const Json& rows) {
   const Json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
-  // what is no UTF-8 (there should be nothing of the kind) must not throw
+  // invalid UTF-8 (not expected) must not throw
   const std::string text = whole.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   if (!json_file_->empty()) return writeFileAtomically(*json_file_, viewOf(text));
   out_ << text;

@@ -1,4 +1,4 @@
-/// Output of the tool: tables for people, one JSON object for programs, from the same rows.
+/// The tool's output from the same rows: tables for people, or one JSON object for programs.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace needlelab {
 
 using Json = nlohmann::ordered_json;
 
-/// A column of a table: which key of the rows' JSON, under which title, shown how.
+/// A column of a table: the key in the rows' JSON, the title and the format.
 struct Column {
   enum class Kind {
     kPlain,
@@ -27,7 +27,7 @@ struct Column {
   Kind kind = Kind::kPlain;
 };
 
-/// Prints results and remarks. Thread: one.
+/// Prints results and messages. Thread: one.
 class Output {
  public:
   /// `json_file`: nothing = tables; empty = JSON to `out`; else JSON to that file.
@@ -40,7 +40,7 @@ class Output {
   Status list(const std::vector<Column>& columns, const Json& rows, std::string_view if_empty = "nothing");
   /// One object: "key value" lines for people (the given columns, in order), or JSON with one row.
   Status one(const std::vector<Column>& columns, const Json& row);
-  /// More text for people, e.g. after one(); nothing when JSON is asked for.
+  /// Prints more text for people, e.g. after one(); nothing with JSON.
   void text(std::string_view line);
   /// "key added" and the like: to `out`, or to `err` when JSON goes to `out`.
   void done(std::string_view line);
@@ -59,10 +59,10 @@ class Output {
 std::string timeText(std::int64_t unix_ns);
 /// 12 B, 3.4 kB, 5.6 MB …
 std::string bytesText(std::uint64_t bytes);
-/// The text as it may go to a terminal: control characters and line ends become spaces.
+/// Makes a text safe for a terminal: control characters and line ends become spaces.
 std::string oneLine(std::string_view text);
 
-/// A table as text, a line a row; used by Output and for tables inside of other texts.
+/// Returns a table as text, one line per row; used by Output and for tables inside other texts.
 std::string tableText(const std::vector<Column>& columns, const Json& rows);
 
 }  // namespace needlelab

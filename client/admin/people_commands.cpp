@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-/// trainee, instructor, curriculum-manager, administrator; short forms and the names of the protocol as well.
+/// Parses trainee, instructor, curriculum-manager, administrator; also short forms and the protocol's names.
 Result<pb::Role> parseRole(std::string text) {
   std::transform(text.begin(), text.end(), text.begin(),
                  [](unsigned char c) { return static_cast<char>(c == '_' ? '-' : std::tolower(c)); });
@@ -65,7 +65,7 @@ Status listUsers(CommandContext& context) {
                              rows, "nobody yet");
 }
 
-/// A table of people; what happens to each row, and what is wrong where.
+/// Imports a table of people; shows the outcome of each row and the errors.
 Status importPeople(CommandContext& context, const std::string& file, bool dry_run) {
   ASSIGN_OR_RETURN(const auto text, readWholeFile(file, 900'000));
   pb::Request request;
@@ -99,7 +99,7 @@ Status importPeople(CommandContext& context, const std::string& file, bool dry_r
   return {};
 }
 
-/// As the person is now, with what the command says in its place.
+/// Changes a person's current revision by the command's fields.
 Status changeUser(CommandContext& context, pb::ChangeUser change) {
   pb::Request show;
   show.mutable_get_user()->set_name(change.name());
@@ -115,7 +115,7 @@ Status changeUser(CommandContext& context, pb::ChangeUser change) {
 constexpr std::size_t kMostPieceBytes = 700'000;  // of records in one request, which must fit into 1 MiB
 constexpr std::size_t kMostRecordsFile = 512u << 20;
 
-/// Pages of records as lines, to a file (atomically, for its owner only) or to the output.
+/// Writes pages of records as lines, to a file (atomically, readable only by its owner) or to the output.
 Status writeRecords(CommandContext& context, const std::string& file,
                     const std::function<void(pb::Request&, const std::string&)>& ask,
                     const std::string& what) {
@@ -315,7 +315,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     };
     chosen.run = [&global, &chosen, values](CommandContext& context) -> Status {
       const auto role = parseRole(values->role);
-      // on a folder nobody logs in: a file given before the subcommand can only be the new password's
+      // a folder needs no log-in: a file before the subcommand can only be the new password's
       std::string file = chosen.new_password_file;
       if (file.empty() && context.backend.local()) file = global.password_file;
       pb::Request request;
@@ -390,7 +390,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   });
 }  // namespace needlelab
 
-// A person's data, consent, studies, and everything as records.
+// A person's data, consent, studies, and the export of all records.
 
 void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   addOnePersonCommands(app, chosen);

@@ -11,7 +11,7 @@ namespace {
 
 Status importProfile(CommandContext& context, const std::string& file) {
   ASSIGN_OR_RETURN(const auto text, readWholeFile(file, kMaxProfileBytes));
-  // checked here as well, so that the message names the file
+  // check here as well, so that the message names the file
   ASSIGN_OR_RETURN(const auto profile, parseProfile(text, file));
   for (const std::string& warning : profileWarnings(profile))
     context.output.remark(file + ": warning: " + warning);

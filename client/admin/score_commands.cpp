@@ -1,5 +1,4 @@
-// Scores: of a session, of everybody as a table, again by newer definitions; the experts that others are
-// compared with.
+// Scores: of a session, of everybody as a table, recomputed by newer definitions; the reference experts.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -12,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-/// The rows of a list in a reply; an empty list for a text that is none.
+/// Returns the rows of a list in a reply; an empty list for an invalid text.
 Json rowsOfText(const std::string& json) {
   Json rows = Json::parse(json.empty() ? "[]" : json, nullptr, false);
   return rows.is_array() ? rows : Json::array();
@@ -25,7 +24,7 @@ struct ScoreChoice {
   std::vector<std::string> sessions;
 };
 
-/// Further formats: another pair of functions that take what ListScores gives, one row after the other.
+/// To add a format, write another pair of functions for the rows of ListScores.
 Status exportScores(CommandContext& context, const ScoreChoice& choice) {
   ASSIGN_OR_RETURN(auto file, GrowingFile::create(choice.out));
   std::string text;
@@ -114,7 +113,7 @@ Status showReference(CommandContext& context, const pb::Reference& reference) {
                              rows, "no session of experts was chosen yet");
 }
 
-/// In place of those that were chosen before.
+/// Replaces the previous choice.
 Status setReference(CommandContext& context, const ScoreChoice& choice) {
   pb::Request now;
   now.mutable_get_reference()->set_exercise_id(choice.exercise);

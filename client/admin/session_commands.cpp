@@ -39,7 +39,7 @@ Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
                              rows, "no sessions");
 }
 
-/// The syringe's events as rows of JSON; null while the session is open, or where they cannot be worked out.
+/// The syringe's events as rows of JSON; null while the session is open, or if they cannot be computed.
 struct SessionEvents {
   Json rows;
   bool stored = false;
@@ -98,8 +98,7 @@ Status showSession(CommandContext& context, const Uuid& id) {
   Json row = sessionRow(session);
   row["profile"] = Json::parse(session.description().profile_json(), nullptr, false);
   row["score"] = session.score_json().empty() ? Json() : Json::parse(session.score_json(), nullptr, false);
-  // an open session has none yet, and a profile that cannot be read gives none: the rest is shown all the
-  // same
+  // an open session has no events yet, and an unreadable profile gives none: show the rest anyway
   const auto events = eventsOf(context, id);
   row["events"] = events ? events->rows : Json();
   row["annotations"] = std::move(notes);
@@ -217,7 +216,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     chosen.run = [filter](CommandContext& context) { return listSessions(context, *filter); };
   });
 
-  /// Subcommands that begin with a session's id.
+  /// Subcommands with a session's id as first argument.
   const auto with_id = [&chosen, values](CLI::App* command, auto run) {
     command->add_option("id", values->id, "as session list shows it")->required()->type_name("ID");
     runs(command, chosen, [values, run](CommandContext& context) -> Status {

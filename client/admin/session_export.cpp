@@ -25,27 +25,27 @@
 namespace needlelab {
 namespace {
 
-// --- where exported chunks go: a file of one of three formats
+// --- targets of exported chunks: a file in one of three formats
 
-/// The samples that are kept. Times are ns since the recording's first sample.
+/// The exported samples. Times are ns since the recording's first sample.
 struct SampleWindow {
-  std::optional<std::int64_t> first_time_ns;  ///< of the recording; nothing: of the first sample that comes
+  std::optional<std::int64_t> first_time_ns;  ///< of the recording; empty: taken from the first sample
   std::int64_t from_ns = INT64_MIN;
   std::int64_t to_ns = INT64_MAX;
 };
 
-/// Takes chunks in order, then is finished once; without that nothing is left of it. Thread: one.
+/// Takes chunks in order, then one call of finish; without it no file is left. Thread: one.
 class SampleSink {
  public:
   SampleSink() = default;
   SampleSink(const SampleSink&) = delete;
   SampleSink& operator=(const SampleSink&) = delete;
   virtual ~SampleSink() = default;
-  /// kCorrupt: the chunk cannot be decoded; nothing of it was written.
+  /// Errors: kCorrupt when the chunk cannot be decoded; nothing of it was written.
   virtual Status take(ByteView chunk) = 0;
   virtual Status finish() = 0;
   [[nodiscard]] std::uint64_t samples() const { return samples_; }
-  /// A sample at or behind the window's end was seen.
+  /// Whether a sample at or after the window's end was seen.
   [[nodiscard]] bool past() const { return past_; }
 
  protected:
@@ -159,7 +159,7 @@ std::string idText(const std::string& bytes) {
   return uuidText(id);
 }
 
-/// Ten years: what an integer of ns can hold, and more than a session lasts.
+/// Ten years: fits an integer of ns, and is longer than any session.
 constexpr double kMostSeconds = 3.2e8;
 constexpr std::size_t kFaultsNamed = 20;
 
@@ -179,7 +179,7 @@ Status checkRange(const ExportRange& range) {
   return {};
 }
 
-/// Says each second or so how far it is, when somebody looks.
+/// Shows the progress about once a second on a terminal.
 class Progress {
  public:
   explicit Progress(Output& output) : output_(output), shown_(::isatty(STDERR_FILENO) != 0) {}
@@ -237,7 +237,7 @@ class Export {
   }
 
  private:
-  /// Where to begin, and from when times are counted.
+  /// Finds the first chunk and the time origin.
   Status seek(SampleWindow& window) {
     if (!range_.from_s || session_.chunks() == 0) return {};
     pb::Request request;
@@ -254,7 +254,7 @@ class Export {
     return {};
   }
 
-  /// As many chunks as the session had when it was asked for; a live one goes on growing.
+  /// Reads the chunks that the session had at the request; a live session goes on growing.
   Status readInto(SampleSink& sink) {
     first_ = next_;
     Progress progress(output_);
@@ -306,12 +306,12 @@ class Export {
   }
 
   void fault(std::uint64_t seq, const std::string& text) {
-    // what lies behind the end of the part asked for is none of it
+    // samples after the end of the requested part do not belong to it
     if (seq >= session_.chunks()) return;
     if (++faults_ <= kFaultsNamed) output_.remark("damaged: " + text);
   }
 
-  /// Over a part, or around damage, there is nothing to compare with.
+  /// A partial export, or one around damage, has no hash to compare with.
   Status checkHash() {
     if (!whole_ || faults_ > 0 || session_.hash().empty()) return {};
     const Digest digest = hash_.digest();
@@ -346,7 +346,7 @@ class Export {
   const ExportRange range_;
   pb::SessionInfo session_;
   SessionHash hash_;
-  std::uint64_t first_ = 0, next_ = 0;  ///< chunks: where it began, what comes next
+  std::uint64_t first_ = 0, next_ = 0;  ///< chunks: the first one and the next one
   std::uint64_t bytes_ = 0;
   std::size_t faults_ = 0;
   bool whole_ = false;
@@ -441,7 +441,7 @@ Status exportStudyRecording(Backend& backend, Output& output, const std::string&
     read.mutable_read_study_recording()->set_session(session);
     read.mutable_read_study_recording()->set_from_seq(next);
     ASSIGN_OR_RETURN(const auto reply, backend.call(read));
-    // only now: an unknown session leaves no file
+    // only now, so that an unknown session leaves no file
     if (!sink) {
       auto opened = openSampleSink(format, file, Json{{"study", study}, {"session", session}}, {});
       if (!opened) return opened.error();

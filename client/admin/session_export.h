@@ -1,5 +1,5 @@
-/// A session's samples to a file, read in parts, written atomically, in memory that does not grow with its
-/// length.
+/// Exports a session's samples to a file: reads them in parts and writes atomically, in memory independent of
+/// the session's length.
 #pragma once
 
 #include <filesystem>
@@ -17,30 +17,31 @@ namespace needlelab {
 /// The part of a session to export, and the treatment of damage.
 struct ExportRange {
   std::optional<double> from_s,
-      to_s;                    ///< since the first sample, by the station's clock; from is in, to is not
-  bool around_damage = false;  ///< write what can be read around damaged chunks; that is still a failure
+      to_s;  ///< since the first sample, by the station's clock; `from` inclusive, `to` exclusive
+  bool around_damage =
+      false;  ///< write the readable part around damaged chunks; the result is still a failure
 };
 
 /// `format`: "csv" (columns of gesture/sample_csv.h), "json" ({"version", "machine", "session", "rows"}) or
-/// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Every chunk is checked, and
-/// at the end of a whole export the hash over all of them against that of the recording: on any fault there
-/// is no file, except with `around_damage`: then each fault is named, the file is there, and the result is
-/// kCorrupt. A thinned recording is exported as such; an open session as far as it is stored.
+/// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Checks every chunk, and at
+/// the end of a whole export compares the hash over all chunks with that of the recording. A fault leaves no
+/// file, except with `around_damage`: then the export reports each fault, writes the file and returns
+/// kCorrupt. Exports a thinned recording as such, and an open session as far as it is stored.
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
                      const std::filesystem::path& file, const ExportRange& range = {});
 
 // A session as JSON.
 
-/// Everything but profile, score and remarks.
+/// Returns everything except profile, score and remarks.
 Json sessionRow(const pb::SessionInfo& session);
 /// Lower-case hexadecimal digits.
 std::string hexOfBytes(const std::string& bytes);
 
 // `needlelab-admin study recording`: the samples of one session of a study's export.
 
-/// Writes the recording behind a session's pseudonym; ticks and times begin with 0. `format`: csv, json or
-/// recording, as in `session export`. Errors: kNotFound when the study has no such session (any more); on any
-/// fault there is no file. Thread: the caller's.
+/// Writes the recording of a session's pseudonym; ticks and times start at 0. `format`: csv, json or
+/// recording, as in `session export`. Errors: kNotFound when the study does not have the session (any more).
+/// A fault leaves no file. Thread: the caller's.
 Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
                             const std::string& session, const std::string& format,
                             const std::filesystem::path& file);

@@ -14,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-/// The key is shown once only: find out before it is made whether it can be written down.
+/// The server shows the key only once: check that the file is writable before making the key.
 Status checkWritable(const std::filesystem::path& file) {
   std::error_code ignored;
   if (std::filesystem::exists(std::filesystem::symlink_status(file, ignored))) {
@@ -45,13 +45,13 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   return {};
 }
 
-/// The authority that the station has to trust: of the folder, made with the server's certificate when it is
-/// missing; or the one that this program was given to reach the server.
+/// Returns the certificate authority for the station to trust: the folder's, made with the server's
+/// certificate if missing; or the one given to this program to reach the server.
 Result<std::string> authorityFor(const CommandContext& context, const Endpoint& server) {
   std::filesystem::path file = context.global.ca;
   if (context.backend.local()) {
     const TlsFiles files = tlsFilesIn(std::filesystem::path(context.global.data) / "tls");
-    // the certificate is for the name by which the station will call
+    // the certificate must cover the name that the station will connect to
     if (auto made = ensureTlsFiles(files, {server.host}); !made) return made.error();
     file = files.ca_certificate;
   }
@@ -63,7 +63,7 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   Enrolment enrolment;
   enrolment.station = name;
   enrolment.server = *parseEndpoint(server);
-  // all that can fail before the key is made, because it is shown once only
+  // do everything that can fail before making the key, because it is shown only once
   ASSIGN_OR_RETURN(auto ca, authorityFor(context, enrolment.server));
   enrolment.ca_pem = std::move(ca);
   pb::Request request;
@@ -90,7 +90,7 @@ Status listStations(CommandContext& context) {
                 {"trainee", nullptr},
                 {"exercise_id", nullptr},
                 {"spool_left", nullptr}};
-    // a folder does not know who is connected
+    // a folder has no connection state
     if (!context.backend.local()) {
       row["online"] = station.online();
       if (station.online()) {

@@ -17,7 +17,7 @@ Result<pb::Group> groupNamed(Backend& backend, const std::string& id) {
   return reply.group();
 }
 
-/// The group as it is now, otherwise made; then what the command says.
+/// The command's changes to a group, which is loaded, or made with `create`.
 struct GroupEdit {
   std::string id, name;
   std::vector<std::string> join, leave;

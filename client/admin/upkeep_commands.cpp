@@ -44,7 +44,7 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
 
 Status restore(const std::filesystem::path& folder, Output& output, const std::string& from) {
   ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs()));
-  // opened once, so that it is known to open, and the audit log says what happened
+  // open it once, to check that it opens, and to write the audit log
   Store::Options options;
   options.holder = "needlelab-admin";
   options.create = false;
@@ -402,7 +402,8 @@ void addRetentionCommands(CLI::App& app, ChosenCommand& chosen) {
   });
 }
 
-// The server's certificate: what it says, and a new one. Works on DIR/tls, whether the server runs or not.
+// The server's certificate: what it says, and a new one. Works on DIR/tls, with the server running or
+// stopped.
 
 void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* certificate = app.add_subcommand("certificate", "by which stations know the server (needs --data)");

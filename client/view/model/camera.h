@@ -1,4 +1,4 @@
-/// A camera that orbits a point: plain maths, no window.
+/// A camera that orbits a point; independent of any window.
 #pragma once
 
 #include <array>
@@ -12,12 +12,12 @@ namespace needlelab {
 /// Column-major, as OpenGL takes it.
 using Matrix4 = std::array<float, 16>;
 
-/// A place in a picture: x to the right, y down, in pixels from its upper left corner; depth 0 (near) to 1.
+/// A point in a picture: x to the right, y down, in pixels from its upper left corner; depth 0 (near) to 1.
 struct PicturePoint {
   double x_px = 0, y_px = 0, depth = 0;
 };
 
-/// Looks at `focus_W_m` from `distance_m`; `up_W` (unit) is the direction that stays upright in the picture.
+/// Looks at `focus_W_m` from `distance_m`; `up_W` (unit) is the upright direction of the picture.
 struct OrbitCamera {
   Vec3 focus_W_m;
   Vec3 up_W{0, 0, 1};
@@ -31,27 +31,27 @@ struct OrbitCamera {
   [[nodiscard]] Vec3 eye_W_m() const;
   [[nodiscard]] Vec3 right_W() const;   ///< unit, to the right in the picture
   [[nodiscard]] Vec3 upward_W() const;  ///< unit, up in the picture
-  /// A drag by so many pixels in a picture of that height: the scene turns with the pointer.
+  /// Turns the scene with a pointer drag in pixels, in a picture of the given height.
   void orbit(double dx_px, double dy_px, double height_px);
-  /// A drag that shifts the focus in the picture's plane.
+  /// Shifts the focus in the picture's plane with a pointer drag.
   void pan(double dx_px, double dy_px, double height_px);
   /// Positive moves the eye nearer; one step of a wheel is 1. The distance is clamped to 2 cm - 2 m.
   void zoom(double steps);
 
   [[nodiscard]] Matrix4 view() const;
   [[nodiscard]] Matrix4 projection(double width_px, double height_px) const;
-  /// Where a point of W is in the picture; empty behind the eye.
+  /// Returns a W point's place in the picture; empty behind the eye.
   [[nodiscard]] std::optional<PicturePoint> project(Vec3 p_W_m, double width_px, double height_px) const;
-  /// Unit vector from the eye through a pixel.
+  /// Returns the unit vector from the eye through a pixel.
   [[nodiscard]] Vec3 ray_W(double x_px, double y_px, double width_px, double height_px) const;
-  /// Metres per pixel at the focus.
+  /// Returns metres per pixel at the focus.
   [[nodiscard]] double metresPerPixel(double height_px) const;
 };
 
-/// The scene's first look: limb, target and needle in the picture, the surface's normal up, the user's side
-/// (W's x) in front.
+/// Returns the scene's first look: limb, target and needle in the picture, the surface's normal up, the
+/// user's side (W's x) in front.
 OrbitCamera firstLook(const SceneView& scene);
-/// Along the surface's normal from above, and from the side.
+/// Views along the surface's normal from above, and from the side.
 OrbitCamera lookFromAbove(const SceneView& scene);
 OrbitCamera lookFromTheSide(const SceneView& scene);
 

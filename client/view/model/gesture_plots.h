@@ -1,4 +1,4 @@
-/// The usual plots of a gesture: what both windows and the report show.
+/// The usual plots of a gesture, in both windows and the report.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ enum class GesturePlot : std::uint8_t {
   kPlaces,     ///< tip and wall per axis (the paper's Fig. 8 and 9)
   kPlunger,
 };
-/// The plot refers to `trace` and `scene` (null: not known), which must live while it is drawn. Its marks are
-/// the trace's events in the range.
+/// The plot refers to `trace` and `scene` (null: unknown), which must live while the plot is drawn. Its marks
+/// are the trace's events in the range.
 Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* scene, double from_s,
                  double to_s);
 

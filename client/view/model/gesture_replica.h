@@ -1,5 +1,5 @@
-/// Computes what recorded samples do not contain (entry, trajectory, α, forces by effect): the engine steps
-/// once more along the samples' poses, on the view's side.
+/// Computes the values that samples do not contain (entry, trajectory, α, forces by effect): runs the engine
+/// again along the samples' poses, on the view's side.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace needlelab {
 
-/// All that a view shows of one tick. Forces act on the hand; along u, cutting is negative.
+/// The values of a tick for a view. Forces act on the hand; along u, cutting is negative.
 struct Moment {
   std::uint64_t tick = 0;
   double time_s = 0;  ///< tick/rate: since the session's tick 0, missed ticks included
@@ -30,55 +30,55 @@ struct Moment {
   std::uint32_t flags = 0, buttons = 0;
   std::uint8_t fault = 0;
   // from the replica
-  bool inside = false;   ///< an insertion is under way; else entry, u and tilt mean nothing
-  double depth_m = 0;    ///< δ, always
-  Vec3 p_entry_W_m;      ///< P0
-  Vec3 u_W;              ///< the trajectory's direction, unit
-  double alpha_rad = 0;  ///< α(d_t); π/4 outside
-  double tilt_rad = 0;   ///< θ, between the needle's axis and u
-  std::array<double, kEffectCount> terms{};  ///< of the force, by Effect: along u and signed, or a magnitude
+  bool inside = false;                       ///< during an insertion; else entry, u and tilt are meaningless
+  double depth_m = 0;                        ///< δ, always
+  Vec3 p_entry_W_m;                          ///< P0
+  Vec3 u_W;                                  ///< the trajectory's direction, unit
+  double alpha_rad = 0;                      ///< α(d_t); π/4 outside
+  double tilt_rad = 0;                       ///< θ, between the needle's axis and u
+  std::array<double, kEffectCount> terms{};  ///< force terms by Effect: along u and signed, or a magnitude
   Vec3 clamping_W;  ///< unit vector of the clamping force (toward the line); zero without one
   /// Ticks are missing, or samples were thinned, since the tip was last outside: the replica's values may be
-  /// off (the sample's are not).
+  /// inexact (the sample's own are not affected).
   bool approximate = false;
 
   double& term(Effect effect) { return terms[static_cast<std::size_t>(effect)]; }
   [[nodiscard]] double term(Effect effect) const { return terms[static_cast<std::size_t>(effect)]; }
 };
 
-/// Copies the sample's values into the moment. An invalid place or rotation is not copied: the last one
-/// stays. `loop_rate_hz`: of the ticks' numbers.
+/// Copies the sample's values into the moment. Keeps the last position or rotation when the sample's is
+/// invalid. `loop_rate_hz`: rate of the tick numbers.
 void copySample(const GestureSample& sample, double loop_rate_hz, Moment& moment);
 
 /// Thread: one at a time. Memory: about 40 KiB. `feed` costs about a tick of the engine (well under 1 µs).
 class GestureReplica {
  public:
-  /// `model`: the session's scene, compiled for the rate of the *stream*: where only every n-th sample comes
-  /// (a thinned recording, a viewer with a lower rate), for 1/n of the loop's rate, and `thinned` is true:
-  /// then everything inside the tissue is `approximate`. `loop_rate_hz`: of the ticks' numbers; 0: the
-  /// model's.
+  /// `model`: the session's scene, compiled for the rate of the *stream*. If only every n-th sample arrives
+  /// (a thinned recording, a viewer with a lower rate), compile it for 1/n of the loop's rate and set
+  /// `thinned`: everything inside the tissue is then `approximate`. `loop_rate_hz`: rate of the tick numbers;
+  /// 0: the model's.
   explicit GestureReplica(std::shared_ptr<const SceneModel> model, bool thinned = false,
                           double loop_rate_hz = 0);
   GestureReplica(GestureReplica&&) noexcept;
   GestureReplica& operator=(GestureReplica&&) noexcept;
   ~GestureReplica();
 
-  /// The next sample. Ticks that the device missed were not stepped by the station either, so a gap in the
-  /// ticks' numbers alone is exact. A sample from before the last one, or of another session, restarts the
-  /// replica. Samples that are not finite are not stepped; their finite values are shown.
+  /// Processes the next sample. The station did not step missed ticks either, so a mere gap in the tick
+  /// numbers stays exact. A sample older than the last one, or of another session, restarts the replica.
+  /// Samples that are not finite are not stepped; their finite values are shown.
   const Moment& feed(const GestureSample& sample);
-  /// `feed` for each; the last one's Moment.
+  /// Feeds each sample; returns the last one's Moment.
   const Moment& feed(std::span<const GestureSample> samples);
-  /// Samples were lost on the way (a live frame dropped, chunks left out): until the tip is outside again,
-  /// entry and trajectory stay as they were, or are guessed from the pose when the entry was missed.
+  /// Reports lost samples (a dropped live frame, skipped chunks): until the tip is outside again, entry and
+  /// trajectory stay unchanged, or are guessed from the pose when the entry was missed.
   void noteGap();
   /// Forgets everything, for a new session or a jump in a replay.
   void restart();
 
   [[nodiscard]] const Moment& now() const;
-  /// The engine's report on the last sample that was stepped.
+  /// Returns the engine's report on the last stepped sample.
   [[nodiscard]] const StepReport& report() const;
-  /// How many samples were fed since the start.
+  /// Returns the number of samples fed since the start.
   [[nodiscard]] std::uint64_t fed() const;
   [[nodiscard]] const SceneModel& model() const;
 
@@ -87,20 +87,20 @@ class GestureReplica {
   std::unique_ptr<State> state_;
 };
 
-/// Samples of a session in the order of ticks → Moments, of every `keep_every`-th (and the last). For replays
-/// and reports; 1 keeps all.
+/// Computes the Moments of a session's samples in tick order; keeps every `keep_every`-th one and the last (1
+/// keeps all). For replays and reports.
 std::vector<Moment> momentsOf(std::shared_ptr<const SceneModel> model, std::span<const GestureSample> samples,
                               std::size_t keep_every = 1);
 
 /// |force| after the gate.
 double forceOf(const Moment& moment);
-/// The terms of a tick's force, by Effect.
+/// Returns the terms of a tick's force, by Effect.
 std::array<double, kEffectCount> termsOf(const StepReport& report);
-/// What an effect gives to the moment's force or torque; the torque is the sample's own.
+/// Returns an effect's contribution to the moment's force or torque; the torque is the sample's own.
 double termOf(const EffectEntry& effect, const Moment& moment);
 
-/// A Moment from a sample alone, for where the engine cannot step along: entry, trajectory, α and the parts
-/// of the force stay unknown. `loop_rate_hz`: of the ticks' numbers.
+/// Returns a Moment from a sample alone, for cases without the engine: entry, trajectory, α and the force
+/// terms stay unknown. `loop_rate_hz`: rate of the tick numbers.
 Moment momentOfSample(const GestureSample& sample, double loop_rate_hz);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// The last minutes of a gesture: for plots, and for scrolling back while it goes on.
+/// The last minutes of a gesture, for plots and for scrolling back during the gesture.
 #pragma once
 
 #include <array>
@@ -39,8 +39,8 @@ enum class TraceChannel : std::uint8_t {
   kPhase,
 };
 inline constexpr std::size_t kChannelCount = 19 + kEffectCount;
-/// What an effect gives: along u as resistance (positive pushes the hand out, negative pulls it in), or a
-/// magnitude.
+/// Returns the channel of an effect's term: along u as resistance (positive pushes the hand out, negative
+/// pulls it in), or a magnitude.
 constexpr TraceChannel channelOf(Effect effect) {
   return static_cast<TraceChannel>(static_cast<std::size_t>(TraceChannel::kPhase) + 1 +
                                    static_cast<std::size_t>(effect));
@@ -52,7 +52,7 @@ struct ChannelInfo {
   double shown_per_si;    ///< 1000 for mm, 180/π for °
 };
 ChannelInfo infoOf(TraceChannel channel);
-/// The channel's value in SI; NaN where it has none (no wall, no tilt outside).
+/// Returns the channel's value in SI; NaN if it has none (no wall, no tilt outside).
 double valueOf(TraceChannel channel, const Moment& moment);
 
 /// An event of the gesture.
@@ -70,7 +70,7 @@ struct TraceEvent {
   };
   Kind kind = Kind::kEntry;
   double time_s = 0;
-  int layer = -1;  ///< the one that was entered
+  int layer = -1;  ///< the entered layer
   std::uint8_t fault = 0;
   std::string text;  ///< of a remark
 };
@@ -94,23 +94,23 @@ class GestureTrace {
   void clear();
 
   [[nodiscard]] bool empty() const;
-  [[nodiscard]] double firstTime_s() const;  ///< of what is still kept; 0 when empty
+  [[nodiscard]] double firstTime_s() const;  ///< of the kept data; 0 when empty
   [[nodiscard]] double lastTime_s() const;
   [[nodiscard]] const Moment& last() const;  ///< value-initialised when empty
-  /// The kept Moment nearest before `time_s` (the first when there is none before).
+  /// Returns the last kept Moment at or before `time_s` (else the first one).
   [[nodiscard]] const Moment& at(double time_s) const;
-  /// Kept Moments of [from, to], oldest first, e.g. for the tip's path.
+  /// Returns the kept Moments in [from, to], oldest first, e.g. for the tip's path.
   [[nodiscard]] std::vector<Moment> between(double from_s, double to_s) const;
   [[nodiscard]] const std::deque<TraceEvent>& events() const;
-  /// The channel's value at the tick nearest before, in SI; empty when nothing is kept or the channel has no
-  /// value there.
+  /// Returns the channel's value at the last tick at or before `time_s`, in SI; empty when nothing is kept or
+  /// the channel has no value there.
   [[nodiscard]] std::optional<float> value(TraceChannel channel, double time_s) const;
-  /// Greatest |force| in the kept time, in N.
+  /// Returns the peak |force| in the kept time, in N.
   [[nodiscard]] double peakForce_N() const;
 
-  /// In SI; quick by a pyramid of least and greatest values (a few µs for any span).
+  /// In SI; fast through a pyramid of minima and maxima (a few µs for any span).
   void columns(TraceChannel channel, double from_s, double to_s, std::span<PixelColumn> out) const;
-  /// The channel as a plot's source, in shown units (ChannelInfo); refers to this trace.
+  /// Returns the channel as a plot's source, in shown units (ChannelInfo); it refers to this trace.
   [[nodiscard]] ColumnSource source(TraceChannel channel) const;
 
  private:

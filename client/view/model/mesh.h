@@ -25,27 +25,27 @@ struct Mesh {
 Mesh ballMesh(double radius_m, int rings = 16);
 /// From `a` to `b`, radii at both ends (0: a point), with caps where `closed`.
 Mesh coneMesh(Vec3 a_m, Vec3 b_m, double radius_a_m, double radius_b_m, int sides = 24, bool closed = true);
-/// All within `radius_m` of the segment; a ball when a = b.
+/// A capsule of `radius_m` about the segment; a ball when a = b.
 Mesh tubeMesh(Vec3 a_m, Vec3 b_m, double radius_m, int rings = 8, int sides = 24);
 /// An arrow from the origin along +z, 1 long, with a head of 0.3; shaft radius 0.04.
 Mesh arrowMesh(int sides = 16);
 
-/// The surface at depth `depth_m` of the limb, as far as it is near the scene's focus (radius: 1.2 extents);
-/// empty when the limb is not that deep. Normals point out of the tissue.
+/// Returns the limb's surface at depth `depth_m`, near the scene's focus (radius: 1.2 extents); empty when
+/// the limb is not that deep. Normals point out of the tissue.
 Mesh layerSurface(const SceneView& scene, double depth_m);
 
-/// Needle in its own frame T: tip at the origin, the shaft along −z. The bevel looks to +y. A pencil point
-/// has its cone.
+/// Needle in its own frame T: tip at the origin, the shaft along −z. The bevel faces +y. A pencil point is a
+/// cone.
 Mesh needleMesh(const NeedleSpec& needle, double drawn_diameter_m);
 
-/// A syringe behind a needle of `needle_length_m`, in T. The plunger is a mesh of its own: it is drawn
-/// shifted by `plungerShift_m` along +z.
+/// A syringe behind a needle of `needle_length_m`, in T. The plunger is a separate mesh: draw it shifted by
+/// `plungerShift_m` along +z.
 struct SyringeMesh {
   Mesh hub, barrel, scale, plunger;
   double stroke_m = 0;
   // of the barrel's inside, along T's z: the stopper's front when drawn out, and the end toward the hub
   double stopper_z_m = 0, outlet_z_m = 0, radius_m = 0;
-  double end_z_m = 0;  ///< of the plunger's plate when it is drawn out: the hindmost point
+  double end_z_m = 0;  ///< of the drawn-out plunger's plate: the rearmost point
 };
 SyringeMesh syringeMesh(double needle_length_m);
 /// 0 (drawn out) - 1 (pressed down).
@@ -58,15 +58,15 @@ std::uint32_t addVertex(Mesh& mesh, Vec3 p_m, Vec3 normal);
 void addTriangle(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c);
 /// Appends `part` to `mesh`.
 void append(Mesh& mesh, const Mesh& part);
-/// Every vertex moved by the pose.
+/// Returns the mesh moved by the pose.
 Mesh moved(Mesh mesh, const Pose& X);
 
-/// A grid of (rows + 1)·(columns + 1) vertices over the unit square, its normals taken from the neighbours'
-/// places; outward is row × column.
+/// A grid of (rows + 1)·(columns + 1) vertices over the unit square, with normals from the neighbours'
+/// positions; outward is row × column.
 Mesh gridMesh(int rows, int columns, const std::function<Vec3(double row, double column)>& place);
 
 /// A surface of revolution about the z axis: `profile` are (radius, z) from one end to the other, in
-/// ascending z; each piece has a normal of its own, so that edges stay sharp.
+/// ascending z; each piece has its own normal, so that edges stay sharp.
 struct LathePoint {
   double radius_m = 0, z_m = 0;
 };

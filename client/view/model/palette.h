@@ -1,6 +1,6 @@
-/// One colour *and* one word or sign for each tissue, effect, hazard and state, the same in
-/// every window, plot and report. Base: Okabe and Ito's colours, which colour-blind people tell apart;
-/// colour alone never carries a meaning.
+/// One colour *and* one word or sign for each tissue, effect, hazard and state, the same in every window,
+/// plot and report. Based on Okabe and Ito's colours, which colour-blind people can distinguish; colour alone
+/// never conveys a meaning.
 #pragma once
 
 #include <array>
@@ -42,7 +42,7 @@ inline constexpr Rgb kOrange = rgbOf(0xE69F00), kSkyBlue = rgbOf(0x56B4E9), kBlu
 inline constexpr Rgb kWindowGrey = rgbOf(0x14171C), kPanelGrey = rgbOf(0x1D2128), kLineGrey = rgbOf(0x3A414C),
                      kDimText = rgbOf(0xA7B0BD), kText = rgbOf(0xF2F4F7);
 
-/// Of a layer, as the section shows it. Lightness differs between neighbours as well as hue.
+/// Colour of a layer in the section. Neighbours differ in lightness as well as hue.
 Rgb tissueColour(pb::Layer::Tissue tissue);
 /// "skin", "fat", … in lower case; "tissue" for OTHER.
 std::string_view tissueWord(pb::Layer::Tissue tissue);
@@ -51,7 +51,7 @@ Rgb hazardColour(pb::Hazard::Kind kind);
 /// "bone", "nerve", "vessel", "structure".
 std::string_view hazardWord(pb::Hazard::Kind kind);
 
-/// Of what an effect gives, in every plot and picture.
+/// Colour of an effect's term, in every plot and picture.
 inline Rgb colourOf(const EffectEntry& effect) {
   return rgbOf(effect.colour);
 }
@@ -60,7 +60,7 @@ inline Rgb colourOf(const EffectEntry& effect) {
 enum class Condition : std::uint8_t { kUnknown, kGood, kAttention, kTrouble };
 struct ConditionStyle {
   Rgb colour;
-  std::string_view sign;  ///< UTF-8, one glyph of its own shape: ○ ● ▲ ■
+  std::string_view sign;  ///< UTF-8, one glyph with a distinct shape: ○ ● ▲ ■
   std::string_view word;  ///< "unknown", "good", "attention", "trouble"
 };
 const ConditionStyle& styleOf(Condition condition);
@@ -71,7 +71,7 @@ std::string_view phaseWord(Phase phase);
 
 /// Colours of the world's axes x y z, in plots of places and of the orientation mark.
 inline constexpr std::array<Rgb, 3> kAxisColours = {kVermillion, kBluishGreen, kSkyBlue};
-/// The tip, the wall, the target, and two gestures that are compared.
+/// Colours of the tip, the wall, the target, and two compared gestures.
 inline constexpr Rgb kTipColour = kWhite, kWallColour = kYellow, kTargetColour = kBluishGreen,
                      kFirstGesture = kSkyBlue, kSecondGesture = kOrange;
 

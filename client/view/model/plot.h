@@ -15,7 +15,7 @@ namespace needlelab {
 
 // --- the values of a series, for each column of pixels
 
-/// Least, greatest and last value in the time of one pixel column. Empty, where no value fell: min > max.
+/// Minimum, maximum and last value in one pixel column. Empty columns have min > max.
 struct PixelColumn {
   float min = std::numeric_limits<float>::infinity();
   float max = -std::numeric_limits<float>::infinity();
@@ -35,7 +35,7 @@ using ColumnSource = std::function<void(double from, double to, std::span<PixelC
 /// the range).
 void fillColumns(std::span<const double> x, std::span<const double> y, double from, double to,
                  std::span<PixelColumn> out);
-/// The same as a source that refers to the two spans, which must outlive it.
+/// The same as a source; the two spans must outlive it.
 ColumnSource columnsOf(std::span<const double> x, std::span<const double> y);
 
 // --- the description
@@ -47,7 +47,7 @@ struct PlotSeries {
   ColumnSource columns;  ///< in the plot's units
   bool dashed = false;
   bool filled = false;  ///< down to zero, faintly
-  /// Joined by lines, each point marked; x ascends. Used in place of `columns`, e.g. for values by attempt.
+  /// Points joined by lines, each marked; x ascends. Replaces `columns`, e.g. for values by attempt.
   std::vector<double> x = {}, y = {};
 };
 /// A horizontal band with its name, e.g. a layer's depths or the range of a reference.
@@ -69,14 +69,14 @@ struct Plot {
   double from = 0, to = 1;  ///< x
   bool clock_axis = true;   ///< x is a time in s; else numbers with `x_unit`
   std::string x_unit;
-  std::optional<double> low, high;  ///< y; absent: the back end fits it to the data
+  std::optional<double> low, high;  ///< y range; absent: the back end fits it to the data
   bool downward = false;            ///< y grows downward (depth)
-  std::vector<PlotSeries> series;   ///< the first lies on top and comes first in the legend
+  std::vector<PlotSeries> series;   ///< the first is on top and first in the legend
   std::vector<PlotBand> bands;
   std::vector<PlotMark> marks;
   std::optional<double> cursor;  ///< a line at this x, with the values there in the legend
   bool legend = true;
-  float share = 1;  ///< of the height, among plots that stand under one another
+  float share = 1;  ///< share of the height in a stack of plots
 };
 
 /// "force, N"
@@ -87,13 +87,13 @@ std::string headingOf(const Plot& plot);
 struct AxisTicks {
   double low = 0, high = 1;  ///< the axis, widened to round numbers if wanted
   double step = 0.2;         ///< 1, 2 or 5 times a power of ten
-  int decimals = 1;          ///< that tell the ticks apart
+  int decimals = 1;          ///< enough to distinguish the ticks
   std::vector<double> at;    ///< all multiples of step in [low, high]
 };
-/// About `wanted` ticks, at least 2 unless `least_step` (1 for counts) leaves fewer. A range that has no
-/// width, is turned round or is not finite is replaced by one about it.
+/// About `wanted` ticks, at least 2 unless `least_step` (1 for counts) leaves fewer. Replaces an empty,
+/// reversed or non-finite range by a valid one around it.
 AxisTicks axisTicks(double low, double high, int wanted, bool widen, double least_step = 0);
-/// The value with that many decimals, the minus as U+2212, never "-0".
+/// Formats the value with that many decimals, the minus as U+2212, never "-0".
 std::string tickText(double value, int decimals);
 /// Minutes and seconds "m:ss", with tenths where `decimals` is 1: for time lines.
 std::string clockText(double seconds, int decimals = 0);

@@ -1,5 +1,5 @@
-/// A scene as one looks at it, all of it in W: for the 3-D view, the ultrasound slice, plots' layer bands;
-/// and the aids that choose what of it is shown.
+/// A scene for display, all in W: for the 3-D view, the ultrasound slice and plots' layer bands; and the aids
+/// that select the shown parts.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ namespace needlelab {
 
 struct LayerView {
   pb::Layer::Tissue tissue = pb::Layer::OTHER;
-  std::string name;      ///< the tissue's word, numbered where it occurs more than once: "tendon 2"
+  std::string name;      ///< the tissue's word, numbered if it occurs more than once: "tendon 2"
   double top_m = 0;      ///< depth δ below the surface, [top, bottom)
   double bottom_m = 0;   ///< as drawn; the last layer has no end in the engine
   double cutting_N = 0;  ///< f_cut
@@ -30,7 +30,7 @@ struct TargetView {
   double radius_m = 0;
 };
 
-/// A ball (a = b), or all within `radius_m` of the segment a-b.
+/// A ball (a = b), or a capsule of `radius_m` about the segment a-b.
 struct HazardView {
   std::string name;
   pb::Hazard::Kind kind = pb::Hazard::OTHER;
@@ -45,40 +45,41 @@ struct SceneView {
   std::vector<LayerView> layers;  ///< 1-32, from the skin inward
   std::vector<TargetView> targets;
   std::vector<HazardView> hazards;
-  NeedleSpec needle;        ///< of a diameter that is not known: 0
+  NeedleSpec needle;        ///< an unknown diameter is 0
   double max_force_N = 10;  ///< the profile's cap: the scale of force arrows
   Pose X_WL;
-  /// Where one looks: the surface point above the first target, else above the limb's middle, and the
+  /// The view's focus: the surface point above the first target, else above the limb's middle; and the
   /// surface's unit normal there, out of the tissue.
   Vec3 focus_W_m, focus_normal_W;
-  double extent_m = 0.1;  ///< radius about the focus that a first look should hold: target, needle, limb
+  double extent_m = 0.1;  ///< radius about the focus for a first look: target, needle, limb
 };
 
 /// `profile` as it ran (an exercise's own needle already in it, as in SessionDescription.profile_json);
-/// `X_WL`: where the profile's frame stands in W, its quaternion is normalised. Errors: kInvalidInput, for a
-/// profile that did not come from `parseProfile` or a placement that is not finite.
+/// `X_WL`: pose of the profile's frame in W; normalises its quaternion. Errors: kInvalidInput, for a profile
+/// that did not come from `parseProfile` or a placement that is not finite.
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {});
 
-/// δ at a point of W, as the engine computes it: negative outside.
+/// Returns δ at a point of W, as the engine computes it: negative outside.
 double depthAt(const SceneView& scene, Vec3 p_W_m);
-/// Index of the layer at depth δ; −1 outside.
+/// Returns the index of the layer at depth δ; −1 outside.
 int layerAt(const SceneView& scene, double depth_m);
 /// "skin", "muscle 2", … ; "outside" for −1, and for an index that the scene does not have "?".
 const std::string& layerName(const SceneView& scene, int layer);
-/// The diameter to draw: the needle's, or 0.8 mm where none is known.
+/// Returns the diameter to draw: the needle's, or 0.8 mm if unknown.
 double drawnDiameter_m(const SceneView& scene);
-/// From a hazard's or target's surface to the straight shaft between tip and `skin`; negative inside.
+/// Returns the distance from a hazard's or target's surface to the straight shaft between tip and `skin`;
+/// negative inside.
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
 
-/// The aids that are on; cheap to ask and to compare each frame. What an exercise allows, and the names:
-/// common/profile/aid_list.h.
+/// The set of active aids; cheap to query and compare in each frame. common/profile/aid_list.h has the aids
+/// that an exercise allows, and their names.
 class AidSet {
  public:
   constexpr AidSet() = default;  ///< none
   explicit AidSet(const AidList& aids);
   [[nodiscard]] constexpr bool has(pb::Exercise::Aid aid) const { return (bits_ & bit(aid)) != 0; }
   constexpr void set(pb::Exercise::Aid aid, bool on) { bits_ = on ? bits_ | bit(aid) : bits_ & ~bit(aid); }
-  /// In the order of their numbers, as messages want it.
+  /// Returns the aids in the order of their numbers, as messages require.
   [[nodiscard]] AidList list() const;
   friend constexpr bool operator==(const AidSet&, const AidSet&) = default;
 
@@ -89,7 +90,7 @@ class AidSet {
 
 /// All but ULTRASOUND: as `usualAids`.
 AidSet usualAidSet();
-/// All of them, ULTRASOUND included: for onlookers.
+/// All aids, ULTRASOUND included, for onlookers.
 AidSet allAidSet();
 
 /// A name for people: "ultrasound picture". The name in JSON is that of pb::Exercise::Aid_Name.

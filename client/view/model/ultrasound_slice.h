@@ -16,10 +16,10 @@ struct SlicePlane {
   friend constexpr bool operator==(const SlicePlane&, const SlicePlane&) = default;
 };
 
-/// The plane of a probe: the one that holds the needle and the normal at its entry (before entry: at
-/// the surface point below the tip). A needle nearly along the normal leaves the plane open: then it is that
-/// of `before`, or of W's x without one. From `before` it turns by 0.2 rad at most: the picture neither spins
-/// nor flips.
+/// Returns a probe's plane: it contains the needle and the normal at its entry (before entry: at the surface
+/// point below the tip). A needle nearly along the normal does not define the plane: then uses that of
+/// `before`, or without one W's x. The plane turns by at most 0.2 rad from `before`, so that the picture
+/// neither spins nor flips.
 SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const SlicePlane* before = nullptr);
 
 struct SliceSettings {
