@@ -1,4 +1,4 @@
-// A class's tables at its end, and options that are refused before it begins.
+// The final tables of a class, and options rejected before the start.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <algorithm>

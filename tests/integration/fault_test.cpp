@@ -1,4 +1,5 @@
-// FAULT in the whole program: said, waited out, acknowledged from outside, and what the exit code tells.
+// FAULT in the whole program: reported, waited out, acknowledged outside the tissue, and shown by the exit
+// code.
 #include <gmock/gmock.h>
 
 #include <fstream>
@@ -16,7 +17,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-// outside the tissue, still for a second; then the device reports another place, and stays there
+// outside the tissue, still for a second; then the device jumps to another position and stays there
 class FaultProgram : public testing::Test {
  protected:
   FaultProgram() {

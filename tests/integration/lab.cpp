@@ -29,7 +29,7 @@ int Lab::admin(const std::vector<std::string>& arguments) const {
 
 void Lab::startServer() {
   std::filesystem::remove(path("port"));
-  // after a restart the same port: the stations come back to it
+  // the same port after a restart: the stations reconnect to it
   std::vector<std::string> arguments = {"--data",      path("data"),
                                         "--listen",    listen_host + ":" + std::to_string(port_),
                                         "--port-file", path("port")};

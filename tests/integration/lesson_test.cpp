@@ -18,7 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-// A stroke of our own through the training ball and out again, at receive times that jitter like a real
+// A synthetic stroke through the training ball and out again, with receive times that jitter like a real
 // device's.
 PoseTrack makeStroke(double seconds) {
   std::mt19937_64 random(42);
@@ -124,7 +124,7 @@ TEST_F(LessonTest, aWholeLessonIsStoredVerifiedAndScored) {
   expectPlayed(stored.samples, track, 1000, {}, summary["missed_ticks"], true);
   EXPECT_TRUE(lab_.verifies(id));
 
-  // and the export of the tool is what is stored, number by number
+  // and the tool's export equals the stored data, number by number
   EXPECT_EQ(lab_.stopServer(), kExitDone);
   ASSERT_EQ(lab_.admin({"session", "verify", id}), kExitDone);
   ASSERT_EQ(lab_.admin({"session", "export", id, "--format", "csv", "--out", lab_.path("export.csv")}),
@@ -152,7 +152,7 @@ TEST_F(LessonTest, theServerIsKilledAndRestartedInMidLesson) {
   lab_.startServer();
   const PoseTrack track = makeStroke(7);
   auto station = lab_.startStation("station", playing(writeStroke(lab_, track)));
-  // twice: once with chunks committed, once shortly after it came back
+  // twice: once with chunks committed, once shortly after the restart
   ASSERT_TRUE(eventually([&] { return !lab_.sessions().empty() && lab_.sessions().front().chunks() >= 2; }))
       << station->said();
   lab_.killServer();
@@ -183,7 +183,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
   ASSERT_EQ(first->wait(5s), -SIGKILL);
   const std::string id = textOf(onlySession());
 
-  // the spool as the crash left it: what must come out of it, found by a copy
+  // the spool as the crash left it: a copy shows what recovery must return
   std::filesystem::copy(lab_.path("spool"), lab_.path("copy"), std::filesystem::copy_options::recursive);
   std::vector<std::string> expected;
   {
@@ -194,7 +194,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
   }
   ASSERT_GE(expected.size(), 3u);
 
-  // a short lesson: the old session comes along
+  // a short lesson, which also uploads the old session
   auto second = lab_.startStation("second", {"--exercise", "ball-free-practice", "--seconds", "0.5"});
   ASSERT_EQ(second->wait(60s), kExitDone) << second->said();
   EXPECT_EQ(lab_.summary("second")["state"], "COMPLETE");
@@ -209,7 +209,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
   EXPECT_EQ(stored.samples.front().tick, 0u);
   EXPECT_EQ(lab_.sessions().size(), 2u) << "nothing doubled";
 
-  // and a third start has nothing to bring any more
+  // and a third start has nothing left to upload
   auto third = lab_.startStation("third", {"--exercise", "ball-free-practice", "--seconds", "0.2"});
   ASSERT_EQ(third->wait(60s), kExitDone) << third->said();
   EXPECT_THAT(third->said(), testing::Not(HasSubstr("earlier runs")));
@@ -256,7 +256,7 @@ TEST_F(LessonTest, withoutTheServerTheCacheTeachesAndTheSamplesFollowLater) {
   EXPECT_EQ(summary["samples_acked"], 0);
   EXPECT_GE(summary["spool_left"], 2);
   EXPECT_EQ(summary["score_source"], "station");
-  // what was never fetched cannot be practised
+  // an exercise that was never fetched cannot be practised
   auto unknown = lab_.startStation("unknown", {"--exercise", "knee-recess", "--seconds", "1"});
   EXPECT_EQ(unknown->wait(60s), kExitFailed) << unknown->said();
 
@@ -378,7 +378,7 @@ TEST_F(LessonTest, wrongInputIsRefusedWithItsExitCode) {
     EXPECT_EQ(station.wait(30s), wrong.code) << wrong.said << ": " << station.said();
     EXPECT_THAT(station.said(), HasSubstr(wrong.said));
   }
-  // the server goes on serving the others
+  // the server keeps serving the others
   EXPECT_EQ(lab_.startStation("good", {"--exercise", "ball-free-practice", "--seconds", "0.3"})->wait(60s),
             kExitDone);
 }

@@ -27,7 +27,7 @@ TEST(LiveModels, everyModelRendersAnInsertionInTheStation) {
     std::string model;
     std::unique_ptr<Process> station;
   };
-  // all at once: a tick is some µs of each ms, and the test lasts as long as one of them
+  // all in parallel: a tick takes some µs of each ms, and the test lasts only as long as one run
   std::vector<Run> runs;
   for (const std::string_view name : kAxialModelNames) {
     const std::string model(name);

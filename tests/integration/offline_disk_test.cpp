@@ -48,7 +48,7 @@ class OfflineDiskTest : public testing::Test {
     for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
     return out + "'";
   }
-  // what instructors see of the station until it goes, words of trouble only
+  // the station's trouble texts that instructors see until it ends
   std::vector<std::string> troublesUntil(Process& station, std::optional<int>& code,
                                          std::chrono::seconds limit) {
     std::vector<std::string> troubles;
@@ -106,7 +106,7 @@ TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEver
   EXPECT_EQ(summary["ticks"], 5000);
   EXPECT_NE(summary["state"], "COMPLETE");
 
-  // the next start, with room, brings what there is; the server knows what is missing
+  // the next start, with free space, uploads the recorded samples; the server knows the missing ones
   const std::string id = summary["session_id"];
   const auto arguments = lab_.stationArguments(
       {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"}, lab_.path("left"));
@@ -116,7 +116,7 @@ TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEver
   EXPECT_EQ(stored.info.state(), pb::SESSION_INTERRUPTED);
   EXPECT_EQ(stored.samples.size() + lost, samples);
   EXPECT_TRUE(lab_.verifies(id));
-  // and session show says so
+  // and `session show` reports it
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   Process show("needlelab-admin", {"--data", lab_.path("data"), "session", "show", id},
                lab_.path("show.log"));

@@ -2,11 +2,11 @@
 // gets the rest.
 //
 // The witness is the clock: a sample carries the time at which its tick was due, on the machine's monotonic
-// clock, which this program reads as well, immediately before it kills the station. What is due before that
-// instant and was not recovered is what the crash cost. The station's part of it is at most 20 ms: samples
-// wait up to 10 ms for the tail, the writer looks every 4 ms, and writing takes well under a millisecond.
-// Where the station may not have real-time priority, or runs under a sanitizer, a busy machine stretches both
-// its loop and its writer: there the bound is wider, and said.
+// clock, which this program reads as well, immediately before it kills the station. Samples due before that
+// instant but not recovered are the loss. The station's part of it is at most 20 ms: samples wait up to 10 ms
+// for the tail, the writer checks every 4 ms, and writing takes well under a millisecond. Without real-time
+// priority, or under a sanitizer, a busy machine delays both loop and writer: there the bound is wider, and
+// the test reports it.
 #include <gmock/gmock.h>
 #include <sched.h>
 #include <unistd.h>
@@ -27,7 +27,7 @@ using namespace std::chrono_literals;
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kPromise_ns = 20 * kMs;
 
-// whether programs that this one starts may run at real-time priority
+// whether child processes may run at real-time priority
 bool realTimeAllowed() {
   const pid_t child = ::fork();
   if (child == 0) {
@@ -49,7 +49,7 @@ struct Kill {
 
 class OfflineKillTest : public testing::Test {
  protected:
-  // what the next start would find, from a copy of the spool as the kill left it
+  // the state that the next start would find, from a copy of the spool after the kill
   void recover(Kill& kill, int round) const {
     const auto copy = lab_.path("copy" + std::to_string(round));
     std::filesystem::create_directory(copy);
@@ -71,7 +71,7 @@ class OfflineKillTest : public testing::Test {
     }
     std::filesystem::remove_all(copy);
   }
-  // the session's folder that was not there before
+  // the new session's folder
   std::string newSession(const std::vector<std::string>& before) const {
     std::error_code error;
     for (auto at = std::filesystem::directory_iterator(lab_.path("spool"), error);
@@ -120,7 +120,7 @@ TEST_F(OfflineKillTest, atAnyInstantAtMostTheLast20msAreMissing) {
     kill.killed_ns = steadyNowNs();
     station->signal(SIGKILL);
     ASSERT_EQ(station->wait(10s), -SIGKILL);
-    // while the machine itself stood still, nobody could have written
+    // during a stall of the machine no program could write
     const std::int64_t stalled_ns = watch.take().count() * kMs;
     if (stalled_ns > 0) std::cout << "the machine stood still for " << stalled_ns / kMs << " ms\n";
     known.push_back(kill.session_id);
@@ -133,9 +133,9 @@ TEST_F(OfflineKillTest, atAnyInstantAtMostTheLast20msAreMissing) {
       ASSERT_GT(kill.recovered[i].tick, kill.recovered[i - 1].tick);
       gaps += kill.recovered[i].tick - kill.recovered[i - 1].tick - 1;
     }
-    // A gap is a tick that the loop missed on this busy machine, and nothing that the spool lost: every chunk
-    // but the last has its 1000 samples, the tail's pieces are numbered, and what the writer itself gives up
-    // stands in `loss` (above).
+    // A gap is a tick that the loop missed on a busy machine, not a loss in the spool: every chunk but the
+    // last has its 1000 samples, the tail's pieces are numbered, and `loss` (above) has the samples that the
+    // writer itself gave up.
     missed += gaps;
     for (std::size_t seq = 0; seq + 1 < kill.chunks.size(); ++seq)
       ASSERT_EQ(inspectChunk(viewOf(kill.chunks[seq]))->count, 1000u);
@@ -144,7 +144,7 @@ TEST_F(OfflineKillTest, atAnyInstantAtMostTheLast20msAreMissing) {
     kills.push_back(std::move(kill));
   }
 
-  // and the server gets exactly what was recovered
+  // and the server gets exactly the recovered samples
   auto last =
       lab_.startStation("last", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "60"});
   ASSERT_EQ(last->wait(120s), kExitDone) << last->said();

@@ -74,7 +74,7 @@ TEST_F(OfflineTest, threeLessonsWithoutAServerAreUploadedInOrderAndOnce) {
   std::sort(received.begin(), received.end());
   for (std::size_t i = 0; i < ids.size(); ++i) EXPECT_EQ(received[i].second, ids[i]) << "oldest first";
 
-  // nothing is left to bring, and nothing comes twice
+  // nothing is left to upload, and nothing is uploaded twice
   auto again = lab_.startStation("again", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
   ASSERT_EQ(again->wait(60s), kExitDone) << again->said();
   EXPECT_THAT(again->said(), Not(HasSubstr("earlier runs")));
@@ -134,7 +134,7 @@ TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   EXPECT_EQ(rows["ball-free-practice"]["on_server"], true);
   EXPECT_EQ(rows["knee-recess"]["cached"], false);
 
-  // nothing cached, nobody there
+  // nothing cached, no server
   Process nothing("needlelab-station", {"--list-exercises", "--spool", lab_.path("empty")},
                   lab_.path("nothing.log"));
   EXPECT_EQ(nothing.wait(30s), kExitFailed);
@@ -161,7 +161,7 @@ TEST_F(OfflineTest, aDamagedOrHostileCacheIsSaidAndNotFelt) {
   refused("empty", "");
   refused("hostile", "\x1b[2J{\"exercise_json\": \"\x1b]0;x\x07\"}");
 
-  // with the server back the damaged one is replaced
+  // once the server is back, the damaged one is replaced
   lab_.startServer();
   auto online = lab_.startStation("online3", {"--exercise", "ball-free-practice", "--seconds", "0.2"});
   EXPECT_EQ(online->wait(60s), kExitDone) << online->said();

@@ -36,7 +36,7 @@ std::string recordedInjection() {
 
 class SyringeLessonTest : public testing::Test {
  protected:
-  // what needlelab-admin reads from the stopped server's folder
+  // the output of needlelab-admin for the stopped server's folder
   Json storedEvents(const std::string& id) const {
     const auto file = lab_.path("events.json");
     EXPECT_EQ(lab_.admin({"session", "events", id, "--json", file.string()}), kExitDone);
@@ -82,7 +82,7 @@ TEST_F(SyringeLessonTest, aRecordingsPlungerBecomesStoredEventsWithPlaceAndTime)
   EXPECT_EQ(measure(summary, "aspirated_before_injection"), 1);
   EXPECT_NEAR(measure(summary, "injected_in_target_share"), 1, 1e-9);
 
-  // the server found the same from what it committed
+  // the server computed the same from its committed data
   EXPECT_EQ(lab_.stopServer(), kExitDone);
   EXPECT_EQ(storedEvents(summary.at("session_id")), events);
 }

@@ -1,5 +1,5 @@
-// The whole station on the stand-in for the Virtuose's library: a lesson, and what a technician reads when
-// something is missing.
+// The whole station on the stand-in for the Virtuose's library: a lesson, and the messages to a technician
+// when something is missing.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -40,7 +40,7 @@ class VirtuoseStation : public testing::Test {
   void script(const std::string& text) {
     ::setenv("NEEDLELAB_STANDIN_SCRIPT", folder_.write("script.txt", text).c_str(), 1);
   }
-  // a lesson; what it said and its exit code
+  // runs a lesson; returns its output and its exit code
   int lesson(const std::vector<std::string>& more = {"--seconds", "2"},
              const std::string& device = "virtuose") {
     std::vector<std::string> arguments{"--device",

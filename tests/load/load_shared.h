@@ -40,7 +40,8 @@ struct LoadShared {
 
 // An io_context with its own thread, and calls into that thread.
 
-/// Thread: `call` from any thread but its own. Destruction stops the thread and drops all work still on it.
+/// Thread: `call` from any thread but its own. Destruction stops the thread: its work must have ended, or is
+/// dropped.
 class NetThread {
  public:
   NetThread() : thread_([this] { io_.run(); }) {}

@@ -202,8 +202,8 @@ bool UsbPort::handle(_UMockdevIoctlClient* client) {
     umockdev_ioctl_data_unref(data);
   };
 
-  // an unplugged device still returns transfers in flight; the blocking form is not supported, because libusb
-  // never uses it
+  // an unplugged device still returns transfers in flight; reaping never blocks here, because libusb does not
+  // need that
   if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) {
     reap(client);
     return true;

@@ -51,8 +51,8 @@ int standin_command(const char* command);
 /// Replaces the script. 0, or the number of the first line that is wrong.
 int standin_script(const char* text);
 void standin_state(StandinState* state);
-/// Names of the setter calls since the reset, separated by blanks, each once.
+/// Names of the setter calls since the reset, separated by blanks; consecutive repeats appear once.
 const char* standin_calls(void);
-/// CALL:CODE of each refused call since the reset, separated by blanks, each once.
+/// CALL:CODE of each refused call since the reset, separated by blanks; consecutive repeats appear once.
 const char* standin_complaints(void);
 }
