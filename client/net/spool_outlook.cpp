@@ -77,7 +77,7 @@ SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, doubl
 
 void SpoolGuard::measure() {
   next_check_ns_ = steadyNowNs() + kCheckEvery_ns;
-  // the writer reports a disk whose free space cannot be read
+  // if the free space is unreadable, the writer reports it
   auto usage = spool_.usage();
   if (!usage.ok()) return;
   // during a lesson, remove closed sessions only when the disk needs their space

@@ -130,7 +130,7 @@ void SpoolWriter::writeTail() {
   noteDisk(status);
 }
 
-// passes the piece unencoded: only the uplink knows whether somebody watches
+// passes the piece unencoded: only the uplink knows whether there are viewers
 void SpoolWriter::showPiece() {
   SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;

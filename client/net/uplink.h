@@ -82,8 +82,8 @@ class Uplink {
   void add(std::shared_ptr<SpoolSession> session, bool current);
   /// Wakes the thread: the spool has more chunks of a session, or a session has ended.
   void wake();
-  /// Takes the newest samples of the current session, for a live frame when somebody watches, and for the
-  /// status line.
+  /// Takes the newest samples of the current session, for the status line, and for a live frame if there are
+  /// viewers.
   void offer(const SamplePiece& piece);
   void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
   void noteWakeup(std::uint32_t p99_us) { wakeup_p99_us_.store(p99_us, std::memory_order_relaxed); }

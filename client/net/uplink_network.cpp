@@ -281,7 +281,7 @@ void Uplink::handleRefusal(const pb::Envelope& envelope) {
   report("the server refuses (" + reasonName(refusal.reason()) + "): " + refusal.text());
 }
 
-// --- the live plane: frames while somebody watches, status lines, clock probes
+// --- the live plane: frames for viewers, status lines, clock probes
 
 void Uplink::setWatched(bool watched) {
   const bool was_watched = watched_.exchange(watched, std::memory_order_relaxed);
