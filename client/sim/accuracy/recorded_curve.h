@@ -57,7 +57,7 @@ Result<CurveRun> runCurve(const CurveScene& scene, double to_m, double rate_hz =
 /// Its force at each depth; 0 before the needle is in.
 std::vector<double> forceAtDepths(const CurveRun& run, double surface_m, const std::vector<double>& depth_m);
 
-/// One specimen says nothing of how patients differ: the spread is that of the digitised rows about the table
+/// One specimen does not show how patients differ: the spread is that of the digitised rows about the table
 /// (within 1 mm of each table row), the correlation length the default.
 StatisticalSpec spreadAround(const DepthCurve& curve, const CurveFit& table, const BinChoice& fit_on);
 

@@ -40,8 +40,8 @@ using BlockChoice = std::function<bool(int block)>;
 /// goes in at 3 mm/s and rests at kHoldFrom_s. Errors: those of `compile`; kInvalidInput without rows.
 Result<HoldFit> fitHold(const std::vector<ForceAtTime>& rows, StopMode mode, const BlockChoice& fit_on);
 
-/// The withdrawal with the wall's one constant attracted force. Speed and depth stand for the
-/// displacement that the recording does not have: only speed·K_t and depth/speed can be told from it.
+/// The withdrawal with the wall's one constant attracted force. Speed and depth stand for the displacement
+/// that the recording does not have: it determines only speed·K_t and depth/speed.
 struct WithdrawalFit {
   double speed_mps = 0;  ///< with K_t of the fit's scene
   double depth_m = 0;    ///< inserted when the withdrawal begins

@@ -1,5 +1,5 @@
-/// How each axial model writes a force-depth curve of one insertion as a scene: its numbers to fit, and the
-/// scene that they make.
+/// Scenes that represent the force-depth curve of one insertion, per axial model: the numbers to fit, and the
+/// resulting scene.
 #pragma once
 
 #include <functional>
@@ -24,7 +24,7 @@ struct CurveModel {
   std::function<CurveScene(const std::vector<double>&)> scene;
 };
 
-/// A place where the force falls suddenly: the needle is through something.
+/// A depth where the force falls suddenly: a rupture.
 struct Rupture {
   double depth_m = 0;   ///< of the greatest force before
   double peak_N = 0;    ///< that force

@@ -25,7 +25,7 @@ class CaseFile {
   /// `source` names the text in messages. Errors: kInvalidInput naming file, field, value and range.
   static Result<CaseFile> parse(std::string_view text, std::string_view source);
   static Result<CaseFile> load(const std::filesystem::path& path);
-  /// The one that is compiled in.
+  /// The compiled-in file.
   static Result<CaseFile> embedded();
 
   [[nodiscard]] const nlohmann::json& json() const { return json_; }

@@ -36,7 +36,7 @@ using ForceSourceFactory =
 ForceSourceFactory engineSource();
 
 struct PlantOptions {
-  SimulatedDeviceOptions device;  ///< its delay is in whole ticks of `rate_hz`; no tool
+  SimulatedDeviceOptions device;  ///< delay in whole ticks of `rate_hz`; no tool
   double rate_hz = 1000;
   double jitter_share = 0;   ///< a tick comes late by up to this share of a period, [0, 1)
   double missing_share = 0;  ///< share of ticks in which the device gives no update, [0, 1)

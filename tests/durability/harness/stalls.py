@@ -1,7 +1,8 @@
-"""How long the machine itself held up a real-time thread: witnesses, one a processor, at the priority of a station's writer.
+"""Measures the machine's stalls of real-time threads: one witness per processor, at the priority of a station's writer.
 
-A virtual machine that is starved stops every thread for some milliseconds, a disk that others keep busy every write, and a
-killed station then loses more than it promised. What the witnesses saw is noted with the kill, and the judge grants it: no more, no less.
+A starved virtual machine stops every thread for some milliseconds, and a busy disk delays every write.
+A killed station then loses more than promised. The ledger records the witnesses' stall with the kill, and
+the judge allows exactly that.
 """
 import mmap
 import os

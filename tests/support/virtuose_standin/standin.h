@@ -34,21 +34,21 @@ struct StandinState {
   double commanded[6];  ///< the last wrench that virtSetForce brought
   double felt[6];       ///< the wrench that acts on the handle in this millisecond
   int is_powered, is_permitted, command_type;
-  long openings;      ///< virtOpen calls, whether they worked or not
-  int open_contexts;  ///< in the service's eyes
+  long openings;      ///< virtOpen calls, successful or not
+  int open_contexts;  ///< as the service counts them
   unsigned alarms;
-  long exchanges, overruns;  ///< virtSetForce calls; those that came too fast
+  long exchanges, overruns;  ///< virtSetForce calls; calls that came too fast
 };
 
 /// A fresh device: powered by its switch, held, at rest at the origin; virtual time. No script.
 void standin_reset(void);
-/// 0: time is the machine's from now on.
+/// 0: real time from now on.
 void standin_virtual_time(int on);
 /// Virtual time only.
 void standin_advance(double seconds);
 /// Returns 0, or −1 for an unknown command.
 int standin_command(const char* command);
-/// Replaces the script. 0, or the number of the first line that is wrong.
+/// Replaces the script. Returns 0, or the number of the first invalid line.
 int standin_script(const char* text);
 void standin_state(StandinState* state);
 /// Names of the setter calls since the reset, separated by blanks; consecutive repeats appear once.

@@ -17,7 +17,7 @@ namespace standin {
 // the vendor's codes and modes used by both rule files
 inline constexpr int kInvalidContext = 3, kImpedance = 3;
 
-/// A connection, in the library's and in the service's eyes.
+/// A connection, as the library and the service see it.
 struct Context {
   enum class State {
     kFree,
@@ -33,8 +33,8 @@ struct Context {
   bool permits_power = false;
 };
 
-/// Allows one exchange a millisecond (5 % more, so that a burst is forgotten), and so many in a row that a
-/// late caller may catch up. The tolerance is ours: the vendor only says "one a millisecond at most".
+/// Allows one exchange a millisecond (5 % more, so that a burst is forgotten), and a short burst so that a
+/// late caller can catch up. The tolerance is ours: the vendor only says "one a millisecond at most".
 class ExchangeRule {
  public:
   /// False: too fast.
