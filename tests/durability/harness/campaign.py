@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""kill -9 of server and stations under load, again and again; after each the judge compares every acknowledged sample.
+"""Repeats kill -9 of server and stations under load; after each kill the judge compares every acknowledged sample.
 
-The server's kills are of three kinds, drawn from the seed: before the n-th write or sync of a commit, the same of a
-checkpoint, or at a random instant. Where it was when it died is read from its page afterwards, and counted.
+The seed picks one of three kinds of server kill: before the n-th write or sync of a commit, before that of a
+checkpoint, or at a random instant. The shared page then shows the server's phase at its death, which is counted.
 """
 import argparse
 import os
@@ -37,7 +37,7 @@ def kill_server(lab, draw, must_hit):
 
 
 def one_lab(programs, seed, server_kills, station_kills, loss, counts):
-    """Faults of one lab, as (name, text)."""
+    """Returns the faults of one lab, as (name, text)."""
     draw = random.Random(seed)
     jobs = ["server"] * server_kills + ["station"] * station_kills
     draw.shuffle(jobs)

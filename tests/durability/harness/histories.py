@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Generated histories: sessions, disconnections, restarts, kills, backups, restores; at the end the judge.
 
-A history follows from its seed: which steps in which order, what they do to whom, how many events (acknowledgements,
-samples) lie between them, and every sample but its time. What two runs of one seed do not share is the machine's: at
-which instruction a kill falls, how chunks meet in a commit, how long things take.
+The seed determines a history: the steps, their order and targets, the number of events (acknowledgements, samples)
+between them, and every sample except its time. Two runs of one seed differ only by the machine: the instruction at
+which a kill falls, the chunks in a commit, all durations.
 """
 import argparse
 import os

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""The suite proves itself: for each planted bug the shortest history that shows it, with the bug and without.
+"""Checks the suite itself: runs the shortest history that shows each planted bug, with the bug and without.
 
-Four of the ten show in a power cut only: tests/powercut asks for those (README.md has the table).
+Four of the ten show in a power cut only: tests/powercut covers those (README.md has the table).
 """
 import argparse
 import sys

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""The judge: does this database hold every sample that stations recorded and every chunk that was acknowledged?
+"""The judge: checks that a database holds every sample recorded by stations and every acknowledged chunk.
 
 Python's standard library only; written from common/gesture/FORMAT.md, db/migrations and the field numbers of proto/.
-Exit code 0: nothing is wrong; 1: faults, one a line on standard output, each with its name first; 2: cannot judge.
+Exit code 0: no fault; 1: faults, one per line on standard output, each with its name first; 2: cannot judge.
 """
 import argparse
 import pathlib
