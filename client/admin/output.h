@@ -34,9 +34,8 @@ class Output {
   Output(std::ostream& out, std::ostream& err, std::optional<std::string> json_file)
       : out_(out), err_(err), json_file_(std::move(json_file)) {}
 
-  /// `rows`: a JSON array of objects. As a table only the given columns are shown, as JSON everything is
-  /// written:
-  /// {"version", "machine", "rows"}. `if_empty` stands in place of a table without rows.
+  /// `rows`: a JSON array of objects. A table shows only the given columns; JSON contains everything:
+  /// {"version", "machine", "rows"}. `if_empty` replaces a table without rows.
   Status list(const std::vector<Column>& columns, const Json& rows, std::string_view if_empty = "nothing");
   /// One object: "key value" lines for people (the given columns, in order), or JSON with one row.
   Status one(const std::vector<Column>& columns, const Json& row);
@@ -44,7 +43,7 @@ class Output {
   void text(std::string_view line);
   /// "key added" and the like: to `out`, or to `err` when JSON goes to `out`.
   void done(std::string_view line);
-  /// To `err`.
+  /// Prints to `err`.
   void remark(std::string_view line);
   [[nodiscard]] bool json() const { return json_file_.has_value(); }
 

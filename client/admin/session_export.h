@@ -26,7 +26,7 @@ struct ExportRange {
 /// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Checks every chunk, and at
 /// the end of a whole export compares the hash over all chunks with that of the recording. A fault leaves no
 /// file, except with `around_damage`: then the export reports each fault, writes the file and returns
-/// kCorrupt. Exports a thinned recording as such, and an open session as far as it is stored.
+/// kCorrupt. Exports a thinned recording as such, and the stored part of an open session.
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
                      const std::filesystem::path& file, const ExportRange& range = {});
 

@@ -80,8 +80,8 @@ struct FoundDevice {
   bool ready = false;  ///< `--device spec` works now
 };
 
-/// Calls Device::maintain and Device::status about 20 times a second on a thread of its own, so that a slow
-/// call delays neither the loop nor a stop. Thread: made and destroyed by one; `status` by any.
+/// Calls Device::maintain and Device::status about 20 times a second on its own thread, so that a slow call
+/// delays neither the loop nor a stop. Thread: made and destroyed by one; `status` by any.
 class DeviceMaintenance {
  public:
   /// `device` must be open and outlive this object.

@@ -76,7 +76,7 @@ Vec3 outwardNormal(const Limb& limb, Vec3 p_W_m);
 /// Speeds and times of the ready-made plans.
 struct PlanStyle {
   double insertion_speed_mps = 0.02;
-  double approach_m = 0.02;  ///< the tip starts and ends this far from the surface
+  double approach_m = 0.02;  ///< distance of the tip from the surface at start and end
   double rest_s = 0.5;       ///< in free air, before and after
   double hold_s = 2.0;       ///< at the deepest point; the plunger is pressed in its second half
   /// Draws the plunger back in the second quarter of the hold, before the injection. The plunger then starts

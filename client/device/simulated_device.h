@@ -70,8 +70,8 @@ struct PivotMotion {
   Vec3 p_WP_m{0.45, 0.05, -0.12};                   ///< the dimple
   double swing_rad = 0.45;                          ///< to every side, [0, 1.5]
   double swing_period_s = 2.4;                      ///< to and fro, (0, 60]
-  double turn_period_s = 15;  ///< the direction of the swing goes round in this time, (0, 600]
-  double noise_m = 30e-6;     ///< standard deviation of each coordinate of the handle, in each tick
+  double turn_period_s = 15;                        ///< time of one turn of the swing's direction, (0, 600]
+  double noise_m = 30e-6;  ///< standard deviation of each coordinate of the handle, in each tick
   double encoder_step_m = 10e-6;
   std::uint64_t seed = 1;
   double slip_at_s = 0;  ///< from this time on the tip is `slip_m` off; 0 = it never slips

@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t kBatchTicks = 64;
 constexpr std::size_t kLeastBatches = 3;
 
-// the scene with one set of effects, and how long its batches took
+// the scene with one set of effects, and the durations of its batches
 struct Variant {
   std::unique_ptr<SceneModel> model;
   std::unique_ptr<TickRun> run;
@@ -56,7 +56,7 @@ Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, dou
     costs.effects.push_back({effect, 0});
   }
 
-  // a batch of each in turn; the first round only warms up
+  // run one batch of each in turn; the first round only warms up
   for (std::size_t round = 0; round <= kLeastBatches || steadyNowNs() < until_ns; ++round)
     for (Variant& variant : variants) {
       const std::int64_t from_ns = steadyNowNs();

@@ -15,7 +15,7 @@ namespace needlelab {
 /// `rate_hz`; only the first one is outside the tissue, so that the gesture can repeat.
 std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz);
 
-/// Steps `model` through the gesture, again and again. Thread: one.
+/// Steps `model` through the gesture repeatedly. Thread: one.
 class TickRun {
  public:
   /// Both must outlive the run; `gesture` has at least one sample.

@@ -93,10 +93,10 @@ struct LinkSettings {
 struct LinkEnd {
   bool was_connected = false;   ///< a connection was lost; false: the attempt to connect failed
   bool said_by_server = false;  ///< `error` is the server's own reason: a fatal Refusal, or a Bye
-  bool stopping = false;        ///< by stop(): the link does not come back
+  bool stopping = false;        ///< by stop(): the link does not reconnect
   Error error;
-  std::string channel_text;      ///< of a lost connection: how its channel was closed
-  std::int64_t next_try_ns = 0;  ///< steady clock; 0: the link does not try again by itself
+  std::string channel_text;      ///< how the channel of a lost connection was closed
+  std::int64_t next_try_ns = 0;  ///< steady clock; 0: the link does not retry by itself
 };
 
 /// When the link tries again after a LinkEnd.

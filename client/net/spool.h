@@ -87,7 +87,7 @@ class SpoolSession {
   /// Returns the bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
   [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
 
-  // --- what the server has ---
+  // --- state at the server ---
   [[nodiscard]] SpoolReceipt receipt() const;
   /// Prepares a closed session that the server has lost for sending again: reads its chunks, unless opening
   /// the spool already did. Do not call it while another thread writes the session. Errors: kUnavailable,
@@ -138,7 +138,7 @@ class SpoolSession {
 struct SpoolKeep {
   std::int64_t age_s = 14 * 86'400;  ///< since the server closed them
   std::uint64_t quota_bytes = std::uint64_t{4}
-                              << 30;  ///< of the whole spool; the oldest closed ones go first
+                              << 30;  ///< of the whole spool; removes the oldest closed sessions first
   /// Free space on the spool's disk: below this, too, the spool removes closed sessions, to make room for
   /// unsent ones.
   std::uint64_t min_free_bytes = std::uint64_t{256} << 20;

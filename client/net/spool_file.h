@@ -69,7 +69,7 @@ class SpoolFile {
 
   std::filesystem::path path_;
   int fd_ = -1;
-  std::uint64_t size_ = 0;  ///< where the next record goes; kept by the appending thread
+  std::uint64_t size_ = 0;  ///< offset of the next record; only the appending thread changes it
   Bytes scratch_;
 };
 

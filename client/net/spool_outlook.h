@@ -12,11 +12,11 @@ namespace needlelab {
 
 /// Thresholds for warnings. Hours of lessons at the present rate.
 struct SpoolThresholds {
-  double warn_h = 10;                 ///< less than this in the quota or on the disk: a warning
+  double warn_h = 10;                 ///< below this in the quota or on the disk: a warning
   double urgent_h = 1;                ///< below this the instructor is told as well
   double usual_bytes_per_sample = 8;  ///< upper estimate for a lesson
   std::uint64_t enough_samples =
-      600'000;  ///< unsent ones from which the spool's own bytes a sample are taken
+      600'000;  ///< from this many unsent samples on, use the spool's own bytes per sample
 };
 
 enum class SpoolLevel : std::uint8_t {

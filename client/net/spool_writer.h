@@ -28,7 +28,7 @@ using SampleRing = SpscRing<GestureSample, kSampleRingCapacity>;
 
 /// About 20 ms of samples for viewers and status lines. (The spool's tail gets its own pieces, more often.)
 struct SamplePiece {
-  std::shared_ptr<const std::vector<GestureSample>> samples;  ///< as they were recorded; at least one
+  std::shared_ptr<const std::vector<GestureSample>> samples;  ///< unchanged, as recorded; at least one
   GestureSample last;                                         ///< the newest of them
   std::uint64_t samples_so_far = 0;                           ///< of the session, this piece included
   std::uint32_t flags = 0;                                    ///< of all of its samples

@@ -40,14 +40,14 @@ struct UplinkEvents {
   /// An instructor ends the current session's lesson, or any.
   std::function<void(const pb::StopLesson&)> stop_lesson;
   std::function<void(const pb::Ack&)> acknowledged;      ///< unchanged; for tests that keep a ledger
-  std::function<void(const pb::SessionClosed&)> closed;  ///< as it came
+  std::function<void(const pb::SessionClosed&)> closed;  ///< unchanged
 };
 
 /// Facts of a lesson for the status lines, from the station's LessonWatch.
 struct LessonFacts {
   double peak_force_N = 0;                   ///< since the session began
   std::vector<std::string> hazards_touched;  ///< names, in order
-  double force_limit_N = 0;                  ///< what the exercise requires of the peak force; 0: nothing
+  double force_limit_N = 0;                  ///< the exercise's limit of the peak force; 0: none
   std::string tissue;                        ///< of the layer that the tip is in; empty outside
 };
 
@@ -59,7 +59,7 @@ struct UplinkState {
   std::string error;                    ///< the last connection's end or failure, as text
   std::uint64_t connections = 0;        ///< made so far
   std::uint64_t chunks_left = 0;        ///< in the spool and not acknowledged, over all sessions
-  std::uint64_t sessions_open = 0;      ///< that the server has neither closed nor refused
+  std::uint64_t sessions_open = 0;      ///< sessions that the server has neither closed nor refused
   std::uint64_t current_committed = 0;  ///< chunks of the current session that the server has
   std::optional<pb::SessionClosed> current_verdict;
   std::string current_trouble;     ///< why the server refuses the current session

@@ -23,7 +23,7 @@ struct SurfaceOptions {
   std::string title = "needlelab";
   int width_px = 1280, height_px = 720;
   double font_scale = 1;     ///< 0.8 - 2.5
-  double frames_per_s = 30;  ///< at most; 0: no pacing (off screen: as fast as it goes)
+  double frames_per_s = 30;  ///< at most; 0: no pacing (off screen: as fast as possible)
   /// JSON: position, size and font scale of the window; read at the start, written at the end. Empty: no
   /// file. Unreadable files and positions off every monitor are ignored.
   std::filesystem::path state_file;

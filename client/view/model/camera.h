@@ -9,7 +9,7 @@
 
 namespace needlelab {
 
-/// Column-major, as OpenGL takes it.
+/// Column-major, as in OpenGL.
 using Matrix4 = std::array<float, 16>;
 
 /// A point in a picture: x to the right, y down, in pixels from its upper left corner; depth 0 (near) to 1.
