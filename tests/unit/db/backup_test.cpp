@@ -41,7 +41,7 @@ TEST_F(BackupTest, theCopyIsWholeAndPrivateAndOneFile) {
 TEST_F(BackupTest, theWatermarkRisesToWhatTheCopyHolds) {
   const auto result = backupTo(reader, target);
   ASSERT_OK(result);
-  // two more chunks come after the copy: they are not safe
+  // Two more chunks arrive after the copy: they are not safe.
   for (std::uint64_t seq = 5; seq < 7; ++seq) ASSERT_OK(store.append(id, seq, test::chunkOf(seq)));
   ASSERT_OK(recordBackup(db.writer, *result, target, 1234));
   EXPECT_EQ(*store.safeSeqs(id), 4u) << "of an open session all but the last";
@@ -55,7 +55,7 @@ TEST_F(BackupTest, theWatermarkRisesToWhatTheCopyHolds) {
 TEST_F(BackupTest, aSessionClosedDuringTheCopyIsNotSafeBeforeItsEndIs) {
   const auto result = backupTo(reader, target);
   ASSERT_OK(result);
-  // closed after the copy was taken and before it is noted: the copy holds all chunks, but not the hash
+  // Closed after the copy and before it is recorded: the copy has all chunks, but not the hash.
   ASSERT_OK(store.close(test::closeOf(id, 5), 9));
   ASSERT_OK(recordBackup(db.writer, *result, target, 1234));
   EXPECT_LT(*store.safeSeqs(id), 5u) << "its station would empty its spool";
@@ -66,7 +66,7 @@ TEST_F(BackupTest, aSessionClosedDuringTheCopyIsNotSafeBeforeItsEndIs) {
 }
 
 TEST_F(BackupTest, writersGoOnMeanwhileAndTheCopyIsOneInstant) {
-  // the copy is taken within one view: a writer that commits during it changes nothing in it
+  // The copy is one snapshot: a commit during the copy does not change it.
   ASSERT_OK(reader.script("BEGIN; SELECT count(*) FROM sessions"));
   ASSERT_OK(store.append(id, 5, test::chunkOf(5)));
   ASSERT_OK(reader.script("COMMIT"));

@@ -1,4 +1,4 @@
-// Processes that die and power that fails while chunks come in: what was acknowledged is there afterwards.
+// Processes crash and power fails while chunks arrive: all acknowledged data must survive.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -32,8 +32,8 @@ Uuid idOf(int session) {
   return id;
 }
 
-/// Opens the sessions and appends chunks for ever; after each commit writes one byte a chunk, the session's
-/// number, to `acks`.
+/// Opens the sessions and appends chunks forever. After each commit it writes one byte per chunk, the
+/// session's number, to `acks`.
 [[noreturn]] void storeForEver(const std::filesystem::path& path, int acks) {
   auto connection = Connection::open(path, {.mode = Connection::Mode::kWriter});
   if (!connection) ::_exit(3);
@@ -86,7 +86,7 @@ TEST(Crash, whatWasAcknowledgedOutlivesKillNine) {
       storeForEver(db.path, pipe_ends[1]);
     }
     ::close(pipe_ends[1]);
-    // wait for the first acknowledgement, so that the kill falls into work, then for a random time
+    // Waits for the first acknowledgement, so that the kill interrupts work, then for a random time.
     std::uint8_t byte = 0;
     ASSERT_EQ(::read(pipe_ends[0], &byte, 1), 1) << "the child ended early";
     ++acknowledged[byte];
@@ -109,20 +109,20 @@ TEST(Crash, whatWasAcknowledgedOutlivesKillNine) {
       const auto stored = SessionStore(connection).nextSeq(idOf(s));
       ASSERT_OK(stored);
       EXPECT_GE(*stored, acknowledged[s]) << "session " << s << ", kill " << kill;
-      // and they are the right bytes
+      // The bytes are correct.
       const auto chunks = SessionStore(connection).readChunks(idOf(s), 0, UINT32_MAX, SIZE_MAX);
       ASSERT_OK(chunks);
       ASSERT_EQ(chunks->size(), *stored);
       for (const StoredChunk& chunk : *chunks) ASSERT_EQ(chunk.bytes, chunkOf(chunk.seq));
-      acknowledged[s] = *stored;  // stored without an acknowledgement: the next child goes on after it
+      acknowledged[s] = *stored;  // stored without an acknowledgement: the next child continues after it
     }
     total = acknowledged[0] + acknowledged[1] + acknowledged[2] + acknowledged[3];
   }
   EXPECT_GT(total, 20u) << "hardly anything was stored: the test tests nothing";
 }
 
-/// Runs `commit` in a transaction again and again and tells `committed` after each, until the power is cut at
-/// a random operation on the disk. What is left passes every check, and is given to `look`.
+/// Repeats `commit` in transactions and calls `committed` after each, until the power is cut at a random disk
+/// operation. Checks that the remaining database passes every check, and passes it to `look`.
 void cutThePower(std::uint64_t seed, bool full, const std::function<void(Connection&)>& commit,
                  const std::function<void()>& committed, const std::function<void(Connection&)>& look) {
   auto& vfs = test::ShimVfs::instance();
@@ -141,7 +141,7 @@ void cutThePower(std::uint64_t seed, bool full, const std::function<void(Connect
     }
     return SQLITE_OK;
   });
-  // as DbWriter does: commits, and a checkpoint now and then between them
+  // as DbWriter does: commits, with occasional checkpoints between them
   for (std::uint64_t round = 0; !cut; ++round) {
     auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
     EXPECT_OK(transaction);
@@ -160,7 +160,8 @@ void cutThePower(std::uint64_t seed, bool full, const std::function<void(Connect
   look(left);
 }
 
-/// How many acknowledged chunks of one session are missing after a power cut. Its counters are right (check).
+/// Returns the number of acknowledged chunks of one session that are missing after a power cut. check()
+/// verifies its counters.
 std::uint64_t lostByPowerCut(std::uint64_t seed, bool full) {
   std::uint64_t acknowledged = 0, seq = 0, there = 0;
   cutThePower(
@@ -222,7 +223,7 @@ TEST(Crash, aPowerCutLosesNothingAcknowledged) {
 }
 
 TEST(Crash, theSamePowerCutsDoLoseDataWithSynchronousNormal) {
-  // the negative control: the simulated disk is able to lose
+  // The negative control: the simulated disk can lose data.
   std::uint64_t lost = 0;
   for (std::uint64_t seed = 0; seed < 20; ++seed) lost += lostByPowerCut(seed, false);
   EXPECT_GT(lost, 0u);

@@ -68,7 +68,7 @@ TEST(StationStore, takesTheRightKeyOnly) {
   EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(key) + "x"));
   EXPECT_FALSE(*stations.checkKey("lab-1", ""));
   EXPECT_FALSE(*stations.checkKey("lab-2", textOfKey(key)));
-  // what is stored is not the key
+  // The stored value is not the key.
   EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(hashStationKey(key))));
 }
 

@@ -217,7 +217,7 @@ TEST(DbWriter, aLockHeldByAnotherProgramIsNoDiskFailure) {
   EXPECT_OK(writer.run(addStation("a")));
 }
 
-/// A disk that fails in one way from a certain moment on.
+/// A disk that fails in one way from a given moment on.
 class DbWriterOnBadDisk : public testing::TestWithParam<std::pair<ShimVfs::Op, int>> {
  protected:
   void TearDown() override { ShimVfs::instance().setHook({}); }
@@ -237,7 +237,7 @@ TEST_P(DbWriterOnBadDisk, nothingIsAcknowledgedAfterIt) {
                     [&](const Error&) { ++fatal; });
     ASSERT_OK(writer.run(addStation("before")));
 
-    // three in one group, of which none may be acknowledged
+    // three in one group; none of them may be acknowledged
     broken = true;
     std::atomic<int> acknowledged = 0, refused = 0;
     for (int i = 0; i < 3; ++i) {

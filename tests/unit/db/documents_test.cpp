@@ -18,7 +18,7 @@ TEST(ProfileStore, anotherTextIsANewRevisionAndTheOldOneStays) {
   EXPECT_EQ(profiles.get("knee", 1)->json, "{\"a\":1}");
   EXPECT_EQ(profiles.get("knee", 2)->json, "{\"a\":2}");
   EXPECT_EQ(profiles.get("knee", 0)->revision, 2u);
-  // going back to an old text is a change, too
+  // Going back to an old text is also a change.
   EXPECT_EQ(*profiles.put(profile("knee", "{\"a\":1}")), 3u);
 }
 

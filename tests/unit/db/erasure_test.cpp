@@ -156,7 +156,7 @@ TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {
 }
 
 TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {
-  // a name that is nowhere else, and a rare one
+  // a unique name, and a rare one
   ASSERT_OK(PeopleStore(db.writer).add({"qzxanna", pb::TRAINEE, "", false, 1, "Wqjvornov"}));
   const Uuid id = session("qzxanna", 20, true);
   ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "Wqjvornov is good", "ina", 1}));
@@ -186,7 +186,7 @@ TEST_F(ErasureStoreTest, whatAStationStillSendsIsAcknowledgedAndNotKept) {
   ASSERT_OK(erase("anna"));
   removeChunks(id);
   SessionStore sessions(db.writer);
-  // the station goes on as if nothing had happened: new chunks, old ones, its description, the end
+  // The station continues as before: new chunks, old chunks, its description, the end.
   for (const std::uint64_t seq : {3u, 4u, 1u}) {
     const auto appended = sessions.append(id, seq, test::chunkOf(seq), "station-1");
     ASSERT_OK(appended);
@@ -209,7 +209,7 @@ TEST_F(ErasureStoreTest, whatAStationStillSendsIsAcknowledgedAndNotKept) {
 TEST_F(ErasureStoreTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndEmpty) {
   ASSERT_OK(erase("anna"));
   SessionStore sessions(db.writer);
-  // it was recorded before, while the station was away
+  // It was recorded before the erasure, while the station was offline.
   const Uuid id = makeUuidV7();
   auto d = test::describe(id);
   d.set_trainee("anna");
@@ -218,7 +218,7 @@ TEST_F(ErasureStoreTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndE
   EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
   EXPECT_TRUE(sessions.close(test::closeOf(id, 1), 6)->taken());
   EXPECT_EQ(sessions.info(id)->chunks(), 0u);
-  // somebody who has that name from now on is somebody else
+  // A new user with this name is a different person.
   const Uuid later = makeUuidV7();
   d.set_session_id(test::bytesOfId(later));
   d.set_started_unix_ns(1'900'000'000'000'000'000);
@@ -245,7 +245,7 @@ TEST_F(ErasureStoreTest, aDatabaseFromBeforeSaysWhoMustBeErasedAgain) {
   ASSERT_EQ(lines->size(), 1u);
   EXPECT_EQ((*lines)[0].name_hash, made.name_hash);
   EXPECT_EQ((*lines)[0].unix_ns, 77);
-  // the file knows, the database does not: as after a restore
+  // The file has the erasure but the database does not, as after a restore.
   const auto repeat = ErasureStore(db.writer).toRepeat(db.folder.path());
   ASSERT_OK(repeat);
   ASSERT_EQ(repeat->size(), 1u);

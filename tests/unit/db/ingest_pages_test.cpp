@@ -1,5 +1,5 @@
-/// What the store writes beside what SQLite itself must write for the same chunks, counted in pages of the
-/// write-ahead log. Times are noise on a busy machine; pages are not, and each costs its share of an fsync.
+/// Compares the store's writes with those of plain SQLite for the same chunks, in pages of the write-ahead
+/// log. Times are noisy on a busy machine; page counts are not, and each page costs its share of an fsync.
 #include <algorithm>
 #include <numeric>
 #include <random>
@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t kIngestSessions = 1000, kIngestGroup = 35, kIngestGroups = 60;
 
-/// 5.2 kB, as a second of a hand at 1 kHz has.
+/// 5.2 kB, the size of one second of a hand at 1 kHz.
 Bytes chunkOfASecond() {
   const auto samples = testing::smoothGesture(4000);
   Bytes chunk;
@@ -25,7 +25,7 @@ Bytes chunkOfASecond() {
 
 class IngestPages : public ::testing::TestWithParam<bool> {
  protected:
-  /// A database with all sessions open.
+  /// Makes a database with all sessions open.
   struct Side {
     test::TestDb db;
     std::vector<Uuid> ids;
@@ -40,14 +40,14 @@ class IngestPages : public ::testing::TestWithParam<bool> {
       EXPECT_OK(db.writer.script("COMMIT"));
       EXPECT_OK(db.writer.checkpointPassive());
     }
-    /// Pages in the log of one transaction.
+    /// Returns the number of log pages of one transaction.
     template <typename Work>
     std::uint64_t pagesOf(const Work& work) {
       auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
       EXPECT_OK(transaction);
       work(db.writer);
       EXPECT_OK(transaction->commit());
-      // everything of it is in the database behind this, so that the log begins again
+      // This copies the whole log into the database, so that the log starts again.
       Connection::WalProgress progress;
       EXPECT_OK(db.writer.checkpointPassive(&progress));
       EXPECT_EQ(progress.pages, progress.moved);

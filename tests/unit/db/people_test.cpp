@@ -34,7 +34,7 @@ TEST(PeopleStore, refusesTwiceTheSameNameAndWrongFields) {
   EXPECT_EQ(people.add({"", pb::TRAINEE, "", false, 1}).error().code, ErrorCode::kInvalidInput);
   EXPECT_EQ(people.add({std::string(1'000'000, 'x'), pb::TRAINEE, "", false, 1}).error().code,
             ErrorCode::kInvalidInput);
-  // no name is SQL
+  // names are never executed as SQL
   EXPECT_OK(people.add({"x'); DROP TABLE people; --", pb::TRAINEE, "", false, 1}));
   EXPECT_EQ(people.list()->size(), 2u);
 }

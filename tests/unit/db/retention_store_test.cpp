@@ -1,4 +1,4 @@
-// The policies and the steps of retention, one by one.
+// Tests the retention policies and the steps of retention, one by one.
 #include "db/retention_store.h"
 
 #include <functional>
@@ -17,7 +17,7 @@ constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
 class RetentionStoreTest : public ::testing::Test {
  protected:
-  /// A session of `chunks` chunks, closed on that day unless it is negative.
+  /// Adds a session of `chunks` chunks, closed on `day` unless the day is negative.
   Uuid add(const std::string& exercise, std::int64_t day, std::uint64_t chunks = 3, bool safe = true) {
     const Uuid id = makeUuidV7();
     auto d = test::describe(id);
@@ -40,7 +40,7 @@ class RetentionStoreTest : public ::testing::Test {
     p.set_changed_unix_ns(5);
     return p;
   }
-  /// What is due on a day, as "id action" in the order of due().
+  /// Returns the actions that are due on a day, as "id action" in the order of due().
   std::vector<std::string> dueOn(std::int64_t day) {
     const auto due = store.due(day * kDay_ns);
     EXPECT_OK(due);
@@ -63,7 +63,7 @@ class RetentionStoreTest : public ::testing::Test {
     DueRecording due;
     due.session = id;
     due.exercise_id = sessions.info(id)->description().exercise_id();
-    // the policy in force; where there is none, a default that keeps all
+    // the policy in force, or a default that keeps everything
     auto policies = *store.policies();
     if (policies.empty()) {
       EXPECT_OK(store.setPolicy(policy("", -1, -1)));
@@ -194,7 +194,7 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   EXPECT_FALSE(store.appendDerived(id, 1, chunkOf(7)).ok()) << "a gap";
   EXPECT_FALSE(store.appendDerived(id, 0, Bytes(50)).ok()) << "no chunk";
   ASSERT_OK(store.appendDerived(id, 0, chunkOf(7)));
-  // until the switch it is of no account
+  // It does not count until the switch.
   EXPECT_TRUE(sound());
   EXPECT_EQ(sessions.info(id)->SerializeAsString(), before->SerializeAsString());
   auto wrong = *store.sums(id);
@@ -219,7 +219,7 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   EXPECT_EQ((*read)[0].bytes, chunkOf(7));
   EXPECT_EQ(sessions.seek(id, {145, 0})->seq, 0u);
 
-  // the original goes in pieces, from its end
+  // The original is deleted in pieces, from its end.
   ASSERT_EQ(store.leftovers()->size(), 1u);
   EXPECT_TRUE(*store.removeSome(id, 2));
   EXPECT_TRUE(sound());

@@ -107,7 +107,7 @@ TEST_F(SessionReaderTest, everyKindOfDamageIsFoundByVerify) {
       "UPDATE sessions SET samples = 99",
       "UPDATE sessions SET chunks = 4, samples = 80",
       "UPDATE sessions SET hash = zeroblob(32)",
-      // two whole chunks exchanged: each is sound, the hash is not
+      // Two whole chunks swapped: each one is valid, the hash is not.
       "UPDATE chunks SET seq = CASE seq WHEN 1 THEN 1001 WHEN 2 THEN 1002 ELSE seq END;"
       "UPDATE chunks SET seq = CASE seq WHEN 1001 THEN 2 WHEN 1002 THEN 1 ELSE seq END",
   };
@@ -174,7 +174,7 @@ TEST_F(SessionReaderTest, aDamagedChunkIsNeverHandedOut) {
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
   EXPECT_NE(refused.error().message.find("chunk 1"), std::string::npos) << refused.error().message;
-  // and such a session cannot be closed
+  // Such a session cannot be closed.
   EXPECT_FALSE(store.close(closeOf(id, 3), 1).ok());
 }
 
@@ -269,7 +269,7 @@ TEST_F(SessionSeek, gapsAndUnevenChunksAreFoundByHalving) {
   for (int i = 0; i < 500; ++i) {
     const std::uint64_t count = 1 + random() % 40;
     chunks.push_back({tick, count});
-    // now and then an hour of nothing
+    // occasional gaps of an hour
     tick += count + (random() % 20 == 0 ? 72'000 : 0);
   }
   const Uuid id = add(chunks);

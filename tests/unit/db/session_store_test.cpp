@@ -126,7 +126,7 @@ TEST_F(SessionStoreTest, closesWhenAllIsThereAndTheHashAgrees) {
   EXPECT_EQ(info->hash(), closeOf(id, 4).hash());
   EXPECT_EQ(info->closed_unix_ns(), 77);
   EXPECT_EQ(info->samples(), 80u);
-  // again, as a station does that lost the answer
+  // again, like a station that lost the answer
   EXPECT_EQ(store.close(closeOf(id, 4), 99)->kind, Closed::Kind::kRepeated);
   EXPECT_EQ(store.info(id)->closed_unix_ns(), 77);
 }
@@ -151,7 +151,7 @@ TEST_F(SessionStoreTest, theCountersAreInOneTableAtATime) {
   ASSERT_EQ(store.close(closeOf(id, 2), 1)->kind, Closed::Kind::kClosed);
   EXPECT_EQ(counted(in_progress), "");
   EXPECT_EQ(counted(in_session), sums);
-  // who reads the session sees no difference
+  // A reader of the session sees no difference.
   const auto closed = store.info(id);
   ASSERT_OK(closed);
   EXPECT_EQ(open->chunks(), closed->chunks());

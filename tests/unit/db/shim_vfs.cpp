@@ -10,7 +10,7 @@
 namespace needlelab::test {
 namespace {
 
-/// Ours in front, the real file behind it in the same allocation.
+/// Our file object, followed by the real file in the same allocation.
 struct ShimFile {
   sqlite3_file base;
   sqlite3_file* real;
@@ -52,7 +52,8 @@ int xTruncate(sqlite3_file* file, sqlite3_int64 size) {
 int xSync(sqlite3_file* file, int flags) {
   auto& vfs = ShimVfs::instance();
   if (const int rc = vfs.ask(ShimVfs::Op::kSync, *shim(file)->path, 0, 0); rc != SQLITE_OK) return rc;
-  // the real disk is not waited for: what survives is told by our own memory, and this keeps the tests fast
+  // Does not wait for the real disk: our own record determines the surviving bytes. This keeps the tests
+  // fast.
   (void)flags;
   vfs.noteSync(*shim(file)->path);
   return SQLITE_OK;
@@ -147,7 +148,7 @@ ShimVfs& ShimVfs::instance() {
 ShimVfs::ShimVfs() {
   sqlite3_vfs* system = sqlite3_vfs_find(nullptr);
   static sqlite3_vfs ours;
-  ours = *system;  // what is not replaced below goes to the system's functions, which use none of our data
+  ours = *system;  // the other functions are the system's, which use none of our data
   ours.pNext = nullptr;
   ours.zName = kName;
   ours.pAppData = system;

@@ -1,4 +1,5 @@
-// Groups, assignments, attempts, scores, references, consent: what the stores hold and refuse.
+// Tests the contents and the refusals of the stores: groups, assignments, attempts, scores, references,
+// consent.
 #include <optional>
 
 #include "db/assignments.h"
@@ -61,7 +62,7 @@ class TeachingStores : public ::testing::Test {
 TEST_F(TeachingStores, aGroupIsEditedFromItsNewestRevisionOnly) {
   GroupStore groups(db.writer);
   EXPECT_EQ(groups.put(group("g", {"ben", "anna"}), 0, "mia", 5)->revision(), 1u);
-  // the same again is no new revision, in whichever order
+  // The same content is not a new revision, in any order.
   EXPECT_EQ(groups.put(group("g", {"anna", "ben"}), 1, "mia", 6)->revision(), 1u);
   EXPECT_EQ(groups.put(group("g", {"anna"}), 1, "max", 1'764'000'000'000'000'000)->revision(), 2u);
   const auto late = groups.put(group("g", {"anna", "zoe"}), 1, "mia", 8);
@@ -71,7 +72,7 @@ TEST_F(TeachingStores, aGroupIsEditedFromItsNewestRevisionOnly) {
   for (const char* word : {"'g'", "revision 2", "'max'", "2025-11-24 16:00:00 UTC", "revision 1"})
     EXPECT_NE(late.error().message.find(word), std::string::npos) << word << ": " << late.error().message;
   ASSERT_EQ(groups.get("g")->members_size(), 1);
-  // one that shall be new and is not; one that was meant to be there and is not
+  // One must be new but exists already; another must exist but does not.
   EXPECT_EQ(groups.put(group("g", {}), 0, "mia", 9).error().code, ErrorCode::kConflict);
   EXPECT_EQ(groups.put(group("h", {}), 3, "mia", 9).error().code, ErrorCode::kConflict);
 }
@@ -157,7 +158,7 @@ TEST_F(TeachingStores, attemptsAreNumberedByWhenTheyWereBegunEachExerciseForItse
   EXPECT_EQ(attempts.list("anna", "", false)->size(), 3u);
   EXPECT_EQ(attempts.get(other)->number(), 1u);
   EXPECT_EQ(attempts.get(second)->number(), 2u);
-  // one that comes late takes its place
+  // A late one takes its place.
   session("anna", "a", 120);
   EXPECT_EQ(attempts.get(second)->number(), 3u);
   EXPECT_EQ(attempts.standing("anna", "a")->counted, 3u);
@@ -231,7 +232,7 @@ TEST_F(TeachingStores, consentIsTheLastWordAndAllWordsAreKept) {
   ASSERT_OK(say("anna", true, 1));
   ASSERT_OK(say("ben", true, 2));
   EXPECT_EQ(*consents.consenting(), (std::vector<std::string>{"anna", "ben"}));
-  // a clock that went back does not undo what was said later
+  // A clock that went back does not undo a later decision.
   ASSERT_OK(say("anna", false, 0));
   EXPECT_EQ(*consents.consenting(), std::vector<std::string>{"ben"});
   EXPECT_EQ(consents.list("anna")->size(), 2u);

@@ -22,7 +22,8 @@ class WalReset : public ::testing::Test {
   static Status add(Connection& connection, int number) {
     return StationStore(connection).add("s" + std::to_string(number), StationKeyBytes{}, 1);
   }
-  /// Rows added that a new connection does not find, or −1 when the database cannot be read at all.
+  /// Returns the number of added rows that a new connection does not find, or −1 if the database is
+  /// unreadable.
   static int missing(const std::filesystem::path& path, int added) {
     auto reader = Connection::open(path, {});
     if (!reader) return -1;
@@ -39,7 +40,7 @@ class WalReset : public ::testing::Test {
 };
 
 TEST_F(WalReset, aCheckpointBesideTheCommittingConnectionLosesData) {
-  // the negative control: what the rule is there for, on an SQLite that has the bug
+  // The negative control: shows the bug that the rule avoids, on an SQLite version with the bug.
   if (sqlite3_libversion_number() >= 3'051'003)
     GTEST_SKIP() << "SQLite " << sqlite3_libversion() << " has it mended";
   for (const bool inside : {false, true}) {
@@ -77,7 +78,8 @@ TEST_F(WalReset, theWriterNeverCommitsInsideItsCheckpointWhateverComesThen) {
       EXPECT_OK(writer.post([number](Connection& connection) { return add(connection, number); },
                             [&](const Status& status) { acknowledged += status.ok() ? 1 : 0; }));
     };
-    // at each page that a checkpoint copies into the database: new work, and a reader that comes and goes
+    // At each page that a checkpoint copies into the database: new commits, and a reader that opens and
+    // closes.
     ShimVfs::instance().setHook([&](ShimVfs::Op op, const std::string& path, std::int64_t, int) {
       EXPECT_NE(op, ShimVfs::Op::kHeaderRead) << "somebody else has committed";
       if (op == ShimVfs::Op::kWrite && path == file && posted < 300) {

@@ -93,7 +93,7 @@ TEST(ProfileJson, readsBackTheSameAndIsStable) {
   EXPECT_EQ(profileJson(*again), text);
   EXPECT_THAT(text, HasSubstr("\"lateral_stiffness_n_per_m2\": 9000"));
   EXPECT_THAT(text, ::testing::EndsWith("}\n"));
-  // and it says the same as what was read
+  // It has the same content as the input.
   EXPECT_EQ(nlohmann::json::parse(text), nlohmann::json::parse(kGoodProfile));
 }
 
@@ -168,7 +168,7 @@ TEST(ParseProfile, randomDamageNeverCrashesAndWhatPassesIsSound) {
       continue;
     }
     ++passed;
-    // a text that passed is a whole profile: it makes a scene, and reads back the same
+    // A valid text is a complete profile: it makes a scene, and reads back the same.
     ASSERT_TRUE(sceneSpecOf(*profile).ok());
     const auto again = parseProfile(profileJson(*profile), "again");
     ASSERT_TRUE(again.ok()) << again.error().message;

@@ -1,6 +1,6 @@
-// What is refused in a profile, and what its author is warned of.
+// Tests the errors in a profile that are refused, and the warnings to its author.
 //
-// Every way to get a profile wrong that we could think of, and what a person is told about it.
+// Every profile error that we could think of, with its message.
 #include <gmock/gmock.h>
 
 #include "common/profile/profile.h"
@@ -14,7 +14,7 @@ using ::testing::StartsWith;
 
 struct WrongField {
   const char* pointer;   // into the good profile
-  const char* value;     // JSON put there; "" erases
+  const char* value;     // JSON value to insert; "" erases
   const char* expected;  // part of the message
 };
 
@@ -64,7 +64,7 @@ const WrongField kWrongProfiles[] = {
     {"/effects", "\"CUTTING\"", "effects: must be a list, found the text \"CUTTING\""},
     {"/effects/0", "1", "effects[0]: must be one of CUTTING, ATTRACTED"},
     {"/hazards/0/center_m", "[0, 0, 0]", "hazards[0].center_m: must be an object, found a list"},
-    // numbers that are none
+    // values that are not numbers
     {"/layers/0/cutting_force_n", "\"NaN\"", "layers[0].cutting_force_n: must be a number, found the text \"NaN\""},
     {"/layers/0/cutting_force_n", "\"Infinity\"", "layers[0].cutting_force_n: must be a number, found the text \"Infinity\""},
     {"/limb/plane/point_m/x", "\"-Infinity\"", "limb.plane.point_m.x: must be a number, found the text \"-Infinity\""},
@@ -146,7 +146,7 @@ const WrongField kWrongProfiles[] = {
      "layers[0].puncture: linear_n_per_m and quadratic_n_per_m2 are both 0"},
 };
 
-// texts that are wrong before they are a profile, or in ways that a tree cannot hold
+// texts that fail before they are parsed as a profile, or in ways that a JSON tree cannot represent
 const std::pair<std::string, const char*> kWrongTexts[] = {
     {"", "not valid JSON"},
     {"   ", "not valid JSON"},
@@ -212,7 +212,7 @@ TEST(WrongProfiles, tooManyLayersAreRefusedBeforeTheyAreRead) {
   const auto layer = tree["layers"][1];
   while (tree["layers"].size() < 32) tree["layers"].push_back(layer);
   EXPECT_TRUE(parseProfile(tree.dump(), "p").ok());
-  tree["layers"].push_back(7);  // the thirty-third: its own fault must not be what is told
+  tree["layers"].push_back(7);  // the thirty-third: the message must not report its own fault
   const auto profile = parseProfile(tree.dump(), "p");
   ASSERT_FALSE(profile.ok());
   EXPECT_THAT(profile.error().message, HasSubstr("layers: has 33 items, allowed are 1 to 32"));
@@ -409,13 +409,13 @@ TEST(ProfileWarnings, aMembraneThatRupturesBelowItsLayerIsTold) {
       "/layers/0/puncture", R"({"linear_n_per_m": 100, "quadratic_n_per_m2": 0, "force_n": 0.6})"};
   EXPECT_THAT(warningsWith({thick, soft}), ElementsAre(AllOf(HasSubstr("layers[0] (SKIN, 4 mm)"),
                                                              HasSubstr("0.6 N"), HasSubstr("6 mm deep"))));
-  // 100 z + 12500 z² = 0.6 at exactly 4 mm: not deeper than the layer, thickened by a hair
+  // 100 z + 12500 z² = 0.6 at exactly 4 mm: not deeper than the layer with its small tolerance
   const std::pair<std::string, std::string> just{
       "/layers/0/puncture", R"({"linear_n_per_m": 100, "quadratic_n_per_m2": 12500, "force_n": 0.6})"};
   EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.00400001"}, just}), IsEmpty());
   EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.00399999"}, just}),
               ElementsAre(HasSubstr("4 mm deep")));
-  // not listed, not told
+  // not listed, so no warning
   EXPECT_THAT(warningsWith({thick, soft, {"/effects", R"(["CUTTING"])"}}), IsEmpty());
 }
 

@@ -1,4 +1,4 @@
-// The profiles and the curriculum in db/samples: what their README says of them is true.
+// Checks the profiles and the curriculum in db/samples against their README.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
 const std::vector<std::string> kPatients = {
     "shoulder-adult", "shoulder-muscular",  "shoulder-frail", "knee-adult",   "wrist-adult",  "lumbar-adult",
     "deltoid-adult",  "shoulder-posterior", "hip-adult",      "finger-adult", "carpal-tunnel"};
-/// Courses by file; each with the patients that it uses.
+/// The courses by file, each with its patients.
 const std::map<std::string, std::vector<std::string>> kCourses = {
     {"curriculum",
      {"shoulder-adult", "shoulder-muscular", "shoulder-frail", "knee-adult", "wrist-adult", "lumbar-adult",
@@ -212,7 +212,8 @@ TEST(Samples, theCoursesUseTheirPatientsAndAreCanonical) {
   for (const std::string& id : kPatients) EXPECT_TRUE(used_by_any.contains(id)) << id;
 }
 
-// graded: first with all aids and no conditions, at the end with none and after the first was passed
+// graded: the first with all aids and no conditions, the last without aids and only after the first was
+// passed
 TEST(Samples, theStepsAreGraded) {
   const auto steps = loadCurriculum(kSamples / "injection-steps-curriculum.json");
   ASSERT_TRUE(steps.ok()) << steps.error().message;
@@ -227,12 +228,12 @@ TEST(Samples, theStepsAreGraded) {
   EXPECT_EQ(aids, 0);
   EXPECT_EQ(steps->exercises(0).prerequisites_size(), 0);
   EXPECT_EQ(steps->exercises(5).prerequisites(0), steps->exercises(0).id());
-  // the oblique ones: the straight way in is not the shortest
+  // the oblique ones: the straight path in is not the shortest
   for (const char* const id : {"shoulder-posterior", "carpal-tunnel"}) {
     const Vec3 target = vec(sample(id).targets(0).center_m());
     EXPECT_GT(std::hypot(target.x, target.y) / norm(target), std::sin(0.3)) << id;
   }
-  // and at the shoulder that one meets bone
+  // At the shoulder, the shortest path hits bone.
   const pb::Profile shoulder = sample("shoulder-posterior");
   const Vec3 target = vec(shoulder.targets(0).center_m()), middle = vec(shoulder.limb().sphere().center_m());
   const Vec3 out = normalized(target - middle);
@@ -241,7 +242,7 @@ TEST(Samples, theStepsAreGraded) {
     nearest =
         std::min(nearest, distance(shoulder.hazards(0), target + out * (depth(shoulder, target) * i / 100)));
   EXPECT_LT(nearest, 0);
-  // the nerve beside the way
+  // the nerve beside the path
   const pb::Profile wrist = sample("carpal-tunnel");
   EXPECT_EQ(wrist.hazards(0).kind(), pb::Hazard::NERVE);
   EXPECT_NEAR(distance(wrist.hazards(0), vec(wrist.targets(0).center_m())), 0.003, 0.0005);

@@ -1,4 +1,4 @@
-// A profile as the engine's scene, and a scene's model back into a profile.
+// Converts a profile to the engine's scene, and a scene's model back to a profile.
 #include <gmock/gmock.h>
 #include <google/protobuf/util/message_differencer.h>
 
@@ -148,12 +148,12 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
        R"({"sphere": {"center_m": {"x": 0, "y": 2, "z": 3}, "radius_m": 0.05}})",
        R"({"capsule": {"a_m": {"x": 1, "y": 0, "z": 0}, "b_m": {"x": 0, "y": 0, "z": 1}, "radius_m": 0.02}})"}) {
     pb::Profile profile = profileWith("/limb", limb);
-    profile.clear_targets();  // the engine knows neither
+    profile.clear_targets();  // the engine uses neither
     profile.clear_hazards();
     int visited = 0;
     const auto check = [&](google::protobuf::Message& part, const google::protobuf::FieldDescriptor& field,
                            const std::string& path) {
-      // of the needle the engine takes its length, and FEM a diameter (needle_test.cpp)
+      // the engine uses only the needle's length, and FEM its diameter (needle_test.cpp)
       if (path.starts_with("needle.") && path != "needle.length_m") return;
       ++visited;
       const auto& reflection = *part.GetReflection();
@@ -172,7 +172,8 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
       const double highest = range.max_open() ? std::nextafter(range.max(), -inf) : range.max();
       EXPECT_TRUE(refused(std::nextafter(lowest, -inf))) << path;
       EXPECT_TRUE(refused(std::nextafter(highest, inf))) << path;
-      // not a number in one coordinate spoils all three when the limb is placed: refused, whichever is named
+      // NaN in one coordinate makes all three NaN when the limb is placed: refused, whichever coordinate the
+      // message names.
       reflection.SetDouble(&part, &field, std::nan(""));
       EXPECT_FALSE(sceneSpecOf(profile).ok()) << path;
       reflection.SetDouble(&part, &field, good);
@@ -184,7 +185,7 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
   }
 }
 
-// the rows of the effects are the engine's, profile.proto is what authors and files see: they say the same
+// The engine owns the table of effects, authors and files use profile.proto: both must match.
 TEST(EffectSections, areThoseOfTheMessages) {
   const auto* profile = pb::Profile::descriptor();
   for (const EffectEntry* effect : effectEntries()) {

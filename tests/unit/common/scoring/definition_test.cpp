@@ -1,4 +1,4 @@
-// What a measure means is a promise: the table is what the README says, and results do not change under a
+// The definition of a measure is fixed: the table matches the README, and results do not change within a
 // version.
 #include <gtest/gtest.h>
 
@@ -72,8 +72,8 @@ TEST(MeasureTable, namesAreOnceAndUnitsAreInThem) {
   EXPECT_EQ(betterOf("no such thing"), Better::kNeither);
 }
 
-/// FNV-1a over names and values of seven digits: more than any change of a definition leaves, fewer than
-/// compilers and C libraries differ in.
+/// FNV-1a over names and values rounded to seven digits: this detects every change of a definition, but not
+/// the differences between compilers and C libraries.
 std::uint64_t hashOf(const std::vector<Measure>& score, std::uint64_t hash) {
   for (const Measure& row : score) {
     char text[96];

@@ -18,8 +18,8 @@ TipPath along(const std::vector<double>& x) {
   return path;
 }
 
-/// Every alignment, one after the other: the definition, not a table. Points (i, j) with |j − straight line|
-/// > band are no part of one; the longer path is `a`.
+/// Enumerates all alignments by the definition, without a table. Points (i, j) with |j − straight line| >
+/// band are excluded; `a` is the longer path.
 double bruteForce(const TipPath& a, const TipPath& b, std::size_t band) {
   const auto allowed = [&](std::size_t i, std::size_t j) {
     const double straight =
@@ -61,7 +61,7 @@ TEST(Dtw, handMadeAlignments) {
 }
 
 TEST(Dtw, theBandForbidsWhatItIsFor) {
-  // a pause of 30 points early in one and late in the other: free without a band, dear with a narrow one
+  // a pause of 30 points early in one and late in the other: free without a band, expensive with a narrow one
   TipPath early, late;
   for (int i = 0; i < 90; ++i) {
     early.push_back({i < 30 ? 0.0 : i - 30.0, 0, 0});
@@ -106,7 +106,7 @@ TEST(Paths, goFromTheFirstEntryToTheLastExit) {
     EXPECT_LE(p.z, 1e-3);
     EXPECT_GE(p.z, -0.0251);
   }
-  // in the limb's frame: where limb and device stand does not matter
+  // in the limb's frame: the positions of limb and device do not matter
   const Pose X_WL{{1, 2, 3}, normalized(Quat{0.5, 0, 0, 1})};
   auto moved = samples;
   for (GestureSample& s : moved) setTip(s, X_WL * Vec3{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]});
@@ -132,7 +132,7 @@ TEST(Paths, aScoreHasTheDistanceFromTheNearestReference) {
   EXPECT_NEAR(valueOf(with({far, aside}), "dtw_distance_m"), 0.002, 1e-12);
 }
 
-/// The sum that an alignment stands for, by the header's words.
+/// Returns the sum of an alignment as the header defines it.
 double costOf(const DtwAlignment& alignment, const TipPath& a, const TipPath& b) {
   double sum = 2 * norm(a[0] - b[0]);
   for (std::size_t k = 1; k < alignment.pairs.size(); ++k) {
@@ -149,7 +149,7 @@ TEST(DtwAlignment, aHandMadeOne) {
   ASSERT_TRUE(alignment);
   EXPECT_EQ(alignment->pairs, (std::vector<DtwPair>{{0, 0}, {1, 1}, {2, 1}, {3, 2}}));
   EXPECT_DOUBLE_EQ(alignment->distance_m, 0);
-  // the other way round the pairs are turned over
+  // in reverse order the pairs are swapped
   const auto turned = dtwAlignment(along({0, 1, 2}), along({0, 1, 1, 2}), 5);
   EXPECT_EQ(turned->pairs, (std::vector<DtwPair>{{0, 0}, {1, 1}, {1, 2}, {2, 3}}));
 }

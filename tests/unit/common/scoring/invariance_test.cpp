@@ -1,4 +1,4 @@
-// A score is of the gesture, not of how it was sampled.
+// A score depends on the gesture, not on its sampling.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -13,8 +13,8 @@
 namespace needlelab {
 namespace {
 
-/// How far a measure may be off between 500 Hz, 1 kHz and 2 kHz: a share of its value, and so much besides,
-/// in its unit. Times are known to a tick at each of their ends; counts not at all off.
+/// The tolerance of a measure between 500 Hz, 1 kHz and 2 kHz: a share of its value plus an absolute part in
+/// its unit. Times are known to a tick at each end; counts must match exactly.
 struct Tolerance {
   double share, besides;
 };
@@ -61,7 +61,7 @@ Tolerance toleranceOf(const std::string& name) {
   return found == kTolerances.end() ? Tolerance{0, 0} : found->second;
 }
 
-/// Rows that are there at one rate are there at the other, and their values agree.
+/// Checks that both rates have the same rows and that their values agree.
 void expectSame(const std::vector<Measure>& a, const std::vector<Measure>& b, double times,
                 const std::string& what) {
   ASSERT_EQ(a.size(), b.size()) << what;

@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-/// Down to `depth_m` in a second and up again, with a force of 1 N per centimetre.
+/// Goes down to `depth_m` in a second and up again, with a force of 1 N per centimetre.
 std::vector<GestureSample> downAndUp(double depth_m) {
   return gesture(1000, 2, [&](double t, GestureSample& sample) {
     const double depth = -0.005 + (depth_m + 0.005) * (1 - std::abs(t - 1));
@@ -52,7 +52,7 @@ TEST(LessonWatch, theShaftTouchesToo) {
   pb::Profile profile = halfSpace();
   addBallHazard(profile, "vessel", {0, 0.0005, -0.004}, 0.001);
   LessonWatch watch(profile, {});
-  // entered beside it all at once: only the shaft is near
+  // enters beside it in one step: only the shaft is near
   GestureSample sample;
   setDown(sample);
   setDepth(sample, 0.02);

@@ -181,7 +181,7 @@ TEST(Tissue, lateralErrorCountsInTissueOnly) {
 }
 
 TEST(Tissue, aDetourIsInefficient) {
-  // 20 mm down along a half circle; the way ends 0.25 mm above its deepest point: an arc over its chord
+  // 20 mm down along a half circle; the way ends 0.25 mm above its deepest point: an arc divided by its chord
   const auto samples = gesture(1000, 4, [](double t, GestureSample& s) {
     const double phi = std::numbers::pi * ease(t, 4);
     setDepth(s, 0.01 * (1 - std::cos(phi)) + 1e-9);
@@ -369,7 +369,7 @@ TEST(Score, randomBitsNeverGiveANumberThatIsNone) {
 TEST(Score, everyRowsNameIsKnownAndEveryKnownNameOccurs) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.02}, 0.001);
-  // what the syringe did has more to say where something was injected in tissue
+  // The syringe gives more rows if there was an injection in tissue.
   auto samples = inAndOut(1000);
   bool inside = false;
   for (auto& sample : samples) {
@@ -390,7 +390,7 @@ TEST(Score, everyRowsNameIsKnownAndEveryKnownNameOccurs) {
 }
 
 TEST(Actions, movementsArePartedByRest) {
-  // three movements of 30 mm within 1 s each, rests of 0.5 s between; the last of 1 mm is none
+  // three movements of 30 mm within 1 s each, rests of 0.5 s between; the last one of 1 mm is not a movement
   const auto samples = gesture(1000, 7, [](double t, GestureSample& s) {
     const double x = 0.03 * (ease(t, 1) + ease(t - 1.5, 1) - ease(t - 3, 1)) + 0.001 * ease(t - 5, 0.3);
     setTip(s, {x, 0, 0.1});
@@ -436,8 +436,8 @@ TEST(Actions, tremorAtRestIsNoMovement) {
 }
 
 TEST(Actions, workAgainstASpringAcrossTheNeedle) {
-  // 400 N/m aside: out by 5 mm and back. ½·k·d² once: what the spring gives back is not taken off. The forces
-  // along the needle, and the way along it, do no such work.
+  // 400 N/m aside: out by 5 mm and back. ½·k·d² once: the energy that the spring returns is not subtracted.
+  // Forces and motion along the needle do not count.
   const auto work = [](double friction_N, double way_m) {
     const auto samples = gesture(1000, 4, [&](double t, GestureSample& s) {
       const double y = 0.005 * (ease(t, 1.5) - ease(t - 2, 1.5));

@@ -106,7 +106,8 @@ TEST(Reference, allExpertsAlikeHaveNoSpreadToMeasureBy) {
 }
 
 TEST(Reference, oneMoreExpertIsLikeThemIn95Of100) {
-  // the prediction interval does what it says, also for five: draws from one normal distribution
+  // The prediction interval has its stated coverage, even for five values: draws from one normal
+  // distribution.
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal(10, 2);
   for (const std::size_t n : {std::size_t{5}, std::size_t{8}, std::size_t{40}}) {

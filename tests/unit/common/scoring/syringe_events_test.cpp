@@ -1,4 +1,4 @@
-// Aspirations and injections, found in gestures made by formula.
+// Finds aspirations and injections in gestures made by formula.
 #include "common/scoring/syringe_events.h"
 
 #include <gmock/gmock.h>
@@ -16,7 +16,7 @@ using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using Kind = pb::SyringeEvent::Kind;
 
-constexpr double kTime_s = 0.025;  // two bins and what half a band takes at 0.1/s
+constexpr double kTime_s = 0.025;  // two bins and the time for half a band at 0.1/s
 
 /// Straight lines between (time, plunger).
 struct Knot {
@@ -32,7 +32,7 @@ double along(const std::vector<Knot>& knots, double t_s) {
   return knots.back().plunger;
 }
 
-/// A needle held 15 mm deep, its plunger as `knots` say.
+/// A needle held 15 mm deep, with the plunger motion `knots`.
 std::vector<GestureSample> held(const std::vector<Knot>& knots, double rate_hz = 1000,
                                 double depth_m = 0.015) {
   return gesture(rate_hz, knots.back().t_s, [&](double t, GestureSample& sample) {
@@ -164,7 +164,7 @@ TEST(SyringeEvents, aStrokeThatTheRecordingCutsOffEndsWithIt) {
   ASSERT_EQ(events.size(), 1u);
   EXPECT_NEAR(events[0].end_s(), 2, kTime_s);
   EXPECT_NEAR(events[0].plunger_to(), 0.6, 5e-3);
-  // and one that was under way at the first sample begins there
+  // An event that is in progress at the first sample begins there.
   const auto begun = eventsOf(held({{0, 0.2}, {1, 0.6}, {2, 0.6}}));
   ASSERT_EQ(begun.size(), 1u);
   EXPECT_NEAR(begun[0].begin_s(), 0, kTime_s);
@@ -261,7 +261,7 @@ TEST(SyringeEvents, thePlaceIsTheOpeningsNotTheTips) {
   EXPECT_EQ(place.layer(), 0);
   EXPECT_NEAR(place.target_distance_m(), 0.0105 - (0.0115 - behind) - 0.001, 1e-9);
   EXPECT_EQ(events[0].in_target_share(), 0);
-  // in as far as its tip only: the opening is still outside
+  // Only the tip is in: the opening is still outside.
   const auto shallow = eventsOf(held({{0, 0.1}, {1, 0.1}, {2, 0.5}, {3, 0.5}}, 1000, 0.002), 1000, profile);
   ASSERT_EQ(shallow.size(), 1u);
   EXPECT_FALSE(shallow[0].begin().in_tissue());
@@ -327,7 +327,7 @@ TEST(SyringeMeasures, anAspirationAfterwardsOrOutsideDoesNotCount) {
       scoreGesture(held({{0, 0.1}, {1, 0.1}, {2, 0.6}, {3, 0.6}, {3.5, 0.5}, {5, 0.5}}), 1000, profile, {});
   EXPECT_EQ(valueOf(after, "aspirated_before_injection"), 0);
   EXPECT_EQ(find(after, "injected_in_target_share"), nullptr) << "there is no target";
-  // drawn back in the air, then in, then pressed
+  // aspirated in the air, then in, then injected
   const auto outside = gesture(1000, 6, [](double t, GestureSample& sample) {
     setDepth(sample, t < 2.5 ? -0.01 : 0.015);
     sample.plunger = along({{0, 0.2}, {1, 0.2}, {1.5, 0.1}, {4, 0.1}, {5, 0.6}, {6, 0.6}}, t);

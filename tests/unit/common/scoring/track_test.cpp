@@ -154,10 +154,10 @@ TEST(Smoothness, hasTheReferenceValues) {
 }
 
 TEST(Smoothness, doesNotDependOnHowFastThePersonIs) {
-  // ten times the speed: both are without a unit
+  // ten times the speed: both measures are dimensionless
   EXPECT_NEAR(*sparc(bell(10), 100), *sparc(bell(), 100), 1e-12);
   EXPECT_NEAR(*ldlj(bell(10), 100), *ldlj(bell(), 100), 1e-12);
-  // the same shape over twice the time: LDLJ does not change, SPARC's normalised width does but little
+  // The same shape over twice the time: LDLJ does not change, SPARC's normalised width changes only a little.
   EXPECT_NEAR(*ldlj(bell(), 50), *ldlj(bell(), 100), 1e-12);
 }
 

@@ -70,7 +70,7 @@ TEST(Tls, missingAndWrongFilesAreNamed) {
   EXPECT_EQ(makeServerTls(garbage, garbage).error().code, ErrorCode::kInvalidInput);
 }
 
-/// Handshake of a client that trusts `ca` and wants `host`; the client's status.
+/// Runs a handshake with a client that trusts `ca` and expects `host`. Returns the client's status.
 Status handshakeWith(const TlsContext& client_tls, const std::string& host) {
   test::Loopback loop;
   auto [far, near] = loop.sockets();

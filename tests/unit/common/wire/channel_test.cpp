@@ -47,7 +47,7 @@ TEST(Channel, controlMessagesArriveInOrderAndWhole) {
   }
 }
 
-// a client that is no Channel: raw TLS, so that a test can send what no Channel would
+// A client that is not a Channel: raw TLS, so that a test can send bytes that a Channel never sends.
 class RawClient {
  public:
   explicit RawClient(Loopback& loop, ChannelLimits limits = {}) : loop_(loop) {
@@ -123,7 +123,7 @@ TEST(Channel, aHalfOpenPeerTimesOut) {
   ChannelLimits limits;
   limits.idle_timeout = milliseconds(150);
   limits.close_grace = milliseconds(100);
-  RawClient client(loop, limits);  // says nothing, closes nothing, as behind a pulled cable
+  RawClient client(loop, limits);  // sends nothing and does not close, like a pulled cable
   loop.server->established();
   const auto got = loop.receive(loop.server);
   ASSERT_FALSE(got.ok());
@@ -210,7 +210,7 @@ TEST(Channel, aSlowReaderOfControlMessagesIsDisconnectedByName) {
   EXPECT_LT(sent, 10'000);
   EXPECT_EQ(loop.server->closeReason(), CloseReason::kQueueOverflow);
   EXPECT_LE(loop.server->controlQueueBytes(), 100'000u);
-  // a reader that comes late still learns why
+  // A late reader still gets the reason.
   for (;;) {
     const auto got = loop.receive(loop.client);
     ASSERT_TRUE(got.ok()) << got.error().message;
@@ -242,7 +242,7 @@ TEST(Channel, aSlowReaderOfLiveFramesLosesTheOldestAndHearsHowMany) {
   loop.connect(limits, limits);
   loop.server->established();
   loop.client->established();
-  // a second of frames, nobody reads: kernel buffers fill, then the queue drops
+  // one second of frames without a reader: kernel buffers fill, then the queue drops frames
   std::uint64_t seq = 0;
   for (; seq < 100; ++seq) {
     loop.server->sendLive(liveFrame(seq, 20'000), true);
@@ -251,7 +251,7 @@ TEST(Channel, aSlowReaderOfLiveFramesLosesTheOldestAndHearsHowMany) {
   EXPECT_FALSE(loop.server->closing()) << "a slow viewer is not disconnected for live frames";
   EXPECT_GT(loop.server->live().dropped(), 20u);
   EXPECT_LE(loop.server->live().bytes(), 15u * 20'100u) << "50 ms of frames at 5 ms each, and some room";
-  // now it reads: what comes is in order, the last frame tells all drops, and the counts agree
+  // Now it reads: the frames are in order, the last frame reports all drops, and the counts agree.
   std::uint64_t received = 0, next = 0, told = 0;
   for (;;) {
     const auto got = loop.receive(loop.client, milliseconds(1000));
@@ -280,7 +280,7 @@ TEST(Channel, liveFramesThatFollowCloselyLeaveTogetherAndInOrder) {
   constexpr std::uint64_t kFrames = 200;
   for (std::uint64_t seq = 0; seq < kFrames; ++seq) {
     loop.server->sendLive(liveFrame(seq, 100), true);
-    // as one by one from many stations: each comes in a turn of its own
+    // as single frames from many stations: each arrives in its own turn
     loop.io.poll();
   }
   for (std::uint64_t seq = 0; seq < kFrames; ++seq) {
@@ -302,7 +302,7 @@ TEST(Channel, aFrameAloneDoesNotWaitForOthers) {
   loop.client->established();
   loop.server->sendLive(liveFrame(0, 100), true);
   ASSERT_TRUE(loop.receive(loop.client, milliseconds(2000)).ok());
-  // the next one would wait; a control message takes it along
+  // The next frame would wait; a control message sends it along.
   loop.server->sendLive(liveFrame(1, 100), true);
   EXPECT_FALSE(loop.receive(loop.client, milliseconds(50)).ok());
   loop.server->send(chunk(7));
@@ -340,7 +340,7 @@ TEST(Channel, damagedRecordsEndTheChannelAndNothingOfThemIsSeen) {
   Loopback loop;
   RawClient client(loop);
   loop.server->established();
-  // past TLS, into the socket: bytes that no TLS has made
+  // bypasses TLS: writes bytes into the socket that are not TLS records
   asio::write(client.stream().next_layer(),
               asio::buffer(std::string("\x17\x03\x03\x00\x20", 5) + std::string(32, 'x')));
   const auto got = loop.receive(loop.server);
@@ -368,7 +368,7 @@ TEST(Channel, finishSendsWhatIsQueuedBeforeItCloses) {
   for (int i = 0; i < 50; ++i) loop.server->send(chunk(0, 50'000));
   pb::Envelope bye;
   bye.mutable_bye()->set_reason("enough");
-  // the client's unread bytes must not make a reset of the close, which would destroy what is under way
+  // The client's unread bytes must not turn the close into a reset, which would destroy data in flight.
   loop.client->send(chunk(1));
   loop.runFor(milliseconds(50));
   loop.server->finish(CloseReason::kLocal, "enough", &bye);

@@ -38,7 +38,7 @@ pb::LiveFrame anyFrame(std::mt19937_64& random) {
   return frame;
 }
 
-/// What the server did before it spliced: parse, fill in, write again.
+/// The reference: parses, fills in and serialises again, as the server did before it spliced bytes.
 std::string rewritten(pb::LiveFrame frame, const std::string& station) {
   frame.set_station(station);
   frame.clear_dropped_for_you();
@@ -70,7 +70,7 @@ TEST(LiveSplice, whateverTheBytesWhatIsPassedOnIsWhatProtobufReads) {
   int taken = 0;
   for (int i = 0; i < 100'000; ++i) {
     std::string bytes = envelopeOf(anyFrame(random));
-    // hostile: bytes changed, cut off, put in, put behind
+    // hostile: bytes changed, cut off, inserted, appended
     for (std::uint64_t n = 1 + random() % 3; n > 0 && !bytes.empty(); --n) {
       const std::size_t at =
           random() % std::min<std::size_t>(bytes.size(), random() % 2 == 0 ? 40 : bytes.size());
@@ -145,7 +145,7 @@ TEST(LiveQueue, framesComeInOrder) {
 
 TEST(LiveQueue, ageDropsTheOldestAndCountsThem) {
   LiveQueue queue(100 * kMs, 1'000'000);
-  // 50 frames a second for a second, nobody reads
+  // 50 frames per second for one second, without a reader
   for (int i = 0; i < 50; ++i) queue.push(frameOf(std::to_string(i)), true, i * 20 * kMs);
   // at the last push (980 ms) those since 880 ms are left: 44 … 49
   const auto first = queue.pop(980 * kMs);

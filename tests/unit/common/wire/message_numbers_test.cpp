@@ -198,7 +198,8 @@ Names fieldsOf(const google::protobuf::OneofDescriptor* oneof) {
   return names;
 }
 
-// a failure here means that a number got another meaning, or that a new one is not in the lists above
+// A failure here means that a number has changed its meaning, or that a new number is missing in the lists
+// above.
 TEST(MessageNumbers, envelopeNumbersAreAsPublished) {
   EXPECT_EQ(fieldsOf(pb::Envelope::descriptor()->FindOneofByName("body")), tableOf(kEnvelopeMessages));
 }

@@ -16,7 +16,8 @@ std::string framed(const std::string& body) {
   return out + body;
 }
 
-/// Gives `bytes` to the splitter in pieces of `step`; frames go to `frames`. False when the splitter refused.
+/// Passes `bytes` to the splitter in pieces of `step` and appends the frames to `frames`. Returns false if
+/// the splitter refuses.
 bool feed(FrameSplitter& splitter, const std::string& bytes, std::size_t step,
           std::vector<std::string>& frames) {
   for (std::size_t at = 0; at < bytes.size();) {
@@ -59,7 +60,7 @@ TEST(Framing, anEnvelopeComesBackAsItWas) {
 }
 
 TEST(Framing, aTextThatIsNoUtf8IsRefusedWithoutALineOnStandardError) {
-  // the name of a program as none of ours would write it
+  // a program name that none of ours sends
   pb::Envelope envelope;
   envelope.mutable_hello()->set_program("needlelab");
   std::string bytes = envelope.SerializeAsString();

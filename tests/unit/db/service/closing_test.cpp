@@ -146,7 +146,7 @@ TEST_F(ClosedWithEvents, theSyringesEventsAreStoredAndListed) {
   ASSERT_OK(store->service().closeSession(closing(), "station-1"));
   check(get(instructor, question()).events(), true);
 
-  // as if it had been closed before events were stored: worked out anew
+  // As if it had been closed before events were stored: they are computed again.
   ASSERT_OK(change([](Connection& c) {
     return c.script("DELETE FROM session_events; UPDATE sessions SET events = NULL");
   }));

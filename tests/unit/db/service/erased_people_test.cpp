@@ -1,4 +1,4 @@
-// Who was erased stays so: older exports, a key that is lost, chunks that cannot be removed.
+// Erased people stay erased: with older exports, a lost key, chunks that cannot be removed.
 #include "common/base/files.h"
 #include "tests/unit/db/service/records_fixture.h"
 
@@ -52,12 +52,12 @@ TEST_F(ErasedPeople, doNotComeBackWithAnOlderExport) {
   check.mutable_check();
   EXPECT_TRUE(get(admin, check).check_report().ok());
 
-  // elsewhere nobody was erased: all of it comes
+  // In another store without erasures, everything is imported.
   const test::TempFolder elsewhere;
   const auto other = test::openStore(elsewhere.path() / "data");
   EXPECT_TRUE(importAll(*other, records, 100).done());
 
-  // a store that lacks the rows altogether, and knows of the erasure by its folder alone
+  // A store without the rows, which knows of the erasure only from its folder.
   ASSERT_OK(change([&](Connection& c) -> Status {
     for (const char* sql : {"DELETE FROM removed_originals", "DELETE FROM annotations", "DELETE FROM scores",
                             "DELETE FROM chunks", "DELETE FROM sessions", "DELETE FROM erasures"})
@@ -80,7 +80,7 @@ TEST_F(ErasedPeople, areSaidByCheckWhenTheyAreHereAgain) {
   get(admin, erase("anna"));
   pb::Request check;
   check.mutable_check();
-  // somebody new has the name
+  // A new person has the same name.
   ASSERT_OK(change([&](Connection& c) {
     return PeopleStore(c).add({"anna", pb::TRAINEE, "", false, 2'000'000'000'000'000'000});
   }));
@@ -108,7 +108,7 @@ TEST_F(ErasedPeople, areErasedAlsoWhenTheirDamagedChunksStay) {
     left = rows.integer(0);
     return {};
   }));
-  // either the rows could be removed all the same, or the reply says what is left
+  // Either the rows could still be removed, or the reply lists the remaining ones.
   EXPECT_EQ(left != 0, erasure.text().find("damaged") != std::string::npos) << left << ": " << erasure.text();
 }
 
@@ -132,7 +132,7 @@ TEST_F(ErasedPeople, areAllThatTheKeyIsNeededFor) {
   ASSERT_EQ(report.faults_size(), 1);
   EXPECT_NE(report.faults(0).find("pseudonym.key"), std::string::npos);
   EXPECT_EQ(store->service().erasuresToRepeat()->size(), 1u) << "a server starts, and says it";
-  addSession("ben", 1);  // lessons go on
+  addSession("ben", 1);  // lessons continue
   ASSERT_OK(writeFileAtomically(key, viewOf(*bytes), 0600));
   EXPECT_TRUE(get(admin, check).check_report().ok());
 }

@@ -1,4 +1,5 @@
-// Pages of exports: whose they are, what is written down, rows that come and go; what studies give out.
+// Tests the pages of exports: their owner, the audit log, rows that appear and disappear, and the contents of
+// studies.
 #include "common/gesture/chunk.h"
 #include "tests/unit/db/service/records_fixture.h"
 
@@ -7,7 +8,7 @@ namespace {
 
 class ExportPages : public test::RecordsTest {
  protected:
-  /// Of a session of many bytes: four of them are more than a page.
+  /// A large session: four of them exceed a page.
   void scoreLong(const Uuid& id, std::uint32_t version) {
     const std::string measures =
         R"([{"measure":"elapsed_s","value":1,"unit":"s","words":")" + std::string(300'000, 'w') + R"("}])";
@@ -78,7 +79,7 @@ TEST_F(ExportPages, beginWithTheFirstWhichIsWrittenDown) {
     log.mutable_list_audit()->set_action(action);
     EXPECT_EQ(get(admin, log).audit().entries_size(), 1) << action;
   }
-  // a page is of its own request: not of one that gives out more
+  // A page belongs to its own request, and not to a request that returns more.
   pb::Request more = asks["export-all"];
   const std::string page = get(admin, more).records().next_page();
   more.mutable_export_all()->set_with_passwords(true);
@@ -115,7 +116,7 @@ TEST_F(ExportPages, ofAStudyPassOverNobodyWhenSomebodyWithdraws) {
   ASSERT_FALSE(first.next_page().empty());
   ASSERT_EQ(sessionsByPerson(first).size(), 1u);
   const std::string gone = sessionsByPerson(first).begin()->first;
-  // whose pseudonym it is: who withdraws, and is not in the first page any more
+  // the owner of the pseudonym, who withdraws and is no longer in the first page
   for (const char* name : {"anna", "ben", "zoe"}) {
     consent(name, false);
     if (!sessionsByPerson(studyPage("")).contains(gone)) break;
@@ -170,7 +171,7 @@ TEST_F(ExportPages, ofEverythingCanBeReadInAgainWhateverEndsMeanwhile) {
   for (;;) {
     const auto page = get(admin, ask).records();
     records.insert(records.end(), page.records().begin(), page.records().end());
-    // a lesson ends, is scored and gets a remark: all of it is of the next export
+    // A lesson ends, is scored and gets a remark: all of this belongs to the next export.
     closedSession("ben", ++when_, "later");
     ++pages;
     if (page.next_page().empty()) break;
@@ -185,7 +186,7 @@ TEST_F(ExportPages, ofEverythingCanBeReadInAgainWhateverEndsMeanwhile) {
     EXPECT_TRUE(one.kind() != "session" || one.added() == 12) << one.added();
     EXPECT_TRUE(one.kind() != "score" || one.added() == 24) << one.added();
   }
-  // what could not be read in again is not gone on with
+  // An export that could not be imported again is stopped.
   pb::Request again;
   again.mutable_export_all();
   again = withPage(again, get(admin, again).records().next_page());

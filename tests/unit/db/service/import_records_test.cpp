@@ -1,4 +1,4 @@
-// Records of any shape are read in or refused, and end nothing; lines of the log come once.
+// Records of any shape are imported or refused without a crash; each log line is imported once.
 #include "tests/unit/db/service/records_fixture.h"
 
 namespace needlelab {
@@ -58,7 +58,7 @@ TEST_F(Import, refusesRecordsOfAnyShapeAndNeverEndsTheServer) {
        reference = one_of["reference"];
   score["measures"] = R"([{"measure":5,"value":1}])";
   course["id"] = 5;
-  // of keys that are not there yet; else it would only be said that they differ
+  // with new keys; otherwise the message would only report a difference
   score["definition_version"] = 9;
   std::string id = session["id"];
   id.back() = id.back() == '0' ? '1' : '0';
@@ -81,7 +81,7 @@ TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
   const auto records = exportAll(*store);
   const test::TempFolder elsewhere;
   const auto other = test::openStore(elsewhere.path() / "data");
-  // the other store has lived: its own lines have the first numbers
+  // The other store was used before: its own lines have the first numbers.
   for (const char* who : {"x", "y", "z"}) ASSERT_OK(other->service().note(who, "backup", "b", ""));
   ASSERT_TRUE(importAll(*other, records, 100).done());
   EXPECT_TRUE(importAll(*other, records, 100).done());

@@ -52,7 +52,7 @@ TEST_F(LessonHandlers, aDisabledTraineeGetsNoLesson) {
 
 TEST_F(LessonHandlers, anImportedProfileIsCanonicalAndGetsRevisions) {
   auto json = nlohmann::json::parse(profileText("knee-adult"));
-  // the same in another layout is the same revision
+  // The same content in another layout is the same revision.
   EXPECT_EQ(get(manager, import(json.dump(7))).profile().revision(), 1u);
   json["name"] = "Another knee";
   const auto changed = get(manager, import(json.dump())).profile();
@@ -97,7 +97,7 @@ TEST_F(LessonHandlers, curriculaNameProfilesAndMeasuresThatExist) {
   auto no_measure = json;
   no_measure["exercises"][0]["requirements"] = {{{"measure", "beauty"}, {"max", 1}}};
   EXPECT_EQ(refusal(manager, import_json(no_measure)), ErrorCode::kInvalidInput);
-  // a refused import leaves all as it was
+  // A refused import changes nothing.
   EXPECT_EQ(get(station, request).curriculum().revision(), 2u);
 }
 

@@ -1,4 +1,4 @@
-// Lists that are longer than a message come in pages, and nothing is cut.
+// Lists that exceed a message are sent in pages, and nothing is cut off.
 #include <set>
 
 #include "db/session_results.h"
@@ -135,7 +135,7 @@ TEST_F(Pages, attemptsGoOnBehindTheLastOneThoughAnOlderOneComesIn) {
     for (const auto& one : reply.progress().attempts()) EXPECT_TRUE(seen.insert(one.session_id()).second);
     request.mutable_get_progress()->set_page(reply.progress().next_page());
     if (++pages == 1) {
-      (void)attempt(1);  // of a station that was away: before all others
+      (void)attempt(1);  // from a station that was offline: before all others
     }
     ASSERT_LT(pages, 50);
   } while (!request.get_progress().page().empty());

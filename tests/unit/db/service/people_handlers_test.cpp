@@ -64,11 +64,11 @@ TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnyb
                                                                 {"ada", pb::ADMINISTRATOR},
                                                                 {"rita", pb::RESEARCHER}};
   for (const auto& [name, role] : people) addPerson(name, role);
-  // else ada would be the last who can log in, whom nobody locks out
+  // otherwise ada would be the last user who can log in, and this user cannot be locked
   ASSERT_OK(change([](Connection& c) {
     return PeopleStore(c).add({"root", pb::ADMINISTRATOR, "some hash", false, 1});
   }));
-  // whose access mia, a manager, may end: by hand
+  // The users whose access mia, a manager, may end; written by hand.
   const std::set<std::string> hers = {"tia", "ina", "mia"};
   for (const Principal* who : {&manager, &admin}) {
     for (const auto& [name, role] : people) {
@@ -90,14 +90,14 @@ TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnyb
             get(*who, request);
             continue;
           }
-          // giving back what was never taken changes nothing, and is no question of who may
+          // Unlocking an account that is not locked changes nothing and needs no permission.
           if (by_change && enable) continue;
           EXPECT_EQ(refusal(*who, request), ErrorCode::kDenied) << who->name << " of " << name;
         }
       }
     }
   }
-  // nor give it back: who locked a manager out had a reason
+  // Nor unlock it: there was a reason to lock a manager out.
   pb::Request lock;
   lock.mutable_disable_user()->set_name("max");
   get(admin, lock);

@@ -1,4 +1,4 @@
-// Everything out and in again; studies; a person's data out, and away.
+// Exports everything and imports it again; studies; exports and erases a person's data.
 #include "common/base/files.h"
 #include "tests/unit/db/service/records_fixture.h"
 
@@ -40,7 +40,7 @@ TEST_F(Records, everythingComesBackExactly) {
     std::erase_if(
         before, [](const std::string& r) { return r.find(R"("action":"export-all")") != std::string::npos; });
     EXPECT_EQ(before, again);
-    // what was imported is a sound database, and the same import again changes nothing
+    // The imported database passes its check, and the same import again changes nothing.
     pb::Request check;
     check.mutable_check();
     const auto checked = other->service().execute(admin, check).reply.check_report();
@@ -148,7 +148,7 @@ TEST_F(Records, aStudyHoldsThoseWhoConsentAndNoNameAnywhere) {
   for (const std::string& record : study("s1"))
     EXPECT_EQ(record.find("\"remark\""), std::string::npos) << "only when asked for";
 
-  // recordings by the study's own names; who withdraws is gone at once
+  // Recordings have the study's own names; a person who withdraws disappears at once.
   pb::Request read;
   read.mutable_read_study_recording()->set_study("s1");
   read.mutable_read_study_recording()->set_session(*sessions.begin());
@@ -159,7 +159,7 @@ TEST_F(Records, aStudyHoldsThoseWhoConsentAndNoNameAnywhere) {
   consent("ben", false);
   EXPECT_EQ(study("s1").size(), 1u);
   EXPECT_EQ(refusal(researcher, read), ErrorCode::kNotFound);
-  // nothing else is a researcher's
+  // A researcher has access to nothing else.
   pb::Request list;
   list.mutable_list_sessions();
   EXPECT_EQ(refusal(researcher, list), ErrorCode::kDenied);
@@ -207,7 +207,7 @@ TEST_F(Records, anErasureTakesRecordingsAwayAtOnceAndIsAskedForTwice) {
   EXPECT_EQ(refusal(admin, erase("ada")), ErrorCode::kDenied) << "oneself";
   EXPECT_EQ(refusal(admin, erase("nobody")), ErrorCode::kNotFound);
   EXPECT_TRUE(readErasures(folder.path() / "data")->empty()) << "what was refused left no line";
-  // a session that is open is in the way, until it is said what shall become of it
+  // An open session blocks the erasure until the request states its treatment.
   const Uuid open = addSession("anna", 2);
   const auto busy = ask(admin, erase("anna"));
   ASSERT_TRUE(busy.error.has_value());

@@ -11,8 +11,8 @@
 namespace needlelab {
 namespace {
 
-/// Who may do what, written down by hand for the port's tests: T rainee, I nstructor, M anager, A
-/// dministrator, S tation, R esearcher.
+/// The permissions, written by hand for the port's tests: T rainee, I nstructor, M anager, A dministrator, S
+/// tation, R esearcher.
 std::map<std::string, std::string> expectedRoles() {
   std::ifstream in(NEEDLELAB_TEST_DIR "/../../server/live/permissions_requests.tsv");
   std::map<std::string, std::string> table;
@@ -48,7 +48,7 @@ TEST(Roles, everyCallIsInTheTableForEveryRole) {
   }
 }
 
-/// The words of requests_before.tsv.
+/// The terms used in requests_before.tsv.
 std::string textOf(RequestThreads threads) {
   switch (threads) {
     case RequestThreads::kWorkers:
@@ -70,8 +70,8 @@ std::string textOf(ServerPart part) {
                                            : "none";
 }
 
-// the rows replaced a table of roles, a dispatch switch and two lists of threads: none of it changed on the
-// way
+// The rows replaced a table of roles, a dispatch switch and two lists of threads; the behaviour stayed the
+// same.
 TEST(Requests, theRowsSayWhatTheTablesOfBeforeSaid) {
   std::ifstream in(NEEDLELAB_TEST_DIR "/requests_before.tsv");
   std::size_t rows = 0;

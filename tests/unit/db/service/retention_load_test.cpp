@@ -1,5 +1,5 @@
-// What a run of retention costs the stations: times from handing a chunk to the writer until it is committed,
-// with and without a run beside them, in turns. Short form: two turns of half a second each way;
+// Measures the cost of a retention run for the stations: the time from passing a chunk to the writer until
+// its commit, with and without a concurrent run, in turns. Short form: two turns of half a second each way;
 // NEEDLELAB_LONG=1: six of two.
 #include <sys/resource.h>
 #include <sys/syscall.h>
@@ -46,7 +46,8 @@ class RetentionLoad : public test::ServiceTest {
                                       static_cast<std::size_t>(share * static_cast<double>(ms.size())))];
     }
   };
-  /// Chunks of all stations at 500 a second, open loop: each counts from when it was due.
+  /// Sends chunks of all stations at 500 per second in an open loop: each time counts from the chunk's due
+  /// time.
   void load(std::chrono::milliseconds time, Times& times) {
     const auto begin = Clock::now();
     std::atomic<int> left = 0;
@@ -120,7 +121,7 @@ TEST_F(RetentionLoad, stationsHardlyNotice) {
     return RetentionStore(c).setPolicy(policy);
   }));
 
-  // of each turn by itself: a disk that stands still for a second is in one of them, and not in the median
+  // per turn: a disk stall of one second affects one turn, but not the median
   Times alone, beside, slowest_alone, slowest_beside;
   std::uint64_t thinned = 0;
   bool due_left = true;
@@ -154,7 +155,7 @@ TEST_F(RetentionLoad, stationsHardlyNotice) {
             << " chunks thinned meanwhile\n";
   std::cout << "p99 of a turn, median of " << turns << ": alone " << slowest_alone.at(0.5) << ", beside "
             << slowest_beside.at(0.5) << " ms\n";
-  // ratios of one run on a machine that does other things, too: the goal is 2, the bound stands a stall
+  // The ratios come from one run on a machine with other work: the goal is 2, the bound allows for a stall.
   if (!test::kSanitized) {
     EXPECT_LT(slowest_beside.at(0.5), (lengthy ? 2 : 3) * slowest_alone.at(0.5) + 50);
   }

@@ -1,4 +1,4 @@
-// Policies of retention, and a disk that has no room for what they ask.
+// Tests retention policies, and a disk without enough space for them.
 
 #include "common/base/clock.h"
 #include "db/session_rows.h"
@@ -35,7 +35,7 @@ TEST_F(RetentionTest, aMisspeltExerciseIsRefusedAndThoseThereAreNamed) {
   pb::Request show;
   show.mutable_list_retention();
   EXPECT_EQ(get(manager, show).retention().policies_size(), 0) << "nothing is left of it";
-  // an exercise whose curriculum is gone, or was never here: its sessions are
+  // An exercise without a curriculum in this store: its sessions still exist.
   EXPECT_EQ(refusal(manager, policy(30, 100, 365, "knee-1")), ErrorCode::kInvalidInput);
   (void)addClosed(5);
   (void)get(manager, policy(30, 100, 365, "knee-1"));
@@ -65,11 +65,11 @@ TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
     EXPECT_OK(report);
     return report.ok() ? *report : pb::RetentionReport();
   };
-  // not even for the pages of a deletion
+  // no space even for the pages of a deletion
   room = 1u << 20;
   EXPECT_EQ(run().left_alone(), 2u);
   EXPECT_FALSE(info(remove).has_removed_original());
-  // an eighth: what makes room is done, and first, although its exercise comes last
+  // an eighth: actions that free space run, and run first, although their exercise is last
   room = 10u << 20;
   const auto report = run();
   ASSERT_EQ(report.steps_size(), 2);
@@ -77,9 +77,9 @@ TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
   EXPECT_EQ(report.steps(1).action(), pb::RetentionStep::LEFT_ALONE);
   EXPECT_NE(report.steps(1).text().find("no room"), std::string::npos) << report.steps(1).text();
   EXPECT_FALSE(info(thin).has_removed_original());
-  // room that ends in the midst of it: what was written is taken away
+  // The space runs out in the middle: the written part is removed.
   room = 1u << 30;
-  runs_out_after = 1;  // the look before it began
+  runs_out_after = 1;  // the check before it began
   EXPECT_EQ(run().left_alone(), 1u);
   EXPECT_GT(asked, 1u);
   EXPECT_FALSE(info(thin).has_removed_original());

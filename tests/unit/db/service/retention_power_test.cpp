@@ -1,4 +1,4 @@
-// What a power cut at any instant of a run of retention leaves.
+// Tests the state after a power cut at any instant of a retention run.
 
 #include <random>
 
@@ -19,8 +19,8 @@ using test::kSamplesEach;
 using test::samplesIn;
 
 /// The power is cut at each sync of a whole run, on a disk that loses, reorders and tears what was not
-/// synced. What is left is always one whole recording, the original or the thinned one, and the next run
-/// finishes.
+/// synced. There is always one complete recording, the original or the thinned one, and the next run finishes
+/// the work.
 TEST(RetentionPowerCut, leavesTheOriginalOrTheThinnedRecordingWhole) {
   constexpr std::uint64_t kLong = 200;  // its thinned recording has several chunks: cuts fall between them
   auto& vfs = test::ShimVfs::instance();

@@ -1,4 +1,4 @@
-// Runs of retention: what is thinned and deleted, and what stays.
+// Tests retention runs: the thinned, the deleted and the kept data.
 #include "db/service/retention.h"
 
 #include "common/base/clock.h"
@@ -31,7 +31,8 @@ TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks
   const auto before = info(id);
   (void)get(manager, policy(0, 100, -1));
 
-  // as if it had been closed before scores and events were stored: they are made while the samples are there
+  // As if it had been closed before scores and events were stored: they are computed while the samples still
+  // exist.
   const auto events = [&] {
     auto reader = store->readers().borrow();
     return EventStore(**reader).list(id);
@@ -63,7 +64,7 @@ TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks
   EXPECT_TRUE(sound());
   EXPECT_EQ(runNow().steps_size(), 0) << "once";
 
-  // who did what is in the log
+  // The log names the user and the action.
   pb::Request audit;
   audit.mutable_list_audit();
   std::string actions;
@@ -72,7 +73,7 @@ TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks
   EXPECT_NE(actions.find("retention thin by mia"), std::string::npos) << actions;
   EXPECT_NE(actions.find("retention set by mia"), std::string::npos) << actions;
 
-  // a reader that had begun with the original is told so; scores are not made from what is left
+  // A reader that started with the original gets an error; no scores are computed from the remaining samples.
   pb::Request read;
   read.mutable_read_chunks()->set_session_id(test::bytesOfId(id));
   read.mutable_read_chunks()->set_hash(before.hash());
@@ -135,7 +136,7 @@ TEST_F(RetentionTest, openUnsafeAndDamagedSessionsAreLeftAlone) {
   for (const Uuid& id : {open, unsafe, crc, hash}) EXPECT_FALSE(info(id).has_removed_original());
   auto reader = store->readers().borrow();
   EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty()) << "what was begun is taken away";
-  // deleting looks first, too
+  // Deletion also checks first.
   (void)get(manager, policy(-1, 0, 0));
   EXPECT_EQ(runNow().deleted(), 0u);
   EXPECT_FALSE(info(hash).has_removed_original()) << "its chunks are sound, but not those it was closed with";
@@ -217,7 +218,7 @@ TEST_F(RetentionTest, damagedLeftoversAreNamedAndTheRunGoesOn) {
   const Uuid damaged = addClosed(), second = addClosed(), third = addClosed();
   (void)get(manager, policy(0, 100, -1));
   ASSERT_EQ(runNow().thinned(), 3u);
-  // as after a crash behind the switch: the first chunks of two originals are still there, one is damaged
+  // As after a crash after the switch: the first chunks of two originals still exist, one is damaged.
   ASSERT_OK(change([](Connection& c) -> Status {
     for (const std::int64_t session : {1, 2}) {
       for (std::uint64_t seq = 0; seq < 20; ++seq) {
@@ -304,7 +305,7 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
     EXPECT_EQ(store->service().dailyRetention().error().code, ErrorCode::kUnavailable);
     EXPECT_FALSE(info(id).has_removed_original());
   }
-  // a person who asks says that the clock is right
+  // A run on a person's request trusts the clock.
   EXPECT_EQ(runNow().deleted(), 1u);
   EXPECT_OK(store->service().dailyRetention());
 }

@@ -1,4 +1,4 @@
-// Scores by newer definitions, and beside those of experts.
+// Tests scores by newer definitions, and their comparison with experts.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -19,7 +19,7 @@ using testing::HasSubstr;
 
 constexpr double kGestureRate_hz = 200;
 
-/// In and out of the knee, `aside_m` beside the first way, within 3 s.
+/// Goes in and out of the knee within 3 s, `aside_m` beside the first path.
 std::vector<GestureSample> gestureAside(double aside_m) {
   std::vector<GestureSample> samples(600);
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -73,7 +73,7 @@ class Scoring : public test::ServiceTest {
     request.mutable_get_score()->set_definition_version(version);
     return get(instructor, request).score();
   }
-  /// As if a program of other definitions had scored what is there.
+  /// Marks the stored scores as made by a program with other definitions.
   void makeOld() {
     ASSERT_OK(change([](Connection& c) {
       return c.script(
@@ -117,7 +117,7 @@ TEST_F(Scoring, whatIsOfOlderDefinitionsIsScoredAgainAndTheOldScoreStays) {
     ids.push_back(closed(gestureAside(0.001 * i), i == 3 ? "wrist-carpal" : "knee-recess"));
   EXPECT_EQ(rescore(false).rescored(), 0u) << "all are of the definitions of now";
   makeOld();
-  // one that cannot be scored any more
+  // a session that can no longer be scored
   ASSERT_OK(change([&](Connection& c) {
     return c.run("UPDATE sessions SET profile_json = '{}' WHERE id = ?", ByteView(ids[1]));
   }));

@@ -1,4 +1,4 @@
-// Lists of sessions: what they can be searched by, and what a row tells.
+// Tests lists of sessions: the search criteria and the contents of a row.
 #include <set>
 
 #include "db/session_results.h"
@@ -94,7 +94,7 @@ TEST_F(SessionList, isSearchedByDateVerdictExerciseAndPartsOfNames) {
   const std::string first = add({"anna", "knee-1", 10, "[]", true});
   const std::string second = add({"t17", "knee-1", 11, "[]", false});
   const std::string third = add({"t17", "hip-1", 12, "[]", {}});
-  const std::string stranger = add({"Johanna/2", "knee-1", 13, {}, {}});  // of a station that was away
+  const std::string stranger = add({"Johanna/2", "knee-1", 13, {}, {}});  // from a station that was offline
   const auto by = [&](const std::function<void(pb::ListSessions&)>& wanted) {
     return found(instructor, wanted);
   };
@@ -144,7 +144,7 @@ TEST_F(SessionList, isSearchedByDateVerdictExerciseAndPartsOfNames) {
 TEST_F(SessionList, pagesOfASearchHoldEachSessionOnceInOrder) {
   std::vector<std::string> wanted;  // oldest first
   for (int i = 0; i < 40; ++i) {
-    // several at the same instant; every third has the verdict that is searched
+    // several at the same instant; every third one has the wanted verdict
     const bool fits = i % 3 == 0;
     const std::string id = add({i % 2 == 0 ? "anna" : "t17", "knee-1", 1 + i / 4, "[]", fits});
     if (fits && i >= 8) wanted.push_back(id);

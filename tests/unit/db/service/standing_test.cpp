@@ -1,4 +1,5 @@
-// Who may change whose role, what does not count, what is done, whose standing is told, how measures go.
+// Tests changes of roles, uncounted attempts, completed exercises, access to standings, and trends of
+// measures.
 #include <thread>
 
 #include "tests/unit/db/service/teaching_fixture.h"
@@ -34,7 +35,7 @@ TEST_F(Standing, aManagerTakesNoRoleFromAnother) {
 }
 
 TEST_F(Standing, whoIsPromotedWhileItsPasswordIsMadeKeepsItsOwn) {
-  // the manager's call looks, hashes for a tenth of a second, and looks again when it stores
+  // The manager's call checks, hashes for a tenth of a second, and checks again when it stores.
   for (int round = 0; round < 3; ++round) {
     const std::string name = "ina" + std::to_string(round);
     ASSERT_OK(change([&](Connection& c) {
@@ -51,7 +52,7 @@ TEST_F(Standing, whoIsPromotedWhileItsPasswordIsMadeKeepsItsOwn) {
     get(admin, promote);
     const std::int64_t promoted = count("SELECT max(id) FROM audit WHERE action = 'user change'");
     manager_asks.join();
-    // whichever came first: never a password by a manager after the promotion
+    // In either order: a manager never sets a password after the promotion.
     EXPECT_EQ(
         count("SELECT count(*) FROM audit WHERE action = 'user passwd' AND id > " + std::to_string(promoted)),
         0);
@@ -122,7 +123,7 @@ TEST_F(Standing, anExerciseThatAsksForNothingIsDoneWhenItWasTried) {
   EXPECT_FALSE(row.cells(0).overdue());
   EXPECT_TRUE(row.cells(1).overdue());
   EXPECT_FALSE(lesson("second").has_value());
-  // a date that is none in nanoseconds of 64 bits is refused where it is written
+  // A date that does not fit 64-bit nanoseconds is refused on input.
   pb::Request far;
   far.mutable_import_curriculum()->set_json(
       R"({"id":"far","name":"F","exercises":[{"id":"f","name":"F","profile_id":"knee-adult","due_unix_ms":32503680000000}]})");
@@ -146,7 +147,7 @@ TEST_F(Standing, progressTellsHowEachMeasureWent) {
   putCourse();
   for (int i = 0; i < 6; ++i) {
     const Uuid id = attempt("anna", "first", true);
-    // version 2, falling by 0.5 N with each attempt; the third does not count, the fifth was not scored anew
+    // version 2, falling by 0.5 N with each attempt; the third does not count, the fifth was not scored again
     const std::string measures =
         R"([{"measure":"peak_force_n","unit":"N","words":"","value":)" + std::to_string(5 - 0.5 * i) + "}]";
     if (i != 4)

@@ -1,4 +1,4 @@
-// What instructors say to stations: who may, what is refused, what the audit log keeps of it.
+// Tests messages from instructors to stations: permissions, refusals, audit log.
 #include "common/profile/aid_list.h"
 #include "tests/unit/db/service/test_service.h"
 
@@ -115,7 +115,7 @@ TEST_F(Talk, aRemarkOnALessonThatGoesOnIsKeptWhenItEnds) {
   const Uuid id = addSession("anna", 3);
   pb::Request annotate;
   annotate.mutable_annotate()->set_session_id(test::bytesOfId(id));
-  annotate.mutable_annotate()->set_tick(1'000'000);  // ahead of what has reached the server so far
+  annotate.mutable_annotate()->set_tick(1'000'000);  // ahead of the data that has reached the server
   annotate.mutable_annotate()->set_text("watch the angle here");
   const auto remark = get(instructor, annotate).annotation();
   EXPECT_EQ(remark.author(), "ina");

@@ -1,4 +1,4 @@
-// Whom managers may manage, edits that meet, classes from tables, locks, results.
+// Tests the managers' permissions, concurrent edits, classes from tables, locks, results.
 #include <algorithm>
 #include <atomic>
 #include <map>
@@ -122,7 +122,7 @@ TEST_F(Teaching, ofManyWhoEditAtOnceExactlyOneWinsEachRound) {
   pb::Request read;
   read.mutable_get_group()->set_id("class");
   const auto group = get(manager, read).group();
-  // no edit was lost: revisions count them, and who edited an odd number of times is in
+  // No edit was lost: the revisions count them, and a user with an odd number of edits is a member.
   EXPECT_EQ(group.revision(), 1u + kThreads * kRounds);
   EXPECT_EQ(won, kThreads * kRounds);
   EXPECT_EQ(group.members_size(), kRounds % 2 == 1 ? kThreads : 0);
@@ -178,7 +178,7 @@ TEST_F(Teaching, aTableWithFaultsNamesRowColumnAndReasonAndChangesNothing) {
     request.mutable_import_people()->set_csv(csv);
     EXPECT_EQ(refusal(manager, request), ErrorCode::kInvalidInput) << csv;
   }
-  // who is given a password can log in
+  // A user with a password can log in.
   EXPECT_TRUE(importPeople("name,role,password\nira,instructor,correct horse\ntom,,\n").done());
   EXPECT_OK(store->service().loginPerson("ira", "correct horse"));
   EXPECT_FALSE(store->service().loginPerson("tom", "").ok());
@@ -370,7 +370,7 @@ TEST_F(Teaching, aSessionIsScoredAnewBesideItsFirstScore) {
   rescore.mutable_rescore_session()->set_session_id(test::bytesOfId(id));
   EXPECT_EQ(refusal(instructor, rescore), ErrorCode::kUnavailable) << "it is open";
   ASSERT_OK(store->service().closeSession(test::closeOf(id, 5, 100), "station-1"));
-  // as if an older program had scored it
+  // As if an older program had scored it.
   ASSERT_OK(change([](Connection& c) {
     return c.script(
         "UPDATE scores SET definition_version = 1, measures = '[]'; UPDATE sessions SET score_json = '[]'");
