@@ -87,7 +87,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
     // 0 for --help and --version; all other CLI11 codes mean wrong usage
     return app.exit(e, out, err) == 0 ? kExitDone : kExitInvalid;
   }
-  // a password file only for `user add`; --server needs one to log in, too
+  // with --server, a password file given only to `user add` is for the log-in
   if (!global.server.empty() && global.password_file.empty())
     std::swap(global.password_file, chosen.new_password_file);
 
