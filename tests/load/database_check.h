@@ -52,13 +52,13 @@ class SessionComparison {
   Difference difference_;
 };
 
-// Reads everything that a run stored and compares each sample with what was generated.
+// Reads everything that a run stored and compares each sample with the generated one.
 
 struct DatabaseCheck {
   Difference samples;
   std::uint64_t sessions = 0;      ///< of this run, found
   std::uint64_t not_complete = 0;  ///< of them, not closed as complete
-  std::uint64_t stray = 0;         ///< sessions of this run's stations, or chunks, that nobody made
+  std::uint64_t stray = 0;         ///< unknown sessions of this run's stations, or unknown chunks
   std::uint64_t chunk_bytes = 0;
   std::vector<std::string> faults;  ///< the first few, for a person
 

@@ -38,7 +38,7 @@ struct LoadOptions {
   bool quiet = false;         ///< no progress on standard error
 };
 
-/// kInvalidInput names the option, its value and what is allowed.
+/// kInvalidInput names the option, its value and the allowed range.
 Status checkOptions(const LoadOptions& options);
 
 struct PlannedFault {

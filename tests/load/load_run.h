@@ -40,7 +40,7 @@ struct LoadResult {
   std::uint64_t server_rss_KiB = 0;  ///< greatest seen
   std::uint64_t server_handles = 0;  ///< greatest seen
   std::uint64_t database_bytes = 0;  ///< after the end
-  std::vector<ServerRow> rows;       ///< one a second; none with a foreign server
+  std::vector<ServerRow> rows;       ///< one per second; empty with a foreign server
   std::uint64_t cuts = 0, kills = 0, pauses = 0;
   bool interrupted = false;           ///< somebody ended it before its time
   std::vector<std::string> troubles;  ///< why stations did not get through, or the server ended

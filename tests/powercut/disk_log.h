@@ -65,7 +65,7 @@ class DiskLog {
 
 /// The part of the unsynced data that survives a power cut.
 enum class CutOutcome {
-  kNothing,     ///< only what was synced
+  kNothing,     ///< only synced data
   kEverything,  ///< as after kill −9
   kInOrder,     ///< everything before some instant, the last write torn
   kPerFile,     ///< of some files everything, of others nothing: reordered between files

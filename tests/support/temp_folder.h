@@ -18,7 +18,7 @@ class TempFolder {
     path_ = name;
   }
   ~TempFolder() {
-    std::error_code ignored;  // a destructor may not throw; a left-over folder under /tmp harms nobody
+    std::error_code ignored;  // a destructor may not throw; a leftover folder under /tmp is harmless
     std::filesystem::remove_all(path_, ignored);
   }
   TempFolder(const TempFolder&) = delete;

@@ -31,8 +31,8 @@ struct Panel {
   std::string level_name;
 };
 
-/// Where a panel stands in a picture, in pixels from the lower left; axes' titles and the panel's own title
-/// are inside.
+/// A panel's area in a picture, in pixels from the lower left, including the axes' titles and the panel's
+/// title.
 struct PanelPlace {
   double left = 0, bottom = 0, width = 0, height = 0;
 };

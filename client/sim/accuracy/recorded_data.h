@@ -43,8 +43,8 @@ Result<std::vector<ForceAtDepth>> readForceOverDepth(const std::filesystem::path
                                                      int* backward_steps = nullptr);
 /// In the order of time. Errors: those of `readCsv`.
 Result<std::vector<ForceAtTime>> readForceOverTime(const std::filesystem::path& file);
-/// One trace per name, in the order of the file. Errors: those of `readCsv`; kInvalidInput for a trace whose
-/// name does not begin with a needle's gauge, as "16G-".
+/// One trace per name, in the order of the file. Errors: those of `readCsv`; kInvalidInput for a trace name
+/// without a needle's gauge at the start, as "16G-".
 Result<std::vector<FilmTrace>> readFilmTraces(const std::filesystem::path& file);
 
 }  // namespace needlelab

@@ -36,7 +36,7 @@ FitResult patternSearch(const std::function<double(const std::vector<double>&)>&
                         const std::vector<FitParameter>& parameters, int most_evaluations,
                         double shrink_to = 1.0 / 256);
 
-/// One place of a curve: the mean of what was digitised there.
+/// One bin of a curve: the mean of its digitised rows.
 struct CurveBin {
   double at = 0;       ///< mean depth or time of its rows
   double value = 0;    ///< mean of its rows

@@ -36,7 +36,7 @@ struct SkillRow {
   double p = 1;                ///< of the permutation test (effect_size.h)
   bool separates = false;      ///< p ≤ 0.05
   double shuffled_share = 0;   ///< of the shuffles in which it separates
-  std::vector<double> values;  ///< standardised, one a trainee, in order of skill
+  std::vector<double> values;  ///< standardised, one per trainee, in order of skill
   /// 500 Hz against 2 kHz: greatest difference over the gestures tried, in the unit, and as a share of the
   /// spread between trainees (0 where there is no spread).
   double rate_difference = 0, rate_share_of_spread = 0;

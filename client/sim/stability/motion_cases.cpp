@@ -129,7 +129,7 @@ CaseTrace forceTrace(const MotionRun& run, std::string label) {
 
 namespace {
 
-// the models whose force fades in a stop, because their wall is the tracking wall
+// the models with a tracking wall: their force fades in a stop
 double axialOf(const StepReport& report) {
   return report.cutting_N + report.attracted_N;
 }

@@ -31,7 +31,7 @@ Result<MotionRun> runMotion(const ForceSourceFactory& source, const SceneSpec& s
 /// The poses of a plan, tick by tick.
 std::vector<TipSample> samplesOf(const HandPlan& plan, double rate_hz);
 
-/// The motion that stands in a case's `field` in cases.json. Errors: kInvalidInput naming the field.
+/// The motion in a case's `field` in cases.json. Errors: kInvalidInput naming the field.
 Result<PassivityGesture> motionOf(const CaseSettings& settings, std::string_view case_name,
                                   std::string_view field = "motion");
 

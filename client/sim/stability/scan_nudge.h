@@ -19,7 +19,7 @@ struct NudgeOptions {
   double watch_s = 3;
 };
 
-/// The options as they stand in a case's entry: press_n, settle_s, nudge_m_s, watch_s.
+/// Reads the options from a case's entry: press_n, settle_s, nudge_m_s, watch_s.
 NudgeOptions nudgeOptionsOf(CaseEntry& entry);
 
 /// The outcome of a nudge. A swing is the needle's true motion along z (not the encoder readings) about its

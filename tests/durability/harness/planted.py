@@ -15,7 +15,7 @@ def ack_before_commit(lab):
     """Kills at the first write of a commit, after the server had time to send a premature acknowledgement."""
     lab.start_server()
     lab.start_station("station-1", sessions=100, samples=2000)
-    # the commit may be of the clock's offset, which nobody acknowledges: then again
+    # the commit may hold only the clock's offset, without an acknowledgement: then try again
     for _ in range(3 if lab.plant else 1):
         lab.wait_for_more("ack", 8)
         lab.page.arm(IN_COMMIT, 1, hold_ms=300)

@@ -159,7 +159,7 @@ void World::watch() {
   }
 }
 
-// with indexing, the reported position stands still while nobody drives the motors, and is shifted afterwards
+// with indexing, the reported position is frozen while the motors are off, and is shifted afterwards
 void World::index() {
   const Context* context = active();
   const bool stands = context != nullptr && context->indexing == kIndexingAll && !(sensor_ && switch_);
