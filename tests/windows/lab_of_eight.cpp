@@ -15,7 +15,7 @@ std::string bench(int number) {
   return "bench-" + std::to_string(number);
 }
 
-/// Remarks for a person may stand before it.
+/// Remarks for a person may precede it.
 nlohmann::json rowsIn(const std::string& said) {
   const auto begin = said.find('{');
   if (begin == std::string::npos) return nlohmann::json::array();
@@ -33,7 +33,7 @@ LabOfEight::LabOfEight() {
     EXPECT_EQ(lab_.admin({"user", "add", "trainee-" + std::to_string(number), "--role", "trainee"}), 0);
     EXPECT_EQ(lab_.admin({"station", "add", bench(number), "--out", path(bench(number) + ".key")}), 0);
   }
-  // outside the tissue, still for two seconds; then the device reports another place, and stays there
+  // Outside the tissue, at rest for two seconds; then the device jumps to another position and stays there.
   std::ofstream csv(path("jump.csv"));
   csv << "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
   for (int k = 0; k < 60'000; ++k) csv << k * 0.01 << "," << (k < 200 ? 0 : 0.5) << ",0,1,0,0,0,1\n";

@@ -1,5 +1,5 @@
 // The instructor's window and a lab of eight: find the station in trouble, look over, speak, replay, compare,
-// export; and what happens when the instructor or the server is killed in the middle of it.
+// export; and the behaviour when the instructor or the server is killed during a lesson.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ struct Latency {
   std::size_t frames = 0;
 };
 
-/// All that the script's `latency` printed, in order.
+/// Returns all output of the script's `latency`, in order.
 std::vector<Latency> latenciesIn(const std::string& words) {
   std::vector<Latency> all;
   for (std::size_t at = 0; (at = words.find("capture to screen:", at)) != std::string::npos; ++at) {
@@ -64,10 +64,10 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
       "timeout 120\nlogin\n"
       "wait-station bench-1 lesson\nwait-station bench-8 lesson\nwait-station bench-5 help\nwait 2\n" +
       shot("instructor_lab.png") +
-      // who needs help stands first
+      // The station that needs help is first.
       "filter help\nopen-first\nwait 2\nexpect bench-5\nexpect trainee-5\n" + shot("instructor_trouble.png") +
       "message \"take the needle out\"\n"
-      // a lesson that goes on
+      // a running lesson
       "lab\nfilter all\nopen station bench-2\nwait 8\nlatency\n" +
       shot("instructor_live.png") +
       "annotate \"watch the angle\"\nmessage \"slower, please\"\naids \"depth, force\"\n"
@@ -84,12 +84,12 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   const std::string words = window->said();
   std::cout << words;
 
-  // what the trainees heard
+  // the messages to the trainees
   EXPECT_TRUE(says(lab_.station(5), "message from ines: take the needle out")) << lab_.station(5).said();
   EXPECT_TRUE(says(lab_.station(2), "message from ines: slower, please")) << lab_.station(2).said();
   EXPECT_TRUE(says(lab_.station(2), "stopped by ines: enough for today")) << lab_.station(2).said();
   EXPECT_EQ(lab_.station(2).wait(60s), kExitDone);
-  // what the log says of it
+  // the entries of the log
   EXPECT_THAT(audit("message"), testing::UnorderedElementsAre("ines bench-5: take the needle out",
                                                               "ines bench-2: slower, please"));
   EXPECT_THAT(audit("aids"), testing::ElementsAre(HasSubstr("ines bench-2: DEPTH, FORCE")));
@@ -103,7 +103,7 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   EXPECT_GT(latencies[0].p99_ms, 0);
   EXPECT_LT(latencies[0].p50_ms, 5000) << "of another clock, or a picture of before";
   RecordProperty("capture_to_screen_p99_ms", std::to_string(latencies[0].p99_ms));
-  // what was exported
+  // the exported files
   const auto page = readWholeFile(report);
   ASSERT_TRUE(page.ok());
   for (const char* const text : {"<svg", "trainee-7", "Peak force", "ball-free-practice"})
@@ -158,14 +158,14 @@ TEST_F(LabWindows, anInstructorWhoIsKilledInMidViewTakesNothingWithThem) {
   ASSERT_TRUE(says(*killed, "KILL NOW")) << killed->said();
   killed->signal(SIGKILL);
   ASSERT_EQ(killed->wait(10s), -SIGKILL);
-  // who comes after sees the same lab, and the remark
+  // A later instructor sees the same lab, and the remark.
   auto window = lab_.window(
       "window",
       "timeout 180\nlogin\nwait-station bench-1 lesson\nopen station bench-1\nwait 4\nlatency\nquit\n", true);
   ASSERT_EQ(window->wait(300s), kExitDone) << window->said();
   EXPECT_GT(latenciesIn(window->said()).at(0).frames, 10u);
   EXPECT_EQ(audit("annotate").size(), 1u);
-  // and so does one without a window
+  // An instructor without a window sees the same.
   EXPECT_EQ(lab_.headless({"--station", "bench-4", "--stop", "enough", "--annotate", "last words", "--once",
                            "--seconds", "60"}),
             0);

@@ -1,5 +1,5 @@
-// The trainee's window at a real server: what an instructor says and does reaches it, and what it records
-// reaches the server.
+// The trainee's window with a real server: an instructor's messages and actions reach the window, and its
+// recordings reach the server.
 #include <gmock/gmock.h>
 #include <signal.h>
 
@@ -47,7 +47,7 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
   auto station = startWindow(
       {"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0"});
   ASSERT_TRUE(says(*station, "session ")) << station->said();
-  // the server has heard of it
+  // The server knows of it.
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
   pb::Request request;
   request.mutable_trainee_message()->set_station("station-1");
@@ -68,7 +68,7 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
   // scored by the server
   ASSERT_TRUE(says(*station, "session COMPLETE")) << station->said();
 
-  // End offers what the instructor chose: one key begins it
+  // The End screen offers the instructor's choice: one key starts it.
   display_.moveTo(600, 400);
   std::this_thread::sleep_for(1s);
   display_.key("Return");

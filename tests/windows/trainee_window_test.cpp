@@ -1,4 +1,4 @@
-// The trainee's window as a person has it: a display, a mouse, keys.
+// The trainee's window as a person uses it: a display, a mouse, keys.
 #include <gmock/gmock.h>
 #include <signal.h>
 
@@ -37,7 +37,7 @@ class TraineeWindowTest : public testing::Test {
     return eventually([&] { return station_->said().find(text) != std::string::npos; }, 60s);
   }
   void pause(std::chrono::milliseconds time) { std::this_thread::sleep_for(time); }
-  // the window is there and has the keys
+  // The window is open and has the keyboard focus.
   void waitForWindow() {
     ASSERT_TRUE(eventually(
         [&] {
@@ -68,7 +68,7 @@ class TraineeWindowTest : public testing::Test {
 TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
   start({"--trainee", "tom"});
   waitForWindow();
-  display_.key("Return");  // Start: everything was given, one key begins
+  display_.key("Return");  // Start: everything is given, one key starts the lesson
   ASSERT_TRUE(says("session ")) << station_->said();
   pause(2s);
   display_.key("3");  // from above: right is W's y
@@ -127,8 +127,7 @@ TEST_F(TraineeWindowTest, keysAloneSuffice) {
   display_.key("Escape");
   display_.key("Return");
   ASSERT_TRUE(says("score  ")) << station_->said();
-  // once more, by one key; it is pressed again while the End screen is not there yet (in a lesson it does
-  // nothing)
+  // Once more, by one key. It is pressed again until the End screen appears (in a lesson it does nothing).
   ASSERT_TRUE(eventually(
       [&] {
         const std::string said = station_->said();
@@ -152,7 +151,7 @@ TEST_F(TraineeWindowTest, theCloseButtonEndsTheLessonAndKeepsIt) {
   waitForWindow();
   ASSERT_TRUE(says("session ")) << station_->said();
   pause(1s);
-  // what a window manager sends when the button is pressed
+  // the message of a window manager's close button
   display_.tool({"search", "--name", "needlelab station", "windowclose"});
   ASSERT_TRUE(station_->wait(60s)) << station_->said();
   const auto out = summary();

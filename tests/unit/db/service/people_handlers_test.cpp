@@ -97,7 +97,7 @@ TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnyb
       }
     }
   }
-  // Nor unlock it: there was a reason to lock a manager out.
+  // A manager cannot unlock another manager either: there was a reason for the lock.
   pb::Request lock;
   lock.mutable_disable_user()->set_name("max");
   get(admin, lock);

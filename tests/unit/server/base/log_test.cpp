@@ -55,7 +55,8 @@ TEST(Log, jsonLinesAreOneObjectEachWhateverIsInThem) {
   EXPECT_TRUE(std::all_of(line.begin(), line.end(), [](char c) { return c >= 0x20 && c < 0x7f; })) << line;
 }
 
-/// What a log line is on standard error, from another process, so that this one's logger is as it was.
+/// Returns a log line as printed on standard error by another process, so that this process's logger stays
+/// unchanged.
 std::string lineOnStandardError(LogFormat format, bool journal) {
   const test::TempFolder folder;
   const auto file = folder.write("stderr", "");

@@ -1,4 +1,4 @@
-// Who is kept out and who is put out: accounts, floods of one peer.
+// Tests refused log-ins and closed connections: accounts, floods from one peer.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -33,14 +33,15 @@ pb::Request passwordOf(const std::string& name, const std::string& password) {
   return request;
 }
 
-/// The connection was ended for good, with a word that it is about the log-in.
+/// Checks that the connection was closed for good with a message about the log-in.
 void expectEnded(BlockingClient& client) {
   const auto refusal = waitForRefusal(client);
   EXPECT_EQ(refusal.reason(), pb::Refusal::LOGIN);
   EXPECT_TRUE(refusal.fatal());
 }
 
-/// The audit log's entries of an action, newest first; waits a little: they are written beside.
+/// Returns the audit log's entries of an action, newest first. Waits a little, because another thread writes
+/// them.
 std::vector<pb::AuditEntry> auditOf(RunningServer& server, const std::string& action) {
   std::vector<pb::AuditEntry> found;
   for (int i = 0; i < 200 && found.empty(); ++i) {
@@ -54,7 +55,7 @@ std::vector<pb::AuditEntry> auditOf(RunningServer& server, const std::string& ac
   return found;
 }
 
-/// What stands in the log, from warnings up, while `work` is done.
+/// Returns the log lines, from warnings up, while `work` runs.
 std::string warningsOf(const std::function<void()>& work) {
   testing::internal::CaptureStderr();
   setLogLevel(LogLevel::kWarning);
@@ -79,7 +80,7 @@ TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
     peers.push_back(std::make_unique<RawPeer>(server));
     peers.back()->greet();
   }
-  // the right one is among them, behind more wrong ones than are allowed
+  // The right one is among them, after more wrong ones than allowed.
   for (std::size_t i = 0; i < kGuesses; ++i) {
     pb::Envelope envelope;
     *envelope.mutable_login() = personLogin("anna", i == 31 ? kPassword : "guess " + std::to_string(i));
@@ -96,7 +97,7 @@ TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
   EXPECT_EQ(refused[pb::Refusal::LOGIN], 5) << "as many as one after the other";
   EXPECT_EQ(refused[pb::Refusal::RATE_LIMITED], 27);
   EXPECT_EQ(auditOf(server, "log-in locked").size(), 1u);
-  // others go on: the turns did not stop
+  // Other log-ins continue: the turns did not stop.
   EXPECT_TRUE(server.connect(personLogin("bert", kPassword)).ok());
 }
 
@@ -126,7 +127,7 @@ TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
   refusal.mutable_refusal()->set_reason(pb::Refusal::INTERNAL);
   refusal.mutable_refusal()->set_text("no, thank you");
   for (int i = 0; i < 1000; ++i) refusals += RawPeer::framed(refusal);
-  // strangers: the first one ends it, without a warning
+  // Strangers: the first violation closes the connection, without a warning.
   const std::string of_strangers = warningsOf([&] {
     for (const bool greets : {false, true}) {
       RawPeer stranger(server);
@@ -137,7 +138,7 @@ TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
     }
   });
   EXPECT_EQ(countOf(of_strangers, "no, thank you"), 0u) << of_strangers;
-  // who has logged in may refuse, and goes on; the log has the first and how many there were
+  // A logged-in peer continues after such messages; the log has the first one and their number.
   const std::string of_station = warningsOf([&] {
     RawPeer station(server);
     ASSERT_TRUE(station.logIn(stationLogin("bench-1", key)).has_welcome());
@@ -226,7 +227,7 @@ TEST(Access, whoGetsAnotherRoleByATableIsPutOutAndNamedInTheLog) {
   ASSERT_EQ(noted.size(), 2u);
   EXPECT_EQ(noted[1].subject(), "anna");
   EXPECT_THAT(noted[1].detail(), HasSubstr("role: administrator to instructor"));
-  // by its own hand: after the answer, the connection of the old role is over, too
+  // By its own request: after the answer, the connection with the old role is closed, too.
   pb::Request own;
   own.mutable_change_user()->set_name("chief");
   own.mutable_change_user()->set_base_revision(1);
@@ -253,7 +254,7 @@ TEST(Access, aNewPasswordEndsWhatTheOldOneOpened) {
   auto mine = server.connect(personLogin("anna", kPassword));
   auto thief = server.connect(personLogin("anna", kPassword));
   ASSERT_TRUE(mine.ok() && thief.ok());
-  // her own change: the connection that made it goes on
+  // Her own change: the connection that made it stays open.
   ASSERT_TRUE(mine->call(passwordOf("anna", "something else entirely")).ok());
   expectEnded(*thief);
   EXPECT_EQ(server.connect(byToken(thief->welcome().token())).error().code, ErrorCode::kDenied);
@@ -262,7 +263,7 @@ TEST(Access, aNewPasswordEndsWhatTheOldOneOpened) {
   pb::Request list;
   list.mutable_list_users();
   EXPECT_TRUE(mine->call(list).ok());
-  // an administrator's: all of hers end
+  // An administrator's change: all of her connections are closed.
   auto chief = server.connect(personLogin("chief", kPassword));
   ASSERT_TRUE(chief.ok());
   ASSERT_TRUE(chief->call(passwordOf("anna", "and once more another")).ok());
@@ -288,7 +289,7 @@ TEST(Access, nobodySlipsInWhileItsPasswordIsChecked) {
   server.addUser("chief", pb::ADMINISTRATOR, kPassword);
   auto chief = server.connect(personLogin("chief", kPassword));
   ASSERT_TRUE(chief.ok());
-  // the check reads the account first and hashes for about 0.1 s then: the account is disabled meanwhile
+  // The check reads the account first and then hashes for about 0.1 s; meanwhile the account is disabled.
   int in_between = 0;
   for (const int after_ms : {5, 20, 35, 50, 65}) {
     const std::string name = "user " + std::to_string(after_ms);
@@ -300,7 +301,7 @@ TEST(Access, nobodySlipsInWhileItsPasswordIsChecked) {
     peer.send(login);
     std::this_thread::sleep_for(milliseconds(after_ms));
     ASSERT_TRUE(chief->call(disable(name)).ok());
-    // either it never gets in, or it was in before and is put out
+    // Either it never gets in, or it was in before and its connection is closed.
     const auto all = peer.readAll();
     ASSERT_FALSE(all.empty());
     ASSERT_TRUE(all.back().has_refusal()) << name;
@@ -334,7 +335,7 @@ TEST(Access, guessingElsewhereLocksNobodyOutOfTheLab) {
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
   const std::string key = server.addStation("bench-1");
   ASSERT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
-  // from three other addresses until each is refused without a look at the password
+  // From three other addresses, until each is refused without a password check.
   for (const std::string from : {"127.0.0.2", "127.0.0.3", "127.0.0.4"}) {
     bool limited = false;
     for (int i = 0; i < 6 && !limited; ++i) {

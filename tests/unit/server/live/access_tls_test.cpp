@@ -1,4 +1,4 @@
-// What TLS allows, and what lies in the server's folder.
+// Tests the TLS settings, and the files in the server's folder.
 #include <openssl/ssl.h>
 #include <sodium.h>
 #include <sys/stat.h>
@@ -42,7 +42,7 @@ TEST(AccessTls, noTicketsNoResumptionNoEarlyData) {
   SSL_CTX* const context = SSL_get_SSL_CTX(peer.ssl());
   SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_CLIENT);
   SSL_CTX_sess_set_new_cb(context, [](SSL*, SSL_SESSION*) { return ++tickets, 0; });
-  // tickets come behind the handshake, with the first bytes that are read
+  // Tickets arrive after the handshake, with the first bytes read.
   ASSERT_TRUE(peer.logIn(stationLogin("bench-1", key)).has_welcome());
   EXPECT_EQ(tickets, 0);
   SSL_SESSION* const session = SSL_get1_session(peer.ssl());
@@ -83,7 +83,7 @@ TEST(AccessFiles, noSecretLiesInTheFolderAndNobodyElseMayLook) {
     secrets.push_back(hexOf(secret));
     secrets.push_back(base64Of(secret));
   }
-  // while it runs (the log beside the database is there), and after its end
+  // while it runs (the database's log exists), and after its end
   for (int round = 0; round < 2; ++round) {
     int files = 0, hashes = 0;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(server.folder() / "data")) {

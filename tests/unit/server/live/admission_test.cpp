@@ -33,7 +33,7 @@ TEST(Admission, whoLogsInCostsItsAddressNothing) {
 TEST(Admission, whoNeverLogsInUsesUpTheRoomOfItsOwnAddress) {
   Admission admission(admissionSettings());
   std::uint64_t id = 0;
-  // open or closed again: six at once, then one each 100 ms
+  // Open or closed again: six at once, then one per 100 ms.
   for (int i = 0; i < 6; ++i) {
     ASSERT_EQ(admission.arrive(id, "10.0.0.1", 0).answer, Answer::kWelcome);
     admission.left(id++);
@@ -97,7 +97,7 @@ TEST(Admission, memoryIsBoundedWhateverTheAddresses) {
   Admission admission(admissionSettings());
   for (std::uint64_t id = 0; id < 5000; ++id) {
     (void)admission.arrive(id, "10." + std::to_string(id / 250) + ".0." + std::to_string(id % 250), 0);
-    EXPECT_LE(admission.addresses(), 61u);  // those with a connection are kept: at most max_strangers beside
+    EXPECT_LE(admission.addresses(), 61u);  // connected addresses are kept, plus at most max_strangers
   }
 }
 

@@ -146,11 +146,11 @@ TEST(LogIn, nobodyThereIsUnavailable) {
   EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
 }
 
-/// Stations close sessions by the hundred, as after a long outage: a log-in meanwhile must not wait for all
+/// Stations close hundreds of sessions, as after a long outage: a log-in at that time must not wait for all
 /// the scores. NEEDLELAB_LONG: 500 sessions.
 TEST(LogIn, doesNotWaitForTheScoresOfManySessions) {
   const bool all = std::getenv("NEEDLELAB_LONG") != nullptr;
-  // a connection has at most 8 closes at work
+  // A connection has at most 8 closes in progress.
   const std::size_t stations = all ? 63 : 6, each = 8;
   constexpr std::uint64_t kChunks = 60;
   RunningServer server;

@@ -46,12 +46,12 @@ TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
   request.mutable_trainee_message()->set_station("bench-1");
   request.mutable_trainee_message()->set_from("the dean");
   request.mutable_trainee_message()->set_text("slower, please");
-  // the reply says that the station has read it, so somebody must read there meanwhile
+  // The reply confirms that the station has read it, so the station must read meanwhile.
   pb::TraineeMessage got;
   std::thread station([&] {
     got =
         waitFor(lab.station, [](const pb::Envelope& e) { return e.has_trainee_message(); }).trainee_message();
-    (void)lab.station.receive(milliseconds(100));  // answers the Ping behind it
+    (void)lab.station.receive(milliseconds(100));  // answers the following Ping
   });
   EXPECT_TRUE(lab.instructor.call(request).ok());
   station.join();
@@ -76,7 +76,7 @@ TEST(Requests, aidsAndStopsReachTheStationAndNameWhoSaysSo) {
   std::thread station([&] {
     set = waitFor(lab.station, [](const pb::Envelope& e) { return e.has_set_aids(); }).set_aids();
     ended = waitFor(lab.station, [](const pb::Envelope& e) { return e.has_stop_lesson(); }).stop_lesson();
-    (void)lab.station.receive(milliseconds(100));  // answers the Ping behind it
+    (void)lab.station.receive(milliseconds(100));  // answers the following Ping
   });
   EXPECT_TRUE(lab.instructor.call(aids).ok());
   EXPECT_TRUE(lab.instructor.call(stop).ok());
@@ -104,7 +104,7 @@ TEST(Requests, whatDidNotReachAStationIsSaidAndNoted) {
   const auto refused = lab.instructor.call(stop);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
-  // the second line is written beside the answer
+  // The second line is written at the same time as the answer.
   std::vector<pb::AuditEntry> lines;
   for (int i = 0; i < 1000 && lines.empty(); ++i) {
     lines = auditLines(lab.server, "not delivered");
@@ -206,7 +206,7 @@ TEST(LivePlane, aViewerThatDoesNotReadHoldsUpNeitherStoreNorOthers) {
     ASSERT_TRUE(client->send(subscribe).ok());
     (void)waitFor(*client, [](const pb::Envelope& e) { return e.has_subscribed(); });
   }
-  // from here on `slow` is not run: its socket fills. 20 MB of frames, and chunks between them
+  // From here on `slow` does not run, so its socket fills. 20 MB of frames, and chunks between them.
   FakeSession session("bench-1");
   ASSERT_TRUE(lab.station.send(session.open()).ok());
   std::uint64_t got = 0;
@@ -233,7 +233,7 @@ TEST(LivePlane, aViewerThatDoesNotReadHoldsUpNeitherStoreNorOthers) {
     got += envelope->has_live_frame() ? 1u : 0u;
   }
   EXPECT_GT(got, 350u) << "the fast viewer gets (nearly) all";
-  // the slow one wakes up: it gets the newest, and hears of its loss
+  // The slow viewer wakes up: it gets the newest frames and learns of its loss.
   std::uint64_t dropped = 0, slow_got = 0;
   for (;;) {
     const auto envelope = slow->receive(milliseconds(1000));

@@ -66,7 +66,7 @@ TEST(DurablePlane, aGapIsRefusedAndTheExpectedOneNamed) {
   EXPECT_EQ(refusal.expected_seq(), 1u);
   EXPECT_EQ(refusal.session_id(), s.session.id());
   EXPECT_FALSE(refusal.fatal());
-  // the station goes on from there
+  // The station continues from there.
   for (const std::uint64_t seq : {1, 2}) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
   s.session.waitForAck(s.client, 3);
 }
@@ -79,7 +79,7 @@ TEST(DurablePlane, aContradictionIsRefusedAndWrittenDown) {
   ASSERT_TRUE(s.client.send(s.session.chunk(0, 0.5)).ok());
   const auto refusal = waitForRefusal(s.client);
   EXPECT_EQ(refusal.reason(), pb::Refusal::CONTRADICTION);
-  // the first stays, and the audit log tells of it
+  // The first one stays, and the audit log records this.
   pb::Request read;
   read.mutable_read_chunks()->set_session_id(s.session.id());
   read.mutable_read_chunks()->set_max_chunks(10);
@@ -113,12 +113,12 @@ TEST(DurablePlane, sessionsOfOthersAreUnknown) {
   s.open();
   auto other = s.server.connect(stationLogin("bench-2", s.server.addStation("bench-2")));
   ASSERT_TRUE(other.ok());
-  // to be in a session at all, it opens its own
+  // It opens its own session first, so that it is in a session.
   FakeSession own("bench-2");
   ASSERT_TRUE(other->send(own.open()).ok());
   ASSERT_TRUE(other->send(s.session.chunk(0)).ok());
   EXPECT_EQ(waitForRefusal(*other).reason(), pb::Refusal::UNKNOWN_SESSION);
-  // nor can a session be opened in another's name
+  // A session cannot be opened in another station's name either.
   ASSERT_TRUE(other->send(FakeSession("bench-1").open()).ok());
   EXPECT_EQ(waitForRefusal(*other).reason(), pb::Refusal::INVALID);
   EXPECT_EQ(s.stored().chunks(), 0u);
@@ -134,7 +134,7 @@ TEST(DurablePlane, aSessionClosesWhenCountSamplesAndHashAgree) {
   StationAndServer s;
   s.open();
   for (std::uint64_t seq = 0; seq < 3; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
-  // in the same breath: the server commits the chunks before it closes
+  // All in one write: the server commits the chunks before it closes.
   ASSERT_TRUE(s.client.send(s.session.close(3)).ok());
   const auto closed =
       waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); }).session_closed();
@@ -197,7 +197,7 @@ TEST(DurablePlane, afterARestartTheServerResumesWhereTheDatabaseEnds) {
   ASSERT_EQ(s.client.welcome().open_sessions_size(), 1);
   EXPECT_EQ(s.client.welcome().open_sessions(0).session_id(), s.session.id());
   EXPECT_EQ(s.client.welcome().open_sessions(0).next_seq(), 7u);
-  // the session is open: chunks may come at once
+  // The session is open: chunks may arrive at once.
   ASSERT_TRUE(s.client.send(s.session.chunk(7)).ok());
   s.session.waitForAck(s.client, 8);
 }
@@ -218,7 +218,7 @@ TEST(DurablePlane, aFloodOfChunksIsBoundedAndAllOfItArrives) {
 TEST(DurablePlane, manyStationsTogetherNeverOverrunTheWritersQueue) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.all_chunks_in_flight = 8;
-    options.writer.max_items = 24;  // one connection alone may have 64 chunks under way
+    options.writer.max_items = 24;  // one connection may have 64 chunks in progress
     options.writer.window = milliseconds(20);
   });
   constexpr int kStations = 4;

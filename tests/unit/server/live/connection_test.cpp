@@ -76,7 +76,7 @@ TEST(Connection, aMessageOfANewerMinorIsRefusedButNotFatal) {
   auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
   ASSERT_TRUE(station.ok());
   pb::Envelope unknown;
-  unknown.mutable_pong();  // encodeFrame wants a body; the unknown field is what matters
+  unknown.mutable_pong();  // encodeFrame requires a body; the unknown field is the tested part
   unknown.GetReflection()->MutableUnknownFields(&unknown)->AddVarint(777, 1);
   ASSERT_TRUE(station->send(unknown).ok());
   FakeSession session("bench-1");
@@ -114,7 +114,7 @@ TEST(Connection, pingsAreAnsweredWithTheServersClock) {
   const auto pong = waitFor(*station, [](const pb::Envelope& e) { return e.has_pong(); }).pong();
   EXPECT_EQ(pong.id(), 5u);
   EXPECT_EQ(pong.sender_steady_ns(), ping.ping().sender_steady_ns());
-  // one machine, one steady clock: the server's time lies between asking and hearing
+  // One machine has one steady clock: the server's time lies between request and reply.
   EXPECT_GE(pong.receiver_steady_ns(), pong.sender_steady_ns());
   EXPECT_LE(pong.receiver_steady_ns(), steadyNowNs());
 }

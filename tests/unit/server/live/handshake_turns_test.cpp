@@ -1,4 +1,4 @@
-// Who may shake hands when many want to: connections that never get on must keep nobody out.
+// Tests the turns of TLS handshakes under load: connections that never continue must not block others.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <openssl/ssl.h>
@@ -19,7 +19,7 @@ namespace {
 using namespace test;
 using TurnsClock = std::chrono::steady_clock;
 
-/// A connection from an address of this machine that says one thing and then nothing.
+/// A connection from an address of this machine that sends one message and then nothing.
 class SilentPeer {
  public:
   SilentPeer(const char* from, std::uint16_t port, const std::string& bytes)
@@ -53,8 +53,8 @@ std::string clientHello() {
   return bytes;
 }
 
-/// How long `count` log-ins take, each behind new silent peers. A turn lasts a second at most: each log-in
-/// that has to wait for one takes about so long.
+/// Returns the duration of `count` log-ins, each behind new silent peers. A turn lasts at most one second, so
+/// a log-in that waits for a turn takes about one second.
 double logInsBehind(RunningServer& server, int count, const char* from, int silent,
                     const std::string& bytes) {
   const std::string name = "bench-" + std::to_string(bytes.size());
@@ -94,8 +94,8 @@ TEST(HandshakeTurns, oneAddressNeverHasThemAll) {
   EXPECT_LT(logInsBehind(server, 4, "127.0.0.2", 4, clientHello()), 2.0);
 }
 
-// the other way round: who has all turns does keep others waiting, for a second; else the tests above show
-// nothing
+// The negative control: a peer that holds all turns delays others by a second; otherwise the tests above
+// would show nothing.
 TEST(HandshakeTurns, whoHasAllOfThemIsWaitedForForASecond) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.handshakes_at_once = 2;

@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-/// Keeps what it was sent.
+/// Stores everything that it receives.
 struct FakePeer : HubPeer {
   std::vector<pb::Envelope> control, live;
   std::vector<Frame> frames;
@@ -135,7 +135,7 @@ TEST(Hub, aSessionCanBeWatchedWhereverItRuns) {
   EXPECT_TRUE(lastWatchState(station));
   ASSERT_FALSE(hub.onLiveFrame("bench-1", frameNumber(0, std::string(16, 'x')), 0));
   EXPECT_EQ(anna.liveFrames(), 1u);
-  // the next session is another
+  // the next session is a different one
   ASSERT_FALSE(hub.onLiveFrame("bench-1", frameNumber(1, std::string(16, 'y')), 0));
   EXPECT_EQ(anna.liveFrames(), 1u);
   EXPECT_FALSE(lastWatchState(station));
@@ -225,7 +225,7 @@ TEST(Hub, aSmallFrameOfManySamplesIsRefusedBeforeAnybodyDecodesIt) {
   EXPECT_EQ(fast.liveFrames(), 1u);
   EXPECT_EQ(slow.liveFrames(), 1u);
   EXPECT_EQ(overview.live.size(), 1u);
-  // bytes that are no chunk claim nothing, however few they are
+  // Bytes that are not a chunk have no claimed size, however few they are.
   const pb::LiveFrame whole = frameOf(20);
   for (std::size_t size = 0; size < 8; ++size)
     EXPECT_FALSE(claimedSamples(viewOf(whole.data()).first(size))) << size;
@@ -259,7 +259,7 @@ TEST(Hub, aStatusThatIsTooLargeIsRefusedAndNotKept) {
     ASSERT_TRUE(refusal) << bytes;
     EXPECT_EQ(refusal->reason(), pb::Refusal::INVALID);
   }
-  // nobody heard of any of it, neither now nor who comes later
+  // No viewer receives any of it, neither now nor after a later subscription.
   ASSERT_EQ(boss.live.size(), 1u);
   ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
   EXPECT_EQ(anna.control.back().station_status().trainee(), "tina");
@@ -287,7 +287,7 @@ TEST(Hub, theLargestStatusesOfAllStationsFitAViewersQueueAndAList) {
   for (const auto& envelope : boss.control) bytes += envelope.ByteSizeLong();
   EXPECT_GT(bytes, 500'000u);
   EXPECT_LT(bytes, std::size_t{1} << 20);
-  // those who are left out come with their next line
+  // The omitted stations follow with their next line.
   boss.live.clear();
   const std::size_t first_lines = boss.control.size() - 1;
   for (std::size_t i = 0; i < stations.size(); ++i)
@@ -371,7 +371,7 @@ TEST(Hub, theNewestConnectionOfAStationCounts) {
   ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
   EXPECT_EQ(hub.attachStation("bench-1", newer), &older);
   EXPECT_TRUE(lastWatchState(newer));
-  hub.detachStation("bench-1", older);  // the older goes late: nothing changes
+  hub.detachStation("bench-1", older);  // the older one ends late: nothing changes
   EXPECT_EQ(hub.stationsOnline(), 1u);
   EXPECT_TRUE(hub.sendToStation("bench-1", pb::Envelope{}));
   EXPECT_EQ(older.control.size(), 1u);
@@ -402,7 +402,7 @@ TEST(Hub, subscriptionsOfOneViewerAreBounded) {
   EXPECT_EQ(hub.subscribe(anna, toStation(9, "s9"), 0)->reason(), pb::Refusal::TOO_LARGE);
 }
 
-/// A viewer as a connection is one: a live queue that is read now and then.
+/// A viewer like a connection: a live queue that is read from time to time.
 struct QueuedPeer : HubPeer {
   explicit QueuedPeer(std::int64_t age_ns) : queue(age_ns, 1u << 20) {}
   LiveQueue queue;
@@ -424,7 +424,7 @@ TEST(Hub, aSlowViewerLosesItsOwnFramesAndNobodyElses) {
     slow.now_ns = fast.now_ns = now;
     ASSERT_FALSE(hub.onLiveFrame("bench-1", frameNumber(n), now));
     while (fast.queue.pop(now)) ++fast_got;
-    // the slow one takes one frame where five come
+    // The slow viewer reads one frame for every five that arrive.
     if (n % 5 == 4 && slow.queue.pop(now)) ++slow_got;
     EXPECT_LE(slow.queue.bytes(), 10'000u);
   }

@@ -86,13 +86,13 @@ TEST(LoginGuard, oneWhoGuessesInTheLabDoesNotLockOutThoseWhoAreKnownThere) {
   for (int i = 0; i < 1000; ++i) (void)guard.failed("name" + std::to_string(i % 7), "lab", 0);
   EXPECT_GT(guard.mustWait("stranger", "lab", 0).count(), 0);
   EXPECT_EQ(guard.mustWait("anna", "lab", 0).count(), 0);
-  // the price, which the header names: her own name, guessed at her own address
+  // The cost, as the header states: guesses of her own name at her own address.
   for (int i = 0; i < 3; ++i) (void)guard.failed("anna", "lab", 0);
   EXPECT_EQ(guard.mustWait("anna", "lab", 0), milliseconds(10'000));
 }
 
 TEST(LoginGuard, overADayFewTriesPass) {
-  LoginGuard guard;  // as users have it
+  LoginGuard guard;  // as configured for users
   int tries = 0;
   for (std::int64_t t = 0; t < 86'400 * kS; t += kS) {
     if (guard.mustWait("anna", "a", t).count() > 0) continue;

@@ -1,4 +1,4 @@
-/// A station with more sessions than one Welcome, or one connection's memory, holds.
+/// A station with more sessions than fit into one Welcome or into one connection's memory.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -39,7 +39,7 @@ bool becomesTrue(const std::function<bool()>& done, milliseconds most = 60s) {
   return true;
 }
 
-/// How many sessions are stored as complete.
+/// Returns the number of sessions stored as complete.
 std::int64_t completeOnes(RunningServer& server) {
   auto reader = server.server().store().readers().borrow();
   auto row = (*reader)->query("SELECT count(*) FROM sessions WHERE state = ?",
@@ -55,7 +55,8 @@ TEST(ManySessions, anEndThatTheServerLostIsToldAgainAlsoWhenTheWelcomeHasNoRoomF
   auto spool = std::move(*Spool::open(folder.path()));
   const auto old = endedSession(*spool, 3);
   ASSERT_TRUE(old->setReceipt({3, 3, true, 7}).ok());
-  // restored from a backup that has its chunks and not its end, and 1,000 newer ones that were never ended
+  // Restored from a backup with the session's chunks but not its end, plus 1,000 newer sessions that never
+  // ended.
   Uuid id{};
   std::copy_n(old->description().session_id().begin(), id.size(), id.begin());
   ASSERT_TRUE(server.server()
@@ -82,7 +83,7 @@ TEST(ManySessions, anEndThatTheServerLostIsToldAgainAlsoWhenTheWelcomeHasNoRoomF
 
 TEST(ManySessions, aStationThatHasToAskForMoreThanItMayAtOnceIsServedInTime) {
   RunningServer server([](ServerOptions& options) {
-    // status lines come ten times a second, too
+    // status lines also arrive ten times per second
     options.bounds.small_messages_at_once = 20;
     options.bounds.small_messages_per_s = 25;
   });

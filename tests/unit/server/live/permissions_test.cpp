@@ -60,8 +60,7 @@ Verdict expectedOf(const std::string& cell, pb::Role role) {
   return cell.find(small) != std::string::npos ? Verdict::kIgnored : Verdict::kWrongRole;
 }
 
-/// All bodies of the protocol with an envelope that holds nothing else, and one that this version does not
-/// know.
+/// All bodies of the protocol, each in an envelope of its own, and one that this version does not know.
 std::map<std::string, pb::Envelope> everyMessage() {
   std::map<std::string, pb::Envelope> all;
   const auto* body = pb::Envelope::descriptor()->FindOneofByName("body");
@@ -110,7 +109,7 @@ TEST(Permissions, rolesThatDoNotExistMayNothing) {
   }
 }
 
-/// What a server makes of a message, seen from outside.
+/// The server's reaction to a message, seen from outside.
 Verdict seenVerdict(RawPeer& peer, const pb::Envelope& message, bool logged_in) {
   static std::uint64_t last_id = 4711;
   const std::uint64_t id = ++last_id;
@@ -122,12 +121,12 @@ Verdict seenVerdict(RawPeer& peer, const pb::Envelope& message, bool logged_in) 
   }
   Verdict verdict = Verdict::kIgnored;
   for (;;) {
-    // before log-in there is no ping to tell that nothing came: only a refusal, taken without a word, is that
+    // Before log-in no Ping can show that there was no answer, so only a silent refusal counts as one.
     const bool quiet = !logged_in && message.has_refusal();
     const auto got = peer.receive(milliseconds(quiet ? 300 : 60'000));
     if (!got) return verdict;  // closed
     if (got->has_pong() && got->pong().id() == id) return verdict;
-    // a request is worked on beside what comes after it: its answer says nothing about that
+    // A request is processed in parallel with later messages: its answer says nothing about them.
     if (got->has_reply() && !message.has_request()) continue;
     if (!got->has_refusal()) {
       verdict = Verdict::kAllowed;
@@ -144,12 +143,12 @@ Verdict seenVerdict(RawPeer& peer, const pb::Envelope& message, bool logged_in) 
     else if (refusal.text().find("a message without a body") != std::string::npos)
       verdict = Verdict::kUnknown;
     else
-      verdict = Verdict::kAllowed;  // the handler refuses it, for what is in it
+      verdict = Verdict::kAllowed;  // the handler refuses it because of its content
     if (refusal.fatal() || !logged_in) return verdict;
   }
 }
 
-/// Nothing to see is what an allowed message without an answer looks like.
+/// An allowed message without an answer has no visible effect.
 void expectSeen(RawPeer& peer, const std::string& name, const pb::Envelope& message, Verdict expected,
                 const std::string& where, bool logged_in) {
   const Verdict seen = seenVerdict(peer, message, logged_in);
@@ -234,7 +233,7 @@ TEST_F(PermissionsOverTls, aStationInASession) {
 TEST_F(PermissionsOverTls, whatComesAfterTheLastWordIsIgnored) {
   for (const auto& [name, message] : messages_) {
     RawPeer peer(server_);
-    // a ping is not legal yet: refused for good; the same write brings the next message
+    // A Ping is not legal yet: refused for good. The same write contains the next message.
     peer.write(RawPeer::framed(messages_.at("ping")) + RawPeer::framed(message));
     const auto all = peer.readAll();
     ASSERT_EQ(all.size(), 1u) << name;
@@ -287,7 +286,7 @@ TEST_F(PermissionsOverTls, requestsByEveryRole) {
         ASSERT_TRUE(got.has_value()) << name;
         const bool refused = got->has_refusal() && got->refused_request() == id;
         if (!refused && !(got->has_reply() && got->reply().id() == id)) continue;
-        // refused for its role, and not for what is (not) in it
+        // refused because of its role, not because of its content
         const bool by_role = refused && got->refusal().reason() == pb::Refusal::ROLE &&
                              got->refusal().text().find("is not for the role") != std::string::npos;
         const bool allowed = table.at(name).at("roles").find(letter) != std::string::npos;

@@ -1,4 +1,4 @@
-// Which state may follow which; what may come in each: permissions_test.cpp.
+// Tests the order of the states. permissions_test.cpp tests the messages that each state allows.
 #include "server/live/rules.h"
 
 #include <gtest/gtest.h>

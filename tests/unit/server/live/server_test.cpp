@@ -28,7 +28,7 @@ TEST(Server, memoryThatABurstLeftFreeGoesBackToTheSystem) {
   RunningServer server([](ServerOptions& options) { options.heap_every = milliseconds(50); });
   constexpr std::size_t kBurstBytes = 64u << 20, kPiece = 8u << 10;
   const std::uint64_t before = residentBytes();
-  // pieces that stay lie between those that go, as after many connections: the heap's end cannot go down
+  // Remaining blocks lie between freed blocks, as after many connections, so the heap's end cannot move down.
   std::vector<std::string> pieces;
   for (std::size_t i = 0; i < kBurstBytes / kPiece; ++i) pieces.emplace_back(kPiece, 'x');
   ASSERT_GT(residentBytes(), before + kBurstBytes / 2);
@@ -60,7 +60,7 @@ TEST(Server, peersHearByeAndTheExitIsClean) {
     bye |= got->has_bye();
   }
   EXPECT_TRUE(bye);
-  // whatever was acknowledged is there after the restart, and not less than was acknowledged
+  // After the restart everything that was acknowledged exists.
   server.start();
   auto again = server.connect(stationLogin("bench-1", [&] { return std::string(32, 'x'); }()));
   EXPECT_FALSE(again.ok());
@@ -88,7 +88,7 @@ TEST(Server, stoppingDuringARunOfRetentionEndsTheServer) {
   auto started = Server::start(options);
   ASSERT_TRUE(started.ok()) << started.error().message;
   Server& server = **started;
-  // the writer stands still, so that the run, which notes its end by it, cannot end
+  // The writer is blocked, so the run cannot end, because it records its end through the writer.
   std::promise<void> go_on;
   std::atomic<bool> stands = false;
   DbWriter::Work wait = [&, may = go_on.get_future().share()](Connection&) -> Status {

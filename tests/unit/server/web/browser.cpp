@@ -246,7 +246,7 @@ WebReply Browser::ask(const std::string& method, const std::string& path, const 
     if (!given) headers.push_back(header);
   }
   const std::string text = requestText(method, path, body, headers);
-  // the connection is kept; one that the server has ended meanwhile is replaced
+  // Keeps the connection, and replaces it if the server has closed it meanwhile.
   for (int tries = 0; tries < 2; ++tries) {
     const bool kept = wire_ != nullptr;
     if (!kept) wire_ = std::make_unique<WebWire>(port_);

@@ -34,7 +34,7 @@ TEST(Routes, aPathFindsItsPatternAndItsParts) {
   const auto one = matchOf("GET", "/people/anna");
   EXPECT_EQ(one.route->pattern, "/people/{name}");
   EXPECT_EQ(one.parts, std::vector<std::string>{"anna"});
-  // a fixed part goes before a name
+  // A fixed part has priority over a name.
   EXPECT_EQ(matchOf("POST", "/profiles/check").route->pattern, "/profiles/check");
   EXPECT_EQ(matchOf("HEAD", "/sessions/x/samples.csv").route->method, "GET");
 }
@@ -60,7 +60,7 @@ TEST(Routes, eachIsThereOnceAndHasWhatItsActionNeeds) {
                      : how.action == WebAction::kText   ? how.text != nullptr
                                                         : true;
     EXPECT_TRUE(has) << route.method << " " << route.pattern;
-    // what asks the service is checked by its table of roles
+    // The service's table of roles checks the routes that call the service.
     if (how.action == WebAction::kRequest || how.action == WebAction::kWork ||
         how.action == WebAction::kStream) {
       EXPECT_NE(route.call, pb::Request::CALL_NOT_SET) << route.pattern;
@@ -153,9 +153,9 @@ std::vector<RouteBefore> routesBefore() {
   return rows;
 }
 
-// what was published stays as it is; permissions_web.tsv has all routes, those that came later as well
+// Published routes never change; permissions_web.tsv has all routes, including later ones.
 TEST(Routes, thoseOfBeforeStay) {
-  // of one path in their order, in which a refused method names them
+  // The methods of one path keep their order; a refused method lists them in this order.
   std::map<std::string, std::vector<std::string>> expected, found;
   std::set<std::string> lines;
   for (const RouteBefore& row : routesBefore()) {

@@ -1,4 +1,4 @@
-// Who may do what over HTTPS: log-in, sessions, forged requests, roles.
+// Tests access over HTTPS: log-in, sessions, forged requests, roles.
 #include <set>
 #include <sstream>
 
@@ -40,7 +40,7 @@ TEST(WebLogIn, sharesLockOutsAndAuditWithTheOtherPort) {
   const WebReply unknown = browser.logIn("nobody", "wrong");
   EXPECT_EQ(unknown.status, 401);
   EXPECT_EQ(browser.logIn("ines", "wrong").body, unknown.body) << "unknown and wrong must look the same";
-  // after the second failure even the right one waits, here and there
+  // After the second failure even the right password waits, on both ports.
   const WebReply locked = fits("POST", "/api/v1/session", browser.logIn("ines", kWebPassword));
   EXPECT_EQ(locked.status, 429);
   EXPECT_GE(std::stoi("0" + locked.header("retry-after")), 1);
@@ -91,7 +91,7 @@ TEST(WebLogIn, saysTheFullNameAndEndsTheSessionThatTheBrowserHad) {
   Browser rhea = lab.browserOf("rhea"), before = lab.browser();
   before.cookie = rhea.cookie;
   EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/session").json()["full_name"], "Rhea Sato");
-  // a researcher sees its own data and nobody else's
+  // A researcher sees only its own data.
   EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/people/rhea").json()["full_name"], "Rhea Sato");
   EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/people/ada").status, 403);
   const std::string body = json{{"name", "rhea"}, {"password", kWebPassword}}.dump();
@@ -145,7 +145,7 @@ TEST(WebSession, aChangeNeedsTheTokenOfItsOwnSession) {
       askChecked(ada, "PATCH", path, body, {{"Origin", "https://localhost"}, {"If-Match", "\"1\""}}).status,
       200);
   EXPECT_EQ(askChecked(ada, "GET", path).json()["disabled"], true);
-  // a cookie that is nobody's
+  // a cookie without a session
   Browser foreign = lab.browser();
   foreign.cookie = std::string(43, 'A');
   EXPECT_EQ(askChecked(foreign, "GET", "/api/v1/session").status, 401);
@@ -197,7 +197,7 @@ TEST(WebRoles, everyRouteIsForTheRolesOfTheTable) {
     cells >> method >> pattern;
     rows.insert(method + " " + pattern);
     std::string path = std::string(kApiBase) + pattern;
-    // nobody and nothing of that name: who may ask hears that it is not there
+    // No such person or thing: a permitted user gets "not found".
     for (const char* part : {"{name}", "{id}", "{study}"})
       if (const auto at = path.find(part); at != std::string::npos)
         path.replace(at, std::string(part).size(),
@@ -234,7 +234,7 @@ TEST(WebRoles, aTraineeSeesItsOwnSessionsOnly) {
   Browser tina = lab.browserOf("tina"), tom = lab.browserOf("tom"), ines = lab.browserOf("ines");
   for (const char* below : {"", "/score", "/events", "/samples", "/samples.csv", "/annotations"}) {
     const std::string path = "/api/v1/sessions/" + id + below;
-    // without a profile there is no score
+    // Without a profile there is no score.
     if (std::string(below) != "/score") {
       EXPECT_NE(askChecked(tina, "GET", path).status, 404) << below;
     }

@@ -68,7 +68,7 @@ TEST(Cookies, theOneIsFoundAmongOthersAndNotWhenItIsThereTwice) {
   EXPECT_FALSE(cookieNamed("x__Host-needlelab=1", "__Host-needlelab").has_value());
   EXPECT_FALSE(cookieNamed("", "__Host-needlelab").has_value());
   EXPECT_FALSE(cookieNamed(";;;=;", "__Host-needlelab").has_value());
-  // who can set a second one must not choose which counts
+  // An attacker who can set a second one must not be able to choose the valid one.
   EXPECT_FALSE(cookieNamed("__Host-needlelab=a; __Host-needlelab=b", "__Host-needlelab").has_value());
 }
 
@@ -98,7 +98,7 @@ TEST(Base64Url, isTakenBackAndOnlyWhatItWrote) {
     EXPECT_EQ(bytesOfBase64Url(text), bytes);
   }
   EXPECT_EQ(base64Url("\xfb\xff"), "-_8");
-  // a digit too much, bits that say nothing, other letters: two texts never mean the same bytes
+  // An extra digit, unused bits, other letters: two texts never mean the same bytes.
   for (const char* text : {"A", "-_9", "AAAAA", "AA=", "A+", "A A"})
     EXPECT_FALSE(bytesOfBase64Url(text)) << text;
 }
@@ -210,7 +210,8 @@ TEST(Tokens, lastLongerByUseAndEndWhenTold) {
   Tokens tokens(std::chrono::milliseconds(1000), 10, std::chrono::milliseconds(2500));
   const auto issued = tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, 0);
   EXPECT_EQ(tokens.renew(issued.token, 900'000'000), 1'900'000'000);
-  EXPECT_EQ(tokens.renew(issued.token, 1'800'000'000), 2'500'000'000);  // not longer after the password
+  EXPECT_EQ(tokens.renew(issued.token, 1'800'000'000),
+            2'500'000'000);  // not longer than this after the password
   EXPECT_EQ(tokens.endOf(issued.token, 2'400'000'000), 2'500'000'000);
   EXPECT_FALSE(tokens.renew(issued.token, 2'500'000'000).has_value());
   const auto next = tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, 0);

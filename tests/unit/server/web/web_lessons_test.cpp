@@ -1,4 +1,4 @@
-// What the console shows: people, profiles, courses, sessions with their samples; every reply fits
+// Tests the console's data: people, profiles, courses, sessions with their samples. Every reply fits
 // openapi.json.
 #include <cmath>
 #include <set>
@@ -52,7 +52,7 @@ TEST(WebLessons, listsAndDocumentsAreAsTheyAreDescribed) {
   EXPECT_EQ(found("to_ms=" + std::to_string(started_ms + 1)), all);
   EXPECT_EQ(found("verdict=passed") + found("verdict=failed") + found("verdict=none"), all);
   EXPECT_EQ(ok("/sessions/" + id)["samples"], 500);
-  // its profile is none: there is nothing to score it by
+  // It has no valid profile, so it cannot be scored.
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions/" + id + "/score").status, 404);
   ok("/openapi.json");
   ok("/retention");
@@ -69,7 +69,7 @@ TEST(WebLessons, listsAndDocumentsAreAsTheyAreDescribed) {
   const std::string copy = (lab.server().folder() / "copy.db").string();
   EXPECT_EQ(askChecked(ada, "POST", "/api/v1/backup", json{{"path", copy}}.dump()).json()["path"], copy);
   EXPECT_TRUE(std::filesystem::exists(copy));
-  // and who did it is written down
+  // The audit log names the user.
   bool noted = false;
   const json audit = ok("/audit?who=ada");
   for (const json& line : audit["items"]) noted = noted || line["action"] == "user add";
@@ -110,7 +110,8 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   const json group = done("GET", "/groups/autumn", "");
   EXPECT_EQ(group["members"], json({"anna", "ben"}));
 
-  // two edit the same revision: the second hears which one is there now, and nothing of the first is lost
+  // Two users edit the same revision: the second one gets the current revision, and the first edit is not
+  // lost.
   const std::string id = done("GET", "/profiles", "")["items"][0]["id"];
   json profile = done("GET", "/profiles/" + id, "")["json"];
   profile["description"] = "first";
@@ -171,7 +172,7 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   done("DELETE", "/groups/autumn", "",
        {{"If-Match", "\"" + std::to_string(group["revision"].get<int>()) + "\""}});
   EXPECT_EQ(askChecked(mara, "GET", "/api/v1/groups/autumn").status, 404);
-  // a person is erased by administrators only
+  // Only administrators can erase a person.
   EXPECT_EQ(askChecked(mara, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "anna"})").status, 403);
   EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "ben"})").status, 400);
   EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "anna"})").status, 200);
@@ -311,7 +312,7 @@ TEST(WebLessons, aLongCsvTakesNoMoreMemoryThanAShortOneHoweverSlowlyItIsRead) {
   }
   EXPECT_FALSE(broken);
   EXPECT_GT(bytes, 20u << 20) << "long enough to show it";
-  // AddressSanitizer keeps what was freed for a while
+  // AddressSanitizer holds back freed memory for a while.
   if (!kSanitized) {
     EXPECT_LT(most - before, 12u << 20) << bytes << " bytes in " << pieces << " pieces";
   }

@@ -1,4 +1,4 @@
-// What a peer may not do, whoever it is: sizes, times, numbers, and what is no HTTP.
+// Tests the limits for every peer: sizes, times, numbers, and input that is not HTTP.
 #include "tests/unit/server/web/web_lab.h"
 
 namespace needlelab {
@@ -67,7 +67,7 @@ TEST(WebLimits, aHeaderAndABodyHaveTheirSizes) {
     EXPECT_EQ(wire.read().status, 431);
     EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
   }
-  // before log-in 4 KiB, whether the length is said or not
+  // before log-in 4 KiB, with or without a declared length
   const std::string body = R"({"name": ")" + std::string(5000, 'a') + R"(", "password": "x"})";
   {
     WebWire wire(lab.port());
@@ -96,7 +96,7 @@ TEST(WebLimits, whatIsNoHttpIsEnded) {
   WebLab lab;
   {
     WebWire wire(lab.port(), false);
-    (void)wire.sendPlain("GET / HTTP/1.1\r\n\r\n");  // no TLS
+    (void)wire.sendPlain("GET / HTTP/1.1\r\n\r\n");  // not TLS
     EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
   }
   for (const char* text : {"NONSENSE\r\n\r\n", "GET\r\n\r\n", "GET / HTTP/9.9\r\n\r\n", "\x16\x03\x01",
@@ -129,7 +129,7 @@ TEST(WebLimits, whoDawdlesIsCut) {
   WebWire half(lab.port(), false);
   (void)half.sendPlain(std::string("\x16\x03\x01\x02\x00", 5));
   EXPECT_TRUE(half.endsWithin(milliseconds(8000)));
-  // a header that drips: each byte in time, the whole is not
+  // A slow header: each byte is in time, but the whole header is not.
   WebWire dripping(lab.port());
   if (dripping.connected()) {
     const std::string text = requestText("GET", "/");
@@ -208,7 +208,7 @@ TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
   WebLab lab([](ServerOptions& options) { options.web.admission.max_strangers = 3; });
   std::vector<std::unique_ptr<WebWire>> open;
   for (int i = 0; i < 8; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
-  // the oldest were cut for the newest
+  // The server closed the oldest connections in favour of the newest.
   EXPECT_TRUE(open.front()->endsWithin(milliseconds(5000)));
   EXPECT_TRUE(open.back()->send(requestText("GET", "/")));
   EXPECT_EQ(open.back()->read().status, 200);

@@ -60,11 +60,11 @@ TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
 TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
   WebLab lab([](ServerOptions& options) {
     options.web.live_period = milliseconds(10);
-    // longer than a busy machine keeps the one who reads from reading
+    // longer than a busy machine delays the reader
     options.web.live_write_timeout = milliseconds(1000);
     options.metrics = "127.0.0.1:0";
   });
-  // much to say: 200 stations are some 40 KB ten times in a tenth of a second
+  // large updates: 200 stations give about 40 KB, ten times in a tenth of a second
   for (int i = 0; i < 200; ++i)
     (void)lab.server().addStation("a bench with a long name, number " + std::to_string(i));
   Browser ines = lab.browserOf("ines");
