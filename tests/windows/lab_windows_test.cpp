@@ -89,7 +89,7 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   EXPECT_TRUE(says(lab_.station(2), "message from ines: slower, please")) << lab_.station(2).said();
   EXPECT_TRUE(says(lab_.station(2), "stopped by ines: enough for today")) << lab_.station(2).said();
   EXPECT_EQ(lab_.station(2).wait(60s), kExitDone);
-  // the entries of the log
+  // the entries of the audit log
   EXPECT_THAT(audit("message"), testing::UnorderedElementsAre("ines bench-5: take the needle out",
                                                               "ines bench-2: slower, please"));
   EXPECT_THAT(audit("aids"), testing::ElementsAre(HasSubstr("ines bench-2: DEPTH, FORCE")));

@@ -127,7 +127,7 @@ TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
   refusal.mutable_refusal()->set_reason(pb::Refusal::INTERNAL);
   refusal.mutable_refusal()->set_text("no, thank you");
   for (int i = 0; i < 1000; ++i) refusals += RawPeer::framed(refusal);
-  // Strangers: the first violation closes the connection, without a warning.
+  // Strangers: the first Refusal closes the connection, without a warning.
   const std::string of_strangers = warningsOf([&] {
     for (const bool greets : {false, true}) {
       RawPeer stranger(server);
@@ -138,7 +138,7 @@ TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
     }
   });
   EXPECT_EQ(countOf(of_strangers, "no, thank you"), 0u) << of_strangers;
-  // A logged-in peer continues after such messages; the log has the first one and their number.
+  // A logged-in peer may send Refusals and stays connected; the log has the first one and their number.
   const std::string of_station = warningsOf([&] {
     RawPeer station(server);
     ASSERT_TRUE(station.logIn(stationLogin("bench-1", key)).has_welcome());

@@ -225,7 +225,7 @@ TEST(Hub, aSmallFrameOfManySamplesIsRefusedBeforeAnybodyDecodesIt) {
   EXPECT_EQ(fast.liveFrames(), 1u);
   EXPECT_EQ(slow.liveFrames(), 1u);
   EXPECT_EQ(overview.live.size(), 1u);
-  // Bytes that are not a chunk have no claimed size, however few they are.
+  // Bytes that are not a chunk claim no samples, however few they are.
   const pb::LiveFrame whole = frameOf(20);
   for (std::size_t size = 0; size < 8; ++size)
     EXPECT_FALSE(claimedSamples(viewOf(whole.data()).first(size))) << size;

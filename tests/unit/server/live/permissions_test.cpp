@@ -121,7 +121,7 @@ Verdict seenVerdict(RawPeer& peer, const pb::Envelope& message, bool logged_in) 
   }
   Verdict verdict = Verdict::kIgnored;
   for (;;) {
-    // Before log-in no Ping can show that there was no answer, so only a silent refusal counts as one.
+    // Before log-in no Ping can show that there was no answer. Only a Refusal has none then.
     const bool quiet = !logged_in && message.has_refusal();
     const auto got = peer.receive(milliseconds(quiet ? 300 : 60'000));
     if (!got) return verdict;  // closed
