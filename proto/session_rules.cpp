@@ -15,7 +15,7 @@ Error invalid(const std::string& field, const std::string& why) {
   return {ErrorCode::kInvalidInput, "session description, " + field + ": " + why};
 }
 
-/// x y z qx qy qz qw, or nothing.
+/// Checks a pose: x y z qx qy qz qw, or empty.
 Status checkPose(const std::string& field, const google::protobuf::RepeatedField<double>& pose) {
   if (pose.empty()) return {};
   if (pose.size() != 7)

@@ -22,8 +22,8 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using nlohmann::json;
 
-/// Where faults go: to the caller at once, or, where all of them are wanted, into a list, and reading goes
-/// on.
+/// Reports faults: returns the first fault to the caller, or collects all faults in a list while reading
+/// continues.
 class Faults {
  public:
   explicit Faults(std::vector<Error>* all) : all_(all) {}
@@ -44,7 +44,7 @@ std::string join(const std::vector<std::string>& words) {
   return all;
 }
 
-/// What was found in place of what was wanted, for a person.
+/// Describes the value found in place of the expected one, for people.
 std::string found(const json& value) {
   switch (value.type()) {
     case json::value_t::null:
@@ -104,7 +104,7 @@ Result<double> readNumber(const FieldDescriptor& field, const std::string& path,
   return number;
 }
 
-/// Within the field's range, or else within its type's.
+/// Reads a whole number within the field's range, or else its type's range.
 Result<std::int64_t> readWhole(const FieldDescriptor& field, const std::string& path, const json& value) {
   ASSIGN_OR_RETURN(const double number, readNumber(field, path, value));
   const bool is_signed = field.cpp_type() == FieldDescriptor::CPPTYPE_INT32;
@@ -127,7 +127,7 @@ Result<std::string> readText(const FieldDescriptor& field, const std::string& pa
       return fieldError(path, fmt::format("has {} bytes, allowed are 1 to {}", text.size(), longest));
     }
   }
-  // texts end up in terminals and tables: no control characters, save line breaks in long texts
+  // texts are shown in terminals and tables: no control characters, except line breaks in long texts
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     const bool is_break = c == '\n' || c == '\t';
@@ -149,7 +149,7 @@ Result<int> readEnum(const FieldDescriptor& field, const std::string& path, cons
 
 Status readObject(const json& value, const std::string& path, Message& message, Faults& faults);
 
-/// One value of a field: the whole of a single field, or an item of a list.
+/// One value of a field: a single field, or an item of a list.
 Status readValue(const FieldDescriptor& field, const std::string& path, const json& value, Message& message,
                  Faults& faults) {
   const auto& reflection = *message.GetReflection();
@@ -173,10 +173,10 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
     }
     case FieldDescriptor::CPPTYPE_INT64:
     case FieldDescriptor::CPPTYPE_UINT64: {
-      // whole as it is written: a double has not enough digits
+      // kept as an integer: a double does not have enough digits
       assert(!is_list && "lists of whole numbers are not supported");
       const bool is_signed = field.cpp_type() == FieldDescriptor::CPPTYPE_INT64;
-      // JSON knows one kind of number: a positive one may have come as either
+      // JSON has one type of number: the parser may deliver a positive number as either type
       const bool is_large = value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX;
       const bool is_negative =
           value.is_number_integer() && !value.is_number_unsigned() && value.get<std::int64_t>() < 0;
@@ -212,7 +212,7 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
       return readObject(value, path, part, faults);
     }
     default:
-      // programmer error: profile.proto got a type that this reader was not taught
+      // programmer error: profile.proto has a type that this reader does not support
       assert(false && "field type not supported");
       return fieldError(path, "has a type that this program cannot read");
   }
@@ -299,7 +299,7 @@ std::string textJson(const std::string& text) {
   return json(text).dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-/// One line when that is short and nothing in it is broken already, else one item a line.
+/// One line if it is short and contains no line breaks, else one line per item.
 std::string wrapped(char open, char close, const std::vector<std::string>& items, std::size_t indent) {
   if (items.empty()) return {open, close};
   std::size_t length = indent + 2;

@@ -8,7 +8,8 @@
 namespace needlelab {
 namespace {
 
-/// Text to a checked message: JSON, then the fields' own limits, then what binds several fields.
+/// Converts text to a checked message: parses JSON, then checks the limits of single fields, then the rules
+/// over several fields.
 template <typename T, typename Rules>
 Result<T> parse(std::string_view text, std::string_view source, Rules rules) {
   ASSIGN_OR_RETURN(const nlohmann::json tree, readStrictJson(text, source, kMaxProfileBytes));

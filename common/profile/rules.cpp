@@ -18,7 +18,8 @@
 namespace needlelab {
 namespace {
 
-/// Ids become file names and arguments: nothing in them needs quoting, and none hides or climbs folders.
+/// Ids become file names and arguments: they need no quoting, are not hidden files, and cannot leave a
+/// folder.
 Status checkId(const std::string& path, const std::string& id) {
   const char* const allowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.";
   if (id.find_first_not_of(allowed) != std::string::npos || id.starts_with(".") || id.starts_with("-")) {
@@ -120,7 +121,7 @@ Status checkProfileRules(const pb::Profile& profile) {
       return fieldError(path + ".name", quotedText(profile.hazards(i).name()) + " is used twice");
     }
   }
-  // all that concerns forces and shapes is the engine's own check: one place for it
+  // the engine checks forces and shapes: one place for these checks
   if (const auto spec = sceneSpecOf(profile); !spec) return spec.error();
   return {};
 }
@@ -153,7 +154,7 @@ Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path)
 
 namespace {
 
-/// Exercises of a course and what must be passed before them.
+/// Exercises of a course and their prerequisites.
 class Prerequisites {
  public:
   explicit Prerequisites(const pb::Curriculum& curriculum) : exercises_(curriculum.exercises()) {
@@ -161,8 +162,8 @@ class Prerequisites {
     state_.resize(static_cast<std::size_t>(exercises_.size()), State::kNew);
   }
 
-  /// All are exercises of this course, each once, none of them itself, and nothing waits for itself by way of
-  /// others.
+  /// Checks that all prerequisites are exercises of this course, each listed once, never the exercise itself,
+  /// and without cycles.
   Status check() {
     for (int i = 0; i < exercises_.size(); ++i) {
       std::set<std::string> named;
@@ -203,7 +204,7 @@ class Prerequisites {
       const State state = state_[static_cast<std::size_t>(next)];
       if (state == State::kNew) enter(next);
       if (state != State::kOnTheWay) continue;
-      // the circle, from the exercise at which it was entered back to it
+      // the cycle, from the exercise of entry back to it
       std::string circle;
       bool inside = false;
       for (const Step& on_way : way) {
@@ -259,7 +260,7 @@ std::string layerName(const pb::Profile& profile, int i) {
                      shortNumber(layer.thickness_m() * 1e3));
 }
 
-/// How far a membrane is pushed in when it ruptures: the positive root of k1 z + k2 z² = force, in the form
+/// The depth at which a pushed membrane ruptures: the positive root of k1 z + k2 z² = force, in the form
 /// that does not lose digits when k2 is small.
 double ruptureDepth(const pb::Puncture& puncture) {
   const double k1 = puncture.linear_n_per_m(), k2 = puncture.quadratic_n_per_m2(), force = puncture.force_n();
@@ -283,7 +284,7 @@ void warnAboutRupture(const pb::Profile& profile, int i, std::vector<std::string
                        " mm deep, below the layer; make it stiffer or weaker");
 }
 
-/// Only the walls' force follows the layers' cutting forces by a spring of K_t.
+/// Only the models with a wall follow the layers' cutting forces with a spring of K_t.
 void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warnings) {
   const bool is_wall = profile.axial_model() <= pb::Profile::TRACKING_WALL;
   const double stiffness = profile.tracking_wall().stiffness_n_per_m();
@@ -330,7 +331,7 @@ void warnAboutModel(const pb::Profile& profile, std::vector<std::string>& warnin
     warnings.push_back("precomputed: says no source for its table");
 }
 
-/// A tip whose opening cannot be placed.
+/// Warns when the place of the tip's opening is unknown.
 void warnAboutNeedle(const pb::Profile& profile, std::vector<std::string>& warnings) {
   const pb::Needle& needle = profile.needle();
   const bool has_diameter = needle.has_gauge() || needle.has_outer_diameter_m();

@@ -1,4 +1,4 @@
-// A profile as the engine's scene, and a scene's model back into a profile.
+// Converts a profile to the engine's scene, and a scene's model back to a profile.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ Vec3 vectorOf(const pb::Vector3& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-// the messages' effects are the engine's, one further along: 0 is kept for "unspecified"
+// the messages' effects are the engine's plus one: 0 means "unspecified"
 static_assert(pb::Profile::Effect_MIN == 0 && pb::Profile::Effect_MAX == kEffectCount);
 
 Result<Limb> limbOf(const pb::Limb& limb) {
@@ -66,7 +66,7 @@ TrackingWallSpec wallOf(const pb::TrackingWall& wall) {
 static_assert(static_cast<StopMode>(pb::TrackingWall::RAMP) == StopMode::kRamp);
 static_assert(static_cast<StopMode>(pb::TrackingWall::EXPONENTIAL) == StopMode::kExponential);
 
-/// The numbers of an effect's section, found by the names that its entry has for them.
+/// Reads the numbers of an effect's section by the names in its entry.
 void readSection(const EffectEntry& effect, const pb::Profile& profile, SceneSpec& spec) {
   const google::protobuf::Message* const section = sectionOf(effect, profile);
   if (section == nullptr) return;
@@ -84,7 +84,7 @@ void readSection(const EffectEntry& effect, const pb::Profile& profile, SceneSpe
 static_assert(static_cast<ClampingMode>(pb::VirtualFixture::PROPORTIONAL) == ClampingMode::kProportional);
 static_assert(static_cast<ClampingMode>(pb::VirtualFixture::PASSIVE) == ClampingMode::kPassive);
 
-/// A placement is a unit quaternion within the tolerance of files, and finite.
+/// A placement must be finite and its quaternion a unit quaternion within the tolerance of files.
 Result<Pose> checkedPlacement(const Pose& X_WL) {
   const double length = std::sqrt(dot(X_WL.q, X_WL.q));
   if (!isFinite(X_WL.p)) return Error{ErrorCode::kInvalidInput, "placement: its position is not finite"};
@@ -97,7 +97,7 @@ Result<Pose> checkedPlacement(const Pose& X_WL) {
 
 // ---- the axial model and its section ----
 
-// the messages' models are the engine's, one further along: 0 is kept for "unspecified"
+// the messages' models are the engine's plus one: 0 means "unspecified"
 constexpr AxialModel modelOf(pb::Profile::AxialModel model) {
   return model == pb::Profile::AXIAL_MODEL_UNSPECIFIED ? AxialModel::kEnhancedTrackingWall
                                                        : static_cast<AxialModel>(model - 1);
@@ -136,7 +136,7 @@ static_assert(static_cast<int>(NeedleTip::kTuohy) == pb::Needle::TUOHY);
 static_assert(static_cast<int>(NeedleTip::kPencilPoint) == pb::Needle::PENCIL_POINT);
 
 /// Sets `spec.axial_model` and every model's section that the profile has; the others keep their defaults.
-/// `spec.layers` must be filled already. Errors: kInvalidInput for a number that names no model.
+/// `spec.layers` must be filled already. Errors: kInvalidInput for a number without a model.
 Status readModel(const pb::Profile& profile, SceneSpec& spec) {
   if (!pb::Profile::AxialModel_IsValid(profile.axial_model()))
     return fieldError("axial_model",
@@ -323,7 +323,7 @@ Status chooseModel(pb::Profile& profile, const std::string& name) {
     return Error{ErrorCode::kInvalidInput, "--model: '" + name + "' is unknown; there is: " + known};
   }
   profile.set_axial_model(model);
-  // sections of which every field has a default
+  // sections with defaults for every field
   if (model == pb::Profile::DIRECT) profile.mutable_direct();
   if (model == pb::Profile::VOIGT) profile.mutable_voigt();
   if (model == pb::Profile::GOD_OBJECT) profile.mutable_god_object();

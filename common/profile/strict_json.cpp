@@ -12,8 +12,7 @@ using nlohmann::json;
 constexpr std::size_t kMaxDepth = 32;
 constexpr std::size_t kMaxWords = 300;
 
-/// Receives the parser's events, builds the tree, and knows at each moment the path of the value that is
-/// read.
+/// Receives the parser's events, builds the tree, and tracks the path of the current value.
 // NOLINTNEXTLINE(bugprone-exception-escape): running out of memory ends the program anyway
 class TreeBuilder : public nlohmann::json_sax<json> {
  public:
@@ -37,7 +36,7 @@ class TreeBuilder : public nlohmann::json_sax<json> {
 
   bool parse_error(std::size_t /*position*/, const std::string& last_token,
                    const json::exception& error) override {
-    // the library's text without its "[json.exception.…] " in front
+    // the library's text without its prefix "[json.exception.…] "
     std::string words = error.what();
     if (const auto end = words.find("] "); words.starts_with("[") && end != std::string::npos) {
       words.erase(0, end + 2);
@@ -54,10 +53,10 @@ class TreeBuilder : public nlohmann::json_sax<json> {
  private:
   struct Frame {
     json* node;
-    std::string key;  // of the member that is being read, when `node` is an object
+    std::string key;  // of the current member, if `node` is an object
   };
 
-  // puts a value where it belongs and returns its place
+  // inserts a value at the current place and returns the place
   json* place(json value) {
     if (frames_.empty()) {
       root_ = std::move(value);
@@ -95,12 +94,11 @@ class TreeBuilder : public nlohmann::json_sax<json> {
     std::string path;
     for (const Frame& frame : frames_) {
       if (frame.node->is_array()) {
-        // the item that is being read: not in the list yet, unless it is itself a list or object that is
-        // being read
+        // the current item: not in the list yet, unless it is a list or object still being read
         const bool is_open = &frame != &frames_.back();
         path += fmt::format("[{}]", frame.node->size() - (is_open ? 1 : 0));
       } else if (!frame.key.empty()) {
-        // ordinary names plainly, anything odd quoted
+        // ordinary names as they are, all others quoted
         const bool plain =
             frame.key.size() <= 60 &&
             frame.key.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") ==

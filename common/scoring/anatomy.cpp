@@ -55,8 +55,8 @@ double segmentDistance(Vec3 p, Vec3 q, Vec3 a, Vec3 b) {
   };
   const Vec3 d = q - p, e = b - a, r = p - a;
   const double dd = dot(d, d), ee = dot(e, e), de = dot(d, e), dr = dot(d, r), er = dot(e, r);
-  // nearest point of the first line to the second, held to its segment; then back and forth once, each held
-  // to its ends
+  // nearest point of the first line to the second, clamped to its segment; then back and forth once, clamped
+  // each time
   double s = share(de * er - ee * dr, dd * ee - de * de);
   const double t = share(er + s * de, ee);
   s = share(t * de - dr, dd);

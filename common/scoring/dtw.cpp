@@ -13,10 +13,10 @@ namespace {
 
 enum class Came : std::uint8_t { kAside, kAbove, kAcross };  // steps (0,1), (1,0), (1,1) of (row, column)
 
-/// How each cell of the table was reached, row by row; only where somebody asks for the alignment.
+/// The step into each cell of the table, row by row; stored only if the caller needs the alignment.
 struct Trail {
   struct Row {
-    std::size_t first = 0, begin = 0;  // its first column, and where that is in `came`
+    std::size_t first = 0, begin = 0;  // its first column, and the index of that column in `came`
   };
   std::vector<Row> rows;
   std::vector<Came> came;
@@ -81,7 +81,7 @@ bool comparable(std::span<const Vec3> a, std::span<const Vec3> b) {
 std::optional<double> dtwDistance(std::span<const Vec3> a, std::span<const Vec3> b, std::size_t band) {
   if (!comparable(a, b)) return std::nullopt;
   // rows run along the longer path: the band's middle then moves by at most one point a row, so that the
-  // windows of neighbouring rows meet, and the order of the two does not matter
+  // windows of neighbouring rows overlap, and the order of the two paths does not matter
   if (a.size() < b.size()) std::swap(a, b);
   return warp(a, b, band, nullptr);
 }

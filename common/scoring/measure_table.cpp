@@ -110,7 +110,7 @@ std::span<const MeasureKind> measureKinds() {
 const MeasureKind* measureKind(std::string_view name) {
   const auto* const found =
       std::find_if(kMeasureKinds.begin(), kMeasureKinds.end(), [&](const MeasureKind& kind) {
-        // the pattern itself is the name of no row
+        // the pattern itself is not the name of a row
         return kind.name.find('K') == std::string_view::npos ? kind.name == name : isLayered(name, kind.name);
       });
   return found == kMeasureKinds.end() ? nullptr : found;

@@ -13,8 +13,8 @@
 namespace needlelab {
 namespace {
 
-/// The longest stretch of a run from which smoothness is taken: from the first to the last moment in tissue;
-/// of gestures that never enter tissue, the whole of the longest run.
+/// The stretch of the longest run for smoothness: from the first to the last moment in tissue; for gestures
+/// that never enter tissue, the whole longest run.
 std::vector<double> speedProfile(const Gesture& gesture, double& period_s) {
   const Run* best = nullptr;
   std::size_t from = 0, to = 0;
@@ -59,16 +59,16 @@ double sweptArea(const TrackPoint& a, const TrackPoint& b, double length_m) {
   return sum / kPieces * length_m;
 }
 
-/// A movement begins above the first speed and ends when it stays below the second for `kActionPause_s`;
-/// shorter ways are not a movement. m and m/s, rad and rad/s.
+/// A movement begins above the first speed and ends when the speed stays below the second for
+/// `kActionPause_s`; shorter distances are not a movement. m and m/s, rad and rad/s.
 struct ActionLimits {
   double begin_per_s, end_per_s, least;
 };
 constexpr ActionLimits kTranslation{3e-3, 1.5e-3, 2e-3};
 constexpr ActionLimits kRotation{0.1, 0.05, 0.05};
 constexpr double kActionPause_s = 0.1;
-/// Speeds are those of straight lines over so many points to either side: 0.1 s, over which tremor of 8-12 Hz
-/// comes back to where it was.
+/// Speeds are taken over straight lines to this many points on either side: 0.1 s, a period of tremor (8-12
+/// Hz).
 constexpr std::size_t kActionReach = 5;
 
 /// Movement from point i of a run to the next, as a share of the straight line over 0.1 s around it.
@@ -95,7 +95,7 @@ class ActionCounter {
     slow_s_ = speed < limits_.end_per_s ? slow_s_ + period_s : 0;
     if (slow_s_ >= kActionPause_s * (1 - 1e-9)) finish();
   }
-  /// The end of a run.
+  /// Ends a run.
   void finish() {
     if (moving_ && way_ >= limits_.least) ++count_;
     moving_ = false;
@@ -113,10 +113,9 @@ class ActionCounter {
 
 /// - `elapsed_s`: last tick less first tick.
 /// - `path_length_m`: sum of the tip's steps on the track. `path_in_tissue_m`: each step times the share of
-/// its time in
-///   tissue. `time_in_tissue_s`: that share summed.
+///   its time in tissue. `time_in_tissue_s`: sum of the time shares in tissue.
 /// - `mean_speed_m_s`: path over the time of the runs. `peak_speed_m_s`: greatest central difference on the
-/// track.
+///   track.
 /// - `tissue_damage_m2`: area swept by the shaft inside tissue; straight in and out sweeps none.
 /// - `sparc`, `ldlj`: of the tip's speed from the first entry to the last exit (track.h).
 void addMotion(const Gesture& gesture, Rows& rows) {
@@ -155,7 +154,7 @@ void addMotion(const Gesture& gesture, Rows& rows) {
 /// the track, in tissue and outside.
 /// - `clamping_work_j`: Σ max(0, −F·Δp) over the track's steps in tissue, F the force on the hand averaged
 /// over the step and Δp the tip's movement, both across the needle's axis: the forces along it (cutting,
-/// friction, puncture) have no part in it.
+/// friction, puncture) do not count.
 void addActions(const Gesture& gesture, Rows& rows) {
   ActionCounter moves(kTranslation), turns(kRotation);
   double work_J = 0;
@@ -179,8 +178,8 @@ void addActions(const Gesture& gesture, Rows& rows) {
   rows.add("clamping_work_j", work_J);
 }
 
-/// - `dtw_distance_m`: of the path (dtw.h) from the nearest of the references; where there are any, and the
-/// tip was in tissue.
+/// - `dtw_distance_m`: distance of the path (dtw.h) from the nearest reference, if there are references and
+/// the tip was in tissue.
 void addReferences(const Gesture& gesture, const Pose& X_WL, std::span<const TipPath> references,
                    Rows& rows) {
   if (references.empty()) return;

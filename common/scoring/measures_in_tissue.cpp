@@ -1,4 +1,4 @@
-// Measures of what the needle did in tissue: depth and forces, targets and hazards, the syringe.
+// Measures of the needle in tissue: depth and forces, targets and hazards, the syringe.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -17,14 +17,14 @@ namespace {
 /// Turns closer together than this are one change of trajectory: the limit on turning speed lets the engine
 /// pause between them.
 constexpr double kTurnPause_s = 0.2;
-/// Shorter insertions than this have no straight way to compare with.
+/// Shorter insertions have no straight path for comparison.
 constexpr double kLeastWay_m = 1e-3;
-/// An insertion has ended when it is so near to its greatest length: at rest tremor comes to the greatest at
-/// any time.
+/// An insertion ends within this distance of its greatest length: at rest, tremor may reach the greatest
+/// length at any time.
 constexpr double kEndWithin_m = 0.25e-3;
 
-/// After the tip went from one layer to the next, so long its force is of neither: the drop behind a boundary
-/// takes some ticks, how many depends on the loop's rate.
+/// For this time after a change of layer, the force counts for neither layer: the drop behind a boundary
+/// takes some ticks, and their number depends on the loop's rate.
 constexpr double kLayerChange_s = 0.01;
 
 double forceOf(const GestureSample& s) {
@@ -47,7 +47,7 @@ Counts countEvents(const Gesture& gesture) {
   for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
     const GestureSample& sample = gesture.samples[i];
     const bool inside = isInside(sample);
-    // the flag tells of an entry whose exit before it fell into missing ticks
+    // the flag reveals an entry after an exit that was lost in missing ticks
     const bool entered = inside && (!was_inside || (sample.flags & kFlagEntry) != 0);
     if (entered) {
       ++counts.entries;
@@ -71,9 +71,9 @@ Counts countEvents(const Gesture& gesture) {
   return counts;
 }
 
-/// The way in tissue up to the end of the insertion that reached furthest, over the straight line from its
-/// entry to that end. Ways before that entry (of insertions given up) count as way, too. The end is where the
-/// insertion first came within kEndWithin_m of its greatest length. 0 when there is none.
+/// The path length in tissue up to the end of the longest insertion, divided by the straight line from its
+/// entry to that end. Paths before that entry (of abandoned insertions) count, too. The insertion ends where
+/// it first comes within kEndWithin_m of its greatest length. 0 without an insertion.
 double inefficiencyOf(const Gesture& gesture) {
   std::size_t deepest = 0, entry = 0, deepest_entry = 0;
   double greatest_m = 0;
@@ -130,8 +130,8 @@ Aim aimOf(const Anatomy& anatomy, Vec3 tip_W_m) {
   return aim;
 }
 
-/// The furthest point of the last insertion: where the needle was taken to, before it was drawn out. False:
-/// never in tissue.
+/// Finds the furthest point of the last insertion: the needle's place before it was drawn out. False: never
+/// in tissue.
 bool finalPoint(const Gesture& gesture, std::size_t& index) {
   bool found = false, was_inside = false;
   for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
@@ -175,23 +175,21 @@ double Gesture::weight_s(std::size_t i) const {
 }
 
 /// - `greatest_depth_m`: of the tip under the surface, along its normal. `greatest_insertion_m`: along the
-/// trajectory.
-/// - `peak_force_n`: greatest force on the hand, of all ticks; `peak_force_layer_K_n`: while the tip was in
-/// layer K (1 is
-///   the skin's), 0 where it never was. `mean_force_in_tissue_n`: over time in tissue.
-///   `mean_force_layer_K_n`: over time in layer K; no row where there was none.
+///   trajectory.
+/// - `peak_force_n`: greatest force on the hand, of all ticks. `peak_force_layer_K_n`: while the tip was in
+///   layer K (1 is the skin), 0 if it never was. `mean_force_in_tissue_n`: mean over the time in tissue.
+///   `mean_force_layer_K_n`: mean over the time in layer K; no row if there was none.
 /// - `largest_lateral_error_m`: distance of the tip from its trajectory.
-/// - `entries`: times the tip went in. `withdrawals`: times it was drawn back (a stop on the way does not
-/// begin another).
-///   `trajectory_changes`: runs of turns, pauses up to 0.2 s included.
-/// - `path_inefficiency`: way in tissue over straight way to within 0.25 mm of the furthest point; 1 is
-/// straight.
+/// - `entries`: number of times the tip went in. `withdrawals`: number of times it was drawn back (a stop on
+///   the way does not begin another). `trajectory_changes`: runs of turns, pauses up to 0.2 s included.
+/// - `path_inefficiency`: path in tissue over the straight line to within 0.25 mm of the furthest point; 1 is
+///   straight.
 void addTissue(const Gesture& gesture, Rows& rows) {
   double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0, impulse_Ns = 0, time_s = 0;
   std::vector<double> layer_peaks(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0);
   std::vector<double> layer_impulses(layer_peaks), layer_times(layer_peaks);
   int layer_before = -1;
-  const GestureSample* changed = nullptr;  // where the tip last went from one layer to another
+  const GestureSample* changed = nullptr;  // the tip's last change of layer
   for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
     const GestureSample& sample = gesture.samples[i];
     const double force_N = forceOf(sample);
@@ -240,13 +238,12 @@ void addTissue(const Gesture& gesture, Rows& rows) {
 }
 
 /// Counted while the tip is in tissue.
-/// - `target_reached` (1 or 0): the tip was within a target's radius of its centre. `time_at_target_s`: for
-/// how long in all.
-/// - `target_distance_m`: of the tip from the nearest target's centre at the furthest point of the last
-/// insertion;
-///   `target_nearest_m`: the least at any time.
-/// - `hazards_touched`: how many hazards the tip or the shaft in tissue (straight back along the needle) came
-/// to.
+/// - `target_reached` (1 or 0): the tip was within a target's radius of its centre. `time_at_target_s`: the
+///   total time there.
+/// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
+///   last insertion; `target_nearest_m`: the least distance at any time.
+/// - `hazards_touched`: number of hazards touched by the tip or by the shaft in tissue (straight back along
+///   the needle).
 void addAim(const Gesture& gesture, Rows& rows) {
   const std::vector<Region>& hazards = gesture.anatomy.hazards;
   std::vector<bool> touched(hazards.size(), false);
@@ -266,15 +263,13 @@ void addAim(const Gesture& gesture, Rows& rows) {
   if (!gesture.anatomy.targets.empty()) addTargets(gesture, rows);
 }
 
-/// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected_share`: how much of
-/// the
-///   syringe was pressed out, all injections together, in or outside tissue; above 1 when it was drawn up and
-///   pressed again.
-/// - `injected_in_target_share`: the part of that which left the needle's opening in a target; only where
-///   something was injected and there is a target.
-/// - `aspirated_before_injection` (1 or 0): an aspiration that began in tissue came before the first
-/// injection
-///   that had a part in tissue; only where there was such an injection.
+/// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected_share`: share of the
+///   syringe that was pressed out by all injections together, in or outside tissue; above 1 when it was drawn
+///   up and pressed again.
+/// - `injected_in_target_share`: the part of that which left the needle's opening in a target; only if
+///   something was injected and the profile has a target.
+/// - `aspirated_before_injection` (1 or 0): an aspiration that began in tissue came before the
+///   first injection with a part in tissue; only if there was such an injection.
 void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows) {
   int aspirations = 0, injections = 0;
   double injected = 0, in_target = 0;

@@ -21,7 +21,7 @@ constexpr std::size_t kMostExactTrend = 50;
 
 /// P(|S| ≥ |s|) of Kendall's S over all orders of n different values, from the numbers of inversions.
 double exactTrendP(std::size_t n, long s) {
-  std::vector<double> share{1};  // share[k]: of the orders with k inversions
+  std::vector<double> share{1};  // share[k]: share of the orders with k inversions
   for (std::size_t m = 2; m <= n; ++m) {
     std::vector<double> next(share.size() + m - 1, 0.0);
     for (std::size_t k = 0; k < share.size(); ++k) {
@@ -54,7 +54,7 @@ double normalTrendP(const std::vector<double>& values, long s) {
   return std::erfc(z / std::numbers::sqrt2);
 }
 
-/// Least squares of y = a + b·x; the sum of squares that is left.
+/// Least-squares fit of y = a + b·x, with the residual sum of squares.
 struct LineFit {
   double a = 0, b = 0, rest = 0;
 };
@@ -147,7 +147,8 @@ std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std
   for (const double v : values) all += (v - mean) * (v - mean);
   if (!(all > 1e-24 * std::max(1.0, mean * mean) * n)) return none("the values hardly differ");
 
-  // one parameter is not linear: a fine grid in its logarithm, then halving steps about the best
+  // one parameter is not linear: search a fine grid in its logarithm, then halve the steps about the best
+  // value
   const double low = std::log(0.25), high = std::log(2 * n);
   constexpr int kSteps = 200;
   double best = low, best_rest = std::numeric_limits<double>::infinity();
@@ -163,7 +164,7 @@ std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std
   }
 
   const double attempts = std::exp(best);
-  // a fit without any rest would win over everything by an infinite margin: bounded by rounding
+  // a perfect fit would win by an infinite margin: bound the residual by rounding
   const auto score = [&](double rest, double k) {
     return criterion(std::max(rest, 1e-20 * std::max(all, 1e-300)), n, k);
   };

@@ -22,7 +22,7 @@ double percentileOf(const std::vector<double>& sorted, double p) {
   return sorted[i] + (place - static_cast<double>(i)) * (sorted[i + 1] - sorted[i]);
 }
 
-/// Place of a row in a score: that of its kind, layers by number within.
+/// Position of a row in a score: the position of its kind, then layers by number.
 std::pair<std::ptrdiff_t, std::size_t> orderOf(const std::string& name) {
   const auto kinds = measureKinds();
   const MeasureKind* const kind = measureKind(name);
@@ -65,7 +65,7 @@ void judge(Comparison& row, const std::string& words) {
     return;
   }
   const bool above = row.value > band.mean;
-  // differences that rounding alone leaves between equal values are not a spread
+  // rounding differences between equal values are not a spread
   if (band.sd <= 1e-12 * std::max(1.0, std::abs(band.mean))) {
     const bool same = std::abs(row.value - band.mean) <= 1e-12 * std::max(1.0, std::abs(band.mean));
     row.standing = same ? Standing::kLikeReference : outsideStanding(row.name, above);

@@ -1,4 +1,4 @@
-// What a score says: the exercise's requirements, JSON, a table for a terminal, CSV.
+// Output of scores: the exercise's requirements, JSON, a table for a terminal, CSV.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 namespace needlelab {
 namespace {
 
-/// Columns that a terminal shows: bytes that do not continue a UTF-8 character.
+/// Width on a terminal: the number of bytes that do not continue a UTF-8 character.
 std::size_t widthOf(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(
       text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
@@ -34,7 +34,7 @@ std::string threeDigits(double value) {
   return digits == "-0" ? "0" : digits;
 }
 
-/// "Peak force 3.2 N", or a plain statement where a number would be odd.
+/// "Peak force 3.2 N", or a plain statement where a number would be awkward.
 std::string statement(const Measure& row) {
   if (row.name == "target_reached") return row.value > 0 ? "Target reached" : "Target not reached";
   if (row.name == "aspirated_before_injection")
@@ -48,7 +48,7 @@ std::string verdict(const Measure& row) {
   if (row.name == "target_reached")
     return *row.passed ? "" : row.value > 0 ? ": it was to be left alone" : ": it had to be";
   const auto text = [&](double value) { return valueText(value, row.unit); };
-  // where rounding hides the difference, say that there is one
+  // if rounding hides the difference, state that there is one
   const auto just = [&](double limit) { return text(limit) == text(row.value) ? "just " : ""; };
   if (row.min && row.value < *row.min) {
     return std::string(": ") + just(*row.min) + "below the " + text(*row.min) + " asked for";
@@ -61,7 +61,7 @@ std::string verdict(const Measure& row) {
                  : ": at least the " + text(*row.min) + " asked for";
 }
 
-/// Narrows a row's requirement; several on the same measure all hold.
+/// Narrows a row's requirement; all requirements on the same measure apply.
 void require(Measure& row, std::optional<double> min, std::optional<double> max) {
   if (min) row.min = row.min ? std::max(*row.min, *min) : *min;
   if (max) row.max = row.max ? std::min(*row.max, *max) : *max;
@@ -137,7 +137,7 @@ Result<std::vector<Measure>> parseScore(const std::string& json) {
 }
 
 std::string scoreText(std::span<const Measure> measures) {
-  // what was required first, then all the rest
+  // required measures first, then the others
   std::vector<const Measure*> order;
   for (const Measure& measure : measures) {
     if (measure.passed) order.push_back(&measure);

@@ -22,12 +22,12 @@ struct Stroke {
   double from = 0, to = 0;  ///< plunger at its ends, averaged over 10 ms
 };
 
-/// Whether the plunger of a sample can be used: `cleaned` does not look at it.
+/// Whether the plunger of a sample is usable: `cleaned` does not check it.
 bool hasPlunger(const GestureSample& sample) {
   return sample.plunger >= -0.01 && sample.plunger <= 1.01;
 }
 
-/// The profile as far as places need it.
+/// The parts of the profile that places need.
 struct Surroundings {
   Anatomy anatomy;
   std::vector<double> layer_end_m;  // under the surface; the last layer has no end
@@ -101,14 +101,14 @@ pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample
   return place;
 }
 
-/// Shares of the stroke, by how far the plunger went in each tick, and the hazards on the way.
+/// Shares of the stroke, weighted by the plunger's movement in each tick, and the hazards on the way.
 void addShares(const Surroundings& around, std::span<const GestureSample> samples, const Stroke& stroke,
                pb::SyringeEvent& event) {
   const double sign = stroke.to < stroke.from ? -1 : 1;
   double all = 0, in_tissue = 0, in_target = 0;
   std::vector<bool> met(around.anatomy.hazards.size(), false);
   for (std::size_t i = stroke.first; i <= stroke.last; ++i) {
-    // half of the way from the sample before and half of the way to the next belong to this one
+    // half of the movement from the previous sample and half of that to the next belong to this sample
     const auto step = [&](std::size_t a, std::size_t b) {
       const bool known = hasPlunger(samples[a]) && hasPlunger(samples[b]);
       return known ? 0.5 * sign * (samples[b].plunger - samples[a].plunger) : 0.0;
@@ -145,7 +145,7 @@ std::vector<Bin> binsOf(std::span<const GestureSample> samples, double rate_hz) 
   for (std::size_t i = 0; i < samples.size(); ++i) {
     if (!hasPlunger(samples[i])) continue;
     const double t = secondsBetween(samples.front(), samples[i], rate_hz);
-    // a little on, so that a tick on a bin's edge is not moved by rounding
+    // a small offset, so that rounding does not move a tick on a bin's edge
     const auto of = static_cast<std::int64_t>(std::floor(t / kBin_s + 1e-6));
     if (of != number) {
       number = of;
@@ -214,7 +214,7 @@ class Follower {
       marked_at_ = i;
     }
     if (sign_ * (extreme_ - now) >= kTurnBack) {
-      // it turned: the next movement begins at the turning point
+      // the plunger turned: the next movement begins at the turning point
       const std::size_t turn = at_;
       const double level = extreme_;
       finish();
@@ -230,14 +230,14 @@ class Follower {
   const std::vector<Bin>& bins_;
   std::vector<Move> moves_;
   bool moving_ = false;
-  std::size_t began_ = 0;  // of the movement: the bin at its start; of a rest: its first bin
-  double from_ = 0;        // where the movement began; of a rest: its level
+  std::size_t began_ = 0;  // for a movement: the bin at its start; for a rest: its first bin
+  double from_ = 0;        // for a movement: its starting level; for a rest: its level
   double sign_ = 1;
   double extreme_ = 0, marked_ = 0;  // furthest so far; the level of the last progress by a band
   std::size_t at_ = 0, marked_at_ = 0;
 };
 
-/// The stroke's own time: from the last bin at the one end to the first bin at the other. `move` begins with
+/// The stroke's time: from the last bin at one end to the first bin at the other. `move` begins with
 /// the rest before it.
 void trim(const std::vector<Bin>& bins, Move& move) {
   const double sign = signOf(move.to - move.from), slack = 0.5 * kBand;
@@ -287,14 +287,14 @@ Json placeJson(const pb::SyringePlace& place) {
           {"hazard", textOrNull(place.hazard())}};
 }
 
-/// The strokes of a cleaned recording, in order (syringe_events.h says what one is).
+/// The strokes of a cleaned recording, in order (defined in syringe_events.h).
 std::vector<Stroke> strokesOf(std::span<const GestureSample> samples, double rate_hz) {
   const std::vector<Bin> bins = binsOf(samples, rate_hz);
   if (bins.empty()) return {};
   std::vector<Move> joined;
   for (Move& move : Follower(bins).run()) {
     trim(bins, move);
-    // the same way again after a short rest: one stroke
+    // the same direction again after a short rest: one stroke
     if (!joined.empty()) {
       Move& before = joined.back();
       const bool same_way = signOf(before.to - before.from) == signOf(move.to - move.from);
@@ -309,7 +309,7 @@ std::vector<Stroke> strokesOf(std::span<const GestureSample> samples, double rat
   }
   std::vector<Stroke> strokes;
   for (const Move& move : joined) {
-    // rounding of the stored plunger must not decide on a stroke of exactly that length
+    // rounding of the stored plunger must not decide about a stroke of exactly that length
     if (std::abs(move.to - move.from) < kLeastStroke - 1e-4) continue;
     strokes.push_back({bins[move.first].last, bins[move.last].last, move.from, move.to});
   }

@@ -28,7 +28,8 @@ bool isUsable(const GestureSample& s) {
   return usable && isWithin(s.insertion_m, kFarthest_m) && isWithin(s.lateral_error_m, kFarthest_m);
 }
 
-/// What is averaged: tip, axis (both smoothed as well), insertion, whether the tip is inside (1 or 0), force.
+/// The averaged channels: tip, axis (both also smoothed), insertion, whether the tip is inside (1 or 0),
+/// force.
 constexpr std::size_t kChannels = 11;
 using Channels = std::array<double, kChannels>;
 constexpr std::size_t kInside = 7, kForce = 8;
@@ -60,7 +61,7 @@ std::vector<Channels> binMeans(const std::vector<double>& times, const std::vect
         means[bin][c] += share * (values[i][c] + middle * (values[i + 1][c] - values[i][c]));
       }
       if (to_s >= bin_end_s && !is_last) ++bin;
-      if (to_s <= from_s) break;  // a rest of rounding
+      if (to_s <= from_s) break;  // rounding residue
       from_s = to_s;
     }
   }
@@ -142,7 +143,7 @@ void fill(Run& run, std::span<const GestureSample> samples, double rate_hz) {
       std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(duration_s / kAnalysisPeriod_s - 1e-9)));
   run.period_s = duration_s / static_cast<double>(intervals);
 
-  // bins of half a period: a point's value is the mean of the two around it, an end's value is the end itself
+  // bins of half a period: a point's value is the mean of its two bins, an end point keeps the end's value
   const std::vector<Channels> halves = binMeans(times, values, 2 * intervals);
   for (std::size_t i = 0; i < intervals; ++i) {
     run.inside.push_back(std::clamp(0.5 * (halves[2 * i][kInside] + halves[2 * i + 1][kInside]), 0.0, 1.0));
@@ -159,7 +160,7 @@ void fill(Run& run, std::span<const GestureSample> samples, double rate_hz) {
       points[i][c] = 0.5 * (halves[2 * i - 1][c] + halves[2 * i][c]);
   }
 
-  // insertion is a length that is reset by an exit: averaged, not smoothed
+  // an exit resets the insertion: average it, do not smooth it
   const std::vector<double> kernel = gaussianHalf(run.period_s);
   std::vector<double> channel(points.size());
   for (std::size_t c = 0; c < 6; ++c) {

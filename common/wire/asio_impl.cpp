@@ -1,3 +1,3 @@
-// The one translation unit that holds Asio's code.
+// The only translation unit with Asio's code.
 #include <boost/asio/impl/src.hpp>
 #include <boost/asio/ssl/impl/src.hpp>

@@ -104,14 +104,14 @@ bool setSerial(X509* certificate) {
   return number && BN_to_ASN1_INTEGER(number.get(), X509_get_serialNumber(certificate)) != nullptr;
 }
 
-/// All that CA and server have in common; the extensions and the signature are still missing.
+/// The common part of CA and server certificates; the extensions and the signature are added later.
 Result<Certificate> draft(EVP_PKEY* key, const std::string& common_name, long days) {
   Certificate certificate(X509_new());
   if (!certificate || X509_set_version(certificate.get(), X509_VERSION_3) != 1 ||
       !setSerial(certificate.get())) {
     return opensslError("making a certificate");
   }
-  // an hour back, for clocks that are not quite right
+  // valid since an hour ago, for inaccurate clocks
   X509_gmtime_adj(X509_getm_notBefore(certificate.get()), -3600);
   X509_time_adj_ex(X509_getm_notAfter(certificate.get()), static_cast<int>(days), 0, nullptr);
   X509_NAME* const name = X509_get_subject_name(certificate.get());
@@ -125,7 +125,7 @@ Result<Certificate> draft(EVP_PKEY* key, const std::string& common_name, long da
   return certificate;
 }
 
-/// Does what EVP_EC_gen does; that macro casts a const away.
+/// Same as EVP_EC_gen; that macro casts a const away.
 EVP_PKEY* newKey() {
   return EVP_PKEY_Q_keygen(nullptr, nullptr, "EC", "P-256");
 }
@@ -147,7 +147,7 @@ Result<Authority> makeAuthority(const TlsFiles& files) {
       X509_sign(ca, key.get(), EVP_sha256()) == 0) {
     return opensslError("making the CA's certificate");
   }
-  // the key first: a certificate that was given out always has its key
+  // write the key first: a published certificate always has its key
   RETURN_IF_ERROR(saveKey(files.ca_key, key.get()));
   RETURN_IF_ERROR(saveCertificate(files.ca_certificate, ca));
   return Authority{std::move(made), std::move(key)};
@@ -188,7 +188,7 @@ std::string dayText(const ASN1_TIME* time) {
   return text.data();
 }
 
-/// Names and addresses that a certificate is for.
+/// The names and addresses of a certificate.
 std::vector<std::string> hostsOf(X509* certificate) {
   std::vector<std::string> hosts;
   const std::unique_ptr<GENERAL_NAMES, Deleter<&GENERAL_NAMES_free>> names(
@@ -214,8 +214,8 @@ std::vector<std::string> hostsOf(X509* certificate) {
   return hosts;
 }
 
-/// The fault of the stored certificate, in words; empty when it is good: the key fits, our CA signed it, it
-/// lasts, and every host is in it.
+/// The fault of the stored certificate, in words; empty if it is valid: the key matches, our CA signed it, it
+/// does not expire soon, and it has every host.
 std::string serverFault(const TlsFiles& files, X509* ca, const std::vector<std::string>& hosts) {
   const auto certificate = loadCertificate(files.certificate);
   if (!certificate.ok()) return certificate.error().message;
@@ -255,7 +255,7 @@ Status checkHosts(const std::vector<std::string>& hosts) {
   return {};
 }
 
-/// `hosts`, and those of the stored certificate: a name by which stations call the server must not be lost.
+/// `hosts`, and those of the stored certificate: a name that stations use for the server must not be lost.
 std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::string> hosts) {
   const auto old = loadCertificate(files.certificate);
   if (!old.ok()) return hosts;
@@ -292,10 +292,10 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
     return Error{ErrorCode::kFailed, "cannot make " + folder.string() + ": " + failed.message() +
                                          diskAdvice(failed.value(), folder)};
   if (made_folder) std::filesystem::permissions(folder, std::filesystem::perms::owner_all, failed);
-  // a CA that was given out must not vanish with its folder's name in a power cut
+  // a published CA must not vanish with its directory entry in a power cut
   if (made_folder) RETURN_IF_ERROR(syncFolder(folder.parent_path()));
 
-  // a key that was put back with the usual permissions can be read by everybody
+  // a key restored with the usual permissions is readable by everybody
   for (const auto& key : {files.ca_key, files.key}) {
     const auto mode = std::filesystem::status(key, failed).permissions();
     using std::filesystem::perms;
@@ -318,7 +318,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
   ASSIGN_OR_RETURN(auto certificate, loadCertificate(files.ca_certificate));
   const std::string fault = serverFault(files, certificate.get(), hosts);
   if (fault.empty()) return false;
-  // the CA's key is needed only now; where it is kept elsewhere it is put back for this
+  // the CA's key is needed only now; if it is kept elsewhere, it must be restored for this
   const auto authority = loadAuthority(files);
   if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};
   RETURN_IF_ERROR(makeServer(files, *authority, withOldHosts(files, hosts)));

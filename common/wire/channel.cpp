@@ -70,8 +70,8 @@ Channel::Channel(TlsStream& stream, ChannelLimits limits)
       made_ns_(steadyNowNs()),
       last_received_ns_(made_ns_),
       last_sent_ns_(made_ns_) {
-  // small messages leave at once; unsent bytes wait in our queues, where they can be dropped, rather than in
-  // the kernel
+  // send small messages at once; unsent bytes wait in our queues, where they can be dropped, and not in the
+  // kernel
   boost::system::error_code ignored;
   socket_.native_non_blocking(true, ignored);
   socket_.set_option(Tcp::no_delay(true), ignored);
@@ -105,7 +105,8 @@ Task<Result<pb::Envelope>> Channel::receive() {
 bool Channel::send(const pb::Envelope& envelope) {
   auto frame = encodeFrame(envelope);
   if (!frame.ok()) {
-    // a message that we cannot send is our fault; the peer waits for it in vain, so tell both and close
+    // a message that we cannot send is our fault; the peer would wait in vain, so report it to both sides and
+    // close
     pb::Envelope last;
     *last.mutable_refusal() = makeRefusal(pb::Refusal::INTERNAL, frame.error().message, true);
     finish(CloseReason::kLocal, frame.error().message, &last);
@@ -153,7 +154,7 @@ void Channel::finish(CloseReason reason, std::string text, const pb::Envelope* l
   finishing_ = true;
   finish_started_ns_ = steadyNowNs();
   wakeWriter();
-  watch_.cancel();  // its period is shorter from now on
+  watch_.cancel();  // its period is now shorter
 }
 
 void Channel::close(CloseReason reason, std::string text) {
@@ -181,7 +182,7 @@ Error Channel::closedError() const {
 }
 
 bool Channel::fillBatch() {
-  // a great message leaves a great buffer behind: give it back
+  // release the large buffer of a large message
   if (batch_.capacity() > 4 * kBatchBytes) std::string().swap(batch_);
   batch_.clear();
   while (!control_.empty() && batch_.size() < kBatchBytes) {

@@ -1,5 +1,5 @@
-// A channel's socket: handshake, reading, writing. TLS works in memory (tls.h), so one recv() brings
-// all records that are there, and one send() takes all frames that wait.
+// A channel's socket: handshake, reading, writing. TLS works in memory (tls.h), so one recv() reads all
+// received records, and one send() writes all queued frames.
 #include <poll.h>
 
 #include <netinet/tcp.h>
@@ -19,12 +19,12 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kReadBytes = 64u << 10;
-constexpr std::size_t kRecordBytes = 17u << 10;  // TLS may hold back as much of an unfinished record
+constexpr std::size_t kRecordBytes = 17u << 10;  // TLS may keep this much of an unfinished record
 constexpr int kTlsHeaderBytes = 5;               // type, version, length (RFC 8446, 5.1)
 constexpr std::uint8_t kTlsHandshakeRecord = 22;
-constexpr int kWritesInARow = 16;  // then others have their turn
+constexpr int kWritesInARow = 16;  // then yield to other channels
 
-/// Where the network's bytes land before they are decrypted, which is at once: one for all channels of a
+/// Receive buffer of the network's bytes, which are decrypted at once: one buffer for all channels of a
 /// thread.
 std::span<std::uint8_t> landing() {
   thread_local const auto bytes = std::make_unique<std::array<std::uint8_t, kReadBytes>>();
@@ -59,7 +59,7 @@ Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
 Task<Status> Channel::peerSpoke() {
   auto self = shared_from_this();
   if (!std::exchange(watching_, true)) asio::co_spawn(socket_.get_executor(), watchLoop(self), rethrow);
-  // the kernel wakes us when so many bytes are there: the record's header, then all of it
+  // the kernel wakes us when this many bytes have arrived: first the record's header, then the whole record
   const int fd = socket_.native_handle();
   std::array<std::uint8_t, kTlsHeaderBytes> header{};
   int wanted = kTlsHeaderBytes;
@@ -72,7 +72,7 @@ Task<Status> Channel::peerSpoke() {
       co_return closedError();
     }
     const auto seen = ::recv(fd, header.data(), header.size(), MSG_PEEK | MSG_DONTWAIT);
-    // a peer that has ended, or does not speak TLS, is told at once
+    // return at once for a peer that has closed or does not speak TLS
     if (seen < kTlsHeaderBytes || header[0] != kTlsHandshakeRecord) break;
     wanted = kTlsHeaderBytes + (header[3] << 8 | header[4]);
   }
@@ -94,12 +94,12 @@ Task<Status> Channel::shake(bool as_server) {
   };
   while (!closed_) {
     const TlsStep step = tls_.handshake(as_server);
-    // bytes that came behind the handshake must be taken before the next wait
+    // bytes after the handshake must be processed before the next wait
     if (step == TlsStep::kDone) {
       const TlsStep rest = decrypt();
       if (rest == TlsStep::kFailed) co_return failed(tls_.failure());
     }
-    // the last output too: an alert tells the peer why
+    // send the last output, too: an alert tells the peer the reason
     while (!closed_ && !sendOutput()) {
       if (closed_) break;
       auto [error] = co_await socket_.async_wait(Tcp::socket::wait_write, kUseTuple);
@@ -121,9 +121,9 @@ Task<Status> Channel::shake(bool as_server) {
   co_return Status{};
 }
 
-/// Peers that only send for long stretches of time have each small frame acknowledged by TCP on its own,
-/// which costs the receiver more than reading it. With this option the kernel waits for one more frame (40 ms
-/// at most). It forgets the option, which is therefore set again now and then.
+/// When a peer only sends for a long time, TCP acknowledges each small frame separately, which costs the
+/// receiver more than reading it. With this option the kernel waits for one more frame (at most 40 ms). The
+/// kernel resets the option, so we set it again from time to time.
 void Channel::delayAcks() {
   constexpr unsigned kEvery = 4;
   if (reads_++ % kEvery != 0) return;
@@ -134,7 +134,7 @@ void Channel::delayAcks() {
 Task<Status> Channel::readMore() {
   auto self = shared_from_this();
   while (!closing()) {
-    // idle is a peer that sends nothing while we listen; while the owner is busy it has no chance to
+    // a peer is idle only if it sends nothing while we read; while the owner is busy we do not read
     last_received_ns_ = steadyNowNs();
     reading_ = true;
     auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
@@ -149,9 +149,9 @@ Task<Status> Channel::readMore() {
   co_return closedError();
 }
 
-/// True: there is more plaintext than before. False: wait again, unless the channel was closed.
+/// True: new plaintext is available. False: wait again, unless the channel was closed.
 bool Channel::takeBytes() {
-  // never more than the splitter takes together with what TLS held back
+  // never more than the splitter can take together with the bytes kept by TLS
   const auto room =
       landing().first(std::min(kReadBytes, FrameSplitter::kMostBytes - splitter_.pending() - kRecordBytes));
   const ssize_t count = ::recv(socket_.native_handle(), room.data(), room.size(), 0);
@@ -167,14 +167,14 @@ bool Channel::takeBytes() {
   tls_.feed(room.first(static_cast<std::size_t>(count)));
   const std::size_t before = splitter_.pending();
   const TlsStep step = decrypt();
-  // TLS may have had something to answer
+  // TLS may have produced an answer
   if (!tls_.output().empty()) wakeWriter();
   const bool more = splitter_.pending() > before;
   if (step == TlsStep::kFailed) {
     close(CloseReason::kNetwork, "reading failed: " + tls_.failure());
     return false;
   }
-  // bytes from before the end still count; the next read meets the end again
+  // bytes before the end still count; the next read sees the end again
   if (step == TlsStep::kEnded && !more) close(CloseReason::kPeerClosed, "the peer closed the connection");
   return more;
 }
@@ -194,7 +194,7 @@ TlsStep Channel::decrypt() {
 void Channel::wakeWriter() {
   if (flush_posted_ || write_blocked_ || !handshaken_ || closed_) return;
   flush_posted_ = true;
-  // behind all that is ready now, so that messages of one moment leave together
+  // posted after all ready work, so that simultaneous messages are sent together
   asio::post(socket_.get_executor(), [self = shared_from_this()] {
     self->flush_posted_ = false;
     self->flush();
@@ -225,7 +225,7 @@ void Channel::flush() {
     }
     if (closed_ || !fillBatch()) break;
     if (writes == kWritesInARow) {
-      // others have waited long enough; the batch is encrypted and goes first
+      // yield to other channels; the batch is already encrypted and is sent first
       wakeWriter();
     }
     bytes_sent_ += batch_.size();
@@ -271,9 +271,9 @@ void Channel::flushLater() {
 }
 
 Task<> Channel::discardUntilPeerCloses(std::shared_ptr<Channel> self) {
-  // Closing a socket with unread bytes in it resets the connection, and the peer might never read our last
-  // message. So end our direction, and read on into nothing until the peer ends its own; checkTimes cuts that
-  // after close_grace.
+  // Closing a socket with unread bytes resets the connection, and the peer might never read our last message.
+  // So shut down our direction, then read and discard until the peer closes; checkTimes cuts this after
+  // close_grace.
   Channel& channel = *self;
   boost::system::error_code ignored;
   channel.socket_.shutdown(Tcp::socket::shutdown_send, ignored);

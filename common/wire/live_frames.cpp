@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-// Protobuf's wire format: a field begins with its number and its kind
+// Protobuf's wire format: a field begins with its number and its wire type
 constexpr std::uint8_t kVarint = 0, kBytes = 2;
 constexpr std::uint8_t tag(int number, std::uint8_t kind) {
   return static_cast<std::uint8_t>(number << 3 | kind);
@@ -19,7 +19,7 @@ static_assert(pb::LiveFrame::kStationFieldNumber == 1 && pb::LiveFrame::kSession
               pb::LiveFrame::kFrameSeqFieldNumber == 3 && pb::LiveFrame::kDataFieldNumber == 4 &&
               pb::LiveFrame::kDueSteadyNsFieldNumber == 5 && pb::LiveFrame::kCaptureUnixNsFieldNumber == 6);
 
-/// Reads from the front of some bytes; false when they end too early or are of another kind.
+/// Reads from the front of the bytes; false when they end too early or have another wire type.
 class Reader {
  public:
   explicit Reader(std::string_view bytes) : at_(bytes.data()), end_(at_ + bytes.size()) {}
@@ -56,7 +56,7 @@ std::size_t varintBytes(std::uint64_t value) {
   return (static_cast<std::size_t>(std::bit_width(value | 1)) + 6) / 7;
 }
 
-// fields that have their default value are not written
+// fields with their default value are not written
 std::size_t sizeOf(std::uint64_t value) {
   return value == 0 ? 0 : 1 + varintBytes(value);
 }
@@ -152,7 +152,7 @@ void LiveQueue::push(Frame frame, bool counted, std::int64_t now_ns) {
   dropOverAged(now_ns);
   bytes_ += frame->size();
   items_.push_back({std::move(frame), counted, now_ns});
-  // the newest stays, even when it alone is above the bound
+  // the newest frame stays, even if it alone exceeds the bound
   while (bytes_ > max_bytes_ && items_.size() > 1) dropOldest();
 }
 

@@ -11,7 +11,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kFirstBuffer = 16u << 10;  // one TLS record
-constexpr std::size_t kKeptBuffer = 64u << 10;   // above, memory is given back when the buffer is empty
+constexpr std::size_t kKeptBuffer = 64u << 10;   // above, memory is released when the buffer is empty
 
 }  // namespace
 
@@ -55,7 +55,7 @@ std::string droppedSuffix(std::uint64_t dropped) {
 }
 
 std::span<std::uint8_t> FrameSplitter::writable() {
-  // move what is left to the front, so that the buffer does not creep
+  // move the remaining bytes to the front, so that the buffer does not grow
   if (begin_ > 0) {
     std::copy(buffer_.begin() + static_cast<std::ptrdiff_t>(begin_),
               buffer_.begin() + static_cast<std::ptrdiff_t>(end_), buffer_.begin());
@@ -66,7 +66,7 @@ std::span<std::uint8_t> FrameSplitter::writable() {
     buffer_.resize(kFirstBuffer);
     buffer_.shrink_to_fit();
   }
-  // grow by what has arrived, never by what was announced
+  // grow with the received bytes, never with the announced length
   if (end_ == buffer_.size()) {
     buffer_.resize(std::clamp(buffer_.size() * 2, kFirstBuffer, kMostBytes));
   }

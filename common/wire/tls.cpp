@@ -21,7 +21,7 @@
 namespace needlelab {
 namespace {
 
-/// Both are safe; which is cheaper depends on the processor: AES needs its instructions.
+/// Both ciphers are safe; the cheaper one depends on the processor: AES needs its instructions.
 bool hasAesInstructions() {
 #if defined(__x86_64__) || defined(__i386__)
   return __builtin_cpu_supports("aes") != 0 && __builtin_cpu_supports("pclmul") != 0;
@@ -39,18 +39,17 @@ Result<TlsContext> newContext(asio::ssl::context::method method) {
       SSL_CTX_set_max_proto_version(raw, TLS1_3_VERSION) != 1) {
     return Error{ErrorCode::kFailed, "this OpenSSL does not speak TLS 1.3"};
   }
-  // with AES in the processor 128 bits: a record of a live frame costs least, and nobody breaks it
+  // AES-128 if the processor has AES instructions: cheapest for a live frame's record, and unbroken
   const char* const suites =
       hasAesInstructions() ? "TLS_AES_128_GCM_SHA256:TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256"
                            : "TLS_CHACHA20_POLY1305_SHA256:TLS_AES_128_GCM_SHA256:TLS_AES_256_GCM_SHA384";
   if (SSL_CTX_set_ciphersuites(raw, suites) != 1) {
     return Error{ErrorCode::kFailed, std::string("this OpenSSL does not know the cipher suites ") + suites};
   }
-  // no session tickets: nobody resumes, and they would cost memory and bytes for each connection
+  // no session tickets: no client resumes, and they would cost memory and bytes per connection
   SSL_CTX_set_num_tickets(raw, 0);
   SSL_CTX_set_session_cache_mode(raw, SSL_SESS_CACHE_OFF);
-  // both are the default; set here because it is not obvious what relies on them: early data could be
-  // replayed
+  // both are defaults; set explicitly because our safety depends on them: early data could be replayed
   SSL_CTX_set_max_early_data(raw, 0);
   SSL_CTX_set_options(raw, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET | SSL_OP_NO_COMPRESSION);
   return context;
@@ -61,11 +60,11 @@ Error fileError(const std::string& what, const std::filesystem::path& path,
   return {ErrorCode::kInvalidInput, "cannot use " + what + " " + path.string() + ": " + error.message()};
 }
 
-constexpr std::size_t kKeptOutput = 64u << 10;  // above, memory is given back when all is sent
+constexpr std::size_t kKeptOutput = 64u << 10;  // above, memory is released when everything is sent
 constexpr std::size_t kMostOutput = 4u
-                                    << 20;  // a peer that makes TLS answer without end (key updates) is cut
+                                    << 20;  // limit for a peer that makes TLS answer endlessly (key updates)
 
-/// Removes errors that another user of this thread left behind: they would be taken for ours.
+/// Clears errors that other code on this thread left behind: we would mistake them for ours.
 void forgetErrors() {
   if (ERR_peek_error() != 0) ERR_clear_error();
 }
@@ -89,7 +88,8 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca) {
   boost::system::error_code error;
   (*context)->load_verify_file(ca.string(), error);
   if (error) return fileError("the CA's certificate", ca, error);
-  // OpenSSL takes a certificate's extensions apart when it first needs them: now, before threads share it
+  // OpenSSL parses a certificate's extensions on first use: force it now, before threads share the
+  // certificate
   const STACK_OF(X509_OBJECT)* const known =
       X509_STORE_get0_objects(SSL_CTX_get_cert_store((*context)->native_handle()));
   for (int i = 0; i < sk_X509_OBJECT_num(known); ++i)
@@ -122,7 +122,7 @@ std::string tlsErrorText(const SSL* ssl, std::string text) {
   const long verified = SSL_get_verify_result(ssl);
   if (verified != X509_V_OK) text += std::string(" (") + X509_verify_cert_error_string(verified) + ")";
   if (verified == X509_V_ERR_CERT_NOT_YET_VALID || verified == X509_V_ERR_CERT_HAS_EXPIRED) {
-    // a clock without a battery begins in 1970
+    // a clock without a battery starts in 1970
     const std::time_t now = std::time(nullptr);
     std::tm parts{};
     std::array<char, 32> date{};
@@ -179,7 +179,7 @@ TlsEngine::TlsEngine(SSL* ssl) {
   BIO* const bio = BIO_new(Bio::method());
   BIO_set_data(bio, this);
   SSL_set_bio(ssl, bio, bio);
-  // 34 KiB stay with the connection; else they would be allocated and freed with each message
+  // keep 34 KiB per connection; otherwise they would be allocated and freed with each message
   SSL_clear_mode(ssl, SSL_MODE_RELEASE_BUFFERS);
 }
 
