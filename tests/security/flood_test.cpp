@@ -146,9 +146,9 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
       static_cast<unsigned long long>(sample_before->rss_KiB), static_cast<unsigned long long>(greatest_KiB),
       static_cast<unsigned long long>(handles), ms(station_ns.value_or(-1)));
   std::fprintf(stderr, "flood: the disk's longest sync beside it %.0f ms\n", longest_sync_ms);
-  // stated ratio: at most three times as long, what a busy machine adds (the attackers take a core, too), and
-  // what the disk itself did in these seconds: the commit that goes on, a checkpoint's two syncs, its own
-  // commit
+  // stated ratio: at most three times as long, plus the delay of a busy machine (the attackers use a core,
+  // too), plus the disk's own delay in these seconds: the commit in progress, a checkpoint's two syncs, its
+  // own commit
   ASSERT_GT(ack.total(), kStations);
   ASSERT_GT(live.total(), 50 * kStations);
   EXPECT_LE(ms(ack.quantile_ns(0.99)), 3 * ms(ack_before.quantile_ns(0.99)) + 200 + 4 * longest_sync_ms);

@@ -124,7 +124,7 @@ TEST_F(RetentionStoreTest, openAndUncoveredSessionsAreNotTouched) {
   const Uuid unsafe = add("knee-1", 10, 3, false);
   ASSERT_OK(store.setPolicy(policy("knee-1", 5, -1)));
   EXPECT_EQ(dueOn(100), (std::vector<std::string>{uuidText(unsafe) + " waits"}));
-  // nor by whoever forgets to look
+  // nor by a caller that forgets to check
   ASSERT_OK(store.beginDerived(unsafe, 100, 1));
   ASSERT_OK(store.appendDerived(unsafe, 0, chunkOf(7)));
   EXPECT_EQ(store.switchToDerived(dueOf(unsafe, false), *store.sums(unsafe), crcsOf(3), "x", 1).error().code,
@@ -147,7 +147,7 @@ TEST_F(RetentionStoreTest, aPolicyChangedDuringTheRunStopsIt) {
   const auto due = store.due(100 * kDay_ns);
   ASSERT_OK(due);
   ASSERT_EQ(due->size(), 2u);
-  // --without-backup is taken back, then --keep, then the exercise follows a default
+  // --without-backup is revoked, then --keep, then the exercise follows a default
   std::vector<std::function<Status()>> changes{
       [&] { return store.setPolicy(policy("knee-1", -1, 5)); },
       [&] { return store.setPolicy(policy("knee-1", -1, -1)); },
@@ -167,7 +167,7 @@ TEST_F(RetentionStoreTest, aPolicyChangedDuringTheRunStopsIt) {
   ASSERT_OK(store.appendDerived(id, 0, chunkOf(7)));
   EXPECT_FALSE(store.switchToDerived(due->front(), *store.sums(id), crcsOf(3), "x", 1).ok());
   EXPECT_EQ(sessions.readChunks(uncovered, 0, 9, 1u << 20)->size(), 3u);
-  // as it was: it goes on
+  // Unchanged: it continues.
   ASSERT_OK(store.setPolicy(told));
   EXPECT_OK(store.markDeleted(due->back(), crcsOf(3), "x", 1));
 }
@@ -230,7 +230,7 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   const auto check = sessions.verify(id);
   EXPECT_NE(check->text.find("thinned on 1970-04-11 (a reason)"), std::string::npos) << check->text;
   EXPECT_EQ(sessions.hashChunks(id, 3).error().code, ErrorCode::kNotFound);
-  // and once more is not possible
+  // It is not possible a second time.
   EXPECT_FALSE(store.beginDerived(id, 10, 1).ok());
 }
 
@@ -286,7 +286,7 @@ TEST_F(RetentionStoreTest, aStationThatSendsOldChunksAgainHearsTheTruth) {
       EXPECT_EQ(again->kind, Appended::Kind::kRepeated);
       EXPECT_EQ(again->next_seq, 3u);
     }
-    // other bytes; bytes with the right CRC at their end that are no chunk; one chunk more
+    // other bytes; bytes with the right CRC at their end that are not a chunk; one chunk more
     EXPECT_EQ(sessions.append(id, 1, chunkOf(2))->kind, Appended::Kind::kContradiction);
     Bytes forged = chunkOf(1);
     forged[20] ^= 1;

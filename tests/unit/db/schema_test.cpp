@@ -82,8 +82,8 @@ TEST(Migrate, numbersMustBeInOrder) {
   EXPECT_EQ(*schemaVersion(connection), 0);
 }
 
-/// Files of every old version, as text; after the migration they must hold what the .dump beside them says.
-/// With NEEDLELAB_REGENERATE set the dumps are written again: look at the difference before you commit it.
+/// Files of every old version, as text; after the migration their content must match the .dump next to them.
+/// With NEEDLELAB_REGENERATE set the dumps are written again: review the difference before you commit it.
 TEST(Migrate, filesOfEveryOldVersionKeepTheirContent) {
   const std::filesystem::path folder = NEEDLELAB_TEST_DATA;
   for (int version = 1; version <= newestSchemaVersion(); ++version) {

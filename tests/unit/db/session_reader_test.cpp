@@ -244,7 +244,7 @@ TEST_F(SessionSeek, theEffortDoesNotGrowWithTheLength) {
   EXPECT_LE(most[1], 5u);
 }
 
-/// SQLite's own count of what its statements did: no scan, whatever the length.
+/// Checks SQLite's own statement counters: no scan, whatever the length.
 TEST_F(SessionSeek, noRowsAreSteppedThrough) {
   const Uuid lengthy = addRegular(3 * 3600);
   (void)seekTime(lengthy, 5000);

@@ -163,7 +163,7 @@ TEST_F(SceneRendererTest, whatLooksTheSameIsNotDrawnAgain) {
   SceneFrame frame = frameAt(lesson, 2.6);
   EXPECT_TRUE(renderer_->draw(frame, kWidth, kHeight));
   EXPECT_FALSE(renderer_->draw(frame, kWidth, kHeight));
-  frame.moment.p_WT_m.x += 1e-7;  // nobody sees that
+  frame.moment.p_WT_m.x += 1e-7;  // too small to see
   frame.moment.time_s += 1;
   EXPECT_FALSE(renderer_->draw(frame, kWidth, kHeight));
   frame.moment.p_WT_m.x += 1e-3;

@@ -46,7 +46,7 @@ TEST(AtomicFile, bytesOfAnyKindAndSize) {
 TEST(AtomicFile, aFailedWriteLeavesTheOldFileAndNoTemporary) {
   const test::TempFolder folder;
   const auto target = folder.path() / "there";
-  fs::create_directory(target);  // a folder stands where the file should go: the rename fails
+  fs::create_directory(target);  // a folder has the name of the file, so the rename fails
   folder.write("there/content", "kept");
   const Status status = writeFileAtomically(target, viewOf("new"));
   ASSERT_FALSE(status.ok());

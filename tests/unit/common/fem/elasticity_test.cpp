@@ -159,7 +159,7 @@ struct Energies {
   double exact = 0, ten_nodes = 0, four_nodes = 0;
 };
 
-// energy of a quarter cylinder in plane strain whose inner radius is widened, free outside
+// The energy of a quarter cylinder in plane strain with its inner surface moved outward, free outside.
 double exactEnergy(double poisson) {
   const double b_over = kWiden_m / ((1 - 2 * poisson) * kInner_m / (kOuter_m * kOuter_m) + 1 / kInner_m);
   const double pressure = 2 * kShear_Pa * b_over * (1 / (kInner_m * kInner_m) - 1 / (kOuter_m * kOuter_m));

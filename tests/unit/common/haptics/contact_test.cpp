@@ -112,7 +112,7 @@ TEST(Contact, grazingStaysSmallAndContinuous) {
 }
 
 TEST(Contact, insertedLengthIsTheLesserOfWayAndDepthOverSlant) {
-  // sphere of 20 mm: going on through its far side, the depth limits what is counted as inserted
+  // Sphere of 20 mm: beyond its far side, the depth limits the inserted length.
   SceneSpec scene = paperOneDof();
   scene.limb = SphereLimb{{0, 0, 0}, 0.02};
   EngineRun run(scene, 1000);

@@ -133,7 +133,8 @@ TEST(StatisticalModel, factorsScaleMeanAndThickness) {
   for (const double depth_m : {0.002, 0.01, 0.04})
     EXPECT_NEAR(StatisticalInsertion(stronger, 3).target_N(depth_m),
                 1.5 * StatisticalInsertion(plain, 3).target_N(depth_m), 1e-12);
-  // thicker: the table's depths move, so the value of 4 mm stands at 8 mm; scores hang on true depth
+  // A thicker layer moves the table's depths, so the value of 4 mm is at 8 mm; scores depend on the true
+  // depth.
   other = spec;
   other.thickness_factor = 2;
   for (auto& row : spec.table) row.sd_N = 0;

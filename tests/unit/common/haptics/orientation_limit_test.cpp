@@ -70,10 +70,10 @@ TEST(OrientationLimit, goingDeeperNeverPushesATiltedNeedleBack) {
     ASSERT_EQ(norm(probe.at(0.002).wrench_W.torque_Nm), 0) << "40° is within the cone at the skin";
   }
   for (const auto& report : probe.go(500, 0.058)) ASSERT_EQ(norm(report.wrench_W.torque_Nm), 0.0);
-  // but the freedom is gone: any further tilt is resisted from there on
+  // But the freedom is used up: any further tilt is resisted from there on.
   probe.tilt(42 * kDegree);
   EXPECT_NEAR(norm(probe.at(0.058).wrench_W.torque_Nm), 0.5 * 2 * kDegree, 1e-9);
-  // and what was given back stays given back: after 20° the limit is 20°
+  // The reduced limit stays reduced: after 20° the limit is 20°.
   probe.tilt(20 * kDegree);
   probe.at(0.058);
   probe.tilt(30 * kDegree);

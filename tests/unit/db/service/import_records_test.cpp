@@ -53,7 +53,7 @@ TEST_F(Import, refusesRecordsOfAnyShapeAndNeverEndsTheServer) {
   EXPECT_GT(tried, 1000u);
   EXPECT_FALSE(other->writer().failed().has_value());
 
-  // named: what was wrong with some that the schema alone would take
+  // The message names the faults of some records that the schema alone would accept.
   auto score = one_of["score"], course = one_of["course"], session = one_of["session"],
        reference = one_of["reference"];
   score["measures"] = R"([{"measure":5,"value":1}])";

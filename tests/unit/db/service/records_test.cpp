@@ -30,7 +30,7 @@ TEST_F(Records, everythingComesBackExactly) {
     EXPECT_EQ(plan.faults_size(), 0) << plan.faults(0).ShortDebugString();
     const auto report = importAll(*other, records, 50);
     EXPECT_TRUE(report.done()) << report.ShortDebugString();
-    // but the line that says so, and the exports' own
+    // except for the line that records this, and the exports' own lines
     auto again = exportAll(*other, secrets);
     std::erase_if(
         again, [](const std::string& r) { return r.find(R"("action":"import-all")") != std::string::npos; });
@@ -141,7 +141,7 @@ TEST_F(Records, aStudyHoldsThoseWhoConsentAndNoNameAnywhere) {
   EXPECT_EQ(kinds["score"], 3);
   EXPECT_EQ(kinds["remark"], 2);
   EXPECT_EQ(people.size(), 2u);
-  // the same tomorrow, others in another study
+  // The same tomorrow, but different in another study.
   EXPECT_EQ(study("s1", true), records);
   for (const std::string& record : study("s2"))
     for (const std::string& person : people) EXPECT_EQ(record.find(person), std::string::npos);

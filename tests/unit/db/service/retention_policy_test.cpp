@@ -87,7 +87,7 @@ TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
     auto reader = store->readers().borrow();
     EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty());
   }
-  // exactly what shall stay free: the pages that the deletion left in the database are enough
+  // Exactly the space that must stay free: the pages that the deletion freed in the database are enough.
   room = 64u << 20;
   runs_out_after = UINT64_MAX;
   EXPECT_EQ(run().thinned(), 1u);

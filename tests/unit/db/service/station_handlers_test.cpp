@@ -85,7 +85,7 @@ TEST_F(Talk, whatIsNoAidAndWhatIsNoLessonIsRefusedAndLeavesNoLine) {
   pb::Request wrong = aids({pb::Exercise::DEPTH, pb::Exercise::DEPTH});
   EXPECT_EQ(refusal(instructor, wrong), ErrorCode::kInvalidInput) << "twice";
   EXPECT_EQ(refusal(instructor, aids({pb::Exercise::AID_UNSPECIFIED})), ErrorCode::kInvalidInput);
-  // proto3 keeps what it does not know
+  // proto3 keeps unknown values
   EXPECT_EQ(refusal(instructor, aids({static_cast<pb::Exercise::Aid>(99)})), ErrorCode::kInvalidInput);
   EXPECT_EQ(refusal(instructor, aids({pb::Exercise::DEPTH}, true)), ErrorCode::kInvalidInput) << "both";
   pb::Request many;

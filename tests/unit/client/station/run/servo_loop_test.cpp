@@ -62,7 +62,7 @@ TEST_F(ServoLoopTest, aButtonPressesThePlungerOfADeviceWithButtons) {
   ServoSettings settings{kRate, {}, 450};
   settings.plunger.push_button = 2;
   settings.plunger.pull_button = 3;
-  clock_.late_ns[100] = 10 * kTick_ns;  // the button is pressed in missed ticks, too
+  clock_.late_ns[100] = 10 * kTick_ns;  // the button is also pressed in missed ticks
   run(device, settings);
   EXPECT_NEAR(samples_.front().plunger, 0.2 - 1 / 3000.0, 1e-12);
   EXPECT_NEAR(samples_.back().plunger, 0.2 - 150 / 3000.0 + 300 / 3000.0, 1e-9);

@@ -101,7 +101,7 @@ TEST(GestureReplica, theForcesOfTheEffectsAddUpToTheForceOnTheHand) {
 }
 
 TEST(GestureReplica, ticksThatTheStationMissedAreNoGap) {
-  // a station that missed ticks: its engine did not step them either
+  // A station that missed ticks: its engine did not run them either.
   const SampleLesson whole = sampleLesson("shoulder-adult");
   auto engine = std::make_unique<SimState>();
   StepReport report;
@@ -163,7 +163,7 @@ TEST(GestureReplica, anEntryThatWasNotSeenIsGuessedFromThePose) {
     worst_m = std::max(worst_m, std::fabs(depthAt(*lesson.scene, now.p_entry_W_m)));
   }
   EXPECT_GT(guessed, 500);
-  // within a few millimetres of the skin: better than no line
+  // Within a few millimetres of the skin: better than no line.
   EXPECT_LT(worst_m, 0.004);
   EXPECT_FALSE(replica.now().inside);
   EXPECT_FALSE(replica.now().approximate);
@@ -213,7 +213,7 @@ TEST(GestureReplica, aStoredRecordingGivesNearlyTheSame) {
     }
   }
   EXPECT_LT(worst_m, 2e-6);
-  // half a micrometre on a wall of 500 N/m; a layer's change may come a tick off
+  // Half a micrometre on a wall of 500 N/m; a layer change may be one tick off.
   EXPECT_LT(worst_N, 0.02);
 }
 

@@ -98,7 +98,7 @@ TEST(UltrasoundSlice, tissuesDifferAndHaveSpeckle) {
     return meanAround(slice.image, slice.x(p), slice.y(p), 4);
   };
   EXPECT_GT(at(0.03), 1.5 * at(0.012));  // ligament reflects more than fat
-  // within one tissue pixels scatter, and not by rows or columns alone
+  // Within one tissue the pixels vary, and not only by rows or columns.
   double sum = 0, squares = 0;
   int count = 0;
   for (int y = 120; y < 160; ++y)
