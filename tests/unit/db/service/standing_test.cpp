@@ -69,7 +69,7 @@ TEST_F(Standing, aTableLeavesALineForEachPersonAndGroupThatItChanges) {
   EXPECT_EQ(lines("user import", "anna", "joins class; full name: _%Anna A_"), 1);
   EXPECT_EQ(lines("user import", "ben", "added as trainee, joins class"), 1);
   EXPECT_EQ(lines("group set", "class", "%joined: anna, ben%"), 1);
-  // The second caller gets the refusal of the permission table.
+  // The second editor is told of the changes by the imported table.
   pb::Request edit;
   edit.mutable_change_user()->set_name("anna");
   edit.mutable_change_user()->set_base_revision(1);

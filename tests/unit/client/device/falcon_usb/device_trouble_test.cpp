@@ -26,7 +26,7 @@ const Pose kTool{{0, 0, kSurface_m}, {1, 0, 0, 0}};
 /// A lesson's ticks: device → gate → engine → gate → device.
 class FalconLesson : public FalconOnUsb {
  protected:
-  // The grip's height over the skin. The motion is slow enough repeated many timesy gate.
+  // The grip's height over the skin. The motion is slow enough for every gate.
   void holdOver(double height_m) {
     const double y = height_m - kSurface_m;
     falcon_.holdAt({0, y, falcon::kOrigin_F_m.z});
