@@ -31,7 +31,7 @@ using Requests = std::vector<std::array<std::uint16_t, 3>>;
 struct FakeFalcon {
   std::mutex mutex;
   bool plugged = true;
-  bool runs = true;           ///< the firmware
+  bool runs = true;           ///< the firmware is running
   std::uint8_t homed = 0x70;  ///< as in a report
   std::uint8_t buttons = 0;
   std::array<std::int16_t, 3> encoder{};
@@ -176,7 +176,7 @@ class FakeLink final : public FalconLink {
         if (written == Bytes{0x41}) out_.push_back(0x41), boot_ = Boot::kLoad, ++f.loads, f.loaded.clear();
         return;
       case Boot::kLoad:
-        // zero torque after the last chunk: the firmware is running starts
+        // zero torque after the last chunk: the firmware starts
         if (written.size() == kPacketBytes && written[0] == '<' && f.starts) {
           f.runs = true;
           hear(bytes);
