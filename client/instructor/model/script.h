@@ -14,10 +14,9 @@
 namespace needlelab {
 
 struct ScriptAction {
-  std::size_t line = 0;  ///< from 1
-  std::string verb;      ///< "open"
-  std::vector<std::string>
-      words;  ///< the arguments; "quoted text" is one word and may contain \" or \\ inside
+  std::size_t line = 0;            ///< from 1
+  std::string verb;                ///< "open"
+  std::vector<std::string> words;  ///< the arguments; "quoted text" is one word, with \" and \\ for " and \.
 };
 
 /// A verb and its words.
