@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What deploy/run_ctest says of tests that pass, fail, crash, hang, are skipped, and its exit code."""
+"""What deploy/run_ctest prints of tests that pass, fail, crash, hang, are skipped, and its exit code."""
 import os
 import pathlib
 import subprocess
@@ -10,19 +10,46 @@ import unittest
 RUN_CTEST = sys.argv.pop(1)
 
 
-def run(*tests, stat="/dev/null", wake_us=15):
-    """Exit code and lines of run_ctest on tests given as lines of a CTestTestfile.cmake. `stat` stands for /proc/stat, and
-    `wake_us` for what is measured."""
-    with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
+def run(*tests, skips=None, ci=False, arguments=()):
+    """Exit code and lines of run_ctest on tests given as lines of a CTestTestfile.cmake. `skips`: the list of allowed skips."""
+    environment = {**os.environ, "NEEDLELAB_CI": "1" if ci else ""}
+    with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as parent:
+        folder = f"{parent}/build"
+        pathlib.Path(folder).mkdir()
         pathlib.Path(folder, "CTestTestfile.cmake").write_text("\n".join(tests), encoding="utf-8")
-        done = subprocess.run([RUN_CTEST, folder, "--test-dir", folder, "--output-on-failure", "-j", "4"],
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False,
-                              env={**os.environ, "NEEDLELAB_PROC_STAT": str(stat), "NEEDLELAB_WAKE_US": str(wake_us)})
+        command = [RUN_CTEST]
+        if skips is not None:
+            pathlib.Path(folder, "skips.txt").write_text(skips, encoding="utf-8")
+            command += ["--skips", f"{folder}/skips.txt"]
+        done = subprocess.run([*command, folder, "--test-dir", folder, "--output-on-failure", "-j", "4", *arguments],
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False, env=environment)
     return done.returncode, done.stdout.splitlines()
 
 
 def passing(count):
     return [f"add_test(good{i} true)" for i in range(count)]
+
+
+def printing(name, text, code=0):
+    """A test that prints `text` and exits with `code`."""
+    return f'add_test({name} printf [[%s]] [[{text}]])' if code == 0 else \
+        f'add_test({name} sh -c [[printf %s "$0"; exit {code}]] [[{text}]])'
+
+
+BY_CODE = ['add_test(shy sh -c "echo looking; echo skipped: there is no browser; exit 77")',
+           "set_tests_properties(shy PROPERTIES SKIP_RETURN_CODE 77)"]
+# a GoogleTest program that runs as one test; its output is longer than what ctest keeps of a passed test
+GTEST = """[ RUN      ] Disk.isFull
+/src/disk_test.cpp:12: Skipped
+this user may not mount a small disk
+
+[  SKIPPED ] Disk.isFull (0 ms)
+[ RUN      ] Disk.isEmpty
+""" + "word\n" * 2000 + """[       OK ] Disk.isEmpty (1 ms)
+[  PASSED  ] 1 test.
+[  SKIPPED ] 1 test, listed below:
+[  SKIPPED ] Disk.isFull
+"""
 
 
 class RunCtest(unittest.TestCase):
@@ -60,96 +87,99 @@ class RunCtest(unittest.TestCase):
         self.assertIn("==== failed: gone: Not Run", text)
         self.assertEqual(sorted(lines[-1].removeprefix("4 failed: ").split(", ")), ["crash", "gone", "hang", "mute"])
 
-    def test_a_skipped_test_is_no_failure(self):
-        code, lines = run('add_test(skipped sh -c "exit 77")', "set_tests_properties(skipped PROPERTIES SKIP_RETURN_CODE 77)")
+    def test_a_test_that_fails_has_failed_whatever_its_labels_and_is_run_once(self):
+        for properties in ("LABELS unit", "LABELS net", "LABELS bench", "LABELS threads RUN_SERIAL ON"):
+            with tempfile.TemporaryDirectory() as seen:
+                code, lines = run(f'add_test(bad sh -c "echo run >> {seen}/runs; test -e {seen}/again; r=$?; touch {seen}/again; exit $r")',
+                                  f"set_tests_properties(bad PROPERTIES {properties})")
+                runs = pathlib.Path(seen, "runs").read_text(encoding="utf-8").splitlines()
+            self.assertEqual((code, lines[-1]), (8, "1 failed: bad"), properties)
+            self.assertEqual(len(runs), 1, properties)
+
+    def test_false_fails_however_busy_the_machine_is(self):
+        busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
+        try:
+            code, lines = run("add_test(bad false)", "set_tests_properties(bad PROPERTIES RUN_SERIAL ON)")
+        finally:
+            for one in busy:
+                one.kill()
+                one.wait()
+        self.assertEqual((code, lines[-1]), (8, "1 failed: bad"))
+
+    def test_a_skip_is_printed_with_its_reason_and_without_a_list_is_no_error(self):
+        code, lines = run(*BY_CODE, printing("disk", GTEST), *passing(3))
         self.assertEqual(code, 0, lines)
         self.assertFalse([line for line in lines if "failed: " in line])
-        self.assertIn("not run: skipped: it said nothing", lines)
+        self.assertIn("skipped: shy: skipped: there is no browser", lines)
+        self.assertIn("skipped: Disk.isFull: this user may not mount a small disk", lines)
 
-    def test_a_skipped_test_says_why(self):
-        code, lines = run('add_test(shy sh -c "echo looking; echo skipped: there is no browser; exit 77")',
-                          "set_tests_properties(shy PROPERTIES SKIP_RETURN_CODE 77)", *passing(3))
+    def test_a_skip_that_the_list_does_not_allow_is_an_error(self):
+        for tests, name in ((BY_CODE, "shy"), ([printing("disk", GTEST)], "Disk.isFull"),
+                            ([printing("judge", "Ran 9 tests in 1 s\n\nOK (skipped=2)\n")], "judge"),
+                            ([printing("web", "# pass 4\n# skipped 1\n")], "web"),
+                            ([printing("web", "ℹ pass 4\nℹ skipped 1\n")], "web"),
+                            (["add_test(off true)", "set_tests_properties(off PROPERTIES DISABLED ON)"], "off"),
+                            ([printing("regex", "no luck"),
+                              "set_tests_properties(regex PROPERTIES SKIP_REGULAR_EXPRESSION luck)"], "regex")):
+            code, lines = run(*tests, *passing(3), skips="")
+            self.assertEqual(code, 1, lines)
+            self.assertTrue(lines[-1].startswith("1 skipped, which ") and lines[-1].endswith(f"does not allow: {name}"), lines)
+            code, lines = run(*tests, *passing(3), skips=f"# allowed\n{name}  because of the test\n")
+            self.assertEqual(code, 0, lines)
+            code, lines = run(*tests, *passing(3), skips=f"{name[:-1]}*  because of the test\n")
+            self.assertEqual(code, 0, lines)
+
+    def test_words_that_only_resemble_a_skip_are_none(self):
+        code, lines = run(printing("fine", "OK\n# skipped 0\nℹ skipped 0\nnothing was skipped=3\n"), skips="")
         self.assertEqual(code, 0, lines)
-        self.assertIn("not run: shy: skipped: there is no browser", lines)
 
-    def test_what_keeps_real_time_has_a_second_run_alone_and_is_named(self):
-        with tempfile.TemporaryDirectory() as seen:
-            # fails the first time, passes the second
-            once = f"test -e {seen}/$0 || {{ touch {seen}/$0; echo too late; exit 1; }}"
-            late = [f'add_test({name} sh -c "{once}" {name})' for name in ("late", "alone")]
-            late.append("set_tests_properties(late PROPERTIES LABELS unit-threads)")
-            late.append("set_tests_properties(alone PROPERTIES RUN_SERIAL ON)")
-            code, lines = run(*passing(3), *late)
-        self.assertEqual(code, 0, lines)
-        self.assertTrue([line for line in lines if line.startswith("==== failed: late: Failed")], "shown all the same")
-        self.assertEqual(lines[-1][:len("2 of 2 passed in a second run, alone: ")], "2 of 2 passed in a second run, alone: ")
-
-    def test_no_second_run_for_other_tests_for_findings_and_for_many(self):
-        with tempfile.TemporaryDirectory() as seen:
-            once = f"test -e {seen}/$0 || {{ touch {seen}/$0; echo $1; exit 1; }}"
-            plain = f'add_test(plain sh -c "{once}" plain)'
-            code, lines = run(plain)
-            self.assertEqual((code, lines[-1]), (8, "1 failed: plain"))
-            race = [f'add_test(race sh -c "{once}" race "WARNING: ThreadSanitizer: data race")',
-                    "set_tests_properties(race PROPERTIES LABELS net)"]
-            code, lines = run(*race)
-            self.assertEqual((code, lines[-1]), (8, "1 failed: race"))
-            many = [f'add_test(many{i} sh -c "{once}" many{i})' for i in range(6)]
-            many += [f"set_tests_properties(many{i} PROPERTIES LABELS net)" for i in range(6)]
-            code, lines = run(*many)
-            self.assertEqual(code, 8)
-            self.assertNotIn("second run", "\n".join(lines))
-
-    def test_a_test_that_fails_twice_has_failed(self):
-        code, lines = run("add_test(bad false)", "set_tests_properties(bad PROPERTIES LABELS net)")
+    def test_a_failure_keeps_ctests_exit_code_beside_a_skip_that_is_not_allowed(self):
+        code, lines = run(*BY_CODE, "add_test(bad false)", skips="")
         self.assertEqual(code, 8, lines)
-        self.assertIn("==== second run, alone: bad", lines)
+        self.assertIn("1 failed: bad", lines)
+        self.assertTrue(lines[-1].endswith("does not allow: shy"), lines)
 
-    def while_the_host_steals(self, words, properties, count=1):
-        """Runs `count` tests that each time add an hour to what was stolen and then do as `words` (shell) say."""
-        with tempfile.TemporaryDirectory() as folder:
-            stat = pathlib.Path(folder, "stat")
-            stat.write_text("cpu 1 2 3 4 5 6 7 0 0 0\n", encoding="ascii")
-            script = pathlib.Path(folder, "late.sh")
-            script.write_text(f"cat $0.$1 2>/dev/null; echo run >> $0.$1\n"
-                              f"n=$(cat $0.* | wc -l); echo cpu 1 2 3 4 5 6 7 $((360000 * n)) 0 0 > {stat}\n{words}\n",
-                              encoding="ascii")
-            tests = [f"add_test(late{i} sh {script} {i})" for i in range(count)]
-            tests += [f"set_tests_properties(late{i} PROPERTIES {properties})" for i in range(count)]
-            return run(*passing(2), *tests, stat=stat)
-
-    def test_while_the_host_takes_the_cores_a_run_that_fails_does_not_count(self):
-        third = 'test "$(wc -l < $0.$1)" -ge 3'
-        code, lines = self.while_the_host_steals(third, "LABELS net")
+    def test_a_listed_test_may_run(self):
+        code, lines = run(*passing(3), printing("disk", GTEST), skips="good1  needs a display\nDisk.*  needs root\n")
         self.assertEqual(code, 0, lines)
-        self.assertIn("==== once more, alone: late0", lines)
-        code, lines = self.while_the_host_steals('test "$(wc -l < $0.$1)" -ge 2', "LABELS net", count=7)
-        self.assertEqual(code, 0, lines)
-        self.assertTrue(lines[-1].startswith("7 of 7 passed in a second run, alone: "), lines[-1])
 
-    def test_without_a_calm_run_only_what_runs_alone_is_not_judged(self):
-        code, lines = self.while_the_host_steals("false", "RUN_SERIAL ON")
-        self.assertEqual(code, 0, lines)
-        self.assertEqual(lines[-1], "NOT JUDGED, this machine kept no real time in any run: late0")
-        code, lines = self.while_the_host_steals("false", "LABELS net")
-        self.assertEqual(code, 8, lines)
-        code, lines = self.while_the_host_steals('echo "runtime error: x"; false', "RUN_SERIAL ON")
-        self.assertEqual(code, 8, lines)
-        self.assertNotIn("second run", "\n".join(lines))
+    def test_a_line_without_its_test_is_an_error_if_all_tests_were_selected(self):
+        code, lines = run(*passing(3), skips="good1  reason\nold*  reason\n")
+        self.assertEqual(code, 1, lines)
+        self.assertTrue(lines[-1].endswith("names tests that do not exist: old*"), lines)
+        for selection in (["-R", "good"], ["--label-regex", ".*"], ["-E", "nothing"]):
+            code, lines = run(*passing(3), "set_tests_properties(good0 good1 good2 PROPERTIES LABELS unit)",
+                              skips="good1  reason\nold*  reason\n", arguments=selection)
+            self.assertEqual(code, 0, lines)
 
-    def test_slow_wake_ups_are_unfair_too(self):
-        bad = ["add_test(bad false)", "set_tests_properties(bad PROPERTIES RUN_SERIAL ON)"]
-        code, lines = run(*bad, wake_us=90)
-        self.assertEqual((code, lines[-1]), (0, "NOT JUDGED, this machine kept no real time in any run: bad"))
-        self.assertIn("meanwhile waking a thread and being woken took 90 µs: that was no fair run", lines)
-        code, lines = run(*bad, wake_us=35)
-        self.assertEqual(code, 8, lines)
+    def test_a_line_may_hold_in_some_builds_only_or_only_for_users_that_are_not_root(self):
+        for where, code_wanted in (("@release", 1), ("@tsan,build", 0), ("@build", 0), ("@user", 0 if os.geteuid() else 1)):
+            code, lines = run(*BY_CODE, skips=f"shy {where}  reason\n")
+            self.assertEqual(code, code_wanted, (where, lines))
+        code, lines = run(*BY_CODE, skips="shy @build\n")
+        self.assertEqual(code, 1, lines)
+        self.assertIn("'shy' has no reason", lines[-1])
+
+    def test_a_list_that_cannot_be_read_or_a_line_without_reason_is_an_error(self):
+        code, lines = run(*passing(3), skips="good1\n")
+        self.assertEqual(code, 1, lines)
+        self.assertIn("skips.txt:1: 'good1' has no reason", lines[-1])
+
+    def test_in_ci_the_committed_list_holds_without_being_asked_for(self):
+        code, lines = run(*BY_CODE, *passing(3), ci=True, arguments=["-R", "."])
+        self.assertEqual(code, 1, lines)
+        self.assertTrue(lines[-1].endswith("tests/allowed_skips.txt does not allow: shy"), lines)
+
+    def test_the_committed_list_can_be_read(self):
+        code, lines = run(*passing(3), ci=True, arguments=["-R", "good"])
+        self.assertEqual(code, 0, lines)
 
     def test_no_tests_and_wrong_arguments_keep_ctests_exit_code(self):
-        with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
-            pathlib.Path(folder, "CTestTestfile.cmake").write_text("", encoding="utf-8")
-            done = subprocess.run([RUN_CTEST, folder, "--test-dir", folder, "--no-tests=error"], capture_output=True, check=False)
-        self.assertNotEqual(done.returncode, 0)
+        code, _ = run(arguments=["--no-tests=error"])
+        self.assertNotEqual(code, 0)
+        code, lines = run(arguments=["--no-tests=ignore"], skips="")
+        self.assertEqual(code, 0, lines)
+        self.assertEqual(subprocess.run([RUN_CTEST], capture_output=True, check=False).returncode, 2)
 
 
 if __name__ == "__main__":
