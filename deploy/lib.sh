@@ -9,17 +9,32 @@ started=$(date +%s)
 say() { printf '\n== %s  [%s s]\n' "$*" "$(($(date +%s) - started))"; }
 die() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }
 
-# build PRESET [TARGET ...]: configures when needed and builds; prints compiler output only when something is wrong
+# build PRESET [TARGET ...]: configures when needed and builds; prints compiler output only when something is wrong.
+# `demo` is `release` without its tests, in the same folder: where release is configured with its tests, that is kept.
 build() {
-  local preset=$1; shift
-  local log=$root/build/$preset.log
+  local preset=$1 folder=$1; shift
+  if [ "$preset" = demo ]; then
+    folder=release
+    ! grep -qs '^NEEDLELAB_BUILD_TESTS:BOOL=ON' "$root/build/release/CMakeCache.txt" || preset=release
+  fi
+  local log=$root/build/$folder.log
   mkdir -p "$root/build"
   (cd "$root" && cmake --preset "$preset" >"$log" 2>&1) || { tail -30 "$log"; die "cmake --preset $preset failed; the whole log is $log"; }
   local targets=()
   [ $# -eq 0 ] || targets=(--target "$@")
   if [ -t 1 ]; then
-    cmake --build "$root/build/$preset" -j "$jobs" "${targets[@]}" || die "the $preset build failed"
+    cmake --build "$root/build/$folder" -j "$jobs" "${targets[@]}" || die "the $preset build failed"
   else
-    cmake --build "$root/build/$preset" -j "$jobs" "${targets[@]}" >>"$log" 2>&1 || { tail -60 "$log"; die "the $preset build failed; the whole log is $log"; }
+    cmake --build "$root/build/$folder" -j "$jobs" "${targets[@]}" >>"$log" 2>&1 || { tail -60 "$log"; die "the $preset build failed; the whole log is $log"; }
+  fi
+}
+
+# set_up yes|no [ARGUMENT ...]: installs what is missing, with `no` only names it
+set_up() {
+  local install=$1; shift
+  if [ "$install" = yes ]; then
+    "$root/deploy/setup" "$@"
+  else
+    "$root/deploy/setup" "$@" --check || echo "note: nothing is installed (--no-setup)"
   fi
 }

@@ -29,7 +29,11 @@ target_compile_options(needlelab_flags INTERFACE -ffp-contract=off)
 add_library(needlelab_warnings INTERFACE)
 target_compile_options(needlelab_warnings INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wold-style-cast -Wformat=2
-  -Wdouble-promotion -Wcast-qual -Wimplicit-fallthrough -Werror)
+  -Wdouble-promotion -Wcast-qual -Wimplicit-fallthrough)
+option(NEEDLELAB_WARNINGS_AS_ERRORS "A warning fails the build; OFF for compilers that warn of more than GCC 12" ON)
+if(NEEDLELAB_WARNINGS_AS_ERRORS)
+  target_compile_options(needlelab_warnings INTERFACE -Werror)
+endif()
 # When GCC 12 optimises, it wrongly warns of mismatched new/delete for Asio's coroutine frames, which have their own
 # allocator (GCC bug 103993 and similar ones).
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")

@@ -1,0 +1,101 @@
+#!/usr/bin/env python3
+"""deploy/packages.txt, deploy/setup and deploy/Containerfile agree; --demo and --no-setup do what they say."""
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(sys.argv.pop(1))
+SETUP = ROOT / "deploy" / "setup"
+
+
+def packages():
+    """{name: group} of deploy/packages.txt; fails at a line of another form."""
+    found = {}
+    for line in (ROOT / "deploy" / "packages.txt").read_text(encoding="utf-8").splitlines():
+        if line.startswith("#"):
+            continue
+        words = re.fullmatch(r"([a-z0-9.+-]+) +(demo|test)( +#.*)?", line)
+        assert words, line
+        assert words[1] not in found, f"{words[1]} stands twice"
+        found[words[1]] = words[2]
+    return found
+
+
+def listed(*arguments):
+    return subprocess.run([SETUP, *arguments, "--list"], capture_output=True, encoding="utf-8", check=True).stdout.split()
+
+
+class OtherSystem:
+    """A folder of commands for PATH: those that the scripts need themselves, and `more`; no dpkg, no apt."""
+
+    def __init__(self, test, *more):
+        self.folder = tempfile.TemporaryDirectory(prefix="needlelab-other-system-")
+        test.addCleanup(self.folder.cleanup)
+        for name in ("bash", "env", "sed", "awk", "cmp", "date", "dirname", "basename", "nproc", "id", "rm", "mktemp"):
+            os.symlink(shutil.which(name), f"{self.folder.name}/{name}")
+        for name in more:
+            pathlib.Path(self.folder.name, name).write_text("#!/bin/sh\n", encoding="ascii")
+            os.chmod(f"{self.folder.name}/{name}", 0o755)
+
+    def run(self, *arguments):
+        done = subprocess.run([SETUP, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+                              env={"PATH": self.folder.name}, check=False)
+        return done.returncode, done.stdout
+
+
+class Setup(unittest.TestCase):
+    def test_lists_the_packages_of_both_groups_or_of_the_demo_only(self):
+        wanted = packages()
+        self.assertEqual(listed(), list(wanted))
+        self.assertEqual(listed("--demo"), [name for name, group in wanted.items() if group == "demo"])
+
+    def test_the_demo_needs_no_compiler_of_the_fuzzers_no_browser_no_node_and_no_test_library(self):
+        heavy = {"chromium", "clang", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
+        self.assertLessEqual(heavy, set(packages()))
+        self.assertFalse(heavy & set(listed("--demo")))
+
+    def test_on_another_system_it_installs_nothing_and_the_check_names_what_is_missing(self):
+        bare = OtherSystem(self)
+        code, text = bare.run()
+        self.assertEqual(code, 1)
+        self.assertIn("not a Debian system", text)
+        code, text = bare.run("--demo", "--check")
+        self.assertEqual(code, 1)
+        self.assertIn("not found: g++", text)
+        self.assertNotIn("chromium", text)
+        self.assertIn("not found: chromium", bare.run("--check")[1])
+        complete = OtherSystem(self, "g++", "cmake", "ninja", "pkg-config", "protoc", "gnuplot")
+        self.assertEqual(complete.run("--demo", "--check"), (0, ""))
+
+    def test_a_wrong_argument_is_refused(self):
+        self.assertEqual(subprocess.run([SETUP, "--dmeo"], capture_output=True, check=False).returncode, 1)
+
+
+class Containerfile(unittest.TestCase):
+    def test_its_packages_are_those_of_packages_txt(self):
+        """It runs deploy/setup on Debian 12, after it copied all that setup reads, and installs nothing by itself."""
+        lines = [line for line in (ROOT / "deploy" / "Containerfile").read_text(encoding="utf-8").splitlines()
+                 if line and not line.startswith("#")]
+        self.assertEqual([line for line in lines if line.startswith("FROM")], ["FROM debian:bookworm"])
+        self.assertEqual([line for line in lines if line.startswith("RUN")], ["RUN deploy/setup"])
+        before = lines[:lines.index("RUN deploy/setup")]
+        copied = " ".join(line for line in before if line.startswith("COPY")).split()
+        with tempfile.TemporaryDirectory() as folder:  # --list and the npm packages' lock file work with these files alone
+            for name in copied:
+                if (ROOT / name).is_file():
+                    target = pathlib.Path(folder, name)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(ROOT / name, target)
+            done = subprocess.run([f"{folder}/deploy/setup", "--list"], capture_output=True, encoding="utf-8", check=False)
+            self.assertEqual(done.stdout.split(), list(packages()), done.stderr)
+            self.assertTrue(pathlib.Path(folder, "tests/web/package-lock.json").exists())
+        self.assertEqual(lines[-1], 'CMD ["deploy/test"]')
+
+
+if __name__ == "__main__":
+    unittest.main()
