@@ -10,8 +10,8 @@
 
 namespace needlelab::test {
 
-/// Makes one off-screen surface for the test. Without OpenGL the test is skipped with the reason, or fails
-/// with NEEDLELAB_NEED_GL=1, as set by deploy/test. Sizes and scale are the derived class's choice.
+/// Makes one off-screen surface for the test. Without OpenGL the test is skipped with the reason, which
+/// deploy/test does not allow. Sizes and scale are the derived class's choice.
 class ViewStage : public ::testing::Test {
  protected:
   void SetUp() override;
