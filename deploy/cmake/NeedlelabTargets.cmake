@@ -9,6 +9,7 @@
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
 #   labels: unit, net, determinism give the kind of test; threads: runs under ThreadSanitizer in .ci/run; memory: runs under
 #   AddressSanitizer and UBSan there (code that reads or keeps bytes from outside, or works on the haptic thread)
+# needlelab_missing(NAME REASON)  -> a test that is skipped for REASON, in place of tests that cannot be built or run here
 #
 # Headers are included by their path from the top, "common/haptics/engine.h". ARCHITECTURE.md lists the includes that are
 # allowed between folders, and tests/structure checks them.
@@ -39,6 +40,11 @@ function(needlelab_program name)
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE needlelab_flags needlelab_warnings ${ARG_DEPS})
   needlelab_reuse_headers(${name} needlelab_program_headers)
+endfunction()
+
+function(needlelab_missing name reason)
+  add_test(NAME ${name} COMMAND sh -c "echo \"skipped: $0\"; exit 77" "${reason}")
+  set_tests_properties(${name} PROPERTIES LABELS unit SKIP_RETURN_CODE 77)
 endfunction()
 
 include(GoogleTest)

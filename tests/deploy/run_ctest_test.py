@@ -110,7 +110,7 @@ class RunCtest(unittest.TestCase):
         code, lines = run(*BY_CODE, printing("disk", GTEST), *passing(3))
         self.assertEqual(code, 0, lines)
         self.assertFalse([line for line in lines if "failed: " in line])
-        self.assertIn("skipped: shy: skipped: there is no browser", lines)
+        self.assertIn("skipped: shy: there is no browser", lines)
         self.assertIn("skipped: Disk.isFull: this user may not mount a small disk", lines)
 
     def test_a_skip_that_the_list_does_not_allow_is_an_error(self):

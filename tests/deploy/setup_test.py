@@ -36,14 +36,18 @@ class OtherSystem:
     def __init__(self, test, *more):
         self.folder = tempfile.TemporaryDirectory(prefix="needlelab-other-system-")
         test.addCleanup(self.folder.cleanup)
-        for name in ("bash", "env", "sed", "awk", "cmp", "date", "dirname", "basename", "nproc", "id", "rm", "mktemp"):
+        for name in ("bash", "env", "sed", "awk", "cmp", "date", "df", "dirname", "basename", "grep", "id", "mkdir", "mktemp",
+                     "nproc", "rm", "sh", "tail", "tr"):
             os.symlink(shutil.which(name), f"{self.folder.name}/{name}")
         for name in more:
-            pathlib.Path(self.folder.name, name).write_text("#!/bin/sh\n", encoding="ascii")
-            os.chmod(f"{self.folder.name}/{name}", 0o755)
+            self.add(name, "")
 
-    def run(self, *arguments):
-        done = subprocess.run([SETUP, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+    def add(self, name, script):
+        pathlib.Path(self.folder.name, name).write_text("#!/bin/sh\n" + script, encoding="ascii")
+        os.chmod(f"{self.folder.name}/{name}", 0o755)
+
+    def run(self, *arguments, script=SETUP):
+        done = subprocess.run([script, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
                               env={"PATH": self.folder.name}, check=False)
         return done.returncode, done.stdout
 
@@ -71,6 +75,31 @@ class Setup(unittest.TestCase):
         self.assertIn("not found: chromium", bare.run("--check")[1])
         complete = OtherSystem(self, "g++", "cmake", "ninja", "pkg-config", "protoc", "gnuplot")
         self.assertEqual(complete.run("--demo", "--check"), (0, ""))
+
+    def test_no_setup_goes_on_to_the_build_and_names_what_is_missing(self):
+        with tempfile.TemporaryDirectory() as folder:  # a checkout in which the scripts may write
+            shutil.copytree(ROOT / "deploy", f"{folder}/deploy")
+            system = OtherSystem(self)
+            system.add("cmake", 'echo "cmake was asked: $*"; exit 1\n')
+            for script, preset in (("demo", "demo"), ("test", "release")):
+                code, text = system.run(script=f"{folder}/deploy/{script}")
+                self.assertEqual(code, 1)
+                self.assertIn("not a Debian system", text)
+                self.assertNotIn("cmake was asked", text)
+                code, text = system.run("--no-setup", script=f"{folder}/deploy/{script}")
+                self.assertEqual(code, 1)
+                self.assertIn("not found: g++", text)
+                self.assertIn(f"cmake was asked: --preset {preset}", text)
+                self.assertEqual("not found: chromium" in text, script == "test", text)
+
+    def test_the_demo_keeps_a_build_with_tests(self):
+        with tempfile.TemporaryDirectory() as folder:
+            shutil.copytree(ROOT / "deploy", f"{folder}/deploy")
+            os.makedirs(f"{folder}/build/release")
+            pathlib.Path(folder, "build/release/CMakeCache.txt").write_text("NEEDLELAB_BUILD_TESTS:BOOL=ON\n", encoding="ascii")
+            system = OtherSystem(self)
+            system.add("cmake", 'echo "cmake was asked: $*"; exit 1\n')
+            self.assertIn("cmake was asked: --preset release", system.run("--no-setup", script=f"{folder}/deploy/demo")[1])
 
     def test_a_wrong_argument_is_refused(self):
         self.assertEqual(subprocess.run([SETUP, "--dmeo"], capture_output=True, check=False).returncode, 1)
