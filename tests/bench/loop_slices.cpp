@@ -59,7 +59,7 @@ Status runLoop(const LoopBenchOptions& options, SlicePair& slice, LoopBenchResul
   SpoolWriter writer(*ring, *session, writer_options, {});
   keep_off.reset();
   BlackBox black_box(options.rate_hz);
-  SteadyLoopClock clock(options.spin_ns);
+  LoopTime clock(options.spin_ns);
   ServoSettings settings;
   settings.rate_hz = options.rate_hz;
   settings.max_ticks = static_cast<std::uint64_t>(std::llround(options.slice_s * options.rate_hz));

@@ -231,7 +231,7 @@ Result<Pose> toolOf(Vec3 p_HT_m, const NeedleAxis& axis, const Pose& given) {
   return Pose{p_HT_m, normalized(given.q * orientationAlong(rotate(conjugate(given.q), along)))};
 }
 
-Result<Calibration> calibrateTip(Device& device, LoopClock& clock, const CalibrationSettings& settings,
+Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const CalibrationSettings& settings,
                                  const sigset_t& stop_signals,
                                  const std::function<void(const CalibrationProgress&)>& progress) {
   ZeroForceSettings quiet;
@@ -337,9 +337,9 @@ int runCalibrate(const StationOptions& options, const sigset_t& stop_signals) {
             settings.seconds),
         0);
 
-  SteadyLoopClock steady;
+  LoopTime steady;
   ImpatientClock impatient;
-  LoopClock& clock = real ? static_cast<LoopClock&>(steady) : impatient;
+  TimeSource& clock = real ? static_cast<TimeSource&>(steady) : impatient;
   ProgressLine line;
   const auto found = calibrateTip(device, clock, settings, stop_signals, std::ref(line));
   line.end();

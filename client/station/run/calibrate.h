@@ -63,7 +63,7 @@ struct CalibrationProgress {
 
 /// Reads the open device at zero force and fits the tip. Errors: kUnavailable (no poses; the message has the
 /// device's status), kFailed (stopped by a signal, or from fitPivot).
-Result<Calibration> calibrateTip(Device& device, LoopClock& clock, const CalibrationSettings& settings,
+Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const CalibrationSettings& settings,
                                  const sigset_t& stop_signals,
                                  const std::function<void(const CalibrationProgress&)>& progress);
 

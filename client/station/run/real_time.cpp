@@ -17,8 +17,6 @@
 #include <optional>
 #include <set>
 
-#include "common/base/clock.h"
-
 namespace needlelab {
 namespace {
 
@@ -183,19 +181,10 @@ std::vector<std::string> rtStepLines(const std::vector<RtStep>& steps) {
   return lines;
 }
 
-std::int64_t SteadyLoopClock::nowNs() noexcept {
-  return steadyNowNs();
-}
-
-void SteadyLoopClock::sleepUntilNs(std::int64_t due_ns) noexcept {
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  const std::int64_t wake_ns = due_ns - spin_ns_;
-  const timespec wake{static_cast<std::time_t>(wake_ns / kSecond), static_cast<long>(wake_ns % kSecond)};
-  // a signal may wake it early: the absolute time stays the same
-  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr) == EINTR) {
-  }
+void LoopTime::sleepUntilNs(std::int64_t due_ns) noexcept {
+  MachineTime::sleepUntilNs(due_ns - spin_ns_);
   if (spin_ns_ > 0)
-    while (steadyNowNs() < due_ns) cpuRelax();
+    while (nowNs() < due_ns) cpuRelax();
 }
 
 ShallowSleep::ShallowSleep(const fs::path& file) {

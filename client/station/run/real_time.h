@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "common/base/time_source.h"
+
 namespace needlelab {
 
 /// One step towards real time. `message` is for a person, also after success.
@@ -44,21 +46,11 @@ std::vector<RtStep> makeThreadRealTime(int priority);
 /// Returns text for a person: "memory lock, FIFO priority, stack: done", then one line per failed step.
 std::vector<std::string> rtStepLines(const std::vector<RtStep>& steps);
 
-/// The loop's clock; tests use their own. Thread: the loop's. Real-time safe.
-class LoopClock {
- public:
-  virtual ~LoopClock() = default;
-  virtual std::int64_t nowNs() noexcept = 0;
-  /// Returns when nowNs reaches `due_ns`; at once if that time has passed.
-  virtual void sleepUntilNs(std::int64_t due_ns) noexcept = 0;
-};
-
-/// CLOCK_MONOTONIC. Sleeps until absolute times, so that errors do not accumulate.
-class SteadyLoopClock final : public LoopClock {
+/// The machine's time for a loop that must wake on time. Thread: the loop's.
+class LoopTime final : public MachineTime {
  public:
   /// Sleeps until `spin_ns` before the due time, then polls the clock.
-  explicit SteadyLoopClock(std::int64_t spin_ns = 0) : spin_ns_(spin_ns) {}
-  std::int64_t nowNs() noexcept override;
+  explicit LoopTime(std::int64_t spin_ns = 0) : spin_ns_(spin_ns) {}
   void sleepUntilNs(std::int64_t due_ns) noexcept override;
 
  private:

@@ -175,7 +175,7 @@ double restNoise_m(std::span<const ZeroForceSample> samples) {
   return std::sqrt(*middle);
 }
 
-DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
+DeviceFacts measureDevice(Device& device, TimeSource& clock, const RtOptions& real_time, double seconds,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& log,
                           bool& stopped, double patience_s) {
   DeviceFacts facts;
@@ -397,7 +397,7 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
     real_time.cpu_needs_fifo = !options.cpu;
     real_time.spin_ns = std::llround(options.spin_us * 1e3);
     real_time.rate_hz = options.rate_hz;
-    SteadyLoopClock clock(real_time.spin_ns);
+    LoopTime clock(real_time.spin_ns);
     bool stopped = false;
     facts.device = measureDevice(**device, clock, real_time, seconds, stop_signals, log, stopped);
     if (stopped) {

@@ -85,7 +85,7 @@ double restNoise_m(std::span<const ZeroForceSample> samples);
 /// Opens the device, waits at most `patience_s` until it is ready (firmware load, search for zero, power on),
 /// reads it for `seconds` at `real_time.rate_hz` with zero force, and closes it. `log` receives messages for
 /// a person meanwhile. `stopped`: a signal came.
-DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
+DeviceFacts measureDevice(Device& device, TimeSource& clock, const RtOptions& real_time, double seconds,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& log,
                           bool& stopped, double patience_s = 15);
 MachineFacts measureMachine();

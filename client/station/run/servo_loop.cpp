@@ -15,7 +15,7 @@ constexpr std::int64_t kLead_ns = 2'000'000;  // between the call of run and the
 
 }  // namespace
 
-ServoLoop::ServoLoop(const SceneModel& model, Device& device, LoopClock& clock, SampleRing& ring,
+ServoLoop::ServoLoop(const SceneModel& model, Device& device, TimeSource& clock, SampleRing& ring,
                      const ServoSettings& settings)
     : device_(device),
       clock_(clock),

@@ -89,7 +89,7 @@ struct ServoSettings {
 class ServoLoop {
  public:
   /// All arguments must outlive the loop; the device is open.
-  ServoLoop(const SceneModel& model, Device& device, LoopClock& clock, SampleRing& ring,
+  ServoLoop(const SceneModel& model, Device& device, TimeSource& clock, SampleRing& ring,
             const ServoSettings& settings);
 
   /// Runs until the end, then leaves the device with zero force. Tick k is due at start + k/rate. If the loop
@@ -154,7 +154,7 @@ class ServoLoop {
   [[nodiscard]] double closingShare(std::uint64_t number) noexcept;
 
   Device& device_;
-  LoopClock& clock_;
+  TimeSource& clock_;
   SampleRing& ring_;
   ServoSettings settings_;
   double period_ns_;

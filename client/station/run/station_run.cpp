@@ -258,7 +258,7 @@ Status StationRun::practise() {
   rt_options.cpu_needs_fifo = !options_.cpu;
   rt_options.spin_ns = std::llround(options_.spin_us * 1e3);
   rt_options.rate_hz = options_.rate_hz;
-  SteadyLoopClock clock(rt_options.spin_ns);
+  LoopTime clock(rt_options.spin_ns);
   const bool somebody_there = options_.opensWindow() || EnterKey(STDIN_FILENO).isTerminal();
   ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
   settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);

@@ -27,7 +27,7 @@ bool stopSignalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
 
 }  // namespace
 
-ZeroForceLoop::ZeroForceLoop(Device& device, LoopClock& clock, const ZeroForceSettings& settings)
+ZeroForceLoop::ZeroForceLoop(Device& device, TimeSource& clock, const ZeroForceSettings& settings)
     : device_(device),
       clock_(clock),
       settings_(settings),

@@ -54,7 +54,7 @@ struct ZeroForceStats {
 class ZeroForceLoop {
  public:
   /// Both must outlive the loop; the device is open.
-  ZeroForceLoop(Device& device, LoopClock& clock, const ZeroForceSettings& settings);
+  ZeroForceLoop(Device& device, TimeSource& clock, const ZeroForceSettings& settings);
 
   /// Runs until max_ticks, `stop` or the end of a recording, then leaves the device with zero force.
   void run() noexcept;
@@ -78,7 +78,7 @@ class ZeroForceLoop {
   void keep(std::uint64_t number) noexcept;
 
   Device& device_;
-  LoopClock& clock_;
+  TimeSource& clock_;
   ZeroForceSettings settings_;
   DeviceReading reading_;
   std::vector<ZeroForceSample> kept_;  // fixed size: the loop writes, others read up to kept_count_
@@ -102,7 +102,7 @@ ZeroForceRun runZeroForceLoop(ZeroForceLoop& loop, Device& device, const RtOptio
                               const sigset_t& stop_signals, const std::function<bool()>& progress);
 
 /// A clock that never waits, for devices that advance by ticks, such as a recording.
-class ImpatientClock final : public LoopClock {
+class ImpatientClock final : public TimeSource {
  public:
   std::int64_t nowNs() noexcept override { return now_ns_; }
   void sleepUntilNs(std::int64_t due_ns) noexcept override { now_ns_ = due_ns; }

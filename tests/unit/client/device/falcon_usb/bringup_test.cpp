@@ -29,7 +29,7 @@ TEST_F(FalconOnUsb, selfTestFindsItWellAndGivesItNoTorque) {
   device_->close();
   const std::uint64_t before = falcon_.commands();
 
-  SteadyLoopClock clock;
+  LoopTime clock;
   bool stopped = false;
   sigset_t none;
   sigemptyset(&none);
@@ -56,7 +56,7 @@ TEST_F(FalconOnUsb, selfTestFindsItWellAndGivesItNoTorque) {
 TEST_F(FalconOnUsb, selfTestSaysWhatTheHandHasToDoAndThatItWasNotDone) {
   falcon_.plug();
   FalconDevice device{FalconOptions{}};
-  SteadyLoopClock clock;
+  LoopTime clock;
   bool stopped = false;
   sigset_t none;
   sigemptyset(&none);

@@ -30,7 +30,7 @@ bool noForce(const StandinState& state) {
 }
 
 /// The stand-in's time advances with the loop's ticks, and the test checks its last command in each tick.
-class StandinClock final : public LoopClock {
+class StandinClock final : public TimeSource {
  public:
   explicit StandinClock(Standin& standin) : standin_(standin) {}
   std::int64_t nowNs() noexcept override { return now_ns_; }
@@ -56,7 +56,7 @@ TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
   Standin standin;
   standin.useRealTime();
   auto device = standinDevice();
-  SteadyLoopClock clock;
+  LoopTime clock;
   bool stopped = false;
   SelfTestFacts facts;
   facts.device = measureDevice(
@@ -76,7 +76,7 @@ TEST(BringupVirtuose, selfTestTellsOfThePressedEmergencyStop) {
   standin.useRealTime();
   standin.command("estop press");
   auto device = standinDevice();
-  SteadyLoopClock clock;
+  LoopTime clock;
   bool stopped = false;
   SelfTestFacts facts;
   std::vector<std::string> said;
@@ -93,7 +93,7 @@ TEST(BringupVirtuose, selfTestSaysThatTheServiceIsAway) {
   standin.useRealTime();
   standin.command("daemon 0");
   auto device = standinDevice();
-  SteadyLoopClock clock;
+  LoopTime clock;
   bool stopped = false;
   SelfTestFacts facts;
   facts.device = measureDevice(

@@ -27,7 +27,7 @@ inline sigset_t noSignals() {
 namespace needlelab::test {
 
 /// Wakes exactly on time, except for the wake-ups (counted from 0) that a test makes late.
-class FakeClock final : public LoopClock {
+class FakeClock final : public TimeSource {
  public:
   std::int64_t nowNs() noexcept override { return now_ns += read_cost_ns; }
   void sleepUntilNs(std::int64_t due_ns) noexcept override {

@@ -103,7 +103,7 @@ class Beside {
 class LoopProof : public LoopFixture {
  protected:
   LoopProof() { model_ = *compile(allEffects(), kRate); }
-  void prepare(Device& device, LoopClock& clock) {
+  void prepare(Device& device, TimeSource& clock) {
     box_ = std::make_unique<BlackBox>(kRate);
     ServoSettings settings{kRate, {}, kLifeTicks, FaultPolicy::kWait};
     settings.black_box = box_.get();
@@ -146,7 +146,7 @@ TEST_F(LoopProof, noHeapAndNoLockInAWholeLife) {
 
 TEST_F(LoopProof, besideOtherThreadsItKeepsItsPromisesAndLosesNothing) {
   TroubledDevice device;
-  SteadyLoopClock clock;
+  LoopTime clock;
   prepare(device, clock);
   std::vector<std::string> said;
   BlackBoxWriter writer(*box_, folder_.path(), "life",
@@ -212,7 +212,7 @@ class LoopJail : public LoopProof {
         });
   }
   bool troubled_ = true;
-  SteadyLoopClock clock_jailed_{100'000};  // the spin, too
+  LoopTime clock_jailed_{100'000};  // the spin, too
   std::unique_ptr<BlackBoxWriter> writer_;
   std::unique_ptr<Beside> beside_;
 };
@@ -269,7 +269,7 @@ static_assert(
 static_assert(noexcept(std::declval<LatencyHistogram&>().add(1)) && noexcept(std::declval<SampleRing&>().push(
     GestureSample{})) && noexcept(std::declval<LatestValue<GestureSample>&>().publish(GestureSample{})));
 static_assert(
-    noexcept(std::declval<LoopClock&>().nowNs()) && noexcept(std::declval<LoopClock&>().sleepUntilNs(0)));
+    noexcept(std::declval<TimeSource&>().nowNs()) && noexcept(std::declval<TimeSource&>().sleepUntilNs(0)));
 
 }  // namespace
 }  // namespace needlelab::test

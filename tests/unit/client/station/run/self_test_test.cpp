@@ -240,7 +240,7 @@ TEST(SelfTestDevice, getsNothingButZeroForceWhateverItReports) {
     reading.speed_mps = 3;
     return tick % 7 == 0 ? DeviceRead::kNoUpdate : DeviceRead::kFresh;
   });
-  SteadyLoopClock clock;
+  LoopTime clock;
   bool stopped = true;
   const auto facts = measureDevice(
       device, clock, RtOptions{}, 0.8, noSignals(), [](const auto&) {}, stopped);

@@ -102,7 +102,7 @@ int deeper(volatile int* depth) {
   spec.effects = bitOf(Effect::kCutting);
   const SceneModel model = *compile(spec, kGuardRate_hz);
   ChildDevice device(seen);
-  SteadyLoopClock clock;
+  LoopTime clock;
   auto ring = std::make_unique<SampleRing>();
   ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 20'000});
   const CrashGuard guard(loop);
@@ -220,7 +220,7 @@ TEST(CrashGuard, aCrashOfTheHapticThreadItselfIsNotWaitedFor) {
       if (tick >= 50) ::raise(SIGSEGV);  // that tick itself may be missed
       return goingDown(0.01, kGuardRate_hz)(tick, reading);
     });
-    SteadyLoopClock clock;
+    LoopTime clock;
     auto ring = std::make_unique<SampleRing>();
     ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 20'000});
     const CrashGuard guard(loop);

@@ -138,7 +138,7 @@ TEST(PausedTerminal, aCrashTakesTheForceAwayAllTheSame) {
     ::dup2(full.end(), STDERR_FILENO);
     const SceneModel model = *compile(paperOneDof(), 1000);
     FakeDevice device([](std::uint64_t, DeviceReading&) { return DeviceRead::kFresh; });
-    SteadyLoopClock clock;
+    LoopTime clock;
     auto ring = std::make_unique<SampleRing>();
     ServoLoop loop(model, device, clock, *ring, ServoSettings{1000, {}, 0});
     const CrashGuard guard(loop);

@@ -100,7 +100,7 @@ TEST(ZeroForceLoop, allocatesNothingInItsTicks) {
 
 TEST(ZeroForceLoop, progressEndsIt) {
   FakeDevice device(resting());
-  SteadyLoopClock clock;
+  LoopTime clock;
   ZeroForceLoop loop(device, clock, {1000, 60'000, 1});
   sigset_t none;
   sigemptyset(&none);

@@ -1,0 +1,55 @@
+/// Time for code that waits: the machine's clock in the programs, a simulated one in tests. Code that waits,
+/// or that decides by the time that has passed, takes a TimeSource; nothing else asks a clock for that.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+
+namespace needlelab {
+
+/// Thread: any number of them.
+class TimeSource {
+ public:
+  virtual ~TimeSource() = default;
+  /// Monotonic time since some start, in ns. Real-time safe.
+  [[nodiscard]] virtual std::int64_t nowNs() noexcept = 0;
+  /// Returns when nowNs reaches `due_ns`; at once if that time has passed. Real-time safe.
+  virtual void sleepUntilNs(std::int64_t due_ns) noexcept = 0;
+  /// Waits with `lock` released until `changed` is notified or nowNs reaches `due_ns`. May return early. A
+  /// simulated time just sleeps.
+  virtual void waitUntilNs(std::condition_variable& /*changed*/, std::unique_lock<std::mutex>& lock,
+                           std::int64_t due_ns) {
+    lock.unlock();
+    sleepUntilNs(due_ns);
+    lock.lock();
+  }
+
+  void sleepForNs(std::int64_t duration_ns) noexcept { sleepUntilNs(nowNs() + duration_ns); }
+  /// Waits until `holds()`, at most until `due_ns`; returns whether it holds.
+  template <typename Predicate>
+  bool waitUntilNs(std::condition_variable& changed, std::unique_lock<std::mutex>& lock, std::int64_t due_ns,
+                   Predicate holds) {
+    while (!holds()) {
+      if (nowNs() >= due_ns) return false;
+      waitUntilNs(changed, lock, due_ns);
+    }
+    return true;
+  }
+};
+
+/// CLOCK_MONOTONIC. Sleeps until absolute times, so that errors do not accumulate. Open to derivation: the
+/// haptic loop's clock polls before the due time (client/station/run/real_time.h).
+class MachineTime : public TimeSource {
+ public:
+  [[nodiscard]] std::int64_t nowNs() noexcept override;
+  void sleepUntilNs(std::int64_t due_ns) noexcept override;
+  using TimeSource::waitUntilNs;
+  void waitUntilNs(std::condition_variable& changed, std::unique_lock<std::mutex>& lock,
+                   std::int64_t due_ns) override;
+};
+
+/// The machine's time; lives as long as the program.
+TimeSource& machineTime() noexcept;
+
+}  // namespace needlelab

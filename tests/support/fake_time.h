@@ -1,0 +1,36 @@
+/// A clock that a test moves. Code that sleeps or waits moves it to its due time and goes on at once.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "common/base/time_source.h"
+
+namespace needlelab::test {
+
+/// Thread: any; but only one thread may sleep, or the time runs away from the others.
+class FakeTime : public TimeSource {
+ public:
+  explicit FakeTime(std::int64_t now_ns = 1'000'000'000) : now_ns_(now_ns) {}
+
+  [[nodiscard]] std::int64_t nowNs() noexcept override { return now_ns_.load(); }
+  void sleepUntilNs(std::int64_t due_ns) noexcept override {
+    ++sleeps_;
+    advanceTo(due_ns);
+  }
+  void advance(std::int64_t by_ns) noexcept { now_ns_.fetch_add(by_ns); }
+  /// Never moves the time back.
+  void advanceTo(std::int64_t to_ns) noexcept {
+    std::int64_t now_ns = now_ns_.load();
+    while (now_ns < to_ns && !now_ns_.compare_exchange_weak(now_ns, to_ns)) {
+    }
+  }
+  /// How often code slept or waited.
+  [[nodiscard]] std::uint64_t sleeps() const noexcept { return sleeps_.load(); }
+
+ private:
+  std::atomic<std::int64_t> now_ns_;
+  std::atomic<std::uint64_t> sleeps_{0};
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,81 @@
+#include "common/base/time_source.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/support/fake_time.h"
+
+namespace needlelab::test {
+namespace {
+
+constexpr std::int64_t kMillisecond = 1'000'000;
+
+TEST(MachineTime, neverWakesBeforeTheDueTime) {
+  TimeSource& time = machineTime();
+  const std::int64_t due_ns = time.nowNs() + 2 * kMillisecond;
+  time.sleepUntilNs(due_ns);
+  EXPECT_GE(time.nowNs(), due_ns);
+}
+
+TEST(MachineTime, aDueTimeThatHasPassedReturnsAtOnce) {
+  TimeSource& time = machineTime();
+  time.sleepUntilNs(time.nowNs() - 1);
+  time.sleepUntilNs(0);
+  time.sleepUntilNs(-5);
+}
+
+TEST(MachineTime, aWaitEndsAtItsDueTimeWithoutANotification) {
+  TimeSource& time = machineTime();
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::unique_lock lock(mutex);
+  const std::int64_t due_ns = time.nowNs() + 2 * kMillisecond;
+  EXPECT_FALSE(time.waitUntilNs(changed, lock, due_ns, [] { return false; }));
+  EXPECT_GE(time.nowNs(), due_ns);
+  EXPECT_TRUE(lock.owns_lock());
+}
+
+TEST(MachineTime, aWaitEndsWithTheNotification) {
+  TimeSource& time = machineTime();
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool told = false;
+  std::thread other([&] {
+    const std::scoped_lock lock(mutex);
+    told = true;
+    changed.notify_all();
+  });
+  {
+    std::unique_lock lock(mutex);
+    EXPECT_TRUE(time.waitUntilNs(changed, lock, INT64_MAX / 2, [&] { return told; }));
+  }
+  other.join();
+}
+
+TEST(FakeTime, sleepsMoveItToTheDueTimeAndNeverBack) {
+  FakeTime time(1000);
+  time.sleepUntilNs(5000);
+  EXPECT_EQ(time.nowNs(), 5000);
+  time.sleepUntilNs(3000);
+  EXPECT_EQ(time.nowNs(), 5000);
+  time.sleepForNs(10);
+  EXPECT_EQ(time.nowNs(), 5010);
+  time.advance(90);
+  EXPECT_EQ(time.nowNs(), 5100);
+  EXPECT_EQ(time.sleeps(), 3u);
+}
+
+TEST(FakeTime, aWaitThatNothingEndsTakesItsWholeTime) {
+  FakeTime time(1000);
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::unique_lock lock(mutex);
+  EXPECT_FALSE(time.waitUntilNs(changed, lock, 9000, [] { return false; }));
+  EXPECT_EQ(time.nowNs(), 9000);
+  EXPECT_TRUE(time.waitUntilNs(changed, lock, 20'000, [] { return true; }));
+  EXPECT_EQ(time.nowNs(), 9000);
+}
+
+}  // namespace
+}  // namespace needlelab::test
