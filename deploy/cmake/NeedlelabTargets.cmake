@@ -1,6 +1,6 @@
-# needlelab_library(NAME [OPTIMISED] [OWN_OPTIONS] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
-#   OPTIMISED: computes for long, so it is compiled at -O1 under a sanitizer
-#   OWN_OPTIONS: has its own compile options, so it cannot reuse precompiled headers
+# needlelab_library(NAME [OPTIMISED] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
+#   OPTIMISED: runs in the haptic tick or computes for long: -O2 in a release build (others: -O1), -O1 under a sanitizer
+#   (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
 #   SERIAL: runs alone, because it keeps real time against an emulated device
@@ -14,23 +14,22 @@
 # Headers are included by their path from the top, "common/haptics/engine.h". ARCHITECTURE.md lists the includes that are
 # allowed between folders, and tests/structure checks them.
 
-# -O1 under a sanitizer, instead of -O0
 function(needlelab_optimise target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:RelWithDebInfo>:-O2>)
   if(NEEDLELAB_SANITIZE)
     target_compile_options(${target} PRIVATE -O1)
   endif()
 endfunction()
 
 function(needlelab_library name)
-  cmake_parse_arguments(ARG "OPTIMISED;OWN_OPTIONS" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED" "" "SOURCES;DEPS" ${ARGN})
   set(target needlelab_${name})
   add_library(${target} STATIC ${ARG_SOURCES})
-  if(ARG_OPTIMISED)
-    needlelab_optimise(${target})
-  endif()
   add_library(needlelab::${name} ALIAS ${target})
   target_link_libraries(${target} PUBLIC needlelab_flags ${ARG_DEPS} PRIVATE needlelab_warnings)
-  if(NOT ARG_OWN_OPTIONS AND NOT (ARG_OPTIMISED AND NEEDLELAB_SANITIZE))
+  if(ARG_OPTIMISED)
+    needlelab_optimise(${target})
+  else()
     needlelab_reuse_headers(${target} needlelab_program_headers)
   endif()
 endfunction()
