@@ -1,10 +1,8 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cstdarg>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 
 #include "common/base/text.h"
 
@@ -93,18 +91,6 @@ Status checkNewName(std::string_view field, std::string_view value) {
 
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
   return check(field, value, min, max, true);
-}
-
-std::string formatted(const char* format, ...) {
-  std::va_list values, again;
-  va_start(values, format);
-  va_copy(again, values);
-  const int length = std::vsnprintf(nullptr, 0, format, values);
-  va_end(values);
-  std::string text(length > 0 ? static_cast<std::size_t>(length) : 0, '\0');
-  if (length > 0) std::vsnprintf(text.data(), text.size() + 1, format, again);
-  va_end(again);
-  return text;
 }
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// Checks of names and notes (stations check before they record, servers before SQL), text that is safe to
-/// print, and numbers within sentences.
+/// Checks of names and notes (stations check before they record, servers before SQL), and text that is safe
+/// to print.
 #pragma once
 
 #include <cstddef>
@@ -32,8 +32,5 @@ Status checkName(std::string_view field, std::string_view value);
 Status checkNewName(std::string_view field, std::string_view value);
 /// As checkText, but line ends and tabs are allowed.
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
-
-/// printf into a string, however long.
-[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...);
 
 }  // namespace needlelab
