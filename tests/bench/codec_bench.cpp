@@ -27,8 +27,8 @@ const std::vector<std::vector<GestureSample>>& chunksOfSamples() {
         parts.emplace_back(samples.begin() + static_cast<std::ptrdiff_t>(at),
                            samples.begin() + static_cast<std::ptrdiff_t>(at + kChunkSamples));
     };
-    for (const auto& gesture : testing::recordedGestures()) cut(gesture.samples);
-    if (parts.empty()) cut(testing::smoothGesture(40 * kChunkSamples));
+    for (const auto& gesture : test::recordedGestures()) cut(gesture.samples);
+    if (parts.empty()) cut(test::smoothGesture(40 * kChunkSamples));
     return parts;
   }();
   return chunks;

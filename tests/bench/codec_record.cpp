@@ -70,7 +70,7 @@ double median(std::vector<double> values) {
 }
 
 // encoding and decoding in turns, clock columns included, as in a station and a reader
-Figures measure(const testing::RecordedGesture& gesture) {
+Figures measure(const RecordedGesture& gesture) {
   const Samples samples = withClocks(gesture.samples);
   const auto count = static_cast<double>(samples.size());
   Figures figures{gesture.name, count, bytesOf(encodeAll(gesture.samples)) / count, 0, 0, 0};
@@ -101,10 +101,9 @@ bool met(const Figures& f) {
 }  // namespace
 
 int recordCodec(const std::filesystem::path& results, const std::string& commit) {
-  const auto gestures = testing::recordedGestures();
+  const auto gestures = recordedGestures();
   if (gestures.empty()) {
-    std::fprintf(stderr, "codec_bench: no recordings in %s; set NEEDLELAB_DATA\n",
-                 testing::dataFolder().c_str());
+    std::fprintf(stderr, "codec_bench: no recordings in %s; set NEEDLELAB_DATA\n", dataFolder().c_str());
     return 2;
   }
   std::ostringstream text;

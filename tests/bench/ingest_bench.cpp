@@ -69,11 +69,11 @@ struct Material {
       for (std::size_t at = 0; at + 1000 <= samples.size(); at += 1000)
         chunks.push_back(encodeChunk(Resolution::standard(), std::span(samples).subspan(at, 1000)));
     };
-    for (const auto& gesture : testing::recordedGestures()) cut(gesture.samples);
+    for (const auto& gesture : recordedGestures()) cut(gesture.samples);
     if (!chunks.empty())
       source = "the four recordings";
     else
-      cut(testing::smoothGesture(60'000));
+      cut(smoothGesture(60'000));
   }
 };
 

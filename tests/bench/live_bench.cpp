@@ -201,7 +201,7 @@ Task<> connectStation(ClientConfig config, FakeStation* station, std::size_t* co
 struct Material {
   std::vector<Bytes> frames, chunks;
   Material() {
-    const auto samples = testing::smoothGesture(20'000);
+    const auto samples = test::smoothGesture(20'000);
     for (std::size_t at = 0; at < samples.size(); at += 20)
       frames.push_back(encodeChunk(Resolution::standard(), std::span(samples).subspan(at, 20)));
     for (std::size_t at = 0; at < samples.size(); at += 1000)

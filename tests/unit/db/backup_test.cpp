@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-class BackupTest : public ::testing::Test {
+class BackupTest : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_OK(store.open(test::describe(id), 1));

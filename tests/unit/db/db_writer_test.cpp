@@ -266,7 +266,7 @@ TEST_P(DbWriterOnBadDisk, nothingIsAcknowledgedAfterIt) {
   EXPECT_EQ(check.text(0), "ok");
 }
 
-class DbWriterCheckpoint : public ::testing::Test {
+class DbWriterCheckpoint : public testing::Test {
  protected:
   void TearDown() override { ShimVfs::instance().setHook({}); }
 };

@@ -55,7 +55,7 @@ TEST(ProfileStore, hugeOrEmptyFieldsAreRefused) {
   EXPECT_FALSE(profiles.put(profile("knee", std::string(1'000'000, ' '))).ok());
 }
 
-class CurriculumStoreTest : public ::testing::Test {
+class CurriculumStoreTest : public testing::Test {
  protected:
   void SetUp() override { ASSERT_OK(ProfileStore(db.writer).put({"knee", 0, "A knee", "{}", "bea", 1})); }
   static StoredCurriculum curriculum(const std::string& id, const std::string& json,

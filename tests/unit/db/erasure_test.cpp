@@ -16,7 +16,7 @@
 namespace needlelab {
 namespace {
 
-class ErasureStoreTest : public ::testing::Test {
+class ErasureStoreTest : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1, "Anna Östlund-Berg"}));

@@ -16,14 +16,14 @@ constexpr std::size_t kIngestSessions = 1000, kIngestGroup = 35, kIngestGroups =
 
 /// 5.2 kB, the size of one second of a hand at 1 kHz.
 Bytes chunkOfASecond() {
-  const auto samples = testing::smoothGesture(4000);
+  const auto samples = test::smoothGesture(4000);
   Bytes chunk;
   for (std::size_t count = 10; chunk.size() < 5200 && count <= samples.size(); count += 10)
     chunk = encodeChunk(Resolution::standard(), std::span(samples).first(count));
   return chunk;
 }
 
-class IngestPages : public ::testing::TestWithParam<bool> {
+class IngestPages : public testing::TestWithParam<bool> {
  protected:
   /// Makes a database with all sessions open.
   struct Side {
@@ -97,7 +97,7 @@ TEST_P(IngestPages, areAtMostAThirdMoreThanOfTheBareRows) {
   EXPECT_LE(per_group(our_pages), 1.35 * per_group(raw_pages));
 }
 
-INSTANTIATE_TEST_SUITE_P(Order, IngestPages, ::testing::Bool(),
+INSTANTIATE_TEST_SUITE_P(Order, IngestPages, testing::Bool(),
                          [](const auto& order) { return order.param ? "shuffled" : "asOpened"; });
 
 }  // namespace

@@ -15,7 +15,7 @@ using test::closeOf;
 
 constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
-class RetentionStoreTest : public ::testing::Test {
+class RetentionStoreTest : public testing::Test {
  protected:
   /// Adds a session of `chunks` chunks, closed on `day` unless the day is negative.
   Uuid add(const std::string& exercise, std::int64_t day, std::uint64_t chunks = 3, bool safe = true) {

@@ -14,7 +14,7 @@ using test::chunkOf;
 using test::closeOf;
 using test::describe;
 
-class SessionReaderTest : public ::testing::Test {
+class SessionReaderTest : public testing::Test {
  protected:
   Uuid add(const std::string& trainee, std::int64_t started, std::uint64_t chunks) {
     const Uuid id = makeUuidV7();
@@ -190,7 +190,7 @@ Bytes secondOf(std::uint64_t first_tick, std::size_t count, double jitter = 0) {
   return encodeChunk(Resolution{}, samples);
 }
 
-class SessionSeek : public ::testing::Test {
+class SessionSeek : public testing::Test {
  protected:
   struct Chunk {
     std::uint64_t first_tick, count;

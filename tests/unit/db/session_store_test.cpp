@@ -10,7 +10,7 @@ using test::chunkOf;
 using test::closeOf;
 using test::describe;
 
-class SessionStoreTest : public ::testing::Test {
+class SessionStoreTest : public testing::Test {
  protected:
   void openAndAppend(std::uint64_t chunks) {
     ASSERT_OK(store.open(describe(id), 5));

@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-class TeachingStores : public ::testing::Test {
+class TeachingStores : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_OK(ProfileStore(db.writer).put({"knee", 0, "A knee", "{}", "mia", 1}));

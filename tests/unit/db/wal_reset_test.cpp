@@ -16,7 +16,7 @@ namespace {
 using namespace std::chrono_literals;
 using test::ShimVfs;
 
-class WalReset : public ::testing::Test {
+class WalReset : public testing::Test {
  protected:
   void TearDown() override { ShimVfs::instance().setHook({}); }
   static Status add(Connection& connection, int number) {

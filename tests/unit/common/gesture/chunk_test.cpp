@@ -11,10 +11,10 @@
 namespace needlelab {
 namespace {
 
-using testing::anySamples;
-using testing::sameBits;
-using testing::smoothGesture;
-using testing::within;
+using test::anySamples;
+using test::sameBits;
+using test::smoothGesture;
+using test::within;
 
 std::vector<GestureSample> roundTrip(const Resolution& resolution,
                                      const std::vector<GestureSample>& samples) {

@@ -32,8 +32,8 @@ std::size_t roundTrip(const std::vector<U>& column) {
 }
 
 template <typename U>
-class ColumnCoding : public ::testing::Test {};
-using Widths = ::testing::Types<std::uint32_t, std::uint64_t>;
+class ColumnCoding : public testing::Test {};
+using Widths = testing::Types<std::uint32_t, std::uint64_t>;
 TYPED_TEST_SUITE(ColumnCoding, Widths);
 
 TYPED_TEST(ColumnCoding, everyWidthAndEveryNumberOfRows) {

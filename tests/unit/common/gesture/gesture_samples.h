@@ -11,7 +11,7 @@
 #include "common/gesture/chunk.h"
 #include "common/gesture/sample.h"
 
-namespace needlelab::testing {
+namespace needlelab::test {
 
 inline double uniform(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * (static_cast<double>(random() >> 11) * 0x1p-53);
@@ -80,4 +80,4 @@ inline bool sameBits(double a, double b) {
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
-}  // namespace needlelab::testing
+}  // namespace needlelab::test

@@ -9,7 +9,7 @@
 #include "common/haptics/force_gate.h"
 #include "tests/support/scenes.h"
 
-namespace needlelab::testing {
+namespace needlelab::test {
 namespace {
 
 std::vector<TipSample> resampled(const CsvTable& table) {
@@ -47,7 +47,7 @@ RecordedGesture gestureOf(const std::string& name, const std::vector<TipSample>&
   Vec3 far = ticks.front().p_WT_m;
   for (const TipSample& tick : ticks)
     if (norm(tick.p_WT_m - ticks.front().p_WT_m) > norm(far - ticks.front().p_WT_m)) far = tick.p_WT_m;
-  SceneSpec scene = test::allEffects();
+  SceneSpec scene = allEffects();
   scene.limb = SphereLimb{far, 0.6 * norm(far - ticks.front().p_WT_m)};
   const SceneModel model = compile(scene, 1000).value();
 
@@ -107,4 +107,4 @@ std::vector<RecordedGesture> recordedGestures() {
   return gestures;
 }
 
-}  // namespace needlelab::testing
+}  // namespace needlelab::test

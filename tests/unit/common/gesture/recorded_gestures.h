@@ -8,7 +8,7 @@
 
 #include "common/gesture/sample.h"
 
-namespace needlelab::testing {
+namespace needlelab::test {
 
 /// Folder of the recordings: the variable NEEDLELAB_DATA, otherwise `../shared/data` beside the repository.
 /// May not exist.
@@ -25,4 +25,4 @@ struct RecordedGesture {
 /// to it), then the gate.
 std::vector<RecordedGesture> recordedGestures();
 
-}  // namespace needlelab::testing
+}  // namespace needlelab::test

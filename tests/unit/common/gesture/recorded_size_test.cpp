@@ -33,9 +33,8 @@ void addClockJitter(std::vector<GestureSample>& samples) {
 }
 
 TEST(RecordedSize, fourRealRecordingsWithEngineForces) {
-  const auto gestures = testing::recordedGestures();
-  if (gestures.empty())
-    GTEST_SKIP() << "no recordings in " << testing::dataFolder() << "; set NEEDLELAB_DATA";
+  const auto gestures = test::recordedGestures();
+  if (gestures.empty()) GTEST_SKIP() << "no recordings in " << test::dataFolder() << "; set NEEDLELAB_DATA";
   EXPECT_EQ(gestures.size(), 4u);
   double all_samples = 0, all_bytes = 0, all_times = 0, all_clock = 0, all_lossless = 0;
   std::printf("%-22s %8s %9s | bytes/sample: %6s %6s %6s %9s\n", "recording", "samples", "in tissue",
@@ -71,9 +70,8 @@ TEST(RecordedSize, fourRealRecordingsWithEngineForces) {
 }
 
 TEST(RecordedSize, recordedPosesComeBackWithinHalfAStep) {
-  const auto gestures = testing::recordedGestures();
-  if (gestures.empty())
-    GTEST_SKIP() << "no recordings in " << testing::dataFolder() << "; set NEEDLELAB_DATA";
+  const auto gestures = test::recordedGestures();
+  if (gestures.empty()) GTEST_SKIP() << "no recordings in " << test::dataFolder() << "; set NEEDLELAB_DATA";
   for (const auto& gesture : gestures)
     for (std::size_t at = 0; at < gesture.samples.size(); at += 1000) {
       const auto part =
@@ -82,11 +80,11 @@ TEST(RecordedSize, recordedPosesComeBackWithinHalfAStep) {
       ASSERT_TRUE(back.ok());
       for (std::size_t i = 0; i < part.size(); ++i)
         for (int k = 0; k < 3; ++k) {
-          ASSERT_TRUE(testing::within((*back)[i].p_WT_m[k], part[i].p_WT_m[k], 1e-6));
-          ASSERT_TRUE(testing::within((*back)[i].force_W_N[k], part[i].force_W_N[k], 1e-3));
-          ASSERT_TRUE(testing::within((*back)[i].torque_W_Nm[k], part[i].torque_W_Nm[k], 1e-4));
-          ASSERT_TRUE(testing::within((*back)[i].wall_W_m[k], part[i].wall_W_m[k], 1e-6));
-          ASSERT_TRUE(testing::within((*back)[i].q_WT[k], part[i].q_WT[k], 0x1p-15));
+          ASSERT_TRUE(test::within((*back)[i].p_WT_m[k], part[i].p_WT_m[k], 1e-6));
+          ASSERT_TRUE(test::within((*back)[i].force_W_N[k], part[i].force_W_N[k], 1e-3));
+          ASSERT_TRUE(test::within((*back)[i].torque_W_Nm[k], part[i].torque_W_Nm[k], 1e-4));
+          ASSERT_TRUE(test::within((*back)[i].wall_W_m[k], part[i].wall_W_m[k], 1e-6));
+          ASSERT_TRUE(test::within((*back)[i].q_WT[k], part[i].q_WT[k], 0x1p-15));
         }
     }
 }

@@ -15,9 +15,9 @@ namespace needlelab {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::smoothGesture;
+using test::smoothGesture;
 
-class Recording : public ::testing::Test {
+class Recording : public testing::Test {
  protected:
   // A finished recording of small chunks; keeps their samples for comparison.
   fs::path write(std::size_t chunks, std::size_t samples_a_chunk,

@@ -64,7 +64,7 @@ TEST(SampleCsv, jsonHasTheSameNamesAndNoNan) {
 }
 
 TEST(SampleCsv, writtenNumbersReadBackBitForBit) {
-  const auto samples = testing::smoothGesture(200);
+  const auto samples = test::smoothGesture(200);
   std::string text;
   appendSampleCsvHeader(text);
   for (const auto& s : samples) appendSampleCsvRow(text, s, samples[0].time_ns);
