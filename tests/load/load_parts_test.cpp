@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "client/sim/tools/gnuplot.h"
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/force_gate.h"
@@ -13,6 +14,7 @@
 #include "tests/load/load_run.h"
 #include "tests/load/load_station.h"
 #include "tests/load/own_server.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {
@@ -313,6 +315,17 @@ TEST(SoakOfTheLoad, judgesTheLastServersMemoryAndHandles) {
   EXPECT_EQ(verdictOf(judgeLoad(lost)), Verdict::kBad);
 }
 
+TEST(SoakOfTheLoad, isWrittenAsTablesAndAPicture) {
+  const TempFolder folder;
+  LoadResult result = quietRun(0, 0);
+  result.streamed_s = result.options.seconds;
+  const Status written = writeSoak(result, judgeLoad(result), folder.path());
+  ASSERT_TRUE(written.ok()) << written.error().message;
+  for (const char* name : {"samples.csv", "load.json", "table.txt"})
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / name)) << name;
+  EXPECT_EQ(std::filesystem::exists(folder.path() / "soak.png"), hasGnuplot());
+}
+
 TEST(ServerProfile, sortsStacksByWork) {
   const Profile profile = profileOf(
       "  100 \n\t  7f aes_gcm_dec (/usr/lib/libcrypto.so.3)\n\t 55 main (/bin/needlelab-server)\n\n"
@@ -348,6 +361,25 @@ TEST(GrowthReport, judgesByTheLargestSizeAndByEveryLoss) {
   growth.runs.pop_back();
   EXPECT_EQ(met(growth).front(), '-');
   EXPECT_NE(growthText(growth).find("FAIL"), std::string::npos);
+}
+
+TEST(GrowthReport, drawsItsPicture) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  Growth growth;
+  for (const double stations : {1, 100, 1000})
+    growth.runs.push_back({{"stations", stations},
+                           {"seconds", 20},
+                           {"streamed_s", 21.0},
+                           {"server_cpu_s", 0.02 * stations},
+                           {"generator_cpu_s", 0.03 * stations},
+                           {"live_p50_ms", 21.0},
+                           {"live_p99_ms", 49.0},
+                           {"server_rss_kib", 20'000 + 100 * stations},
+                           {"database_bytes", 1e5 * stations}});
+  const TempFolder folder;
+  const Status drawn = drawGrowth(growth, folder.path() / "load.png");
+  ASSERT_TRUE(drawn.ok()) << drawn.error().message;
+  EXPECT_GT(std::filesystem::file_size(folder.path() / "load.png"), 10'000u);
 }
 
 }  // namespace

@@ -307,41 +307,32 @@ std::string growthJson(const Growth& growth) {
 }
 
 Status drawGrowth(const Growth& growth, const std::filesystem::path& png) {
-  std::string data = "$runs << EOD\n";
-  for (const Json& run : growth.runs)
-    data += fmt::format("{:g} {:g} {:g} {:g} {:g} {:g} {:g}\n", number(run, "stations"),
-                        cores(run, "server_cpu_s"), cores(run, "generator_cpu_s"), number(run, "live_p50_ms"),
-                        number(run, "live_p99_ms"), number(run, "server_rss_kib") / 1024,
-                        number(run, "database_bytes") * 1e-6 * 60 / std::max(0.001, number(run, "seconds")));
-  data += "EOD\n";
   const auto verdicts = judgeGrowth(growth);
   const bool met = std::all_of(verdicts.begin(), verdicts.end(), [](const auto& v) { return v.met; });
-  const double most = growth.runs.empty() ? 1000 : number(growth.runs.back(), "stations");
-  const std::string line = " with linespoints lw 2 ps 1.2 ";
-  const std::string script =
-      data +
-      "set grid lc rgb '#d8dde3'\nset border 3 lc rgb '#606a75'\nset tics nomirror\n"
-      "set xrange [0:" +
-      fmt::format("{:g}", most * 1.05) + "]\nset xlabel 'stations'\n" +
-      "set key top left Left reverse samplen 2\nset lmargin 11\nset rmargin 3\n"
-      "set multiplot layout 2,2 title \"" +
-      fmt::format("{:g} stations at 1 kHz over TLS on {} shared cores: ", most,
-                  std::thread::hardware_concurrency()) +
-      (met ? "nothing lost, viewers within 50 ms" : "NOT all goals met, see the table") +
-      "\" font ',14'\n"
-      "set yrange [0:*]\nset ylabel 'processor [cores]'\n"
-      "plot $runs using 1:2" +
-      line + "pt 7 lc rgb '#0072b2' title 'server', $runs using 1:3" + line +
-      "pt 5 lc rgb '#d55e00' title 'generator (stations and viewers)'\n"
-      "set ylabel 'capture to viewer [ms]'\nset yrange [0:*<200]\nset key top left\n"
-      "plot 50 with lines dt 2 lw 2 lc rgb '#606a75' title 'goal for p99', $runs using 1:5" +
-      line + "pt 7 lc rgb '#d55e00' title 'p99', $runs using 1:4" + line +
-      "pt 5 lc rgb '#0072b2' title 'p50'\n"
-      "set key off\nset yrange [0:*]\nset ylabel 'memory of the server [MiB]'\n"
-      "plot $runs using 1:6" +
-      line + "pt 7 lc rgb '#0072b2'\n" + "set ylabel 'database [MB a minute]'\nplot $runs using 1:7" + line +
-      "pt 7 lc rgb '#009e73'\nunset multiplot\n";
-  return plotPng(script, png, 1300, 900);
+  const auto over = [&](auto get) {
+    std::vector<double> values;
+    for (const Json& run : growth.runs) values.push_back(get(run));
+    return values;
+  };
+  const auto column = [&](const char* key) {
+    return over([=](const Json& run) { return number(run, key); });
+  };
+  const auto busy = [&](const char* key) { return over([=](const Json& run) { return cores(run, key); }); };
+  return drawPlot(
+      embeddedLoadPlots(), "growth", png,
+      {{"stations", column("stations")},
+       {"server_cores", busy("server_cpu_s")},
+       {"generator_cores", busy("generator_cpu_s")},
+       {"live_p50_ms", column("live_p50_ms")},
+       {"live_p99_ms", column("live_p99_ms")},
+       {"server_mib", over([](const Json& run) { return number(run, "server_rss_kib") / 1024; })},
+       {"database_mb_a_minute", over([](const Json& run) {
+          return number(run, "database_bytes") * 1e-6 * 60 / std::max(0.001, number(run, "seconds"));
+        })},
+       {"most", growth.runs.empty() ? 1000 : number(growth.runs.back(), "stations")},
+       {"goal_ms", GrowthGoals().live_p99_ms},
+       {"shared_cores", static_cast<double>(std::thread::hardware_concurrency())},
+       {"finding", met ? "nothing lost, viewers within 50 ms" : "NOT all goals met, see the table"}});
 }
 
 }  // namespace needlelab::test

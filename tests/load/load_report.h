@@ -4,12 +4,18 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "common/base/program.h"
 #include "common/base/result.h"
 #include "tests/load/load_run.h"
 #include "tests/load/own_server.h"
+
+namespace needlelab {
+std::span<const EmbeddedFile> embeddedLoadPlots();  ///< the .gp files of this folder
+}  // namespace needlelab
 
 namespace needlelab::test {
 

@@ -67,36 +67,6 @@ std::string samplesCsv(const std::vector<ServerRow>& rows) {
   return text;
 }
 
-std::string script(const LoadResult& r, const std::vector<Finding>& findings,
-                   const std::filesystem::path& csv) {
-  const Verdict verdict = verdictOf(findings);
-  const auto rows = judgedRows(r);
-  const double from_min = rows.empty() ? 0 : rows.front().time_s / 60;
-  const std::string file = "'" + csv.string() + "' skip 1 ";
-  return "set datafile separator ','\nset grid lc rgb '#d8dde3'\nset border 3 lc rgb '#606a75'\n"
-         "set tics nomirror\nset lmargin 12\nset rmargin 4\nset key off\n"
-         "set multiplot layout 3,1 title \"" +
-         fmt::format("{} stations with random faults ({} lost connections, {} kill -9): ", r.options.stations,
-                     r.cuts, r.kills) +
-         (verdict == Verdict::kGood   ? "memory and handles stay flat, nothing is lost"
-          : verdict == Verdict::kOpen ? "nothing is lost; too short to tell of memory"
-                                      : "NOT as it should be, see the table") +
-         "\" font ',13'\n" + fmt::format("set xrange [0:{:g}]\n", r.streamed_s / 60) +
-         fmt::format(
-             "set arrow 1 from first {:g}, graph 0 to first {:g}, graph 1 nohead dt 3 lc rgb '#606a75'\n",
-             from_min, from_min) +
-         fmt::format(
-             "set label 1 'judged from here' at first {:g}, graph 0.1 offset 0.5,0 tc rgb '#606a75'\n",
-             from_min) +
-         "set yrange [0:*]\nset ylabel \"server's memory\\n[MiB]\"\nplot " + file +
-         "using ($1/60):($2/1024) with lines lw 2 lc rgb '#0072b2'\nunset label 1\n"
-         "set ylabel 'open handles'\nplot " +
-         file +
-         "using ($1/60):4 with lines lw 2 lc rgb '#d55e00'\nset xlabel 'minutes'\n"
-         "set ylabel \"database\\n[MB]\"\nplot " +
-         file + "using ($1/60):($8/1e6) with lines lw 2 lc rgb '#009e73'\nunset multiplot\n";
-}
-
 }  // namespace
 
 std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
@@ -156,7 +126,16 @@ Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
         {"table.txt", machineText() + "\n" + tableText(findings)}})
     RETURN_IF_ERROR(writeFileAtomically(out / name, viewOf(text)));
   if (!hasGnuplot() || result.rows.empty()) return {};
-  return plotPng(script(result, findings, out / "samples.csv"), out / "soak.png", 1200, 850);
+  const auto judged = judgedRows(result);
+  return drawPlot(
+      embeddedLoadPlots(), "load_soak", out / "soak.png",
+      {{"csv", (out / "samples.csv").string()},
+       {"stations", static_cast<double>(result.options.stations)},
+       {"cuts", static_cast<double>(result.cuts)},
+       {"kills", static_cast<double>(result.kills)},
+       {"streamed_s", result.streamed_s},
+       {"judged_s", judged.empty() ? 0 : judged.front().time_s},
+       {"finding", findingOf(verdictOf(findings), "memory and handles stay flat, nothing is lost")}});
 }
 
 }  // namespace needlelab::test

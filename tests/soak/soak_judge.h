@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tests/soak/soak_run.h"
@@ -47,6 +48,8 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
 /// The worst of them.
 Verdict verdictOf(const std::vector<Finding>& findings);
 const char* verdictText(Verdict verdict);
+/// Ends the title of a picture; `good` is what to say of a good run.
+std::string findingOf(Verdict verdict, std::string_view good);
 
 // A soak run as files: samples.csv, minutes.csv, table.txt, soak.png.
 

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <random>
 
+#include "client/sim/tools/gnuplot.h"
 #include "tests/soak/soak_judge.h"
 #include "tests/support/temp_folder.h"
 
@@ -130,6 +131,19 @@ TEST(SoakJudge, aGoodHourIsGoodAndEachFaultIsFound) {
             }),
             Verdict::kGood)
       << "the warm-up is not judged";
+}
+
+TEST(SoakReport, isWrittenAsTablesAndAPicture) {
+  const TempFolder folder;
+  SoakOptions options = hour();
+  options.out = folder.path();
+  SoakMinutes minutes;
+  for (int i = 1; i <= 60; ++i) minutes.push_back({60.0 * i, 60'000, 1, 20, 80, 1, 30});
+  const Status written = writeReport(goodHour(), options, minutes, judge(goodHour(), options, minutes));
+  ASSERT_TRUE(written.ok()) << written.error().message;
+  for (const char* name : {"samples.csv", "minutes.csv", "table.txt"})
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / name)) << name;
+  EXPECT_EQ(std::filesystem::exists(folder.path() / "soak.png"), hasGnuplot());
 }
 
 TEST(SoakProcessSample, seesThisProcess) {

@@ -10,11 +10,9 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
-#include <span>
 #include <system_error>
 
 #include "common/base/files.h"
-#include "common/base/program.h"
 
 extern char** environ;  // POSIX: the environment that the child gets
 
@@ -82,33 +80,6 @@ Status runGnuplot(std::vector<std::string> command, const std::filesystem::path&
   return {};
 }
 
-struct PlotFile {
-  std::string_view name, text;
-};
-
-// runs the first of `files`; all files are beside the picture, under its name, until the picture is complete
-Status draw(const std::vector<PlotFile>& files, const std::filesystem::path& png,
-            const std::string& commands) {
-  const std::filesystem::path part = png.string() + ".part", folder = png.string() + ".plots",
-                              messages = png.string() + ".err";
-  std::error_code failed;
-  std::filesystem::create_directory(folder, failed);
-  Status status =
-      failed ? Status(Error{ErrorCode::kFailed, folder.string() + ": " + failed.message()}) : Status();
-  for (const PlotFile& file : files)
-    if (status.ok()) status = writeFileAtomically(folder / file.name, viewOf(file.text));
-  const std::string settings = fmt::format("set loadpath {}; png = {}; {}", inGnuplotQuotes(folder.string()),
-                                           inGnuplotQuotes(part.string()), commands);
-  if (status.ok()) status = runGnuplot({"-e", settings, (folder / files.front().name).string()}, messages);
-  if (status.ok()) {
-    std::filesystem::rename(part, png, failed);
-    if (failed) status = Error{ErrorCode::kFailed, png.string() + ": " + failed.message()};
-  }
-  std::error_code ignored;  // left-overs do no harm
-  for (const auto& path : {part, folder, messages}) std::filesystem::remove_all(path, ignored);
-  return status;
-}
-
 }  // namespace
 
 bool hasGnuplot() {
@@ -127,25 +98,33 @@ bool hasGnuplot() {
 
 Status drawPlot(std::string_view plot, const std::filesystem::path& png,
                 const std::vector<PlotVariable>& variables) {
-  // the plot file itself first, then the files that it may load
-  std::vector<PlotFile> files;
-  for (const EmbeddedFile& file : embeddedPlots()) files.push_back({file.name, file.text});
-  const auto own = std::find_if(files.begin(), files.end(), [&](const PlotFile& file) {
-    return file.name == fmt::format("{}.gp", plot);
-  });
-  if (own == files.end())
-    return Error{ErrorCode::kNotFound, fmt::format("this program has no plot file '{}'", plot)};
-  std::swap(*own, files.front());
-  return draw(files, png, assignments(variables));
+  return drawPlot(embeddedPlots(), plot, png, variables);
 }
 
-Status plotPng(const std::string& script, const std::filesystem::path& png, int width, int height) {
-  const std::string whole = fmt::format(
-      "set terminal pngcairo size {},{} enhanced font 'DejaVu Sans,13' background '#ffffff'\nset encoding "
-      "utf8\n"
-      "set output png\n{}\nunset output\n",
-      width, height, script);
-  return draw({{"script.gp", whole}}, png, {});
+Status drawPlot(std::span<const EmbeddedFile> files, std::string_view plot, const std::filesystem::path& png,
+                const std::vector<PlotVariable>& variables) {
+  const std::string own = fmt::format("{}.gp", plot);
+  if (std::none_of(files.begin(), files.end(), [&](const EmbeddedFile& file) { return file.name == own; }))
+    return Error{ErrorCode::kNotFound, fmt::format("this program has no plot file '{}'", plot)};
+  // all files are beside the picture, under its name, until the picture is complete
+  const std::filesystem::path part = png.string() + ".part", folder = png.string() + ".plots",
+                              messages = png.string() + ".err";
+  std::error_code failed;
+  std::filesystem::create_directory(folder, failed);
+  Status status =
+      failed ? Status(Error{ErrorCode::kFailed, folder.string() + ": " + failed.message()}) : Status();
+  for (const EmbeddedFile& file : files)
+    if (status.ok()) status = writeFileAtomically(folder / file.name, viewOf(file.text));
+  const std::string settings = fmt::format("set loadpath {}; png = {}; {}", inGnuplotQuotes(folder.string()),
+                                           inGnuplotQuotes(part.string()), assignments(variables));
+  if (status.ok()) status = runGnuplot({"-e", settings, (folder / own).string()}, messages);
+  if (status.ok()) {
+    std::filesystem::rename(part, png, failed);
+    if (failed) status = Error{ErrorCode::kFailed, png.string() + ": " + failed.message()};
+  }
+  std::error_code ignored;  // left-overs do no harm
+  for (const auto& path : {part, folder, messages}) std::filesystem::remove_all(path, ignored);
+  return status;
 }
 
 void PlotTable::row(std::span<const double> numbers, std::initializer_list<std::string_view> texts) {

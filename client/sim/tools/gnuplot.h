@@ -1,5 +1,4 @@
-/// Draws pictures with gnuplot, found at run time, from the plot files of client/sim/plots and the tables
-/// that they read.
+/// Draws pictures with gnuplot, found at run time, from plot files and the tables that they read.
 #pragma once
 
 #include <filesystem>
@@ -11,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/base/program.h"
 #include "common/base/result.h"
 
 namespace needlelab {
@@ -22,13 +22,15 @@ bool hasGnuplot();
 using PlotVariable =
     std::pair<std::string, std::variant<double, std::string, std::vector<double>, std::vector<std::string>>>;
 
-/// Draws `png` with the plot file `plot` ("fig07"). The picture file appears only when it is complete; the
-/// plot file gets its path as `png`, besides the `variables`. Errors: kFailed with gnuplot's own message.
+/// Draws `png` with the plot file `plot` of client/sim/plots ("fig07"). The picture file appears only when it
+/// is complete; the plot file gets its path as `png`, besides the `variables`. Errors: kFailed with gnuplot's
+/// own message, kNotFound for an unknown plot file.
 Status drawPlot(std::string_view plot, const std::filesystem::path& png,
                 const std::vector<PlotVariable>& variables);
 
-/// The same with a script that begins after `set terminal` and `set output`. `width`, `height` in pixels.
-Status plotPng(const std::string& script, const std::filesystem::path& png, int width, int height);
+/// The same with a plot file of `files`, which may load the others.
+Status drawPlot(std::span<const EmbeddedFile> files, std::string_view plot, const std::filesystem::path& png,
+                const std::vector<PlotVariable>& variables);
 
 /// A CSV under construction. Numbers have 9 significant digits: a picture's data, not a recording.
 class PlotTable {

@@ -18,11 +18,24 @@ std::size_t filesIn(const std::filesystem::path& folder) {
   return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
 }
 
+// with a plot file of the test's own
+Status drawScript(std::string_view script, const std::filesystem::path& png,
+                  const std::vector<PlotVariable>& variables = {}) {
+  const EmbeddedFile files[] = {
+      {"terminal.gp", "set terminal pngcairo size width,height\nset encoding utf8\nset output png\n"},
+      {"script.gp", script}};
+  return drawPlot(files, "script", png, variables);
+}
+
 TEST(Gnuplot, drawsAPictureOfTheAskedSize) {
   if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
   const test::TempFolder folder;
   const auto png = folder.path() / "it's a test.png";
-  const Status status = plotPng("plot sin(x) title 'ω_n'", png, 640, 360);
+  const Status status = drawScript("load 'terminal.gp'\nplot sin(x) title words[2], height_m[1]\n", png,
+                                   {{"width", 640.0},
+                                    {"height", 360.0},
+                                    {"height_m", std::vector<double>{0.5}},
+                                    {"words", std::vector<std::string>{"a", "it's ω_n"}}});
   ASSERT_TRUE(status.ok()) << status.error().message;
   const std::string bytes = *readWholeFile(png);
   // PNG signature, then the header chunk with width and height, big-endian
@@ -41,10 +54,19 @@ TEST(Gnuplot, drawsAPictureOfTheAskedSize) {
 TEST(Gnuplot, aWrongScriptFailsWithGnuplotsWordsAndLeavesNothing) {
   if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
   const test::TempFolder folder;
-  const Status status = plotPng("plod sin(x)", folder.path() / "p.png", 640, 360);
+  const Status status = drawScript("plod sin(x)\n", folder.path() / "p.png");
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().code, ErrorCode::kFailed);
   EXPECT_THAT(status.error().message, HasSubstr("plod"));
+  EXPECT_EQ(filesIn(folder.path()), 0u);
+}
+
+TEST(Gnuplot, anUnknownPlotFileIsNamed) {
+  const test::TempFolder folder;
+  const Status status = drawPlot("fig99", folder.path() / "p.png", {});
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(status.error().message, HasSubstr("fig99"));
   EXPECT_EQ(filesIn(folder.path()), 0u);
 }
 
