@@ -82,7 +82,11 @@ function(needlelab_test name)
   # One label such as unit-net-threads: ctest selects by regular expression, and gtest_discover_tests does not keep
   # lists.
   string(JOIN "-" label ${ARG_LABEL})
-  if(ARG_TOGETHER)
+  # A process under a sanitizer takes long to start, so there each program is one test.
+  if(NEEDLELAB_SANITIZE)
+    math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
+  endif()
+  if(ARG_TOGETHER OR NEEDLELAB_SANITIZE)
     add_test(NAME ${name} COMMAND ${name})
     set_tests_properties(${name} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
     return()
