@@ -91,7 +91,7 @@ class Running(unittest.TestCase):
         self.nightly.RESULTS, self.nightly.LOGS = self.folder / "results", self.folder / "logs"
         self.nightly.README = self.folder / "README.md"
         self.nightly.README.write_text(f"before\n{self.nightly.BEGIN}\n{self.nightly.END}\nafter\n", encoding="utf-8")
-        self.nightly.commit = lambda: "abc1234"
+        self.nightly.commit = lambda build=None: "abc1234"
 
     def piece(self, name, script, numbers=(), programs=()):
         program = self.folder / "bin" / name
@@ -153,13 +153,13 @@ class Running(unittest.TestCase):
         self.assertIn("good: ran at this commit, passed; --again", said)
         self.assertEqual(self.run_pieces(good, bad, arguments=["--again", "good"])[0], 0)
         self.assertEqual(runs(), 3)
-        self.nightly.commit = lambda: "def5678"
+        self.nightly.commit = lambda build=None: "def5678"
         self.run_pieces(good, bad)
         self.assertEqual(runs(), 5)
 
     def test_a_piece_that_cannot_run_leaves_the_earlier_result(self):
         self.run_pieces(self.piece("systemd", "true"))
-        self.nightly.commit = lambda: "def5678"
+        self.nightly.commit = lambda build=None: "def5678"
         code, said, results = self.run_pieces(self.piece("systemd", "echo 'skipped: no root'; exit 77"))
         self.assertEqual((code, results["systemd"]["verdict"], results["systemd"]["commit"]), (1, "passed", "abc1234"), said)
         self.assertIn("could not run: no root", said)
