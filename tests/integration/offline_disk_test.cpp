@@ -12,10 +12,14 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 using testing::Not;
 
+// runs a command in a mount namespace of its own
+constexpr const char* kPrivateMounts = NEEDLELAB_SOURCE "/tests/support/private_mounts";
+
 class OfflineDiskTest : public testing::Test {
  protected:
   void SetUp() override {
-    Process probe("/bin/sh", {"-c", "unshare -Urm mount -t tmpfs tmpfs /mnt"}, lab_.path("probe.log"));
+    Process probe(kPrivateMounts, {"sh", "-c", "mount -t tmpfs tmpfs /mnt && umount /mnt"},
+                  lab_.path("probe.log"));
     if (probe.wait(20s) != 0) GTEST_SKIP() << "no mount namespaces here: " << probe.said();
     lab_.startServer();
     std::filesystem::create_directory(lab_.path("disk"));
@@ -38,10 +42,9 @@ class OfflineDiskTest : public testing::Test {
                               " &\nstation=$!\n"
                               "until cat \"$disk\"/*/tail 2>/dev/null | grep -q .; do sleep 0.05; done\n" +
                               script + "\nwait $station\ncode=$?\nrm -f \"$disk/ballast\"\ncp -r \"$disk\" " +
-                              quoted(lab_.path("left")) + "\nexit $code\n";
-    return std::make_unique<Process>(
-        "/bin/sh", std::vector<std::string>{"-c", "unshare -Urm /bin/sh -c " + quoted(shell)},
-        lab_.path(name + ".log"));
+                              quoted(lab_.path("left")) + "\numount \"$disk\"\nexit $code\n";
+    return std::make_unique<Process>(kPrivateMounts, std::vector<std::string>{"/bin/sh", "-c", shell},
+                                     lab_.path(name + ".log"));
   }
   static std::string quoted(const std::string& text) {
     std::string out = "'";
@@ -132,14 +135,14 @@ TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEver
 }
 
 TEST_F(OfflineDiskTest, aSpoolThatMayNotBeWrittenIsSaidBeforeTheLesson) {
-  Process station(
-      "/bin/sh",
-      {"-c", "unshare -Urm /bin/sh -c " +
-                 quoted("mount -t tmpfs -o ro tmpfs " + quoted(lab_.path("disk")) + " && exec " +
-                        quoted(std::string(NEEDLELAB_BIN) + "/needlelab-station") + " --profile " +
-                        quoted(NEEDLELAB_SAMPLES "/knee-adult.json") + " --headless --seconds 0.2 --spool " +
-                        quoted(lab_.path("disk") / "spool"))},
-      lab_.path("readonly.log"));
+  const std::string disk = quoted(lab_.path("disk"));
+  Process station(kPrivateMounts,
+                  {"/bin/sh", "-c",
+                   "mount -t tmpfs -o ro tmpfs " + disk + " && " +
+                       quoted(std::string(NEEDLELAB_BIN) + "/needlelab-station") + " --profile " +
+                       quoted(NEEDLELAB_SAMPLES "/knee-adult.json") + " --headless --seconds 0.2 --spool " +
+                       disk + "/spool; code=$?; umount " + disk + "; exit $code"},
+                  lab_.path("readonly.log"));
   EXPECT_EQ(station.wait(30s), kExitFailed) << station.said();
   EXPECT_THAT(station.said(), AllOf(HasSubstr("spool"), HasSubstr("Read-only file system")));
 }

@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/mount.h>
+#include <unistd.h>
 
 #include <cerrno>
+#include <cstring>
+#include <fstream>
 #include <thread>
 
 #include "client/net/uplink.h"
@@ -206,21 +209,43 @@ std::string keyOf(const std::string& line) {
   return key;
 }
 
+/// Gives this process, and the children that it starts later, a mount namespace of their own, as
+/// tests/support/private_mounts does for a command. Returns why the system refuses, or nothing. Call it
+/// before there is a second thread.
+std::string enterPrivateMounts() {
+  const uid_t uid = ::geteuid();
+  const gid_t gid = ::getegid();
+  if (::unshare(uid == 0 ? CLONE_NEWNS : CLONE_NEWNS | CLONE_NEWUSER) != 0)
+    return std::string("unshare: ") + std::strerror(errno);
+  if (uid != 0) {
+    std::ofstream("/proc/self/setgroups") << "deny";
+    std::ofstream("/proc/self/uid_map") << "0 " + std::to_string(uid) + " 1";
+    std::ofstream("/proc/self/gid_map") << "0 " + std::to_string(gid) + " 1";
+  }
+  // EINVAL: in a chroot "/" is not a mount point, and mounts stay as private as they were
+  if (::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 && errno != EINVAL)
+    return std::string("cannot make mounts private: ") + std::strerror(errno);
+  return {};
+}
+
 /// A private small disk for this program and its children; removed at the end.
 class SmallDisk {
  public:
   explicit SmallDisk(const char* size) {
-    static const bool apart =
-        ::unshare(CLONE_NEWNS) == 0 && ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0;
-    mounted_ = apart && ::mount("none", path().c_str(), "tmpfs", 0,
-                                (std::string("mode=0700,size=") + size).c_str()) == 0;
+    static const std::string refused = enterPrivateMounts();
+    trouble_ = refused;
+    if (!trouble_.empty()) return;
+    mounted_ =
+        ::mount("none", path().c_str(), "tmpfs", 0, (std::string("mode=0700,size=") + size).c_str()) == 0;
+    if (!mounted_) trouble_ = std::string("mount: ") + std::strerror(errno);
   }
   ~SmallDisk() {
     if (mounted_) ::umount2(path().c_str(), MNT_DETACH);
   }
   SmallDisk(const SmallDisk&) = delete;
   SmallDisk& operator=(const SmallDisk&) = delete;
-  [[nodiscard]] bool mounted() const { return mounted_; }
+  /// Returns why there is no small disk, or nothing.
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
   [[nodiscard]] const fs::path& path() const { return folder_.path(); }
   void resize(const char* size) const {
     ASSERT_EQ(::mount("none", path().c_str(), "tmpfs", MS_REMOUNT, (std::string("size=") + size).c_str()), 0);
@@ -232,11 +257,12 @@ class SmallDisk {
  private:
   TempFolder folder_;
   bool mounted_ = false;
+  std::string trouble_;
 };
 
 TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
   const SmallDisk disk("3m");
-  if (!disk.mounted()) GTEST_SKIP() << "this user may not mount a small disk";
+  if (!disk.trouble().empty()) GTEST_SKIP() << "no small disk can be mounted here: " << disk.trouble();
   const TempFolder folder;
   const auto log = [&](const std::string& name) { return folder.path() / (name + ".log"); };
   const auto arguments =
