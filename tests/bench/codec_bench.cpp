@@ -27,7 +27,8 @@ const std::vector<std::vector<GestureSample>>& chunksOfSamples() {
         parts.emplace_back(samples.begin() + static_cast<std::ptrdiff_t>(at),
                            samples.begin() + static_cast<std::ptrdiff_t>(at + kChunkSamples));
     };
-    for (const auto& gesture : test::recordedGestures()) cut(gesture.samples);
+    for (const auto& gesture : test::recordedGestures({test::realRecordingsFolder(), true}))
+      cut(gesture.samples);
     if (parts.empty()) cut(test::smoothGesture(40 * kChunkSamples));
     return parts;
   }();

@@ -101,9 +101,10 @@ bool met(const Figures& f) {
 }  // namespace
 
 int recordCodec(const std::filesystem::path& results, const std::string& commit) {
-  const auto gestures = recordedGestures();
+  const auto gestures = test::recordedGestures({test::realRecordingsFolder(), true});
   if (gestures.empty()) {
-    std::fprintf(stderr, "codec_bench: no recordings in %s; set NEEDLELAB_DATA\n", dataFolder().c_str());
+    std::fprintf(stderr, "codec_bench: no recordings in %s; set NEEDLELAB_DATA\n",
+                 test::realRecordingsFolder().c_str());
     return 2;
   }
   std::ostringstream text;

@@ -69,7 +69,8 @@ struct Material {
       for (std::size_t at = 0; at + 1000 <= samples.size(); at += 1000)
         chunks.push_back(encodeChunk(Resolution::standard(), std::span(samples).subspan(at, 1000)));
     };
-    for (const auto& gesture : recordedGestures()) cut(gesture.samples);
+    for (const auto& gesture : test::recordedGestures({test::realRecordingsFolder(), true}))
+      cut(gesture.samples);
     if (!chunks.empty())
       source = "the four recordings";
     else

@@ -20,6 +20,9 @@
 #include "tests/support/model_scenes.h"
 #include "tests/support/motions.h"
 #include "tests/support/scenes.h"
+#ifdef NEEDLELAB_RECORDINGS
+#include "tests/support/recordings/recordings.h"
+#endif
 
 namespace needlelab::test {
 namespace {
@@ -164,17 +167,8 @@ std::vector<Case> preparedCases() {
   return cases;
 }
 
-// recordings of a real Virtuose 6D, moved so that the middle of the path lies 15 mm in; not in the repository
-std::filesystem::path dataFolder() {
-  const char* text = std::getenv("NEEDLELAB_DATA");
-  return text != nullptr ? std::filesystem::path(text)
-                         : std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "../shared/data";
-}
-
-std::vector<std::string> recordings() {
-  return {"backward", "downward", "lateral_left", "virtuose_x_backward"};
-}
-
+#ifdef NEEDLELAB_RECORDINGS
+// a recorded path, with the tissue at its middle
 std::uint64_t hashOfRecording(const std::filesystem::path& file) {
   const auto table = readCsv(file, {"px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"});
   EXPECT_TRUE(table.ok()) << (table.ok() ? "" : table.error().message);
@@ -195,6 +189,16 @@ std::uint64_t hashOfRecording(const std::filesystem::path& file) {
   scene.limb = PlaneLimb{first + (farthest - first) * 0.5, first - farthest};
   return hashOfRun(scene, 1000, motion);
 }
+
+// {row of golden.csv, hash}: of a real Virtuose's recordings and of those that a simulated hand makes
+std::map<std::string, std::uint64_t> hashesOf(const Recordings& recordings) {
+  std::map<std::string, std::uint64_t> hashes;
+  for (const std::string name : kPoseRecordings)
+    hashes[(recordings.real ? "recording_" : "made_") + name] =
+        hashOfRecording(recordings.folder / "virtuose" / (name + ".csv"));
+  return hashes;
+}
+#endif
 
 // name,hash lines
 std::map<std::string, std::uint64_t> readGolden() {
@@ -222,10 +226,10 @@ TEST(Golden, preparedMotionsGiveTheRecordedBits) {
     std::ofstream file(out);
     file << "case,fnv1a_64\n";
     for (const auto& c : preparedCases()) file << c.name << "," << hex(c.hash()) << "\n";
-    if (std::filesystem::exists(dataFolder() / "virtuose"))
-      for (const auto& name : recordings())
-        file << "recording_" << name << ","
-             << hex(hashOfRecording(dataFolder() / "virtuose" / (name + ".csv"))) << "\n";
+#ifdef NEEDLELAB_RECORDINGS
+    for (const Recordings& recordings : allRecordings())
+      for (const auto& [name, hash] : hashesOf(recordings)) file << name << "," << hex(hash) << "\n";
+#endif
     GTEST_SKIP() << "wrote " << out;
   }
   const auto golden = readGolden();
@@ -235,17 +239,16 @@ TEST(Golden, preparedMotionsGiveTheRecordedBits) {
   }
 }
 
+#ifdef NEEDLELAB_RECORDINGS
 TEST(Golden, recordedHandMotionsGiveTheRecordedBits) {
-  if (!std::filesystem::exists(dataFolder() / "virtuose"))
-    GTEST_SKIP() << "no recordings under " << dataFolder() << " (set NEEDLELAB_DATA)";
   const auto golden = readGolden();
-  for (const auto& name : recordings()) {
-    ASSERT_TRUE(golden.contains("recording_" + name)) << name << " is not in golden.csv";
-    EXPECT_EQ(hex(hashOfRecording(dataFolder() / "virtuose" / (name + ".csv"))),
-              hex(golden.at("recording_" + name)))
-        << name;
-  }
+  for (const Recordings& recordings : allRecordings())
+    for (const auto& [name, hash] : hashesOf(recordings)) {
+      ASSERT_TRUE(golden.contains(name)) << name << " is not in golden.csv";
+      EXPECT_EQ(hex(hash), hex(golden.at(name))) << name;
+    }
 }
+#endif
 
 TEST(Golden, runningTwiceGivesTheSameBits) {
   for (const auto& c : preparedCases()) EXPECT_EQ(c.hash(), c.hash()) << c.name;

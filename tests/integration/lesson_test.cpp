@@ -11,6 +11,7 @@
 #include "common/base/program.h"
 #include "common/haptics/tool_transform.h"
 #include "tests/integration/lab.h"
+#include "tests/support/recordings/recordings.h"
 
 namespace needlelab::test {
 namespace {
@@ -383,15 +384,13 @@ TEST_F(LessonTest, wrongInputIsRefusedWithItsExitCode) {
             kExitDone);
 }
 
-// the four real recordings, through the ball, as the issue asks
-class RealRecording : public testing::TestWithParam<const char*> {};
+// the four recordings, through the ball
+class RecordedHand : public testing::TestWithParam<const char*> {};
 
-TEST_P(RealRecording, isExportedAsItWasPlayed) {
-  const char* data = std::getenv("NEEDLELAB_DATA");
-  const std::filesystem::path file =
-      std::filesystem::path(data != nullptr ? data : NEEDLELAB_SOURCE "/../shared/data") / "virtuose" /
-      GetParam();
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << file << " is not there; set NEEDLELAB_DATA";
+TEST_P(RecordedHand, isExportedAsItWasPlayed) {
+  const Recordings recordings = preferredRecordings();
+  SCOPED_TRACE(recordings.name());
+  const std::filesystem::path file = recordings.folder / "virtuose" / (std::string(GetParam()) + ".csv");
   const PoseTrack track = *readPoseTrack(file);
 
   // the ball's centre half way along the stroke, the needle along the stroke there
@@ -421,13 +420,8 @@ TEST_P(RealRecording, isExportedAsItWasPlayed) {
   RecordProperty("bytes_per_sample", summary["bytes_per_sample"].dump());
 }
 
-INSTANTIATE_TEST_SUITE_P(Virtuose, RealRecording,
-                         testing::Values("downward.csv", "backward.csv", "lateral_left.csv",
-                                         "virtuose_x_backward.csv"),
-                         [](const auto& each) {
-                           const std::string name = each.param;
-                           return name.substr(0, name.find('.'));
-                         });
+INSTANTIATE_TEST_SUITE_P(Virtuose, RecordedHand, testing::ValuesIn(kPoseRecordings),
+                         [](const auto& each) { return std::string(each.param); });
 
 }  // namespace
 }  // namespace needlelab::test

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <numbers>
 #include <random>
@@ -10,6 +9,7 @@
 #include "client/device/pivot.h"
 #include "client/device/recording_device.h"
 #include "client/device/simulated_device.h"
+#include "tests/support/recordings/recordings.h"
 
 namespace needlelab {
 namespace {
@@ -253,24 +253,19 @@ TEST(Pivot, refusesWhatIsNoPose) {
   EXPECT_FALSE(fitPivot(std::vector<PivotSample>(100)).ok());  // at rest
 }
 
-// Free movements of a real Virtuose contain no pivot, so none must be found.
-TEST(Pivot, refusesRealMovementsThatAreNoPivot) {
-  const char* data = std::getenv("NEEDLELAB_DATA");
-  const std::filesystem::path folder =
-      std::filesystem::path(data == nullptr ? "../shared/data" : data) / "virtuose";
-  if (!std::filesystem::is_directory(folder)) GTEST_SKIP() << "no recordings in " << folder;
-  int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const auto track = readPoseTrack(entry.path());
-    ASSERT_TRUE(track.ok()) << track.error().message;
-    std::vector<PivotSample> samples;
-    for (std::size_t i = 0; i < track->t_s.size(); i += 10)
-      samples.push_back({track->t_s[i], track->X_WH[i]});
-    const auto fit = fitPivot(samples);
-    EXPECT_TRUE(!fit.ok() || !pivotTrouble(*fit).empty()) << entry.path();
-    ++files;
-  }
-  EXPECT_GT(files, 0);
+// Free movements contain no pivot, so none must be found.
+TEST(Pivot, refusesMovementsThatAreNoPivot) {
+  for (const test::Recordings& recordings : test::allRecordings())
+    for (const std::string name : test::kPoseRecordings) {
+      SCOPED_TRACE(recordings.name() + " " + name);
+      const auto track = readPoseTrack(recordings.folder / "virtuose" / (name + ".csv"));
+      ASSERT_TRUE(track.ok()) << track.error().message;
+      std::vector<PivotSample> samples;
+      for (std::size_t i = 0; i < track->t_s.size(); i += 10)
+        samples.push_back({track->t_s[i], track->X_WH[i]});
+      const auto fit = fitPivot(samples);
+      EXPECT_TRUE(!fit.ok() || !pivotTrouble(*fit).empty());
+    }
 }
 
 }  // namespace

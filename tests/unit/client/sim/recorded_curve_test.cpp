@@ -2,14 +2,16 @@
 // recorded curve as closely as the report states.
 #include "client/sim/accuracy/recorded_curve.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
 
 #include "client/sim/accuracy/recorded.h"
+#include "tests/support/recordings/recordings.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/client/sim/recorded_support.h"
 
 namespace needlelab {
 namespace {
@@ -142,36 +144,39 @@ TEST(RecordedCurve, aFitSeesNothingOfWhatIsHeldOut) {
 }
 
 TEST(RecordedCurve, everyModelFollowsTheBovineCurveAsWellAsItsKindAllows) {
-  NEEDLELAB_NEEDS_RECORDING(kLiverHeartFile);
-  int backward = 0;
-  const auto rows = readForceOverDepth(test::recordings() / kLiverHeartFile, &backward);
-  ASSERT_TRUE(rows.ok()) << rows.error().message;
-  EXPECT_EQ(rows->size(), 371u);
-  EXPECT_EQ(backward, 20);
-  const DepthCurve curve = depthCurve(*rows);
-  // N, on the held-out data; the worse of both halves
-  const std::map<AxialModel, double> limits = {{AxialModel::kEnhancedTrackingWall, 0.15},
-                                               {AxialModel::kTrackingWall, 0.13},
-                                               {AxialModel::kDirect, 0.13},
-                                               {AxialModel::kVoigt, 0.3},
-                                               {AxialModel::kGodObject, 0.25},
-                                               {AxialModel::kFirstOrder, 0.25},
-                                               {AxialModel::kPrecomputed, 0.15}};
-  for (const int fold : {0, 1}) {
-    const auto models = curveModels(chosenBins(curve, alternateBlocks(fold)));
-    EXPECT_EQ(models.size(), limits.size() + 1) << "the enhanced wall twice";
-    for (const CurveModel& model : models) {
-      const auto fit = fitCurve(curve, model, alternateBlocks(fold));
-      ASSERT_TRUE(fit.ok()) << fit.error().message;
-      EXPECT_LE(fit->held_out.rms, limits.at(model.model))
-          << axialModelName(model.model) << ", " << model.variant << ", fold " << fold;
+  for (const test::Recordings& recordings : test::allRecordings()) {
+    SCOPED_TRACE(recordings.name());
+    int backward = 0;
+    const auto rows = readForceOverDepth(recordings.folder / kLiverHeartFile, &backward);
+    ASSERT_TRUE(rows.ok()) << rows.error().message;
+    EXPECT_EQ(rows->size(), 371u);
+    EXPECT_EQ(backward, 20);
+    const DepthCurve curve = depthCurve(*rows);
+    // N, on the held-out data; the worse of both halves
+    const std::map<AxialModel, double> limits = {{AxialModel::kEnhancedTrackingWall, 0.15},
+                                                 {AxialModel::kTrackingWall, 0.13},
+                                                 {AxialModel::kDirect, 0.13},
+                                                 {AxialModel::kVoigt, 0.3},
+                                                 {AxialModel::kGodObject, 0.25},
+                                                 {AxialModel::kFirstOrder, 0.25},
+                                                 {AxialModel::kPrecomputed, 0.15}};
+    const double slack = recordings.real ? 1 : 1.2;  // the made curve ruptures more sharply
+    for (const int fold : {0, 1}) {
+      const auto models = curveModels(chosenBins(curve, alternateBlocks(fold)));
+      EXPECT_EQ(models.size(), limits.size() + 1) << "the enhanced wall twice";
+      for (const CurveModel& model : models) {
+        const auto fit = fitCurve(curve, model, alternateBlocks(fold));
+        ASSERT_TRUE(fit.ok()) << fit.error().message;
+        EXPECT_LE(fit->held_out.rms, slack * limits.at(model.model))
+            << axialModelName(model.model) << ", " << model.variant << ", fold " << fold;
+      }
     }
-  }
-  // The data ahead cannot be predicted: all models are far off, and the report states it.
-  for (const CurveModel& model : curveModels(chosenBins(curve, beforeTheSplit()))) {
-    const auto fit = fitCurve(curve, model, beforeTheSplit());
-    ASSERT_TRUE(fit.ok()) << fit.error().message;
-    EXPECT_GT(fit->held_out.rms, 0.3) << axialModelName(model.model);
+    // The data ahead cannot be predicted: all models are far off, and the report states it.
+    for (const CurveModel& model : curveModels(chosenBins(curve, beforeTheSplit()))) {
+      const auto fit = fitCurve(curve, model, beforeTheSplit());
+      ASSERT_TRUE(fit.ok()) << fit.error().message;
+      EXPECT_GT(fit->held_out.rms, 0.3) << axialModelName(model.model);
+    }
   }
 }
 
@@ -189,9 +194,8 @@ TEST(RecordedRows, withoutRecordingsSayWhatToDoAndGoOn) {
 }
 
 TEST(RecordedRows, everyRowNamesItsComparatorItsUncertaintyAndItsLimits) {
-  NEEDLELAB_NEEDS_RECORDING(kLiverHeartFile);
   AccuracyOptions options;
-  options.data = test::recordings();
+  options.data = test::preferredRecordings().folder;
   std::vector<std::string> notes;
   std::vector<double> shares;
   const auto rows = recordedRows(

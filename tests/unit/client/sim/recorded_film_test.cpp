@@ -1,9 +1,11 @@
 // The film's power law: propagation of uncertainty by an independent computation, and the recorded punctures.
 #include "client/sim/accuracy/recorded_film.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 
-#include "tests/unit/client/sim/recorded_support.h"
+#include "tests/support/recordings/recordings.h"
 
 namespace needlelab {
 namespace {
@@ -50,17 +52,19 @@ TEST(RecordedFilm, theEngineRupturesAtThePredictedForce) {
 }
 
 TEST(RecordedFilm, eachRecordedNeedleIsPredictedByTheTwoOthers) {
-  NEEDLELAB_NEEDS_RECORDING(kFilmFile);
-  const auto traces = readFilmTraces(test::recordings() / kFilmFile);
-  ASSERT_TRUE(traces.ok()) << traces.error().message;
-  EXPECT_EQ(traces->size(), 5u);
-  const auto forces = filmForcesOf(*traces);
-  ASSERT_TRUE(forces.ok()) << forces.error().message;
-  for (const auto& set : {*forces, statedFilmForces()})
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto p = predictFilmForce(set[i], set[(i + 1) % 3], set[(i + 2) % 3]);
-      EXPECT_LE(std::fabs(p.z), 2) << set[i].needle;
-    }
+  for (const test::Recordings& recordings : test::allRecordings()) {
+    SCOPED_TRACE(recordings.name());
+    const auto traces = readFilmTraces(recordings.folder / kFilmFile);
+    ASSERT_TRUE(traces.ok()) << traces.error().message;
+    EXPECT_EQ(traces->size(), 5u);
+    const auto forces = filmForcesOf(*traces);
+    ASSERT_TRUE(forces.ok()) << forces.error().message;
+    for (const auto& set : {*forces, statedFilmForces()})
+      for (std::size_t i = 0; i < 3; ++i) {
+        const auto p = predictFilmForce(set[i], set[(i + 1) % 3], set[(i + 2) % 3]);
+        EXPECT_LE(std::fabs(p.z), 2) << set[i].needle;
+      }
+  }
 }
 
 }  // namespace

@@ -2,10 +2,12 @@
 // recorded hold.
 #include "client/sim/accuracy/recorded_hold.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 
-#include "tests/unit/client/sim/recorded_support.h"
+#include "tests/support/recordings/recordings.h"
 
 namespace needlelab {
 namespace {
@@ -62,34 +64,38 @@ TEST(RecordedHold, withoutRowsSaysWhichAreMissing) {
 }
 
 TEST(RecordedHold, exponentialStopFollowsTheBovineHoldToAHundredthOfANewton) {
-  NEEDLELAB_NEEDS_RECORDING(kHoldFile);
-  const auto rows = readForceOverTime(test::recordings() / kHoldFile);
-  ASSERT_TRUE(rows.ok()) << rows.error().message;
-  for (const int held_out : {0, 1}) {
-    const auto fit = fitHold(*rows, StopMode::kExponential, [&](int b) { return b % 2 != held_out; });
-    const auto ramp = fitHold(*rows, StopMode::kRamp, [&](int b) { return b % 2 != held_out; });
-    ASSERT_TRUE(fit.ok() && ramp.ok());
-    EXPECT_LE(fit->held_out.rms, 0.01);
-    EXPECT_LT(fit->held_out.rms, ramp->held_out.rms);
-    // README of the data: one exponential, about 1.9 s, 0.257/0.337 left
-    EXPECT_NEAR(fit->relax_time_s, 1.9, 0.6);
-    EXPECT_NEAR(fit->relax_residual, 0.76, 0.05);
-    // single rows scatter by 0.009 N around the digitised line
-    EXPECT_LE(fit->held_out.rows_rms, 0.0105);
+  for (const test::Recordings& recordings : test::allRecordings()) {
+    SCOPED_TRACE(recordings.name());
+    const auto rows = readForceOverTime(recordings.folder / kHoldFile);
+    ASSERT_TRUE(rows.ok()) << rows.error().message;
+    for (const int held_out : {0, 1}) {
+      const auto fit = fitHold(*rows, StopMode::kExponential, [&](int b) { return b % 2 != held_out; });
+      const auto ramp = fitHold(*rows, StopMode::kRamp, [&](int b) { return b % 2 != held_out; });
+      ASSERT_TRUE(fit.ok() && ramp.ok());
+      EXPECT_LE(fit->held_out.rms, 0.01);
+      EXPECT_LT(fit->held_out.rms, ramp->held_out.rms);
+      // README of the data: one exponential, about 1.9 s, 0.257/0.337 left
+      EXPECT_NEAR(fit->relax_time_s, 1.9, 0.6);
+      EXPECT_NEAR(fit->relax_residual, 0.76, 0.05);
+      // single rows scatter by 0.009 N around the digitised line
+      EXPECT_LE(fit->held_out.rows_rms, 0.0105);
+    }
   }
 }
 
 TEST(RecordedHold, withdrawalIsFollowedRoughlyAndItsScaleStaysUnknown) {
-  NEEDLELAB_NEEDS_RECORDING(kHoldFile);
-  const auto rows = readForceOverTime(test::recordings() / kHoldFile);
-  ASSERT_TRUE(rows.ok()) << rows.error().message;
-  const auto hold = fitHold(*rows, StopMode::kExponential, [](int) { return true; });
-  ASSERT_TRUE(hold.ok());
-  const auto out = fitWithdrawal(*rows, *hold);
-  ASSERT_TRUE(out.ok()) << out.error().message;
-  EXPECT_LE(out->held_out.rms, 0.045);
-  EXPECT_GT(out->attracted_force_N, 0.03);
-  EXPECT_LT(out->attracted_force_N, 0.147) << "one constant force lies below the recorded peak";
+  for (const test::Recordings& recordings : test::allRecordings()) {
+    SCOPED_TRACE(recordings.name());
+    const auto rows = readForceOverTime(recordings.folder / kHoldFile);
+    ASSERT_TRUE(rows.ok()) << rows.error().message;
+    const auto hold = fitHold(*rows, StopMode::kExponential, [](int) { return true; });
+    ASSERT_TRUE(hold.ok());
+    const auto out = fitWithdrawal(*rows, *hold);
+    ASSERT_TRUE(out.ok()) << out.error().message;
+    EXPECT_LE(out->held_out.rms, 0.045);
+    EXPECT_GT(out->attracted_force_N, 0.03);
+    EXPECT_LT(out->attracted_force_N, 0.147) << "one constant force lies below the recorded peak";
+  }
 }
 
 }  // namespace

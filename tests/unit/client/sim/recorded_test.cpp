@@ -1,11 +1,13 @@
 // The pictures of recorded forces are drawn; without recordings, only the pictures that need none.
 #include "client/sim/accuracy/recorded.h"
 
+#include <gtest/gtest.h>
+
 #include <cstdlib>
 
 #include "client/sim/tools/gnuplot.h"
+#include "tests/support/recordings/recordings.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/client/sim/recorded_support.h"
 
 namespace needlelab {
 namespace {
@@ -22,7 +24,7 @@ TEST(RecordedPictures, withoutRecordingsAreThoseThatNeedNone) {
 
 TEST(RecordedPictures, areDrawnWithTheirTables) {
   AccuracyOptions options;
-  options.data = test::recordings();
+  options.data = test::preferredRecordings().folder;
   const test::TempFolder temporary;
   // To inspect them: NEEDLELAB_PICTURES=folder.
   const char* keep = std::getenv("NEEDLELAB_PICTURES");

@@ -1,7 +1,6 @@
 #include "tests/unit/common/gesture/recorded_gestures.h"
 
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 
 #include "common/base/csv.h"
@@ -91,16 +90,10 @@ RecordedGesture gestureOf(const std::string& name, const std::vector<TipSample>&
 
 }  // namespace
 
-std::filesystem::path dataFolder() {
-  const char* const set = std::getenv("NEEDLELAB_DATA");
-  return set != nullptr && *set != 0 ? std::filesystem::path(set)
-                                     : std::filesystem::path(NEEDLELAB_SOURCE_DIR) / ".." / "shared" / "data";
-}
-
-std::vector<RecordedGesture> recordedGestures() {
+std::vector<RecordedGesture> recordedGestures(const Recordings& recordings) {
   std::vector<RecordedGesture> gestures;
-  for (const char* const name : {"backward", "downward", "lateral_left", "virtuose_x_backward"}) {
-    const auto table = readCsv(dataFolder() / "virtuose" / (std::string(name) + ".csv"),
+  for (const std::string name : kPoseRecordings) {
+    const auto table = readCsv(recordings.folder / "virtuose" / (name + ".csv"),
                                {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"});
     if (table.ok()) gestures.push_back(gestureOf(name, resampled(*table)));
   }
