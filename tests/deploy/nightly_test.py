@@ -7,8 +7,10 @@ import io
 import json
 import pathlib
 import re
+import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 ROOT = pathlib.Path(sys.argv.pop(1)).resolve()
@@ -22,6 +24,18 @@ def nightly():
     sys.modules["nightly"] = module  # dataclasses look there
     loader.exec_module(module)
     return module
+
+
+def gone(pid_file):
+    """Whether the process has ended, or does so within some seconds."""
+    for _ in range(100):
+        try:
+            if pathlib.Path("/proc", pid_file.read_text(encoding="ascii").strip(), "stat").read_text(encoding="ascii").split()[2] == "Z":
+                return True
+        except FileNotFoundError:
+            return True
+        time.sleep(0.05)
+    return False
 
 
 class Committed(unittest.TestCase):
@@ -140,8 +154,7 @@ class Running(unittest.TestCase):
         self.assertEqual((code, results["hang"]["verdict"]), (1, "failed"), said)
         self.assertIn("not ended within", results["hang"]["why"])
         self.assertLess(results["hang"]["seconds"], 15)
-        stat = pathlib.Path("/proc", pid.read_text(encoding="ascii").strip(), "stat")
-        self.assertTrue(not stat.exists() or stat.read_text(encoding="ascii").split()[2] == "Z", "it still runs")
+        self.assertTrue(gone(pid), "it still runs")
 
     def test_what_ran_at_this_commit_does_not_run_again_unless_asked(self):
         count = self.folder / "count"
@@ -163,6 +176,32 @@ class Running(unittest.TestCase):
         code, said, results = self.run_pieces(self.piece("systemd", "echo 'skipped: no root'; exit 77"))
         self.assertEqual((code, results["systemd"]["verdict"], results["systemd"]["commit"]), (1, "passed", "abc1234"), said)
         self.assertIn("could not run: no root", said)
+
+    def test_when_it_is_told_to_end_it_ends_what_it_started(self):
+        pid = self.folder / "pid"
+        self.piece("needlelab-admin", "true")
+        for name in ("needlelab-station", "needlelab-server", "needlelab-instructor"):
+            self.piece(name, "true")
+        script = self.folder / "deploy" / "nightly"
+        script.parent.mkdir()
+        text = (ROOT / "deploy" / "nightly").read_text(encoding="utf-8")
+        script.write_text(text.replace("{source}/tests/netfaults/namespaces", "{source}/hang"), encoding="utf-8")
+        hang = self.folder / "hang"
+        hang.write_text(f"#!/bin/sh\necho $$ >{pid}.new; mv {pid}.new {pid}; sleep 60\n", encoding="utf-8")
+        hang.chmod(0o755)
+        subprocess.run(["git", "init", "-q", str(self.folder)], check=True)
+        subprocess.run(["git", "-C", str(self.folder), "-c", "user.name=x", "-c", "user.email=x@x", "commit", "-qm", "x", "--allow-empty"],
+                       check=True)
+        child = subprocess.Popen([sys.executable, "-B", script, "--build", self.folder, "namespaces"], stdout=subprocess.DEVNULL,
+                                 stderr=subprocess.PIPE)
+        for _ in range(200):
+            if pid.exists():
+                break
+            time.sleep(0.05)
+        child.terminate()
+        self.assertIn(b"stopped", child.communicate(timeout=20)[1])
+        self.assertEqual(child.returncode, 130)
+        self.assertTrue(gone(pid), "it still runs")
 
 
 if __name__ == "__main__":
