@@ -67,6 +67,7 @@ class RunCtest(unittest.TestCase):
         code, lines = run(*passing(20), 'add_test("bad <one>" sh -c "seq 1 100; echo last word; exit 3")')
         self.assertEqual(code, 8, lines)
         self.assertEqual(lines.count("1"), 1, "its whole output stands above")
+        self.assertTrue(any("bad <one> ...***Failed" in line for line in lines), "without hundreds of dots")
         self.assertEqual(lines[-1], "1 failed: bad <one>")
         self.assertEqual(lines[-3], "  last word")
         at = next(i for i, line in enumerate(lines) if line.startswith("==== failed: bad <one>: Failed"))
