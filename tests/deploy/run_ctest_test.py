@@ -89,7 +89,7 @@ class RunCtest(unittest.TestCase):
         self.assertEqual(sorted(lines[-1].removeprefix("4 failed: ").split(", ")), ["crash", "gone", "hang", "mute"])
 
     def test_a_test_that_fails_has_failed_whatever_its_labels_and_is_run_once(self):
-        for properties in ("LABELS unit", "LABELS net", "LABELS bench", "LABELS threads RUN_SERIAL ON"):
+        for properties in ("LABELS unit", "LABELS net-threads RUN_SERIAL ON"):
             with tempfile.TemporaryDirectory() as seen:
                 code, lines = run(f'add_test(bad sh -c "echo run >> {seen}/runs; test -e {seen}/again; r=$?; touch {seen}/again; exit $r")',
                                   f"set_tests_properties(bad PROPERTIES {properties})")
@@ -115,20 +115,25 @@ class RunCtest(unittest.TestCase):
         self.assertIn("skipped: Disk.isFull: this user may not mount a small disk", lines)
 
     def test_a_skip_that_the_list_does_not_allow_is_an_error(self):
-        for tests, name in ((BY_CODE, "shy"), ([printing("disk", GTEST)], "Disk.isFull"),
-                            ([printing("judge", "Ran 9 tests in 1 s\n\nOK (skipped=2)\n")], "judge"),
-                            ([printing("web", "# pass 4\n# skipped 1\n")], "web"),
-                            ([printing("web", "ℹ pass 4\nℹ skipped 1\n")], "web"),
-                            (["add_test(off true)", "set_tests_properties(off PROPERTIES DISABLED ON)"], "off"),
-                            ([printing("regex", "no luck"),
-                              "set_tests_properties(regex PROPERTIES SKIP_REGULAR_EXPRESSION luck)"], "regex")):
-            code, lines = run(*tests, *passing(3), skips="")
-            self.assertEqual(code, 1, lines)
-            self.assertTrue(lines[-1].startswith("1 skipped, which ") and lines[-1].endswith(f"does not allow: {name}"), lines)
-            code, lines = run(*tests, *passing(3), skips=f"# allowed\n{name}  because of the test\n")
-            self.assertEqual(code, 0, lines)
-            code, lines = run(*tests, *passing(3), skips=f"{name[:-1]}*  because of the test\n")
-            self.assertEqual(code, 0, lines)
+        skipping = {
+            "shy": BY_CODE,
+            "Disk.isFull": [printing("disk", GTEST)],
+            "judge": [printing("judge", "Ran 9 tests in 1 s\n\nOK (skipped=2)\n")],
+            "web": [printing("web", "# pass 4\n# skipped 1\n")],
+            "console": [printing("console", "ℹ pass 4\nℹ skipped 1\n")],
+            "off": ["add_test(off true)", "set_tests_properties(off PROPERTIES DISABLED ON)"],
+            "regex": [printing("regex", "no luck"),
+                      "set_tests_properties(regex PROPERTIES SKIP_REGULAR_EXPRESSION luck)"]}
+        tests = [line for lines in skipping.values() for line in lines] + passing(3)
+        code, lines = run(*tests, skips="")
+        self.assertEqual(code, 1, lines)
+        self.assertTrue(lines[-1].startswith("7 skipped, which "), lines)
+        self.assertTrue(lines[-1].endswith("does not allow: " + ", ".join(sorted(skipping))), lines)
+        code, lines = run(*tests, skips="# allowed\n" + "".join(f"{name}  because of the test\n" for name in skipping))
+        self.assertEqual(code, 0, lines)
+        code, lines = run(*tests, skips="".join(f"{name[:-1]}*  because of the test\n" for name in list(skipping)[1:]))
+        self.assertEqual(code, 1, lines)
+        self.assertTrue(lines[-1].startswith("1 skipped, which ") and lines[-1].endswith("does not allow: shy"), lines)
 
     def test_words_that_only_resemble_a_skip_are_none(self):
         code, lines = run(printing("fine", "OK\n# skipped 0\nℹ skipped 0\nnothing was skipped=3\n"), skips="")
