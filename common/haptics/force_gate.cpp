@@ -107,7 +107,7 @@ void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_
     // the loop itself stalled, and the device still reports: the force fades in again
     if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) {
       after_stall_ = true;
-      elapsed_ticks_ = 1;
+      if (fault_ == Fault::kNone) elapsed_ticks_ = 1;  // a fault's ramp goes on
     }
     silent_ticks_ = 0;
   }
@@ -145,7 +145,7 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   const bool held_before = holding_;
   holding_ = (condition & kDeviceHoldFlags) != 0;
   // ticks missed before a ramp begins do not count for it; a ramp from outside begins here
-  const bool begins = (holding_ && !held_before) || (fault_ != Fault::kNone && fade_ == 1.0);
+  const bool begins = fault_ != Fault::kNone ? fade_ == 1.0 : holding_ && !held_before;
   elapsed_ticks_ = begins ? 1 : elapsed_ticks;
   noteSilence(fresh, elapsed_ticks, condition);
   const bool in_fault = fault_ != Fault::kNone && staysInFault(tip, fresh, handle_speed_mps, condition);

@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "common/haptics/device_condition.h"
 #include "tests/support/random.h"
 
 namespace needlelab::test {
@@ -338,6 +339,20 @@ TEST(ForceGate, aQuaternionThatIsNoRotationIsRejected) {
     Running r;
     EXPECT_FALSE(r.gate.admit({{0, 0, 0}, q}, true, 0));
     EXPECT_TRUE(r.gate.flags() & kGateSampleRejected);
+  }
+}
+
+TEST(ForceGate, missedTicksCountForAFaultsRampWhateverTheDeviceSays) {
+  // found by simulated runs: a hold that began, or a stall that ended, in the ramp made it wait
+  for (const std::uint32_t condition : {0u, static_cast<std::uint32_t>(kDeviceNotReady)}) {
+    Running r;
+    r.settle(2);
+    r.gate.admit(tipAt(0), true, 0, 1, kDeviceLost);
+    EXPECT_NEAR(r.gate.guard({}).wrench().force_N.x, 2 * 0.95, 1e-9);
+    r.gate.admit(tipAt(0), true, 0, 5, condition);
+    EXPECT_NEAR(r.gate.guard({}).wrench().force_N.x, 2 * 0.70, 1e-9) << condition;
+    r.gate.admit(tipAt(0), true, 0, 30, 0);
+    EXPECT_EQ(r.gate.guard({}).wrench().force_N.x, 0) << condition;
   }
 }
 
