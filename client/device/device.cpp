@@ -1,20 +1,20 @@
 #include "client/device/device.h"
 
-#include <chrono>
 #include <utility>
 
 namespace needlelab {
 namespace {
 
-constexpr std::chrono::milliseconds kPause{50};
+constexpr std::int64_t kPause_ns = 50'000'000;
 
 }  // namespace
 
-DeviceMaintenance::DeviceMaintenance(Device& device) : device_(device), thread_([this] { run(); }) {}
+DeviceMaintenance::DeviceMaintenance(Device& device, TimeSource& time, TurnRunner& threads)
+    : device_(device), time_(time), running_(threads.start(*this, {"maintenance", 0})) {}
 
 DeviceMaintenance::~DeviceMaintenance() {
   stop_.store(true);
-  thread_.join();
+  running_.reset();
 }
 
 std::string DeviceMaintenance::status() const {
@@ -22,16 +22,15 @@ std::string DeviceMaintenance::status() const {
   return status_;
 }
 
-void DeviceMaintenance::run() {
-  while (!stop_.load()) {
-    device_.maintain();
-    std::string status = device_.status();
-    {
-      const std::scoped_lock lock(mutex_);
-      status_ = std::move(status);
-    }
-    std::this_thread::sleep_for(kPause);
+std::optional<std::int64_t> DeviceMaintenance::turn() noexcept {
+  if (stop_.load()) return std::nullopt;
+  device_.maintain();
+  std::string status = device_.status();
+  {
+    const std::scoped_lock lock(mutex_);
+    status_ = std::move(status);
   }
+  return time_.nowNs() + kPause_ns;
 }
 
 }  // namespace needlelab

@@ -4,12 +4,15 @@
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "client/device/turns.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {
@@ -82,12 +85,13 @@ struct FoundDevice {
 
 /// Calls Device::maintain and Device::status about 20 times a second on its own thread, so that a slow call
 /// delays neither the loop nor a stop. Thread: made and destroyed by one; `status` by any.
-class DeviceMaintenance {
+class DeviceMaintenance final : private Turns {
  public:
-  /// `device` must be open and outlive this object.
-  explicit DeviceMaintenance(Device& device);
+  /// `device` must be open; all arguments outlive this object.
+  explicit DeviceMaintenance(Device& device, TimeSource& time = machineTime(),
+                             TurnRunner& threads = machineThreads());
   /// Waits for a running `maintain`.
-  ~DeviceMaintenance();
+  ~DeviceMaintenance() override;
   DeviceMaintenance(const DeviceMaintenance&) = delete;
   DeviceMaintenance& operator=(const DeviceMaintenance&) = delete;
 
@@ -95,13 +99,15 @@ class DeviceMaintenance {
   [[nodiscard]] std::string status() const;
 
  private:
-  void run();
+  std::optional<std::int64_t> turn() noexcept override;
+  void rest(std::int64_t until_ns) noexcept override { time_.sleepUntilNs(until_ns); }
 
   Device& device_;
+  TimeSource& time_;
   std::atomic<bool> stop_{false};
   mutable std::mutex mutex_;
   std::string status_;
-  std::thread thread_;
+  std::unique_ptr<RunningTurns> running_;
 };
 
 }  // namespace needlelab

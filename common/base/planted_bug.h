@@ -1,5 +1,5 @@
-/// Bugs planted on purpose: with them the durability tests prove that they would catch such a bug
-/// (tests/durability/README.md).
+/// Bugs planted on purpose: with them the durability tests (tests/durability/README.md) and the simulated
+/// device runs (tests/unit/client/device/world) prove that they would catch such a bug.
 #pragma once
 
 #include <string_view>
@@ -17,16 +17,22 @@ enum class PlantedBug {
   kGapAccepted,               ///< a chunk beyond the next expected chunk is stored
   kHashNotChecked,            ///< a session is closed as complete although its hash does not match
   kSampleLostAtReconnection,  ///< the uplink skips a sample after a reconnection
+  kDeviceWatchdogTwice,       ///< the Falcon's torque outlives the haptic thread by 40 ms in place of 20
+  kTorqueWithoutZero,         ///< the Falcon's motors run before its encoders have found their zero
+  kRequestOutlivesLink,       ///< a torque requested before the Falcon was lost is sent to it afterwards
+  kNoLastCommand,             ///< the Falcon is released without a last command of zero torque
+  kLookAgainTwice,            ///< a lost Falcon is looked for every second in place of every half
 };
-inline constexpr int kPlantedBugs = 10;
+inline constexpr int kPlantedBugs = 15;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
   constexpr std::string_view kNames[kPlantedBugs] = {
-      "ack-before-commit",           "synchronous-normal",  "no-spool-folder-sync",
-      "repeated-chunk-stored-twice", "fsync-error-ignored", "second-checkpointer",
-      "spool-purged-at-ack",         "gap-accepted",        "hash-not-checked",
-      "sample-lost-at-reconnection",
+      "ack-before-commit",           "synchronous-normal",    "no-spool-folder-sync",
+      "repeated-chunk-stored-twice", "fsync-error-ignored",   "second-checkpointer",
+      "spool-purged-at-ack",         "gap-accepted",          "hash-not-checked",
+      "sample-lost-at-reconnection", "device-watchdog-twice", "torque-without-zero",
+      "request-outlives-link",       "no-last-command",       "look-again-twice",
   };
   return kNames[static_cast<int>(bug)];
 }

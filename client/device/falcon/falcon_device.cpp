@@ -1,9 +1,5 @@
 #include "client/device/falcon/falcon_device.h"
 
-#include <fmt/core.h>
-#include <pthread.h>
-#include <sched.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -11,36 +7,15 @@
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_link.h"
-#include "client/device/falcon/firmware_loader.h"
-#include "common/base/clock.h"
 #include "common/base/range.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {
 namespace {
 
-using std::chrono::milliseconds;
-
-constexpr int kFirmwareTries = 3;
-constexpr int kRunsTries = 3;  // 50 ms each, before loading the firmware
-constexpr milliseconds kLookAgain{500};
-constexpr milliseconds kBreath{20};  // pause that limits reopening of a device lost again at once
 constexpr std::int64_t kFirstReport_ns = 1'000'000'000;
-constexpr std::int64_t kFinalCommand_ns = 100'000'000;
-constexpr std::int64_t kStatusEvery_ns = 50'000'000;
 /// More ticks without a new report than the drift of two clocks explains.
 constexpr std::uint32_t kOverrunTicks = 5;
-
-constexpr const char* kHomingText =
-    "the Falcon looks for its zero: pull the grip out all the way, then push it in slowly until the light "
-    "turns green";
-
-void useFifo(int priority) noexcept {
-  sched_param parameters{};
-  parameters.sched_priority = priority;
-  // without permission the thread keeps its priority: reports are late on a busy machine
-  static_cast<void>(::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters));
-}
 
 }  // namespace
 
@@ -85,17 +60,15 @@ std::vector<FoundDevice> listFalcons() {
 
 FalconDevice::FalconDevice(FalconOptions options) : FalconDevice(std::move(options), falcon::makeUsbBus()) {}
 
-FalconDevice::FalconDevice(FalconOptions options, std::unique_ptr<falcon::FalconBus> bus)
-    : options_(std::move(options)), bus_(std::move(bus)) {
-  info_.name = "Novint Falcon" + (options_.which.empty() ? "" : " " + options_.which);
+FalconDevice::FalconDevice(FalconOptions options, std::unique_ptr<falcon::FalconBus> bus, TimeSource& time,
+                           TurnRunner& threads)
+    : priority_(options.priority), time_(time), threads_(threads), driver_(options, std::move(bus), time) {
+  info_.name = "Novint Falcon" + (options.which.empty() ? "" : " " + options.which);
   info_.limits = falcon::kLimits;
   info_.renders_torque = false;
   info_.has_orientation = false;
   info_.max_rate_hz = falcon::kMaxRate_hz;
   info_.plunger = PlungerSource::kButtons;
-  if (options_.firmware_file.empty())
-    if (const char* const file = std::getenv("NEEDLELAB_FALCON_FIRMWARE"); file != nullptr)
-      options_.firmware_file = file;
 }
 
 Status FalconDevice::open(double rate_hz) {
@@ -103,19 +76,16 @@ Status FalconDevice::open(double rate_hz) {
   const NumberRange allowed{1, info_.max_rate_hz};
   if (!allowed.contains(rate_hz)) return outOfRange("Falcon: rate in Hz", rate_hz, allowed);
 
-  stop_ = false;
-  answered_ = false;
   clamped_ticks_ = 0;
   placed_ = false;
   trail_ = {};
   saturated_ = stale_ticks_ = 0;
-  boxes_.condition = kDeviceNotReady;
-  ASSIGN_OR_RETURN(auto link, connect());
+  RETURN_IF_ERROR(driver_.open());
 
-  thread_ = std::thread([this, opened = std::move(link)]() mutable { run(std::move(opened)); });
-  const std::int64_t end_ns = steadyNowNs() + kFirstReport_ns;
-  while (!answered_ && steadyNowNs() < end_ns) std::this_thread::sleep_for(milliseconds(1));
-  if (answered_) return {};
+  running_ = threads_.start(driver_, {"falcon-usb", priority_});
+  const std::int64_t end_ns = time_.nowNs() + kFirstReport_ns;
+  while (!driver_.answered() && time_.nowNs() < end_ns) time_.sleepForNs(1'000'000);
+  if (driver_.answered()) return {};
   close();
   return Error{
       ErrorCode::kUnavailable,
@@ -123,120 +93,10 @@ Status FalconDevice::open(double rate_hz) {
       "USB, and plug in both again"};
 }
 
-Result<std::unique_ptr<falcon::FalconLink>> FalconDevice::connect() {
-  ASSIGN_OR_RETURN(auto link, bus_->open(options_.which));
-  ASSIGN_OR_RETURN(const auto runs, falcon::firmwareRuns(*link, kRunsTries));
-  if (!runs) RETURN_IF_ERROR(loadFirmware(*link));
-  return link;
-}
-
-Status FalconDevice::loadFirmware(falcon::FalconLink& link) {
-  if (options_.firmware_file.empty())
-    return Error{
-        ErrorCode::kInvalidInput,
-        "Falcon: it has no firmware (it forgets it when its power goes) and no file is named; give the "
-        "maker's firmware as --device falcon:FILE or in NEEDLELAB_FALCON_FIRMWARE. If it has run since "
-        "it was plugged in, check its power supply"};
-  ASSIGN_OR_RETURN(const auto bytes, falcon::readFirmware(options_.firmware_file));
-  Status last;
-  for (int i = 0; i < kFirmwareTries; ++i) {
-    falcon::FirmwareLoader loader(link, bytes, options_.firmware_file);
-    std::size_t told = 101;
-    while (loader.step() && !stop_) {
-      const std::size_t percent = 100 * loader.sent() / bytes.size();
-      if (percent / 5 == told / 5) continue;
-      told = percent;
-      const std::string text = fmt::format("the Falcon's firmware is loaded: {} %", percent);
-      setStatusText(text);
-      if (options_.progress) options_.progress(text);
-    }
-    last = loader.result();
-    if (last.ok() || stop_ || link.lost()) break;
-  }
-  if (last.ok() && stop_)
-    return Error{ErrorCode::kUnavailable, "Falcon: closed while its firmware was loaded"};
-  return last;
-}
-
-void FalconDevice::run(std::unique_ptr<falcon::FalconLink> link) noexcept {
-  static_cast<void>(::pthread_setname_np(::pthread_self(), "falcon-usb"));
-  useFifo(options_.priority);
-  while (!stop_) {
-    if (link) {
-      runStream(*link);
-      link.reset();
-      if (stop_) break;
-      boxes_.condition.store(kDeviceLost, std::memory_order_release);
-      setStatusText("the Falcon was lost: plug in its USB and its power supply");
-      bus_->waitForArrival(kBreath);
-    }
-    auto again = connect();
-    if (again.ok()) {
-      link = std::move(*again);
-      continue;
-    }
-    setStatusText("the Falcon was lost: " + again.error().message);
-    bus_->waitForArrival(kLookAgain);
-  }
-}
-
-void FalconDevice::runStream(falcon::FalconLink& link) noexcept {
-  falcon::Exchange exchange(link, boxes_, steadyNowNs());
-  if (!link.startStream(exchange).ok()) return;
-  std::int64_t tell_ns = 0;
-  while (!stop_ && !link.lost()) {
-    const std::int64_t now_ns = steadyNowNs();
-    if (exchange.timedOut(now_ns)) break;
-    link.wait(exchange.step(now_ns));
-    if (exchange.counts().reports > 0) answered_ = true;
-    if (now_ns >= tell_ns) {
-      tell_ns = now_ns + kStatusEvery_ns;
-      updateStatusText(exchange);
-    }
-  }
-  if (!link.lost()) static_cast<void>(exchange.sendFinalCommand(kFinalCommand_ns));
-  link.stopStream();
-}
-
-void FalconDevice::setStatusText(std::string text) {
-  const std::scoped_lock lock(mutex_);
-  status_text_ = std::move(text);
-}
-
-void FalconDevice::updateStatusText(const falcon::Exchange& exchange) {
-  std::string text;
-  switch (exchange.trouble()) {
-    case falcon::Exchange::Trouble::kBadPackets:
-      text = "the Falcon sends what cannot be read (" + std::to_string(exchange.counts().bad_packets) +
-             " packets): use another USB cable or port, without a hub";
-      break;
-    case falcon::Exchange::Trouble::kSilent:
-      text = "the Falcon does not answer: check its power supply";
-      break;
-    case falcon::Exchange::Trouble::kNone:
-      if (!exchange.homed()) text = kHomingText;
-  }
-  // a reader of ordinary priority may hold the lock; the motors must not wait for it
-  const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (!lock) return;
-  status_text_ = std::move(text);
-  counts_ = exchange.counts();
-}
-
-falcon::ExchangeCounts FalconDevice::counts() {
-  const std::scoped_lock lock(mutex_);
-  return counts_;
-}
-
-std::string FalconDevice::status() {
-  const std::scoped_lock lock(mutex_);
-  return status_text_;
-}
-
 DeviceRead FalconDevice::read(DeviceReading& reading) noexcept {
   falcon::TimedReport seen;
-  const bool fresh = boxes_.reports.fetch(seen);
-  std::uint32_t condition = boxes_.condition.load(std::memory_order_acquire);
+  const bool fresh = driver_.boxes().reports.fetch(seen);
+  std::uint32_t condition = driver_.boxes().condition.load(std::memory_order_acquire);
   condition |= saturated_;
   saturated_ = 0;
   if (fresh) {
@@ -289,13 +149,13 @@ void FalconDevice::write(const GuardedWrench& at_handle_W) noexcept {
     constexpr std::uint8_t kLess = falcon::kNearSingular | falcon::kTorqueLimited | falcon::kInputNotFinite;
     if ((units.flags & kLess) != 0 && normSquared(f_F_N) > 0) saturated_ = kDeviceSaturated;
   }
-  boxes_.requests.publish(request);
+  driver_.boxes().requests.publish(request);
 }
 
 void FalconDevice::close() noexcept {
-  stop_ = true;
-  if (thread_.joinable()) thread_.join();
-  setStatusText({});
+  driver_.stop();
+  running_.reset();
+  driver_.setStatusText({});
 }
 
 }  // namespace needlelab

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "client/device/falcon/falcon_geometry.h"
-#include "common/base/clock.h"
+#include "common/base/planted_bug.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab::falcon {
@@ -17,7 +17,7 @@ Exchange::Exchange(FalconLink& link, Mailboxes& boxes, std::int64_t now_ns)
       last_request_ns_(now_ns - kWatchdog_ns - 1) {
   // requests from before this link are dropped
   MotorRequest old;
-  static_cast<void>(boxes_.requests.fetch(old));
+  if (!planted(PlantedBug::kRequestOutlivesLink)) static_cast<void>(boxes_.requests.fetch(old));
 }
 
 void Exchange::onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept {
@@ -59,18 +59,21 @@ Command Exchange::nextCommand(std::int64_t now_ns) noexcept {
   if (boxes_.requests.fetch(request_)) {
     last_request_ns_ = now_ns;
     starved_ = false;
-  } else if (now_ns - last_request_ns_ > kWatchdog_ns) {
+  } else if (now_ns - last_request_ns_ >
+             (planted(PlantedBug::kDeviceWatchdogTwice) ? 2 * kWatchdog_ns : kWatchdog_ns)) {
     if (!starved_) ++counts_.starved_times;
     starved_ = true;
   }
   Command command;
-  if (homed_ && !starved_ && trouble_ == Trouble::kNone) command.motor = request_.motor;
+  const bool may_drive = homed_ || planted(PlantedBug::kTorqueWithoutZero);
+  if (may_drive && !starved_ && trouble_ == Trouble::kNone) command.motor = request_.motor;
   // red while the device needs the user, green when it is ready
   command.bits = homed_ ? kOutGreen : kOutRed | kOutHome;
   return command;
 }
 
 std::int64_t Exchange::step(std::int64_t now_ns) noexcept {
+  if (final_) return stepFinal(now_ns);
   judge(now_ns);
   if (unanswered_ > 0 && now_ns - sent_ns_ > kReplyTime_ns) {
     counts_.unanswered += static_cast<std::uint64_t>(unanswered_);
@@ -93,25 +96,30 @@ std::int64_t Exchange::step(std::int64_t now_ns) noexcept {
   return due_ns_;
 }
 
-bool Exchange::sendFinalCommand(std::int64_t patience_ns) noexcept {
-  const Packet last = encodeCommand({});
-  const std::int64_t end_ns = steadyNowNs() + patience_ns;
-  // first wait for the commands in flight: they still carry torque
-  bool asked = false;
-  std::int64_t again_ns = 0;
-  std::uint64_t reports_before = counts_.reports;
-  for (;;) {
-    const std::int64_t now_ns = steadyNowNs();
-    if (link_.lost() || now_ns >= end_ns) return false;
-    if (!sending_ && asked && counts_.reports > reports_before) return true;
-    if (!sending_ && now_ns >= again_ns && link_.send(last)) {
-      // answers to earlier commands do not count
-      if (!asked) reports_before = counts_.reports + static_cast<std::uint64_t>(unanswered_);
-      asked = sending_ = true;
-      again_ns = now_ns + kReplyTime_ns;
-    }
-    link_.wait(std::min(end_ns, std::max(again_ns, now_ns + kPeriod_ns)));
+void Exchange::startFinalCommand(std::int64_t now_ns, std::int64_t patience_ns) noexcept {
+  final_ = true;
+  final_sent_ = false;
+  final_end_ns_ = now_ns + patience_ns;
+  final_again_ns_ = now_ns;
+}
+
+bool Exchange::finalCommandAnswered() const noexcept {
+  return final_sent_ && !sending_ && counts_.reports > reports_before_final_;
+}
+
+bool Exchange::finalCommandOver(std::int64_t now_ns) const noexcept {
+  return link_.lost() || now_ns >= final_end_ns_ || finalCommandAnswered();
+}
+
+std::int64_t Exchange::stepFinal(std::int64_t now_ns) noexcept {
+  // the write in progress comes first: it may still carry torque
+  if (!sending_ && now_ns >= final_again_ns_ && link_.send(encodeCommand({}))) {
+    // answers to earlier commands do not count
+    if (!final_sent_) reports_before_final_ = counts_.reports + static_cast<std::uint64_t>(unanswered_);
+    final_sent_ = sending_ = true;
+    final_again_ns_ = now_ns + kReplyTime_ns;
   }
+  return std::min(final_end_ns_, std::max(final_again_ns_, now_ns + kPeriod_ns));
 }
 
 }  // namespace needlelab::falcon

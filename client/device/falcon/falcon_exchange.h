@@ -15,7 +15,7 @@ namespace needlelab::falcon {
 /// From the USB thread to the haptic thread.
 struct TimedReport {
   Report report;
-  std::int64_t at_ns = 0;  ///< steadyNowNs
+  std::int64_t at_ns = 0;  ///< of the link's time
 };
 
 /// From the haptic thread to the USB thread.
@@ -39,8 +39,7 @@ struct ExchangeCounts {
 };
 
 /// Drives the motors only while the device has found its zero, reports are good, and the haptic thread has
-/// posted a request within the last 20 ms. The caller passes the time, so that tests can simulate it. Thread:
-/// the USB thread.
+/// posted a request within the last 20 ms. The caller passes the time. Thread: the USB thread.
 class Exchange final : public LinkListener {
  public:
   static constexpr std::int64_t kPeriod_ns = 1'000'000;
@@ -57,9 +56,13 @@ class Exchange final : public LinkListener {
 
   /// Sends when due. Returns the time of the next call; an earlier call does no harm.
   std::int64_t step(std::int64_t now_ns) noexcept;
-  /// Sends zero torque with the lights off, and waits at most `patience_ns` for the answer; returns false
-  /// without one.
-  bool sendFinalCommand(std::int64_t patience_ns) noexcept;
+  /// From now on `step` sends only the last command, zero torque with the lights off, and again every 6 ms
+  /// until its answer or for `patience_ns`.
+  void startFinalCommand(std::int64_t now_ns, std::int64_t patience_ns) noexcept;
+  /// The last command was answered, or the time for that is over, or the device is lost: no more steps.
+  [[nodiscard]] bool finalCommandOver(std::int64_t now_ns) const noexcept;
+  /// The device has answered the last command.
+  [[nodiscard]] bool finalCommandAnswered() const noexcept;
 
   void onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept override;
   void onSent(bool done) noexcept override;
@@ -74,6 +77,7 @@ class Exchange final : public LinkListener {
  private:
   [[nodiscard]] Command nextCommand(std::int64_t now_ns) noexcept;
   void judge(std::int64_t now_ns) noexcept;
+  std::int64_t stepFinal(std::int64_t now_ns) noexcept;
 
   FalconLink& link_;
   Mailboxes& boxes_;
@@ -84,6 +88,10 @@ class Exchange final : public LinkListener {
   bool sending_ = false;
   int unanswered_ = 0;  // commands in flight
   bool homed_ = false, starved_ = true;
+  // the last command
+  bool final_ = false, final_sent_ = false;
+  std::int64_t final_end_ns_ = 0, final_again_ns_ = 0;
+  std::uint64_t reports_before_final_ = 0;
   Trouble trouble_ = Trouble::kNone;
 };
 

@@ -11,6 +11,7 @@
 #include "client/device/device.h"
 #include "client/device/falcon/falcon_packet.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 
 namespace needlelab::falcon {
 
@@ -32,7 +33,7 @@ class FtdiPort {
 class LinkListener {
  public:
   virtual ~LinkListener() = default;
-  /// One raw USB read, modem bytes included, at `now_ns` (steadyNowNs).
+  /// One raw USB read, modem bytes included, at `now_ns` of the link's time.
   virtual void onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept = 0;
   /// The write started by `send` has ended; `done` when the device took all of it.
   virtual void onSent(bool done) noexcept = 0;
@@ -45,7 +46,7 @@ class FalconLink : public FtdiPort {
   virtual Status startStream(LinkListener& listener) = 0;
   /// Starts to write `packet`. Returns false while another write is pending, or when the device is lost.
   virtual bool send(const Packet& packet) noexcept = 0;
-  /// Handles events until one occurs or `steadyNowNs` reaches `until_ns`.
+  /// Handles events until one occurs or the link's time reaches `until_ns`.
   virtual void wait(std::int64_t until_ns) noexcept = 0;
   /// Whether the device is gone: sending and reading then fail.
   [[nodiscard]] virtual bool lost() const noexcept = 0;
@@ -62,12 +63,12 @@ class FalconBus {
   /// Opens the Falcon with the serial number or bus path `which` ("1-4.2"); empty: the only one. Errors:
   /// kNotFound, kDenied, kUnavailable, kInvalidInput, with advice.
   virtual Result<std::unique_ptr<FalconLink>> open(const std::string& which) = 0;
-  /// Returns when a Falcon may have been plugged in, or after `timeout`.
-  virtual void waitForArrival(std::chrono::milliseconds timeout) noexcept = 0;
+  /// Returns when a Falcon may have been plugged in, or at `until_ns`.
+  virtual void waitForArrival(std::int64_t until_ns) noexcept = 0;
 };
 
 /// Returns the Falcons on this computer's USB, through libusb, which starts at its first use. The bus must
-/// outlive its links.
-std::unique_ptr<FalconBus> makeUsbBus();
+/// outlive its links, and `time` the bus.
+std::unique_ptr<FalconBus> makeUsbBus(TimeSource& time = machineTime());
 
 }  // namespace needlelab::falcon

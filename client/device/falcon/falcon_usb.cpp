@@ -14,14 +14,13 @@
 #include <cstdint>
 #include <span>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "client/device/crash_packet.h"
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_link.h"
-#include "common/base/clock.h"
+#include "common/base/time_source.h"
 
 namespace needlelab::falcon {
 namespace {
@@ -33,7 +32,8 @@ Error usbError(const std::string& doing, int code);
 class UsbLink final : public FalconLink {
  public:
   /// Owns `handle` from now on, also on failure.
-  static Result<std::unique_ptr<FalconLink>> claim(libusb_context* context, libusb_device_handle* handle);
+  static Result<std::unique_ptr<FalconLink>> claim(libusb_context* context, libusb_device_handle* handle,
+                                                   TimeSource& time);
   ~UsbLink() override;
   UsbLink(const UsbLink&) = delete;
   UsbLink& operator=(const UsbLink&) = delete;
@@ -60,7 +60,7 @@ class UsbLink final : public FalconLink {
     bool pending = false;
   };
 
-  UsbLink(libusb_context* context, libusb_device_handle* handle);
+  UsbLink(libusb_context* context, libusb_device_handle* handle, TimeSource& time);
   static void onReadEnd(libusb_transfer* transfer);
   static void onWriteEnd(libusb_transfer* transfer);
   void submit(Read& read) noexcept;
@@ -71,6 +71,7 @@ class UsbLink final : public FalconLink {
 
   libusb_context* context_;
   libusb_device_handle* handle_;
+  TimeSource& time_;
   LinkListener* listener_ = nullptr;
   bool claimed_ = false, had_kernel_driver_ = false;
   bool lost_ = false, stopping_ = false;
@@ -135,11 +136,12 @@ Error usbError(const std::string& doing, int code) {
   }
 }
 
-UsbLink::UsbLink(libusb_context* context, libusb_device_handle* handle)
-    : context_(context), handle_(handle) {}
+UsbLink::UsbLink(libusb_context* context, libusb_device_handle* handle, TimeSource& time)
+    : context_(context), handle_(handle), time_(time) {}
 
-Result<std::unique_ptr<FalconLink>> UsbLink::claim(libusb_context* context, libusb_device_handle* handle) {
-  std::unique_ptr<UsbLink> link(new UsbLink(context, handle));
+Result<std::unique_ptr<FalconLink>> UsbLink::claim(libusb_context* context, libusb_device_handle* handle,
+                                                   TimeSource& time) {
+  std::unique_ptr<UsbLink> link(new UsbLink(context, handle, time));
   // 1: a kernel driver holds it. After an error the claim below decides
   if (libusb_kernel_driver_active(handle, kInterface) == 1) {
     const int code = libusb_detach_kernel_driver(handle, kInterface);
@@ -224,7 +226,7 @@ void UsbLink::onReadEnd(libusb_transfer* transfer) {
       link.failures_in_a_row_ = 0;
       if (link.listener_ != nullptr && transfer->actual_length > 0)
         link.listener_->onRead({read.buffer.data(), static_cast<std::size_t>(transfer->actual_length)},
-                               steadyNowNs());
+                               link.time_.nowNs());
       break;
     case LIBUSB_TRANSFER_CANCELLED:
       return;
@@ -293,7 +295,7 @@ void UsbLink::wait(std::int64_t until_ns) noexcept {
   const std::uint64_t before = happened_;
   for (;;) {
     handleEvents(0);
-    const std::int64_t left_ns = until_ns - steadyNowNs();
+    const std::int64_t left_ns = until_ns - time_.nowNs();
     if (happened_ != before || lost_ || left_ns <= 0) return;
     const timespec left = asTimespec(left_ns);
     for (pollfd& file : files_) file.revents = 0;
@@ -302,8 +304,7 @@ void UsbLink::wait(std::int64_t until_ns) noexcept {
     handleEvents(0);
     if (happened_ != before || lost_) return;
     // a file with a meaningless ready state, as an emulated device's, must not make this thread spin
-    const timespec rest = asTimespec(std::min(kRest_ns, std::max<std::int64_t>(0, until_ns - steadyNowNs())));
-    static_cast<void>(::nanosleep(&rest, nullptr));
+    time_.sleepUntilNs(std::min(until_ns, time_.nowNs() + kRest_ns));
   }
 }
 
@@ -319,8 +320,8 @@ void UsbLink::stopStream() noexcept {
     if (read.pending) static_cast<void>(libusb_cancel_transfer(read.transfer));
   if (write_pending_) static_cast<void>(libusb_cancel_transfer(write_));
   // a transfer may be freed only after its end
-  const std::int64_t end_ns = steadyNowNs() + kLastTransfers_ns;
-  while (anythingPending() && steadyNowNs() < end_ns) handleEvents(10'000);
+  const std::int64_t end_ns = time_.nowNs() + kLastTransfers_ns;
+  while (anythingPending() && time_.nowNs() < end_ns) handleEvents(10'000);
   listener_ = nullptr;
 }
 
@@ -348,6 +349,7 @@ std::string serialOf(libusb_device* device, libusb_device_handle* handle) {
 
 class UsbBus final : public FalconBus {
  public:
+  explicit UsbBus(TimeSource& time) : time_(time) {}
   ~UsbBus() override {
     if (context_ == nullptr) return;
     if (watching_) libusb_hotplug_deregister_callback(context_, watch_);
@@ -385,23 +387,21 @@ class UsbBus final : public FalconBus {
         continue;
       }
       if (which.empty() || by_path || serialOf(device.get(), handle) == which)
-        return UsbLink::claim(context_, handle);
+        return UsbLink::claim(context_, handle, time_);
       libusb_close(handle);
     }
     return notFound("no Falcon has the serial number or the bus path '" + which +
                     "' (--list-devices shows those that there are)" + refused);
   }
 
-  void waitForArrival(std::chrono::milliseconds timeout) noexcept override {
-    const std::int64_t end_ns = steadyNowNs() + std::chrono::nanoseconds(timeout).count();
+  void waitForArrival(std::int64_t until_ns) noexcept override {
     while (context_ != nullptr && !arrived_.exchange(false)) {
-      const std::int64_t left_ns = end_ns - steadyNowNs();
+      const std::int64_t left_ns = until_ns - time_.nowNs();
       if (left_ns <= 0) return;
       constexpr std::int64_t kMost_ns = 50'000'000;
       timeval wait{0, static_cast<suseconds_t>(std::min(left_ns, kMost_ns) / 1000)};
       // an immediate error must not make a high-priority thread spin
-      if (libusb_handle_events_timeout_completed(context_, &wait, nullptr) != 0)
-        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      if (libusb_handle_events_timeout_completed(context_, &wait, nullptr) != 0) time_.sleepForNs(10'000'000);
     }
   }
 
@@ -471,6 +471,7 @@ class UsbBus final : public FalconBus {
     return {ErrorCode::kNotFound, what + "; plug in its USB cable and its power supply"};
   }
 
+  TimeSource& time_;
   libusb_context* context_ = nullptr;
   libusb_hotplug_callback_handle watch_ = 0;
   bool watching_ = false;
@@ -479,8 +480,8 @@ class UsbBus final : public FalconBus {
 
 }  // namespace
 
-std::unique_ptr<FalconBus> makeUsbBus() {
-  return std::make_unique<UsbBus>();
+std::unique_ptr<FalconBus> makeUsbBus(TimeSource& time) {
+  return std::make_unique<UsbBus>(time);
 }
 
 }  // namespace needlelab::falcon

@@ -14,7 +14,6 @@
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_packet.h"
-#include "common/base/clock.h"
 
 namespace needlelab::falcon {
 namespace {
@@ -89,7 +88,7 @@ BaudDivisor baudDivisor(double baud) noexcept {
 
 Status FtdiInput::read(std::size_t count, std::chrono::milliseconds timeout,
                        std::vector<std::uint8_t>& bytes) {
-  const std::int64_t end_ns = steadyNowNs() + std::chrono::nanoseconds(timeout).count();
+  const std::int64_t end_ns = time_.nowNs() + std::chrono::nanoseconds(timeout).count();
   std::size_t missing = count;
   for (;;) {
     const std::size_t taken = std::min(missing, kept_.size());
@@ -97,7 +96,7 @@ Status FtdiInput::read(std::size_t count, std::chrono::milliseconds timeout,
     bytes.insert(bytes.end(), kept_.begin(), until);
     kept_.erase(kept_.begin(), until);
     missing -= taken;
-    const std::int64_t left_ns = end_ns - steadyNowNs();
+    const std::int64_t left_ns = end_ns - time_.nowNs();
     if (missing == 0 || left_ns <= 0) return {};
 
     std::array<std::uint8_t, 8 * kUsbPacketBytes> buffer{};
@@ -138,9 +137,9 @@ Status setRunLine(FtdiPort& port) {
   return controls(port, {{kFtdiReset, kPurgeIn, 0}, {kFtdiReset, kPurgeOut, 0}});
 }
 
-Result<bool> firmwareRuns(FtdiPort& port, int tries) {
+Result<bool> firmwareRuns(FtdiPort& port, int tries, TimeSource& time) {
   RETURN_IF_ERROR(setRunLine(port));
-  FtdiInput input(port);
+  FtdiInput input(port, time);
   PacketReader reader;
   for (int i = 0; i < tries; ++i) {
     // a loader waiting for more firmware echoes, and an echo looks like the report of a device just switched
@@ -156,8 +155,9 @@ Result<bool> firmwareRuns(FtdiPort& port, int tries) {
   return false;
 }
 
-FirmwareLoader::FirmwareLoader(FtdiPort& port, std::span<const std::uint8_t> firmware, std::string file)
-    : port_(port), input_(port), firmware_(firmware), file_(std::move(file)) {}
+FirmwareLoader::FirmwareLoader(FtdiPort& port, std::span<const std::uint8_t> firmware, std::string file,
+                               TimeSource& time)
+    : port_(port), time_(time), input_(port, time), firmware_(firmware), file_(std::move(file)) {}
 
 bool FirmwareLoader::step() {
   if (next_ == LoadStep::kDone || next_ == LoadStep::kFailed) return false;
@@ -259,7 +259,7 @@ Status FirmwareLoader::sendChunk() {
 
 Status FirmwareLoader::firstReply() {
   constexpr int kTries = 20;
-  ASSIGN_OR_RETURN(const auto runs, firmwareRuns(port_, kTries));
+  ASSIGN_OR_RETURN(const auto runs, firmwareRuns(port_, kTries, time_));
   if (runs) return {};
   return Error{ErrorCode::kUnavailable, fmt::format("all {} bytes of '{}' were taken but no firmware "
                                                     "answers; is it the maker's firmware for the Falcon?",

@@ -11,6 +11,7 @@
 
 #include "client/device/falcon/falcon_link.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 
 namespace needlelab::falcon {
 
@@ -41,13 +42,14 @@ inline constexpr double kGreetingBaud = 9600, kLoaderBaud = 140'000, kRunBaud = 
 /// Input without the chip's own bytes; keeps bytes beyond the requested count for the next read.
 class FtdiInput {
  public:
-  explicit FtdiInput(FtdiPort& port) : port_(port) {}
+  FtdiInput(FtdiPort& port, TimeSource& time) : port_(port), time_(time) {}
   /// Appends up to `count` bytes to `bytes`; fewer on timeout.
   Status read(std::size_t count, std::chrono::milliseconds timeout, std::vector<std::uint8_t>& bytes);
   void forget() { kept_.clear(); }
 
  private:
   FtdiPort& port_;
+  TimeSource& time_;
   std::vector<std::uint8_t> kept_;
 };
 
@@ -60,7 +62,7 @@ Status setRunLine(FtdiPort& port);
 
 /// Sets the line, sends zero torque and waits for a reply, up to `tries` times 50 ms. A Falcon with firmware
 /// answers; without firmware it sends no valid reply, or echoes.
-Result<bool> firmwareRuns(FtdiPort& port, int tries);
+Result<bool> firmwareRuns(FtdiPort& port, int tries, TimeSource& time = machineTime());
 
 /// The loader's steps, in order.
 enum class LoadStep : std::uint8_t {
@@ -79,8 +81,9 @@ enum class LoadStep : std::uint8_t {
 /// Thread: the port's.
 class FirmwareLoader {
  public:
-  /// `port` and `firmware` must outlive the loader. Error messages name `file`.
-  FirmwareLoader(FtdiPort& port, std::span<const std::uint8_t> firmware, std::string file);
+  /// `port`, `firmware` and `time` must outlive the loader. Error messages name `file`.
+  FirmwareLoader(FtdiPort& port, std::span<const std::uint8_t> firmware, std::string file,
+                 TimeSource& time = machineTime());
 
   /// Does the next step. Returns false after the last one: see `result`.
   bool step();
@@ -100,6 +103,7 @@ class FirmwareLoader {
   Status firstReply();
 
   FtdiPort& port_;
+  TimeSource& time_;
   FtdiInput input_;
   std::span<const std::uint8_t> firmware_;
   std::string file_;

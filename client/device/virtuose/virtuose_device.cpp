@@ -5,13 +5,12 @@
 #include <utility>
 
 #include "client/device/virtuose/virtuose_errors.h"
-#include "common/base/clock.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {
 namespace {
 
-constexpr auto kNap = std::chrono::milliseconds(20);  // how often the keep-alive thread checks for its end
+constexpr std::int64_t kNap_ns = 20'000'000;  // how often the keep-alive thread checks for its end
 // tolerance of a unit quaternion's length in floats; the gate handles others
 constexpr double kRounding = 1e-3;
 
@@ -38,8 +37,8 @@ DeviceInfo infoOf(const std::string& address) {
 
 }  // namespace
 
-VirtuoseDevice::VirtuoseDevice(VirtuoseOptions options)
-    : options_(std::move(options)), info_(infoOf(options_.address)) {}
+VirtuoseDevice::VirtuoseDevice(VirtuoseOptions options, TimeSource& time, TurnRunner& threads)
+    : options_(std::move(options)), time_(time), threads_(threads), info_(infoOf(options_.address)) {}
 
 Status VirtuoseDevice::open(double rate_hz) {
   close();
@@ -52,8 +51,9 @@ Status VirtuoseDevice::open(double rate_hz) {
   setup_ = {options_.address, rate_hz, info_.limits, options_.timeout_s};
   RETURN_IF_ERROR(connect());
   owner_.store(Owner::kIdle, std::memory_order_release);
-  stop_keep_alive_.store(false);
-  keep_alive_thread_ = std::thread([this] { keepAlive(); });
+  keep_alive_.stop.store(false);
+  keep_alive_.last_ns = time_.nowNs();
+  keep_alive_thread_ = threads_.start(keep_alive_, {"virtuose-alive", 0});
   return {};
 }
 
@@ -97,21 +97,26 @@ Status VirtuoseDevice::connect() {
   return {};
 }
 
-void VirtuoseDevice::keepAlive() {
-  auto last = std::chrono::steady_clock::now();
-  for (; !stop_keep_alive_.load(); std::this_thread::sleep_for(kNap)) {
-    if (std::chrono::steady_clock::now() - last < options_.keep_alive) continue;
-    last = std::chrono::steady_clock::now();
-    Owner idle = Owner::kIdle;
-    if (!owner_.compare_exchange_strong(idle, Owner::kKeepAlive, std::memory_order_acquire)) continue;
-    float zero[6] = {};
-    if (api_->virtSetForce(context_, zero) != 0) {
-      error_code_.store(api_->virtGetErrorCode(context_), std::memory_order_relaxed);
-      error_call_.store("virtSetForce", std::memory_order_relaxed);
-      owner_.store(Owner::kLost, std::memory_order_release);
-    } else {
-      owner_.store(Owner::kIdle, std::memory_order_release);
-    }
+std::optional<std::int64_t> VirtuoseDevice::KeepAlive::turn() noexcept {
+  if (stop.load()) return std::nullopt;
+  const std::int64_t now_ns = device.time_.nowNs();
+  if (now_ns - last_ns >= std::chrono::nanoseconds(device.options_.keep_alive).count()) {
+    last_ns = now_ns;
+    device.keepAlive();
+  }
+  return now_ns + kNap_ns;
+}
+
+void VirtuoseDevice::keepAlive() noexcept {
+  Owner idle = Owner::kIdle;
+  if (!owner_.compare_exchange_strong(idle, Owner::kKeepAlive, std::memory_order_acquire)) return;
+  float zero[6] = {};
+  if (api_->virtSetForce(context_, zero) != 0) {
+    error_code_.store(api_->virtGetErrorCode(context_), std::memory_order_relaxed);
+    error_call_.store("virtSetForce", std::memory_order_relaxed);
+    owner_.store(Owner::kLost, std::memory_order_release);
+  } else {
+    owner_.store(Owner::kIdle, std::memory_order_release);
   }
 }
 
@@ -223,13 +228,13 @@ void VirtuoseDevice::write(const GuardedWrench& at_handle_W) noexcept {
 
 void VirtuoseDevice::maintain() {
   const std::scoped_lock lock(mutex_);
-  if (owner_.load(std::memory_order_acquire) != Owner::kLost || steadyNowNs() < next_try_ns_) return;
+  if (owner_.load(std::memory_order_acquire) != Owner::kLost || time_.nowNs() < next_try_ns_) return;
   // the device accepts one connection: close the old one first
   closeVirtuose(*api_, std::exchange(context_, nullptr));
   const Status status = connect();
   retry_ =
       status.ok() || away_text_.empty() ? options_.first_retry : std::min(retry_ * 2, options_.longest_retry);
-  next_try_ns_ = steadyNowNs() + std::chrono::nanoseconds(retry_).count();
+  next_try_ns_ = time_.nowNs() + std::chrono::nanoseconds(retry_).count();
   away_text_ = status.ok() ? "" : status.error().message;
   if (status.ok()) owner_.store(Owner::kIdle, std::memory_order_release);
 }
@@ -254,8 +259,8 @@ std::string VirtuoseDevice::status() {
 }
 
 void VirtuoseDevice::close() noexcept {
-  stop_keep_alive_.store(true);
-  if (keep_alive_thread_.joinable()) keep_alive_thread_.join();
+  keep_alive_.stop.store(true);
+  keep_alive_thread_.reset();
   const std::scoped_lock lock(mutex_);
   if (owner_.exchange(Owner::kClosed, std::memory_order_acq_rel) == Owner::kClosed) return;
   closeVirtuose(*api_, std::exchange(context_, nullptr));

@@ -5,14 +5,16 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include "client/device/device.h"
+#include "client/device/turns.h"
 #include "client/device/virtuose/virtuose_api.h"
 #include "client/device/virtuose/virtuose_link.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -36,7 +38,9 @@ struct VirtuoseOptions {
 /// turns, so each is at most 6 ticks old.
 class VirtuoseDevice final : public Device {
  public:
-  explicit VirtuoseDevice(VirtuoseOptions options = {});
+  /// `time` and `threads` must outlive the device.
+  explicit VirtuoseDevice(VirtuoseOptions options = {}, TimeSource& time = machineTime(),
+                          TurnRunner& threads = machineThreads());
   ~VirtuoseDevice() override { close(); }
   VirtuoseDevice(const VirtuoseDevice&) = delete;
   VirtuoseDevice& operator=(const VirtuoseDevice&) = delete;
@@ -62,8 +66,19 @@ class VirtuoseDevice final : public Device {
   static constexpr int kButtons = 3;  // numbered 1-3 by the vendor; bit 0 is number 1
   static constexpr int kTurns = 3 + kButtons;
 
+  /// The keep-alive thread.
+  struct KeepAlive final : Turns {
+    explicit KeepAlive(VirtuoseDevice& kept) : device(kept) {}
+    std::optional<std::int64_t> turn() noexcept override;
+    void rest(std::int64_t until_ns) noexcept override { device.time_.sleepUntilNs(until_ns); }
+
+    VirtuoseDevice& device;
+    std::atomic<bool> stop{false};
+    std::int64_t last_ns = 0;  // of the last zero force
+  };
+
   Status connect();
-  void keepAlive();
+  void keepAlive() noexcept;
   bool takeConnection() noexcept;
   bool succeeded(int result, const char* call) noexcept;
   bool askInTurn() noexcept;
@@ -72,6 +87,8 @@ class VirtuoseDevice final : public Device {
   [[nodiscard]] std::uint32_t rememberedCondition() const noexcept;
 
   VirtuoseOptions options_;
+  TimeSource& time_;
+  TurnRunner& threads_;
   DeviceInfo info_;
   std::optional<VirtuoseApi> api_;
   VirtuoseSetup setup_;
@@ -96,8 +113,8 @@ class VirtuoseDevice final : public Device {
   std::chrono::milliseconds retry_{0};
   std::int64_t next_try_ns_ = 0;
   std::string away_text_;  // of the last attempt
-  std::atomic<bool> stop_keep_alive_{false};
-  std::thread keep_alive_thread_;
+  KeepAlive keep_alive_{*this};
+  std::unique_ptr<RunningTurns> keep_alive_thread_;
 };
 
 }  // namespace needlelab

@@ -1,23 +1,22 @@
+// The Falcon as a Device, in simulated time; at the end with real threads, for ThreadSanitizer.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <functional>
-#include <thread>
 
 #include "client/device/falcon/falcon_device.h"
 #include "client/device/falcon/falcon_geometry.h"
 #include "common/haptics/device_condition.h"
+#include "tests/support/device_world.h"
+#include "tests/support/fake_falcon.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/client/device/falcon/fake_falcon.h"
 
 namespace needlelab::falcon {
 namespace {
 
-using namespace std::chrono_literals;
 using testing::HasSubstr;
 using Motors = std::array<std::int16_t, 3>;
 
@@ -44,10 +43,17 @@ GuardedWrench guarded(Vec3 f_W_N) {
 
 class FalconDeviceTest : public testing::Test {
  protected:
-  void SetUp() override { ::unsetenv("NEEDLELAB_FALCON_FIRMWARE"); }
+  explicit FalconDeviceTest(bool is_simulated = true)
+      : time_(is_simulated ? static_cast<TimeSource&>(world_) : machineTime()),
+        threads_(is_simulated ? static_cast<TurnRunner&>(world_) : machineThreads()) {}
+  void SetUp() override {
+    ::unsetenv("NEEDLELAB_FALCON_FIRMWARE");
+    world_.listen("falcon-usb", [this] { return falcon_->nextEventNs(); });
+  }
 
   std::unique_ptr<FalconDevice> make(FalconOptions options = {}) {
-    return std::make_unique<FalconDevice>(std::move(options), std::make_unique<FakeBus>(falcon_));
+    return std::make_unique<FalconDevice>(std::move(options), std::make_unique<FakeBus>(falcon_, time_),
+                                          time_, threads_);
   }
   std::unique_ptr<FalconDevice> opened(FalconOptions options = {}) {
     auto device = make(std::move(options));
@@ -60,13 +66,13 @@ class FalconDeviceTest : public testing::Test {
     const std::scoped_lock lock(falcon_->mutex);
     return use(*falcon_);
   }
-  /// Reads and writes about a thousand times per second until `done`, for at most 5 s.
+  /// Reads and writes a thousand times per second until `done`, for at most 5 s.
   bool loopUntil(FalconDevice& device, const std::function<bool()>& done, const GuardedWrench& wrench = {}) {
     for (int i = 0; i < 5000; ++i) {
       last_ = device.read(reading_);
       if (done()) return true;
       device.write(wrench);
-      std::this_thread::sleep_for(1ms);
+      time_.sleepForNs(test::kMs);
     }
     return false;
   }
@@ -75,6 +81,9 @@ class FalconDeviceTest : public testing::Test {
   }
   std::string firmwareFile() { return folder_.write("fw.bin", std::string(5000, 'f')).string(); }
 
+  test::DeviceWorld world_;
+  TimeSource& time_;
+  TurnRunner& threads_;
   std::shared_ptr<FakeFalcon> falcon_ = std::make_shared<FakeFalcon>();
   test::TempFolder folder_;
   DeviceReading reading_;
@@ -132,16 +141,15 @@ TEST_F(FalconDeviceTest, motorsDoTheWorkOfTheForce) {
 TEST_F(FalconDeviceTest, speedIsThatOfTheGrip) {
   const auto device = opened();
   // 0.2 m/s toward the user, for 0.15 s
-  const std::int64_t start = steadyNowNs();
-  double speed = 0;
-  for (;;) {
-    const double t = 1e-9 * static_cast<double>(steadyNowNs() - start);
-    if (t > 0.15) break;
-    with([&](FakeFalcon& f) { f.encoder = encodersAt({0, 0, 0.11 + 0.2 * t}); });
-    if (device->read(reading_) == DeviceRead::kFresh && t > 0.05) speed = reading_.speed_mps;
-    std::this_thread::sleep_for(200us);
+  for (int ms = 0; ms < 150; ++ms) {
+    with([&](FakeFalcon& f) { f.encoder = encodersAt({0, 0, 0.11 + 0.2e-3 * ms}); });
+    time_.sleepForNs(test::kMs);
+    ASSERT_EQ(device->read(reading_), DeviceRead::kFresh);
+    // over eight reports; an encoder step is about 0.03 mm
+    if (ms > 20) {
+      ASSERT_NEAR(reading_.speed_mps, 0.2, 0.006) << ms;
+    }
   }
-  EXPECT_NEAR(speed, 0.2, 0.1);
 }
 
 TEST_F(FalconDeviceTest, withoutZeroThereIsNoPlaceAndNoTorqueButWords) {
@@ -152,7 +160,7 @@ TEST_F(FalconDeviceTest, withoutZeroThereIsNoPlaceAndNoTorqueButWords) {
     ASSERT_EQ(device->read(reading_), DeviceRead::kNoUpdate);
     ASSERT_EQ(reading_.condition & kDeviceNotReady, kDeviceNotReady);
     device->write(force);
-    std::this_thread::sleep_for(500us);
+    time_.sleepForNs(test::kMs);
   }
   EXPECT_THAT(device->status(), HasSubstr("pull the grip out"));
   EXPECT_FALSE(device->status().ends_with('.')) << "the station goes on with \": no force\"";
@@ -165,12 +173,15 @@ TEST_F(FalconDeviceTest, withoutZeroThereIsNoPlaceAndNoTorqueButWords) {
   EXPECT_EQ(falcon_->last().bits, kOutGreen);
 }
 
-TEST_F(FalconDeviceTest, hapticThreadThatStopsMeansZeroTorqueSoon) {
+TEST_F(FalconDeviceTest, hapticThreadThatStopsMeansZeroTorqueAfterTwentyMilliseconds) {
   const auto device = opened();
   ASSERT_TRUE(loopUntil(
       *device, [&] { return falcon_->last().motor != Motors{}; }, guarded({3, 0, 0})));
-  std::this_thread::sleep_for(200ms);
+  time_.sleepForNs(19 * test::kMs);
+  EXPECT_NE(falcon_->last().motor, Motors{});
+  time_.sleepForNs(3 * test::kMs);
   EXPECT_EQ(falcon_->last().motor, Motors{});
+  time_.sleepForNs(200 * test::kMs);
   EXPECT_EQ(device->counts().starved_times, 1u);
 }
 
@@ -326,19 +337,6 @@ TEST_F(FalconDeviceTest, errorsOfOpenSayWhatToDo) {
   EXPECT_EQ(with([](FakeFalcon& f) { return f.open_links; }), 0) << "nothing is left open";
 }
 
-TEST_F(FalconDeviceTest, closeInMidLoadOfALostDeviceDoesNotWait) {
-  FalconOptions options;
-  options.firmware_file = folder_.write("long.bin", std::string(900'000, 'f')).string();
-  const auto device = opened(options);
-  with([](FakeFalcon& f) { f.plugged = false; });
-  ASSERT_TRUE(loopUntil(*device, [&] { return (reading_.condition & kDeviceLost) != 0; }));
-  with([](FakeFalcon& f) { f.plugged = true, f.runs = false; });
-  ASSERT_TRUE(loopUntil(*device, [&] { return with([](FakeFalcon& f) { return f.loaded.size(); }) > 0; }));
-  const std::int64_t before = steadyNowNs();
-  device->close();
-  EXPECT_LT(steadyNowNs() - before, 1'000'000'000);
-}
-
 TEST(FalconSpec, whatFollowsTheKind) {
   EXPECT_EQ(falconOptions("")->which, "");
   EXPECT_EQ(falconOptions("")->firmware_file, "");
@@ -352,6 +350,44 @@ TEST(FalconSpec, whatFollowsTheKind) {
     EXPECT_EQ(falconOptions(bad).ok() ? ErrorCode::kFailed : falconOptions(bad).error().code,
               ErrorCode::kInvalidInput)
         << bad;
+}
+
+// ---- real threads, without bounds on time
+
+class FalconDeviceThreads : public FalconDeviceTest {
+ protected:
+  FalconDeviceThreads() : FalconDeviceTest(false) {}
+};
+
+TEST_F(FalconDeviceThreads, opensRendersIsLostComesBackAndCloses) {
+  const GuardedWrench force = guarded({3, 0, 0});
+  const auto device = opened();
+  for (int round = 0; round < 3; ++round) {
+    ASSERT_TRUE(loopUntil(
+        *device, [&] { return falcon_->last().motor != Motors{}; }, force));
+    falcon_->unplug();
+    ASSERT_TRUE(loopUntil(
+        *device, [&] { return (reading_.condition & kDeviceLost) != 0; }, force));
+    falcon_->plugIn();
+    ASSERT_TRUE(loopUntilFresh(*device));
+  }
+  device->close();
+  EXPECT_EQ(falcon_->last(), (Command{{}, 0}));
+  EXPECT_EQ(with([](FakeFalcon& f) { return f.open_links; }), 0);
+}
+
+TEST_F(FalconDeviceThreads, closeInMidLoadOfALostDeviceGivesTheLoadUp) {
+  constexpr std::size_t kLong = 900'000;
+  FalconOptions options;
+  options.firmware_file = folder_.write("long.bin", std::string(kLong, 'f')).string();
+  const auto device = opened(options);
+  falcon_->unplug();
+  ASSERT_TRUE(loopUntil(*device, [&] { return (reading_.condition & kDeviceLost) != 0; }));
+  with([](FakeFalcon& f) { f.runs = false; });
+  falcon_->plugIn();
+  ASSERT_TRUE(loopUntil(*device, [&] { return with([](FakeFalcon& f) { return f.loaded.size(); }) > 0; }));
+  device->close();
+  EXPECT_LT(with([](FakeFalcon& f) { return f.loaded.size(); }), kLong);
 }
 
 }  // namespace

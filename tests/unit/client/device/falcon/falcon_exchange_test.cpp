@@ -3,7 +3,6 @@
 
 #include <array>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "client/device/falcon/falcon_exchange.h"
@@ -31,15 +30,12 @@ class ScriptedLink final : public FalconLink {
     sent.push_back(command);
     return accepts;
   }
-  void wait(std::int64_t) noexcept override {
-    if (on_wait) on_wait();
-  }
+  void wait(std::int64_t) noexcept override {}
   [[nodiscard]] bool lost() const noexcept override { return gone; }
   void stopStream() noexcept override {}
 
   std::vector<Command> sent;
   bool accepts = true, gone = false;
-  std::function<void()> on_wait;
 };
 
 class FalconExchange : public testing::Test {
@@ -119,13 +115,12 @@ TEST_F(FalconExchange, motorsRestUntilAllEncodersHaveFoundTheirZero) {
   EXPECT_EQ(tick(0x00).motor, Motors{});
 }
 
-TEST_F(FalconExchange, silentHapticThreadMeansZeroTorqueWithin21Ms) {
+TEST_F(FalconExchange, silentHapticThreadMeansZeroTorqueAfter20Ms) {
   tick();
   request({500, -500, 500});
   int ticks = 0;
   while (tick().motor != Motors{} && ticks < 100) ++ticks;
-  EXPECT_GE(ticks, 20);
-  EXPECT_LE(ticks, 21);
+  EXPECT_EQ(ticks, 21) << "the command that takes the request, and those of the next 20 ms";
   EXPECT_EQ(exchange_.counts().starved_times, 1u);
   for (int i = 0; i < 50; ++i) EXPECT_EQ(tick().motor, Motors{});
   EXPECT_EQ(exchange_.counts().starved_times, 1u) << "counted once";
@@ -223,28 +218,37 @@ TEST_F(FalconExchange, theLastWordIsZeroTorqueAndIsAnswered) {
   now_ += kMs;
   exchange_.step(now_);
   // A command with torque is in flight; its answer arrives first and does not count.
-  int waits = 0;
-  link_.on_wait = [&] {
-    ++waits;
-    if (waits == 1) exchange_.onSent(true), answer();
-    if (waits == 2) exchange_.onSent(true);
-    if (waits == 3) answer();
-  };
-  EXPECT_TRUE(exchange_.sendFinalCommand(500 * kMs));
-  EXPECT_EQ(waits, 3);
+  exchange_.startFinalCommand(now_, 500 * kMs);
+  EXPECT_EQ(exchange_.step(now_), now_ + kMs);
+  EXPECT_EQ(link_.sent.back().motor, (Motors{900, 900, 900})) << "one write at a time";
+  exchange_.onSent(true);
+  answer();
+  EXPECT_FALSE(exchange_.finalCommandOver(now_));
+  exchange_.step(now_);
   EXPECT_EQ(link_.sent.back(), (Command{{}, 0}));
+  exchange_.onSent(true);
+  EXPECT_FALSE(exchange_.finalCommandOver(now_));
+  answer();
+  EXPECT_TRUE(exchange_.finalCommandOver(now_));
+  EXPECT_TRUE(exchange_.finalCommandAnswered());
 }
 
 TEST_F(FalconExchange, goodbyeToADeafDeviceEndsInTime) {
   tick();
-  link_.on_wait = [&] {
+  const std::size_t before = link_.sent.size();
+  const std::int64_t start = now_;
+  exchange_.startFinalCommand(now_, 30 * kMs);
+  while (!exchange_.finalCommandOver(now_)) {
+    now_ = exchange_.step(now_);
     exchange_.onSent(true);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  };
-  EXPECT_FALSE(exchange_.sendFinalCommand(30 * kMs));
-  EXPECT_GE(link_.sent.size(), 3u) << "said more than once";
+  }
+  EXPECT_EQ(now_ - start, 30 * kMs);
+  EXPECT_FALSE(exchange_.finalCommandAnswered());
+  EXPECT_EQ(link_.sent.size() - before, 5u) << "said every 6 ms";
+  exchange_.startFinalCommand(now_, 10'000 * kMs);
+  EXPECT_FALSE(exchange_.finalCommandOver(now_));
   link_.gone = true;
-  EXPECT_FALSE(exchange_.sendFinalCommand(10'000 * kMs)) << "at once";
+  EXPECT_TRUE(exchange_.finalCommandOver(now_)) << "at once";
 }
 
 }  // namespace

@@ -2,20 +2,20 @@
 // because no_alloc replaces malloc.
 #include <gtest/gtest.h>
 
-#include <chrono>
-#include <thread>
-
 #include "client/device/falcon/falcon_device.h"
 #include "common/haptics/device_condition.h"
+#include "tests/support/device_world.h"
+#include "tests/support/fake_falcon.h"
 #include "tests/support/no_alloc.h"
-#include "tests/unit/client/device/falcon/fake_falcon.h"
 
 namespace needlelab::falcon {
 namespace {
 
 TEST(FalconDeviceHeap, hapticSideUsesNoneInGoodAndBadTimes) {
   const auto falcon = std::make_shared<FakeFalcon>();
-  FalconDevice device({}, std::make_unique<FakeBus>(falcon));
+  test::DeviceWorld world;
+  world.listen("falcon-usb", [&] { return falcon->nextEventNs(); });
+  FalconDevice device({}, std::make_unique<FakeBus>(falcon, world), world, world);
   ASSERT_TRUE(device.open(1000).ok());
   ForceGate gate(device.info().limits, 1000);
   DeviceReading reading;
@@ -35,7 +35,7 @@ TEST(FalconDeviceHeap, hapticSideUsesNoneInGoodAndBadTimes) {
         fresh += is_fresh ? 1 : 0;
         seen |= reading.condition;
       }
-      std::this_thread::sleep_for(std::chrono::microseconds(500));
+      world.sleepForNs(test::kMs);
     }
   };
   const auto set = [&](auto&& change) {
@@ -43,14 +43,15 @@ TEST(FalconDeviceHeap, hapticSideUsesNoneInGoodAndBadTimes) {
     change(*falcon);
   };
   loop(200);
-  EXPECT_GT(fresh, 20u);
+  EXPECT_EQ(fresh, 200u);
   set([](FakeFalcon& f) { f.homed = 0; });
   loop(100);
   set([](FakeFalcon& f) { f.homed = 0x70, f.garbage = true; });
   loop(200);
-  set([](FakeFalcon& f) { f.garbage = false, f.plugged = false; });
+  set([](FakeFalcon& f) { f.garbage = false; });
+  falcon->unplug();
   loop(100);
-  set([](FakeFalcon& f) { f.plugged = true; });
+  falcon->plugIn();
   loop(300);
   EXPECT_EQ(seen & (kDeviceNotReady | kDeviceTrouble | kDeviceLost),
             kDeviceNotReady | kDeviceTrouble | kDeviceLost);

@@ -5,8 +5,9 @@
 #include <string>
 
 #include "client/device/falcon/firmware_loader.h"
+#include "tests/support/fake_falcon.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/client/device/falcon/fake_falcon.h"
 
 namespace needlelab::falcon {
 namespace {
@@ -24,17 +25,21 @@ class FalconFirmware : public testing::Test {
   void SetUp() override { falcon_->runs = false; }
 
   Status load(const Bytes& firmware) {
-    FirmwareLoader loader(link_, firmware, "fw.bin");
+    const std::int64_t from_ns = time_.nowNs();
+    FirmwareLoader loader(link_, firmware, "fw.bin", time_);
     steps_ = 1;
     while (loader.step()) ++steps_;
     EXPECT_EQ(loader.next(), loader.result().ok() ? LoadStep::kDone : LoadStep::kFailed);
     EXPECT_FALSE(loader.step()) << "over is over";
+    took_ms_ = (time_.nowNs() - from_ns) / 1'000'000;
     return loader.result();
   }
 
   std::shared_ptr<FakeFalcon> falcon_ = std::make_shared<FakeFalcon>();
-  FakeLink link_{falcon_};
+  test::FakeTime time_;
+  FakeLink link_{falcon_, time_};
   int steps_ = 0;
+  std::int64_t took_ms_ = 0;
 };
 
 TEST_F(FalconFirmware, everyByteArrivesForAnySizeOfTheFile) {
@@ -101,12 +106,14 @@ TEST_F(FalconFirmware, anEchoThatDoesNotComeNamesTheByte) {
   ASSERT_FALSE(done.ok());
   EXPECT_THAT(done.error().message, HasSubstr("byte 200 (0xC8) of 'fw.bin'"));
   EXPECT_THAT(done.error().message, HasSubstr("did not come back within 1 s"));
+  EXPECT_EQ(took_ms_, 1'000);
 }
 
 TEST_F(FalconFirmware, noAnswerToTheGreetingSaysWhatToDo) {
   falcon_->silent = true;
   const Status done = load(someFirmware(10));
   ASSERT_FALSE(done.ok());
+  EXPECT_EQ(took_ms_, 1'000);
   EXPECT_THAT(done.error().message, HasSubstr("greeting its loader"));
   EXPECT_THAT(done.error().message, HasSubstr("0A 43 0D was answered by nothing in place of 0A 44 2C 0D"));
   EXPECT_THAT(done.error().message, HasSubstr("power supply"));
@@ -117,6 +124,7 @@ TEST_F(FalconFirmware, unpluggedInMidLoadIsAnErrorAndNoWait) {
   const Status done = load(someFirmware(1000));
   ASSERT_FALSE(done.ok());
   EXPECT_THAT(done.error().message, HasSubstr("unplugged"));
+  EXPECT_EQ(took_ms_, 0);
 }
 
 TEST_F(FalconFirmware, aFileThatDoesNotRunIsSaidThoughTheLoaderEchoes) {
@@ -134,17 +142,17 @@ TEST_F(FalconFirmware, aSecondLoadAfterAFailedOneWorks) {
 }
 
 TEST_F(FalconFirmware, runningFirmwareIsRecognised) {
-  auto runs = firmwareRuns(link_, 3);
+  auto runs = firmwareRuns(link_, 3, time_);
   ASSERT_TRUE(runs.ok());
   EXPECT_FALSE(*runs);
   falcon_->runs = true;
-  runs = firmwareRuns(link_, 3);
+  runs = firmwareRuns(link_, 3, time_);
   ASSERT_TRUE(runs.ok());
   EXPECT_TRUE(*runs);
   EXPECT_EQ(falcon_->last().motor, (std::array<std::int16_t, 3>{})) << "asked with zero torque";
   EXPECT_EQ(falcon_->loads, 0);
   falcon_->plugged = false;
-  EXPECT_FALSE(firmwareRuns(link_, 3).ok());
+  EXPECT_FALSE(firmwareRuns(link_, 3, time_).ok());
 }
 
 TEST(FalconFirmwareFile, badFilesAreRefusedInWords) {

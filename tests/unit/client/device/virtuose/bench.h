@@ -11,6 +11,7 @@
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/device/virtuose/virtuose_errors.h"
 #include "common/haptics/device_condition.h"
+#include "tests/support/device_world.h"
 #include "tests/support/virtuose_standin/control.h"
 
 namespace needlelab::test {
@@ -26,7 +27,7 @@ inline VirtuoseApi standinApi() {
 inline VirtuoseOptions standinOptions() {
   VirtuoseOptions options;
   options.library = kStandinLibrary;
-  options.first_retry = options.longest_retry = std::chrono::milliseconds(0);  // time is virtual
+  options.first_retry = options.longest_retry = std::chrono::milliseconds(0);  // each maintain() tries
   return options;
 }
 
@@ -53,7 +54,8 @@ class VirtuoseTest : public testing::Test {
   void askAll() { ticks(7); }
 
   Standin standin_;
-  VirtuoseDevice device_{standinOptions()};
+  DeviceWorld world_;  // its time stands still unless a test sleeps
+  VirtuoseDevice device_{standinOptions(), world_, world_};
   ForceGate gate_{DeviceLimits{}, 1000};
   DeviceReading reading_;
 };

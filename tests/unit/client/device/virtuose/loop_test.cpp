@@ -65,7 +65,8 @@ class VirtuoseLoop : public testing::Test {
   }
 
   Standin standin_;
-  VirtuoseDevice device_{standinOptions()};
+  DeviceWorld world_;
+  VirtuoseDevice device_{standinOptions(), world_, world_};
   SceneModel model_ = shoulder();
   HapticChain chain_{model_, device_.info().limits, Pose{}};
   DeviceReading reading_;

@@ -198,23 +198,19 @@ TEST_F(VirtuoseRules, watchdog_twoSecondsOfSilenceCutForceAndLink) {
 }
 
 TEST_F(VirtuoseRules, watchdog_oursIsKeptAliveUntilTheLoopBegins) {
-  VirtuoseOptions options = standinOptions();
-  options.keep_alive = std::chrono::milliseconds(1);
-  VirtuoseDevice device(options);
-  ASSERT_TRUE(device.open(1000).ok());
-  // ten seconds of preparation, in virtual time
-  for (int k = 0; k < 10; ++k) {
-    const long before = standin_.state().exchanges;
-    standin_.advance(1);
-    const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-    while (standin_.state().exchanges == before && std::chrono::steady_clock::now() < patience)
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  open();
+  // ten seconds of preparation: a zero force each half second
+  const long before = standin_.state().exchanges;
+  for (int k = 0; k < 100; ++k) {
+    standin_.advance(0.1);
+    world_.sleepForNs(100 * kMs);
   }
-  DeviceRead read = DeviceRead::kNoUpdate;
-  for (int k = 0; k < 100 && read != DeviceRead::kFresh; ++k) read = device.read(reading_);
-  EXPECT_EQ(read, DeviceRead::kFresh);
+  EXPECT_EQ(standin_.state().exchanges - before, 20);
+  EXPECT_EQ(device_.read(reading_), DeviceRead::kFresh);
   EXPECT_EQ(reading_.condition & kDeviceLost, 0u);
-  device.close();
+  // the loop has the connection: nobody else commands
+  world_.sleepForNs(1'000 * kMs);
+  EXPECT_EQ(standin_.state().exchanges - before, 20);
 }
 
 TEST_F(VirtuoseRules, rate_moreThanOneExchangeAMillisecondIsAnOverrun) {
