@@ -1,0 +1,151 @@
+/// A lesson with a Falcon in a simulated world: haptic thread, USB thread, keeper, the board behind its
+/// serial line, the hand at the grip, and what goes wrong. Rules that hold in every run are checked all the
+/// time.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/device/falcon/falcon_device.h"
+#include "tests/support/device_world.h"
+#include "tests/support/fake_falcon.h"
+#include "tests/support/gate_rules.h"
+#include "tests/support/haptic_thread.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab::test {
+
+enum class Trouble : std::uint8_t {
+  kHapticHangs,  ///< for `lasts_ns`
+  kUsbHangs,     ///< the USB thread, once, for `lasts_ns`
+  kUnplugged,    ///< keeps its power; at the same time the haptic thread may hang
+  kPowerCut,     ///< comes back without firmware and without its zero
+  kBoardSilent,  ///< hears and answers nothing
+  kGarbled,      ///< answers cannot be read
+  kLossy,        ///< half of the packets are lost
+  kZeroLost,     ///< the encoders do not know their zero
+  kGripJumps,    ///< the encoders are off by some millimetres
+};
+inline constexpr int kTroubles = 9;
+
+struct PlannedTrouble {
+  Trouble what;
+  std::int64_t at_ns, lasts_ns;      ///< from the beginning of the lesson
+  std::int64_t haptic_hangs_ns = 0;  ///< at the same time
+};
+
+/// All numbers of a run. As it is: all is well and nothing is late.
+struct FalconPlan {
+  std::uint64_t seed = 0;
+  std::int64_t tick_late_ns = 0, usb_late_ns = 0;  ///< greatest lateness of each wake-up
+  std::int64_t write_ns = 0, reply_ns = 0, reply_spread_ns = 0;
+  double lost_share = 0;          ///< of commands, and of answers
+  std::int64_t usb_phase_ns = 0;  ///< the haptic thread begins so much after the USB thread
+  std::int64_t lasts_ns = 0;
+  std::int64_t acknowledged_every_ns = 0;  ///< by a person; 0: never
+  double stroke_s = 1;                     ///< of the hand, in and out
+  bool six_layers = false;
+  bool haptic_dies_first = false;  ///< it hangs when the device is closed
+  std::vector<PlannedTrouble> troubles;
+};
+
+/// The same seed, the same plan, on any machine.
+FalconPlan falconPlanOf(std::uint64_t seed);
+/// For a person.
+std::string textOf(const FalconPlan& plan);
+
+/// The hand at the grip, and the motors' force on it. In W.
+struct GripHand {
+  Vec3 p_m, v_mps;
+  Vec3 aim_m;  ///< used while `stroke_s` is 0
+  double stroke_s = 0, deepest_m = 0.014;
+  std::array<std::int16_t, 3> motors{};
+  std::int64_t at_ns = 0, since_ns = 0;
+
+  void advance(std::int64_t now_ns);
+  [[nodiscard]] std::array<std::int16_t, 3> encoders() const;
+};
+
+class FalconRun {
+ public:
+  /// `gate_rate_hz`: what the gate takes the rate for; other values than 1000 plant a bug.
+  explicit FalconRun(const FalconPlan& plan, double gate_rate_hz = 1000);
+  ~FalconRun();
+  FalconRun(const FalconRun&) = delete;
+  FalconRun& operator=(const FalconRun&) = delete;
+
+  /// Opens the device and starts the threads.
+  void begin();
+  /// The whole run: the troubles, recovery, the end.
+  void play();
+  void goOn(std::int64_t for_ns) { world.sleepForNs(for_ns); }
+  /// The device is plugged in again, and the host is told.
+  void plugIn();
+  /// The encoders slip by so much; 0: they are right again.
+  void jumpGrip(std::int16_t counts) { jump_counts_ = counts; }
+  /// Ends all threads and closes the device.
+  void end();
+
+  /// The first broken rule with its time; empty: none.
+  [[nodiscard]] const std::string& broken() const { return broken_; }
+  /// Of all commands and ticks: equal runs have equal ones.
+  [[nodiscard]] std::uint64_t trace() const { return trace_; }
+  [[nodiscard]] std::uint64_t ticks() const { return ticks_; }
+
+  struct Sent {
+    std::int64_t at_ns;
+    falcon::Command command;
+  };
+  DeviceWorld world;
+  std::shared_ptr<falcon::FakeFalcon> falcon = std::make_shared<falcon::FakeFalcon>();
+  GripHand hand;
+  std::unique_ptr<FalconDevice> device;
+  std::unique_ptr<HapticThread> haptic;
+  bool keeps_sent = false;
+  std::vector<Sent> sent;  ///< with `keeps_sent`: each command, heard or not
+
+ private:
+  void breakRule(const std::string& what);
+  void fold(std::uint64_t value);
+  falcon::Fate fateOfPacket();
+  void trouble(const PlannedTrouble& planned);
+  void onStream();
+  void onSend(const falcon::Command& command, std::int64_t now_ns);
+  void onCommand(const falcon::Command& command, std::int64_t now_ns);
+  void onReply(const std::optional<falcon::Report>& report, std::int64_t now_ns);
+  void onTick();
+  void checkCounts();
+  void checkLooks();
+  void recover();
+
+  FalconPlan plan_;
+  Random random_;
+  TempFolder folder_;
+  SceneModel model_;
+  std::unique_ptr<GateRules> rules_;
+  std::unique_ptr<DeviceMaintenance> keeper_;
+  std::unique_ptr<RunningTurns> haptic_thread_;
+
+  // what the run is in
+  bool is_lossy_ = false, is_garbled_ = false;
+  std::int16_t jump_counts_ = 0;
+  std::int64_t usb_hangs_ns_ = 0, greatest_usb_late_ns_ = 0;
+  std::vector<std::int64_t> arrivals_ns_;
+
+  // what the USB thread may know at a time, seen from outside
+  bool homed_seen_ = false, any_request_ = false, request_waits_ = false;
+  std::int64_t request_taken_ns_ = 0, last_report_ns_ = 0;
+  int bad_in_a_row_ = 0;
+  bool closing_ = false;
+  std::uint64_t sent_at_the_end_ = 0;
+  falcon::ExchangeCounts counts_;
+
+  std::string broken_;
+  std::uint64_t trace_ = 0xcbf29ce484222325ull, ticks_ = 0;
+};
+
+}  // namespace needlelab::test
