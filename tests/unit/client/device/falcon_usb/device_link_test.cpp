@@ -1,21 +1,17 @@
-// Tests how the device `falcon` is found, loaded, kept alive and released.
+// Tests how the device `falcon` is found and loaded over USB. Nothing here depends on how fast the machine
+// is.
 #include <sys/types.h>
 #include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <thread>
 
-#include "client/device/falcon/falcon_geometry.h"
-#include "common/haptics/device_condition.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/device/falcon_usb/falcon_on_usb.h"
 
 namespace needlelab::test {
 namespace {
-
-using namespace std::chrono_literals;
 
 // --- found -----------------------------------------------------------------------------------------------
 
@@ -85,7 +81,7 @@ TEST_F(FalconOnUsb, twoAtOnceDoNotDisturbEachOther) {
   ASSERT_TRUE(other.open(1000).ok());
   second.setButtons(4);
   DeviceReading read_of_other;
-  EXPECT_TRUE(runTicks(3s, [&] {
+  EXPECT_TRUE(runTicks([&] {
     device_->read(reading_);
     other.read(read_of_other);
     return read_of_other.buttons != 4;
@@ -136,82 +132,6 @@ TEST_F(FalconOnUsb, aRateThatItCannotKeepIsRefused) {
   falcon_.plug();
   FalconDevice device{FalconOptions{}};
   EXPECT_EQ(device.open(2000).error().code, ErrorCode::kInvalidInput);
-}
-
-// --- kept alive --------------------------------------------------------------------------------------------
-
-TEST_F(FalconOnUsb, exchangesAboutAThousandPacketsASecond) {
-  openDevice();
-  home();
-  double sent = 0, chances = 0;
-  int fresh = 0, ticks = 0;
-  // Up to five seconds: each packet wakes other threads, and an overloaded host is slow for a while.
-  for (int second = 0; second < 5 && sent <= 0.4 * chances; ++second) {
-    const std::uint64_t commands = falcon_.commands(), transfers = falcon_.port().counts().in_transfers;
-    fresh = ticks = 0;
-    runTicks(1000ms, [&] {
-      fresh += device_->read(reading_) == DeviceRead::kFresh ? 1 : 0;
-      device_->write(pusher_.push({}));
-      return ++ticks > 0;
-    });
-    sent = static_cast<double>(falcon_.commands() - commands);
-    chances = static_cast<double>(falcon_.port().counts().in_transfers - transfers);
-  }
-  RecordProperty("packets_per_s", static_cast<int>(sent));
-  RecordProperty("fresh_ticks", fresh);
-  // 1000 and 1000 on an idle machine; on any machine, the device uses the chip's packets and the ticks.
-  EXPECT_GT(sent, 0.4 * chances);
-  EXPECT_LT(sent, 1050);
-  EXPECT_GT(fresh, 0.3 * std::min<double>(ticks, sent));
-}
-
-TEST_F(FalconOnUsb, aSilentHapticThreadGetsZeroTorque) {
-  openDevice();
-  home();
-  runTicks(400ms, [this] {
-    device_->read(reading_);
-    device_->write(pusher_.push({0, 0, 2}));
-    return true;
-  });
-  ASSERT_GT(falcon_.force().norm(), 1);
-  const TimePoint silent = Clock::now();
-  EXPECT_TRUE(waitUntil([this] { return falcon_.force().norm() == 0; }, 2s));
-  // The watchdog's 20 ms and one packet, with slack for a slow machine.
-  const auto history = falcon_.history();
-  TimePoint last_push{};
-  for (const CommandSeen& seen : history)
-    if (seen.motors != std::array<std::int16_t, 3>{}) last_push = seen.at;
-  EXPECT_LT(std::chrono::duration<double>(last_push - silent).count(), 0.1);
-  EXPECT_GE(device_->counts().starved_times, 0u);
-  // It continues when the thread continues.
-  EXPECT_TRUE(waitForFresh());
-}
-
-TEST_F(FalconOnUsb, closingLeavesNoTorqueAndNoLight) {
-  openDevice();
-  home();
-  runTicks(400ms, [this] {
-    device_->read(reading_);
-    device_->write(pusher_.push({0, 0, 2}));
-    return true;
-  });
-  ASSERT_GT(falcon_.force().norm(), 1);
-  device_->close();
-  const auto history = falcon_.history();
-  ASSERT_FALSE(history.empty());
-  EXPECT_EQ(history.back().motors, (std::array<std::int16_t, 3>{}));
-  EXPECT_EQ(falcon_.lights(), 0u);
-  EXPECT_EQ(falcon_.force().norm(), 0);
-  EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() == 0; }));
-  device_->close();  // a second call is harmless
-}
-
-TEST_F(FalconOnUsb, canBeOpenedAgain) {
-  openDevice();
-  home();
-  device_->close();
-  ASSERT_TRUE(device_->open(1000).ok());
-  EXPECT_TRUE(waitForFresh()) << "its encoders still know their zero";
 }
 
 // --- loaded ------------------------------------------------------------------------------------------------
@@ -320,21 +240,16 @@ TEST_F(FalconFirmware, withoutPowerSaysSo) {
   EXPECT_NE(error.message.find("power"), std::string::npos) << error.message;
 }
 
-TEST_F(FalconFirmware, unpluggedInTheMiddleEndsAtOnce) {
-  bare_.plug();
-  FalconOptions options = fileWith(anyBytes(20'000, 13));  // about six seconds
-  std::atomic<bool> begun{false};
-  options.progress = [&begun](const std::string&) { begun = true; };
-  std::thread puller([&] {
-    waitUntil([&] { return begun.load(); });
-    bare_.unplug();
-  });
+TEST_F(FalconFirmware, unpluggedInTheMiddleEndsTheLoading) {
+  // With its cable in, this image would start; 20,000 bytes need 300 answers.
+  const Bytes image = anyBytes(20'000, 13);
+  FalconEmulator falcon{testbed_, {.serial = "LONG", .firmware = image, .firmware_running = false}};
+  falcon.plug();
+  FalconOptions options = fileWith(image);
+  options.progress = [&falcon](const std::string&) { falcon.unplug(); };
   FalconDevice device(options);
-  const TimePoint begin = Clock::now();
-  const Status opened = device.open(1000);
-  puller.join();
-  EXPECT_FALSE(opened.ok());
-  EXPECT_LT(Clock::now() - begin, 5s);
+  EXPECT_FALSE(device.open(1000).ok());
+  EXPECT_NE(falcon.mode(), FalconBoard::Mode::kRuns);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // Tests the emulated USB port and its firmware by plain libusb calls.
 #include <atomic>
+#include <functional>
 #include <thread>
 
 #include "tests/unit/client/device/falcon_usb/libusb_host.h"
@@ -7,7 +8,12 @@
 namespace needlelab::test {
 namespace {
 
-using namespace std::chrono_literals;
+// Returns false if it does not happen before a hang is assumed.
+bool waitUntil(const std::function<bool()>& done) {
+  const TimePoint end = Clock::now() + kPatience;
+  while (!done() && Clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  return done();
+}
 
 class EmulatedUsb : public testing::Test {
  protected:
@@ -76,86 +82,9 @@ TEST_F(EmulatedUsb, handFeelsWhatTheMotorsPush) {
                      [middle](double) { return middle; });
   host_->write(packetOf({500, 500, 500}, 0));
   host_->read(16);
-  std::this_thread::sleep_for(300ms);
-  const Eigen::Vector3d force = falcon_.force();
-  EXPECT_GT(force.norm(), 0.5);
-  EXPECT_LT((falcon_.grip() - middle - force / 300).norm(), 2e-4) << "a spring at rest";
-}
-
-TEST_F(EmulatedUsb, repliesAsOftenAsTheLatencyTimerAllows) {
-  start();
-  // write, read, write, …: like a simple driver
-  const int asked = 500;
-  int answered = 0;
-  const TimePoint begin = Clock::now();
-  for (int i = 0; i < asked; ++i) {
-    host_->write(packetOf({i, -i, 0}, 0));
-    answered += answerOf(host_->read(16)) ? 1 : 0;
-  }
-  const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-  EXPECT_EQ(answered, asked);
-  RecordProperty("packets_per_s", static_cast<int>(asked / seconds));
-  // two latencies each on an idle machine: each write just misses one
-  EXPECT_GT(asked / seconds, 20);
-}
-
-// like a driver for haptics: a read is always pending, and each answer triggers the next packet
-struct Stream {
-  LibusbHost& host;
-  std::array<unsigned char, 64> in_data{};
-  Bytes out_data = packetOf({0, 0, 0}, 0);
-  libusb_transfer* const in = libusb_alloc_transfer(0);
-  libusb_transfer* const out = libusb_alloc_transfer(0);
-  bool out_free = true, stop = false;
-  int in_flight = 0, packets = 0, bytes = 0;
-
-  void send() {
-    const auto sent = [](libusb_transfer* one) {
-      auto* const self = static_cast<Stream*>(one->user_data);
-      self->out_free = true;
-      --self->in_flight;
-    };
-    libusb_fill_bulk_transfer(out, host.handle(), 0x02, out_data.data(), 16, sent, this, 0);
-    out_free = libusb_submit_transfer(out) != 0;
-    in_flight += out_free ? 0 : 1;
-  }
-  void read() {
-    const auto came = [](libusb_transfer* one) {
-      auto* const self = static_cast<Stream*>(one->user_data);
-      --self->in_flight;
-      if (self->stop) return;
-      self->read();
-      self->bytes += std::max(0, one->actual_length - 2);
-      if (one->actual_length <= 2 || !self->out_free) return;
-      ++self->packets;
-      self->send();
-    };
-    libusb_fill_bulk_transfer(in, host.handle(), 0x81, in_data.data(), 64, came, this, 0);
-    if (libusb_submit_transfer(in) == 0) ++in_flight;
-  }
-  ~Stream() {
-    libusb_free_transfer(in);
-    libusb_free_transfer(out);
-  }
-};
-
-TEST_F(EmulatedUsb, carriesAThousandPacketsASecond) {
-  start();
-  Stream stream{*host_};
-  const std::uint64_t transfers_before = falcon_.port().counts().in_transfers;
-  stream.read();
-  stream.send();
-  const TimePoint begin = Clock::now(), end = begin + 1s;
-  while (Clock::now() < end || stream.in_flight > 0) {
-    stream.stop = Clock::now() >= end;
-    timeval patience{0, 5'000};
-    libusb_handle_events_timeout_completed(host_->context(), &patience, nullptr);
-  }
-  RecordProperty("packets_per_s", stream.packets);
-  // 1000 on an idle machine; on any machine, most of the chip's packets carry an answer
-  const std::uint64_t transfers = falcon_.port().counts().in_transfers - transfers_before;
-  EXPECT_GT(stream.packets, 0.4 * static_cast<double>(transfers));
-  EXPECT_GT(stream.packets, 50);
+  const auto off = [&] { return (falcon_.grip() - middle - falcon_.force() / 300).norm(); };
+  EXPECT_TRUE(waitUntil([&] { return falcon_.force().norm() > 0.5 && off() < 2e-4; }))
+      << falcon_.force().norm() << " N, " << off() << " m from the spring's rest";
 }
 
 TEST_F(EmulatedUsb, withoutDataEachLatencyBringsTwoBytes) {
@@ -164,7 +93,7 @@ TEST_F(EmulatedUsb, withoutDataEachLatencyBringsTwoBytes) {
   for (int i = 0; i < 20; ++i) {
     unsigned char data[64];
     int size = 0;
-    ASSERT_EQ(libusb_bulk_transfer(host_->handle(), 0x81, data, 64, &size, 1000), 0);
+    ASSERT_EQ(libusb_bulk_transfer(host_->handle(), 0x81, data, 64, &size, 60'000), 0);
     EXPECT_EQ(size, 2);
   }
   EXPECT_EQ(falcon_.port().counts().in_transfers - before.in_transfers, 20u);
@@ -182,7 +111,7 @@ struct InFlight {
     ASSERT_EQ(libusb_submit_transfer(transfer), 0);
   }
   void wait(LibusbHost& host) {
-    const TimePoint end = Clock::now() + 5s;
+    const TimePoint end = Clock::now() + kPatience;
     while (done == 0 && Clock::now() < end) {
       timeval patience{0, 100'000};
       libusb_handle_events_timeout_completed(host.context(), &patience, &done);
@@ -230,8 +159,7 @@ TEST_F(EmulatedUsb, comesBackUnderAnotherNumber) {
   host_->close();
   falcon_.plug();
   EXPECT_NE(falcon_.port().node(), first);
-  const TimePoint end = Clock::now() + 5s;
-  while (host_->count() != 1 && Clock::now() < end) std::this_thread::sleep_for(5ms);
+  ASSERT_TRUE(waitUntil([&] { return host_->count() == 1; }));
   ASSERT_EQ(host_->open(), 0);
   host_->settingsForFirmware();
   host_->write(packetOf({0, 0, 0}, 0));
@@ -254,7 +182,7 @@ TEST_F(EmulatedUsb, hotplugIsSeen) {
                                              LIBUSB_HOTPLUG_MATCH_ANY, note, &seen, &callback),
             0);
   const auto waitFor = [this](const std::atomic<int>& count, int wanted) {
-    const TimePoint end = Clock::now() + 5s;
+    const TimePoint end = Clock::now() + kPatience;
     while (count < wanted && Clock::now() < end) {
       timeval patience{0, 20'000};
       libusb_handle_events_timeout_completed(host_->context(), &patience, nullptr);
@@ -304,9 +232,7 @@ TEST_F(EmulatedUsb, aClosedHostLeavesNothingBehind) {
   start();
   EXPECT_EQ(falcon_.port().openClients(), 1);
   host_.reset();
-  const TimePoint end = Clock::now() + 5s;
-  while (falcon_.port().openClients() != 0 && Clock::now() < end) std::this_thread::sleep_for(1ms);
-  EXPECT_EQ(falcon_.port().openClients(), 0);
+  EXPECT_TRUE(waitUntil([&] { return falcon_.port().openClients() == 0; }));
   EXPECT_EQ(falcon_.port().transfersInFlight(), 0);
 }
 

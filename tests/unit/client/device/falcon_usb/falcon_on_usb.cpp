@@ -1,6 +1,7 @@
 #include "tests/unit/client/device/falcon_usb/falcon_on_usb.h"
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 #include <thread>
 
@@ -32,8 +33,8 @@ void FalconOnUsb::openDevice(FalconOptions options) {
   ASSERT_TRUE(opened.ok()) << opened.error().message;
 }
 
-bool FalconOnUsb::runTicks(std::chrono::milliseconds most, const std::function<bool()>& tick) {
-  const TimePoint end = Clock::now() + most;
+bool FalconOnUsb::runTicks(const std::function<bool()>& tick) {
+  const TimePoint end = Clock::now() + kPatience;
   TimePoint due = Clock::now();
   while (Clock::now() < end) {
     if (!tick()) return true;
@@ -43,12 +44,16 @@ bool FalconOnUsb::runTicks(std::chrono::milliseconds most, const std::function<b
   return false;
 }
 
-bool FalconOnUsb::waitForFresh(std::chrono::milliseconds most) {
-  return runTicks(most, [this] {
+bool FalconOnUsb::tickUntil(const std::function<bool()>& holds, Vec3 force_W_N) {
+  return runTicks([&] {
     last_read_ = device_->read(reading_);
-    device_->write(pusher_.push({}));
-    return last_read_ != DeviceRead::kFresh;
+    device_->write(pusher_.push(force_W_N));
+    return !holds();
   });
+}
+
+bool FalconOnUsb::waitForFresh() {
+  return tickUntil([this] { return last_read_ == DeviceRead::kFresh; });
 }
 
 HandPath homingPath(double seconds) {
@@ -64,22 +69,11 @@ void FalconOnUsb::home() {
   // repeated, so that a slow machine misses nothing
   falcon_.holdRigidly([path = homingPath(0.1)](double t) { return path(std::fmod(t, 0.1)); });
   ASSERT_TRUE(waitForFresh()) << device_->status();
-  falcon_.holdRigidly([path = homingPath(0.0001)](double t) { return path(t + 1); });
-  settle();
+  falcon_.holdAt({falcon::kOrigin_F_m.x, falcon::kOrigin_F_m.y, falcon::kOrigin_F_m.z});
 }
 
-void FalconOnUsb::settle(std::chrono::milliseconds time) {
-  const std::uint64_t commands = falcon_.commands();
-  runTicks(2s, [this, commands, end = Clock::now() + time] {
-    last_read_ = device_->read(reading_);
-    device_->write(pusher_.push({}));
-    // The answers to four commands have arrived, so they include the current position.
-    return Clock::now() < end || falcon_.commands() < commands + 5;
-  });
-}
-
-bool waitUntil(const std::function<bool()>& done, std::chrono::milliseconds most) {
-  const TimePoint end = Clock::now() + most;
+bool waitUntil(const std::function<bool()>& done) {
+  const TimePoint end = Clock::now() + kPatience;
   while (!done()) {
     if (Clock::now() > end) return false;
     std::this_thread::sleep_for(2ms);

@@ -1,9 +1,10 @@
 /// Our device `falcon` on the emulated USB, driven by ticks as the station's loop drives it.
 #pragma once
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <Eigen/Core>
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -13,6 +14,9 @@
 #include "tests/support/falcon_emulator/falcon_emulator.h"
 
 namespace needlelab::test {
+
+/// Ends a hang; no test measures it.
+constexpr std::chrono::seconds kPatience{120};
 
 /// A gate with a tip at rest: the requested force comes out after the start ramp, as fast as the slew
 /// limit allows.
@@ -31,16 +35,15 @@ class FalconOnUsb : public testing::Test {
 
   /// Plugs in the only Falcon, with its firmware running, and opens it.
   void openDevice(FalconOptions options = {});
-  /// Runs ticks of 1 ms and skips late ones, until `tick` returns false or the time is over. Returns false
-  /// when the time is over.
-  bool runTicks(std::chrono::milliseconds most, const std::function<bool()>& tick);
-  /// Reads in each tick with zero force until a fresh reading arrives.
-  bool waitForFresh(std::chrono::milliseconds most = std::chrono::seconds(5));
+  /// Runs ticks of 1 ms and skips late ones, until `tick` returns false. Returns false when that does not
+  /// happen within kPatience.
+  bool runTicks(const std::function<bool()>& tick);
+  /// Reads in each tick with this force until `holds`. Returns false if it does not within kPatience.
+  bool tickUntil(const std::function<bool()>& holds, Vec3 force_W_N = {});
+  bool waitForFresh();
   /// Pulls the grip out and pushes it in until the encoders have found their zero and the device reads;
   /// leaves the grip in the middle.
   void home();
-  /// Waits until the device reports the hand's current position.
-  void settle(std::chrono::milliseconds time = std::chrono::milliseconds(30));
 
   UsbTestbed testbed_;
   FalconEmulator falcon_{testbed_};
@@ -52,8 +55,8 @@ class FalconOnUsb : public testing::Test {
 
 /// Moves out for the first half of `seconds`, in for the second half, then to the middle.
 HandPath homingPath(double seconds);
-/// Waits for an event from another thread. Returns false if it did not happen.
-bool waitUntil(const std::function<bool()>& done, std::chrono::milliseconds most = std::chrono::seconds(5));
+/// Waits for an event from another thread. Returns false if it did not happen within kPatience.
+bool waitUntil(const std::function<bool()>& done);
 Bytes anyBytes(std::size_t count, unsigned seed);
 
 }  // namespace needlelab::test

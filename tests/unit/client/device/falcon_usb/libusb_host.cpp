@@ -57,14 +57,14 @@ void LibusbHost::close() {
 }
 
 int LibusbHost::request(std::uint8_t number, std::uint16_t value, std::uint16_t index) {
-  return libusb_control_transfer(handle_, 0x40, number, value, index, nullptr, 0, 1000);
+  return libusb_control_transfer(handle_, 0x40, number, value, index, nullptr, 0, 60'000);
 }
 
 int LibusbHost::write(const Bytes& data) {
   int sent = 0;
   Bytes copy = data;
   const int error =
-      libusb_bulk_transfer(handle_, 0x02, copy.data(), static_cast<int>(copy.size()), &sent, 1000);
+      libusb_bulk_transfer(handle_, 0x02, copy.data(), static_cast<int>(copy.size()), &sent, 60'000);
   return error != 0 ? error : sent;
 }
 

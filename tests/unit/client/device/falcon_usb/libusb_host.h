@@ -5,6 +5,7 @@
 #include <libusb.h>
 
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -16,6 +17,9 @@ namespace needlelab::test {
 /// Ends a test that does not run on the emulated USB. Must be the first line of a fixture's SetUp.
 #define NEEDLELAB_NEEDS_EMULATED_USB(testbed) \
   if (const std::string why = (testbed).trouble(); !why.empty()) GTEST_SKIP() << why
+
+/// Ends a hang; no test measures it.
+constexpr std::chrono::seconds kPatience{60};
 
 /// An open Falcon with a claimed interface.
 class LibusbHost {
@@ -37,7 +41,7 @@ class LibusbHost {
   int request(std::uint8_t number, std::uint16_t value, std::uint16_t index = 0);
   int write(const Bytes& data);
   /// Reads until `count` bytes have arrived or `patience` has passed. Returns the payload.
-  Bytes read(std::size_t count, std::chrono::milliseconds patience = std::chrono::milliseconds(300));
+  Bytes read(std::size_t count, std::chrono::milliseconds patience = kPatience);
 
   /// Sets the serial line for the firmware.
   void settingsForFirmware();
