@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/files.h"
-#include "tests/bench/loop_slices.h"
+#include "tests/bench/realtime/loop_slices.h"
 #include "tests/support/temp_folder.h"
 
 extern char** environ;
@@ -35,7 +35,7 @@ int runQuietly(const std::vector<std::string>& command) {
 
 }  // namespace
 
-Result<Wakeups> runCyclictest(const LoopBenchOptions& options) {
+Result<Wakeups> runCyclictest(const SliceOptions& options) {
   const TempFolder folder;
   const auto file = folder.path() / "cyclictest.json";
   const long period_us = std::lround(1e6 / options.rate_hz);
@@ -44,12 +44,12 @@ Result<Wakeups> runCyclictest(const LoopBenchOptions& options) {
       "cyclictest",
       "--quiet",
       "--mlockall",
-      "--priority=" + std::to_string(options.priority),
       "--interval=" + std::to_string(period_us),
       "--loops=" + std::to_string(std::lround(options.slice_s * options.rate_hz)),
       "--histogram=" + std::to_string(kMostUs),
       "--json=" + file.string()};
-  if (options.cpu) command.push_back("--affinity=" + std::to_string(*options.cpu));
+  if (options.priority > 0) command.push_back("--priority=" + std::to_string(options.priority));
+  if (const auto core = coreForLoop(options.cpu)) command.push_back("--affinity=" + std::to_string(*core));
   const int code = runQuietly(command);
   if (code == -1 || code == 127)
     return Error{ErrorCode::kUnavailable, "cyclictest is not there (package rt-tests)"};
@@ -65,19 +65,23 @@ Result<Wakeups> runCyclictest(const LoopBenchOptions& options) {
   Wakeups wakeups;
   const auto& thread = json["thread"]["0"];
   wakeups.count = thread["cycles"].get<std::uint64_t>();
-  std::uint64_t in_histogram = 0;
+  std::uint64_t in_histogram = 0, periods = 0;
   for (const auto& [late_us, times] : thread["histogram"].items()) {
     const long us = std::stol(late_us);
     const auto n = times.get<std::uint64_t>();
     in_histogram += n;
     if (us >= period_us) wakeups.over_T += n;
+    // it skips what a late wake-up missed
+    periods += n * static_cast<std::uint64_t>(1 + us / period_us);
     for (std::uint64_t i = 0; i < n; ++i) wakeups.late.add(us * 1000 + 500);
   }
   const std::int64_t max_ns = thread["max"].get<std::int64_t>() * 1000;
   for (; in_histogram < wakeups.count; ++in_histogram) {
     ++wakeups.over_T;
     wakeups.late.add(max_ns);
+    periods += static_cast<std::uint64_t>(1 + max_ns / 1000 / period_us);
   }
+  wakeups.seconds = static_cast<double>(periods) / options.rate_hz;
   return wakeups;
 }
 

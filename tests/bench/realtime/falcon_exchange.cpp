@@ -1,0 +1,94 @@
+// How many packets a second the device `falcon` exchanges with the emulated Falcon, and how regularly. Run it
+// through tests/support/falcon_emulator/mocked_usb.sh; tests/bench/realtime/run does so.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <thread>
+
+#include "client/device/falcon/falcon_device.h"
+#include "client/device/falcon/falcon_geometry.h"
+#include "common/base/clock.h"
+#include "common/base/program.h"
+#include "common/haptics/force_gate.h"
+#include "tests/bench/realtime/figures.h"
+#include "tests/support/falcon_emulator/falcon_emulator.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+int exchange(double seconds) {
+  UsbTestbed testbed;
+  if (const std::string why = testbed.trouble(); !why.empty()) {
+    std::fprintf(stderr, "needlelab_falcon_exchange: %s\n", why.c_str());
+    return kExitFailed;
+  }
+  preferThisThread();
+  FalconEmulator falcon(testbed);
+  falcon.plug();
+  FalconDevice device{FalconOptions{}};
+  if (const Status opened = device.open(1000); !opened.ok()) {
+    std::fprintf(stderr, "needlelab_falcon_exchange: %s\n", opened.error().message.c_str());
+    return kExitFailed;
+  }
+  ForceGate gate(DeviceLimits{}, 1000);
+  DeviceReading reading;
+  std::uint64_t fresh = 0;
+  const auto tickFor = [&](const std::function<bool()>& goes_on) {
+    auto due = Clock::now();
+    while (goes_on()) {
+      fresh += device.read(reading) == DeviceRead::kFresh ? 1 : 0;
+      gate.admit(TipSample{}, true, 0);
+      device.write(gate.guard(Wrench{}));
+      due = std::max(due + 1ms, Clock::now());
+      std::this_thread::sleep_until(due);
+    }
+  };
+  // pulls the grip out and pushes it in, so that the encoders find their zero
+  falcon.holdRigidly([](double t) {
+    return Eigen::Vector3d(0, 0, falcon::kOrigin_F_m.z + (std::fmod(t, 0.1) < 0.05 ? 0.035 : -0.035));
+  });
+  const TimePoint patience = Clock::now() + 60s;
+  tickFor([&] { return fresh == 0 && Clock::now() < patience; });
+  if (fresh == 0) {
+    std::fprintf(stderr, "needlelab_falcon_exchange: no position: %s\n", device.status().c_str());
+    return kExitFailed;
+  }
+  falcon.holdAt({falcon::kOrigin_F_m.x, falcon::kOrigin_F_m.y, falcon::kOrigin_F_m.z});
+
+  fresh = 0;
+  const TimePoint begin = Clock::now(), end = begin + std::chrono::duration_cast<Clock::duration>(
+                                                          std::chrono::duration<double>(seconds));
+  tickFor([&] { return Clock::now() < end; });
+  const double took_s = std::chrono::duration<double>(Clock::now() - begin).count();
+  LatencyHistogram between;
+  std::uint64_t commands = 0;
+  TimePoint last{};
+  for (const CommandSeen& seen : falcon.history()) {
+    if (seen.at < begin) continue;
+    if (commands++ > 0) between.add(std::chrono::nanoseconds(seen.at - last).count());
+    last = seen.at;
+  }
+  device.close();
+  Figures figures;
+  figures.push_back(
+      {"Falcon: packets to the device", "Hz", static_cast<double>(commands) / took_s, Beside::kRate});
+  figures.push_back(
+      {"Falcon: ticks with a new position", "Hz", static_cast<double>(fresh) / took_s, Beside::kRate});
+  addQuantiles(figures, "Falcon: from packet to packet", between);
+  std::printf("%s\n", figuresJson(figures).c_str());
+  return kExitDone;
+}
+
+}  // namespace
+}  // namespace needlelab::test
+
+int main(int argc, char** argv) {
+  double seconds = 5;
+  CLI::App app{"The Falcon's rate of exchange on the emulated USB, as JSON", "needlelab_falcon_exchange"};
+  app.add_option("--seconds", seconds)->check(CLI::Range(0.1, 15.0))->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  return needlelab::test::exchange(seconds);
+}
