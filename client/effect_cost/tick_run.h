@@ -26,6 +26,8 @@ class TickRun {
     keep(report_);
     if (++next_ == gesture_.size()) next_ = 0;
   }
+  /// Of the last tick.
+  [[nodiscard]] const StepReport& report() const { return report_; }
 
  private:
   const SceneModel& model_;
