@@ -34,9 +34,10 @@ DeviceRead troubledLife(std::uint64_t tick, DeviceReading& reading) {
   if (tick < 300) return goingDown(0.02, kRate)(tick, reading);
   if (tick < 330) return DeviceRead::kNoUpdate;
   reading.X_WH = {{0, 0, 5e-3}, {1, 0, 0, 0}};
-  if (tick >= 600 && tick < 620) reading.condition = kDeviceEmergencyStop;
-  if (tick >= 900 && tick < 910) reading.X_WH.p.x = std::numeric_limits<double>::quiet_NaN();
-  if (tick >= 1100 && tick < 1150) reading.condition = kDeviceReleased | kDeviceSaturated;
+  // each lasts longer than a busy machine keeps this thread waiting
+  if (tick >= 600 && tick < 680) reading.condition = kDeviceEmergencyStop;
+  if (tick >= 900 && tick < 990) reading.X_WH.p.x = std::numeric_limits<double>::quiet_NaN();
+  if (tick >= 1150 && tick < 1250) reading.condition = kDeviceReleased | kDeviceSaturated;
   return DeviceRead::kFresh;
 }
 
