@@ -9,6 +9,7 @@
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
 #include "client/sim/tools/offline_scene.h"
+#include "client/sim/tools/run_table.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 

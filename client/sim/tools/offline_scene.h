@@ -46,13 +46,6 @@ void addOfflineOptions(CLI::App& app, OfflineOptions& options);
 /// Prints the profile's warnings on stderr, one per line.
 void printWarnings(const OfflineScene& scene);
 
-/// The columns, with a newline.
-std::string runHeader();
-
-/// Appends the row of a tick: 17 significant digits, wall `nan` when there is none, phase by name.
-/// `needle_length_m` is for alpha_rad.
-void appendRunRow(std::string& out, double t_s, const StepReport& report, double needle_length_m);
-
 /// FNV-1a, 64 bits, of a text: as every double is written so that it reads back the same, equal hashes mean
 /// equal bits.
 std::uint64_t fnv1a(std::string_view text);

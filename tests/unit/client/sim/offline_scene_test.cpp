@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "client/sim/tools/run_table.h"
+
 namespace needlelab {
 namespace {
 

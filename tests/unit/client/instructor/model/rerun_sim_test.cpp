@@ -4,6 +4,7 @@
 #include "client/instructor/model/report.h"
 #include "client/instructor/model/rerun.h"
 #include "client/sim/tools/offline_scene.h"
+#include "client/sim/tools/run_table.h"
 #include "common/gesture/sample_csv.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
