@@ -25,7 +25,13 @@ enum class Effect : std::uint8_t {
   kShaftFriction,
   kPuncture
 };
-inline constexpr std::size_t kEffectCount = 6;
+/// Always 0, but in tests/instructions: the engine compiled with some more effects, to count what they cost.
+#ifdef NEEDLELAB_DUMMY_EFFECTS
+inline constexpr std::size_t kDummyEffectCount = NEEDLELAB_DUMMY_EFFECTS;
+#else
+inline constexpr std::size_t kDummyEffectCount = 0;
+#endif
+inline constexpr std::size_t kEffectCount = 6 + kDummyEffectCount;
 /// The number of effects with a fixed place within the tick; the others are stages: their forces are added at
 /// the end.
 inline constexpr std::size_t kPlacedEffectCount = 6;

@@ -1,7 +1,8 @@
 // An effect that is not live costs nothing. Instructions, counted by callgrind, of the engine's tick are
 // compared with the same tick compiled with a stub in place of one effect's code: at most 1 % more. Time
 // would be too noisy to show 1 %; a count is the same on every run of a binary. The comparison proves itself:
-// engines with 2 % planted into an effect that is not live must exceed that 1 %.
+// engines with 2 % planted into an effect that is not live must exceed that 1 %. And one more effect costs
+// nothing: the engine with four dummies (dummy_effects_test) has exactly the same counts.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -278,6 +279,20 @@ TEST_F(Instructions, thePapersTickStaysWithinItsGoal) {
   EXPECT_LE(of(kWhole, kPaper), 320) << "tests/bench/README.md";
   std::printf("the paper's four effects: %.1f instructions a tick; none %.1f, all six %.1f\n",
               of(kWhole, kPaper), of(kWhole, 0), of(kWhole, kPlacedEffects));
+}
+
+// The same engine compiled with four more effects, all of them stages, in scenes that do not list them.
+TEST_F(Instructions, fourMoreEffectsCostNothingWhereTheyAreNotLive) {
+  constexpr std::size_t kSets = kPlacedEffects + 1;
+  const auto counted = countStepInstructions({NEEDLELAB_DUMMY_EFFECTS_TEST, "--run-sets"}, kSets + 1);
+  ASSERT_TRUE(counted.ok()) << counted.error().message;
+  const auto ticks = static_cast<double>(measuringGesture(allEffects(), kRateHz).size());
+  const auto withDummies = [&](std::size_t part) { return static_cast<double>((*counted)[part]) / ticks; };
+  for (EffectMask live = 0; live < kSets; ++live)
+    EXPECT_EQ(withDummies(live), of(kWhole, live)) << "set " << live;
+  EXPECT_GT(withDummies(kSets), of(kWhole, 0) + 10) << "the control: only the dummies are live";
+  std::printf("none %.1f, none with four dummies that are not live %.1f, with the four live %.1f\n",
+              of(kWhole, 0), withDummies(0), withDummies(kSets));
 }
 
 TEST_F(Instructions, countsAreTheSameOnEveryRun) {

@@ -10,12 +10,18 @@ namespace needlelab {
 // these two lists.
 extern const EffectEntry kCuttingEntry, kAttractedEntry, kClampingEntry, kOrientationLimitEntry,
     kShaftFrictionEntry, kPunctureEntry;
+extern const std::array<EffectEntry, kDummyEffectCount> kDummyEntries;  // only in tests/instructions
 
 namespace {
 
-constexpr std::array<const EffectEntry*, kEffectCount> kEntries = {
-    &kCuttingEntry,          &kAttractedEntry,     &kClampingEntry,
-    &kOrientationLimitEntry, &kShaftFrictionEntry, &kPunctureEntry};
+constexpr auto kEntries = [] {
+  std::array<const EffectEntry*, kEffectCount> entries = {&kCuttingEntry,       &kAttractedEntry,
+                                                          &kClampingEntry,      &kOrientationLimitEntry,
+                                                          &kShaftFrictionEntry, &kPunctureEntry};
+  std::size_t next = kEffectCount - kDummyEffectCount;
+  for (const EffectEntry& dummy : kDummyEntries) entries[next++] = &dummy;
+  return entries;
+}();
 
 }  // namespace
 
