@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "common/base/text.h"
+#include "db/password_cost.h"
 
 namespace needlelab {
 namespace {
@@ -17,17 +18,24 @@ void initialise() {
   (void)rc;  // fails only without a random source; then the calls below fail
 }
 
+static_assert(kPasswordCost.operations == crypto_pwhash_OPSLIMIT_INTERACTIVE &&
+              kPasswordCost.memory_bytes == crypto_pwhash_MEMLIMIT_INTERACTIVE);
+
+/// Padded with zeros; empty when there is not enough memory.
+std::string hashOf(std::string_view secret) {
+  const PasswordCost cost = passwordCost();
+  std::string text(crypto_pwhash_STRBYTES, '\0');
+  if (crypto_pwhash_str(text.data(), secret.data(), secret.size(), cost.operations, cost.memory_bytes) != 0)
+    return {};
+  return text;
+}
+
 /// A hash of discarded random bytes, used in place of an empty hash.
 const std::string& decoyHash() {
   static const std::string hash = [] {
     std::array<char, 32> secret;
     randombytes_buf(secret.data(), secret.size());
-    std::string text(crypto_pwhash_STRBYTES, '\0');
-    if (crypto_pwhash_str(text.data(), secret.data(), secret.size(), crypto_pwhash_OPSLIMIT_INTERACTIVE,
-                          crypto_pwhash_MEMLIMIT_INTERACTIVE) != 0) {
-      return std::string();
-    }
-    return text;
+    return hashOf({secret.data(), secret.size()});
   }();
   return hash;
 }
@@ -53,11 +61,9 @@ Result<std::string> hashPassword(std::string_view password) {
                  fmt::format("password: has {} bytes, allowed are {} to {}", password.size(),
                              kMinPasswordBytes, kMaxPasswordBytes)};
   }
-  std::string hash(crypto_pwhash_STRBYTES, '\0');
-  if (crypto_pwhash_str(hash.data(), password.data(), password.size(), crypto_pwhash_OPSLIMIT_INTERACTIVE,
-                        crypto_pwhash_MEMLIMIT_INTERACTIVE) != 0) {
+  std::string hash = hashOf(password);
+  if (hash.empty())
     return Error{ErrorCode::kFailed, "cannot hash a password: not enough memory (64 MiB are needed)"};
-  }
   hash.resize(std::strlen(hash.c_str()));
   return hash;
 }

@@ -2,6 +2,7 @@
 // measures.
 #include <thread>
 
+#include "tests/support/password_cost.h"
 #include "tests/unit/db/service/teaching_fixture.h"
 
 namespace needlelab {
@@ -36,6 +37,7 @@ TEST_F(Standing, aManagerTakesNoRoleFromAnother) {
 
 TEST_F(Standing, whoIsPromotedWhileItsPasswordIsMadeKeepsItsOwn) {
   // The manager's call checks, hashes for a tenth of a second, and checks again when it stores.
+  const test::ProductPasswordCost product;
   for (int round = 0; round < 3; ++round) {
     const std::string name = "ina" + std::to_string(round);
     ASSERT_OK(change([&](Connection& c) {

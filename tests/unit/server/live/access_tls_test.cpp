@@ -9,6 +9,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/support/password_cost.h"
 #include "tests/unit/server/live/raw_peer.h"
 
 namespace needlelab {
@@ -68,6 +69,7 @@ std::string base64Of(const std::string& bytes) {
 }
 
 TEST(AccessFiles, noSecretLiesInTheFolderAndNobodyElseMayLook) {
+  const test::ProductPasswordCost product;
   RunningServer server;
   const std::string key = server.addStation("bench-1"), password = "planted password 7431";
   server.addUser("anna", pb::ADMINISTRATOR, password);
