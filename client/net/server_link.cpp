@@ -42,10 +42,6 @@ std::chrono::milliseconds Backoff::next() {
   return std::chrono::milliseconds(static_cast<std::int64_t>(wait * (0.5 + 0.5 * u)));
 }
 
-std::int64_t LinkClock::steadyNs() const {
-  return steadyNowNs();
-}
-
 std::int64_t LinkClock::unixNs() const {
   return wallNowNs();
 }

@@ -14,6 +14,7 @@
 
 #include "client/net/connect.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/envelope.pb.h"
 
@@ -68,14 +69,20 @@ class ClockProbe {
   std::optional<Estimate> best_;
 };
 
-/// The clock that a link uses. Tests provide their own.
+/// The time of a link, and its waits among asio's other work. Tests derive from it.
 class LinkClock {
  public:
+  /// `time` must outlive it.
+  explicit LinkClock(TimeSource& time = machineTime()) : time_(time) {}
   virtual ~LinkClock() = default;
-  [[nodiscard]] virtual std::int64_t steadyNs() const;
+  [[nodiscard]] TimeSource& time() const { return time_; }
+  [[nodiscard]] std::int64_t steadyNs() const { return time_.nowNs(); }
   [[nodiscard]] virtual std::int64_t unixNs() const;
   /// Waits for `time`, or until `timer` is cancelled.
   virtual Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time);
+
+ private:
+  TimeSource& time_;
 };
 
 struct LinkSettings {

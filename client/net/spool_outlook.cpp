@@ -76,7 +76,7 @@ SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, doubl
 }
 
 void SpoolGuard::measure() {
-  next_check_ns_ = steadyNowNs() + kCheckEvery_ns;
+  next_check_ns_ = time_.nowNs() + kCheckEvery_ns;
   // if the free space is unreadable, the writer reports it
   auto usage = spool_.usage();
   if (!usage.ok()) return;
@@ -96,7 +96,7 @@ void SpoolGuard::report() {
 }
 
 void SpoolGuard::check() {
-  if (steadyNowNs() < next_check_ns_) return;
+  if (time_.nowNs() < next_check_ns_) return;
   measure();
   if (outlook_.level > reported_) report_(outlook_.text);
   reported_ = std::max(SpoolLevel::kUnsent, outlook_.level);

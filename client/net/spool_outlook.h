@@ -7,6 +7,7 @@
 #include <string>
 
 #include "client/net/spool.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -49,9 +50,15 @@ std::string durationText(double hours);
 class SpoolGuard {
  public:
   using Report = std::function<void(const std::string&)>;
-  /// `spool` must outlive it.
-  SpoolGuard(Spool& spool, SpoolKeep keep, double rate_hz, Report report, SpoolThresholds thresholds = {})
-      : spool_(spool), keep_(keep), rate_hz_(rate_hz), report_(std::move(report)), thresholds_(thresholds) {}
+  /// `spool` and `time` must outlive it.
+  SpoolGuard(Spool& spool, SpoolKeep keep, double rate_hz, Report report, SpoolThresholds thresholds = {},
+             TimeSource& time = machineTime())
+      : spool_(spool),
+        keep_(keep),
+        rate_hz_(rate_hz),
+        report_(std::move(report)),
+        thresholds_(thresholds),
+        time_(time) {}
 
   /// Reports the outlook unless it is good. Call it at the start and the end of a lesson.
   void report();
@@ -69,6 +76,7 @@ class SpoolGuard {
   double rate_hz_;
   Report report_;
   SpoolThresholds thresholds_;
+  TimeSource& time_;
   SpoolOutlook outlook_;
   SpoolLevel reported_ = SpoolLevel::kUnsent;  // less is not reported within the lesson
   std::string trouble_;

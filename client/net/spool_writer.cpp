@@ -5,28 +5,27 @@
 #include <sched.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <span>
 #include <utility>
 
-#include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
 namespace {
 
-constexpr auto kPoll = std::chrono::milliseconds(4);  // polling period of the ring
-constexpr std::int64_t kPieceAge_ns = 20'000'000;     // longest wait of a live piece for its samples
+constexpr std::int64_t kPoll_ns = 4'000'000;       // polling period of the ring
+constexpr std::int64_t kPieceAge_ns = 20'000'000;  // longest wait of a live piece for its samples
 constexpr double kPiece_s = 0.02;
 constexpr std::int64_t kTailAge_ns = 10'000'000;  // longest wait of a sample for the tail
 constexpr double kTail_s = 0.01;
 constexpr double kChunk_s = 1;
 constexpr double kMostSamples = 1000;  // a lossless chunk then stays far below an envelope's 1 MiB
 constexpr std::int64_t kTailRetry_ns = 20'000'000;
-constexpr std::int64_t kRetry_ns = 500'000'000;  // between retries on a refusing disk
-constexpr std::int64_t kCalm_ns = 400'000'000;   // time without errors before the disk counts as well
-constexpr int kPriority = 10;                    // SCHED_FIFO; the haptic loop has 80
+constexpr std::int64_t kRetry_ns = 500'000'000;      // between retries on a refusing disk
+constexpr std::int64_t kLastRetry_ns = 100'000'000;  // the same, once the lesson is over
+constexpr std::int64_t kCalm_ns = 400'000'000;       // time without errors before the disk counts as well
+constexpr int kPriority = 10;                        // SCHED_FIFO; the haptic loop has 80
 
 std::size_t samplesIn(double seconds, double rate_hz) {
   return static_cast<std::size_t>(std::clamp(std::round(seconds * rate_hz), 1.0, kMostSamples));
@@ -46,6 +45,7 @@ SpoolWriter::SpoolWriter(SampleRing& ring, std::shared_ptr<SpoolSession> session
     : ring_(ring),
       session_(std::move(session)),
       options_(options),
+      time_(*options.time),
       callbacks_(std::move(callbacks)),
       resolution_(resolutionOf(session_->description())),
       piece_samples_(samplesIn(kPiece_s, options.rate_hz)),
@@ -55,7 +55,12 @@ SpoolWriter::SpoolWriter(SampleRing& ring, std::shared_ptr<SpoolSession> session
       ring_dropped_before_(ring.dropped()) {
   chunk_.reserve(chunk_samples_);
   piece_.reserve(piece_samples_);
-  writer_ = std::thread([this] { run(); });
+  if (!options_.threads) return;
+  writer_ = std::thread([this] {
+    preferThisThread();
+    for (std::int64_t due_ns = writePass(); due_ns != kNotDue_ns; due_ns = writePass())
+      time_.sleepUntilNs(due_ns);
+  });
   syncer_ = std::thread([this] { runSync(); });
 }
 
@@ -76,26 +81,22 @@ SpoolWriterCounts SpoolWriter::counts() const {
   return counts_;
 }
 
-void SpoolWriter::run() {
-  preferThisThread();
+std::int64_t SpoolWriter::writePass() {
+  // read before draining, so that all samples pushed before `finish` are seen
+  const bool last_pass = finish_.load(std::memory_order_acquire);
   GestureSample sample;
-  for (;;) {
-    // read before draining, so that all samples pushed before `finish` are seen
-    const bool last_round = finish_.load(std::memory_order_acquire);
-    while (ring_.pop(sample)) takeSample(sample);
-    const std::int64_t now_ns = steadyNowNs();
-    if (in_tail_ < chunk_.size() && (last_round || now_ns - tail_waits_since_ns_ >= kTailAge_ns)) writeTail();
-    if (!piece_.empty() && (last_round || now_ns - piece_began_ns_ >= kPieceAge_ns)) showPiece();
-    if (!pending_.empty() && now_ns >= next_try_ns_) flushPending();
-    noteLoss();
-    if (last_round) return;
-    std::this_thread::sleep_for(kPoll);
-  }
+  while (ring_.pop(sample)) takeSample(sample);
+  const std::int64_t now_ns = time_.nowNs();
+  if (in_tail_ < chunk_.size() && (last_pass || now_ns - tail_waits_since_ns_ >= kTailAge_ns)) writeTail();
+  if (!piece_.empty() && (last_pass || now_ns - piece_began_ns_ >= kPieceAge_ns)) showPiece();
+  if (!pending_.empty() && now_ns >= next_try_ns_) flushPending();
+  noteLoss();
+  return last_pass ? kNotDue_ns : time_.nowNs() + kPoll_ns;
 }
 
 void SpoolWriter::takeSample(const GestureSample& sample) {
   last_tick_ = sample.tick;
-  if (piece_.empty()) piece_began_ns_ = steadyNowNs();
+  if (piece_.empty()) piece_began_ns_ = time_.nowNs();
   piece_.push_back(sample);
   const bool lost = pending_bytes_ > options_.pending_bytes;
   if (lost) {
@@ -104,7 +105,7 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
     if (!lost_from_) lost_from_ = sample.tick;
     ++lost_;
   } else {
-    if (in_tail_ == chunk_.size()) tail_waits_since_ns_ = steadyNowNs();
+    if (in_tail_ == chunk_.size()) tail_waits_since_ns_ = time_.nowNs();
     chunk_.push_back(sample);
   }
   {
@@ -120,13 +121,13 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
 // writes the samples that are not in the tail yet; skips the tail while chunks wait for the disk, because it
 // would fail too
 void SpoolWriter::writeTail() {
-  if (!pending_.empty() || in_tail_ == chunk_.size() || steadyNowNs() < tail_next_try_ns_) return;
+  if (!pending_.empty() || in_tail_ == chunk_.size() || time_.nowNs() < tail_next_try_ns_) return;
   const std::span<const GestureSample> missing(chunk_);
   const Status status = session_->appendPiece(seq_, encodeChunk(resolution_, missing.subspan(in_tail_)));
   if (status.ok())
     in_tail_ = chunk_.size();
   else
-    tail_next_try_ns_ = steadyNowNs() + kTailRetry_ns;
+    tail_next_try_ns_ = time_.nowNs() + kTailRetry_ns;
   noteDisk(status);
 }
 
@@ -169,7 +170,7 @@ void SpoolWriter::makeChunk() {
     ++counts_.chunks;
     counts_.chunk_bytes += pending_.back().chunk.size();
   }
-  if (pending_.size() == 1 || steadyNowNs() >= next_try_ns_) flushPending();
+  if (pending_.size() == 1 || time_.nowNs() >= next_try_ns_) flushPending();
 }
 
 // writes chunks to disk in order; after the last one, empties the tail
@@ -179,7 +180,7 @@ void SpoolWriter::flushPending() {
     const Status status = session_->appendChunk(pending_.front().chunk, pending_.front().samples);
     noteDisk(status);
     if (!status.ok()) {
-      next_try_ns_ = steadyNowNs() + kRetry_ns;
+      next_try_ns_ = time_.nowNs() + kRetry_ns;
       break;
     }
     pending_bytes_ -= pending_.front().chunk.size();
@@ -204,7 +205,7 @@ void SpoolWriter::noteDisk(const Status& status) {
   std::string said;
   {
     const std::scoped_lock lock(mutex_);
-    const std::int64_t now_ns = steadyNowNs();
+    const std::int64_t now_ns = time_.nowNs();
     if (!status.ok()) {
       ++counts_.disk_errors;
       last_disk_error_ns_ = now_ns;
@@ -233,38 +234,50 @@ std::string SpoolWriter::trouble() const {
   return text;
 }
 
-void SpoolWriter::runSync() {
-  for (;;) {
-    {
-      std::unique_lock lock(mutex_);
-      sync_wake_.wait(lock, [this] { return sync_wanted_ || sync_stop_; });
-      if (!sync_wanted_ && sync_stop_) return;
-      sync_wanted_ = false;
-    }
-    const Status status = session_->sync();
-    if (status.ok()) {
-      if (callbacks_.durable) callbacks_.durable();
-      continue;
-    }
-    noteDisk(status);
-    std::unique_lock lock(mutex_);
-    if (sync_stop_) return;
-    // retry later; the next chunk also requests a sync
-    sync_wake_.wait_for(lock, std::chrono::nanoseconds(kRetry_ns), [this] { return sync_stop_; });
-    sync_wanted_ = true;
+std::int64_t SpoolWriter::syncPass() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (!sync_wanted_) return kNotDue_ns;
+    if (!sync_stop_ && time_.nowNs() < next_sync_ns_) return next_sync_ns_;
+    sync_wanted_ = false;
   }
+  const Status status = session_->sync();
+  if (status.ok()) {
+    if (callbacks_.durable) callbacks_.durable();
+    const std::scoped_lock lock(mutex_);
+    return sync_wanted_ ? time_.nowNs() : kNotDue_ns;
+  }
+  noteDisk(status);
+  const std::scoped_lock lock(mutex_);
+  sync_wanted_ = true;
+  next_sync_ns_ = time_.nowNs() + kRetry_ns;
+  return next_sync_ns_;
+}
+
+void SpoolWriter::runSync() {
+  for (bool stop = false; !stop;) {
+    const std::int64_t due_ns = syncPass();
+    std::unique_lock lock(mutex_);
+    time_.waitUntilNs(sync_wake_, lock, due_ns,
+                      [this] { return sync_stop_ || (sync_wanted_ && time_.nowNs() >= next_sync_ns_); });
+    stop = sync_stop_;
+  }
+  syncPass();
 }
 
 Status SpoolWriter::finish(std::chrono::milliseconds patience) {
   if (finished_) return outcome_;
   finished_ = true;
   finish_.store(true, std::memory_order_release);
-  writer_.join();
+  if (writer_.joinable())
+    writer_.join();
+  else
+    writePass();
   // from here on this thread acts as the writing one
   if (!chunk_.empty()) makeChunk();
-  const auto deadline = std::chrono::steady_clock::now() + patience;
-  while (!pending_.empty() && std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  const std::int64_t deadline_ns = time_.nowNs() + std::chrono::nanoseconds(patience).count();
+  while (!pending_.empty() && time_.nowNs() < deadline_ns) {
+    time_.sleepForNs(kLastRetry_ns);
     flushPending();
   }
   {
@@ -272,7 +285,7 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
     sync_stop_ = true;
   }
   sync_wake_.notify_all();
-  syncer_.join();
+  if (syncer_.joinable()) syncer_.join();
 
   std::uint64_t lost = 0;
   for (const Pending& chunk : pending_) lost += chunk.samples - chunk.in_tail;
@@ -288,8 +301,8 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
   }
   noteLoss();
   outcome_ = session_->sync();
-  while (!outcome_.ok() && std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  while (!outcome_.ok() && time_.nowNs() < deadline_ns) {
+    time_.sleepForNs(kLastRetry_ns);
     outcome_ = session_->sync();
   }
   // the tail keeps its samples of a refused chunk: the next start makes a chunk of them

@@ -1,5 +1,5 @@
 /// Moves samples from the haptic thread's ring to the spool: one thread drains and writes, another syncs the
-/// disk.
+/// disk. Each thread repeats a pass, which says when it is due again; a test runs the passes itself.
 #pragma once
 
 #include <atomic>
@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "client/net/spool.h"
+#include "common/base/time_source.h"
 #include "common/base/wait_free.h"
 #include "common/gesture/sample.h"
 
@@ -48,6 +50,8 @@ struct SpoolWriterCounts {
 struct SpoolWriterOptions {
   double rate_hz = 1000;
   std::size_t pending_bytes = 64u << 20;  ///< chunks that wait for a full disk, in memory
+  TimeSource* time = &machineTime();      ///< must outlive the writer
+  bool threads = true;                    ///< false: the owner calls writePass and syncPass when they are due
 };
 
 /// A crash of the program loses at most 20 ms: the writer moves samples to the tail when the oldest is 10 ms
@@ -63,7 +67,10 @@ class SpoolWriter {
     std::function<void(const std::string&)> trouble;  ///< the disk refuses or works again; for a person
   };
 
-  /// Starts both threads. `ring` must outlive the writer.
+  /// Returned by a pass that is not due again before something happens.
+  static constexpr std::int64_t kNotDue_ns = std::numeric_limits<std::int64_t>::max();
+
+  /// Starts both threads, unless `options` says otherwise. `ring` must outlive the writer.
   SpoolWriter(SampleRing& ring, std::shared_ptr<SpoolSession> session, SpoolWriterOptions options,
               Callbacks callbacks);
   ~SpoolWriter();
@@ -76,13 +83,19 @@ class SpoolWriter {
   /// the tail. May be called again.
   Status finish(std::chrono::milliseconds patience);
 
+  /// One pass of the writing thread: takes the ring's samples and writes what is due. Returns when the next
+  /// pass is due; kNotDue_ns after the last one, which `finish` ordered.
+  std::int64_t writePass();
+  /// One pass of the syncing thread: syncs if chunks were written since, or if a retry is due. Returns when
+  /// the next pass is due; kNotDue_ns: when chunks are written.
+  std::int64_t syncPass();
+
   [[nodiscard]] SpoolWriterCounts counts() const;
   /// Returns the disk's current trouble, for a person; empty when all is well. A loss stays in it until the
   /// end.
   [[nodiscard]] std::string trouble() const;
 
  private:
-  void run();
   void takeSample(const GestureSample& sample);
   void writeTail();
   void showPiece();
@@ -95,6 +108,7 @@ class SpoolWriter {
   SampleRing& ring_;
   std::shared_ptr<SpoolSession> session_;
   SpoolWriterOptions options_;
+  TimeSource& time_;
   Callbacks callbacks_;
   Resolution resolution_;
   std::size_t piece_samples_, tail_samples_, chunk_samples_;
@@ -123,6 +137,7 @@ class SpoolWriter {
   SpoolWriterCounts counts_;
   std::int64_t last_disk_error_ns_ = 0;
   bool sync_wanted_ = false, sync_stop_ = false;
+  std::int64_t next_sync_ns_ = 0;  // of a disk that refused to sync
   std::condition_variable sync_wake_;
 
   std::atomic<bool> finish_{false};

@@ -13,16 +13,19 @@ namespace {
 
 constexpr std::size_t kMostLive = 8;  // queue of 20 ms pieces for the network thread
 constexpr auto kStopGrace = std::chrono::milliseconds(2000);
-constexpr auto kStopLook = std::chrono::milliseconds(50);
+constexpr std::int64_t kStopLook_ns = 50'000'000;
 
 }  // namespace
 
 Uplink::Uplink(UplinkConfig config, UplinkEvents events)
     : config_(std::move(config)),
       events_(std::move(events)),
-      link_(io_, {.retry = {config_.first_retry, config_.most_retry, 2.0}, .lasting = config_.most_retry},
+      link_(io_,
+            {.retry = {config_.first_retry, config_.most_retry, 2.0},
+             .lasting = config_.most_retry,
+             .clock = config_.clock},
             handlers()) {
-  state_.away_since_ns = steadyNowNs();
+  state_.away_since_ns = time().nowNs();
   link_.logIn(config_.client);
   thread_ = std::thread([this] { io_.run(); });
 }
@@ -40,7 +43,7 @@ void Uplink::stop() {
   });
   thread_.join();
   takeAdded();
-  for (const auto& session : sessions_) session->saveReceipt(steadyNowNs(), true);
+  for (const auto& session : sessions_) session->saveReceipt(true);
 }
 
 void Uplink::add(std::shared_ptr<SpoolSession> session, bool current) {
@@ -69,7 +72,7 @@ void Uplink::wake() {
 void Uplink::offer(const SamplePiece& piece) {
   {
     const std::scoped_lock lock(mutex_);
-    newest_ = Live{piece, wallNowNs() - (steadyNowNs() - piece.last.time_ns)};
+    newest_ = Live{piece, wallNowNs() - (time().nowNs() - piece.last.time_ns)};
     flags_since_status_ |= piece.flags;
     newest_sent_ = watched_.load(std::memory_order_relaxed);
     if (!newest_sent_) return;
@@ -128,10 +131,10 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
     return call->result.has_value() || state_.denied || (once && !state_.connected && !state_.error.empty());
   };
   // in short waits, so that Ctrl-C takes effect while the server is silent
-  const auto end = std::chrono::steady_clock::now() + patience;
+  const std::int64_t end_ns = time().nowNs() + std::chrono::nanoseconds(patience).count();
   bool stop = false;
-  while (!answered() && !stop && std::chrono::steady_clock::now() < end) {
-    changed_.wait_until(lock, std::min(end, std::chrono::steady_clock::now() + kStopLook), answered);
+  while (!answered() && !stop && time().nowNs() < end_ns) {
+    time().waitUntilNs(changed_, lock, std::min(end_ns, time().nowNs() + kStopLook_ns), answered);
     lock.unlock();
     stop = stopped && stopped();
     lock.lock();
@@ -146,8 +149,9 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
 
 bool Uplink::waitUntilDone(std::chrono::milliseconds patience) {
   std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, patience, [&] { return state_.sessions_open == 0 || state_.denied; }) &&
-         state_.sessions_open == 0;
+  const std::int64_t end_ns = time().nowNs() + std::chrono::nanoseconds(patience).count();
+  time().waitUntilNs(changed_, lock, end_ns, [&] { return state_.sessions_open == 0 || state_.denied; });
+  return state_.sessions_open == 0;
 }
 
 UplinkState Uplink::state() const {
@@ -159,27 +163,32 @@ void Uplink::report(const std::string& text) const {
   if (events_.report) events_.report(text);
 }
 
+std::optional<DrainEnd> drainEnd(const UplinkState& state, const DrainPatience& patience,
+                                 std::int64_t began_ns, std::int64_t now_ns) {
+  const auto since = [now_ns](std::int64_t then_ns) {
+    return std::chrono::duration<double>(1e-9 * static_cast<double>(now_ns - then_ns));
+  };
+  if (state.denied) return DrainEnd::kDenied;
+  if (since(began_ns) >= patience.whole) return DrainEnd::kTimeOver;
+  if (state.connected) return std::nullopt;
+  // an attempt has already failed: do not expect a first connection soon
+  const auto away = since(state.away_since_ns);
+  const bool never = state.connections == 0 && !state.error.empty() && away >= patience.never_connected;
+  const bool long_ago = state.connections > 0 && away >= patience.long_away;
+  // wait a moment more: the server may have just come back
+  const bool waited = since(began_ns) >= std::min(patience.whole, patience.never_connected / 2);
+  if ((never || long_ago) && waited) return DrainEnd::kAway;
+  return std::nullopt;
+}
+
 DrainEnd drain(Uplink& uplink, const DrainPatience& patience, const std::function<bool()>& stopped) {
   uplink.wake();
-  const std::int64_t began_ns = steadyNowNs();
-  const auto seconds = [](std::int64_t ns) {
-    return std::chrono::duration<double>(1e-9 * static_cast<double>(ns));
-  };
+  const std::int64_t began_ns = uplink.time().nowNs();
   while (!uplink.waitUntilDone(std::chrono::milliseconds(20))) {
-    const UplinkState state = uplink.state();
-    const std::int64_t now_ns = steadyNowNs();
-    if (state.denied) return DrainEnd::kDenied;
+    const auto end = drainEnd(uplink.state(), patience, began_ns, uplink.time().nowNs());
+    if (end == DrainEnd::kDenied) return *end;
     if (stopped()) return DrainEnd::kStopped;
-    if (seconds(now_ns - began_ns) >= patience.whole) return DrainEnd::kTimeOver;
-    if (state.connected) continue;
-    // an attempt has already failed: do not expect a first connection soon
-    const auto away = seconds(now_ns - state.away_since_ns);
-    const bool never = state.connections == 0 && !state.error.empty() && away >= patience.never_connected;
-    const bool long_ago = state.connections > 0 && away >= patience.long_away;
-    // wait a moment more: the server may have just come back
-    if ((never || long_ago) &&
-        seconds(now_ns - began_ns) >= std::min(patience.whole, patience.never_connected / 2))
-      return DrainEnd::kAway;
+    if (end) return *end;
   }
   return DrainEnd::kDone;
 }

@@ -27,6 +27,7 @@ struct UplinkConfig {
   ClientConfig client;
   std::size_t window_chunks = 64;  ///< in flight, over all sessions
   std::chrono::milliseconds first_retry{200}, most_retry{10'000};
+  std::shared_ptr<LinkClock> clock = std::make_shared<LinkClock>();
 };
 
 /// Events for the station's program. All run on the uplink's thread and must not block.
@@ -109,6 +110,7 @@ class Uplink {
   void stop();
 
   [[nodiscard]] UplinkState state() const;
+  [[nodiscard]] TimeSource& time() const { return config_.clock->time(); }
 
  private:
   LinkHandlers handlers();
@@ -184,6 +186,10 @@ enum class DrainEnd : std::uint8_t {
   kStopped,   ///< by the caller
   kDenied,    ///< the server refuses us
 };
+
+/// Whether a drain that began at `began_ns` ends now, while sessions are still open. Pure.
+std::optional<DrainEnd> drainEnd(const UplinkState& state, const DrainPatience& patience,
+                                 std::int64_t began_ns, std::int64_t now_ns);
 
 /// Polls `stopped` about 50 times a second. Thread: any but the uplink's.
 DrainEnd drain(Uplink& uplink, const DrainPatience& patience, const std::function<bool()>& stopped);

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "client/net/uplink.h"
-#include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/wire/protocol.h"
 
@@ -97,7 +96,7 @@ void Uplink::onAway(const LinkEnd& end) {
   }
   {
     const std::scoped_lock lock(mutex_);
-    if (state_.connected) state_.away_since_ns = steadyNowNs();
+    if (state_.connected) state_.away_since_ns = time().nowNs();
     state_.connected = false;
     state_.denied = denied;
     state_.error = why;
@@ -129,7 +128,7 @@ Task<> Uplink::keepTime() {
     if (round < kFirstProbes || round % kProbeEvery == 0) sendProbe();
     sendStatus();
     pump();
-    for (const auto& session : sessions_) session->saveReceipt(steadyNowNs(), false);
+    for (const auto& session : sessions_) session->saveReceipt(false);
     timer.expires_after(kStatusEvery);
     co_await timer.async_wait(kUseTuple);
   }
@@ -144,7 +143,7 @@ void Uplink::takeAdded() {
   }
   for (auto& [spool, current] : added) {
     auto session =
-        std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station());
+        std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station(), time());
     if (link_.online()) session->onConnected(atServer(*session));
     if (current) {
       current_ = session.get();
@@ -245,7 +244,8 @@ void Uplink::handle(const pb::Envelope& envelope) {
       handleRefusal(envelope);
       break;
     case pb::Envelope::kPong:
-      if (clock_.add(envelope.pong().sender_steady_ns(), envelope.pong().receiver_steady_ns(), steadyNowNs()))
+      if (clock_.add(envelope.pong().sender_steady_ns(), envelope.pong().receiver_steady_ns(),
+                     time().nowNs()))
         sendClockOffset();
       break;
     case pb::Envelope::kWatchState:
@@ -365,7 +365,7 @@ void Uplink::sendStatus() {
 void Uplink::sendProbe() {
   pb::Envelope envelope;
   envelope.mutable_ping()->set_id(++probes_);
-  envelope.mutable_ping()->set_sender_steady_ns(steadyNowNs());
+  envelope.mutable_ping()->set_sender_steady_ns(time().nowNs());
   link_.send(envelope);
 }
 

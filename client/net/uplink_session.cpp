@@ -28,8 +28,8 @@ Bytes withoutLastSample(const pb::SessionDescription& description, const Bytes& 
 
 }  // namespace
 
-UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station)
-    : spool_(std::move(spool)), station_(std::move(station)) {
+UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station, TimeSource& time)
+    : spool_(std::move(spool)), station_(std::move(station)), time_(time) {
   const SpoolReceipt receipt = spool_->receipt();
   committed_ = sent_ = receipt.committed;
   safe_ = receipt.safe;
@@ -38,13 +38,13 @@ UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool, std::string st
 
 std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
   if (state_ == State::kNew) {
-    if (steadyNowNs() < not_before_ns_) return std::nullopt;
+    if (time_.nowNs() < not_before_ns_) return std::nullopt;
     state_ = State::kOpening;
     return openMessage();
   }
   if (state_ == State::kClosed && std::exchange(end_due_, false)) return closeMessage(spool_->contents());
   if (state_ == State::kClosed && !asked_ && (end_unknown_ || safe_ < spool_->contents().chunks)) {
-    if (steadyNowNs() < not_before_ns_) return std::nullopt;
+    if (time_.nowNs() < not_before_ns_) return std::nullopt;
     asked_ = asking_ = true;
     return openMessage();
   }
@@ -131,7 +131,7 @@ void UplinkSession::sendAgain(std::uint64_t next_seq) {
   verdict_.Clear();
   state_ = State::kNew;
   // save the receipt first: from now on the spool must keep the session
-  saveReceipt(steadyNowNs(), true);
+  saveReceipt(true);
   if (auto loaded = spool_->loadAgain(); !loaded.ok()) {
     refuse("the server has lost it, and it cannot be read from the spool: " + loaded.error().message);
   }
@@ -144,14 +144,14 @@ void UplinkSession::endAgain() {
   const std::uint64_t chunks = spool_->contents().chunks;
   if (chunks == 0 || safe_ < chunks) return;
   safe_ = chunks - 1;
-  saveReceipt(steadyNowNs(), true);
+  saveReceipt(true);
 }
 
 void UplinkSession::onAck(const pb::Ack& ack) {
   if (closed() && ack.safe_seqs() > safe_) {
     // a backup covers it: from now on the spool may remove the session
     safe_ = std::min(ack.safe_seqs(), committed_);
-    saveReceipt(steadyNowNs(), true);
+    saveReceipt(true);
   }
   if (finished()) return;
   const std::uint64_t committed = std::min(ack.committed_seqs(), spool_->contents().chunks);
@@ -167,7 +167,7 @@ void UplinkSession::onClosed(const pb::SessionClosed& closed) {
   asked_ = true;  // this connection has just answered
   asking_ = end_due_ = false;
   committed_ = sent_ = spool_->contents().chunks;
-  saveReceipt(steadyNowNs(), true);
+  saveReceipt(true);
 }
 
 void UplinkSession::onRefusal(const pb::Refusal& refusal) {
@@ -176,7 +176,7 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
     // connection
     if (asking_ && refusal.reason() == pb::Refusal::RATE_LIMITED) {
       asked_ = end_due_ = false;
-      not_before_ns_ = steadyNowNs() + kAskAgain_ns;
+      not_before_ns_ = time_.nowNs() + kAskAgain_ns;
     } else {
       asking_ = false;
     }
@@ -206,7 +206,7 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
       // a temporary refusal: ask again a little later, unless it ends the connection
       if (state_ == State::kNew || state_ == State::kOpen) return;
       state_ = State::kNew;
-      not_before_ns_ = steadyNowNs() + kAskAgain_ns;
+      not_before_ns_ = time_.nowNs() + kAskAgain_ns;
       return;
   }
 }
@@ -223,9 +223,10 @@ void UplinkSession::onConnectionLost() {
   sent_ = committed_;
 }
 
-void UplinkSession::saveReceipt(std::int64_t now_steady_ns, bool now) {
-  if (!now && now_steady_ns - saved_ns_ < kReceiptEvery_ns) return;
-  saved_ns_ = now_steady_ns;
+void UplinkSession::saveReceipt(bool now) {
+  const std::int64_t now_ns = time_.nowNs();
+  if (!now && now_ns - saved_ns_ < kReceiptEvery_ns) return;
+  saved_ns_ = now_ns;
   SpoolReceipt receipt = spool_->receipt();
   receipt.committed = committed_;
   receipt.safe = safe_;

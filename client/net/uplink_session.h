@@ -8,6 +8,7 @@
 #include <string>
 
 #include "client/net/spool.h"
+#include "common/base/time_source.h"
 #include "needlelab/envelope.pb.h"
 
 namespace needlelab {
@@ -26,7 +27,8 @@ class UplinkSession {
   static constexpr int kFullWelcome = 1000;
 
   /// `station`: the uplink's log-in name; a session that was recorded without a station's name gets it.
-  explicit UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station = {});
+  explicit UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station = {},
+                         TimeSource& time = machineTime());
 
   /// Returns the next message to send now, if any: OpenSession, Chunk or CloseSession. `may_send_chunk`: the
   /// window has room.
@@ -41,7 +43,7 @@ class UplinkSession {
   /// Handles a lost connection: everything unacknowledged is sent again.
   void onConnectionLost();
   /// Writes the receipt to the spool, at most every 2 s unless `now`.
-  void saveReceipt(std::int64_t now_steady_ns, bool now);
+  void saveReceipt(bool now);
 
   [[nodiscard]] const std::shared_ptr<SpoolSession>& spool() const { return spool_; }
   [[nodiscard]] std::uint64_t inFlight() const { return sent_ > committed_ ? sent_ - committed_ : 0; }
@@ -69,6 +71,7 @@ class UplinkSession {
 
   std::shared_ptr<SpoolSession> spool_;
   std::string station_;
+  TimeSource& time_;
   State state_ = State::kNew;
   std::uint64_t sent_ = 0;       // chunks 0 … sent−1 were sent on this connection, or are committed
   std::uint64_t committed_ = 0;  // acknowledged by the server

@@ -7,11 +7,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <mutex>
 
 #include "client/net/spool.h"
+#include "client/net/spool_writer.h"
 #include "common/gesture/chunk.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/spool_samples.h"
 
@@ -187,6 +190,58 @@ TEST_F(SpoolOrder, afterAFailedSyncTheBytesAreWrittenAgainBeforeTheNext) {
   ASSERT_LT(wrote, seen.size()) << text(seen);
   EXPECT_LT(find(seen, "sync", chunks, wrote), seen.size()) << text(seen);
   EXPECT_EQ(session->contents().chunks, 1u);
+}
+
+TEST_F(SpoolOrder, aSyncThatFailedIsTriedAgainEveryHalfSecondAndItsChunksAreDurableOnlyThen) {
+  constexpr std::int64_t kHalfSecond_ns = 500'000'000;
+  FakeTime time;
+  auto spool = std::move(*Spool::open(folder_.path()));
+  auto session = *spool->create(describeSession(makeUuidV7()));
+  SampleRing ring;
+  int durable = 0;
+  std::vector<std::string> troubles;
+  SpoolWriter writer(ring, session, {.time = &time, .threads = false},
+                     {{}, [&] { ++durable; }, [&](const std::string& text) { troubles.push_back(text); }});
+  EXPECT_EQ(writer.syncPass(), SpoolWriter::kNotDue_ns) << "nothing is written yet";
+  for (std::uint64_t tick = 0; tick < 1000; ++tick) ring.push(sampleAt(tick));
+  writer.writePass();
+  disk_fails = true;
+  for (std::uint64_t tries = 1; tries <= 3; ++tries) {
+    EXPECT_EQ(writer.syncPass(), time.nowNs() + kHalfSecond_ns);
+    EXPECT_EQ(writer.counts().disk_errors, tries);
+    time.advance(kHalfSecond_ns - 1);
+    EXPECT_EQ(writer.syncPass(), time.nowNs() + 1) << "not before it is due";
+    EXPECT_EQ(writer.counts().disk_errors, tries);
+    time.advance(1);
+  }
+  disk_fails = false;
+  EXPECT_EQ(durable, 0);
+  EXPECT_EQ(session->contents().chunks, 0u);
+  EXPECT_EQ(writer.syncPass(), SpoolWriter::kNotDue_ns);
+  EXPECT_EQ(durable, 1);
+  EXPECT_EQ(session->contents().chunks, 1u);
+  EXPECT_EQ(troubles.size(), 1u) << "said, not repeated";
+}
+
+// `finish` syncs once, then every 100 ms.
+TEST_F(SpoolOrder, theEndWaitsItsPatienceForADiskThatDoesNotSync) {
+  FakeTime time;
+  auto spool = std::move(*Spool::open(folder_.path()));
+  auto session = *spool->create(describeSession(makeUuidV7()));
+  SampleRing ring;
+  SpoolWriter writer(ring, session, {.time = &time, .threads = false}, {});
+  for (std::uint64_t tick = 0; tick < 1000; ++tick) ring.push(sampleAt(tick));
+  const std::int64_t began_ns = time.nowNs();
+  disk_fails = true;
+  start();
+  const Status status = writer.finish(std::chrono::milliseconds(450));
+  const auto seen = stop();
+  disk_fails = false;
+  EXPECT_FALSE(status.ok());
+  EXPECT_EQ(time.nowNs() - began_ns, 500'000'000) << "the try that begins within the patience ends after it";
+  EXPECT_EQ(std::count(seen.begin(), seen.end(), Call{"sync", session->folder() / "chunks"}), 6)
+      << text(seen);
+  EXPECT_FALSE(session->contents().ended);
 }
 
 TEST_F(SpoolOrder, whatACrashLeftIsSyncedBeforeTheSessionIsCalledEnded) {

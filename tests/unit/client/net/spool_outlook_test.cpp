@@ -4,6 +4,7 @@
 
 #include "client/net/spool_outlook.h"
 #include "common/gesture/chunk.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/spool_samples.h"
 
@@ -103,18 +104,30 @@ TEST(SpoolGuard, saysAtTheStartWhatWaitsAndIsSilentWhileNothingGetsWorse) {
   const auto say = [&](const std::string& text) { said.push_back(text); };
   SpoolKeep keep;
   keep.quota_bytes = 1;
-  SpoolGuard guard(*spool, keep, 1000, say);
+  FakeTime time;
+  SpoolGuard guard(*spool, keep, 1000, say, {}, time);
   guard.report();
   ASSERT_EQ(said.size(), 1u);
   EXPECT_THAT(said[0], HasSubstr("over its quota of 1 bytes"));
   EXPECT_EQ(guard.trouble(), said[0]) << "the instructor is told as well";
-  for (int i = 0; i < 100; ++i) guard.check();
+  for (int s = 0; s < 100; ++s) {
+    time.advance(1'000'000'000);
+    guard.check();
+  }
   EXPECT_EQ(said.size(), 1u);
   EXPECT_TRUE(std::filesystem::exists(session->folder() / "chunks"));
   // The server has everything, so there is no message.
   ASSERT_TRUE(session->setReceipt({1, 0, false, 0}).ok());
   guard.report();
   EXPECT_THAT(guard.trouble(), IsEmpty());
+  // It looks again after 10 s: something that waits again is said once more.
+  ASSERT_TRUE(session->setReceipt({0, 0, false, 0}).ok());
+  time.advance(9'999'999'999);
+  guard.check();
+  EXPECT_EQ(said.size(), 1u);
+  time.advance(1);
+  guard.check();
+  EXPECT_EQ(said.size(), 2u);
 }
 
 }  // namespace

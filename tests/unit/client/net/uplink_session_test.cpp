@@ -2,11 +2,9 @@
 
 #include <gmock/gmock.h>
 
-#include <chrono>
-#include <thread>
-
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/spool_samples.h"
 
@@ -24,7 +22,7 @@ class UplinkSessionTest : public testing::Test {
       EXPECT_TRUE(
           session_->appendChunk(encodeChunk(Resolution::standard(), samplesFrom(seq * 10, 10)), 10).ok());
     EXPECT_TRUE(session_->sync().ok());
-    upload_ = std::make_unique<UplinkSession>(session_);
+    upload_ = std::make_unique<UplinkSession>(session_, "", time_);
   }
   // Returns the names of the messages that it sends next.
   std::vector<std::string> sends(bool room = true) {
@@ -53,6 +51,7 @@ class UplinkSessionTest : public testing::Test {
   TempFolder folder_;
   std::unique_ptr<Spool> spool_;
   std::shared_ptr<SpoolSession> session_;
+  FakeTime time_;
   std::unique_ptr<UplinkSession> upload_;
 };
 
@@ -121,7 +120,7 @@ TEST_F(UplinkSessionTest, aServerThatWasRestoredGetsWhatItHadClosedAgain) {
   ASSERT_TRUE(spool_->unfinished().empty());
   ASSERT_EQ(spool_->closedButNotSafe().size(), 1u);
   session_ = spool_->closedButNotSafe()[0];
-  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_ = std::make_unique<UplinkSession>(session_, "", time_);
   EXPECT_EQ(sends(), Names{"open"}) << "asks whether the server still has it";
   EXPECT_TRUE(upload_->asking());
   EXPECT_TRUE(upload_->finished()) << "nobody waits for the answer";
@@ -140,7 +139,7 @@ TEST_F(UplinkSessionTest, aServerThatWasRestoredGetsWhatItHadClosedAgain) {
 TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
-  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_ = std::make_unique<UplinkSession>(session_, "", time_);
   upload_->onConnected(UplinkSession::AtServer::kOpen);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
@@ -181,7 +180,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
 TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
-  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_ = std::make_unique<UplinkSession>(session_, "", time_);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   EXPECT_EQ(sends(), Names{}) << "the server has it";
@@ -199,7 +198,7 @@ TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) 
 TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 3, true, 7}).ok());
-  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_ = std::make_unique<UplinkSession>(session_, "", time_);
   upload_->onConnected(UplinkSession::AtServer::kUnknown);
   EXPECT_EQ(sends(), Names{"open"}) << "also of one that was safe: which backup was restored is unknown";
   upload_->onOpened(3);
@@ -226,18 +225,15 @@ TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
 TEST_F(UplinkSessionTest, whoAskedTooOftenAsksAgainAndLetsNobodyElseAskBefore) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
-  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_ = std::make_unique<UplinkSession>(session_, "", time_);
   EXPECT_EQ(sends(), Names{"open"});
   refuse(pb::Refusal::RATE_LIMITED);
   EXPECT_TRUE(upload_->asking());
   EXPECT_EQ(sends(), Names{}) << "not at once";
-  const std::int64_t end_ns = steadyNowNs() + 10'000'000'000;
-  Names sent;
-  while (sent.empty() && steadyNowNs() < end_ns) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    sent = sends();
-  }
-  EXPECT_EQ(sent, Names{"open"});
+  time_.advance(1'999'999'999);
+  EXPECT_EQ(sends(), Names{}) << "nor before 2 s have passed";
+  time_.advance(1);
+  EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   EXPECT_FALSE(upload_->asking());
   // After any other refusal, it tries again on the next connection.
@@ -308,7 +304,7 @@ TEST_F(UplinkSessionTest, acksBeyondWhatThereIsAreNotBelieved) {
   EXPECT_EQ(sends().size(), 3u);
   ack(1'000'000, 2'000'000);
   EXPECT_EQ(upload_->committed(), 3u);
-  upload_->saveReceipt(0, true);
+  upload_->saveReceipt(true);
   EXPECT_EQ(session_->receipt().safe, 3u);
 }
 
@@ -331,6 +327,23 @@ TEST_F(UplinkSessionTest, aLostConnectionSendsTheUncommittedAgain) {
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(1);
   EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+}
+
+TEST_F(UplinkSessionTest, theReceiptIsWrittenAtMostEveryTwoSeconds) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends(), (Names{"chunk 0", "chunk 1", "chunk 2"}));
+  upload_->saveReceipt(true);
+  ack(1);
+  time_.advance(1'999'999'999);
+  upload_->saveReceipt(false);
+  EXPECT_EQ(session_->receipt().committed, 0u);
+  time_.advance(1);
+  upload_->saveReceipt(false);
+  EXPECT_EQ(session_->receipt().committed, 1u);
+  ack(2);
+  upload_->saveReceipt(true);
+  EXPECT_EQ(session_->receipt().committed, 2u) << "at once, where it matters";
 }
 
 }  // namespace
