@@ -98,7 +98,7 @@ void write(Row row, const BlackBoxTick& t) {
 namespace fs = std::filesystem;
 
 // leaves half of the box's spare second for copying and writing
-constexpr auto kLookEvery = std::chrono::milliseconds(50);
+constexpr std::int64_t kLookEvery_ns = 50'000'000;
 
 Status write(const fs::path& path, const std::vector<BlackBoxTick>& ticks) {
   std::error_code error;
@@ -198,22 +198,20 @@ std::string blackBoxText(const BlackBoxDump& dump) {
 }
 
 BlackBoxWriter::BlackBoxWriter(BlackBox& box, fs::path folder, std::string session,
-                               std::function<void(const std::string&)> log)
-    : box_(box),
-      folder_(std::move(folder)),
-      session_(std::move(session)),
-      log_(std::move(log)),
-      thread_([this] { run(); }) {}
-
-void BlackBoxWriter::run() {
-  while (!finish_.load(std::memory_order_acquire)) {
-    writeAll();
-    std::this_thread::sleep_for(kLookEvery);
-  }
-  writeAll();
+                               std::function<void(const std::string&)> log, TimeSource& time, bool own_thread)
+    : box_(box), folder_(std::move(folder)), session_(std::move(session)), log_(std::move(log)), time_(time) {
+  if (own_thread) thread_ = std::thread([this] { run(); });
 }
 
-void BlackBoxWriter::writeAll() {
+void BlackBoxWriter::run() {
+  for (bool last = false; !last;) {
+    const std::int64_t due_ns = pass();
+    std::unique_lock lock(mutex_);
+    last = time_.waitUntilNs(finish_ordered_, lock, due_ns, [this] { return finish_; });
+  }
+}
+
+std::int64_t BlackBoxWriter::pass() {
   BlackBoxDump dump;
   while (box_.take(dump, ticks_)) {
     const fs::path path = folder_ / fmt::format("{}-{:02}.csv", session_, dump.number);
@@ -223,12 +221,18 @@ void BlackBoxWriter::writeAll() {
     log_(blackBoxText(dump) + (status.ok() ? "; the 2 s before it and what followed are in " + path.string()
                                            : "; it is not kept: " + status.error().message));
   }
+  return time_.nowNs() + kLookEvery_ns;
 }
 
 void BlackBoxWriter::finish() {
-  if (!thread_.joinable()) return;
-  finish_.store(true, std::memory_order_release);
-  thread_.join();
+  if (std::exchange(finished_, true)) return;
+  {
+    const std::scoped_lock lock(mutex_);
+    finish_ = true;
+  }
+  finish_ordered_.notify_all();
+  if (thread_.joinable()) thread_.join();
+  pass();
   const BlackBoxCounts all = counts();
   if (all.not_kept > 0)
     log_(fmt::format(

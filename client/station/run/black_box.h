@@ -3,15 +3,18 @@
 
 #include <array>
 #include <atomic>
+#include <condition_variable>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <type_traits>
 #include <vector>
 
 #include "client/device/device.h"
+#include "common/base/time_source.h"
 #include "common/base/wait_free.h"
 
 namespace needlelab {
@@ -152,10 +155,11 @@ struct BlackBoxCounts {
 /// finishes and destroys it; any calls `counts`; `log` runs on the writer's own thread.
 class BlackBoxWriter {
  public:
-  /// `box` must outlive the writer. `log` receives a message for a person: the written file, or the reason
-  /// why there is none.
+  /// `box` and `time` must outlive the writer. `log` receives a message for a person: the written file, or
+  /// the reason why there is none. Without `own_thread` the owner calls `pass` when it is due.
   BlackBoxWriter(BlackBox& box, std::filesystem::path folder, std::string session,
-                 std::function<void(const std::string&)> log);
+                 std::function<void(const std::string&)> log, TimeSource& time = machineTime(),
+                 bool own_thread = true);
   ~BlackBoxWriter() { finish(); }
   BlackBoxWriter(const BlackBoxWriter&) = delete;
   BlackBoxWriter& operator=(const BlackBoxWriter&) = delete;
@@ -163,11 +167,12 @@ class BlackBoxWriter {
   /// Call after the loop's end. Writes the remaining ranges, logs the losses, joins the thread. Repeated
   /// calls are allowed.
   void finish();
+  /// One look: writes the ranges that are complete. Returns when the next look is due.
+  std::int64_t pass();
   [[nodiscard]] BlackBoxCounts counts() const noexcept;
 
  private:
   void run();
-  void writeAll();
 
   BlackBox& box_;
   std::filesystem::path folder_;
@@ -175,7 +180,11 @@ class BlackBoxWriter {
   std::function<void(const std::string&)> log_;
   std::vector<BlackBoxTick> ticks_;  // used by the writing thread only
   std::atomic<std::uint64_t> files_{0}, not_written_{0};
-  std::atomic<bool> finish_{false};
+  TimeSource& time_;
+  std::mutex mutex_;
+  std::condition_variable finish_ordered_;
+  bool finish_ = false;    // guarded by mutex_
+  bool finished_ = false;  // used by the owner's thread only
   std::thread thread_;
 };
 

@@ -51,7 +51,8 @@ std::vector<DeviceLister> deviceListers() {
   return listers;
 }
 
-DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::milliseconds patience) {
+DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::milliseconds patience,
+                       TimeSource& time) {
   const auto answers = std::make_shared<Answers>();
   answers->found.resize(listers.size());
   for (std::size_t i = 0; i < listers.size(); ++i)
@@ -59,7 +60,8 @@ DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::mi
 
   DeviceList list;
   std::unique_lock lock(answers->mutex);
-  list.all_answered = answers->changed.wait_for(lock, patience, [&] {
+  const std::int64_t due_ns = time.nowNs() + std::chrono::nanoseconds(patience).count();
+  list.all_answered = time.waitUntilNs(answers->changed, lock, due_ns, [&] {
     return std::all_of(answers->found.begin(), answers->found.end(),
                        [](const auto& a) { return a.has_value(); });
   });

@@ -9,6 +9,7 @@
 
 #include "client/device/device.h"
 #include "client/station/run/options.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -29,7 +30,8 @@ struct DeviceList {
 };
 /// Runs all listers in parallel and waits at most `patience` in total. A kind that did not answer, or threw,
 /// gets an entry that says so.
-DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::milliseconds patience);
+DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::milliseconds patience,
+                       TimeSource& time = machineTime());
 
 /// Returns a table for a person.
 std::string deviceListText(const std::vector<FoundDevice>& devices);

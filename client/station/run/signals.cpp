@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <ctime>
 
@@ -35,8 +36,10 @@ constexpr std::size_t kHandlerStackBytes = 64 * 1024;
 
 // all data that the handler reads
 std::atomic<ServoLoop*> guarded_loop{nullptr};
+std::atomic<TimeSource*> handler_time{nullptr};
 std::atomic<pid_t> haptic_thread{0};
-static_assert(std::atomic<ServoLoop*>::is_always_lock_free && std::atomic<pid_t>::is_always_lock_free);
+static_assert(std::atomic<ServoLoop*>::is_always_lock_free && std::atomic<TimeSource*>::is_always_lock_free &&
+              std::atomic<pid_t>::is_always_lock_free);
 
 std::array<struct sigaction, kCrashSignals.size()> actions_before;
 stack_t stack_before;
@@ -53,9 +56,8 @@ void writeMessage(const char* text) noexcept {
   [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, text, std::strlen(text));
 }
 
-void pauseMs(long ms) noexcept {
-  const timespec pause{0, ms * 1'000'000};
-  ::nanosleep(&pause, nullptr);
+void pauseMs(std::int64_t ms) noexcept {
+  handler_time.load(std::memory_order_acquire)->sleepForNs(ms * 1'000'000);
 }
 
 // runs in the crashed thread; async-signal-safe
@@ -129,8 +131,9 @@ int signalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
   return signal > 0 ? signal : 0;
 }
 
-CrashGuard::CrashGuard(ServoLoop& loop) {
+CrashGuard::CrashGuard(ServoLoop& loop, TimeSource& time) {
   haptic_thread.store(0, std::memory_order_release);
+  handler_time.store(&time, std::memory_order_release);
   guarded_loop.store(&loop, std::memory_order_release);
   // a separate stack for the handler, so that it also works after a stack overflow of this thread
   stack_t stack{};

@@ -5,6 +5,7 @@
 #include <csignal>
 
 #include "client/station/run/servo_loop.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -33,10 +34,10 @@ int signalWithin(const sigset_t& signals, std::chrono::milliseconds time);
 /// (crash_packet.h).
 ///
 /// At most one instance. Thread: one thread constructs and destroys it while no loop runs; `setHapticThread`
-/// on the haptic thread. The loop must outlive it.
+/// on the haptic thread. The loop and the time must outlive it; the time must be async-signal-safe.
 class CrashGuard {
  public:
-  explicit CrashGuard(ServoLoop& loop);
+  explicit CrashGuard(ServoLoop& loop, TimeSource& time = machineTime());
   ~CrashGuard();
   CrashGuard(const CrashGuard&) = delete;
   CrashGuard& operator=(const CrashGuard&) = delete;

@@ -18,7 +18,8 @@ Status StationHome::openSpool() {
   ASSIGN_OR_RETURN(spool_, Spool::open(options_.spool));
   for (const std::string& note : spool_->notes()) logMessage(note);
   for (const std::string& note : spool_->cleanUp(options_.keep, wallNowNs())) logMessage(note);
-  guard_ = std::make_unique<SpoolGuard>(*spool_, options_.keep, options_.rate_hz, logMessage);
+  guard_ = std::make_unique<SpoolGuard>(*spool_, options_.keep, options_.rate_hz, logMessage,
+                                        SpoolThresholds{}, time_);
   guard_->report();
   return {};
 }
@@ -59,6 +60,7 @@ Status StationHome::connect() {
   }
   UplinkConfig config;
   ASSIGN_OR_RETURN(config.client.tls, makeClientTls(options_.ca_file));
+  config.clock = std::make_shared<LinkClock>(time_);
   config.client.server = *options_.server;
   config.client.program = programText("station");
   config.client.login = stationLogin(station_, key->key);

@@ -11,15 +11,16 @@
 #include "client/station/run/lesson_requests.h"
 #include "client/station/run/options.h"
 #include "client/station/run/signals.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
 /// Thread: the thread that runs the lessons constructs, opens and destroys it; any calls `requests`.
 class StationHome {
  public:
-  /// Both must outlive it.
-  StationHome(const StationOptions& options, LessonObserver& observer)
-      : observer_(observer), options_(options), station_(options.station) {}
+  /// All must outlive it.
+  StationHome(const StationOptions& options, LessonObserver& observer, TimeSource& time = machineTime())
+      : observer_(observer), options_(options), time_(time), station_(options.station) {}
 
   /// Call first. Errors: from Spool::open.
   Status openSpool();
@@ -36,12 +37,15 @@ class StationHome {
   [[nodiscard]] const std::string& station() const { return station_; }
   [[nodiscard]] LessonObserver& observer() { return observer_; }
   [[nodiscard]] LessonRequests& requests() { return requests_; }
+  /// Of all of the station's threads but the haptic one.
+  [[nodiscard]] TimeSource& time() { return time_; }
 
  private:
   UplinkEvents events();
 
   LessonObserver& observer_;
   const StationOptions& options_;
+  TimeSource& time_;
   std::string station_;
   LessonRequests requests_;
   std::unique_ptr<Spool> spool_;

@@ -194,7 +194,7 @@ Status StationRun::openSession() {
   d.set_rate_hz(options_.rate_hz);
   setResolution(d, Resolution::standard());
   d.set_started_unix_ns(wallNowNs());
-  d.set_started_steady_ns(steadyNowNs());
+  d.set_started_steady_ns(home_.time().nowNs());
   d.set_device(device_->info().name);
   d.set_axial_model(std::string(axialModelName(lesson_.model.axial_model)));
   for (const std::string& effect : liveEffects(lesson_.model)) d.add_live_effects(effect);
@@ -243,13 +243,14 @@ Status StationRun::practise() {
   if (uplink != nullptr) callbacks.durable = [uplink] { uplink->wake(); };
   SpoolWriterOptions writer_options;
   writer_options.rate_hz = options_.rate_hz;
+  writer_options.time = &home_.time();
   const auto core = coreForLoop(options_.cpu);
   auto keep_off = std::make_optional<KeepOffCore>(core);
   writer_ = std::make_unique<SpoolWriter>(ring_, session_, writer_options, std::move(callbacks));
   BlackBox black_box(options_.rate_hz);
   const auto black_boxes = options_.spool / "black-box";
   removeOldBlackBoxes(black_boxes, options_.keep.age_s);
-  BlackBoxWriter black_box_writer(black_box, black_boxes, session_->idText(), logMessage);
+  BlackBoxWriter black_box_writer(black_box, black_boxes, session_->idText(), logMessage, home_.time());
   keep_off.reset();
 
   // the loop
@@ -332,7 +333,8 @@ void StationRun::watch(DeviceMaintenance& maintenance, FaultPolicy on_fault) {
     }
     handleRequests(aids);
     WatchedState state;
-    state.now_s = static_cast<double>(steadyNowNs()) * 1e-9;
+    const std::int64_t now_ns = home_.time().nowNs();
+    state.now_s = static_cast<double>(now_ns) * 1e-9;
     state.faults = loop_->faults();
     state.fault = loop_->fault();
     state.cause_lasts = loop_->causeLasts();
@@ -347,7 +349,7 @@ void StationRun::watch(DeviceMaintenance& maintenance, FaultPolicy on_fault) {
     LiveView view = viewer.look(spoolText(writer_->counts()), uplink ? serverText(uplink->state()) : "");
     view.aids = aids;
     home_.observer().status(statusOf(state, view, waits, home_.guard().trouble()));
-    if (const std::int64_t now_ns = steadyNowNs(); liveLine().due(now_ns)) liveLine().show(view, now_ns);
+    if (liveLine().due(now_ns)) liveLine().show(view, now_ns);
     if (uplink) reportToServer(fault_watch);
   }
   liveLine().end();

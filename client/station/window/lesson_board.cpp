@@ -47,8 +47,9 @@ void LessonBoard::ask(BoardRequest request) {
 
 BoardRequest LessonBoard::waitForRequest(std::chrono::milliseconds patience) {
   std::unique_lock lock(mutex_);
-  requested_.wait_for(lock, patience,
-                      [this] { return quit_ || request_.kind != BoardRequest::Kind::kNothing; });
+  const std::int64_t due_ns = time_.nowNs() + std::chrono::nanoseconds(patience).count();
+  time_.waitUntilNs(requested_, lock, due_ns,
+                    [this] { return quit_ || request_.kind != BoardRequest::Kind::kNothing; });
   if (quit_) return {BoardRequest::Kind::kQuit, {}};
   return std::exchange(request_, BoardRequest{});
 }

@@ -16,6 +16,7 @@
 
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/list_exercises.h"
+#include "common/base/time_source.h"
 #include "common/gesture/sample.h"
 
 namespace needlelab {
@@ -103,7 +104,9 @@ struct BoardRequest {
 /// `most_pieces` (drops and counts the oldest), and every lock lasts no longer than a copy.
 class LessonBoard final : public LessonObserver {
  public:
-  explicit LessonBoard(std::size_t most_pieces = 500) : most_pieces_(most_pieces) {}
+  /// `time` must outlive it.
+  explicit LessonBoard(std::size_t most_pieces = 500, TimeSource& time = machineTime())
+      : most_pieces_(most_pieces), time_(time) {}
 
   // --- the window's thread
   /// Copies the state if it is newer than `seen`, and updates `seen`.
@@ -115,6 +118,7 @@ class LessonBoard final : public LessonObserver {
   void ask(BoardRequest request);
 
   // --- the station's threads
+  /// Returns at once if a request waits, else with the next one, or with kNothing after `patience`.
   BoardRequest waitForRequest(std::chrono::milliseconds patience);
   /// Returns whether a request waits, without taking it.
   [[nodiscard]] bool requestWaits() const;
@@ -142,6 +146,7 @@ class LessonBoard final : public LessonObserver {
     std::uint64_t lesson = 0;
   };
   const std::size_t most_pieces_;
+  TimeSource& time_;
   mutable std::mutex mutex_;
   std::condition_variable requested_;
   BoardState state_;

@@ -11,7 +11,6 @@
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
 #include "client/station/window/start_choice.h"
-#include "common/base/clock.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
 
@@ -27,13 +26,14 @@ constexpr auto kListsPatience = 5s;
 }  // namespace
 
 LessonSequence::LessonSequence(const StationOptions& options, const sigset_t& stop_signals,
-                               LessonBoard& board, bool alone, bool begins)
+                               LessonBoard& board, bool alone, bool begins, TimeSource& time)
     : options_(options),
       signals_(stop_signals),
       board_(board),
       alone_(alone),
       begins_(begins),
-      home_(options, board) {}
+      time_(time),
+      home_(options, board, time) {}
 
 LessonChoice LessonSequence::firstChoice() const {
   return {options_.trainee_given || alone_ || begins_ ? options_.trainee : std::string(), options_.exercise,
@@ -138,13 +138,13 @@ void LessonSequence::refreshLists() {
 void LessonSequence::updateDevice() {
   const DeviceReadiness news = deviceReadiness(options_, options_.hand.plan == kPointerPlan, hangs_);
   device_ready_ = news.ready;
-  next_device_look_ns_ = steadyNowNs() + kDeviceAgain_ns;
+  next_device_look_ns_ = time_.nowNs() + kDeviceAgain_ns;
   board_.change([&](BoardState& state) { state.device = news; });
 }
 
 // between lessons: checks the server, its exercises, and the device
 void LessonSequence::updateServer() {
-  const std::int64_t now_ns = steadyNowNs();
+  const std::int64_t now_ns = time_.nowNs();
   if (now_ns < next_server_look_ns_) return;
   next_server_look_ns_ = now_ns + kServerAgain_ns;
   home_.guard().check();
@@ -196,7 +196,7 @@ void LessonSequence::practise(const LessonChoice& choice) {
   }
   static_cast<void>(last_->practise());
   outcome_ = last_->outcome();
-  drain_until_ns_ = steadyNowNs() + std::llround(options_.drain_s * 1e9);
+  drain_until_ns_ = time_.nowNs() + std::llround(options_.drain_s * 1e9);
   quit_ = last_->interrupted();
   board_.change([&](BoardState& state) {
     state.stage = Stage::kEnd;
@@ -215,7 +215,7 @@ void LessonSequence::showOutcome() {
         [&](BoardState& state) { state.outcome = std::make_shared<const LessonOutcome>(*outcome_); });
     return reportLast();
   }
-  if (steadyNowNs() >= drain_until_ns_) reportLast();
+  if (time_.nowNs() >= drain_until_ns_) reportLast();
 }
 
 void LessonSequence::reportLast() {

@@ -21,7 +21,7 @@ class LessonSequence {
   /// All arguments must outlive it. `alone`: no person is at the window (no display). `begins`: the first
   /// lesson begins at once.
   LessonSequence(const StationOptions& options, const sigset_t& stop_signals, LessonBoard& board, bool alone,
-                 bool begins);
+                 bool begins, TimeSource& time = machineTime());
 
   /// Runs until a person quits or a stop signal comes. Returns the program's exit code: 1 if a lesson ended
   /// in FAULT or is not stored safely; if no lesson could begin, the error's code.
@@ -47,6 +47,7 @@ class LessonSequence {
   const sigset_t& signals_;
   LessonBoard& board_;
   const bool alone_, begins_;
+  TimeSource& time_;
   StationHome home_;
   std::unique_ptr<StationRun> last_;      // not reported yet
   std::optional<LessonOutcome> outcome_;  // its

@@ -21,6 +21,7 @@
 #include "client/station/window/lesson_sequence.h"
 #include "client/station/window/trainee_window.h"
 #include "client/view/surface.h"
+#include "common/base/clock.h"
 #include "common/base/program.h"
 
 namespace needlelab {
@@ -170,7 +171,7 @@ class FrameLoop {
 
   /// False when a picture is missing.
   bool run() {
-    const auto began = std::chrono::steady_clock::now();
+    Stopwatch watch;
     while (!lessons_.ended()) {
       if (signalWithin(signals_, 0ms) != 0) lessons_.requestEndAgain();
       if (!surface_.beginFrame()) break;
@@ -182,7 +183,7 @@ class FrameLoop {
       takePictures();
       if (alone_) goOnAlone();
     }
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    const double seconds = watch.lap();
     logMessage(fmt::format("window: {} frames, {:.1f} a second, {:.1f} ms each", frames_,
                            frames_ / std::max(seconds, 1e-3), 1e3 * drawn_s_ / std::max(frames_, 1)));
     for (const PictureRequest& picture : plan_.missing())

@@ -8,6 +8,7 @@
 
 #include "client/station/run/black_box.h"
 #include "common/base/csv.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/station/run/loop_fixture.h"
@@ -188,16 +189,50 @@ TEST(MissedTickStorm, twentyMsAtOnceOrBitByBitAndOnceUntilItIsOver) {
 
 using testing::HasSubstr;
 
+// One thread steps the haptic loop and the writer on the same simulated time.
 class BlackBoxWriterTest : public LoopFixture {
  protected:
-  void say(const std::string& text) { said_ += text + "\n"; }  // read when the writer has finished
+  void say(const std::string& text) { said_ += text + "\n"; }
   BlackBoxWriter writer(BlackBox& box) {
-    return BlackBoxWriter(box, folder_.path() / "black-box", "session",
-                          [this](const std::string& text) { say(text); });
+    return BlackBoxWriter(
+        box, folder_.path() / "black-box", "session", [this](const std::string& text) { say(text); }, time_,
+        false);
+  }
+  // Call it in each tick: the writer looks when it said that it would.
+  void lookWhenDue(BlackBoxWriter& files) {
+    time_.advanceTo(clock_.now_ns);
+    if (time_.nowNs() < look_due_ns_) return;
+    look_due_ns_ = files.pass();
+    ++looks_;
   }
   TempFolder folder_;
   std::string said_;
+  FakeTime time_;
+  std::int64_t look_due_ns_ = 0;
+  std::uint64_t looks_ = 0;
 };
+
+TEST_F(BlackBoxWriterTest, looksEvery50ms) {
+  BlackBox box(kRate);
+  auto files = writer(box);
+  EXPECT_EQ(files.pass(), time_.nowNs() + 50'000'000);
+  time_.advance(50'000'000);
+  EXPECT_EQ(files.pass(), time_.nowNs() + 50'000'000);
+}
+
+TEST_F(BlackBoxWriterTest, itsOwnThreadWritesTheRestWhenItIsToldToFinish) {
+  BlackBox box(kRate);
+  BlackBoxWriter files(box, folder_.path() / "black-box", "session",
+                       [this](const std::string& text) { say(text); });
+  FakeDevice device(goingDown(0.002, kRate));
+  clock_.late_ns[500] = 40 * kTick_ns;
+  ServoSettings settings{kRate, {}, 1000};
+  settings.black_box = &box;
+  run(device, settings);
+  files.finish();
+  files.finish();
+  EXPECT_EQ(files.counts().files, 1u);
+}
 
 // silent for 30 ms, and again 1.5 s later; outside the tissue after the first time
 FakeDevice::Script twoStops() {
@@ -214,12 +249,11 @@ TEST_F(BlackBoxWriterTest, theLoopsFaultsBecomeFilesWithEverythingInThem) {
   BlackBox box(kRate);
   auto files = writer(box);
   FakeDevice device(twoStops());
+  std::uint64_t first_at = 0;  // the tick when the first file was there
   device.on_write = [&](std::uint64_t tick) {
-    if (tick != 2700) return;
-    loop_->acknowledge();
-    // Virtual time runs faster than any disk.
-    for (int i = 0; i < 2000 && files.counts().files == 0; ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    lookWhenDue(files);
+    if (first_at == 0 && files.counts().files == 1) first_at = tick;
+    if (tick == 2700) loop_->acknowledge();
   };
   clock_.read_cost_ns = 1000;
   clock_.late_ns[2400] = 3 * kTick_ns + 1;
@@ -228,6 +262,10 @@ TEST_F(BlackBoxWriterTest, theLoopsFaultsBecomeFilesWithEverythingInThem) {
   run(device, settings);
   files.finish();
 
+  EXPECT_GE(looks_, 98u) << "in 5 s";
+  EXPECT_LE(looks_, 100u);
+  EXPECT_GT(first_at, 2570u) << "50 ms after the fault";
+  EXPECT_LE(first_at, 2571u + 50u) << "at the next look";
   EXPECT_EQ(files.counts().files, 2u);
   EXPECT_EQ(files.counts().triggers, 2u);
   EXPECT_EQ(files.counts().not_written + files.counts().not_kept + files.counts().ticks_refused, 0u);
@@ -308,9 +346,12 @@ TEST_F(BlackBoxWriterTest, aStormOfFaultsLosesNothingSilently) {
     reading.speed_mps = tick % 60 == 59 ? 100 : 0;
     return DeviceRead::kFresh;
   });
-  device.on_write = [&](std::uint64_t) { loop_->acknowledge(); };
   BlackBox box(kRate, 4);
   auto files = writer(box);
+  device.on_write = [&](std::uint64_t) {
+    loop_->acknowledge();
+    lookWhenDue(files);
+  };
   ServoSettings settings{kRate, {}, 6000, FaultPolicy::kWait};
   settings.black_box = &box;
   const ServoStats& stats = run(device, settings);
@@ -320,6 +361,7 @@ TEST_F(BlackBoxWriterTest, aStormOfFaultsLosesNothingSilently) {
   EXPECT_EQ(counts.triggers, 100u);
   EXPECT_EQ(counts.files, 4u);
   EXPECT_EQ(counts.not_kept, 96u);
+  EXPECT_EQ(counts.ticks_refused, 0u) << "the writer came in time";
   EXPECT_THAT(said_, HasSubstr("96 of 100 faults"));
 }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "client/station/window/lesson_board.h"
+#include "tests/support/fake_time.h"
 
 namespace needlelab {
 namespace {
@@ -89,6 +90,17 @@ TEST(LessonBoard, aWishIsTakenOnceAndTheNewestCounts) {
   EXPECT_EQ(request.kind, BoardRequest::Kind::kBegin);
   EXPECT_EQ(request.choice.trainee, "tom");
   EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing);
+}
+
+TEST(LessonBoard, withoutAWishTheWaitEndsWithItsPatience) {
+  test::FakeTime time;
+  LessonBoard board(500, time);
+  const std::int64_t began_ns = time.nowNs();
+  EXPECT_EQ(board.waitForRequest(100ms).kind, BoardRequest::Kind::kNothing);
+  EXPECT_EQ(time.nowNs() - began_ns, 100'000'000);
+  board.ask({BoardRequest::Kind::kStart, {}});
+  EXPECT_EQ(board.waitForRequest(100ms).kind, BoardRequest::Kind::kStart);
+  EXPECT_EQ(time.nowNs() - began_ns, 100'000'000) << "a wish is not waited for";
 }
 
 TEST(LessonBoard, whoQuitsIsNotOutshouted) {

@@ -11,6 +11,7 @@
 #include "client/device/hand_options.h"
 #include "client/station/window/lesson_sequence.h"
 #include "common/base/program.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -192,6 +193,43 @@ TEST_F(ConductorTest, theNextExerciseIsPreselectedAndForgottenOnceItIsTaken) {
   ASSERT_TRUE(until([](const BoardState& state) { return !state.trouble.empty(); }))
       << "it is not in the cache";
   EXPECT_FALSE(state_.next);
+}
+
+// Between lessons, on one thread and a simulated clock: each turn waits up to 100 ms for a wish, every 500 ms
+// it looks at server and spool, every 5 s at a device that was not there.
+TEST_F(ConductorTest, theTurnsBetweenLessonsComeAtTheirTimes) {
+  class Turns : public FakeTime {
+   public:
+    void sleepUntilNs(std::int64_t due_ns) noexcept override {
+      const std::int64_t turn_ms = (nowNs() - began_ns_) / 1'000'000;
+      EXPECT_EQ(due_ns, nowNs() + 100'000'000);
+      FakeTime::sleepUntilNs(due_ns);
+      turn(turn_ms);
+    }
+    std::function<void(std::int64_t turn_ms)> turn;
+
+   private:
+    std::int64_t began_ns_ = nowNs();
+  } time;
+  LessonBoard board(500, time);
+  const auto file = folder_.path() / "stroke.csv";
+  options_.device = "recording:" + file.string();
+  std::vector<std::int64_t> changes_ms, expected_ms;
+  std::int64_t ready_ms = -1;
+  BoardState state;
+  std::uint64_t seen = 0;
+  time.turn = [&](std::int64_t turn_ms) {
+    if (board.look(state, seen)) changes_ms.push_back(turn_ms);
+    if (ready_ms < 0 && state.device.ready) ready_ms = turn_ms;
+    if (turn_ms == 600) std::ofstream(file) << "x";
+    if (turn_ms == 7900) board.ask({BoardRequest::Kind::kQuit, {}});
+  };
+  LessonSequence sequence(options_, signals_, board, false, false, time);
+  EXPECT_EQ(sequence.run(), kExitDone);
+  for (std::int64_t ms = 0; ms < 8000; ms += 500) expected_ms.push_back(ms);
+  EXPECT_EQ(changes_ms, expected_ms);
+  EXPECT_EQ(ready_ms, 5000);
+  EXPECT_EQ(time.sleeps(), 80u);
 }
 
 TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
