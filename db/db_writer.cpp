@@ -18,15 +18,18 @@ Error stoppedError(const std::optional<Error>& cause) {
   return {ErrorCode::kUnavailable, "the database writer has stopped after a failure: " + cause->message};
 }
 
-std::int64_t nsSince(std::chrono::steady_clock::time_point then) {
-  return std::chrono::nanoseconds(std::chrono::steady_clock::now() - then).count();
+std::int64_t nanoseconds(std::chrono::milliseconds time) {
+  return std::chrono::nanoseconds(time).count();
 }
 
 }  // namespace
 
 DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fatal)
-    : connection_(std::move(connection)), options_(options), on_fatal_(std::move(on_fatal)) {
-  next_checkpoint_ = std::chrono::steady_clock::now() + options_.checkpoint_every;
+    : connection_(std::move(connection)),
+      options_(options),
+      time_(*options.time),
+      on_fatal_(std::move(on_fatal)) {
+  next_checkpoint_ns_ = time_.nowNs() + nanoseconds(options_.checkpoint_every);
   thread_ = std::thread([this] { loop(); });
 }
 
@@ -87,8 +90,8 @@ void DbWriter::loop() {
   for (;;) {
     std::vector<Item> group = takeGroup();
     if (!group.empty() && !commitGroup(group)) return;
-    const auto now = std::chrono::steady_clock::now();
-    if (uncheckpointed_ && now >= next_checkpoint_) {
+    const std::int64_t now_ns = time_.nowNs();
+    if (uncheckpointed_ && now_ns >= next_checkpoint_ns_) {
       Connection::WalProgress progress;
       if (const auto done = connection_.checkpointPassive(&progress); !done) {
         std::vector<Item> none;
@@ -96,8 +99,8 @@ void DbWriter::loop() {
         return;
       }
       uncheckpointed_ = false;
-      next_checkpoint_ = now + options_.checkpoint_every;
-      const auto took = nsSince(now);
+      next_checkpoint_ns_ = now_ns + nanoseconds(options_.checkpoint_every);
+      const std::int64_t took = time_.nowNs() - now_ns;
       const std::lock_guard lock(mutex_);
       ++counters_.checkpoints;
       counters_.checkpoint_ns.add(took);
@@ -115,13 +118,14 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
   // idle until there is work or a checkpoint is due
   const auto has_work = [this] { return stopping_ || !queue_.empty(); };
   if (uncheckpointed_) {
-    wake_.wait_until(lock, next_checkpoint_, has_work);
+    time_.waitUntilNs(wake_, lock, next_checkpoint_ns_, has_work);
   } else {
     wake_.wait(lock, has_work);
   }
   if (queue_.empty()) return {};
   // wait for more items for this commit
-  wake_.wait_for(lock, options_.window, [this] { return stopping_ || queue_.size() >= options_.max_group; });
+  time_.waitUntilNs(wake_, lock, time_.nowNs() + nanoseconds(options_.window),
+                    [this] { return stopping_ || queue_.size() >= options_.max_group; });
   const std::size_t count = std::min(queue_.size(), options_.max_group);
   std::vector<Item> group(std::make_move_iterator(queue_.begin()),
                           std::make_move_iterator(queue_.begin() + static_cast<std::ptrdiff_t>(count)));
@@ -144,7 +148,7 @@ Status DbWriter::runWork(const Item& item) {
 }
 
 bool DbWriter::commitGroup(std::vector<Item>& group) {
-  const auto began = std::chrono::steady_clock::now();
+  const std::int64_t began_ns = time_.nowNs();
   auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
   if (!transaction) {
     if (connection_.damaged()) return fail(transaction.error(), group), false;
@@ -186,10 +190,10 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     }
   };
   if (planted(PlantedBug::kAckBeforeCommit)) report();
-  const auto before = std::chrono::steady_clock::now();
+  const std::int64_t before_ns = time_.nowNs();
   if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored))
     return fail(done.error(), group), false;
-  const auto took = nsSince(before);
+  const std::int64_t took = time_.nowNs() - before_ns;
   const auto wal_bytes = connection_.walBytes();
   uncheckpointed_ = true;
   {
@@ -201,7 +205,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.max_commit_ns = std::max<std::int64_t>(counters_.max_commit_ns, took);
     counters_.total_commit_ns += took;
     counters_.commit_ns.add(took);
-    counters_.work_ns.add(std::chrono::nanoseconds(before - began).count());
+    counters_.work_ns.add(before_ns - began_ns);
     counters_.group_items.add(static_cast<std::int64_t>(group.size()));
     counters_.wal_bytes = wal_bytes;
   }

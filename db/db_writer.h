@@ -15,6 +15,7 @@
 
 #include "common/base/histogram.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 #include "db/connection.h"
 
 namespace needlelab {
@@ -39,6 +40,7 @@ class DbWriter {
     /// Receives the text of an exception from an item, after the item was rolled back and refused like any
     /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};
+    TimeSource* time = &machineTime();  ///< must outlive the writer
   };
 
   /// Totals since the start. `commit_ns` times COMMIT alone (with its fsync), without the work before it.
@@ -95,16 +97,17 @@ class DbWriter {
 
   Connection connection_;  ///< the writer's thread only
   const Options options_;
+  TimeSource& time_;
   const OnFatal on_fatal_;
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
-  std::deque<Item> queue_;                                 ///< guarded by mutex_
-  bool stopping_ = false;                                  ///< guarded by mutex_
-  std::optional<Error> failed_;                            ///< guarded by mutex_
-  Counters counters_;                                      ///< guarded by mutex_
-  bool uncheckpointed_ = false;                            ///< the writer's thread only
-  std::chrono::steady_clock::time_point next_checkpoint_;  ///< the writer's thread only
+  std::deque<Item> queue_;               ///< guarded by mutex_
+  bool stopping_ = false;                ///< guarded by mutex_
+  std::optional<Error> failed_;          ///< guarded by mutex_
+  Counters counters_;                    ///< guarded by mutex_
+  bool uncheckpointed_ = false;          ///< the writer's thread only
+  std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
 
   std::mutex join_mutex_;  ///< one stop() at a time
   std::thread thread_;

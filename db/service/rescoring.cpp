@@ -1,7 +1,6 @@
 #include "db/service/rescoring.h"
 
 #include <fmt/core.h>
-#include <thread>
 #include <vector>
 
 #include "common/base/clock.h"
@@ -67,7 +66,7 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
       }
       // reading and scoring also load the disk: wait while others are busy
       while ((tools.writer.counters().waiting > tools.pace.queue || tools.hold()) && !stopped())
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        tools.pace.sleep(tools.pace.look);
       if (stopped()) break;
       Result<std::string> measures = std::string();
       {
@@ -92,7 +91,7 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
                                     : "nothing to measure");
         }
       }
-      std::this_thread::sleep_for(tools.pace.pause);
+      tools.pace.sleep(tools.pace.pause);
     }
   }
   report.set_stopped(stopped());

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <charconv>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include "common/base/bytes.h"
@@ -107,9 +106,9 @@ class Run {
   /// Runs one piece of work on the writer, then pauses.
   Status piece(const DbWriter::Work& work) {
     while ((tools_.writer.counters().waiting > tools_.pace.queue || tools_.hold()) && !stopped())
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      tools_.pace.sleep(tools_.pace.look);
     auto done = tools_.writer.run(work);
-    std::this_thread::sleep_for(tools_.pace.pause);
+    tools_.pace.sleep(tools_.pace.pause);
     return done;
   }
 

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/retention_store.h"
@@ -21,10 +22,16 @@ struct RetentionPace {
   std::uint32_t rows = 16;              ///< chunks removed in one piece
   std::size_t bytes = 96u << 10;        ///< of thinned chunks written in one piece; also read at once
   std::chrono::milliseconds pause{20};  ///< after each piece
+  std::chrono::milliseconds look{20};   ///< between two looks at a busy writer
   std::uint64_t queue = 256;            ///< items in the writer's queue: with more, the run waits
   /// Free space to leave on the database's disk for stations, beyond a thinned recording's own size.
   /// Deletions need only an eighth of it, because they free space.
   std::uint64_t min_free_bytes = 64u << 20;
+  TimeSource* time = &machineTime();  ///< of the pauses; must outlive the run
+
+  void sleep(std::chrono::milliseconds duration) const {
+    time->sleepForNs(std::chrono::nanoseconds(duration).count());
+  }
 };
 
 /// The tools of a run; all must outlive it.

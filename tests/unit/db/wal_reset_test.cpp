@@ -2,7 +2,7 @@
 // another is between reading the log's header and copying by it ("WAL-reset bug"). Only the connection that
 // commits checkpoints.
 #include <atomic>
-#include <thread>
+#include <future>
 #include <utility>
 
 #include "db/check.h"
@@ -71,12 +71,15 @@ TEST_F(WalReset, theWriterNeverCommitsInsideItsCheckpointWhateverComesThen) {
   test::TestDb db(ShimVfs::name());
   const std::string file = db.path.string();
   std::atomic<int> posted = 0, acknowledged = 0, inside = 0;
+  std::promise<void> enough;
   {
     DbWriter writer(std::move(db.writer), {.window = 0ms, .checkpoint_every = 0ms}, {});
     const auto post = [&] {
       const int number = posted++;
       EXPECT_OK(writer.post([number](Connection& connection) { return add(connection, number); },
-                            [&](const Status& status) { acknowledged += status.ok() ? 1 : 0; }));
+                            [&](const Status& status) {
+                              if (status.ok() && ++acknowledged == 300) enough.set_value();
+                            }));
     };
     // At each page that a checkpoint copies into the database: new commits, and a reader that opens and
     // closes.
@@ -92,7 +95,7 @@ TEST_F(WalReset, theWriterNeverCommitsInsideItsCheckpointWhateverComesThen) {
       return SQLITE_OK;
     });
     post();
-    for (int i = 0; i < 1'000 && acknowledged < 300; ++i) std::this_thread::sleep_for(5ms);
+    EXPECT_EQ(enough.get_future().wait_for(1min), std::future_status::ready);
     writer.stop();
     ShimVfs::instance().setHook({});
     EXPECT_GT(writer.counters().checkpoints, 20u);

@@ -1,10 +1,13 @@
 // Tests retention runs: the thinned, the deleted and the kept data.
 #include "db/service/retention.h"
 
+#include <latch>
+
 #include "common/base/clock.h"
 #include "db/check.h"
 #include "db/session_results.h"
 #include "db/session_rows.h"
+#include "tests/support/fake_time.h"
 #include "tests/unit/db/service/retention_fixture.h"
 
 namespace needlelab {
@@ -175,19 +178,99 @@ TEST_F(RetentionTest, anOriginalStaysWhileItsScoreCanStillBeMade) {
   EXPECT_FALSE(info(passing).score_json().empty());
 }
 
-TEST_F(RetentionTest, whoAsksForARunDuringARunIsToldSoAtOnceAndADryRunIsMade) {
+TEST_F(RetentionTest, pausesAfterEachPieceAndLooksAgainWhileOthersNeedTheDisk) {
+  class NotedSleeps : public test::FakeTime {
+   public:
+    void sleepUntilNs(std::int64_t due_ns) noexcept override {
+      slept_ms.push_back((due_ns - nowNs()) / 1'000'000);
+      FakeTime::sleepUntilNs(due_ns);
+    }
+    std::vector<std::int64_t> slept_ms;
+  };
   (void)addClosed();
   (void)get(manager, policy(0, 100, -1));
-  // long pauses: the run lasts
-  store->service().setRetentionPace({.rows = 1, .bytes = 64, .pause = 50ms});
-  const auto commits = store->writer().counters().commits;
+  NotedSleeps time;
+  const auto slept = [&](RetentionPace pace) {
+    time.slept_ms.clear();
+    pace.time = &time;
+    const std::atomic<bool> stop = false;
+    // others need the disk until it has looked three times, before each piece
+    int looks = 0;
+    const RetentionTools tools{store->writer(),
+                               store->readers(),
+                               [](const Uuid&) { return Status(); },
+                               [&] { return ++looks % 4 != 0; },
+                               stop,
+                               pace};
+    const auto commits = store->writer().counters().commits;
+    const auto report = runRetention(tools, "test", wallNowNs(), false);
+    EXPECT_OK(report);
+    return store->writer().counters().commits - commits;
+  };
+  const auto commits = slept({.rows = 8, .bytes = 64, .pause = 11ms, .look = 7ms});
+  const std::vector<std::int64_t> each = {7, 7, 7, 11};
+  ASSERT_GE(time.slept_ms.size(), 2 * each.size());
+  ASSERT_EQ(time.slept_ms.size() % each.size(), 0u);
+  for (std::size_t i = 0; i < time.slept_ms.size(); ++i) ASSERT_EQ(time.slept_ms[i], each[i % 4]) << i;
+  EXPECT_GE(commits, time.slept_ms.size() / each.size()) << "each piece is a commit of its own";
+}
+
+// What stations wait for goes first: a run does not even queue a piece behind a full queue.
+TEST_F(RetentionTest, waitsWhileStationsFillTheWritersQueue) {
+  class Looks : public test::FakeTime {
+   public:
+    void sleepUntilNs(std::int64_t due_ns) noexcept override {
+      FakeTime::sleepUntilNs(due_ns);
+      look();
+    }
+    std::function<void()> look;
+  } time;
+  (void)addClosed();
+  (void)get(manager, policy(0, 100, -1));
+  std::latch blocked(1), go_on(1);
+  const auto block = [&](Connection&) { return blocked.count_down(), go_on.wait(), Status(); };
+  ASSERT_OK(store->writer().post(block, {}));
+  blocked.wait();
+  for (int i = 0; i < 3; ++i) ASSERT_OK(store->writer().post([](Connection&) { return Status(); }, {}));
+  int looks = 0;
+  time.look = [&] {
+    if (++looks > 3) return;
+    EXPECT_EQ(store->writer().counters().waiting, 3u) << "the stations' items alone";
+    if (looks == 3) go_on.count_down();
+  };
+  const std::atomic<bool> stop = false;
+  const RetentionTools tools{store->writer(),
+                             store->readers(),
+                             [](const Uuid&) { return Status(); },
+                             [] { return false; },
+                             stop,
+                             {.queue = 2, .time = &time}};
+  const auto report = runRetention(tools, "test", wallNowNs(), false);
+  ASSERT_OK(report);
+  EXPECT_GT(looks, 3);
+  EXPECT_EQ(report->thinned(), 1u);
+}
+
+TEST_F(RetentionTest, whoAsksForARunDuringARunIsToldSoAtOnceAndADryRunIsMade) {
+  // holds the daily run in its first pause
+  class Gate : public test::FakeTime {
+   public:
+    void sleepUntilNs(std::int64_t) noexcept override {
+      if (reached.try_wait()) return;
+      reached.count_down();
+      opened.wait();
+    }
+    std::latch reached{1}, opened{1};
+  };
+  Gate gate;
+  (void)addClosed();
+  (void)get(manager, policy(0, 100, -1));
+  store->service().setRetentionPace({.rows = 1, .bytes = 64, .pause = 50ms, .time = &gate});
   std::thread daily([&] { EXPECT_OK(store->service().dailyRetention()); });
-  while (store->writer().counters().commits == commits) std::this_thread::sleep_for(1ms);
+  gate.reached.wait();
   pb::Request run;
   run.mutable_run_retention();
-  const auto begin = std::chrono::steady_clock::now();
   const Outcome refused = ask(manager, run);
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, 1s);
   ASSERT_TRUE(refused.error.has_value());
   EXPECT_EQ(refused.error->code, ErrorCode::kUnavailable);
   EXPECT_NE(refused.error->message.find("under way since 20"), std::string::npos) << refused.error->message;
@@ -195,6 +278,7 @@ TEST_F(RetentionTest, whoAsksForARunDuringARunIsToldSoAtOnceAndADryRunIsMade) {
   run.mutable_run_retention()->set_dry_run(true);
   EXPECT_TRUE(get(manager, run).retention_report().dry_run());
   store->service().stopRetention();
+  gate.opened.count_down();
   daily.join();
   EXPECT_TRUE(sound());
 }
