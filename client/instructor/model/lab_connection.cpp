@@ -107,6 +107,7 @@ LinkTrouble troubleOf(const Error& error, const std::string& server) {
 namespace {
 
 constexpr std::uint32_t kOverviewSubscription = 1;
+constexpr std::int64_t kStopLook_ns = 50'000'000;
 
 /// Whether the role may list the lab's stations.
 bool isStaff(pb::Role role) {
@@ -134,7 +135,8 @@ struct LabConnection::Net {
         link(io,
              {.retry = {settings.first_retry, settings.most_retry, 2.0},
               .lasting = settings.most_retry,
-              .most_waiting = settings.most_waiting},
+              .most_waiting = settings.most_waiting,
+              .clock = settings.clock},
              handlers()) {
     thread = std::thread([this] { io.run(); });
   }
@@ -200,7 +202,7 @@ void LabConnection::Net::onAway(const LinkEnd& end) {
   countWaiting();
   if (end.stopping) return;
   const std::scoped_lock lock(mutex);
-  if (state.away_since_ns == 0) state.away_since_ns = steadyNowNs();
+  if (state.away_since_ns == 0) state.away_since_ns = settings.clock->steadyNs();
   state.phase = end.next_try_ns == 0 ? LinkPhase::kRefused : LinkPhase::kAway;
   state.trouble = troubleOf(reasonOf(end), state.server);
   state.next_try_ns = end.next_try_ns;
@@ -353,9 +355,10 @@ Result<pb::Reply> LabConnection::call(pb::Request request, const std::function<b
     };
     net->ask(std::move(request), hand_over, OnLoss::kAskAgain);
   });
+  TimeSource& time = net_->settings.clock->time();
   std::unique_lock lock(shared->mutex);
   while (!shared->reply) {
-    shared->came.wait_for(lock, std::chrono::milliseconds(50));
+    time.waitUntilNs(shared->came, lock, time.nowNs() + kStopLook_ns);
     if (!shared->reply && stopped && stopped()) return Error{ErrorCode::kFailed, "stopped"};
   }
   return std::move(*shared->reply);

@@ -74,6 +74,7 @@ struct LabConnectionSettings {
   std::size_t most_frames = 4096;      ///< limit of frames waiting for a poll; beyond it drops the oldest
   std::size_t most_waiting = 256;      ///< limit of pending requests
   std::string program = "instructor";  ///< its name in messages to the server
+  std::shared_ptr<LinkClock> clock = std::make_shared<LinkClock>();
 };
 
 /// Thread: `call` from any thread except the polling one, everything else from the view's thread. The

@@ -8,6 +8,7 @@
 #include "client/instructor/terminal/options.h"
 #include "client/net/blocking_client.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -18,6 +19,7 @@ struct HeadlessRun {
   std::ostream& out;
   std::function<bool()> stop;             ///< Ctrl-C
   BlockingClient::Clock::time_point end;  ///< --seconds
+  TimeSource& time = machineTime();       ///< of a replay
 
   [[nodiscard]] bool over() const { return stop() || BlockingClient::Clock::now() >= end; }
   void line(const std::string& text) const;

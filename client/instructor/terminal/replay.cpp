@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <thread>
 #include <vector>
 
 #include <fmt/core.h>
@@ -16,6 +15,7 @@ namespace {
 
 constexpr double kReplayRateHz = 10;
 constexpr std::uint32_t kChunksAtOnce = 16;
+constexpr std::int64_t kNap_ns = 100'000'000;  // between two looks at the connection
 
 class Replay {
  public:
@@ -133,19 +133,13 @@ class Replay {
 
   bool waitUntil(double time_s) {
     if (run_.options.speed <= 0) return !run_.over();
-    using Clock = BlockingClient::Clock;
-    const auto due = started_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
-                                    (time_s - run_.options.from_s.value_or(0)) / run_.options.speed));
-    while (Clock::now() < due) {
+    const double replay_s = (time_s - run_.options.from_s.value_or(0)) / run_.options.speed;
+    const std::int64_t due_ns = started_ns_ + std::llround(1e9 * replay_s);
+    for (std::int64_t now_ns = run_.time.nowNs(); now_ns < due_ns; now_ns = run_.time.nowNs()) {
       if (run_.over()) return false;
-      // this wait keeps the connection alive; the next chunk reveals a loss
-      const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(due - Clock::now());
-      const auto nap = std::clamp(left, std::chrono::milliseconds(1), std::chrono::milliseconds(100));
-      if (run_.client.connected()) {
-        (void)run_.client.receive(nap).ok();
-      } else {
-        std::this_thread::sleep_for(nap);
-      }
+      // keeps the connection alive; the next chunk reveals a loss
+      if (run_.client.connected()) (void)run_.client.receive(std::chrono::milliseconds(0)).ok();
+      run_.time.sleepUntilNs(std::min(due_ns, now_ns + kNap_ns));
     }
     return true;
   }
@@ -170,7 +164,7 @@ class Replay {
   std::int64_t first_ns_ = 0;
   bool known_first_ = false;
   double next_line_s_ = 0;
-  const BlockingClient::Clock::time_point started_ = BlockingClient::Clock::now();
+  const std::int64_t started_ns_ = run_.time.nowNs();
 };
 
 }  // namespace

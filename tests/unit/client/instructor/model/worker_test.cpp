@@ -2,20 +2,20 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
+#include <latch>
 #include <vector>
 
 namespace needlelab {
 namespace {
 
-bool pollUntil(Worker& worker, const std::function<bool()>& so) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (!so()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    worker.poll();
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
+// Blocks until all jobs so far have ended: the worker runs them one after another.
+void waitForJobs(Worker& worker) {
+  std::latch ended(1);
+  worker.start("last", [&](const auto&) -> Worker::Finish {
+    ended.count_down();
+    return {};
+  });
+  ended.wait();
 }
 
 TEST(Worker, jobsRunInOrderAndTheirResultsComeInThePoll) {
@@ -32,37 +32,48 @@ TEST(Worker, jobsRunInOrderAndTheirResultsComeInThePoll) {
     });
   }
   EXPECT_TRUE(worker.busy());
-  ASSERT_TRUE(pollUntil(worker, [&] { return done.size() == 5; }));
+  waitForJobs(worker);
+  EXPECT_TRUE(done.empty()) << "nobody has polled";
+  worker.poll();
   EXPECT_EQ(done, (std::vector<int>{0, 1, 2, 3, 4}));
-  EXPECT_TRUE(pollUntil(worker, [&] { return !worker.busy(); }));
 }
 
-TEST(Worker, isBusyUntilItsResultWasTaken) {
+TEST(Worker, saysWhatItDoesAndIsBusyUntilItsResultWasTaken) {
   Worker worker;
-  std::atomic<bool> ran{false};
-  worker.start("one", [&](const auto&) -> Worker::Finish {
-    ran = true;
-    return [] {};
+  EXPECT_FALSE(worker.busy());
+  std::latch runs(1), may_end(1);
+  bool taken = false;
+  worker.start("loading", [&](const auto&) -> Worker::Finish {
+    runs.count_down();
+    may_end.wait();
+    return [&] { taken = true; };
   });
-  while (!ran) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  EXPECT_TRUE(worker.busy());
-  EXPECT_TRUE(pollUntil(worker, [&] { return !worker.busy(); }));
+  worker.start("comparing", [](const auto&) -> Worker::Finish { return {}; });
+  runs.wait();
+  EXPECT_EQ(worker.doing(), "loading");
+  may_end.count_down();
+  waitForJobs(worker);
+  // the last job's thread may still be about to leave it
+  EXPECT_TRUE(worker.doing() == "last" || worker.doing() == "finishing") << worker.doing();
+  worker.poll();
+  EXPECT_TRUE(taken);
 }
 
 TEST(Worker, itsEndStopsTheJobAndForgetsTheOthers) {
-  std::atomic<bool> began{false}, second{false};
+  std::latch began(1);
+  bool second = false;
   {
     Worker worker;
     worker.start("for ever", [&](const auto& stopped) -> Worker::Finish {
-      began = true;
-      while (!stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      began.count_down();
+      while (!stopped()) std::this_thread::yield();
       return {};
     });
     worker.start("never", [&](const auto&) -> Worker::Finish {
       second = true;
       return {};
     });
-    while (!began) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    began.wait();
   }
   EXPECT_FALSE(second);
 }

@@ -1,8 +1,9 @@
-// Fifty tiles, ten times a second: every frame in time.
-#include "tests/unit/client/instructor/screens/window_lab.h"
+// Fifty tiles with news ten times a second: the work of a frame stays bounded.
+#include <imgui/imgui.h>
 
 #include <algorithm>
-#include <cstdio>
+
+#include "tests/unit/client/instructor/screens/window_lab.h"
 
 namespace needlelab {
 namespace {
@@ -11,12 +12,12 @@ using namespace test;
 
 using Frames = WindowLab;
 
-TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
+TEST_F(Frames, fiftyTilesDrawNoMoreThanOneListOfVerticesHolds) {
   for (int i = 1; i <= 50; ++i) (void)server_.addStation("bench-" + std::to_string(i));
   lab_->logIn();
   ASSERT_TRUE(until([&] { return lab_->overview.size() == 50; }));
-  std::vector<double> costs_ms;
-  for (int n = 0; n < 150; ++n) {
+  int most = 0;
+  for (int n = 0; n < 30; ++n) {
     // the status lines of fifty stations in a tenth of a second
     if (n % 3 == 0) {
       for (int i = 1; i <= 50; ++i) {
@@ -34,15 +35,10 @@ TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
       }
     }
     frame();
-    // Frames without changes are not drawn again; counting them would improve the result unfairly.
-    if (n % 3 == 0 && n > 0) costs_ms.push_back(1e3 * surface_->frameCost_s());
+    if (const ImDrawData* drawn = ImGui::GetDrawData()) most = std::max(most, drawn->TotalVtxCount);
   }
-  std::sort(costs_ms.begin(), costs_ms.end());
-  const double p50 = costs_ms[costs_ms.size() / 2], p95 = costs_ms[costs_ms.size() * 95 / 100];
-  std::printf("50 tiles: %.1f ms a frame with news (p50), %.1f ms (p95)\n", p50, p95);
-  // 33 ms is fluent. The limit allows for a loaded machine and sanitizers, but not for an error of an order
-  // of magnitude.
-  EXPECT_LT(p50, 250);
+  EXPECT_GT(most, 50 * 4) << "the tiles are drawn";
+  EXPECT_LT(most, 1 << 16);
 }
 
 }  // namespace
