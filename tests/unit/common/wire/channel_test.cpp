@@ -138,7 +138,6 @@ TEST(Channel, aPeerThatNeverLogsInTimesOutEvenIfItKeepsSending) {
   limits.close_grace = milliseconds(50);
   RawClient client(loop, limits);
   const std::string slow = std::string("\0\0\x0f\0", 4) + std::string(3000, 'x');
-  const auto started = std::chrono::steady_clock::now();
   std::size_t at = 0;
   auto got = std::make_shared<std::optional<Error>>();
   asio::co_spawn(
@@ -154,7 +153,7 @@ TEST(Channel, aPeerThatNeverLogsInTimesOutEvenIfItKeepsSending) {
   }
   EXPECT_TRUE(got->has_value());
   EXPECT_EQ(loop.server->closeReason(), CloseReason::kHandshake);
-  EXPECT_LT(std::chrono::steady_clock::now() - started, milliseconds(3000));
+  EXPECT_LT(at, slow.size()) << "it was heard to its end";
 }
 
 TEST(Channel, whoNeverStartsTlsTimesOut) {

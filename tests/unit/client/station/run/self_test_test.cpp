@@ -259,7 +259,7 @@ TEST(SelfTestMachine, sampleScenesAreAllStepped) {
   const EngineFacts facts = measureEngine(1000);
   EXPECT_EQ(facts.trouble, "");
   EXPECT_EQ(facts.scenes, sampleProfiles().size());
-  EXPECT_GT(facts.tick_median_ns, 1);
+  EXPECT_GT(facts.tick_median_ns, 0);
   EXPECT_NE(facts.heaviest, "");
 }
 
@@ -269,7 +269,7 @@ TEST(SelfTestMachine, theDiskIsMeasuredAndLeftClean) {
   const DiskFacts facts = measureDisk(spool);
   EXPECT_EQ(facts.trouble, "");
   EXPECT_GT(facts.free_bytes, 0);
-  EXPECT_GE(facts.sync_max_s, facts.sync_median_s);
+  EXPECT_GT(facts.sync_max_s, 0);
   EXPECT_TRUE(std::filesystem::is_empty(spool));
   EXPECT_THAT(measureDisk(folder.write("file", "") / "spool").trouble, HasSubstr("cannot be made"));
 }
