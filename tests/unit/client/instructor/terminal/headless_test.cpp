@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <climits>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string_view>
 #include <thread>
 
 #include "tests/support/fake_time.h"
@@ -18,8 +20,29 @@ namespace {
 using namespace test;
 using testing::HasSubstr;
 
+/// What the command has printed so far, for a test that acts on it.
+class Printed : public std::stringbuf {
+ public:
+  [[nodiscard]] bool waits() const { return waits_; }
+  [[nodiscard]] int updates() const { return updates_; }
+
+ protected:
+  std::streamsize xsputn(const char* text, std::streamsize size) override {
+    const std::string_view line(text, static_cast<std::size_t>(size));
+    if (line.find("not online: waiting") != line.npos) waits_ = true;
+    if (line.find("\"update\"") != line.npos) ++updates_;
+    return std::stringbuf::xsputn(text, size);
+  }
+
+ private:
+  std::atomic<bool> waits_{false};
+  std::atomic<int> updates_{0};
+};
+
 class Headless : public testing::Test {
  protected:
+  Printed printed_;
+  int enough_updates_ = INT_MAX;  ///< ends a run
   RunningServer server_;
   std::string key_ = server_.addStation("bench-1");
   InstructorOptions options_;
@@ -41,12 +64,14 @@ class Headless : public testing::Test {
     config.login = personLogin("anna", "correct horse battery");
     auto client = BlockingClient::connect(config);
     if (!client.ok()) return {client.error(), {}, {}, {}};
-    std::ostringstream text;
+    printed_.str({});
+    std::ostream text(&printed_);
     const auto end =
         BlockingClient::Clock::now() + std::chrono::milliseconds(static_cast<int>(seconds * 1000));
     Output output;
-    output.status = runHeadless({options_, *client, text, [] { return false; }, end, time});
-    std::istringstream lines(text.str());
+    output.status = runHeadless(
+        {options_, *client, text, [this] { return printed_.updates() >= enough_updates_; }, end, time});
+    std::istringstream lines(printed_.str());
     for (std::string line; std::getline(lines, line);) {
       auto json = nlohmann::json::parse(line);
       if (json["type"] == "update")
@@ -106,10 +131,11 @@ TEST_F(Headless, aStationThatIsNotYetOnlineIsWaitedForAndThenWatched) {
   std::atomic<bool> stop{false};
   std::string heard;
   std::thread station([&] {
-    std::this_thread::sleep_for(milliseconds(300));
+    while (!printed_.waits() && !stop) std::this_thread::sleep_for(milliseconds(1));
     playStation(session, stop, &heard);
   });
-  const auto output = run(1.6);
+  enough_updates_ = 12;
+  const auto output = run(60);  // ends by itself long before this
   stop = true;
   station.join();
   ASSERT_TRUE(output.status.ok()) << output.status.error().message;
