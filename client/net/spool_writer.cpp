@@ -169,6 +169,7 @@ void SpoolWriter::makeChunk() {
     const std::scoped_lock lock(mutex_);
     ++counts_.chunks;
     counts_.chunk_bytes += pending_.back().chunk.size();
+    counts_.samples_waiting += pending_.back().samples;
   }
   if (pending_.size() == 1 || time_.nowNs() >= next_try_ns_) flushPending();
 }

@@ -68,6 +68,8 @@ struct FakeFalcon {
   /// The host is about to read an answer of the stream; nothing: one that cannot be read.
   std::function<void(const std::optional<Report>&, std::int64_t now_ns)> on_reply;
 
+  std::function<void()> on_load;  ///< the host writes a part of the firmware
+
   // seen
   int opened = 0, open_links = 0, loads = 0;
   Requests requests;
@@ -249,6 +251,7 @@ class FakeLink final : public FalconLink {
           hear(bytes);
           return;
         }
+        if (f.on_load) f.on_load();
         for (const std::uint8_t byte : written) {
           const std::size_t at = f.loaded.size();
           f.loaded.push_back(byte);

@@ -2,10 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <functional>
+#include <thread>
 
 #include "client/device/falcon/falcon_device.h"
 #include "client/device/falcon/falcon_geometry.h"
@@ -383,7 +385,12 @@ TEST_F(FalconDeviceThreads, closeInMidLoadOfALostDeviceGivesTheLoadUp) {
   const auto device = opened(options);
   falcon_->unplug();
   ASSERT_TRUE(loopUntil(*device, [&] { return (reading_.condition & kDeviceLost) != 0; }));
-  with([](FakeFalcon& f) { f.runs = false; });
+  with([](FakeFalcon& f) {
+    f.runs = false;
+    f.on_load = [] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    };  // the whole load takes long
+  });
   falcon_->plugIn();
   ASSERT_TRUE(loopUntil(*device, [&] { return with([](FakeFalcon& f) { return f.loaded.size(); }) > 0; }));
   device->close();
