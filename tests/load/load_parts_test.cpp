@@ -310,6 +310,14 @@ TEST(SoakOfTheLoad, judgesTheLastServersMemoryAndHandles) {
   EXPECT_EQ(verdictOf(judgeLoad(quietRun(0, 0))), Verdict::kGood);
   EXPECT_EQ(verdictOf(judgeLoad(quietRun(40, 0))), Verdict::kBad);
   EXPECT_EQ(verdictOf(judgeLoad(quietRun(0, 1))), Verdict::kBad);
+  LoadResult brief = quietRun(40, 0);
+  brief.options.seconds = 599;
+  EXPECT_EQ(soakForm(brief.options), SoakForm::kShort);
+  EXPECT_EQ(verdictOf(judgeLoad(brief)), Verdict::kGood) << "the short form says nothing of memory";
+  brief.options.seconds = 1199;
+  EXPECT_EQ(soakForm(brief.options), SoakForm::kNightly);
+  brief.options.faults = true;
+  EXPECT_EQ(soakForm(brief.options), SoakForm::kShort) << "the last server may live for ten minutes only";
   LoadResult lost = quietRun(0, 0);
   lost.stored.samples.lost = 1;
   EXPECT_EQ(verdictOf(judgeLoad(lost)), Verdict::kBad);

@@ -55,6 +55,9 @@ Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& 
 
 // A long run with faults, judged: nothing lost, the server's memory and file handles flat.
 
+/// With faults, kills end at half time: what counts is how long the last server lives after that.
+SoakForm soakForm(const LoadOptions& options);
+
 /// In table order. Memory and handles are those of the last server process, after a warm-up of a quarter of
 /// its life, at most 5 min: both start again with each restart.
 std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});

@@ -69,6 +69,10 @@ std::string samplesCsv(const std::vector<ServerRow>& rows) {
 
 }  // namespace
 
+SoakForm soakForm(const LoadOptions& options) {
+  return options.seconds * (options.faults ? 0.5 : 1) < kNightly_s ? SoakForm::kShort : SoakForm::kNightly;
+}
+
 std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
   const Difference& d = r.stored.samples;
   std::vector<Finding> findings = {
@@ -92,8 +96,7 @@ std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
       time_s.push_back(row.time_s);
       rss_KiB.push_back(static_cast<double>(row.server.rss_KiB));
     }
-    const bool brief = time_s.back() - time_s.front() < 450;
-    findings.push_back(flatMemory("server", time_s, rss_KiB, brief, limits));
+    findings.push_back(flatMemory("server", time_s, rss_KiB, soakForm(r.options), limits));
     findings.push_back(steadyHandles(rows));
     findings.push_back(
         said("memory of the server at the end", fmt::format("{:.1f} MiB", rss_KiB.back() / 1024)));
@@ -123,19 +126,19 @@ Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
   for (const auto& [name, text] :
        {std::pair<const char*, std::string>{"samples.csv", samplesCsv(result.rows)},
         {"load.json", loadJson(result).dump(1) + "\n"},
-        {"table.txt", machineText() + "\n" + tableText(findings)}})
+        {"table.txt", machineText() + "\n" + tableText(findings, soakForm(result.options))}})
     RETURN_IF_ERROR(writeFileAtomically(out / name, viewOf(text)));
   if (!hasGnuplot() || result.rows.empty()) return {};
   const auto judged = judgedRows(result);
-  return drawPlot(
-      embeddedLoadPlots(), "load_soak", out / "soak.png",
-      {{"csv", (out / "samples.csv").string()},
-       {"stations", static_cast<double>(result.options.stations)},
-       {"cuts", static_cast<double>(result.cuts)},
-       {"kills", static_cast<double>(result.kills)},
-       {"streamed_s", result.streamed_s},
-       {"judged_s", judged.empty() ? 0 : judged.front().time_s},
-       {"finding", findingOf(verdictOf(findings), "memory and handles stay flat, nothing is lost")}});
+  return drawPlot(embeddedLoadPlots(), "load_soak", out / "soak.png",
+                  {{"csv", (out / "samples.csv").string()},
+                   {"stations", static_cast<double>(result.options.stations)},
+                   {"cuts", static_cast<double>(result.cuts)},
+                   {"kills", static_cast<double>(result.kills)},
+                   {"streamed_s", result.streamed_s},
+                   {"judged_s", judged.empty() ? 0 : judged.front().time_s},
+                   {"finding", findingOf(verdictOf(findings), soakForm(result.options),
+                                         "memory and handles stay flat, nothing is lost")}});
 }
 
 }  // namespace needlelab::test

@@ -105,7 +105,7 @@ int main(int argc, char** argv) try {
   bool flat = true;
   if (!out.empty()) {
     const auto findings = judgeLoad(*result);
-    std::cout << tableText(findings);
+    std::cout << tableText(findings, soakForm(options));
     if (const Status written = writeSoak(*result, findings, out); !written.ok()) return fail(written.error());
     flat = verdictOf(findings) != Verdict::kBad;
   }

@@ -1,5 +1,5 @@
-/// needlelab-soak: runs server, station and viewer for an hour, and judges whether memory is flat and nothing
-/// is lost.
+/// needlelab-soak: runs server, station and viewer together, and judges whether memory is flat and nothing is
+/// lost.
 #include <CLI/CLI.hpp>
 #include <iostream>
 
@@ -20,7 +20,7 @@ int soak(const SoakOptions& options) {
   if (!minutes.ok()) return fail(minutes.error());
   const auto findings = judge(*data, options, *minutes);
   const Status written = writeReport(*data, options, *minutes, findings);
-  std::cout << tableText(findings) << "files: " << options.out.string()
+  std::cout << tableText(findings, options.form()) << "files: " << options.out.string()
             << "/{samples,minutes}.csv, table.txt, soak.png\n";
   if (!written.ok()) return fail(written.error());
   return verdictOf(findings) == Verdict::kBad ? kExitFailed : kExitDone;
@@ -32,7 +32,7 @@ int soak(const SoakOptions& options) {
 int main(int argc, char** argv) {
   needlelab::test::SoakOptions options;
   options.bin = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  double minutes = 60;
+  double minutes = 30;
   CLI::App app{"Runs server, station and viewer together and judges memory, handles and losses",
                "needlelab-soak"};
   app.add_option("--minutes", minutes, "how long")->check(CLI::Range(0.1, 1440.0))->capture_default_str();

@@ -76,16 +76,17 @@ Status drawSoak(const SoakData& data, const SoakOptions& options, const std::vec
   std::vector<double> base_KiB;
   for (const ProcessSample& process : base.processes)
     base_KiB.push_back(static_cast<double>(process.rss_KiB));
-  return drawPlot(embeddedSoakPlots(), "soak", options.out / "soak.png",
-                  {{"samples", (options.out / "samples.csv").string()},
-                   {"minutes", (options.out / "minutes.csv").string()},
-                   {"seconds", options.seconds},
-                   {"rate_hz", options.rate_hz},
-                   {"warm_up_s", options.warmUp_s()},
-                   {"minute_s", options.minute_s()},
-                   {"finding", findingOf(verdictOf(findings), "memory stays flat, nothing is lost")},
-                   {"names", std::vector<std::string>(kSoakNames.begin(), kSoakNames.end())},
-                   {"base_kib", base_KiB}});
+  return drawPlot(
+      embeddedSoakPlots(), "soak", options.out / "soak.png",
+      {{"samples", (options.out / "samples.csv").string()},
+       {"minutes", (options.out / "minutes.csv").string()},
+       {"seconds", options.seconds},
+       {"rate_hz", options.rate_hz},
+       {"warm_up_s", options.warmUp_s()},
+       {"minute_s", options.minute_s()},
+       {"finding", findingOf(verdictOf(findings), options.form(), "memory stays flat, nothing is lost")},
+       {"names", std::vector<std::string>(kSoakNames.begin(), kSoakNames.end())},
+       {"base_kib", base_KiB}});
 }
 
 }  // namespace
@@ -129,17 +130,18 @@ Slope slopeOf(std::span<const double> time_s, std::span<const double> value, std
 }
 
 Finding flatMemory(const std::string& process, std::span<const double> time_s,
-                   std::span<const double> rss_KiB, bool brief, const SoakLimits& limits) {
+                   std::span<const double> rss_KiB, SoakForm form, const SoakLimits& limits) {
   const Slope slope = slopeOf(time_s, rss_KiB);
   Finding flat{"memory of the " + process + ", growth after " +
                    fmt::format("{:.0f} s", time_s.empty() ? 0.0 : time_s.front()),
-               fmt::format("{:+.1f} ± {:.1f} KiB/min", slope.per_min, slope.half_width_per_min),
-               fmt::format("< {:.0f} KiB/min", limits.rss_KiB_per_min), Verdict::kOpen};
-  if (slope.blocks >= 4) {
-    if (slope.per_min + slope.half_width_per_min < limits.rss_KiB_per_min) flat.verdict = Verdict::kGood;
-    if (slope.per_min - slope.half_width_per_min > limits.rss_KiB_per_min) flat.verdict = Verdict::kBad;
-  }
-  if (flat.verdict == Verdict::kBad && brief) flat.verdict = Verdict::kOpen;
+               slope.blocks < 4
+                   ? "too few samples"
+                   : fmt::format("{:+.1f} ± {:.1f} KiB/min", slope.per_min, slope.half_width_per_min),
+               "", Verdict::kGood};
+  if (form == SoakForm::kShort) return flat;
+  flat.limit = fmt::format("< {:.0f} KiB/min", limits.rss_KiB_per_min);
+  if (slope.blocks < 4 || slope.per_min + slope.half_width_per_min >= limits.rss_KiB_per_min)
+    flat.verdict = Verdict::kBad;
   return flat;
 }
 
@@ -152,7 +154,7 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
     const std::string name = kSoakNames[which];
     const auto rss =
         column(data.rows, from_s, [which](const SoakRow& row) { return row.processes[which].rss_KiB; });
-    findings.push_back(flatMemory(name, times, rss, options.seconds < 600, limits));
+    findings.push_back(flatMemory(name, times, rss, options.form(), limits));
     if (!rss.empty())
       findings.push_back(
           {"memory of the " + name + " at the end", fmt::format("{:.1f} MiB", rss.back() / 1024), "", {}});
@@ -237,27 +239,18 @@ const char* verdictText(Verdict verdict) {
   switch (verdict) {
     case Verdict::kGood:
       return "good";
-    case Verdict::kOpen:
-      return "too short to tell";
     case Verdict::kBad:
       return "BAD";
   }
   return "?";
 }
 
-std::string findingOf(Verdict verdict, std::string_view good) {
-  switch (verdict) {
-    case Verdict::kGood:
-      return std::string(good);
-    case Verdict::kOpen:
-      return "nothing is lost; too short to tell of memory";
-    case Verdict::kBad:
-      return "NOT as it should be, see the table";
-  }
-  return "?";
+std::string findingOf(Verdict verdict, SoakForm form, std::string_view good) {
+  if (verdict == Verdict::kBad) return "NOT as it should be, see the table";
+  return form == SoakForm::kShort ? "nothing is lost" : std::string(good);
 }
 
-std::string tableText(const std::vector<Finding>& findings) {
+std::string tableText(const std::vector<Finding>& findings, SoakForm form) {
   std::size_t what = 0, value = 0, limit = 0;
   for (const Finding& finding : findings) {
     what = std::max(what, finding.what.size());
@@ -273,12 +266,12 @@ std::string tableText(const std::vector<Finding>& findings) {
     text.erase(text.find_last_not_of(' ') + 1);
     text += "\n";
   }
-  return text + "verdict: " + verdictText(verdictOf(findings)) + "\n";
+  return text + formText(form) + ": " + verdictText(verdictOf(findings)) + "\n";
 }
 
 Status writeReport(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
                    const std::vector<Finding>& findings) {
-  const std::string table = machineText() + "\n" + tableText(findings);
+  const std::string table = machineText() + "\n" + tableText(findings, options.form());
   for (const auto& [name, text] : {std::pair<const char*, std::string>{"samples.csv", samplesCsv(data)},
                                    {"minutes.csv", minutesCsv(minutes)},
                                    {"table.txt", table}})

@@ -24,11 +24,7 @@ struct SoakLimits {
   double rss_KiB_per_min = 16;  ///< of each process, after the warm-up
 };
 
-enum class Verdict : std::uint8_t {
-  kGood,
-  kOpen,  ///< the run was too short to tell
-  kBad,
-};
+enum class Verdict : std::uint8_t { kGood, kBad };
 
 struct Finding {
   std::string what;
@@ -37,24 +33,24 @@ struct Finding {
   Verdict verdict = Verdict::kGood;
 };
 
-/// Memory of a process by its samples at these times, none of them before the warm-up's end. In a `brief` run
-/// growth is never bad: an allocator that takes one more block looks the same.
+/// Memory of a process by its samples at these times, none of them before the warm-up's end. The nightly form
+/// judges it: good when the whole interval of the slope is below the limit. The short form only reports it.
 Finding flatMemory(const std::string& process, std::span<const double> time_s,
-                   std::span<const double> rss_KiB, bool brief, const SoakLimits& limits = {});
+                   std::span<const double> rss_KiB, SoakForm form, const SoakLimits& limits = {});
 
-/// In table order. A slope is good when its whole interval is below the limit, bad when all of it is above.
+/// In table order.
 std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
                            const SoakLimits& limits = {});
 /// The worst of them.
 Verdict verdictOf(const std::vector<Finding>& findings);
 const char* verdictText(Verdict verdict);
 /// Ends the title of a picture; `good` is what to say of a good run.
-std::string findingOf(Verdict verdict, std::string_view good);
+std::string findingOf(Verdict verdict, SoakForm form, std::string_view good);
 
 // A soak run as files: samples.csv, minutes.csv, table.txt, soak.png.
 
-/// For a person; the last line is the verdict.
-std::string tableText(const std::vector<Finding>& findings);
+/// For a person; the last line is the form and its verdict.
+std::string tableText(const std::vector<Finding>& findings, SoakForm form);
 
 /// Into `options.out`. The picture only where gnuplot is. Errors: kFailed.
 Status writeReport(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,

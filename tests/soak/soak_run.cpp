@@ -35,8 +35,8 @@ class Soak {
       : options_(options), out_(std::filesystem::absolute(options.out)) {}
 
   Result<SoakData> run() {
-    for (const auto step :
-         {&Soak::prepare, &Soak::startServer, &Soak::startClients, &Soak::watch, &Soak::conclude})
+    for (const auto step : {&Soak::prepare, &Soak::startServer, &Soak::fillCaches, &Soak::startClients,
+                            &Soak::watch, &Soak::conclude})
       RETURN_IF_ERROR((this->*step)());
     return std::move(data_);
   }
@@ -69,6 +69,8 @@ class Soak {
     std::ofstream(out_ / "password") << kPassword << "\n";
     for (const std::vector<std::string>& arguments :
          {std::vector<std::string>{"user", "add", "ines", "--role", "instructor", "--password-file",
+                                   out_ / "password"},
+          std::vector<std::string>{"user", "add", "ada", "--role", "administrator", "--password-file",
                                    out_ / "password"},
           std::vector<std::string>{"user", "add", "tom", "--role", "trainee"},
           std::vector<std::string>{"station", "add", "station-1", "--out", out_ / "station.key"}})
@@ -107,6 +109,19 @@ class Soak {
     return client_->send(overview);
   }
 
+  // SQLite keeps the pages that it wrote, up to 16 MiB. One station fills that within an hour, a hundred
+  // within a minute: what grows after that is no cache.
+  Status fillCaches() {
+    if (options_.form() == SoakForm::kShort) return {};
+    Process load(program("needlelab-load"),
+                 {"--server", fmt::format("127.0.0.1:{}", port_), "--ca", out_ / "data" / "tls" / "ca.crt",
+                  "--user", "ada", "--password-file", out_ / "password", "--stations", "100", "--viewers",
+                  "0", "--seconds", "60", "--quiet"},
+                 out_ / "load.log");
+    if (load.wait(300s) != 0) return failed("needlelab-load, which fills the server's caches", load);
+    return reconnect();
+  }
+
   Status startClients() {
     const std::vector<std::string> server = {"--server", fmt::format("127.0.0.1:{}", port_), "--ca",
                                              out_ / "data" / "tls" / "ca.crt"};
@@ -141,7 +156,7 @@ class Soak {
         if (got.error().code != ErrorCode::kNotFound) static_cast<void>(reconnect());
         return;
       }
-      if (!got->has_station_status()) continue;
+      if (!got->has_station_status() || got->station_status().station() != "station-1") continue;
       status_ = got->station_status();
       if (!status_.trouble().empty() && troubles_.insert(status_.trouble()).second)
         data_.troubles.push_back(status_.trouble());
@@ -299,6 +314,11 @@ Result<SoakMinutes> minutesOf(const SoakData& data, const SoakOptions& options) 
     minutes[i].live_p99_ms = quantile(std::move(live[i]), 0.99);
   }
   return minutes;
+}
+
+const char* formText(SoakForm form) {
+  return form == SoakForm::kShort ? "short form (losses, handles, threads)"
+                                  : "nightly form (losses, handles, threads, memory)";
 }
 
 double SoakOptions::every_s() const {

@@ -16,6 +16,12 @@ namespace needlelab::test {
 enum SoakProcess : std::size_t { kServer, kStation, kViewer, kSoakProcesses };
 inline constexpr std::array<const char*, kSoakProcesses> kSoakNames = {"server", "station", "viewer"};
 
+/// The two forms of a soak. The short one judges losses, handles and threads; it says nothing of memory,
+/// because in so little time a cache that fills looks like a leak. The nightly one judges memory as well.
+enum class SoakForm : std::uint8_t { kShort, kNightly };
+inline constexpr double kNightly_s = 600;  ///< the least length of the nightly form
+const char* formText(SoakForm form);
+
 struct SoakOptions {
   double seconds = 20;
   std::filesystem::path bin;  ///< where the programs are
@@ -23,6 +29,7 @@ struct SoakOptions {
   double rate_hz = 1000;
   bool quiet = false;  ///< no progress on standard error
 
+  [[nodiscard]] SoakForm form() const { return seconds < kNightly_s ? SoakForm::kShort : SoakForm::kNightly; }
   /// Between two samples.
   [[nodiscard]] double every_s() const;
   /// Warm-up, not judged: caches fill and pools reach their size.

@@ -1,7 +1,6 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <random>
 
 #include "client/sim/tools/gnuplot.h"
@@ -11,7 +10,8 @@
 namespace needlelab::test {
 namespace {
 
-using testing::HasSubstr;
+using testing::EndsWith;
+using testing::StartsWith;
 
 std::vector<double> seconds(std::size_t count) {
   std::vector<double> times;
@@ -98,7 +98,7 @@ SoakOptions hour() {
 
 TEST(SoakJudge, aGoodHourIsGoodAndEachFaultIsFound) {
   EXPECT_EQ(verdictOf(judge(goodHour(), hour(), {})), Verdict::kGood)
-      << tableText(judge(goodHour(), hour(), {}));
+      << tableText(judge(goodHour(), hour(), {}), SoakForm::kNightly);
   const auto bad = [](const std::function<void(SoakData&)>& spoil) {
     SoakData data = goodHour();
     spoil(data);
@@ -146,6 +146,37 @@ TEST(SoakReport, isWrittenAsTablesAndAPicture) {
   EXPECT_EQ(std::filesystem::exists(folder.path() / "soak.png"), hasGnuplot());
 }
 
+// 60 KiB a minute, in as many seconds as the form has
+Finding growing(double run_s, double noise_KiB) {
+  SoakOptions options;
+  options.seconds = run_s;
+  std::mt19937 random(7);
+  std::vector<double> rss_KiB;
+  const auto times = seconds(static_cast<std::size_t>(run_s));
+  for (const double t : times)
+    rss_KiB.push_back(40'000 + t + noise_KiB * static_cast<double>(random() % 1000) / 1000);
+  return flatMemory("server", times, rss_KiB, options.form());
+}
+
+TEST(SoakForms, theShortFormReportsMemoryAndTheNightlyOneJudgesIt) {
+  const Finding brief = growing(599, 0), nightly = growing(600, 0);
+  EXPECT_EQ(brief.verdict, Verdict::kGood);
+  EXPECT_EQ(brief.limit, "") << "reported, not judged";
+  EXPECT_THAT(brief.value, StartsWith("+60.1 ±"));
+  EXPECT_THAT(tableText({brief}, SoakForm::kShort),
+              EndsWith("\nshort form (losses, handles, threads): good\n"));
+  EXPECT_EQ(nightly.verdict, Verdict::kBad);
+  EXPECT_EQ(nightly.limit, "< 16 KiB/min");
+  EXPECT_THAT(tableText({nightly}, SoakForm::kNightly),
+              EndsWith("\nnightly form (losses, handles, threads, memory): BAD\n"));
+}
+
+TEST(SoakForms, inTheNightlyFormMemoryMustBeShownToBeFlat) {
+  // so noisy that the interval reaches from below the limit to above it
+  EXPECT_EQ(growing(600, 20'000).verdict, Verdict::kBad);
+  EXPECT_EQ(flatMemory("server", {}, {}, SoakForm::kNightly).verdict, Verdict::kBad) << "no samples";
+}
+
 TEST(SoakProcessSample, seesThisProcess) {
   const auto sample = sampleProcess(::getpid());
   ASSERT_TRUE(sample);
@@ -158,23 +189,22 @@ TEST(SoakProcessSample, seesThisProcess) {
   EXPECT_FALSE(sampleProcess(0));
 }
 
-// the whole of it, as long as there is time
-TEST(Soak, serverStationAndViewerTogetherLoseNothingAndStayFlat) {
-  const bool is_long = std::getenv("NEEDLELAB_LONG") != nullptr;
+// the short form of the whole; deploy/nightly runs the other
+TEST(Soak, serverStationAndViewerTogetherLoseNothingAndKeepTheirHandles) {
   const TempFolder folder;
   SoakOptions options;
   options.bin = NEEDLELAB_BIN;
   options.out = folder.path() / "soak";
-  options.seconds = is_long ? 3600 : 20;
-  options.quiet = !is_long;
+  options.seconds = 20;
+  options.quiet = true;
   const auto data = runSoak(options);
   ASSERT_TRUE(data.ok()) << data.error().message;
   const auto minutes = minutesOf(*data, options);
   ASSERT_TRUE(minutes.ok()) << minutes.error().message;
   const auto findings = judge(*data, options, *minutes);
-  const std::string table = tableText(findings);
+  const std::string table = tableText(findings, options.form());
   std::cout << table;
-  EXPECT_NE(verdictOf(findings), Verdict::kBad) << data->summary.dump(1);
+  EXPECT_EQ(verdictOf(findings), Verdict::kGood) << data->summary.dump(1);
   const Status written = writeReport(*data, options, *minutes, findings);
   EXPECT_TRUE(written.ok()) << written.error().message;
   for (const char* name : {"samples.csv", "minutes.csv", "table.txt"})

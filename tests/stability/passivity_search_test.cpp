@@ -1,6 +1,8 @@
 // Random gestures: the wall never gives energy to the hand and never steps.
 #include <gtest/gtest.h>
 
+#include <cstdio>
+
 #include "client/sim/stability/motion_cases.h"
 #include "client/sim/stability/passivity_gesture.h"
 #include "client/sim/stability/passivity_search.h"
@@ -15,6 +17,8 @@ TEST(RandomEnergy, theWallGivesTheHandNothing) {
   ASSERT_TRUE(file.ok()) << file.error().message;
   const auto outcome = randomEnergy({*file, longForm()}, AxialModel::kEnhancedTrackingWall, engineSource());
   ASSERT_TRUE(outcome.ok()) << outcome.error().message;
+  std::printf("the enhanced tracking wall: worst %.4f mJ, step %.4f N\n", 1e3 * *outcome->row.energy_J,
+              *outcome->row.max_unexplained_step_N);
   EXPECT_TRUE(outcome->row.passed) << rowText(outcome->row);
   EXPECT_LE(*outcome->row.energy_J, 5e-5);
   EXPECT_LE(*outcome->row.max_unexplained_step_N, 0.05);
