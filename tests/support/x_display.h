@@ -18,6 +18,7 @@ namespace needlelab::test {
 /// Sets DISPLAY for this process and its children during its lifetime. One at a time.
 class XDisplay {
  public:
+  static constexpr std::chrono::milliseconds kFrames{600};
   explicit XDisplay(int width_px = 1280, int height_px = 720) {
     const char* const before = std::getenv("DISPLAY");
     before_ = before == nullptr ? "" : before;
@@ -65,17 +66,18 @@ class XDisplay {
     if (pid <= 0 || ::waitpid(pid, &status, 0) != pid) return -1;
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
-  /// Holds the key long enough for a window that draws five frames a second.
-  void key(const std::string& name, std::chrono::milliseconds held = std::chrono::milliseconds(250)) {
+  /// Holds the key, and then none, for several frames of a window that a busy processor draws: a key is seen
+  /// only if it is down in a frame.
+  void key(const std::string& name, std::chrono::milliseconds held = kFrames) {
     tool({"keydown", name});
     std::this_thread::sleep_for(held);
     tool({"keyup", name});
-    std::this_thread::sleep_for(std::chrono::milliseconds(250));
+    std::this_thread::sleep_for(kFrames);
   }
   void moveTo(int x_px, int y_px) { tool({"mousemove", std::to_string(x_px), std::to_string(y_px)}); }
   /// Moves from the current mouse position, in steps, with `button` held.
   void drag(int button, int dx_px, int dy_px, int steps = 10) {
-    const auto pause = std::chrono::milliseconds(300);
+    const auto pause = kFrames;
     std::this_thread::sleep_for(pause);
     tool({"mousedown", std::to_string(button)});
     std::this_thread::sleep_for(pause);

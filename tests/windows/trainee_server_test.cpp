@@ -89,7 +89,7 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
 
 TEST_F(TraineeServerTest, theServerGoesAndComesBackInMidLesson) {
   auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest",
-                              "--hand-repeat", "0", "--seconds", "8", "--drain", "30"});
+                              "--hand-repeat", "0", "--seconds", "8", "--drain", "120"});
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
   lab_.killServer();
   std::this_thread::sleep_for(2s);

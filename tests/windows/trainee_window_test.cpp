@@ -46,7 +46,7 @@ class TraineeWindowTest : public testing::Test {
         60s))
         << station_->said();
     display_.moveTo(300, 300);
-    pause(1s);
+    pause(2s);
   }
   [[nodiscard]] nlohmann::json summary() const {
     std::ifstream file(path("out.json"));
@@ -82,7 +82,7 @@ TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
     pause(700ms);
   }
   pause(3s);
-  display_.key("x", 600ms);  // draws back
+  display_.key("x", 900ms);  // draws back
   pause(500ms);
   display_.key("space", 3s);  // injects
   pause(500ms);
@@ -150,7 +150,7 @@ TEST_F(TraineeWindowTest, theCloseButtonEndsTheLessonAndKeepsIt) {
   start({"--trainee", "tom", "--start"});
   waitForWindow();
   ASSERT_TRUE(says("session ")) << station_->said();
-  pause(1s);
+  pause(2s);
   // the message of a window manager's close button
   display_.tool({"search", "--name", "needlelab station", "windowclose"});
   ASSERT_TRUE(station_->wait(60s)) << station_->said();
@@ -164,7 +164,7 @@ TEST_F(TraineeWindowTest, aDisplayThatGoesEndsTheLessonAndKeepsIt) {
   start({"--trainee", "tom", "--start"});
   waitForWindow();
   ASSERT_TRUE(says("session ")) << station_->said();
-  pause(1s);
+  pause(2s);
   display_.end();
   ASSERT_TRUE(station_->wait(60s)) << station_->said();
   EXPECT_THAT(station_->said(), HasSubstr("the display is gone"));
