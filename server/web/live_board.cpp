@@ -69,12 +69,12 @@ void LiveBoard::viewerLeft() {
 
 void LiveBoard::stop() {
   stopping_ = true;
+  tick_.cancel();
   wakeAll();
 }
 
 Task<> LiveBoard::run(std::shared_ptr<LiveBoard> self) {
   LiveBoard& board = *self;
-  asio::steady_timer tick(board.context_.io);
   auto next = std::chrono::steady_clock::now();
   while (board.viewers_ > 0 && !board.stopping_) {
     co_await board.readStore();
@@ -84,8 +84,8 @@ Task<> LiveBoard::run(std::shared_ptr<LiveBoard> self) {
     board.wakeAll();
     // after a stall, do not send a burst to catch up
     next = std::max(next + board.period_, std::chrono::steady_clock::now() + board.period_ / 2);
-    tick.expires_at(next);
-    co_await tick.async_wait(kUseTuple);
+    board.tick_.expires_at(next);
+    co_await board.tick_.async_wait(kUseTuple);
   }
   board.running_ = false;
   board.newest_.reset();

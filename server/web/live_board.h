@@ -20,7 +20,7 @@ namespace needlelab {
 class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
  public:
   LiveBoard(ServerContext& context, std::chrono::milliseconds period)
-      : context_(context), period_(period), fresh_(context.io.get_executor()) {}
+      : context_(context), period_(period), fresh_(context.io.get_executor()), tick_(context.io) {}
 
   void viewerCame();
   void viewerLeft();
@@ -46,6 +46,7 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
   const std::chrono::milliseconds period_;
   Signal fresh_;
   std::size_t viewers_ = 0;
+  asio::steady_timer tick_;  // until the next text
   bool running_ = false, stopping_ = false;
   std::uint64_t number_ = 0;
   std::shared_ptr<const std::string> newest_;
