@@ -65,6 +65,11 @@ bool WebWire::send(const std::string& bytes) {
   return true;
 }
 
+void WebWire::keepLittle() {
+  const int bytes = 4096;
+  ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
+}
+
 bool WebWire::sendPlain(const std::string& bytes) {
   return ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
 }

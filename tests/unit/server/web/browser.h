@@ -38,6 +38,9 @@ class WebWire {
   [[nodiscard]] bool connected() const { return fd_ >= 0 && ssl_ != nullptr; }
   bool send(const std::string& bytes);
   bool sendPlain(const std::string& bytes);  ///< sends outside TLS
+  /// From now on the kernel keeps only some kilobytes that were not read, so that the peer's writes soon
+  /// wait.
+  void keepLittle();
   /// Reads outside TLS until the peer closes.
   std::string receivePlain();
   /// Reads up to `most` bytes. Returns an empty string if the peer closed or nothing arrived in time.
