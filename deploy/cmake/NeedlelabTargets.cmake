@@ -3,8 +3,6 @@
 #   (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
-#   SERIAL: runs alone, because it keeps real time against an emulated device
-#   BESIDE filter: the tests of a SERIAL program that run in parallel with others, because they only wait
 #   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
 #   labels: unit, net, determinism give the kind of test; threads: runs under ThreadSanitizer in .ci/run; memory: runs under
@@ -61,7 +59,7 @@ add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_memory_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "SERIAL;TOGETHER;OPTIMISED" "TIMEOUT;BESIDE" "LABEL;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED" "TIMEOUT" "LABEL;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -91,14 +89,9 @@ function(needlelab_test name)
   endif()
   if(ARG_TOGETHER OR NEEDLELAB_SANITIZE)
     add_test(NAME ${name} COMMAND ${name})
-    set_tests_properties(${name} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
+    set_tests_properties(${name} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT})
     return()
   endif()
-  if(ARG_BESIDE)
-    gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 TEST_FILTER "${ARG_BESIDE}"
-      TEST_LIST ${name}_BESIDE PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT})
-    set(rest TEST_FILTER "-${ARG_BESIDE}")
-  endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 ${rest}
-    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT})
 endfunction()

@@ -11,12 +11,6 @@
 #include "server/live/request_effects.h"
 
 namespace needlelab {
-namespace {
-
-constexpr auto kTurn = std::chrono::milliseconds(1000);
-
-}  // namespace
-
 PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::shared_ptr<Channel> channel)
     : context_(context),
       id_(id),
@@ -99,7 +93,7 @@ Task<Status> PeerConnection::shakeHands() {
       channel_->close(CloseReason::kPeerClosed, shaken.error().message);
     } else {
       // a slow peer must not delay others
-      asio::steady_timer limit(context_.io, kTurn);
+      asio::steady_timer limit(context_.io, context_.bounds.handshake_turn);
       limit.async_wait([self = shared_from_this()](const boost::system::error_code& error) {
         if (!error) self->endTurn();
       });

@@ -37,7 +37,9 @@ struct ConnectionBounds {
   /// time out.
   std::size_t handshakes_at_once = 32;
   std::size_t handshakes_of_address = 24;  ///< of those: one address can never use all
-  std::size_t logins_waiting = 64;         ///< of the whole server, for the password check
+  /// One handshake's share of these places; a slower peer goes on without one.
+  std::chrono::milliseconds handshake_turn{1000};
+  std::size_t logins_waiting = 64;  ///< of the whole server, for the password check
   /// The other places are for people who have logged in from that address before.
   std::size_t logins_waiting_of_strangers = 48;
   std::size_t logins_waiting_at_address = 32;  ///< of those strangers, from one address

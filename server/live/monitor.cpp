@@ -275,7 +275,7 @@ MonitorPort::MonitorPort(asio::io_context& io, Tcp::acceptor acceptor, Monitor& 
                  {.header_bytes = 4096,
                   .body_bytes = 0,
                   .requests_per_connection = 1,
-                  .whole = std::chrono::milliseconds(10'000)}),
+                  .whole = monitor.settings().connection_time}),
       monitor_(monitor) {}
 
 void MonitorPort::stop() {

@@ -29,9 +29,10 @@ ProcessFacts processFacts();
 struct MonitorSettings {
   std::uint64_t min_free_bytes = 256u
                                  << 20;  ///< free on the database's disk: with less the server is not healthy
-  std::chrono::seconds max_backup_age{0};           ///< 0: the last backup's age is shown but not checked
-  std::chrono::milliseconds write_patience{2'000};  ///< time limit of a health check's test write
-  std::chrono::milliseconds read_patience{2'000};   ///< time limit of reads from the disk
+  std::chrono::seconds max_backup_age{0};             ///< 0: the last backup's age is shown but not checked
+  std::chrono::milliseconds write_patience{2'000};    ///< time limit of a health check's test write
+  std::chrono::milliseconds read_patience{2'000};     ///< time limit of reads from the disk
+  std::chrono::milliseconds connection_time{10'000};  ///< then a connection ends, answered or not
 };
 
 /// Values that a worker reads for the monitor. At most a second old when shown, unless the disk does not
@@ -72,6 +73,7 @@ class Monitor {
   Monitor& operator=(const Monitor&) = delete;
 
   Task<HttpAnswer> answer(std::string path);
+  [[nodiscard]] const MonitorSettings& settings() const { return settings_; }
   /// Waits for its worker. Call it before the store is destroyed.
   void join();
 

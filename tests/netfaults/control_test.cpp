@@ -186,13 +186,12 @@ TEST(MuteServerTest, whoIsToldToStopDoesNotWaitForIt) {
   config.client.connect_timeout = 20s;
   Uplink uplink(config, {});
   std::atomic<int> asked{0};
-  const auto began = Clock::now();
-  const auto lesson = uplink.getLesson("ball-free-practice", "tom", 20s, false, [&] { return ++asked > 4; });
+  const auto lesson = uplink.getLesson("ball-free-practice", "tom", std::chrono::hours(1), false,
+                                       [&] { return ++asked > 4; });
   ASSERT_FALSE(lesson.ok());
   EXPECT_EQ(lesson.error().code, ErrorCode::kFailed);
   EXPECT_NE(lesson.error().message.find("stopped"), std::string::npos);
-  uplink.stop();
-  EXPECT_LT(Clock::now() - began, 1500ms);
+  uplink.stop();  // would wait for an hour
 }
 
 }  // namespace

@@ -84,20 +84,20 @@ TEST(MonitorHttp, answersGetAndHeadOfTwoPathsOnly) {
   EXPECT_TRUE(head.body.empty());
 }
 
-TEST(MonitorHttp, garbageAndGiantsEndAtOnceAndTheNextIsServed) {
-  RunningServer server(withMetrics);
+TEST(MonitorHttp, garbageAndGiantsEndBeforeTheirTimeAndTheNextIsServed) {
+  RunningServer server([](ServerOptions& options) {
+    withMetrics(options);
+    options.monitor.connection_time = std::chrono::hours(1);
+  });
   const std::uint16_t port = server.server().metricsPort();
-  const auto started = std::chrono::steady_clock::now();
   for (const std::string& bytes :
        {std::string("\x16\x03\x01\x02\x00\x01", 6) + std::string(300, 'x'), std::string(1u << 20, 'A'),
         "GET /metrics HTTP/1.1\r\nX: " + std::string(100'000, 'y') + "\r\n\r\n",
         std::string("GET /metrics HTTP/1.1\r\nContent-Length: 99999999\r\n\r\nabc")}) {
     const HttpReply reply = httpSend(port, bytes);
+    EXPECT_TRUE(reply.ended);
     EXPECT_TRUE(reply.status == 0 || reply.status == 400 || reply.status == 200) << reply.head;
   }
-  EXPECT_LT(std::chrono::steady_clock::now() - started, std::chrono::seconds(8))
-      << "none waits for a time-out";
-  // More silent connections than the server accepts: they cannot block others for longer than the deadline.
   EXPECT_EQ(httpGet(port, "/healthz").status, 200);
   EXPECT_EQ(server.stop(), 0);
 }
@@ -152,8 +152,7 @@ TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {
   ASSERT_EQ(gauge(httpGet(port, "/metrics"), "needlelab_database_readable"), "1");
   const HangingDisk disk;
   std::this_thread::sleep_for(milliseconds(1200));  // values are cached for one second
-  const auto began = std::chrono::steady_clock::now();
-  // Several requests at once, repeated: each gets an answer, none waits for the previous one.
+  // Several requests at once, repeated: each gets an answer while the disk hangs.
   for (int round = 0; round < 2; ++round) {
     std::vector<std::future<HttpReply>> asked;
     for (int i = 0; i < 4; ++i)
@@ -170,7 +169,6 @@ TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {
   EXPECT_THAT(parsePrometheus(metrics.body).faults, testing::IsEmpty());
   EXPECT_EQ(gauge(metrics, "needlelab_database_readable"), "0");
   EXPECT_NE(gauge(metrics, "needlelab_disk_size_bytes"), "0") << "what was known stays";
-  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(8));
   hangs = false;  // the disk works again
   HttpReply again;
   for (int i = 0; i < 50 && again.status != 200; ++i) {

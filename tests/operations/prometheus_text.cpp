@@ -123,8 +123,11 @@ HttpReply httpSend(std::uint16_t port, const std::string& bytes, std::chrono::mi
   address.sin_port = htons(port);
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   std::string answer;
-  if (fd >= 0 && ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 &&
-      ::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) >= 0) {
+  const bool connected =
+      fd >= 0 && ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  const bool sent = connected && ::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) >= 0;
+  reply.ended = connected && !sent;
+  if (sent) {
     const auto end = std::chrono::steady_clock::now() + limit;
     for (;;) {
       const auto left =
@@ -133,7 +136,8 @@ HttpReply httpSend(std::uint16_t port, const std::string& bytes, std::chrono::mi
       if (left.count() <= 0 || ::poll(&readable, 1, static_cast<int>(left.count())) <= 0) break;
       char buffer[4096];
       const ssize_t got = ::recv(fd, buffer, sizeof buffer, 0);
-      if (got <= 0) break;
+      reply.ended = got <= 0;
+      if (reply.ended) break;
       answer.append(buffer, static_cast<std::size_t>(got));
     }
   }

@@ -23,10 +23,11 @@ Scrape parsePrometheus(const std::string& text);
 struct HttpReply {
   int status = 0;  ///< 0: the connection ended without an answer
   std::string head, body;
+  bool ended = false;  ///< by the server, within the limit
 };
 /// Sends the bytes to 127.0.0.1 and reads until the server closes, at most `limit`.
 HttpReply httpSend(std::uint16_t port, const std::string& bytes,
-                   std::chrono::milliseconds limit = std::chrono::seconds(20));
+                   std::chrono::milliseconds limit = std::chrono::seconds(60));
 HttpReply httpGet(std::uint16_t port, const std::string& path);
 
 }  // namespace needlelab::test

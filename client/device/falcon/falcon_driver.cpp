@@ -143,8 +143,9 @@ void FalconDriver::updateStatusText() {
   std::string text;
   switch (exchange_->trouble()) {
     case Exchange::Trouble::kBadPackets:
-      text = "the Falcon sends what cannot be read (" + std::to_string(exchange_->counts().bad_packets) +
-             " packets): use another USB cable or port, without a hub";
+      text = fmt::format(
+          "the Falcon sends what cannot be read ({} packets): use another USB cable or port, without a hub",
+          exchange_->counts().bad_packets);
       break;
     case Exchange::Trouble::kSilent:
       text = "the Falcon does not answer: check its power supply";

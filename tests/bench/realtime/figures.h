@@ -35,6 +35,10 @@ void addEngine(Figures& figures);
 /// how long that run takes for each of them. Errors: the database.
 Status addRetention(Figures& figures, double seconds);
 
+/// Stations' acknowledgements and a viewer's frames on a server in this process: alone, and beside 100
+/// viewers that do not read.
+void addViewers(Figures& figures, double seconds);
+
 /// {"figures": [{"name", "unit", "value", "beside"}]}, and what `more` holds (JSON members, or empty).
 std::string figuresJson(const Figures& figures, const std::string& more = {});
 

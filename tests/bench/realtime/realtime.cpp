@@ -30,6 +30,8 @@ int measure(const SliceOptions& options) {
     std::fprintf(stderr, "needlelab_realtime: %s\n", status.error().message.c_str());
     return exitCodeOf(status.error());
   }
+  progress("viewers that do not read");
+  addViewers(figures, options.slice_s);
   nlohmann::ordered_json more = {{"version", NEEDLELAB_VERSION},
                                  {"machine", machineText()},
                                  {"seconds_each", options.seconds},

@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -17,7 +18,6 @@ namespace needlelab {
 namespace {
 
 using namespace test;
-using TurnsClock = std::chrono::steady_clock;
 
 /// A connection from an address of this machine that sends one message and then nothing.
 class SilentPeer {
@@ -53,57 +53,80 @@ std::string clientHello() {
   return bytes;
 }
 
-/// Returns the duration of `count` log-ins, each behind new silent peers. A turn lasts at most one second, so
-/// a log-in that waits for a turn takes about one second.
-double logInsBehind(RunningServer& server, int count, const char* from, int silent,
-                    const std::string& bytes) {
-  const std::string name = "bench-" + std::to_string(bytes.size());
-  const auto key = server.addStation(name);
-  std::vector<std::unique_ptr<SilentPeer>> peers;
-  double total_s = 0;
-  for (int i = 0; i < count; ++i) {
-    for (int k = 0; k < silent; ++k)
-      peers.push_back(std::make_unique<SilentPeer>(from, server.server().port(), bytes));
-    std::this_thread::sleep_for(milliseconds(50));  // until the server has seen them
-    const auto begin = TurnsClock::now();
-    EXPECT_TRUE(server.connect(stationLogin(name, key)).ok());
-    total_s += std::chrono::duration<double>(TurnsClock::now() - begin).count();
-  }
-  return total_s;
+/// A turn, and a handshake as a whole, may last an hour here: a log-in that waits for a silent peer's turn
+/// never ends.
+constexpr auto kHour = std::chrono::hours(1);
+
+std::function<void(ServerOptions&)> turns(std::size_t at_once, std::size_t of_address) {
+  return [=](ServerOptions& options) {
+    options.bounds.handshakes_at_once = at_once;
+    options.bounds.handshakes_of_address = of_address;
+    options.bounds.handshake_turn = kHour;
+    options.limits.handshake_timeout = kHour;
+  };
 }
 
+/// Silent peers that the server has accepted.
+std::vector<std::unique_ptr<SilentPeer>> silentPeers(RunningServer& server, std::size_t count,
+                                                     const char* from, const std::string& bytes) {
+  std::vector<std::unique_ptr<SilentPeer>> peers;
+  for (std::size_t i = 0; i < count; ++i)
+    peers.push_back(std::make_unique<SilentPeer>(from, server.server().port(), bytes));
+  std::this_thread::sleep_for(milliseconds(50));  // until the server has read their bytes
+  return peers;
+}
+
+Result<BlockingClient> logIn(RunningServer& server, const std::string& key, milliseconds patience) {
+  ClientConfig config = server.config(stationLogin("bench", key));
+  config.connect_timeout = patience;
+  return BlockingClient::connect(config);
+}
+
+constexpr auto kPatience = milliseconds(60'000);
+
 TEST(HandshakeTurns, aRecordThatIsNotThereAsAWholeTakesNone) {
-  RunningServer server([](ServerOptions& options) {
-    options.bounds.handshakes_at_once = 1;
-    options.bounds.handshakes_of_address = 1;
-  });
+  RunningServer server(turns(1, 1));
+  const std::string key = server.addStation("bench");
   const std::string whole = clientHello();
   ASSERT_GT(whole.size(), 100u);
   for (const std::size_t sent : {std::size_t{1}, std::size_t{11}, whole.size() - 1}) {
     SCOPED_TRACE(sent);
     server.restart();
-    EXPECT_LT(logInsBehind(server, 4, "127.0.0.1", 2, whole.substr(0, sent)), 2.0);
+    const auto peers = silentPeers(server, 2, "127.0.0.1", whole.substr(0, sent));
+    const auto in = logIn(server, key, kPatience);
+    EXPECT_TRUE(in.ok()) << in.error().message;
   }
 }
 
 TEST(HandshakeTurns, oneAddressNeverHasThemAll) {
-  RunningServer server([](ServerOptions& options) {
-    options.bounds.handshakes_at_once = 4;
-    options.bounds.handshakes_of_address = 2;
-  });
-  EXPECT_LT(logInsBehind(server, 4, "127.0.0.2", 4, clientHello()), 2.0);
+  RunningServer server(turns(4, 2));
+  const std::string key = server.addStation("bench");
+  const auto peers = silentPeers(server, 4, "127.0.0.2", clientHello());
+  const auto in = logIn(server, key, kPatience);
+  EXPECT_TRUE(in.ok()) << in.error().message;
 }
 
-// The negative control: a peer that holds all turns delays others by a second; otherwise the tests above
-// would show nothing.
-TEST(HandshakeTurns, whoHasAllOfThemIsWaitedForForASecond) {
+// The negative control: peers that hold all turns keep others waiting; otherwise the tests above would show
+// nothing.
+TEST(HandshakeTurns, othersWaitWhileAllTurnsAreTaken) {
+  RunningServer server(turns(2, 2));
+  const std::string key = server.addStation("bench");
+  auto peers = silentPeers(server, 2, "127.0.0.1", clientHello());
+  EXPECT_FALSE(logIn(server, key, milliseconds(500)).ok());
+  peers.clear();
+  const auto in = logIn(server, key, kPatience);
+  EXPECT_TRUE(in.ok()) << in.error().message;
+}
+
+TEST(HandshakeTurns, aTurnEndsWhenItsTimeIsOver) {
   RunningServer server([](ServerOptions& options) {
-    options.bounds.handshakes_at_once = 2;
-    options.bounds.handshakes_of_address = 2;
+    turns(2, 2)(options);
+    options.bounds.handshake_turn = milliseconds(100);
   });
-  const double took_s = logInsBehind(server, 1, "127.0.0.1", 2, clientHello());
-  EXPECT_GT(took_s, 0.5);
-  EXPECT_LT(took_s, 10);
+  const std::string key = server.addStation("bench");
+  const auto peers = silentPeers(server, 2, "127.0.0.1", clientHello());
+  const auto in = logIn(server, key, kPatience);
+  EXPECT_TRUE(in.ok()) << in.error().message;
 }
 
 }  // namespace
