@@ -255,7 +255,7 @@ void levelBar(double share, std::string_view text, Rgb colour, float width_px) {
   const ImVec2 end{at.x + width_px, at.y + height_px};
   const bool over = share > 1;
   const ConditionStyle& trouble = styleOf(Condition::kTrouble);
-  const auto filled = static_cast<float>(std::clamp(std::isfinite(share) ? share : 0.0, 0.0, 1.0));
+  const auto filled = static_cast<float>(std::clamp(std::isnan(share) ? 0.0 : share, 0.0, 1.0));
   list.AddRectFilled(at, end, packed(kFieldGrey), 4);
   if (filled > 0)
     list.AddRectFilled(at, {at.x + width_px * filled, end.y}, packed(over ? trouble.colour : colour, 0.8F),

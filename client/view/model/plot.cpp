@@ -66,10 +66,11 @@ std::string tickText(double value, int decimals) {
 
 std::string clockText(double seconds, int decimals) {
   if (!std::isfinite(seconds)) return "–:––";
-  const std::string sign = seconds < 0 ? "\u2212" : "";
   // round first, so that 59.96 does not become 0:60.0
   const double unit = decimals > 0 ? 10 : 1;
   const auto units = static_cast<long long>(std::floor(std::fmin(std::fabs(seconds), 1e9) * unit + 0.5));
+  // a time that rounds to zero has no sign
+  const std::string sign = seconds < 0 && units > 0 ? "\u2212" : "";
   const long long per_minute = 60 * static_cast<long long>(unit);
   const long long minutes = units / per_minute, rest = units % per_minute;
   if (decimals > 0) return sign + fmt::format("{}:{:02}.{}", minutes, rest / 10, rest % 10);
@@ -84,10 +85,11 @@ void fillColumns(std::span<const double> x, std::span<const double> y, double fr
   const std::size_t count = std::min(x.size(), y.size());
   const auto begin = x.begin(), end = x.begin() + static_cast<std::ptrdiff_t>(count);
   for (auto at = std::lower_bound(begin, end, from); at != end && *at < to; ++at) {
-    const double value = y[static_cast<std::size_t>(at - begin)];
+    // also leaves out what is infinite as a float: it would take the axis from all other values
+    const auto value = static_cast<float>(y[static_cast<std::size_t>(at - begin)]);
     if (!std::isfinite(value)) continue;
     const auto column = std::min(static_cast<std::size_t>((*at - from) * per_x), out.size() - 1);
-    out[column].take(static_cast<float>(value));
+    out[column].take(value);
   }
 }
 
