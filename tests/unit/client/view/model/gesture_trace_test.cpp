@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <map>
 #include <utility>
 #include <vector>
@@ -140,6 +142,75 @@ TEST(TraceChannels, areNamedAndPointTheSameWayForEveryEffect) {
   moment.term(Effect::kAttracted) = 0.4;
   EXPECT_DOUBLE_EQ(valueOf(channelOf(Effect::kCutting), moment), 2);
   EXPECT_DOUBLE_EQ(valueOf(channelOf(Effect::kAttracted), moment), -0.4);
+}
+
+TEST(GestureTrace, valuesThatAreNoNumbersAreNeitherDrawnNorRead) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN(),
+                   kInfinity = std::numeric_limits<double>::infinity();
+  GestureTrace trace;
+  const std::vector<double> forces_N = {1, kNan, 3, kInfinity, 2, 1e300};
+  for (std::size_t i = 0; i < forces_N.size(); ++i)
+    trace.push(momentAt(0.5 + static_cast<double>(i), forces_N[i]));
+  std::vector<PixelColumn> columns(forces_N.size());
+  trace.columns(TraceChannel::kForce, 0, static_cast<double>(forces_N.size()), columns);
+  for (std::size_t i = 0; i < forces_N.size(); ++i) {
+    const bool usable = i % 2 == 0;
+    EXPECT_EQ(columns[i].empty(), !usable) << i;
+    const auto value = trace.value(TraceChannel::kForce, 0.6 + static_cast<double>(i));
+    EXPECT_EQ(value.has_value(), usable) << i;
+    if (usable) {
+      EXPECT_FLOAT_EQ(columns[i].last, static_cast<float>(forces_N[i]));
+      EXPECT_FLOAT_EQ(value.value_or(-1), static_cast<float>(forces_N[i]));
+    }
+  }
+  EXPECT_DOUBLE_EQ(trace.peakForce_N(), 3);
+}
+
+TEST(GestureTrace, anEmptyOneAnswersWithoutInventingAnything) {
+  const GestureTrace trace;
+  EXPECT_TRUE(trace.empty());
+  EXPECT_EQ(trace.peakForce_N(), 0);
+  EXPECT_FALSE(trace.value(TraceChannel::kForce, 0));
+  EXPECT_TRUE(trace.between(-1e9, 1e9).empty());
+  std::vector<PixelColumn> columns(3);
+  columns[1].take(5);
+  trace.columns(TraceChannel::kDepth, 0, 1, columns);
+  for (const PixelColumn& column : columns) EXPECT_TRUE(column.empty());
+}
+
+TEST(GestureTrace, whatGoesOnIsOneEventAndWhatComesAgainIsAnother) {
+  using Kind = TraceEvent::Kind;
+  const auto timesOf = [](Kind kind, const std::function<void(int, Moment&)>& change) {
+    GestureTrace trace;
+    for (int i = 1; i <= 20; ++i) {
+      Moment moment = momentAt(0.1 * i, 0, 0);
+      change(i, moment);
+      trace.push(moment);
+    }
+    std::vector<int> found;
+    for (const TraceEvent& event : trace.events())
+      if (event.kind == kind) found.push_back(static_cast<int>(std::lround(10 * event.time_s)));
+    return found;
+  };
+  // a turn that lasts from 0.3 to 0.8 s, and one 0.5 s later
+  EXPECT_EQ(timesOf(Kind::kTurn,
+                    [](int i, Moment& m) {
+                      if ((i >= 3 && i <= 8) || i == 13) m.flags |= kFlagTurn;
+                    }),
+            (std::vector<int>{3, 13}));
+  // a fault that stays, becomes another, goes and comes again
+  EXPECT_EQ(timesOf(Kind::kFault,
+                    [](int i, Moment& m) {
+                      m.fault = i < 4 ? 0 : i < 8 ? 2 : i < 10 ? 4 : i < 15 ? 0 : 4;
+                    }),
+            (std::vector<int>{4, 8, 15}));
+  EXPECT_EQ(timesOf(Kind::kStop,
+                    [](int i, Moment& m) {
+                      m.phase = (i >= 5 && i < 9) || i >= 12 ? Phase::kStopped : Phase::kInserting;
+                    }),
+            (std::vector<int>{5, 12}));
+  EXPECT_EQ(timesOf(Kind::kEntry, [](int i, Moment& m) { m.layer = i >= 6 && i != 10 ? 1 : -1; }),
+            (std::vector<int>{6, 11}));
 }
 
 }  // namespace

@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/random.h"
+
 namespace needlelab {
 namespace {
 
@@ -126,6 +128,94 @@ TEST(PixelColumns, aLoneSpikeIsNeverLost) {
   float greatest = 0;
   for (const PixelColumn& column : columns) greatest = std::max(greatest, column.max);
   EXPECT_FLOAT_EQ(greatest, 42);
+}
+
+TEST(PixelColumns, aValueBeyondAFloatIsLeftOutAndTakesNothingFromTheOthers) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  const std::vector<double> x = {0.5, 1.5, 2.5, 3.5, 4.5}, y = {1, 1e300, -1e300, infinity, 3};
+  std::vector<PixelColumn> columns(5);
+  fillColumns(x, y, 0, 5, columns);
+  for (const std::size_t i : {1u, 2u, 3u}) EXPECT_TRUE(columns[i].empty()) << i;
+  EXPECT_FLOAT_EQ(columns[0].max, 1);
+  EXPECT_FLOAT_EQ(columns[4].max, 3);
+}
+
+TEST(PixelColumns, onePointFallsIntoOneColumnAndTheEndIsNotInTheRange) {
+  struct Row {
+    double x;
+    int column;  ///< of 4 over [1, 2); −1: none
+  };
+  for (const Row& row : {Row{1, 0}, Row{1.2, 0}, Row{1.3, 1}, Row{1.99, 3}, Row{2, -1}, Row{0.99, -1}}) {
+    const std::vector<double> x = {row.x}, y = {7};
+    std::vector<PixelColumn> columns(4);
+    fillColumns(x, y, 1, 2, columns);
+    for (int i = 0; i < 4; ++i) {
+      const PixelColumn& column = columns[static_cast<std::size_t>(i)];
+      EXPECT_EQ(column.empty(), i != row.column) << row.x << ", column " << i;
+      if (i == row.column) {
+        EXPECT_TRUE(column.min == 7 && column.max == 7 && column.last == 7) << row.x;
+      }
+    }
+  }
+}
+
+TEST(PixelColumns, holdTheExtremesOfEveryRangeThatIsZoomedInto) {
+  test::Random draw(21);
+  std::vector<double> x, y;
+  for (int i = 0; i < 3000; ++i) {
+    x.push_back((x.empty() ? 0 : x.back()) + draw.in(0.0001, 0.02));
+    y.push_back(draw.chance(0.05) ? std::numeric_limits<double>::quiet_NaN() : draw.in(-5, 5));
+  }
+  for (int round = 0; round < 40; ++round) {
+    const double from = draw.in(-1, x.back()), to = from + draw.in(0.01, 40);
+    std::vector<PixelColumn> columns(1 + draw.below(900));
+    fillColumns(x, y, from, to, columns);
+    float least = std::numeric_limits<float>::infinity(), greatest = -least;
+    for (const PixelColumn& column : columns) {
+      least = std::min(least, column.min);
+      greatest = std::max(greatest, column.max);
+    }
+    float expected_least = std::numeric_limits<float>::infinity(), expected_greatest = -expected_least;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      if (x[i] < from || x[i] >= to || std::isnan(y[i])) continue;
+      expected_least = std::min(expected_least, static_cast<float>(y[i]));
+      expected_greatest = std::max(expected_greatest, static_cast<float>(y[i]));
+    }
+    EXPECT_EQ(least, expected_least) << from << " to " << to;
+    EXPECT_EQ(greatest, expected_greatest) << from << " to " << to;
+  }
+}
+
+TEST(AxisTicks, noTwoTicksHaveTheSameNumberWrittenBesideThem) {
+  test::Random draw(22);
+  for (int round = 0; round < 500; ++round) {
+    const double span = std::pow(10, draw.in(-6, 9)), low = draw.in(-3, 3) * span;
+    const AxisTicks ticks = axisTicks(low, low + span, 2 + static_cast<int>(draw.below(7)), draw.chance(0.5));
+    ASSERT_GE(ticks.at.size(), 2u) << low << " + " << span;
+    for (std::size_t i = 1; i < ticks.at.size(); ++i)
+      EXPECT_NE(tickText(ticks.at[i - 1], ticks.decimals), tickText(ticks.at[i], ticks.decimals))
+          << low << " + " << span;
+  }
+}
+
+TEST(ClockText, aTimeThatRoundsToZeroHasNoSign) {
+  EXPECT_EQ(clockText(-0.2), "0:00");
+  EXPECT_EQ(clockText(-0.04, 1), "0:00.0");
+  EXPECT_EQ(clockText(-0.06, 1), "\u22120:00.1");
+  EXPECT_EQ(clockText(-0.0), "0:00");
+}
+
+TEST(PlotHeading, namesQuantityAndUnitAndNothingThatIsNotThere) {
+  const auto heading = [](const char* title, const char* unit) {
+    Plot plot;
+    plot.title = title;
+    plot.unit = unit;
+    return headingOf(plot);
+  };
+  EXPECT_EQ(heading("force", "N"), "force, N");
+  EXPECT_EQ(heading("layer", ""), "layer");
+  EXPECT_EQ(heading("", "mm"), "mm");
+  EXPECT_EQ(heading("", ""), "");
 }
 
 }  // namespace

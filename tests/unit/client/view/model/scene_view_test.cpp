@@ -1,9 +1,13 @@
 #include "client/view/model/scene_view.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
+#include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -143,6 +147,76 @@ TEST(AidSet, everyAidHasWordsOfItsOwn) {
   for (const int aid : allAidSet().list()) words.insert(aidWord(static_cast<pb::Exercise::Aid>(aid)));
   EXPECT_EQ(words.size(), static_cast<std::size_t>(allAidSet().list().size()));
   EXPECT_FALSE(words.contains("unknown aid"));
+}
+
+TEST(SceneView, depthIsTheDistanceBelowTheSurfaceOfEachShape) {
+  test::Random draw(31);
+  const auto anywhere = [&](double reach) {
+    return Vec3{draw.in(-reach, reach), draw.in(-reach, reach), draw.in(-reach, reach)};
+  };
+  for (int round = 0; round < 60; ++round) {
+    SceneView scene;
+    const Vec3 a = anywhere(0.1), b = anywhere(0.1), p = anywhere(0.15);
+    const double radius_m = draw.in(0.02, 0.08);
+    scene.limb_W = SphereLimb{a, radius_m};
+    EXPECT_NEAR(depthAt(scene, p), radius_m - std::hypot(p.x - a.x, p.y - a.y, p.z - a.z), 1e-12);
+    const Vec3 out = normalized(b);
+    scene.limb_W = PlaneLimb{a, out};
+    EXPECT_NEAR(depthAt(scene, p), out.x * (a.x - p.x) + out.y * (a.y - p.y) + out.z * (a.z - p.z), 1e-12);
+    // a capsule: the nearest of many balls along its axis
+    scene.limb_W = CapsuleLimb{a, b, radius_m};
+    constexpr int kBalls = 4000;
+    double nearest_m = 1;
+    for (int i = 0; i <= kBalls; ++i)
+      nearest_m = std::min(nearest_m, norm(p - (a + (b - a) * (static_cast<double>(i) / kBalls))));
+    EXPECT_NEAR(depthAt(scene, p), radius_m - nearest_m, norm(b - a) / kBalls);
+  }
+}
+
+TEST(SceneView, aLayerBeginsAtItsTopAndTheLastHasNoEnd) {
+  SceneView scene;
+  scene.layers.resize(3);
+  const std::vector<double> bottoms_m = {0.002, 0.01, 0.03};
+  for (std::size_t i = 0; i < 3; ++i) {
+    scene.layers[i].name = std::to_string(i);
+    scene.layers[i].top_m = i == 0 ? 0 : bottoms_m[i - 1];
+    scene.layers[i].bottom_m = bottoms_m[i];
+  }
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const std::vector<std::pair<double, int>> rows = {{-1, -1},
+                                                    {0, -1},
+                                                    {1e-9, 0},
+                                                    {0.0019, 0},
+                                                    {0.002, 1},
+                                                    {0.00999, 1},
+                                                    {0.01, 2},
+                                                    {0.03, 2},
+                                                    {kInfinity, 2},
+                                                    {-kInfinity, -1},
+                                                    {std::numeric_limits<double>::quiet_NaN(), -1}};
+  for (const auto& [depth_m, layer] : rows) EXPECT_EQ(layerAt(scene, depth_m), layer) << depth_m;
+}
+
+TEST(SceneView, theDistanceToAHazardIsTheLeastOverAllPointsOfBoth) {
+  test::Random draw(32);
+  const auto anywhere = [&] { return Vec3{draw.in(-1, 1), draw.in(-1, 1), draw.in(-1, 1)} * 0.03; };
+  constexpr int kPoints = 150;
+  for (int round = 0; round < 30; ++round) {
+    HazardView hazard{"nerve", pb::Hazard::NERVE, anywhere(), anywhere(), draw.in(0.001, 0.004)};
+    if (round % 3 == 0) hazard.b_W_m = hazard.a_W_m;  // a ball
+    const Vec3 tip = anywhere(), skin = anywhere();
+    double least_m = 1;
+    for (int i = 0; i <= kPoints; ++i)
+      for (int j = 0; j <= kPoints; ++j) {
+        const double s = static_cast<double>(i) / kPoints, t = static_cast<double>(j) / kPoints;
+        least_m = std::min(least_m,
+                           norm(tip + (skin - tip) * s - hazard.a_W_m - (hazard.b_W_m - hazard.a_W_m) * t));
+      }
+    const double found_m = distanceToHazard_m(hazard, tip, skin) + hazard.radius_m;
+    EXPECT_LE(found_m, least_m + 1e-12) << round;
+    // both segments are at most 0.104 m long: half a step of each
+    EXPECT_GE(found_m, least_m - 0.104 / kPoints) << round;
+  }
 }
 
 }  // namespace

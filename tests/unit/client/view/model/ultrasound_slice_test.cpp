@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "tests/support/view_lesson/sample_lesson.h"
 
@@ -174,6 +177,128 @@ TEST(UltrasoundSlice, aBloodVesselIsBlackWithABrightWall) {
   const Vec3 wall = middle + scene.focus_normal_W * artery->radius_m;
   EXPECT_LT(inside, 20);
   EXPECT_GT(meanAround(slice.image, slice.x(wall), slice.y(wall), 1), 3 * inside);
+}
+
+/// Muscle below the plane z = 0.
+SceneView flatMuscle() {
+  SceneView scene;
+  scene.limb_W = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
+  scene.layers.resize(1);
+  scene.layers[0].tissue = pb::Layer::MUSCLE;
+  scene.layers[0].bottom_m = 0.2;
+  scene.needle.length_m = 0.05;
+  scene.focus_normal_W = {0, 0, 1};
+  return scene;
+}
+
+/// A needle above the skin that points down.
+Moment needleAway() {
+  Moment moment;
+  moment.p_WT_m = {0.01, 0.02, 0.2};
+  moment.q_WT = {1, 0, 0, 0};
+  return moment;
+}
+
+TEST(UltrasoundSlice, reachesAThirdBeyondTheDeepestTargetWithinItsLimits) {
+  struct Row {
+    const char* name;
+    std::vector<std::pair<double, double>> targets;  ///< depth and radius, m
+    double wanted_m, expected_m;
+  };
+  const std::vector<Row> rows = {{"one target", {{0.04, 0.004}}, 0, 1.33 * 0.044},
+                                 {"the deeper of two", {{0.06, 0.002}, {0.03, 0.01}}, 0, 1.33 * 0.062},
+                                 {"a shallow one", {{0.005, 0.001}}, 0, 0.02},
+                                 {"a very deep one", {{0.3, 0.01}}, 0, 0.12},
+                                 {"none: by the needle", {}, 0, 1.33 * 0.6 * 0.05},
+                                 {"one outside the limb", {{-0.02, 0.003}}, 0, 1.33 * 0.6 * 0.05},
+                                 {"as told", {{0.04, 0.004}}, 0.03, 0.03},
+                                 {"told too little", {{0.04, 0.004}}, 1e-6, 0.005},
+                                 {"told too much", {{0.04, 0.004}}, 9, 0.5}};
+  for (const Row& row : rows) {
+    SceneView scene = flatMuscle();
+    for (const auto& [depth_m, radius_m] : row.targets)
+      scene.targets.push_back({"t", {0, 0, -depth_m}, radius_m});
+    SliceSettings settings;
+    settings.depth_m = row.wanted_m;
+    EXPECT_NEAR(sliceDepth_m(scene, settings), row.expected_m, 1e-12) << row.name;
+  }
+}
+
+TEST(UltrasoundSlice, beforeTheEntryTheProbeStandsOnTheSkinBelowTheTip) {
+  const SlicePlane plane = slicePlaneOf(flatMuscle(), needleAway());
+  EXPECT_NEAR(norm(plane.origin_W_m - Vec3{0.01, 0.02, 0}), 0, 1e-12);
+  EXPECT_NEAR(norm(plane.down_W - Vec3{0, 0, -1}), 0, 1e-12);
+  EXPECT_NEAR(norm(plane.right_W - Vec3{1, 0, 0}), 0, 1e-12) << "a needle along the normal has no side";
+}
+
+TEST(UltrasoundSlice, aProbeTurnsToTheNeedleAFifthOfARadianAtATime) {
+  const SceneView scene = flatMuscle();
+  Moment moment;
+  moment.inside = true;
+  moment.u_W = normalized(Vec3{0, 0.5, -1});
+  moment.p_WT_m = moment.u_W * 0.02;
+  SlicePlane plane{{0, 0, 0}, {1, 0, 0}, {0, 0, -1}};
+  // from x to y
+  for (int picture = 1; picture <= 9; ++picture) {
+    plane = slicePlaneOf(scene, moment, &plane);
+    const double turned_rad = std::min(0.2 * picture, std::acos(0.0));
+    EXPECT_NEAR(plane.right_W.x, std::cos(turned_rad), 1e-9) << picture;
+    EXPECT_NEAR(plane.right_W.y, std::sin(turned_rad), 1e-9) << picture;
+    EXPECT_NEAR(norm(plane.origin_W_m), 0, 1e-12) << "at the entry";
+  }
+}
+
+TEST(UltrasoundSlice, aNeedleBesideThePlaneIsNotShown) {
+  const test::SampleLesson lesson = test::sampleLesson("hip-adult");
+  const Moment needle = needleAt(*lesson.scene, 0.035);
+  Moment away;
+  away.p_WT_m = lesson.scene->focus_W_m + lesson.scene->focus_normal_W * 0.3;
+  away.q_WT = needleAt(*lesson.scene, 0.01, 0).q_WT;
+  for (const double aside_m : {0.0, 0.008, -0.008}) {
+    SlicePlane plane = slicePlaneOf(*lesson.scene, needle);
+    plane.origin_W_m += cross(plane.right_W, plane.down_W) * aside_m;
+    GreyImage with, without;
+    drawSlice(*lesson.scene, plane, needle, {}, with);
+    drawSlice(*lesson.scene, plane, away, {}, without);
+    EXPECT_EQ(with.pixels != without.pixels, aside_m == 0) << aside_m;
+  }
+}
+
+TEST(UltrasoundSlice, aHazardStandsWhereTheSectionOfItsBallIs) {
+  struct Row {
+    double right_m, depth_m, aside_m;  ///< of the ball's middle, in the plane's frame
+  };
+  constexpr double kRadius_m = 0.003;
+  SliceSettings settings;
+  settings.depth_m = 0.04;
+  for (const Row& row :
+       {Row{0.006, 0.015, 0}, Row{-0.008, 0.025, 0}, Row{0.005, 0.02, 0.002}, Row{-0.004, 0.018, -0.002}}) {
+    SceneView scene = flatMuscle();
+    Slice slice;
+    slice.plane = {{0, 0, 0}, {1, 0, 0}, {0, 0, -1}};
+    const Vec3 middle{row.right_m, row.aside_m, -row.depth_m};
+    scene.hazards.push_back({"artery", pb::Hazard::VESSEL, middle, middle, kRadius_m});
+    drawSlice(scene, slice.plane, needleAway(), settings, slice.image);
+    slice.m_per_px = settings.depth_m / slice.image.height;
+    // a plane at that distance from the middle cuts the ball in a circle
+    const double circle_m = std::sqrt(kRadius_m * kRadius_m - row.aside_m * row.aside_m);
+    double inside = 0, around = 0, mirrored = 0;
+    int n_inside = 0, n_around = 0, n_mirrored = 0;
+    for (int y = 0; y < slice.image.height; ++y)
+      for (int x = 0; x < slice.image.width; ++x) {
+        const double right_m = (x + 0.5 - slice.image.width / 2.0) * slice.m_per_px,
+                     down_m = (y + 0.5) * slice.m_per_px - row.depth_m;
+        const double grey = slice.image.pixels[static_cast<std::size_t>(y * slice.image.width + x)];
+        const double away_m = std::hypot(right_m - row.right_m, down_m);
+        if (away_m < 0.6 * circle_m) inside += grey, ++n_inside;
+        if (away_m > circle_m + 0.0012 && away_m < circle_m + 0.0025) around += grey, ++n_around;
+        if (std::hypot(right_m + row.right_m, down_m) < 0.6 * circle_m) mirrored += grey, ++n_mirrored;
+      }
+    ASSERT_TRUE(n_inside > 0 && n_around > 0 && n_mirrored > 0);
+    EXPECT_LT(inside / n_inside, 20) << row.right_m;
+    EXPECT_GT(around / n_around, 40) << row.right_m;
+    EXPECT_GT(mirrored / n_mirrored, 40) << "left and right are not exchanged";
+  }
 }
 
 }  // namespace

@@ -1,0 +1,234 @@
+// What each plot of a gesture holds: series, colours, units, ranges and marks, by formula.
+#include "client/view/model/gesture_plots.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace needlelab {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kDegree = 3.14159265358979323846 / 180;
+
+/// A plane at z = 0, tissue below it: depth is −z.
+SceneView flatScene() {
+  SceneView scene;
+  scene.limb_W = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
+  scene.layers.resize(2);
+  scene.layers[0].tissue = pb::Layer::SKIN;
+  scene.layers[0].name = "skin";
+  scene.layers[0].bottom_m = 0.002;
+  scene.layers[1].tissue = pb::Layer::MUSCLE;
+  scene.layers[1].name = "muscle";
+  scene.layers[1].top_m = 0.002;
+  scene.layers[1].bottom_m = 0.03;
+  scene.targets = {{"bursa", {0, 0, -0.02}, 0.003}};
+  return scene;
+}
+
+Moment momentAt(double time_s, double depth_m = 0) {
+  Moment moment;
+  moment.tick = static_cast<std::uint64_t>(std::llround(time_s * 1000));
+  moment.time_s = time_s;
+  moment.depth_m = depth_m;
+  moment.wall_W_m = {kNan, kNan, kNan};
+  return moment;
+}
+
+/// The only value of a series in [0, 2).
+PixelColumn valueIn(const PlotSeries& series) {
+  std::vector<PixelColumn> columns(1);
+  series.columns(0, 2, columns);
+  return columns[0];
+}
+
+TEST(GesturePlots, theForcesAreTheTotalAndThenTheEffectsAsTheirTableOrdersAndColoursThem) {
+  std::vector<const EffectEntry*> expected;
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->unit == "N") expected.push_back(entry);
+  std::sort(expected.begin(), expected.end(),
+            [](const EffectEntry* a, const EffectEntry* b) { return a->place < b->place; });
+
+  Moment moment = momentAt(1);
+  moment.force_W_N = {2, -3, 6};  // |force| 7
+  for (std::size_t i = 0; i < kEffectCount; ++i) moment.terms[i] = 0.5 * static_cast<double>(i + 1);
+  GestureTrace trace;
+  trace.push(moment);
+  const Plot plot = gesturePlot(GesturePlot::kForces, trace, nullptr, 0, 2);
+  ASSERT_EQ(plot.series.size(), expected.size() + 1);
+  EXPECT_EQ(plot.series[0].name, "total");
+  EXPECT_EQ(plot.series[0].colour, kWhite);
+  EXPECT_FLOAT_EQ(valueIn(plot.series[0]).last, 7);
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    const EffectEntry& entry = *expected[i];
+    const PlotSeries& series = plot.series[i + 1];
+    EXPECT_EQ(series.name, entry.term);
+    EXPECT_EQ(hexText(series.colour), hexText(rgbOf(entry.colour))) << entry.term;
+    // along u, what pushes the hand out is above zero
+    const double term = 0.5 * static_cast<double>(static_cast<std::size_t>(entry.effect) + 1);
+    EXPECT_FLOAT_EQ(valueIn(series).last, static_cast<float>(entry.along_u ? -term : term)) << entry.term;
+  }
+}
+
+TEST(GesturePlots, everyQuantityIsShownInTheUnitOfItsAxis) {
+  struct Row {
+    GesturePlot which;
+    const char* heading;
+    std::vector<float> values;  ///< by series
+  };
+  Moment moment = momentAt(1, 0.0123);
+  moment.inside = true;
+  moment.speed_mps = -0.045;
+  moment.lateral_error_m = 0.0021;
+  moment.alpha_rad = 30 * kDegree;
+  moment.tilt_rad = 12 * kDegree;
+  moment.plunger = 0.25;
+  moment.p_WT_m = {0.001, 0.002, -0.003};
+  moment.wall_W_m = {0.004, 0.005, -0.006};
+  GestureTrace trace;
+  trace.push(moment);
+  const std::vector<Row> rows = {{GesturePlot::kDepth, "depth, mm", {12.3F}},
+                                 {GesturePlot::kSpeed, "speed, mm/s", {-45}},
+                                 {GesturePlot::kAlignment, "lateral error, mm", {2.1F}},
+                                 {GesturePlot::kAngles, "angles, °", {30, 12}},
+                                 {GesturePlot::kPlunger, "plunger, %", {25}},
+                                 {GesturePlot::kPlaces, "tip and wall, mm", {1, 4, 2, 5, -3, -6}}};
+  for (const Row& row : rows) {
+    const Plot plot = gesturePlot(row.which, trace, nullptr, 0, 2);
+    EXPECT_EQ(headingOf(plot), row.heading);
+    EXPECT_EQ(plot.from, 0);
+    EXPECT_EQ(plot.to, 2);
+    ASSERT_EQ(plot.series.size(), row.values.size()) << row.heading;
+    for (std::size_t i = 0; i < row.values.size(); ++i)
+      EXPECT_NEAR(valueIn(plot.series[i]).last, row.values[i], 1e-4F) << row.heading << ", series " << i;
+  }
+}
+
+TEST(GesturePlots, whereThereIsNoWallAndNoTiltNoneIsDrawn) {
+  GestureTrace trace;
+  trace.push(momentAt(1));  // outside
+  const Plot places = gesturePlot(GesturePlot::kPlaces, trace, nullptr, 0, 2);
+  ASSERT_EQ(places.series.size(), 6u);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    EXPECT_FALSE(valueIn(places.series[2 * axis]).empty()) << "the tip is always somewhere";
+    EXPECT_TRUE(valueIn(places.series[2 * axis + 1]).empty());
+    EXPECT_EQ(places.series[2 * axis].colour, kAxisColours[axis]);
+    EXPECT_FALSE(places.series[2 * axis].dashed);
+    EXPECT_TRUE(places.series[2 * axis + 1].dashed) << "not by colour alone";
+  }
+  const Plot angles = gesturePlot(GesturePlot::kAngles, trace, nullptr, 0, 2);
+  EXPECT_TRUE(valueIn(angles.series.at(1)).empty());
+}
+
+TEST(GesturePlots, theDepthAxisHoldsTheTargetAndTheTipOfTheShownTime) {
+  struct Row {
+    const char* name;
+    bool target;
+    double depth_m, from_s;
+    double
+        high_mm;  ///< largest of 4 mm, the target's depth + 2 radii, and the depth in [from, from + 2) + 8 %
+  };
+  const std::vector<Row> rows = {{"nothing deep", false, -0.01, 0, 4},
+                                 {"the target", true, -0.01, 0, 20 + 2 * 3},
+                                 {"the tip, shallower than the target", true, 0.02, 0, 26},
+                                 {"the tip, deeper", true, 0.03, 0, 30 * 1.08},
+                                 {"the tip, deeper, at another time", true, 0.03, 4, 26}};
+  for (const Row& row : rows) {
+    SceneView scene = flatScene();
+    if (!row.target) scene.targets.clear();
+    GestureTrace trace;
+    trace.push(momentAt(1, row.depth_m));
+    trace.push(momentAt(5, -0.01));
+    const Plot plot = gesturePlot(GesturePlot::kDepth, trace, &scene, row.from_s, row.from_s + 2);
+    EXPECT_TRUE(plot.downward);
+    ASSERT_TRUE(plot.low && plot.high) << row.name;
+    EXPECT_NEAR(*plot.high, row.high_mm, 1e-4) << row.name;
+    EXPECT_NEAR(*plot.low, -0.12 * row.high_mm, 1e-4) << row.name;
+  }
+}
+
+TEST(GesturePlots, layersAreBandsInMillimetresAndTheTargetIsALineOfItsOwn) {
+  const SceneView scene = flatScene();
+  const GestureTrace trace;
+  const Plot plot = gesturePlot(GesturePlot::kDepth, trace, &scene, 0, 2);
+  ASSERT_EQ(plot.bands.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(plot.bands[i].name, scene.layers[i].name);
+    EXPECT_EQ(plot.bands[i].colour, tissueColour(scene.layers[i].tissue));
+    EXPECT_DOUBLE_EQ(plot.bands[i].low, 1000 * scene.layers[i].top_m);
+    EXPECT_DOUBLE_EQ(plot.bands[i].high, 1000 * scene.layers[i].bottom_m);
+  }
+  ASSERT_EQ(plot.series.size(), 2u);
+  EXPECT_EQ(plot.series[1].name, "target");
+  EXPECT_TRUE(plot.series[1].dashed);
+  EXPECT_TRUE(valueIn(plot.series[0]).empty()) << "no sample yet";
+  EXPECT_FLOAT_EQ(valueIn(plot.series[1]).last, 20) << "the target is known before the first sample";
+
+  const Plot without = gesturePlot(GesturePlot::kDepth, trace, nullptr, 0, 2);
+  EXPECT_TRUE(without.bands.empty());
+  EXPECT_EQ(without.series.size(), 1u);
+  EXPECT_FALSE(without.low || without.high) << "fitted to the data";
+}
+
+TEST(GesturePlots, eachEventIsAMarkWithASignAndWords) {
+  using Kind = TraceEvent::Kind;
+  struct Row {
+    Kind kind;
+    int layer;
+    const char* text;  ///< of the event
+    Rgb colour;
+    const char* words;  ///< of the mark
+  };
+  const std::vector<Row> rows = {{Kind::kEntry, 0, "", kDimText, "in"},
+                                 {Kind::kExit, -1, "", kDimText, "out"},
+                                 {Kind::kLayerChange, 1, "", kDimText, "muscle"},
+                                 {Kind::kLayerChange, 9, "", kDimText, "?"},
+                                 {Kind::kRupture, 1, "", kYellow, "rupture"},
+                                 {Kind::kTurn, 1, "", kReddishPurple, "change of trajectory"},
+                                 {Kind::kStop, 1, "", kDimText, "at rest"},
+                                 {Kind::kFault, 1, "", styleOf(Condition::kTrouble).colour, "FAULT"},
+                                 {Kind::kGap, 1, "", styleOf(Condition::kAttention).colour, "samples lost"},
+                                 {Kind::kRemark, -1, "anna: slower", kSkyBlue, "anna: slower"}};
+  GestureTrace trace;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    TraceEvent event;
+    event.kind = rows[i].kind;
+    event.time_s = static_cast<double>(i);
+    event.layer = rows[i].layer;
+    event.text = rows[i].text;
+    trace.add(event);
+  }
+  const SceneView scene = flatScene();
+  const Plot plot = gesturePlot(GesturePlot::kSpeed, trace, &scene, 0, 100);
+  ASSERT_EQ(plot.marks.size(), rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    EXPECT_EQ(plot.marks[i].text, rows[i].words) << i;
+    EXPECT_EQ(plot.marks[i].sign, signOf(rows[i].kind)) << rows[i].words;
+    EXPECT_EQ(hexText(plot.marks[i].colour), hexText(rows[i].colour)) << rows[i].words;
+    EXPECT_EQ(plot.marks[i].x, static_cast<double>(i));
+  }
+  // without a scene a layer has no name
+  EXPECT_EQ(gesturePlot(GesturePlot::kSpeed, trace, nullptr, 2, 2).marks.at(0).text, "layer");
+}
+
+TEST(GesturePlots, marksOutsideTheShownTimeAreLeftOut) {
+  GestureTrace trace;
+  for (int i = 0; i < 10; ++i) {
+    TraceEvent event;
+    event.time_s = i;
+    trace.add(event);
+  }
+  const Plot plot = gesturePlot(GesturePlot::kForces, trace, nullptr, 3, 6);
+  ASSERT_EQ(plot.marks.size(), 4u);
+  EXPECT_EQ(plot.marks.front().x, 3);
+  EXPECT_EQ(plot.marks.back().x, 6);
+}
+
+}  // namespace
+}  // namespace needlelab
