@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "client/view/model/gesture_plots.h"
@@ -248,6 +249,58 @@ TEST_F(PlotsTest, everyGesturePlotDraws) {
     const RgbaImage without = drawn(plot, {});
     EXPECT_GT(test::shareThatDiffers(with, without, 30), 0.001) << static_cast<int>(which);
   }
+}
+
+TEST_F(PlotsTest, aLineStandsWhereItsNumbersSayAtEveryScaleOfLetters) {
+  std::vector<double> x, y;
+  for (int i = 0; i <= 1000; ++i) {
+    x.push_back(i * 0.01);
+    y.push_back(3);
+  }
+  double left_before_px = 0;
+  for (const double scale : {1.0, 1.5, 2.0}) {
+    surface_->setFontScale(scale);
+    const RgbaImage picture = drawn(specFrom(0, 10), {seriesThrough(x, y, kYellow)}, 3);
+    EXPECT_GT(static_cast<double>(field_.low_px.x), left_before_px) << "larger numbers need more room";
+    left_before_px = static_cast<double>(field_.low_px.x);
+    const auto [first, last] =
+        rowsOf(picture, static_cast<int>(0.4F * field_.low_px.x + 0.6F * field_.high_px.x), kYellow);
+    ASSERT_GE(first, 0) << scale;
+    const float height_px = field_.high_px.y - field_.low_px.y;
+    EXPECT_NEAR(0.5 * (first + last) + 0.5, static_cast<double>(field_.high_px.y - height_px * 0.75F), 2)
+        << scale;
+  }
+}
+
+TEST_F(PlotsTest, oneBrokenSampleDoesNotTakeTheAxisFromTheOthers) {
+  for (const double broken : {1e300, std::numeric_limits<double>::infinity(), std::nan("")}) {
+    std::vector<double> x, y;
+    for (int i = 0; i <= 1000; ++i) {
+      x.push_back(70 + i * 0.01);
+      y.push_back(i == 900 ? broken : 2);
+    }
+    Plot spec = specFrom(70, 80);
+    spec.low.reset();
+    spec.high.reset();
+    const RgbaImage picture = drawn(spec, {seriesThrough(x, y, kYellow)});
+    EXPECT_GE(rowsOf(picture, static_cast<int>(0.5F * (field_.low_px.x + field_.high_px.x)), kYellow).first,
+              0)
+        << broken;
+  }
+}
+
+TEST_F(PlotsTest, aSinglePointIsVisible) {
+  PlotSeries series;
+  series.colour = kYellow;
+  series.x = {5};
+  series.y = {2};
+  const RgbaImage picture = drawn(specFrom(0, 10), {series});
+  const auto middle = static_cast<int>(0.5F * (field_.low_px.x + field_.high_px.x));
+  bool found = false;
+  for (int column = middle - 2; column <= middle + 2; ++column)
+    found = found || rowsOf(picture, column, kYellow).first >= 0;
+  EXPECT_TRUE(found);
+  EXPECT_LT(rowsOf(picture, middle + 40, kYellow).first, 0) << "and is no line";
 }
 
 }  // namespace

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
+#include <limits>
+
 #include <string>
 
 #include "tests/support/pictures/picture_check.h"
@@ -106,6 +110,46 @@ TEST_F(ThemeTest, widgetsLookAsTheirReference) {
     endScreen();
   });
   EXPECT_TRUE(test::looksLike(picture, std::string(NEEDLELAB_REFERENCE) + "/theme.png"));
+}
+
+TEST_F(ThemeTest, aLevelIsFullAboveItsLimitAndEmptyWithoutANumber) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const auto rightEnd = [&](double share) {
+    const RgbaImage picture = draw([&] {
+      beginScreen("s");
+      ImGui::SetCursorScreenPos({20, 20});
+      levelBar(share, "x", kSkyBlue, 400);
+      endScreen();
+    });
+    return test::pixelAt(picture, 400, 32);
+  };
+  const unsigned empty = rightEnd(0), full = rightEnd(1), over = rightEnd(1.5);
+  EXPECT_NE(full, empty);
+  EXPECT_NE(over, full) << "too much has another colour";
+  struct Row {
+    double share;
+    unsigned expected;
+  };
+  for (const Row& row : {Row{-3, empty}, Row{0.5, empty}, Row{0.99, full}, Row{1e300, over},
+                         Row{kInfinity, over}, Row{-kInfinity, empty}, Row{std::nan(""), empty}})
+    EXPECT_EQ(rightEnd(row.share), row.expected) << row.share;
+}
+
+TEST_F(ThemeTest, allLettersAndSpacesGrowByTheSameFactor) {
+  for (const double scale : {1.0, 1.5, 2.0, 2.5}) {
+    surface_->setFontScale(scale);
+    std::array<float, 5> sizes_px{};
+    draw(
+        [&] {
+          for (const Letters letters : {Letters::kBody, Letters::kSmall, Letters::kHeading, Letters::kFigure})
+            sizes_px[static_cast<std::size_t>(letters)] = fontOf(letters)->FontSize;
+          sizes_px[4] = space();
+        },
+        3);
+    constexpr std::array<double, 5> kSizes = {18, 15, 24, 44, 9};
+    for (std::size_t i = 0; i < kSizes.size(); ++i)
+      EXPECT_NEAR(static_cast<double>(sizes_px[i]), kSizes[i] * scale, 0.5) << i << " at " << scale;
+  }
 }
 
 }  // namespace
