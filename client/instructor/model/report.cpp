@@ -29,13 +29,15 @@ std::string textIn(const ReplyJson& row, const char* key) {
   return found != row.end() && found->is_string() ? printable(found->get<std::string>()) : std::string();
 }
 
-std::vector<double> numbersIn(const ReplyJson& row, const char* key) {
-  std::vector<double> numbers;
-  const auto found = row.find(key);
-  if (found == row.end() || !found->is_array()) return numbers;
-  for (const auto& each : *found)
-    if (each.is_number()) numbers.push_back(each.get<double>());
-  return numbers;
+/// Reads the pairs of which both parts are numbers, so that no value moves to another attempt.
+void readPairs(const ReplyJson& row, ProgressRow& into) {
+  const auto attempts = row.find("attempts"), values = row.find("values");
+  if (attempts == row.end() || values == row.end() || !attempts->is_array() || !values->is_array()) return;
+  for (std::size_t i = 0; i < std::min(attempts->size(), values->size()); ++i) {
+    if (!(*attempts)[i].is_number() || !(*values)[i].is_number()) continue;
+    into.attempts.push_back((*attempts)[i].get<double>() + 1);  // the server counts from 0
+    into.values.push_back((*values)[i].get<double>());
+  }
 }
 
 class Collector {
@@ -327,13 +329,9 @@ std::vector<ProgressRow> progressRowsOf(const std::string& measures_json) {
   if (!list.is_array()) return rows;
   for (const auto& row : list) {
     if (!row.is_object()) continue;
-    ProgressRow one{textIn(row, "measure"), textIn(row, "unit"), textIn(row, "words"),
-                    numbersIn(row, "attempts"), numbersIn(row, "values")};
-    for (double& attempt : one.attempts) attempt += 1;  // the server counts from 0
-    const std::size_t n = std::min(one.attempts.size(), one.values.size());
-    one.attempts.resize(n);
-    one.values.resize(n);
-    if (n > 0) rows.push_back(std::move(one));
+    ProgressRow one{textIn(row, "measure"), textIn(row, "unit"), textIn(row, "words"), {}, {}};
+    readPairs(row, one);
+    if (!one.values.empty()) rows.push_back(std::move(one));
   }
   return rows;
 }

@@ -131,11 +131,45 @@ TEST(ReportData, rowsOfJsonFromTheNetwork) {
   EXPECT_TRUE(progressRowsOf("{}").empty());
   EXPECT_TRUE(progressRowsOf("[1, \"x\", {}]").empty());
   const auto rows = progressRowsOf(
-      R"([{"measure":"peak_force_n","unit":"N","attempts":[0,2,"x"],"values":[4,null,3],"words":"falls"}])");
+      R"([{"measure":"peak_force_n","unit":"N","attempts":[0,1,2,"x"],"values":[4,null,3,5],"words":"falls"}])");
   ASSERT_EQ(rows.size(), 1u);
   EXPECT_EQ(rows[0].attempts, (std::vector<double>{1, 3}));
-  EXPECT_EQ(rows[0].values.size(), 2u);
+  EXPECT_EQ(rows[0].values, (std::vector<double>{4, 3})) << "each value stays with its own attempt";
   EXPECT_EQ(standingRowsOf(R"([{"measure":"a","standing":"better","words":"w"},7])").size(), 1u);
+}
+
+TEST(ProgressPlot, isInTheUnitsAndTheExpertsRangeThatTheReaderSees) {
+  struct Row {
+    const char *measure, *unit, *shown_unit;
+    double value, shown;
+  };
+  for (const Row& row : {Row{"largest_lateral_error_m", "m", "mm", 0.0023, 2.3},
+                         Row{"tissue_damage_m2", "m^2", "cm²", 1.5e-4, 1.5},
+                         Row{"peak_force_n", "N", "N", 3.25, 3.25}, Row{"elapsed_s", "s", "s", 61, 61}}) {
+    for (const bool known : {true, false}) {
+      ReportData data;
+      pb::ReferenceBand band;
+      band.set_measure(row.measure);
+      band.set_least(0.5 * row.value);
+      band.set_greatest(2 * row.value);
+      if (known) band.set_p10(0.75 * row.value), band.set_p90(1.5 * row.value);
+      data.bands.push_back(band);
+      band.set_measure("another");
+      data.bands.push_back(band);
+      const Plot plot = progressPlot(data, {row.measure, row.unit, "", {1, 4}, {row.value, 2 * row.value}});
+      EXPECT_EQ(plot.unit, row.shown_unit);
+      EXPECT_FALSE(plot.clock_axis);
+      EXPECT_EQ(plot.from, 1);
+      EXPECT_NEAR(plot.to, 4, 0.01);
+      ASSERT_EQ(plot.series.size(), 1u);
+      EXPECT_EQ(plot.series[0].x, (std::vector<double>{1, 4})) << "attempts without a value are left out";
+      ASSERT_EQ(plot.series[0].y.size(), 2u);
+      EXPECT_NEAR(plot.series[0].y[0], row.shown, 1e-9) << row.measure;
+      ASSERT_EQ(plot.bands.size(), 1u) << "only this measure's";
+      EXPECT_NEAR(plot.bands[0].low, (known ? 0.75 : 0.5) * row.shown, 1e-9) << row.measure;
+      EXPECT_NEAR(plot.bands[0].high, (known ? 1.5 : 2) * row.shown, 1e-9) << row.measure;
+    }
+  }
 }
 
 }  // namespace
