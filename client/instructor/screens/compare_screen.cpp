@@ -15,10 +15,14 @@ constexpr std::array<double, 4> kScales = {1, 1000, 1000, 57.29577951308232};
 
 }  // namespace
 
-void CompareScreen::takeIn(const GestureComparison& comparison) {
-  if (of_ == comparison.points.data() && of_size_ == comparison.points.size()) return;
-  of_ = comparison.points.data();
-  of_size_ = comparison.points.size();
+void CompareScreen::takeIn(const LabState& lab) {
+  const GestureComparison& comparison = *lab.analysis.comparison();
+  if (of_first_.lock() == lab.analysis.first() && of_second_.lock() == lab.analysis.second() &&
+      of_alignment_ == comparison.alignment)
+    return;
+  of_first_ = lab.analysis.first();
+  of_second_ = lab.analysis.second();
+  of_alignment_ = comparison.alignment;
   alignment = comparison.alignment;
   x_.clear();
   curves_.assign(kShown.size(), {});
@@ -144,7 +148,7 @@ void CompareScreen::show(LabState& lab) {
                                                : lab.analysis.trouble());
     return;
   }
-  takeIn(*lab.analysis.comparison());
+  takeIn(lab);
   if (x_.empty()) {
     showEmpty("Both needles met nowhere", "There is no depth that both reached.");
     return;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -19,7 +20,8 @@ std::string depthWords(const StationTile& tile) {
   if (!tile.online || tile.session_id.empty()) return {};
   const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
   if (tile.layer < 0) return phase;
-  const std::string where = tile.tissue.empty() ? fmt::format("layer {}", tile.layer + 1) : tile.tissue;
+  const std::string where =
+      tile.tissue.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.tissue;
   return fmt::format("{}, {:.1f} mm, ", phase, 1e3 * tile.insertion_m) + where;
 }
 
@@ -78,11 +80,11 @@ bool stationTile(const StationTile& tile, float width_px) {
             {corner.x + width_px - 1, corner.y + height_px - 1},
             calls ? mixed(kPanelGrey, style.colour, 0.16F) : kPanelGrey);
   const float inner = ImGui::GetContentRegionAvail().x;
-  // the station, and its need at the right edge
-  ImGui::TextUnformatted(tile.station.c_str());
+  // the station, and its need at the right edge; a long name is cut, so that the need stays visible
   const std::string word = std::string(style.sign) + " " + std::string(nameOf(tile.need));
-  ImGui::SameLine(std::max(ImGui::CalcTextSize(tile.station.c_str()).x + 2 * space(),
-                           inner + space() - ImGui::CalcTextSize(word.c_str()).x));
+  const float word_px = ImGui::CalcTextSize(word.c_str()).x;
+  textLine(tile.station, std::max(space(), inner - word_px - 2 * space()));
+  ImGui::SameLine(inner + space() - word_px);
   {
     WithTextColour colour(style.colour);
     ImGui::TextUnformatted(word.c_str());

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include <imgui/imgui_stdlib.h>
@@ -109,9 +110,10 @@ void stationState(const LiveStation& live) {
   const auto& status = live.status();
   if (!status.online())
     return conditionLine(Condition::kAttention, "the station is not online: waiting for it");
-  if (live.shown().fault != 0)
-    return conditionLine(Condition::kTrouble,
-                         std::string("FAULT: ") + faultText(static_cast<Fault>(live.shown().fault)));
+  // a paused view does not hide a present fault, and a fault does not outlive its lesson
+  const std::uint32_t fault = live.shown().fault != 0 ? live.shown().fault : status.fault();
+  if (fault != 0 && !status.session_id().empty())
+    return conditionLine(Condition::kTrouble, std::string("FAULT: ") + faultText(static_cast<Fault>(fault)));
   if (!status.trouble().empty()) return conditionLine(Condition::kAttention, printable(status.trouble()));
   if (status.session_id().empty()) return conditionLine(Condition::kUnknown, "no lesson at the moment");
   conditionLine(Condition::kGood, phaseWord(live.shown().phase));

@@ -86,7 +86,8 @@ void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vec
       near = &mark;
     }
   }
-  if (near != nullptr) ImGui::SetTooltip("%s  %s", clockText(near->at_s, 1).c_str(), near->words.c_str());
+  if (near != nullptr)
+    ImGui::SetTooltip("%s  %s", clockText(near->at_s - player.first_s(), 1).c_str(), near->words.c_str());
   const float here = x(player.at_s());
   list.AddLine({here, low.y}, {here, low.y + height_px}, packed(kWhite), 2);
   list.AddTriangleFilled({here - 6, low.y}, {here + 6, low.y}, {here, low.y + 8}, packed(kWhite));

@@ -116,8 +116,9 @@ void ScoresScreen::show(LabState& lab) {
       lab.screen = WindowScreen::kSessions;
     return;
   }
-  // one request, when the screen first opens
-  if (!lab.analysis.report() && !lab.analysis.busy() && asked_for_ != lab.analysis.first().get()) {
+  // one request, when the screen first opens; after an error the user asks again
+  if (!lab.analysis.report() && !lab.analysis.busy() &&
+      (asked_for_ != lab.analysis.first().get() || lab.analysis.trouble().empty())) {
     asked_for_ = lab.analysis.first().get();
     lab.analysis.collect();
   }

@@ -2,6 +2,7 @@
 /// the window calls it in every frame. Thread: the surface's.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -111,15 +112,16 @@ class CompareScreen {
   struct Curves {
     std::vector<double> a, b, difference;
   };
-  void takeIn(const GestureComparison& comparison);
+  void takeIn(const LabState& lab);
   void showChoice(LabState& lab);
   void showScenes(LabState& lab, ImVec2 size_px);
   void showCurves(LabState& lab, ImVec2 size_px);
   [[nodiscard]] const ComparedPoint& pointAt(const GestureComparison& comparison) const;
 
   ScenePane first_, second_;
-  const void* of_ = nullptr;  // comparison of the curves
-  std::size_t of_size_ = 0;
+  // what the curves show; not an address, which another comparison may get later
+  std::weak_ptr<const StoredGesture> of_first_, of_second_;
+  std::optional<Alignment> of_alignment_;
   std::vector<double> x_;
   std::vector<Curves> curves_;
   double at_ = 0;  // position on the comparison's axis

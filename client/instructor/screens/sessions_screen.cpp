@@ -11,6 +11,7 @@
 
 #include "client/view/theme.h"
 #include "common/base/text.h"
+#include "common/scoring/measure_table.h"
 
 namespace needlelab {
 namespace {
@@ -31,7 +32,7 @@ std::pair<Condition, const char*> verdictOf(const pb::SessionInfo& row) {
 
 std::string figureText(const pb::SessionInfo& row, const char* measure, double scale, const char* unit) {
   const double value = figureOf(row, measure);
-  return std::isfinite(value) ? fmt::format("{:.3g} {}", scale * value, unit) : std::string("–");
+  return std::isfinite(value) ? valueText(scale * value, unit) : std::string("–");
 }
 
 }  // namespace
