@@ -2,6 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 
 namespace needlelab {
@@ -94,6 +100,51 @@ TEST(Comparison, aNeedleThatStayedOutsideIsSaid) {
   }
   pb::SessionInfo info = in->info;
   EXPECT_FALSE(compareGestures(*gestureOf(info, {}), *in, Alignment::kDepth).ok());
+}
+
+/// Goes 20 mm straight in at 10 mm/s, 1 kHz. The force is `force_N`, and `peak_N` between 0.995 and 1.005 s.
+std::shared_ptr<const StoredGesture> straightIn(double force_N, double peak_N, double speed_mps,
+                                                double lateral_m) {
+  std::vector<GestureSample> samples(2001);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    GestureSample& s = samples[i];
+    s.tick = i;
+    s.layer = 0;
+    s.insertion_m = 1e-5 * static_cast<double>(i);
+    s.force_W_N[1] = i >= 995 && i <= 1005 ? peak_N : force_N;
+    s.speed_mps = speed_mps;
+    s.lateral_error_m = lateral_m;
+  }
+  return gestureOf(test::lessonInfo("{}"), std::move(samples));
+}
+
+TEST(Comparison, theSentencesSayTheMeanAndTheGreatestDifferenceAndWhere) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto first = straightIn(1, 1, 0.010, 0.001), second = straightIn(1.5, 4, 0.008, nan);
+  struct Row {
+    Alignment alignment;
+    bool exchanged;
+    const char *force, *speed;
+  };
+  // by depth 81 points (each 0.25 mm), by time 201 (each 10 ms); one of them is in the peak:
+  // (80·0.5 + 3)/81 = 0.53, (200·0.5 + 3)/201 = 0.51
+  const std::vector<Row> rows = {
+      {Alignment::kDepth, false,
+       "force: the second differs by +0.53 N on average, by +3.00 N at most, at 10.0 mm",
+       "speed: the second differs by -2.0 mm/s on average, by -2.0 mm/s at most, at 0.0 mm"},
+      {Alignment::kDepth, true,
+       "force: the second differs by -0.53 N on average, by -3.00 N at most, at 10.0 mm",
+       "speed: the second differs by +2.0 mm/s on average, by +2.0 mm/s at most, at 0.0 mm"},
+      {Alignment::kTime, false,
+       "force: the second differs by +0.51 N on average, by +3.00 N at most, 1.0 s after the entry",
+       "speed: the second differs by -2.0 mm/s on average, by -2.0 mm/s at most, 0.0 s after the entry"}};
+  for (const Row& row : rows) {
+    const auto both = row.exchanged ? compareGestures(*second, *first, row.alignment)
+                                    : compareGestures(*first, *second, row.alignment);
+    ASSERT_TRUE(both.ok()) << both.error().message;
+    // nothing is said of the lateral error: the second has none
+    EXPECT_EQ(both->sentences, (std::vector<std::string>{row.force, row.speed}));
+  }
 }
 
 }  // namespace

@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <functional>
 #include <limits>
 #include <set>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include <cmath>
 
@@ -219,6 +223,110 @@ TEST(LabOverview, eachNeedHasAWordOfItsOwn) {
   std::set<std::string_view> words;
   for (std::size_t i = 0; i < kNeedCount; ++i) words.insert(nameOf(static_cast<Need>(i)));
   EXPECT_EQ(words.size(), kNeedCount);
+}
+
+TEST(LabOverview, theReasonIsSaidWithItsNumbersAndNames) {
+  struct Row {
+    const char* why;
+    std::vector<std::function<void(pb::StationStatus&)>> lines;  ///< one each second
+  };
+  const auto force = [](double newtons, double limit_N) {
+    return [=](pb::StationStatus& s) {
+      s.set_force_n(newtons);
+      if (limit_N != 0) s.set_force_limit_n(limit_N);
+    };
+  };
+  const std::vector<Row> rows = {
+      {"", {force(2, 5)}},
+      {"9.1 N, allowed 6 N", {force(9.1, 6)}},
+      {"9.0 N, allowed 8 N", {force(9, 0)}},
+      {"9.0 N, allowed 8 N", {force(9, -3)}},
+      {"9.0 N, allowed 8 N", {force(9, std::numeric_limits<double>::infinity())}},
+      {"12.0 N, allowed 6 N", {force(9, 6), force(12, 6), force(7, 6), force(1, 6)}},
+      {"axillary nerve, artery",
+       {[](auto& s) { s.add_hazards_touched("axillary nerve"), s.add_hazards_touched("artery"); }}},
+      {"the disk is full?", {[](auto& s) { s.set_trouble("the disk is full\n"); }}},
+      {"the needle's tip jumped faster than 5 m/s",
+       {[](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); }}},
+      {"the lesson goes on at the station and is kept there",
+       {force(1, 6), [](auto& s) { s.set_online(false); }}}};
+  for (const Row& row : rows) {
+    LabOverview lab;
+    double at_s = 0;
+    for (const auto& change : row.lines) {
+      auto status = practising("one");
+      change(status);
+      lab.onStatus(status, at_s++);
+    }
+    EXPECT_EQ(lab.find("one")->why, row.why);
+  }
+}
+
+TEST(LabOverview, fiftyStationsStandInTheOrderOfTheirNeedsAndEachIsCountedOnce) {
+  LabOverview lab;
+  std::array<std::size_t, kNeedCount> expected{};
+  for (int i = 0; i < 50; ++i) {
+    auto status = practising("bench-" + std::to_string(i * 37 % 50));
+    status.set_trainee("trainee " + std::to_string(i % 9));
+    Need need = Need::kPractising;
+    if (i % 5 == 1) status.set_fault(2), need = Need::kFault;
+    if (i % 5 == 2) status.add_hazards_touched("nerve"), need = Need::kHazard;
+    if (i % 5 == 3) status.clear_session_id(), need = Need::kWaiting;
+    if (i % 5 == 4) status.clear_session_id(), status.set_online(false), need = Need::kOffline;
+    if (i == 0) status.set_peak_force_n(std::numeric_limits<double>::quiet_NaN());
+    status.set_force_n(0.1 * (i % 7));
+    lab.onStatus(status, 0);
+    ++expected[static_cast<std::size_t>(need)];
+  }
+  EXPECT_EQ(lab.counts(), expected);
+  for (const TileOrder order :
+       {TileOrder::kNeed, TileOrder::kName, TileOrder::kTrainee, TileOrder::kPeakForce}) {
+    const auto tiles = lab.tiles(order);
+    ASSERT_EQ(tiles.size(), 50u);
+    const auto key = [&](const StationTile& tile) {
+      switch (order) {
+        case TileOrder::kNeed:
+          return std::tuple(static_cast<double>(tile.need), std::string(), tile.station);
+        case TileOrder::kTrainee:
+          return std::tuple(0.0, tile.trainee, tile.station);
+        case TileOrder::kPeakForce:
+          return std::tuple(-tile.peak_force_N, std::string(), tile.station);
+        case TileOrder::kName:
+          break;
+      }
+      return std::tuple(0.0, std::string(), tile.station);
+    };
+    for (std::size_t i = 1; i < tiles.size(); ++i)
+      EXPECT_LT(key(*tiles[i - 1]), key(*tiles[i])) << static_cast<int>(order) << ", tile " << i;
+  }
+  // each one is lost at once with the connection, and none is called calm that is not
+  lab.connectionLost();
+  for (const StationTile* tile : lab.tiles(TileOrder::kName)) EXPECT_TRUE(tile->stale) << tile->station;
+  EXPECT_EQ(lab.counts(), expected);
+}
+
+TEST(LabOverview, aStationThatComesBackIsNoLongerLostAndItsNextLessonBeginsAnew) {
+  LabOverview lab;
+  auto status = practising("one");
+  status.set_force_n(9);
+  status.add_hazards_touched("nerve");
+  lab.onStatus(status, 0);
+  auto away = practising("one");
+  away.set_online(false);
+  lab.onStatus(away, 1);
+  lab.onStatus(away, 2);  // said again
+  EXPECT_EQ(lab.find("one")->need, Need::kLost);
+  EXPECT_EQ(lab.find("one")->peak_force_N, 9) << "its last values stay";
+  auto idle = practising("one");
+  idle.clear_session_id();
+  lab.onStatus(idle, 3);
+  EXPECT_EQ(lab.find("one")->need, Need::kDone) << "its lesson ended while it was away";
+  auto next = practising("one");
+  next.set_session_id(std::string(16, 'n'));
+  lab.onStatus(next, 4);
+  EXPECT_EQ(lab.find("one")->need, Need::kPractising);
+  EXPECT_EQ(lab.find("one")->peak_force_N, 2);
+  EXPECT_TRUE(lab.find("one")->hazards.empty());
 }
 
 }  // namespace

@@ -217,5 +217,28 @@ TEST(LatencyMeter, whatIsNotShownDoesNotCount) {
   EXPECT_EQ(meter.count(), 0u);
 }
 
+TEST_F(LiveStationTest, aLessonThatEndsWhileItIsWatchedStaysInView) {
+  feed(0, 600);
+  live_.setSession(info_);
+  pb::StationStatus status;
+  status.set_station("bench-1");
+  status.set_online(true);
+  live_.onStatus(status);  // no session any more
+  EXPECT_EQ(live_.sessionId(), info_.description().session_id());
+  EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 0.599);
+  live_.scrollTo(0.2);
+  EXPECT_NEAR(live_.shown().time_s, 0.2, 0.011);
+  live_.resume();
+  // what was still on its way belongs to it
+  feed(600, 620);
+  EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 0.619);
+  live_.connectionLost();
+  EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 0.619);
+  // another lesson's description does not rename it
+  pb::SessionInfo other = test::lessonInfo(profile_, "tom");
+  live_.setSession(other);
+  EXPECT_EQ(live_.info().description().trainee(), "tina");
+}
+
 }  // namespace
 }  // namespace needlelab
