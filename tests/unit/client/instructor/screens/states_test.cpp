@@ -1,0 +1,296 @@
+// What the screens say for each state of the model. The model is filled by hand; no news arrives.
+#include "tests/unit/client/instructor/screens/window_lab.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <functional>
+#include <limits>
+#include <span>
+#include <utility>
+
+#include "common/base/text.h"
+#include "common/gesture/chunk.h"
+#include "common/haptics/force_gate.h"
+#include "tests/support/pictures/picture_check.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+using testing::Not;
+
+/// Returns whether no channel of the pixel differs by more than `tolerance` from the colour.
+bool isNear(const RgbaImage& picture, int x, int y, Rgb colour, int tolerance) {
+  const unsigned pixel = pixelAt(picture, x, y);
+  const auto channel = [&](unsigned shift, float share) {
+    return std::abs(static_cast<int>((pixel >> shift) & 255u) - static_cast<int>(share * 255.0F)) <=
+           tolerance;
+  };
+  return channel(16, colour.red) && channel(8, colour.green) && channel(0, colour.blue);
+}
+
+class States : public WindowLab {
+ protected:
+  /// Draws what the model holds and returns the screen's text.
+  const std::string& shown(int times = 2) {
+    for (int i = 0; i < times; ++i) {
+      EXPECT_TRUE(surface_->beginFrame());
+      window_->draw(true);
+      surface_->endFrame();
+    }
+    return window_->text();
+  }
+  static pb::StationStatus practising(const std::string& station) {
+    pb::StationStatus status;
+    status.set_station(station);
+    status.set_online(true);
+    status.set_session_id(std::string(16, 's'));
+    status.set_trainee("tina");
+    status.set_exercise_id("shoulder-bursa");
+    status.set_phase(1);
+    status.set_layer(2);
+    status.set_tissue("muscle");
+    status.set_insertion_m(0.0187);
+    status.set_force_n(2);
+    status.set_force_limit_n(5);
+    status.set_wakeup_p99_us(43);
+    return status;
+  }
+};
+
+TEST_F(States, aTileSaysWhatItsStationDoesAndNeeds) {
+  struct Row {
+    const char* name;
+    std::function<void(pb::StationStatus&)> change;
+    std::vector<const char*> said;
+    std::vector<const char*> not_said;
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<Row> rows = {
+      {"a lesson",
+       [](auto&) {},
+       {"bench-1", "practising", "tina · shoulder-bursa", "going in, 18.7 mm, muscle", "loop p99 43 µs",
+        "nobody needs help", "1 practising"},
+       {"missed", "spool", "no news"}},
+      {"an unnamed layer", [](auto& s) { s.clear_tissue(); }, {"18.7 mm, layer 3"}, {}},
+      {"a layer that cannot be",
+       [](auto& s) {
+         s.clear_tissue(), s.set_layer(std::numeric_limits<std::int32_t>::max()), s.set_phase(0);
+       },
+       {"layer 2147"},
+       {"layer -"}},
+      {"outside", [](auto& s) { s.set_phase(0), s.set_layer(-1); }, {"outside"}, {"18.7 mm", "muscle"}},
+      {"a phase that cannot be", [](auto& s) { s.set_phase(4'000'000'000u); }, {"outside, 18.7 mm"}, {}},
+      {"no numbers",
+       [nan](auto& s) { s.set_force_n(nan), s.set_insertion_m(nan), s.set_force_limit_n(nan); },
+       {"going in, 0.0 mm"},
+       {"nan"}},
+      {"idle", [](auto& s) { s.clear_session_id(), s.clear_trainee(); }, {"nobody", "1 waiting"}, {"18.7"}},
+      {"missed ticks and a spool",
+       [](auto& s) { s.set_missed_ticks(12), s.set_spool_left(3); },
+       {"12 missed, spool 3"},
+       {}},
+      {"a fault",
+       [](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); },
+       {"FAULT", "the needle's tip jumped", "1 needs help", "0 practising"},
+       {"18.7 mm"}},
+      {"too much force", [](auto& s) { s.set_force_n(9.1); }, {"too much force", "9.1 N, allowed 5 N"}, {}},
+      {"a hazard", [](auto& s) { s.add_hazards_touched("artery"); }, {"hazard touched", "artery"}, {}},
+      {"trouble", [](auto& s) { s.set_trouble("disk full"); }, {"trouble", "disk full", "1 needs help"}, {}},
+      {"never online",
+       [](auto& s) { s.set_online(false); },
+       {"offline", "1 offline", "nobody needs help"},
+       {"18.7 mm", "loop p99"}}};
+  lab_->screen = WindowScreen::kLab;
+  for (const Row& row : rows) {
+    SCOPED_TRACE(row.name);
+    lab_->overview = {};
+    auto status = practising("bench-1");
+    row.change(status);
+    lab_->overview.onStatus(status, 0);
+    const std::string& text = shown();
+    for (const char* words : row.said) EXPECT_THAT(text, HasSubstr(words));
+    for (const char* words : row.not_said) EXPECT_THAT(text, Not(HasSubstr(words)));
+  }
+}
+
+TEST_F(States, aStationOfWhichNothingIsHeardIsNotShownAsHealthy) {
+  lab_->screen = WindowScreen::kLab;
+  lab_->overview.onStatus(practising("bench-1"), 0);
+  lab_->overview.tick(kStale_s + 1);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("no news"), Not(HasSubstr("loop p99"))));
+  lab_->overview.onStatus(practising("bench-1"), kStale_s + 2);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("loop p99"), Not(HasSubstr("no news"))));
+  lab_->overview.connectionLost();
+  EXPECT_THAT(shown(), HasSubstr("no news"));
+  auto away = practising("bench-1");
+  away.set_online(false);
+  lab_->overview.onStatus(away, kStale_s + 3);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("lost in mid-lesson"), HasSubstr("the lesson goes on"),
+                             HasSubstr("1 needs help")));
+}
+
+TEST_F(States, theNeedOfATileIsVisibleBesideTheLongestNameAtEveryScale) {
+  lab_->screen = WindowScreen::kLab;
+  for (const double scale : {1.0, 1.5, 2.5}) {
+    surface_->setFontScale(scale);
+    for (const std::size_t letters : {std::size_t{4}, kMaxNameBytes}) {
+      lab_->overview = {};
+      auto status = practising(std::string(letters, 'W'));
+      status.set_trainee(std::string(kMaxNameBytes, 'M'));
+      status.set_fault(2);
+      lab_->overview.onStatus(status, 0);
+      shown(3);
+      const RgbaImage picture = surface_->picture();
+      // the tile has a ground of its own; on it, letters in the colour of trouble
+      const Rgb trouble = styleOf(Condition::kTrouble).colour;
+      const Rgb ground = mixed(kPanelGrey, trouble, 0.16F);
+      int left = picture.width, right = -1, top = picture.height, bottom = -1;
+      for (int y = 0; y < picture.height; ++y)
+        for (int x = 0; x < picture.width; ++x) {
+          if (!isNear(picture, x, y, ground, 2)) continue;
+          left = std::min(left, x), right = std::max(right, x);
+          top = std::min(top, y), bottom = std::max(bottom, y);
+        }
+      ASSERT_GT(right - left, 200) << letters << " letters at " << scale;
+      int lit = 0;
+      for (int y = top + 2; y < bottom - 2; ++y)
+        for (int x = left + 2; x < right - 2; ++x) lit += isNear(picture, x, y, trouble, 40) ? 1 : 0;
+      EXPECT_GT(lit, 60) << letters << " letters at " << scale;
+    }
+  }
+}
+
+TEST_F(States, ofFiftyStationsThoseInNeedStandFirst) {
+  lab_->screen = WindowScreen::kLab;
+  // by name they would stand the other way round
+  for (int i = 0; i < 50; ++i) {
+    auto status = practising((i < 3 ? "z-" : i < 8 ? "y-" : i < 15 ? "x-" : "w-") + std::to_string(i));
+    if (i < 3) status.set_fault(2);
+    if (i >= 3 && i < 8) status.add_hazards_touched("nerve");
+    if (i >= 8 && i < 15) status.clear_session_id();
+    if (i >= 45) status.clear_session_id(), status.set_online(false);
+    lab_->overview.onStatus(status, 0);
+  }
+  const std::string text = shown();
+  for (const char* words : {"8 need help", "30 practising", "7 waiting", "0 done", "5 offline"})
+    EXPECT_THAT(text, HasSubstr(words));
+  std::size_t before = 0;
+  for (const char* station : {"z-0 ", "z-1 ", "z-2 ", "y-3 ", "y-7 ", "x-10 "}) {
+    const std::size_t at = text.find(station);
+    ASSERT_NE(at, std::string::npos) << station << text;
+    EXPECT_GT(at, before) << station;
+    before = at;
+  }
+}
+
+TEST_F(States, theLogInSaysWhichFieldIsWrong) {
+  struct Row {
+    std::function<void(LoginForm&)> change;
+    const char* said;
+  };
+  const std::vector<Row> rows = {{[](auto& form) { form.server = "no endpoint at all"; }, "Server: "},
+                                 {[](auto& form) { form.ca_file.clear(); }, "The CA file is missing"},
+                                 {[](auto& form) { form.user.clear(); }, "Type your name"},
+                                 {[](auto& form) { form.password.clear(); }, "Type your password"}};
+  const LoginForm usable = lab_->form;
+  for (const Row& row : rows) {
+    lab_->form = usable;
+    row.change(lab_->form);
+    lab_->logIn();
+    EXPECT_THAT(shown(), HasSubstr(row.said));
+  }
+}
+
+/// The live screen, with a lesson's samples given to it by hand.
+class LiveStates : public States {
+ protected:
+  void SetUp() override {
+    States::SetUp();
+    if (surface_) lab_->open("bench-1");
+  }
+  void feed(std::size_t from, std::size_t to) {
+    for (std::size_t k = from; k < to; k += 20) {
+      LiveArrival arrival;
+      const Bytes data = encodeChunk(Resolution::lossless(), std::span(samples_).subspan(k, 20));
+      arrival.frame.set_station("bench-1");
+      arrival.frame.set_session_id(info_.description().session_id());
+      arrival.frame.set_frame_seq(k / 20);
+      arrival.frame.set_data(data.data(), data.size());
+      lab_->live()->feed(arrival);
+    }
+  }
+  void say(bool online, bool lesson, std::uint32_t fault = 0, const std::string& trouble = {}) {
+    pb::StationStatus status;
+    status.set_station("bench-1");
+    status.set_online(online);
+    if (lesson) status.set_session_id(info_.description().session_id());
+    status.set_fault(fault);
+    status.set_trouble(trouble);
+    lab_->live()->onStatus(status);
+  }
+  const std::string profile_ = sampleProfile("shoulder-adult");
+  pb::SessionInfo info_ = lessonInfo(profile_);
+  std::vector<GestureSample> samples_ = lessonSamples(profile_, {.depth_m = 0.02, .seconds = 1});
+};
+
+TEST_F(LiveStates, beforeTheFirstSampleItSaysWhatItWaitsFor) {
+  EXPECT_THAT(shown(), AllOf(HasSubstr("Waiting for the first samples"),
+                             HasSubstr("The station is not online."), HasSubstr("waiting for it")));
+  say(true, false);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("Waiting for the first samples"), HasSubstr("with the next lesson"),
+                             HasSubstr("no lesson at the moment")));
+  say(true, false, 0, "the disk is full");
+  EXPECT_THAT(shown(), HasSubstr("the disk is full"));
+}
+
+TEST_F(LiveStates, aLessonThatEndsStaysInViewAndIsSaidToHaveEnded) {
+  say(true, true);
+  feed(0, 600);
+  lab_->live()->setSession(info_);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("bench-1 · tina"), HasSubstr("shoulder-bursa"), HasSubstr("going in"),
+                             HasSubstr("30 frames, 0 dropped"), Not(HasSubstr("Waiting for"))));
+  say(true, false);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("bench-1 · tina"), HasSubstr("no lesson at the moment"),
+                             HasSubstr("30 frames"), Not(HasSubstr("Waiting for"))));
+  say(false, false);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("the station is not online"), HasSubstr("30 frames")));
+}
+
+TEST_F(LiveStates, aFaultIsSaidAlsoWhileTheViewIsPausedAndNotAfterItsLesson) {
+  const auto fault = static_cast<std::uint8_t>(Fault::kTipTooFast);
+  for (std::size_t i = 200; i < 400; ++i) samples_[i].fault = fault;
+  say(true, true);
+  feed(0, 200);
+  lab_->live()->setSession(info_);
+  EXPECT_THAT(shown(), Not(HasSubstr("FAULT")));
+  lab_->live()->pause();
+  feed(200, 400);
+  say(true, true, fault);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("PAUSED 0.2 s behind"), HasSubstr("FAULT: the needle's tip jumped")));
+  lab_->live()->resume();
+  EXPECT_THAT(shown(), HasSubstr("FAULT: the needle's tip jumped"));
+  say(true, false);
+  EXPECT_THAT(shown(), AllOf(HasSubstr("no lesson at the moment"), Not(HasSubstr("FAULT"))));
+}
+
+TEST_F(LiveStates, lossesAreCounted) {
+  say(true, true);
+  feed(0, 700);
+  lab_->live()->setSession(info_);
+  EXPECT_THAT(shown(), HasSubstr("35 frames, 0 dropped"));
+  feed(800, 840);
+  EXPECT_THAT(shown(), HasSubstr("37 frames, 5 dropped"));
+}
+
+TEST_F(LiveStates, aLessonWithoutAReadableProfileSaysSo) {
+  info_.mutable_description()->set_profile_json("{}");
+  feed(0, 100);
+  lab_->live()->setSession(info_);
+  EXPECT_THAT(shown(), HasSubstr("The scene is not known yet."));
+  EXPECT_FALSE(lab_->live()->trace().empty()) << "its plots are there";
+}
+
+}  // namespace
+}  // namespace needlelab
