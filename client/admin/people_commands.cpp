@@ -131,7 +131,7 @@ Status writeRecords(CommandContext& context, const std::string& file,
   if (!done) return done;
   if (file.empty()) {
     if (!text.empty()) text.pop_back();
-    context.output.text(text);
+    context.output.document(text);
     return {};
   }
   RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text), 0600));
@@ -177,7 +177,7 @@ Status importAll(CommandContext& context, const std::string& file, bool dry_run)
       !done)
     return done;
   for (const auto& fault : report.faults())
-    context.output.remark(file + ": " + fault.path() + ": " + fault.message());
+    context.output.remark(oneLine(file + ": " + fault.path() + ": " + fault.message()));
   if (!report.faults().empty())
     return Error{ErrorCode::kInvalidInput, file + ": nothing was imported, see the faults above"};
   context.output.done(report.done() ? "imported" : "a dry run: nothing was changed");

@@ -96,8 +96,8 @@ Status showSession(CommandContext& context, const Uuid& id) {
 
   const auto& session = reply.session();
   Json row = sessionRow(session);
-  row["profile"] = Json::parse(session.description().profile_json(), nullptr, false);
-  row["score"] = session.score_json().empty() ? Json() : Json::parse(session.score_json(), nullptr, false);
+  row["profile"] = storedJson(session.description().profile_json());
+  row["score"] = storedJson(session.score_json());
   // an open session has no events yet, and an unreadable profile gives none: show the rest anyway
   const auto events = eventsOf(context, id);
   row["events"] = events ? events->rows : Json();
