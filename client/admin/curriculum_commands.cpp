@@ -146,7 +146,9 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
     };
   });
   auto* unassign = app.add_subcommand("unassign", "take an assignment back");
-  unassign->add_option("number", values->number, "as `assignments` shows it")->required();
+  unassign->add_option("number", values->number, "as `assignments` shows it")
+      ->required()
+      ->check(CLI::NonNegativeNumber);  // -1 would be read as the greatest number
   runs(unassign, chosen, [values](CommandContext& context) -> Status {
     pb::Request request;
     request.mutable_remove_assignment()->set_id(values->number);

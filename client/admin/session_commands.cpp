@@ -248,7 +248,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   });
 
   auto* annotate = app.add_subcommand("annotate", "a remark on a moment of a session");
-  annotate->add_option("--tick", values->tick, "which moment (the samples' tick)")->capture_default_str();
+  annotate->add_option("--tick", values->tick, "which moment (the samples' tick)")
+      ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
+      ->capture_default_str();
   annotate->add_option("--text", values->text, "the remark")->required();
   with_id(annotate, [values](CommandContext& context, const Uuid& id) -> Status {
     pb::Request request;
