@@ -133,7 +133,7 @@ Result<Uuid> sessionIdOf(const std::string& text) {
 
 Status writeText(Output& output, const std::string& file, const std::string& text) {
   if (!file.empty()) return writeFileAtomically(file, viewOf(text));
-  output.text(text);
+  output.document(text);
   return {};
 }
 

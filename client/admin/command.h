@@ -40,14 +40,9 @@ struct ChosenCommand {
   std::string new_password_file;  ///< of `user add` and `user passwd`
 };
 
-inline constexpr bool kMayCreate = true;
 /// Sets the function of `command`.
-inline void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run,
-                 bool may_create = false) {
-  command->callback([&chosen, run = std::move(run), may_create] {
-    chosen.run = run;
-    chosen.may_create = may_create;
-  });
+inline void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run) {
+  command->callback([&chosen, run = std::move(run)] { chosen.run = run; });
 }
 
 void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);

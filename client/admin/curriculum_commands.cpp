@@ -99,9 +99,15 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* import_command =
       curriculum->add_subcommand("import", "store a curriculum; its exercises replace those before");
   import_command->add_option("file", values->file)->required()->type_name("FILE");
-  runs(
-      import_command, chosen,
-      [values](CommandContext& context) { return importCurriculum(context, values->file); }, kMayCreate);
+  import_command->callback([&chosen, values] {
+    chosen.may_create = true;
+    // a bad file makes no folder
+    chosen.check = [values]() -> Status {
+      RETURN_IF_ERROR(loadCurriculum(values->file));
+      return {};
+    };
+    chosen.run = [values](CommandContext& context) { return importCurriculum(context, values->file); };
+  });
   auto* export_command = curriculum->add_subcommand("export", "the newest revision as JSON");
   export_command->add_option("id", values->id)->required();
   export_command->add_option("--out", values->out, "default: standard output")->type_name("FILE");
@@ -140,7 +146,9 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
     };
   });
   auto* unassign = app.add_subcommand("unassign", "take an assignment back");
-  unassign->add_option("number", values->number, "as `assignments` shows it")->required();
+  unassign->add_option("number", values->number, "as `assignments` shows it")
+      ->required()
+      ->check(CLI::NonNegativeNumber);  // -1 would be read as the greatest number
   runs(unassign, chosen, [values](CommandContext& context) -> Status {
     pb::Request request;
     request.mutable_remove_assignment()->set_id(values->number);

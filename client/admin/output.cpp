@@ -76,11 +76,21 @@ std::string bytesText(std::uint64_t bytes) {
 }
 
 std::string oneLine(std::string_view text) {
-  std::string line(text);
-  std::replace_if(
-      line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; },
-      ' ');
+  std::string line;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto code = static_cast<unsigned char>(text[i]);
+    // U+0080 to U+009F: a terminal takes U+009B for ESC [
+    const bool c1 = code == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0;
+    if (c1) ++i;
+    line += c1 || code < 0x20 || code == 0x7f ? ' ' : text[i];
+  }
   return line;
+}
+
+Json storedJson(std::string_view text) {
+  Json value = Json::parse(text, nullptr, false);
+  // a discarded value would be printed as <discarded>, which is no JSON
+  return value.is_discarded() ? Json() : value;
 }
 
 std::string tableText(const std::vector<Column>& columns, const Json& rows) {
@@ -132,6 +142,10 @@ Status Output::one(const std::vector<Column>& columns, const Json& row) {
 
 void Output::text(std::string_view line) {
   if (!json()) out_ << line << "\n";
+}
+
+void Output::document(std::string_view text) {
+  out_ << text << "\n";
 }
 
 void Output::done(std::string_view line) {

@@ -41,6 +41,8 @@ class Output {
   Status one(const std::vector<Column>& columns, const Json& row);
   /// Prints more text for people, e.g. after one(); nothing with JSON.
   void text(std::string_view line);
+  /// Prints a document that was asked for, e.g. an export; with JSON, too.
+  void document(std::string_view text);
   /// "key added" and the like: to `out`, or to `err` when JSON goes to `out`.
   void done(std::string_view line);
   /// Prints to `err`.
@@ -60,6 +62,9 @@ std::string timeText(std::int64_t unix_ns);
 std::string bytesText(std::uint64_t bytes);
 /// Makes a text safe for a terminal: control characters and line ends become spaces.
 std::string oneLine(std::string_view text);
+
+/// Reads a stored JSON text; null when it is none.
+Json storedJson(std::string_view text);
 
 /// Returns a table as text, one line per row; used by Output and for tables inside other texts.
 std::string tableText(const std::vector<Column>& columns, const Json& rows);

@@ -66,8 +66,7 @@ Status listUsers(CommandContext& context) {
 }
 
 /// Imports a table of people; shows the outcome of each row and the errors.
-Status importPeople(CommandContext& context, const std::string& file, bool dry_run) {
-  ASSIGN_OR_RETURN(const auto text, readWholeFile(file, 900'000));
+Status importPeople(CommandContext& context, const std::string& file, const std::string& text, bool dry_run) {
   pb::Request request;
   request.mutable_import_people()->set_csv(text);
   request.mutable_import_people()->set_dry_run(dry_run);
@@ -114,6 +113,7 @@ Status changeUser(CommandContext& context, pb::ChangeUser change) {
 
 constexpr std::size_t kMostPieceBytes = 700'000;  // of records in one request, which must fit into 1 MiB
 constexpr std::size_t kMostRecordsFile = 512u << 20;
+constexpr std::size_t kMostPeopleFile = 900'000;
 
 /// Writes pages of records as lines, to a file (atomically, readable only by its owner) or to the output.
 Status writeRecords(CommandContext& context, const std::string& file,
@@ -131,7 +131,7 @@ Status writeRecords(CommandContext& context, const std::string& file,
   if (!done) return done;
   if (file.empty()) {
     if (!text.empty()) text.pop_back();
-    context.output.text(text);
+    context.output.document(text);
     return {};
   }
   RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text), 0600));
@@ -139,8 +139,7 @@ Status writeRecords(CommandContext& context, const std::string& file,
   return {};
 }
 
-Status importAll(CommandContext& context, const std::string& file, bool dry_run) {
-  ASSIGN_OR_RETURN(const auto text, readWholeFile(file, kMostRecordsFile));
+Status importAll(CommandContext& context, const std::string& file, const std::string& text, bool dry_run) {
   pb::Request request;
   auto* import_all = request.mutable_import_all();
   import_all->set_import_id(uuidText(makeUuidV7()));
@@ -177,7 +176,7 @@ Status importAll(CommandContext& context, const std::string& file, bool dry_run)
       !done)
     return done;
   for (const auto& fault : report.faults())
-    context.output.remark(file + ": " + fault.path() + ": " + fault.message());
+    context.output.remark(oneLine(file + ": " + fault.path() + ": " + fault.message()));
   if (!report.faults().empty())
     return Error{ErrorCode::kInvalidInput, file + ": nothing was imported, see the faults above"};
   context.output.done(report.done() ? "imported" : "a dry run: nothing was changed");
@@ -289,7 +288,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   user->require_subcommand(1);
 
   struct Values {
-    std::string name, role, full_name, file;
+    std::string name, role, full_name, file, text;
     bool dry_run = false;
   };
   const auto values = std::make_shared<Values>();
@@ -339,10 +338,17 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
       ->required()
       ->type_name("FILE.csv");
   import_people->add_flag("--dry-run", values->dry_run, "only say what would happen");
-  runs(
-      import_people, chosen,
-      [values](CommandContext& context) { return importPeople(context, values->file, values->dry_run); },
-      kMayCreate);
+  import_people->callback([&chosen, values] {
+    chosen.may_create = true;
+    // a file that cannot be read makes no folder
+    chosen.check = [values]() -> Status {
+      ASSIGN_OR_RETURN(values->text, readWholeFile(values->file, kMostPeopleFile));
+      return {};
+    };
+    chosen.run = [values](CommandContext& context) {
+      return importPeople(context, values->file, values->text, values->dry_run);
+    };
+  });
   auto* change = user->add_subcommand("change", "another role or full name");
   change->add_option("name", values->name)->required();
   change->add_option("--role", values->role);
@@ -396,7 +402,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   addOnePersonCommands(app, chosen);
   addConsentCommands(app, chosen);
   struct Values {
-    std::string study, out, exercise, file, session, format = "csv";
+    std::string study, out, exercise, file, text, session, format = "csv";
     bool remarks = false, setup = false, passwords = false, dry_run = false;
   };
   const auto values = std::make_shared<Values>();
@@ -449,10 +455,17 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* import_all = app.add_subcommand("import-all", "read in what export-all wrote: all of it or nothing");
   import_all->add_option("file", values->file)->required()->type_name("FILE");
   import_all->add_flag("--dry-run", values->dry_run, "only say what would happen");
-  runs(
-      import_all, chosen,
-      [values](CommandContext& context) { return importAll(context, values->file, values->dry_run); },
-      kMayCreate);
+  import_all->callback([&chosen, values] {
+    chosen.may_create = true;
+    // a file that cannot be read makes no folder
+    chosen.check = [values]() -> Status {
+      ASSIGN_OR_RETURN(values->text, readWholeFile(values->file, kMostRecordsFile));
+      return {};
+    };
+    chosen.run = [values](CommandContext& context) {
+      return importAll(context, values->file, values->text, values->dry_run);
+    };
+  });
 }  // namespace needlelab
 
 }  // namespace needlelab

@@ -17,9 +17,10 @@ Status importProfile(CommandContext& context, const std::string& file) {
     context.output.remark(file + ": warning: " + warning);
   pb::Request request;
   request.mutable_import_profile()->set_json(text);
-  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto reply = context.backend.call(request);
+  if (!reply) return Error{reply.error().code, file + ": " + reply.error().message};
   context.output.done(
-      fmt::format("profile '{}' is revision {}", reply.profile().id(), reply.profile().revision()));
+      fmt::format("profile '{}' is revision {}", reply->profile().id(), reply->profile().revision()));
   return {};
 }
 
@@ -117,15 +118,22 @@ void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* import_command =
       profile->add_subcommand("import", "store profiles; one that differs becomes a new revision");
   import_command->add_option("file", values->files)->required()->type_name("FILE...");
-  runs(
-      import_command, chosen,
-      [values](CommandContext& context) -> Status {
-        for (const std::string& file : values->files) {
-          RETURN_IF_ERROR(importProfile(context, file));
-        }
-        return {};
-      },
-      kMayCreate);
+  import_command->callback([&chosen, values] {
+    chosen.may_create = true;
+    // read all files before a folder is made and before the first is stored
+    chosen.check = [values]() -> Status {
+      for (const std::string& file : values->files) {
+        RETURN_IF_ERROR(loadProfile(file));
+      }
+      return {};
+    };
+    chosen.run = [values](CommandContext& context) -> Status {
+      for (const std::string& file : values->files) {
+        RETURN_IF_ERROR(importProfile(context, file));
+      }
+      return {};
+    };
+  });
 
   auto* export_command = profile->add_subcommand("export", "the profile as JSON");
   export_command->add_option("id", values->id)->required();

@@ -96,8 +96,8 @@ Status showSession(CommandContext& context, const Uuid& id) {
 
   const auto& session = reply.session();
   Json row = sessionRow(session);
-  row["profile"] = Json::parse(session.description().profile_json(), nullptr, false);
-  row["score"] = session.score_json().empty() ? Json() : Json::parse(session.score_json(), nullptr, false);
+  row["profile"] = storedJson(session.description().profile_json());
+  row["score"] = storedJson(session.score_json());
   // an open session has no events yet, and an unreadable profile gives none: show the rest anyway
   const auto events = eventsOf(context, id);
   row["events"] = events ? events->rows : Json();
@@ -248,7 +248,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   });
 
   auto* annotate = app.add_subcommand("annotate", "a remark on a moment of a session");
-  annotate->add_option("--tick", values->tick, "which moment (the samples' tick)")->capture_default_str();
+  annotate->add_option("--tick", values->tick, "which moment (the samples' tick)")
+      ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
+      ->capture_default_str();
   annotate->add_option("--text", values->text, "the remark")->required();
   with_id(annotate, [values](CommandContext& context, const Uuid& id) -> Status {
     pb::Request request;

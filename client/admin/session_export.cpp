@@ -223,7 +223,7 @@ class Export {
                                              "); `session show` has its score, events and remarks"};
     }
     Json row = sessionRow(session_);
-    row["profile"] = Json::parse(session_.description().profile_json(), nullptr, false);
+    row["profile"] = storedJson(session_.description().profile_json());
 
     SampleWindow window;
     if (range_.from_s) window.from_ns = nsOf(*range_.from_s);

@@ -130,17 +130,17 @@ Status showProgress(CommandContext& context, const std::string& trainee, const s
           Uuid id{};
           std::copy_n(attempt.session_id().begin(), std::min(id.size(), attempt.session_id().size()),
                       id.begin());
-          rows.push_back({{"exercise_id", attempt.exercise_id()},
-                          {"number", attempt.number()},
-                          {"session", uuidText(id)},
-                          {"started_unix_ns", attempt.started_unix_ns()},
-                          {"verdict", !attempt.has_passed() ? "-"
-                                      : attempt.passed()    ? "passed"
-                                                            : "not passed"},
-                          {"excused", attempt.excused()},
-                          {"late", attempt.late()},
-                          {"measures", Json::parse(attempt.score_json().empty() ? "[]" : attempt.score_json(),
-                                                   nullptr, false)}});
+          rows.push_back(
+              {{"exercise_id", attempt.exercise_id()},
+               {"number", attempt.number()},
+               {"session", uuidText(id)},
+               {"started_unix_ns", attempt.started_unix_ns()},
+               {"verdict", !attempt.has_passed() ? "-"
+                           : attempt.passed()    ? "passed"
+                                                 : "not passed"},
+               {"excused", attempt.excused()},
+               {"late", attempt.late()},
+               {"measures", storedJson(attempt.score_json().empty() ? "[]" : attempt.score_json())}});
         }
         return reply.progress().next_page();
       });

@@ -427,6 +427,16 @@ TEST(OutputText, sizesAreRounded) {
 
 TEST(OutputText, nothingReachesATerminalButText) {
   EXPECT_EQ(oneLine("a\x1b[2J\nb\tc\x7f"), "a [2J b c ");
+  EXPECT_EQ(oneLine("a\xc2\x9b"
+                    "2Jb"),
+            "a 2Jb")
+      << "U+009B means ESC [ to a terminal";
+  EXPECT_EQ(oneLine("é, ü, \xc2\xa0, \xc2"), "é, ü, \xc2\xa0, \xc2");
+}
+
+TEST(OutputText, aStoredTextThatIsNoJsonIsNull) {
+  EXPECT_EQ(storedJson(R"({"a":[1]})").dump(), R"({"a":[1]})");
+  for (const char* bad : {"", "{", "not json", "[1] 2"}) EXPECT_EQ(storedJson(bad).dump(), "null") << bad;
 }
 
 TEST(OutputTable, columnsStandUnderEachOtherWhateverTheAlphabet) {

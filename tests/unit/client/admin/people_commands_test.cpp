@@ -1,0 +1,426 @@
+// Commands for people and stations: hard names, bad tables, people who are gone, keys.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <sstream>
+
+#include "common/base/files.h"
+#include "tests/unit/client/admin/run_admin.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+using Arguments = std::vector<std::string>;
+
+const std::string kQuoted = R"(Zoë "Z" O'Neil)";
+
+class PeopleCommands : public test::AdminTest {
+ protected:
+  void SetUp() override {
+    password_ = secret("pw", "correct horse");
+    good({"user", "add", "ada", "--role", "administrator", "--password-file", password_});
+  }
+  /// A file that only its owner can read, so that no warning is printed.
+  std::string secret(const std::string& name, const std::string& text) const {
+    const auto path = folder.write(name, text);
+    std::filesystem::permissions(path, std::filesystem::perms::owner_read);
+    return path.string();
+  }
+  /// People by name, without those of SetUp.
+  std::map<std::string, nlohmann::json> people() const {
+    std::map<std::string, nlohmann::json> all;
+    for (const auto& row : good({"user", "list", "--json"}).rows())
+      if (row.at("name") != "ada") all[row.at("name")] = row;
+    return all;
+  }
+  /// The records of an export without the audit log, in which each export leaves a line.
+  static std::vector<nlohmann::json> records(const std::string& text) {
+    std::vector<nlohmann::json> all;
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      auto record = nlohmann::json::parse(line);
+      if (record.at("kind") != "audit") all.push_back(std::move(record));
+    }
+    return all;
+  }
+  bool logsIn(const std::string& name, const std::string& password) const {
+    const auto store = test::TestDb::must(Store::open(data(), {}));
+    return store->service().loginPerson(name, password).ok();
+  }
+  std::string password_;
+};
+
+TEST_F(PeopleCommands, aNameOrRoleThatIsNotAllowedIsNamedAndNobodyIsAdded) {
+  struct Case {
+    std::string name, role, full_name, words;
+  };
+  const Case cases[] = {
+      {"", "trainee", "", "name: has 0 bytes, allowed are 1 to 64"},
+      {std::string(65, 'x'), "trainee", "", "name: has 65 bytes, allowed are 1 to 64"},
+      {" tom", "trainee", "", "name: begins or ends with a space"},
+      {"tom ", "trainee", "", "name: begins or ends with a space"},
+      {"tom/1", "trainee", "", "name: holds a '/'"},
+      {"..", "trainee", "", "name: is '..'"},
+      {"tom\nadded", "trainee", "", "name: holds a control character"},
+      {"tom\x1b[2J", "trainee", "", "name: holds a control character"},
+      {"tom\xc2\x9b", "trainee", "", "name: holds a control character"},
+      {"tom\xff", "trainee", "", "name: is no valid UTF-8 text"},
+      {"tom", "boss", "", "--role: 'boss', allowed are trainee, instructor"},
+      {"tom", "station", "", "--role: 'station', allowed are"},
+      {"tom", "", "", "--role: '', allowed are"},
+      {"tom", "trainee", std::string(201, 'x'), "full_name: has 201 bytes, allowed are 0 to 200"},
+      {"tom", "trainee", "two\nlines", "full_name: holds a control character"},
+  };
+  for (const Case& c : cases) {
+    const Run result = onData({"user", "add", "--role", c.role, "--full-name", c.full_name, "--", c.name});
+    EXPECT_EQ(result.code, 2) << c.words;
+    EXPECT_THAT(result.err, HasSubstr(c.words));
+    EXPECT_EQ(result.out, "") << c.words;
+  }
+  EXPECT_TRUE(people().empty());
+}
+
+TEST_F(PeopleCommands, hardNamesComeBackAsTheyWere) {
+  std::string longest;
+  for (int i = 0; i < 32; ++i) longest += "é";  // 64 bytes
+  const std::string names[] = {kQuoted, "x'; DROP TABLE people; --", "=1+1", "a,b;c", "%", "李 明", longest};
+  for (const auto& name : names) good({"user", "add", name, "--role", "trainee", "--full-name", name + "!"});
+  const auto known = people();
+  EXPECT_EQ(known.size(), std::size(names));
+  const std::string table = good({"user", "list"}).out;
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 2 + static_cast<int>(std::size(names)));
+  for (const auto& name : names) {
+    ASSERT_TRUE(known.contains(name)) << name;
+    EXPECT_EQ(known.at(name).at("full_name"), name + "!");
+    EXPECT_THAT(table, HasSubstr(name + " "));
+  }
+}
+
+TEST_F(PeopleCommands, aNameThatIsTakenKeepsItsRoleAndFullName) {
+  good({"user", "add", kQuoted, "--role", "trainee", "--full-name", "the first"});
+  const Run again = onData({"user", "add", kQuoted, "--role", "instructor", "--full-name", "the second",
+                            "--password-file", password_});
+  EXPECT_EQ(again.code, 1);
+  EXPECT_THAT(again.err, HasSubstr("already a person named '" + kQuoted + "'"));
+  const auto known = people();
+  ASSERT_EQ(known.size(), 1u);
+  EXPECT_EQ(known.at(kQuoted).at("role"), "trainee");
+  EXPECT_EQ(known.at(kQuoted).at("full_name"), "the first");
+  EXPECT_EQ(known.at(kQuoted).at("has_password"), false);
+}
+
+TEST_F(PeopleCommands, aChangeThatIsRefusedChangesNothing) {
+  good({"user", "add", "tom", "--role", "trainee", "--full-name", "Tom T"});
+  const std::tuple<Arguments, int, std::string> cases[] = {
+      {{"tom", "--role", "boss"}, 2, "--role: 'boss', allowed are"},
+      {{"tom", "--role", "instructor"}, 2, "role: 'tom' has no password"},
+      {{"tom", "--full-name", "a\nb"}, 2, "full_name: holds a control character"},
+      {{"nobody", "--role", "trainee"}, 1, "no person named 'nobody'"},
+      {{"ada", "--role", "trainee"}, 1, "'ada' is the last administrator"},
+  };
+  const std::string before = good({"user", "list", "--json"}).out;
+  for (const auto& [arguments, code, words] : cases) {
+    Arguments all = {"user", "change"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Run result = onData(all);
+    EXPECT_EQ(result.code, code) << words;
+    EXPECT_THAT(result.err, HasSubstr(words));
+  }
+  EXPECT_EQ(onData({"user", "disable", "ada"}).code, 1) << "the last administrator";
+  EXPECT_EQ(good({"user", "list", "--json"}).out, before);
+  EXPECT_THAT(good({"user", "change", "tom", "--full-name", ""}).out, HasSubstr("'tom' is revision 2"));
+  EXPECT_EQ(people().at("tom").at("full_name"), "");
+  EXPECT_THAT(good({"user", "change", "tom"}).out, HasSubstr("'tom' is revision 2")) << "nothing to change";
+}
+
+TEST_F(PeopleCommands, whoIsDisabledCannotLogInUntilEnabled) {
+  good({"user", "add", "ines", "--role", "instructor", "--password-file", password_});
+  for (const bool enable : {false, false, true, true}) {
+    const Run done = good({"user", enable ? "enable" : "disable", "ines"});
+    EXPECT_EQ(done.out, enable ? "enabled 'ines'\n" : "disabled 'ines'\n");
+    EXPECT_EQ(people().at("ines").at("disabled"), !enable);
+    EXPECT_EQ(logsIn("ines", "correct horse"), enable);
+  }
+}
+
+TEST_F(PeopleCommands, aNewPasswordReplacesTheOldOneAndABadFileDoesNot) {
+  good({"user", "add", "ines", "--role", "instructor", "--password-file", password_});
+  const std::pair<std::string, std::string> bad[] = {
+      {file("none"), "none: cannot open"},
+      {secret("empty", "\nsecond line"), "its first line, the password, is empty"},
+      {secret("short", "seven77"), "8 to 256"},
+      {secret("long", std::string(257, 'x')), "8 to 256"},
+  };
+  for (const auto& [path, words] : bad) {
+    const Run result = onData({"user", "passwd", "ines", "--password-file", path});
+    EXPECT_EQ(result.code, 2) << path;
+    EXPECT_THAT(result.err, HasSubstr(words));
+    EXPECT_THAT(result.err, Not(HasSubstr("seven77")));
+    EXPECT_TRUE(logsIn("ines", "correct horse")) << path;
+  }
+  good({"user", "passwd", "ines", "--new-password-file", secret("pw2", "another horse")});
+  EXPECT_TRUE(logsIn("ines", "another horse"));
+  EXPECT_FALSE(logsIn("ines", "correct horse"));
+}
+
+TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
+  good({"user", "add", "tom", "--role", "trainee", "--full-name", "Tom T"});
+  struct Case {
+    std::string row;  ///< the third line; the second is a good one
+    std::string column, words;
+  };
+  const Case cases[] = {
+      {"zoe,Zoë,boss,,", "role", "'boss', allowed are trainee"},
+      {",Nobody,,,", "name", "has 0 bytes"},
+      {std::string(65, 'z') + ",,,,", "name", "has 65 bytes, allowed are 1 to 64"},
+      {"a/b,,,,", "name", "holds a '/'"},
+      {"\"two\nlines\",,,,", "name", "holds a control character"},
+      {"zoe," + std::string(201, 'z') + ",,,", "full_name", "has 201 bytes"},
+      {"zoe,,instructor,,", "password", "is missing"},
+      {"zoe,,,,short", "password", "has 5 bytes, allowed are 8 to 256"},
+      {"anna,,,,", "name", "stands in line 2 already"},
+      {"zoe,,,", "", "has 4 cells, the header has 5"},
+  };
+  const std::string before = good({"user", "list", "--json"}).out;
+  for (const Case& c : cases) {
+    const auto csv = folder
+                         .write("class.csv", "name,full_name,role,group,password\nanna,Anna,,g1,\n" + c.row +
+                                                 "\ntom,Another Tom,,g1,\n")
+                         .string();
+    const Run result = onData({"user", "import", csv, "--json"});
+    EXPECT_EQ(result.code, 2) << c.words;
+    EXPECT_EQ(result.err, "needlelab-admin: " + csv + ": 1 rows cannot be taken: nothing was changed\n");
+    const auto fault = result.rows().at(0);  // faults come first
+    EXPECT_EQ(fault.at("what"), "fault");
+    EXPECT_EQ(fault.at("line"), 3) << c.words;
+    EXPECT_EQ(fault.at("column"), c.column) << c.words;
+    EXPECT_THAT(fault.at("text").get<std::string>(), HasSubstr(c.words));
+    EXPECT_THAT(result.out, Not(HasSubstr("\"short\"")));
+    EXPECT_EQ(good({"user", "list", "--json"}).out, before) << c.words;
+    EXPECT_TRUE(good({"group", "list", "--json"}).rows().empty()) << c.words;
+  }
+}
+
+TEST_F(PeopleCommands, aFileThatIsNoTableOfPeopleIsRefusedWithItsName) {
+  const std::pair<std::string, std::string> cases[] = {
+      {"", "is empty"},
+      {"name\n", "has a header and no rows"},
+      {"full_name\nAnna\n", "there is no column 'name'"},
+      {"name,colour\nanna,red\n", "column 'colour' is none of name, full_name, role, group, password"},
+      {"name,name\nanna,anna\n", "column 'name' is there twice"},
+      {"name\n\"anna\n", "line 2: a quote is not closed"},
+      {"name\nZo\xeb\n", "is not UTF-8"},
+      {"name\n" + std::string(900'000, 'x'), "at most 900000 are read"},
+  };
+  for (const auto& [text, words] : cases) {
+    const auto csv = folder.write("class.csv", text).string();
+    const Run result = onData({"user", "import", csv});
+    EXPECT_EQ(result.code, 2) << words;
+    EXPECT_THAT(result.err, HasSubstr("needlelab-admin: " + csv));
+    EXPECT_THAT(result.err, HasSubstr(words));
+    EXPECT_EQ(result.out, "");
+  }
+  EXPECT_TRUE(people().empty());
+}
+
+TEST_F(PeopleCommands, aSpreadsheetsTableIsTakenAndTheSameAgainChangesNothing) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  const auto csv = folder
+                       .write("class.csv",
+                              "\xef\xbb\xbfname;full_name;group\r\n"
+                              "\"semi;colon\";\"Eve \"\"Q\"\", née\";\"g1; g2\"\r\ntom;Tom T;g1\r\n")
+                       .string();
+  EXPECT_THAT(good({"user", "import", csv, "--dry-run"}).out,
+              HasSubstr("a dry run: 1 added, 1 changed, 0 as they were"));
+  EXPECT_EQ(people().size(), 1u);
+  EXPECT_THAT(good({"user", "import", csv}).out, HasSubstr("\n1 added, 1 changed, 0 as they were"));
+  const auto known = people();
+  EXPECT_EQ(known.at("semi;colon").at("full_name"), "Eve \"Q\", née");
+  EXPECT_EQ(known.at("semi;colon").at("groups"), "g1, g2");
+  EXPECT_EQ(known.at("tom").at("full_name"), "Tom T");
+  EXPECT_THAT(good({"user", "import", csv}).out, HasSubstr("0 added, 0 changed, 2 as they were"));
+  EXPECT_EQ(good({"user", "list", "--json"}).rows().size(), 3u);
+}
+
+TEST_F(PeopleCommands, anImportOfAFileThatCannotBeReadMakesNoFolder) {
+  const auto other = file("other");
+  const auto bad = folder.write("bad.json", "{\"id\": 5}").string();
+  for (const Arguments& import : {Arguments{"user", "import", file("none")},
+                                  {"import-all", file("none")},
+                                  {"profile", "import", file("none")},
+                                  {"profile", "import", bad},
+                                  {"curriculum", "import", file("none")},
+                                  {"curriculum", "import", bad}}) {
+    Arguments all = {"--data", other};
+    all.insert(all.end(), import.begin(), import.end());
+    const Run result = run(all);
+    EXPECT_EQ(result.code, 2) << import[0];
+    EXPECT_THAT(result.err, HasSubstr(import.back())) << import[0];
+    EXPECT_FALSE(std::filesystem::exists(other)) << import[0];
+  }
+}
+
+TEST_F(PeopleCommands, anErasedPersonIsNowhereAndANewOneOfThatNameBeginsAnew) {
+  good({"user", "add", kQuoted, "--role", "trainee"});
+  good({"group", "set", "g 1"});
+  good({"group", "join", "g 1", kQuoted});
+  good({"assign", kQuoted, "knee-recess"});
+  good({"consent", "give", kQuoted, "--note", "paper \"7\""});
+  const auto before = records(good({"export-all"}).out);
+  for (const std::string wrong : {"", "zoë", "Zoë"}) {
+    const Run refused = onData({"person", "erase", kQuoted, "--confirm", wrong});
+    EXPECT_EQ(refused.code, 2) << wrong;
+    EXPECT_THAT(refused.err, HasSubstr("confirm"));
+  }
+  EXPECT_EQ(records(good({"export-all"}).out), before);
+
+  const auto erased = good({"person", "erase", kQuoted, "--confirm", kQuoted, "--json"}).rows().at(0);
+  EXPECT_THAT(erased.at("pseudonym").get<std::string>(), testing::StartsWith("erased-"));
+  EXPECT_TRUE(people().empty());
+  EXPECT_EQ(good({"group", "show", "g 1", "--json"}).rows()[0].at("count"), 0);
+  EXPECT_TRUE(good({"assignments", "--json"}).rows().empty());
+  EXPECT_THAT(good({"export-all"}).out, Not(HasSubstr("O'Neil")));
+  for (const Arguments& gone : {Arguments{"person", "erase", kQuoted, "--confirm", kQuoted},
+                                {"person", "export", kQuoted, "--out", file("gone.jsonl")},
+                                {"consent", "list", kQuoted},
+                                {"user", "enable", kQuoted},
+                                {"assign", kQuoted, "knee-recess"}}) {
+    const Run result = onData(gone);
+    EXPECT_EQ(result.code, 1) << gone[1];
+    EXPECT_THAT(result.err, HasSubstr("no person named '" + kQuoted + "'")) << gone[1];
+  }
+  EXPECT_FALSE(std::filesystem::exists(file("gone.jsonl")));
+
+  good({"user", "add", kQuoted, "--role", "trainee"});
+  EXPECT_EQ(people().at(kQuoted).at("groups"), "");
+  EXPECT_EQ(people().at(kQuoted).at("consents"), "-");
+  EXPECT_THAT(good({"consent", "list", kQuoted}).err, HasSubstr("never asked"));
+}
+
+TEST_F(PeopleCommands, anExportPrintsTheSameRecordsAsItsFileWithAndWithoutJson) {
+  good({"user", "add", kQuoted, "--role", "trainee", "--full-name", "a, \"b\""});
+  good({"consent", "give", kQuoted});
+  for (const Arguments& what :
+       {Arguments{"person", "export", kQuoted}, {"study", "export", "s1"}, {"export-all"}}) {
+    Arguments to_file = what;
+    to_file.insert(to_file.end(), {"--out", file("records.jsonl")});
+    good(to_file);
+    const auto written = records(*readWholeFile(file("records.jsonl")));
+    EXPECT_GE(written.size(), 1u) << what[0];
+    EXPECT_EQ(records(good(what).out), written) << what[0];
+    Arguments with_json = what;
+    with_json.emplace_back("--json");
+    EXPECT_EQ(records(good(with_json).out), written) << what[0] << " prints nothing with --json";
+  }
+}
+
+TEST_F(PeopleCommands, recordsWithOneBadLineAreNotImported) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  good({"export-all", "--out", file("all.jsonl")});
+  const std::string all = *readWholeFile(file("all.jsonl"));
+  const std::pair<std::string, std::string> cases[] = {
+      {"no json", "is no record"},
+      {"{\"kind\":\"\\u001b[2J\"}", "is no record"},
+      {"{\"kind\":\"person\",\"name\":\"zed\",\"role\":1}", "(person): "},
+      {"{\"kind\":\"person\",\"name\":\"zed\",\"role\":\"trainee\",\"disabled\":0}", "role: "},
+      {"{\"kind\":\"person\",\"name\":\"q\",\"\\u001b[2J\":1}", "unknown field '?[2J'"},
+  };
+  const std::string other = file("other");
+  for (const auto& [line, words] : cases) {
+    const auto bad = folder.write("bad.jsonl", all + line + "\n").string();
+    const Run result = run({"--data", other, "import-all", bad});
+    EXPECT_EQ(result.code, 2) << line;
+    EXPECT_THAT(result.err, HasSubstr(words));
+    EXPECT_THAT(result.err, HasSubstr("nothing was imported"));
+    EXPECT_THAT(result.err + result.out, Not(HasSubstr("\x1b"))) << "an escape sequence reaches the terminal";
+    EXPECT_TRUE(
+        nlohmann::json::parse(run({"--data", other, "user", "list", "--json"}).out).at("rows").empty())
+        << line;
+  }
+  EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl")}).code, 0);
+  EXPECT_EQ(run({"--data", other, "user", "list", "--json"}).rows().size(), 2u);
+}
+
+class StationCommands : public test::AdminTest {
+ protected:
+  /// Whether the station's key in this file opens the server.
+  bool opens(const std::string& key_file) const {
+    const std::string line = *readWholeFile(key_file);
+    const auto at = line.rfind(':');
+    std::string key;
+    for (std::size_t i = at + 1; i + 1 < line.size(); i += 2)
+      key += static_cast<char>(std::stoi(line.substr(i, 2), nullptr, 16));
+    EXPECT_EQ(key.size(), 32u);
+    const auto store = test::TestDb::must(Store::open(data(), {}));
+    return store->service().loginStation(line.substr(0, at), key).ok();
+  }
+  const std::string name_ = "läb: \"1\"";
+};
+
+TEST_F(StationCommands, wrongNamesAddressesAndFilesAreNamedAndMakeNoKey) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  folder.write("taken", "mine");
+  std::filesystem::create_symlink("/nowhere/at/all", file("dangling"));
+  struct Case {
+    std::string name, server, out, words;
+  };
+  const Case cases[] = {
+      {"", "lab", file("k"), "station name: has 0 bytes"},
+      {std::string(65, 's'), "lab", file("k"), "station name: has 65 bytes, allowed are 1 to 64"},
+      {"lab/1", "lab", file("k"), "station name: holds a '/'"},
+      {"lab\n1", "lab", file("k"), "station name: holds a control character"},
+      {"s", "lab", file("taken"), "taken is there already; a key file is never overwritten"},
+      {"s", "lab", file("dangling"), "dangling is there already"},
+      {"s", "lab", folder.path().string(), "is there already"},
+      {"s", "lab", file("none/k"), "none is no folder that can be written to"},
+      {"s", "", file("k"), "--server-name '' is no HOST:PORT"},
+      {"s", "two words", file("k"), "--server-name 'two words' is no HOST:PORT"},
+      {"s", "lab:99999", file("k"), "--server-name 'lab:99999' is no HOST:PORT"},
+  };
+  for (const Case& c : cases) {
+    const Run enrolled =
+        onData({"station", "enrol", "--server-name", c.server, "--out", c.out, "--", c.name});
+    EXPECT_EQ(enrolled.code, 2) << c.words;
+    EXPECT_THAT(enrolled.err, HasSubstr(c.words));
+    if (c.words.find("--server-name") != std::string::npos) continue;
+    const Run added = onData({"station", "add", "--out", c.out, "--", c.name});
+    EXPECT_EQ(added.code, 2) << c.words;
+    EXPECT_THAT(added.err, HasSubstr(c.words));
+  }
+  EXPECT_FALSE(std::filesystem::exists(file("k")));
+  EXPECT_EQ(*readWholeFile(file("taken")), "mine");
+  EXPECT_TRUE(good({"station", "list", "--json"}).rows().empty());
+}
+
+TEST_F(StationCommands, aNameInUseKeepsItsKeyAndARevokedOneGetsANewOne) {
+  good({"station", "add", name_, "--out", file("first.key")});
+  EXPECT_TRUE(opens(file("first.key")));
+  for (const Arguments& again :
+       {Arguments{"station", "add", name_, "--out", file("second.key")},
+        {"station", "enrol", name_, "--server-name", "lab", "--out", file("second.key")}}) {
+    const Run taken = onData(again);
+    EXPECT_EQ(taken.code, 1) << again[1];
+    EXPECT_THAT(taken.err, HasSubstr("'" + name_ + "': revoke it first"));
+    EXPECT_FALSE(std::filesystem::exists(file("second.key"))) << again[1];
+  }
+  EXPECT_TRUE(opens(file("first.key")));
+  good({"station", "revoke", name_});
+  EXPECT_FALSE(opens(file("first.key")));
+  good({"station", "revoke", name_});
+  const auto revoked = good({"station", "list", "--json"}).rows();
+  ASSERT_EQ(revoked.size(), 1u);
+  EXPECT_EQ(revoked[0].at("name"), name_);
+  EXPECT_EQ(revoked[0].at("revoked"), true);
+  good({"station", "add", name_, "--out", file("second.key")});
+  EXPECT_TRUE(opens(file("second.key")));
+  EXPECT_FALSE(opens(file("first.key")));
+  EXPECT_THAT(good({"station", "list"}).out, HasSubstr(name_ + "  no "));
+}
+
+}  // namespace
+
+}  // namespace needlelab

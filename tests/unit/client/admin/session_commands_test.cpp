@@ -1,0 +1,273 @@
+// Commands for sessions, remarks, scores and references: searches, odd texts, tables for other programs.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "common/base/files.h"
+#include "common/scoring/measures.h"
+#include "db/session_results.h"
+#include "tests/unit/client/admin/run_admin.h"
+
+namespace needlelab {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using Arguments = std::vector<std::string>;
+
+const std::string kUnknownSession = "019aa0c3-7c1e-7b3a-9d5e-0123456789ab";
+const std::string kCommaName = "O'Neil, \"Zoë\"";
+
+class SessionCommands : public test::AdminTest {
+ protected:
+  /// Adds a closed session without samples. `measures`: its score; none when empty.
+  std::string attempt(const std::string& trainee, const std::string& exercise,
+                      const std::string& measures) const {
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    const Uuid id = makeUuidV7();
+    EXPECT_OK(store->writer().run([&](Connection& c) -> Status {
+      if (const auto known = StationStore(c).find("station-1"); known.ok() && !known->has_value())
+        RETURN_IF_ERROR(StationStore(c).add("station-1", StationKeyBytes{}, 1));
+      auto description = test::describe(id);
+      description.set_trainee(trainee);
+      description.set_exercise_id(exercise);
+      RETURN_IF_ERROR(SessionStore(c).open(description, 1));
+      RETURN_IF_ERROR(SessionStore(c).close(test::closeOf(id, 0), 2));
+      return measures.empty() ? Status() : ScoreStore(c).put(test::scoreOf(id, measures));
+    }));
+    return uuidText(id);
+  }
+  static std::string force(double newton) {
+    return json::array({{{"measure", "peak_force_n"}, {"value", newton}, {"unit", "N"}, {"words", ""}}})
+        .dump();
+  }
+  /// Rows of cells of a CSV with quotes.
+  static std::vector<Arguments> cells(const std::string& csv) {
+    std::vector<Arguments> rows(1, Arguments(1));
+    bool quoted = false;
+    for (std::size_t i = 0; i < csv.size(); ++i) {
+      if (csv[i] == '"' && quoted && i + 1 < csv.size() && csv[i + 1] == '"')
+        rows.back().back() += csv[i++];
+      else if (csv[i] == '"')
+        quoted = !quoted;
+      else if (csv[i] == ',' && !quoted)
+        rows.back().emplace_back();
+      else if (csv[i] == '\n' && !quoted)
+        rows.emplace_back(1);
+      else
+        rows.back().back() += csv[i];
+    }
+    EXPECT_FALSE(quoted);
+    rows.pop_back();  // after the last line end
+    return rows;
+  }
+};
+
+TEST_F(SessionCommands, aSearchTakesItsTextAsItIs) {
+  for (const std::string name : {"a_b", "axb", "100%", "x' OR '1'='1", "Zoë"})
+    attempt(name, "knee-recess", "");
+  const std::tuple<const char*, std::string, std::vector<std::string>> cases[] = {
+      {"--search", "_", {"a_b"}},    {"--search", "%", {"100%"}},      {"--search", "' OR", {"x' OR '1'='1"}},
+      {"--search", "zo", {"Zoë"}},   {"--search", "ë", {"Zoë"}},       {"--trainee", "a%b", {}},
+      {"--trainee", "axb", {"axb"}}, {"--trainee", "' OR '1'='1", {}}, {"--station", "station_1", {}},
+  };
+  for (const auto& [option, text, names] : cases) {
+    std::vector<std::string> found;
+    for (const auto& row : good({"session", "list", option, text, "--json"}).rows())
+      found.push_back(row.at("trainee"));
+    EXPECT_EQ(found, names) << option << " " << text;
+  }
+}
+
+TEST_F(SessionCommands, aNameOfQuotesAndCommasStaysWholeInTableAndJson) {
+  const std::string id = attempt(kCommaName, "knee-recess", "");
+  EXPECT_EQ(good({"session", "show", id, "--json"}).rows()[0].at("trainee"), kCommaName);
+  EXPECT_EQ(good({"session", "list", "--trainee", kCommaName, "--json"}).rows()[0].at("session_id"), id);
+  EXPECT_THAT(good({"session", "list"}).out, HasSubstr("  " + kCommaName + "  knee-recess  "));
+}
+
+TEST_F(SessionCommands, aProfileThatCannotBeReadIsNullAndTheRestIsShown) {
+  const std::string id = uuidText(addSession(2, false, "UPDATE sessions SET profile_json = '{broken'"));
+  const auto row = good({"session", "show", id, "--json"}).rows().at(0);
+  EXPECT_TRUE(row.at("profile").is_null());
+  EXPECT_EQ(row.at("samples"), 40);
+  EXPECT_THAT(good({"session", "show", id}).out, HasSubstr(id));
+  good({"session", "export", id, "--format", "json", "--out", file("s.json")});
+  const auto whole = json::parse(*readWholeFile(file("s.json")));
+  EXPECT_TRUE(whole.at("session").at("profile").is_null());
+  EXPECT_EQ(whole.at("rows").size(), 40u);
+}
+
+TEST_F(SessionCommands, aRemarkKeepsItsLinesInJsonAndIsOneLineInTheTable) {
+  const std::string id = uuidText(addSession(1));
+  const std::string remark = "first \"line\"\nsecond, é", longest(4096, 'x');
+  good({"annotate", id, "--tick", "7", "--text", remark});
+  good({"annotate", id, "--text", longest});
+  const auto notes = good({"session", "show", id, "--json"}).rows()[0].at("annotations");
+  ASSERT_EQ(notes.size(), 2u);
+  EXPECT_EQ(notes[0].at("tick"), 0) << "they come by tick";
+  EXPECT_EQ(notes[0].at("text"), longest);
+  EXPECT_EQ(notes[1].at("tick"), 7);
+  EXPECT_EQ(notes[1].at("text"), remark);
+  EXPECT_THAT(good({"session", "show", id}).out, HasSubstr("  first \"line\" second, é\n"));
+}
+
+TEST_F(SessionCommands, aWrongRemarkIsNamedAndNotStored) {
+  const std::string id = uuidText(addSession(1));
+  const std::tuple<Arguments, int, std::string> cases[] = {
+      {{id, "--text", ""}, 2, "text: has 0 bytes, allowed are 1 to 4096"},
+      {{id, "--text", std::string(4097, 'x')}, 2, "text: has 4097 bytes, allowed are 1 to 4096"},
+      {{id, "--text", "a\x1b[2J"}, 2, "text: holds a control character"},
+      {{id, "--text", "caf\xe9"}, 2, "text: is no valid UTF-8 text"},
+      {{id, "--text", "x", "--tick", "-1"}, 2, "-1"},
+      {{id, "--text", "x", "--tick", "soon"}, 2, "soon"},
+      {{id.substr(1), "--text", "x"}, 2, "is not a session id: 36 characters"},
+      {{kUnknownSession, "--text", "x"}, 1, "there is no session " + kUnknownSession},
+  };
+  for (const auto& [arguments, code, words] : cases) {
+    Arguments all = {"annotate"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Run result = onData(all);
+    EXPECT_EQ(result.code, code) << words;
+    EXPECT_THAT(result.err, HasSubstr(words));
+    EXPECT_EQ(result.out, "") << words;
+  }
+  EXPECT_TRUE(good({"session", "show", id, "--json"}).rows()[0].at("annotations").empty());
+}
+
+TEST_F(SessionCommands, aScoreIsShownAsItIsStored) {
+  const std::string id = attempt(
+      "tom", "knee-recess",
+      R"([{"measure":"peak_force_n","value":8.25,"unit":"N","max":5,"passed":false,"words":"two\nlines"},)"
+      R"({"measure":"elapsed_s","value":null,"unit":"s","words":"é"}])");
+  const auto row = good({"session", "score", id, "--json"}).rows().at(0);
+  EXPECT_EQ(row.at("definition_version"), 1);
+  EXPECT_EQ(row.at("first"), true);
+  ASSERT_EQ(row.at("measures").size(), 2u);
+  EXPECT_EQ(row.at("measures")[0].at("words"), "two\nlines");
+  EXPECT_TRUE(row.at("measures")[1].at("value").is_null());
+  const std::string text = good({"session", "score", id}).out;
+  EXPECT_THAT(text, HasSubstr("\npeak_force_n  8.25   N     no      two lines\n"));
+  EXPECT_THAT(text, HasSubstr("\nelapsed_s     -      s     -       é\n"));
+  EXPECT_EQ(good({"session", "score", id, "--version", "1", "--json"}).rows().at(0), row);
+  const std::string without = attempt("tom", "knee-recess", "");
+  for (const Arguments& missing : {Arguments{id, "--version", "7"}, {without}, {kUnknownSession}}) {
+    Arguments all = {"session", "score"};
+    all.insert(all.end(), missing.begin(), missing.end());
+    const Run result = onData(all);
+    EXPECT_EQ(result.code, 1) << missing[0];
+    EXPECT_EQ(result.out, "");
+    EXPECT_THAT(result.err, HasSubstr("session " + missing[0]));
+  }
+}
+
+TEST_F(SessionCommands, theTableOfScoresKeepsNamesApartAndFormulasHarmless) {
+  good({"user", "add", kCommaName, "--role", "trainee"});
+  good({"group", "set", "g"});
+  good({"group", "join", "g", kCommaName});
+  const std::string quoted =
+      attempt(kCommaName, "knee-recess",
+              R"([{"measure":"peak_force_n","value":0.1,"unit":"N","max":5,"passed":true},)"
+              R"({"measure":"elapsed_s","value":null,"unit":"s"}])");
+  attempt("=1+1", "ball-free-practice", force(3));
+  attempt("nobody", "knee-recess", "");
+  const auto exported = [&](const Arguments& more) {
+    Arguments all = {"scores", "export", "--out", file("scores.csv")};
+    all.insert(all.end(), more.begin(), more.end());
+    good(all);
+    return cells(*readWholeFile(file("scores.csv")));
+  };
+  const auto rows = exported({});
+  ASSERT_EQ(rows.size(), 4u) << "a head, and a row for each measure";
+  const Arguments& head = rows[0];
+  const auto cell = [&](std::size_t row, const std::string& column) {
+    const auto at = static_cast<std::size_t>(std::find(head.begin(), head.end(), column) - head.begin());
+    return rows.at(row).at(at);
+  };
+  for (const auto& row : rows) EXPECT_EQ(row.size(), head.size());
+  EXPECT_EQ(cell(1, "trainee"), "'=1+1");
+  EXPECT_EQ(std::stod(cell(1, "value")), 3);
+  EXPECT_EQ(cell(1, "passed"), "") << "nothing is required";
+  EXPECT_EQ(cell(2, "trainee"), kCommaName);
+  EXPECT_EQ(cell(2, "session"), quoted);
+  EXPECT_EQ(cell(2, "exercise"), "knee-recess");
+  EXPECT_EQ(std::stod(cell(2, "value")), 0.1);
+  EXPECT_EQ(cell(2, "passed"), "1");
+  EXPECT_EQ(cell(3, "measure"), "elapsed_s");
+  EXPECT_EQ(cell(3, "value"), "") << "nothing was measured";
+  EXPECT_EQ(exported({"--group", "g"}).size(), 3u);
+  EXPECT_EQ(exported({"--course", "rheumatology-basics"}).size(), 4u);
+  EXPECT_EQ(exported({"--course", "injection-steps"}).size(), 1u);
+}
+
+TEST_F(SessionCommands, aScoreThatCannotBeReadIsNamedAndTheFileOfBeforeStays) {
+  attempt("anna", "knee-recess", force(1));
+  const std::string bad = attempt("tom", "knee-recess", force(2));
+  {
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    ASSERT_OK(store->writer().run([](Connection& c) {
+      return c.script(
+          "UPDATE scores SET measures = '{broken' WHERE session = (SELECT max(number) FROM sessions)");
+    }));
+  }
+  folder.write("scores.csv", "old");
+  const Run result = onData({"scores", "export", "--out", file("scores.csv")});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_THAT(result.err, HasSubstr("session " + bad + ": "));
+  EXPECT_EQ(*readWholeFile(file("scores.csv")), "old");
+  EXPECT_EQ(onData({"scores", "export", "--format", "xml", "--out", file("new.csv")}).code, 2);
+  EXPECT_EQ(onData({"scores", "export", "--out", file("none/new.csv")}).code, 2);
+  std::size_t files = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder.path())) ++files;
+  EXPECT_EQ(files, 2u) << "something is left beside the folder and the old file";
+}
+
+TEST_F(SessionCommands, aSessionThatCannotBeScoredIsLeftAloneAndNamed) {
+  const std::string id = uuidText(addSession(3));  // its profile has no layers
+  EXPECT_THAT(good({"scores", "rescore", "--dry-run"}).out, HasSubstr("would be scored: 1 sessions"));
+  EXPECT_THAT(good({"scores", "rescore", "--exercise", "hip-1"}).out, HasSubstr("scored: 0 sessions"));
+  const Run again = good({"scores", "rescore", "--json"});
+  ASSERT_EQ(again.rows().size(), 1u);
+  EXPECT_EQ(again.rows()[0].at("session_id"), id);
+  EXPECT_NE(again.rows()[0].at("text"), "");
+  EXPECT_THAT(again.err, HasSubstr("scored: 0 sessions, by definition version " +
+                                   std::to_string(kScoreDefinitionVersion) + "; 1 left alone"));
+  EXPECT_EQ(onData({"session", "score", id}).code, 1);
+}
+
+TEST_F(SessionCommands, aReferenceIsOfClosedSessionsOfItsExercise) {
+  const std::string low = attempt("ada", "knee-recess", force(3)),
+                    high = attempt("ada", "knee-recess", force(8));
+  const std::string other = attempt("ada", "ball-free-practice", force(1));
+  EXPECT_THAT(good({"reference", "show", "knee-recess"}).err, HasSubstr("no session of experts"));
+  EXPECT_EQ(good({"reference", "set", "knee-recess", low, high}).out,
+            "the reference of 'knee-recess' is revision 1, of 2 sessions\n");
+  const std::string before = good({"reference", "show", "knee-recess", "--json"}).out;
+  const auto band = json::parse(before).at("rows").at(0);
+  EXPECT_EQ(band.at("measure"), "peak_force_n");
+  EXPECT_EQ(band.at("n"), 2);
+  EXPECT_DOUBLE_EQ(band.at("mean").get<double>(), 5.5);
+
+  const std::tuple<Arguments, int, std::string> cases[] = {
+      {{"knee-recess", "123"}, 2, "'123' is not a session id: 36 characters"},
+      {{"knee-recess", low, low}, 2, low},
+      {{"knee-recess", low, other}, 2, other},
+      {{"knee-recess", low, kUnknownSession}, 1, "there is no session " + kUnknownSession},
+      {{"nothing", low}, 1, "there is no exercise 'nothing'"},
+  };
+  for (const auto& [arguments, code, words] : cases) {
+    Arguments all = {"reference", "set"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Run result = onData(all);
+    EXPECT_EQ(result.code, code) << words;
+    EXPECT_THAT(result.err, HasSubstr(words));
+    EXPECT_EQ(good({"reference", "show", "knee-recess", "--json"}).out, before) << words;
+  }
+  EXPECT_THAT(good({"reference", "set", "knee-recess"}).out, HasSubstr("revision 2, of 0 sessions"));
+  EXPECT_TRUE(good({"reference", "show", "knee-recess", "--json"}).rows().empty());
+}
+
+}  // namespace
+
+}  // namespace needlelab

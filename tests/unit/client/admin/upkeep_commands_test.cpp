@@ -1,0 +1,174 @@
+// Commands for backups, restores, the audit log and certificates.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "common/base/files.h"
+#include "db/audit.h"
+#include "tests/unit/client/admin/run_admin.h"
+
+namespace needlelab {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::Not;
+using Arguments = std::vector<std::string>;
+
+class UpkeepCommands : public test::AdminTest {
+ protected:
+  void SetUp() override { good({"user", "add", "tom", "--role", "trainee"}); }
+  std::vector<std::string> names() const {
+    std::vector<std::string> all;
+    for (const auto& row : good({"user", "list", "--json"}).rows()) all.push_back(row.at("name"));
+    return all;
+  }
+  std::vector<std::string> filesIn(const std::string& name) const {
+    std::vector<std::string> all;
+    for (const auto& entry : fs::directory_iterator(file(name))) all.push_back(entry.path().filename());
+    std::sort(all.begin(), all.end());
+    return all;
+  }
+};
+
+TEST_F(UpkeepCommands, aBackupOverwritesNothingAndWrongUseMakesNone) {
+  good({"backup", file("copy.db")});
+  const std::string before = *readWholeFile(file("copy.db"));
+  const std::tuple<Arguments, int, std::string> cases[] = {
+      {{file("copy.db")}, 1, "copy.db: is there already; a backup never overwrites a file"},
+      {{file("none/copy.db")}, 2, "its folder does not exist"},
+      {{"--dir", file("none")}, 2, "its folder does not exist"},
+      {{}, 2, "backup: give FILE, or --dir DIR [--keep N]"},
+      {{file("new.db"), "--dir", folder.path().string()}, 2, "excludes"},
+      {{file("new.db"), "--keep", "3"}, 2, "--keep requires --dir"},
+      {{"--dir", folder.path().string(), "--keep", "0"}, 2, "--keep: Value 0 not in range 1 to 100000"},
+  };
+  for (const auto& [arguments, code, words] : cases) {
+    Arguments all = {"backup"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Run result = onData(all);
+    EXPECT_EQ(result.code, code) << words;
+    EXPECT_THAT(result.err, HasSubstr(words));
+  }
+  EXPECT_EQ(*readWholeFile(file("copy.db")), before);
+  EXPECT_EQ(filesIn("."), (std::vector<std::string>{"copy.db", "data"}));
+}
+
+TEST_F(UpkeepCommands, aFolderOfBackupsKeepsTheNewestAndWhatIsNotItsOwn) {
+  fs::create_directory(file("kept"));
+  for (const char* name : {"needlelab-20200101T000000Z.db", "needlelab-20210101T000000Z.db",
+                           "needlelab-20220101T000000Z.db", "mine.db"})
+    folder.write(std::string("kept/") + name, "old");
+  const auto row = good({"backup", "--dir", file("kept"), "--keep", "2", "--json"}).rows().at(0);
+  EXPECT_EQ(row.at("removed"), (nlohmann::json{file("kept/needlelab-20200101T000000Z.db"),
+                                               file("kept/needlelab-20210101T000000Z.db")}));
+  const fs::path made = row.at("path").get<std::string>();
+  EXPECT_EQ(filesIn("kept"),
+            (std::vector<std::string>{"mine.db", "needlelab-20220101T000000Z.db", made.filename().string()}));
+  EXPECT_EQ(row.at("bytes"), fs::file_size(made));
+}
+
+TEST_F(UpkeepCommands, aRestoreBringsBackThePeopleOfTheBackupAndNamesWhatIsValidAgain) {
+  const auto password = folder.write("pw", "correct horse").string();
+  good({"user", "add", "ines", "--role", "instructor", "--password-file", password});
+  good({"station", "add", "lab 1", "--out", file("lab1.key")});
+  good({"backup", file("copy.db")});
+  good({"user", "disable", "ines"});
+  good({"station", "revoke", "lab 1"});
+  good({"user", "add", "late", "--role", "trainee"});
+  const Run restored = good({"restore", "--from", file("copy.db")});
+  EXPECT_EQ(names(), (std::vector<std::string>{"ines", "tom"}));
+  EXPECT_EQ(good({"station", "list", "--json"}).rows()[0].at("revoked"), false);
+  EXPECT_THAT(restored.out, HasSubstr("Start the server"));
+  EXPECT_THAT(restored.out, HasSubstr("\nvalid again: user ines: was disabled\n"));
+  EXPECT_THAT(restored.out, HasSubstr("\nvalid again: station lab 1: its key was revoked\n"));
+  EXPECT_THAT(restored.out, HasSubstr("Withdraw them anew before anybody connects"));
+  EXPECT_EQ(good({"audit", "--limit", "1", "--json"}).rows().at(0).at("action"), "restore");
+}
+
+TEST_F(UpkeepCommands, whatIsNoBackupRestoresNothing) {
+  folder.write("junk.db", "this is no database");
+  fs::create_directory(file("folder.db"));
+  for (const auto& [name, code] : {std::pair("none.db", 2), {"junk.db", 1}, {"folder.db", 2}}) {
+    const Run result = onData({"restore", "--from", file(name)});
+    EXPECT_EQ(result.code, code) << name << result.err;
+    EXPECT_FALSE(result.err.empty());
+    EXPECT_EQ(result.out, "") << name;
+    EXPECT_EQ(names(), std::vector<std::string>{"tom"}) << name;
+  }
+  EXPECT_EQ(onData({"restore"}).code, 2);
+  EXPECT_EQ(run({"--server", "localhost:1", "restore", "--from", file("junk.db")}).code, 2) << "needs --data";
+  EXPECT_EQ(names(), std::vector<std::string>{"tom"});
+  for (const auto& name : filesIn("data")) EXPECT_THAT(name, Not(HasSubstr("replaced")));
+}
+
+TEST_F(UpkeepCommands, theAuditLogTellsEachChangeOnceAndNoRefusal) {
+  const std::string name = R"(Zoë "Z" O'Neil)";
+  good({"user", "add", name, "--role", "trainee"});
+  EXPECT_EQ(onData({"user", "add", name, "--role", "trainee"}).code, 1);
+  EXPECT_EQ(onData({"user", "add", "x/y", "--role", "trainee"}).code, 2);
+  good({"user", "change", name, "--full-name", "Zoë Z"});
+  good({"user", "disable", name});
+  good({"user", "list"});
+  const auto rows = good({"audit", "--json"}).rows();
+  std::vector<std::string> actions;
+  for (const auto& row : rows) actions.push_back(row.at("action"));
+  EXPECT_EQ(actions, (std::vector<std::string>{"user disable", "user change", "user add", "user add"}));
+  EXPECT_EQ(rows[0].at("subject"), name);
+  EXPECT_EQ(rows[0].at("detail"), "disabled");
+  EXPECT_EQ(rows[1].at("detail"), "full name: '' to 'Zoë Z'");
+  EXPECT_EQ(rows[2].at("detail"), "trainee");
+  EXPECT_EQ(rows[3].at("subject"), "tom");
+  for (const auto& row : rows)
+    EXPECT_THAT(row.at("who").get<std::string>(), testing::StartsWith("local:")) << row;
+  EXPECT_EQ(good({"audit", "--limit", "1", "--json"}).rows(), nlohmann::json::array({rows[0]}));
+  EXPECT_EQ(good({"audit", "--limit", "0", "--json"}).rows(), rows);
+  for (const char* wrong : {"-1", "x"}) EXPECT_EQ(onData({"audit", "--limit", wrong}).code, 2) << wrong;
+}
+
+TEST_F(UpkeepCommands, anAuditLineIsOneLineOfTheTableWhateverItHolds) {
+  {
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    ASSERT_OK(store->writer().run([](Connection& c) {
+      return AuditStore(c).add({0, 1'000'000'000, "who", "action", "two\nlines\x1b[2J", "é\t\"x\""});
+    }));
+  }
+  const std::string table = good({"audit", "--limit", "1"}).out;
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 2) << "the head, and the line";
+  EXPECT_THAT(table, HasSubstr("1970-01-01 00:00:01Z  who  action  two lines [2J  é \"x\"\n"));
+  const auto row = good({"audit", "--limit", "1", "--json"}).rows().at(0);
+  EXPECT_EQ(row.at("subject"), "two\nlines\x1b[2J");
+  EXPECT_EQ(row.at("detail"), "é\t\"x\"");
+}
+
+TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing) {
+  const Run before_any = onData({"certificate", "show"});
+  EXPECT_EQ(before_any.code, 2);
+  EXPECT_THAT(before_any.err, HasSubstr("tls/ca.crt: cannot open"));
+  EXPECT_FALSE(fs::exists(data() + "/tls"));
+  good({"station", "enrol", "s", "--server-name", "lab.example.org", "--out", file("s.enrol")});
+  const auto first = good({"certificate", "show", "--json"}).rows();
+  ASSERT_EQ(first.size(), 2u);
+  EXPECT_EQ(first[0].at("what"), "authority");
+  EXPECT_EQ(first[1].at("hosts"), "lab.example.org");
+  EXPECT_EQ(first[1].at("sha256").get<std::string>().size(), 64u);
+  const Run bad = onData({"certificate", "renew", "--host-name", "two words"});
+  EXPECT_EQ(bad.code, 2);
+  EXPECT_THAT(bad.err, HasSubstr("'two words' is no host name or IP address"));
+  EXPECT_EQ(good({"certificate", "show", "--json"}).rows()[1].at("sha256"), first[1].at("sha256"));
+  EXPECT_THAT(good({"certificate", "renew", "--host-name", "10.0.0.7"}).out,
+              HasSubstr("a new certificate for "));
+  const auto second = good({"certificate", "show", "--json"}).rows();
+  EXPECT_EQ(second[0].at("sha256"), first[0].at("sha256")) << "stations trust the authority of before";
+  EXPECT_NE(second[1].at("sha256"), first[1].at("sha256"));
+  EXPECT_THAT(second[1].at("hosts").get<std::string>(), HasSubstr("lab.example.org"));
+  EXPECT_THAT(second[1].at("hosts").get<std::string>(), HasSubstr("10.0.0.7"));
+  const Run on_server = run({"--server", "localhost:1", "certificate", "show"});
+  EXPECT_EQ(on_server.code, 2);
+  EXPECT_THAT(on_server.err, HasSubstr("give --data DIR, on its machine"));
+}
+
+}  // namespace
+
+}  // namespace needlelab
