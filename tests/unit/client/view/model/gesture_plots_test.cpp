@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kAbsent_m = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 /// A plane at z = 0, tissue below it: depth is −z.
@@ -32,12 +32,12 @@ SceneView flatScene() {
   return scene;
 }
 
-Moment momentAt(double time_s, double depth_m = 0) {
+Moment momentAtDepth(double time_s, double depth_m = 0) {
   Moment moment;
   moment.tick = static_cast<std::uint64_t>(std::llround(time_s * 1000));
   moment.time_s = time_s;
   moment.depth_m = depth_m;
-  moment.wall_W_m = {kNan, kNan, kNan};
+  moment.wall_W_m = {kAbsent_m, kAbsent_m, kAbsent_m};
   return moment;
 }
 
@@ -55,7 +55,7 @@ TEST(GesturePlots, theForcesAreTheTotalAndThenTheEffectsAsTheirTableOrdersAndCol
   std::sort(expected.begin(), expected.end(),
             [](const EffectEntry* a, const EffectEntry* b) { return a->place < b->place; });
 
-  Moment moment = momentAt(1);
+  Moment moment = momentAtDepth(1);
   moment.force_W_N = {2, -3, 6};  // |force| 7
   for (std::size_t i = 0; i < kEffectCount; ++i) moment.terms[i] = 0.5 * static_cast<double>(i + 1);
   GestureTrace trace;
@@ -82,7 +82,7 @@ TEST(GesturePlots, everyQuantityIsShownInTheUnitOfItsAxis) {
     const char* heading;
     std::vector<float> values;  ///< by series
   };
-  Moment moment = momentAt(1, 0.0123);
+  Moment moment = momentAtDepth(1, 0.0123);
   moment.inside = true;
   moment.speed_mps = -0.045;
   moment.lateral_error_m = 0.0021;
@@ -112,7 +112,7 @@ TEST(GesturePlots, everyQuantityIsShownInTheUnitOfItsAxis) {
 
 TEST(GesturePlots, whereThereIsNoWallAndNoTiltNoneIsDrawn) {
   GestureTrace trace;
-  trace.push(momentAt(1));  // outside
+  trace.push(momentAtDepth(1));  // outside
   const Plot places = gesturePlot(GesturePlot::kPlaces, trace, nullptr, 0, 2);
   ASSERT_EQ(places.series.size(), 6u);
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -143,8 +143,8 @@ TEST(GesturePlots, theDepthAxisHoldsTheTargetAndTheTipOfTheShownTime) {
     SceneView scene = flatScene();
     if (!row.target) scene.targets.clear();
     GestureTrace trace;
-    trace.push(momentAt(1, row.depth_m));
-    trace.push(momentAt(5, -0.01));
+    trace.push(momentAtDepth(1, row.depth_m));
+    trace.push(momentAtDepth(5, -0.01));
     const Plot plot = gesturePlot(GesturePlot::kDepth, trace, &scene, row.from_s, row.from_s + 2);
     EXPECT_TRUE(plot.downward);
     ASSERT_TRUE(plot.low && plot.high) << row.name;
