@@ -146,7 +146,9 @@ std::vector<std::shared_ptr<SpoolSession>> Spool::closedButNotSafe() const {
   std::vector<std::shared_ptr<SpoolSession>> closed;
   for (const auto& session : sessions_) {
     const SpoolReceipt receipt = session->receipt();
-    if (receipt.closed && receipt.safe < session->contents().chunks) closed.push_back(session);
+    // nothing of a session without chunks is ever called Safe
+    if (receipt.closed && receipt.safe < std::max<std::uint64_t>(session->contents().chunks, 1))
+      closed.push_back(session);
   }
   return closed;
 }

@@ -60,6 +60,13 @@ LinkHandlers Uplink::handlers() {
 
 void Uplink::onConnected(const pb::Welcome& welcome) {
   reported_.clear();
+  std::vector<const UplinkSession*> again;
+  for (const auto& session : sessions_) {
+    const bool was_closed = session->closed();
+    session->onConnected(atServer(*session));
+    if (was_closed && !session->closed()) again.push_back(session.get());
+  }
+  publish();  // who sees the connection also sees what has to be sent again
   {
     const std::scoped_lock lock(mutex_);
     state_.connected = true;
@@ -68,14 +75,10 @@ void Uplink::onConnected(const pb::Welcome& welcome) {
     ++state_.connections;
   }
   report("connected to " + endpointText(config_.client.server) + " as " + welcome.name());
+  for (const UplinkSession* session : again) reportSentAgain(*session);
   clock_ = ClockProbe{};
   clock_sent_ns_ = 0;
   probes_ = frame_seq_ = 0;
-  for (const auto& session : sessions_) {
-    const bool was_closed = session->closed();
-    session->onConnected(atServer(*session));
-    if (was_closed && !session->closed()) reportSentAgain(*session);
-  }
   asio::co_spawn(io_, keepTime(), rethrow);
   pump();
 }

@@ -186,8 +186,10 @@ int run(const Options& options) {
   const auto until = std::chrono::steady_clock::now() + patience;
   for (const auto& session : not_safe) {
     const std::string& id = session->description().session_id();
-    while (!heard.contains(id) && !stop && std::chrono::steady_clock::now() < until)
-      std::this_thread::sleep_for(5ms);
+    // a session without chunks is not asked for: the server names it when it connects, if it is open there
+    const bool asked = session->contents().chunks > 0;
+    const auto answered = [&] { return asked ? heard.contains(id) : uplink.state().connections > 0; };
+    while (!answered() && !stop && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(5ms);
   }
   const bool still_done = uplink.waitUntilDone(patience);
   uplink.stop();

@@ -146,6 +146,34 @@ TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
   EXPECT_EQ(sends(), Names{"close"});
 }
 
+// No chunk of it can be called Safe, so the spool keeps it for the next program as well.
+TEST_F(UplinkSessionTest, aRestoredServerThatLacksTheEndOfAnEmptySessionClosesItAgain) {
+  auto empty = *spool_->create(describeSession(makeUuidV7()));
+  ASSERT_TRUE(empty->end(true).ok());
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 3, true, 7}).ok());
+  ASSERT_TRUE(empty->setReceipt({0, 0, true, 7}).ok());
+  const std::string id = empty->idText();
+  empty.reset();
+  session_.reset();
+  upload_.reset();
+  spool_.reset();
+  spool_ = std::move(Spool::open(folder_.path())).value();
+  ASSERT_EQ(spool_->closedButNotSafe().size(), 1u);
+  session_ = spool_->closedButNotSafe()[0];
+  EXPECT_EQ(session_->idText(), id);
+  upload_ = std::make_unique<UplinkSession>(session_, "", time_);
+  upload_->onConnected(UplinkSession::AtServer::kNotOpen);
+  EXPECT_EQ(sends(), Names{}) << "the server has its end";
+  upload_->onConnectionLost();
+  upload_->onConnected(UplinkSession::AtServer::kOpen);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  EXPECT_TRUE(session_->receipt().closed);
+}
+
 TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHasIt) {
   ASSERT_TRUE(session_->end(false).ok());
   EXPECT_EQ(sends(), Names{"open"});
