@@ -75,10 +75,12 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
   const auto reading = ines.live(), silent = ines.live();
   ASSERT_TRUE(reading && silent);
   silent->keepLittle();
+  std::string metrics;
   const auto dropped = [&] {
     WebWire wire(lab.server().server().metricsPort(), false);
     (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
-    return wire.receivePlain().find("needlelab_web_live_dropped_total 1\n") != std::string::npos;
+    metrics = wire.receivePlain();
+    return metrics.find("needlelab_web_live_dropped_total 1\n") != std::string::npos;
   };
   // reads all the time: what takes longer than the timeout must not get in its way
   std::atomic<bool> over{false}, broken{false};
@@ -97,7 +99,7 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
       std::this_thread::sleep_for(milliseconds(500));  // asking costs the server more than a text
     return holds();
   };
-  EXPECT_TRUE(until(dropped));
+  EXPECT_TRUE(until(dropped)) << texts << " texts read; the server says:\n" << metrics;
   const int texts_at_the_cut = texts;
   EXPECT_TRUE(until([&] { return texts > texts_at_the_cut + 5; })) << "the other viewer goes on";
   over = true;
