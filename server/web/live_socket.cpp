@@ -46,8 +46,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     plain().expires_never();
     websocket::stream_base::timeout times =
         websocket::stream_base::timeout::suggested(beast::role_type::server);
-    // pings after half of it: detects a peer that has disappeared silently
-    times.idle_timeout = std::chrono::seconds(30);
+    times.idle_timeout = server_->settings().live_idle_timeout;
     times.keep_alive_pings = true;
     socket_->set_option(times);
     socket_->read_message_max(kMostFromViewer);

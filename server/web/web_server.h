@@ -38,6 +38,8 @@ struct WebSettings : HttpLimits {
   std::size_t live_sockets_per_person = 8;
   /// A viewer that does not take a message in this time is cut.
   std::chrono::milliseconds live_write_timeout{5'000};
+  /// A viewer from which nothing comes for so long, not even the answer to a ping after half of it, has gone.
+  std::chrono::milliseconds live_idle_timeout{30'000};
 };
 
 /// Thread: the network's. Ownership: kept alive by its coroutines; the context must outlive them.

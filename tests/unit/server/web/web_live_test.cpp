@@ -66,6 +66,7 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
     options.web.live_period = milliseconds(10);
     // longer than a busy machine delays the reader
     options.web.live_write_timeout = milliseconds(3000);
+    options.web.live_idle_timeout = std::chrono::hours(1);  // until its buffer is full it is silent, too
     options.metrics = "127.0.0.1:0";
   });
   // updates of about 10 KB
