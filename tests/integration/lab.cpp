@@ -1,11 +1,35 @@
 #include "tests/integration/lab.h"
 
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <stdexcept>
+
 #include "common/base/files.h"
 
 namespace needlelab::test {
 namespace {
 
 using namespace std::chrono_literals;
+
+// A free port below those that the kernel gives to anybody who asks for any (ip_local_port_range): nobody
+// takes it while the server restarts.
+int ownPort() {
+  static int next = static_cast<int>(::getpid()) * 16;
+  for (int tried = 0; tried < 12'000; ++tried) {
+    const int port = 20'000 + next++ % 12'000;
+    const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_ANY);
+    const bool is_free = ::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+    ::close(fd);
+    if (is_free) return port;
+  }
+  throw std::runtime_error("no port from 20000 to 31999 is free");
+}
 
 }  // namespace
 
@@ -29,6 +53,7 @@ int Lab::admin(const std::vector<std::string>& arguments) const {
 
 void Lab::startServer() {
   std::filesystem::remove(path("port"));
+  if (port_ == 0) port_ = ownPort();
   // the same port after a restart: the stations reconnect to it
   std::vector<std::string> arguments = {"--data",      path("data"),
                                         "--listen",    listen_host + ":" + std::to_string(port_),
