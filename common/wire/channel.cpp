@@ -58,6 +58,30 @@ std::shared_ptr<Channel> Channel::make(TlsStream stream, ChannelLimits limits) {
   return std::shared_ptr<Channel>(new Channel(stream, limits));
 }
 
+ChannelDue dueAt(std::int64_t now_ns, const ChannelTimes& times, const ChannelLimits& limits) {
+  const auto over = [now_ns](std::int64_t since_ns, std::chrono::milliseconds limit) {
+    return now_ns - since_ns > nsOf(limit);
+  };
+  if (times.finishing)
+    return over(times.finish_started_ns, limits.close_grace) ? ChannelDue::kCut : ChannelDue::kNothing;
+  if (!times.established && over(times.made_ns, limits.handshake_timeout)) return ChannelDue::kHandshake;
+  if (times.write_started_ns != 0 && over(times.write_started_ns, limits.write_timeout))
+    return ChannelDue::kWriteTimeout;
+  if (times.reading && over(times.last_received_ns, limits.idle_timeout)) return ChannelDue::kIdle;
+  if (times.handshaken && limits.keepalive.count() > 0 && over(times.last_sent_ns, limits.keepalive))
+    return ChannelDue::kPing;
+  return ChannelDue::kNothing;
+}
+
+std::chrono::milliseconds watchPeriod(const ChannelTimes& times, const ChannelLimits& limits) {
+  using std::chrono::milliseconds;
+  milliseconds shortest = std::min(limits.idle_timeout, limits.write_timeout);
+  if (limits.keepalive.count() > 0) shortest = std::min(shortest, limits.keepalive);
+  if (!times.established) shortest = std::min(shortest, limits.handshake_timeout);
+  if (times.finishing) shortest = std::min(shortest, limits.close_grace);
+  return std::clamp(shortest / 4, milliseconds(5), milliseconds(2500));
+}
+
 Channel::Channel(TlsStream& stream, ChannelLimits limits)
     : socket_(std::move(stream.next_layer())),
       tls_(stream.native_handle()),
@@ -66,10 +90,8 @@ Channel::Channel(TlsStream& stream, ChannelLimits limits)
       splitter_(limits.frame_bytes),
       live_(nsOf(limits.live_age), limits.live_queue_bytes),
       gather_(socket_.get_executor()),
-      watch_(socket_.get_executor()),
-      made_ns_(steadyNowNs()),
-      last_received_ns_(made_ns_),
-      last_sent_ns_(made_ns_) {
+      watch_(socket_.get_executor()) {
+  times_.made_ns = times_.last_received_ns = times_.last_sent_ns = steadyNowNs();
   // send small messages at once; unsent bytes wait in our queues, where they can be dropped, and not in the
   // kernel
   boost::system::error_code ignored;
@@ -84,7 +106,7 @@ Channel::Channel(TlsStream& stream, ChannelLimits limits)
 Channel::~Channel() = default;
 
 void Channel::established() {
-  established_ = true;
+  times_.established = true;
   splitter_.setLimit(kMaxFrameBytes);
 }
 
@@ -143,7 +165,7 @@ void Channel::sendLive(Frame frame, bool counted) {
 void Channel::finish(CloseReason reason, std::string text, const pb::Envelope* last) {
   if (closing()) return;
   setReason(reason, std::move(text));
-  if (!handshaken_) {
+  if (!times_.handshaken) {
     close(reason, reason_text_);
     return;
   }
@@ -151,8 +173,8 @@ void Channel::finish(CloseReason reason, std::string text, const pb::Envelope* l
   if (last != nullptr) {
     if (auto frame = encodeFrame(*last); frame.ok()) control_.push_back(std::move(*frame));
   }
-  finishing_ = true;
-  finish_started_ns_ = steadyNowNs();
+  times_.finishing = true;
+  times_.finish_started_ns = steadyNowNs();
   wakeWriter();
   watch_.cancel();  // its period is now shorter
 }
@@ -192,7 +214,7 @@ bool Channel::fillBatch() {
     appendFrameHeader(batch_, frame->size());
     batch_ += *frame;
   }
-  if (finishing_) return !batch_.empty();
+  if (times_.finishing) return !batch_.empty();
   const std::int64_t now = steadyNowNs();
   while (batch_.size() < kBatchBytes) {
     const auto item = live_.pop(now);
@@ -208,18 +230,9 @@ bool Channel::fillBatch() {
   return !batch_.empty();
 }
 
-std::chrono::milliseconds Channel::watchPeriod() const {
-  using std::chrono::milliseconds;
-  milliseconds shortest = std::min(limits_.idle_timeout, limits_.write_timeout);
-  if (limits_.keepalive.count() > 0) shortest = std::min(shortest, limits_.keepalive);
-  if (!established_) shortest = std::min(shortest, limits_.handshake_timeout);
-  if (finishing_) shortest = std::min(shortest, limits_.close_grace);
-  return std::clamp(shortest / 4, milliseconds(5), milliseconds(2500));
-}
-
 Task<> Channel::watchLoop(std::shared_ptr<Channel> self) {
   while (!self->closed_) {
-    self->watch_.expires_after(self->watchPeriod());
+    self->watch_.expires_after(watchPeriod(self->times_, self->limits_));
     co_await self->watch_.async_wait(kUseTuple);
     self->checkTimes();
   }
@@ -228,29 +241,33 @@ Task<> Channel::watchLoop(std::shared_ptr<Channel> self) {
 void Channel::checkTimes() {
   if (closed_) return;
   const std::int64_t now = steadyNowNs();
-  const auto over = [now](std::int64_t since, std::chrono::milliseconds limit) {
-    return now - since > nsOf(limit);
-  };
-  if (finishing_) {
-    if (over(finish_started_ns_, limits_.close_grace)) close(reason_, reason_text_);
-    return;
-  }
   const auto timeOut = [&](CloseReason reason, const std::string& text) {
     pb::Envelope last;
     *last.mutable_refusal() = makeRefusal(pb::Refusal::TIMEOUT, text, true);
     finish(reason, text, &last);
   };
   const auto in_ms = [](std::chrono::milliseconds time) { return fmt::format("{} ms", time.count()); };
-  if (!established_ && over(made_ns_, limits_.handshake_timeout)) {
-    timeOut(CloseReason::kHandshake, "no log-in within " + in_ms(limits_.handshake_timeout));
-  } else if (write_started_ns_ != 0 && over(write_started_ns_, limits_.write_timeout)) {
-    close(CloseReason::kWriteTimeout, "the peer read nothing for " + in_ms(limits_.write_timeout));
-  } else if (reading_ && over(last_received_ns_, limits_.idle_timeout)) {
-    timeOut(CloseReason::kIdle, "nothing received for " + in_ms(limits_.idle_timeout));
-  } else if (handshaken_ && limits_.keepalive.count() > 0 && over(last_sent_ns_, limits_.keepalive)) {
-    pb::Envelope ping;
-    ping.mutable_ping()->set_sender_steady_ns(now);
-    send(ping);
+  switch (dueAt(now, times_, limits_)) {
+    case ChannelDue::kNothing:
+      break;
+    case ChannelDue::kCut:
+      close(reason_, reason_text_);
+      break;
+    case ChannelDue::kHandshake:
+      timeOut(CloseReason::kHandshake, "no log-in within " + in_ms(limits_.handshake_timeout));
+      break;
+    case ChannelDue::kWriteTimeout:
+      close(CloseReason::kWriteTimeout, "the peer read nothing for " + in_ms(limits_.write_timeout));
+      break;
+    case ChannelDue::kIdle:
+      timeOut(CloseReason::kIdle, "nothing received for " + in_ms(limits_.idle_timeout));
+      break;
+    case ChannelDue::kPing: {
+      pb::Envelope ping;
+      ping.mutable_ping()->set_sender_steady_ns(now);
+      send(ping);
+      break;
+    }
   }
 }
 

@@ -48,6 +48,24 @@ enum class CloseReason {
 };
 const char* nameOf(CloseReason reason);
 
+/// What the watch over a channel's limits looks at: times of the steady clock, ns.
+struct ChannelTimes {
+  std::int64_t made_ns = 0, last_received_ns = 0, last_sent_ns = 0;
+  std::int64_t write_started_ns = 0;   ///< 0: no write is under way
+  std::int64_t finish_started_ns = 0;  ///< counts once `finishing`
+  bool handshaken = false, established = false, reading = false, finishing = false;
+};
+
+/// What is due; of several the first.
+enum class ChannelDue { kNothing, kCut, kHandshake, kWriteTimeout, kIdle, kPing };
+
+/// A limit is over when more than its time has passed. A channel that finishes knows only close_grace.
+ChannelDue dueAt(std::int64_t now_ns, const ChannelTimes& times, const ChannelLimits& limits);
+
+/// The watch looks this often: a quarter of the shortest limit that counts now, from 5 ms to 2.5 s. So a
+/// limit is noticed at most that much after it is over.
+std::chrono::milliseconds watchPeriod(const ChannelTimes& times, const ChannelLimits& limits);
+
 /// Thread: all calls on the executor of the stream, which is one thread. Ownership: shared; coroutines keep
 /// it alive. Lifecycle: make → handshake → receive / send (greeting, log-in) → established → … → finish or
 /// close.
@@ -99,7 +117,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   void established();
 
   [[nodiscard]] bool closed() const { return closed_; }  ///< the socket is gone
-  [[nodiscard]] bool closing() const { return finishing_ || closed_; }
+  [[nodiscard]] bool closing() const { return times_.finishing || closed_; }
   [[nodiscard]] CloseReason closeReason() const { return reason_; }
   [[nodiscard]] const std::string& closeText() const { return reason_text_; }
   [[nodiscard]] const LiveQueue& live() const { return live_; }
@@ -124,7 +142,6 @@ class Channel : public std::enable_shared_from_this<Channel> {
   void flushLater();
   bool fillBatch();
   void checkTimes();
-  [[nodiscard]] std::chrono::milliseconds watchPeriod() const;
   void wakeWriter();
   void wakeForLive(std::int64_t now_ns);
   void setReason(CloseReason reason, std::string text);
@@ -140,16 +157,14 @@ class Channel : public std::enable_shared_from_this<Channel> {
   std::size_t control_bytes_ = 0;
   std::string batch_;  // the bytes of the current write: many small frames in one TLS record
   asio::steady_timer gather_, watch_;
-  bool watching_ = false, handshaken_ = false, established_ = false, finishing_ = false, closed_ = false,
-       reading_ = false;
+  bool watching_ = false, closed_ = false;
   bool flush_posted_ = false, gathering_ = false;  // a flush is scheduled
   bool write_blocked_ = false;                     // the flush waits until the socket accepts more
   bool discarding_ = false;
   CloseReason reason_ = CloseReason::kNone;
   std::string reason_text_;
-  std::int64_t made_ns_ = 0, last_received_ns_ = 0, last_sent_ns_ = 0, finish_started_ns_ = 0;
-  std::int64_t write_started_ns_ = 0;  // 0: no write is under way
-  std::int64_t live_sent_ns_ = 0;      // when live frames last left
+  ChannelTimes times_;
+  std::int64_t live_sent_ns_ = 0;  // when live frames last left
   std::uint64_t bytes_received_ = 0, bytes_sent_ = 0;
   unsigned reads_ = 0;
 };

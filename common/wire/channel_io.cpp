@@ -50,9 +50,9 @@ Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
     close(CloseReason::kHandshake, shaken.error().message);
     co_return shaken.error();
   }
-  handshaken_ = true;
-  last_received_ns_ = steadyNowNs();
-  if (!control_.empty() || !live_.empty() || finishing_) wakeWriter();
+  times_.handshaken = true;
+  times_.last_received_ns = steadyNowNs();
+  if (!control_.empty() || !live_.empty() || times_.finishing) wakeWriter();
   co_return Status{};
 }
 
@@ -135,10 +135,10 @@ Task<Status> Channel::readMore() {
   auto self = shared_from_this();
   while (!closing()) {
     // a peer is idle only if it sends nothing while we read; while the owner is busy we do not read
-    last_received_ns_ = steadyNowNs();
-    reading_ = true;
+    times_.last_received_ns = steadyNowNs();
+    times_.reading = true;
     auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
-    reading_ = false;
+    times_.reading = false;
     if (closing()) break;
     if (error) {
       close(CloseReason::kNetwork, "reading failed: " + error.message());
@@ -163,7 +163,7 @@ bool Channel::takeBytes() {
     return false;
   }
   delayAcks();
-  last_received_ns_ = steadyNowNs();
+  times_.last_received_ns = steadyNowNs();
   tls_.feed(room.first(static_cast<std::size_t>(count)));
   const std::size_t before = splitter_.pending();
   const TlsStep step = decrypt();
@@ -192,7 +192,7 @@ TlsStep Channel::decrypt() {
 }
 
 void Channel::wakeWriter() {
-  if (flush_posted_ || write_blocked_ || !handshaken_ || closed_) return;
+  if (flush_posted_ || write_blocked_ || !times_.handshaken || closed_) return;
   flush_posted_ = true;
   // posted after all ready work, so that simultaneous messages are sent together
   asio::post(socket_.get_executor(), [self = shared_from_this()] {
@@ -217,7 +217,7 @@ void Channel::wakeForLive(std::int64_t now_ns) {
 }
 
 void Channel::flush() {
-  if (write_blocked_ || !handshaken_) return;
+  if (write_blocked_ || !times_.handshaken) return;
   for (int writes = 0; !closed_; ++writes) {
     if (!sendOutput()) {
       flushLater();
@@ -229,12 +229,12 @@ void Channel::flush() {
       wakeWriter();
     }
     bytes_sent_ += batch_.size();
-    write_started_ns_ = steadyNowNs();
+    times_.write_started_ns = steadyNowNs();
     if (tls_.write(batch_) != TlsStep::kDone)
       close(CloseReason::kNetwork, "writing failed: " + tls_.failure());
     if (writes == kWritesInARow) return;
   }
-  if (closed_ || !finishing_ || std::exchange(discarding_, true)) return;
+  if (closed_ || !times_.finishing || std::exchange(discarding_, true)) return;
   asio::co_spawn(socket_.get_executor(), discardUntilPeerCloses(shared_from_this()), rethrow);
 }
 
@@ -246,15 +246,15 @@ bool Channel::sendOutput() {
     if (count < 0) {
       if (errno == EINTR) continue;
       if (isAgain(errno)) return false;
-      close(handshaken_ ? CloseReason::kNetwork : CloseReason::kHandshake,
+      close(times_.handshaken ? CloseReason::kNetwork : CloseReason::kHandshake,
             "writing failed: " + systemErrorText(errno));
       return true;
     }
     tls_.sent(static_cast<std::size_t>(count));
   }
-  if (write_started_ns_ != 0) {
-    write_started_ns_ = 0;
-    last_sent_ns_ = steadyNowNs();
+  if (times_.write_started_ns != 0) {
+    times_.write_started_ns = 0;
+    times_.last_sent_ns = steadyNowNs();
   }
   return true;
 }

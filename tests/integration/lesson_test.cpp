@@ -12,6 +12,7 @@
 #include "common/haptics/tool_transform.h"
 #include "tests/integration/lab.h"
 #include "tests/support/recordings/recordings.h"
+#include "tests/support/run_form.h"
 
 namespace needlelab::test {
 namespace {
@@ -218,7 +219,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
 
 TEST_F(LessonTest, theStationIsKilledManyTimesAndNothingIsLostOrDoubled) {
   lab_.startServer();
-  const int rounds = std::getenv("NEEDLELAB_LONG") != nullptr ? 50 : 3;
+  const int rounds = longForm() ? 50 : 3;
   std::mt19937 random(7);
   for (int round = 0; round < rounds; ++round) {
     auto station = lab_.startStation("station", {"--exercise", "ball-free-practice", "--hand-repeat", "0"});

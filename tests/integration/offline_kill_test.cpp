@@ -12,6 +12,7 @@
 #include "common/base/clock.h"
 #include "common/base/program.h"
 #include "tests/integration/lab.h"
+#include "tests/support/run_form.h"
 
 namespace needlelab::test {
 namespace {
@@ -63,11 +64,9 @@ class OfflineKillTest : public testing::Test {
 };
 
 TEST_F(OfflineKillTest, atAnyInstantOnlyTheLastMomentIsMissing) {
-  const bool is_long = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const bool is_long = longForm();
   const int rounds = is_long ? 200 : 8;
-  const char* given = std::getenv("NEEDLELAB_SEED");
-  const auto first_seed =
-      given != nullptr ? static_cast<std::uint32_t>(std::strtoul(given, nullptr, 10)) : 20'261'120u;
+  const auto first_seed = static_cast<std::uint32_t>(seedOr(20'261'120));
   lab_.startServer();
   std::vector<Kill> kills;
   std::vector<std::string> known;

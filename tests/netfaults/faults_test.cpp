@@ -1,11 +1,11 @@
 // Each network fault alone: no sample is lost or duplicated, and acknowledgements never go back.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
-#include <cstdlib>
 #include <iostream>
 
 #include "tests/netfaults/fault_station.h"
 #include "tests/support/proxy/fault_proxy.h"
+#include "tests/support/run_form.h"
 
 namespace needlelab::test {
 namespace {
@@ -111,11 +111,6 @@ TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
 
 using namespace std::chrono_literals;
 
-std::uint64_t seedFromEnvironment() {
-  const char* const given = std::getenv("NEEDLELAB_SEED");
-  return given != nullptr ? std::strtoull(given, nullptr, 10) : static_cast<std::uint64_t>(wallNowNs());
-}
-
 /// Several stations at once, each behind its own proxy. A station has at most 12 bad connections, so that
 /// every round ends.
 void runRound(std::uint64_t seed, std::size_t count) {
@@ -163,8 +158,8 @@ void runRound(std::uint64_t seed, std::size_t count) {
 }
 
 TEST(FaultMixTest, randomFaultsLoseAndDoubleNothing) {
-  const bool is_long = std::getenv("NEEDLELAB_LONG") != nullptr;
-  const std::uint64_t seed = seedFromEnvironment();
+  const bool is_long = longForm();
+  const std::uint64_t seed = seedOr(static_cast<std::uint64_t>(wallNowNs()));
   for (std::uint64_t round = 0; round < (is_long ? 30u : 1u) && !testing::Test::HasFatalFailure(); ++round)
     runRound(seed + round, is_long ? 16 : 8);
 }
@@ -231,7 +226,7 @@ TEST(HalfOpenTest, bothEndsNoticeWithinTheirLimits) {
 }
 
 TEST(HalfOpenTest, bothEndsNoticeWithinTheRealLimits) {
-  if (std::getenv("NEEDLELAB_LONG") == nullptr) GTEST_SKIP() << "takes 35 s: NEEDLELAB_LONG=1";
+  if (!longForm()) GTEST_SKIP() << "takes 35 s: NEEDLELAB_LONG=1";
   run(ChannelLimits{});
 }
 

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <cstdlib>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -26,6 +25,7 @@
 #include "tests/integration/process.h"
 #include "tests/soak/process_sample.h"
 #include "tests/support/random.h"
+#include "tests/support/run_form.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -435,7 +435,7 @@ TEST(HerdTest, sixtyStationsAreWholeAgainAfterAKill) {
 }
 
 TEST(HerdTest, aThousandStationsAreWholeAgainAfterAKill) {
-  if (std::getenv("NEEDLELAB_LONG") == nullptr) GTEST_SKIP() << "takes some minutes: NEEDLELAB_LONG=1";
+  if (!longForm()) GTEST_SKIP() << "takes some minutes: NEEDLELAB_LONG=1";
   run({1000, 3s, 180s});
 }
 

@@ -24,18 +24,6 @@ bool plantedRun() {
   return std::getenv("NEEDLELAB_PLANT") != nullptr;
 }
 
-std::uint64_t seedOr(std::uint64_t usual) {
-  const char* const given = std::getenv("NEEDLELAB_SEED");
-  const std::uint64_t seed = given != nullptr ? std::strtoull(given, nullptr, 10) : usual;
-  std::printf("NEEDLELAB_SEED=%llu\n", static_cast<unsigned long long>(seed));
-  return seed;
-}
-
-bool longForm() {
-  const char* const given = std::getenv("NEEDLELAB_LONG");
-  return given != nullptr && std::string_view(given) == "1";
-}
-
 void report(const std::string& name, const CutCounts& c) {
   const auto number = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   std::printf(

@@ -7,14 +7,10 @@
 #include <vector>
 
 #include "tests/powercut/disk_log.h"
+#include "tests/support/run_form.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
-
-/// NEEDLELAB_SEED, or `usual`; printed, so that every run can be repeated.
-std::uint64_t seedOr(std::uint64_t usual);
-/// NEEDLELAB_LONG=1.
-bool longForm();
 
 /// True in the run that `runPlanted` starts: a few cuts suffice.
 bool plantedRun();

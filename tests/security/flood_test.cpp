@@ -13,6 +13,7 @@
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
 #include "tests/security/attackers.h"
+#include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/temp_folder.h"
 
@@ -45,7 +46,7 @@ std::optional<std::int64_t> logInTime(const LoadShared& shared, const pb::Login&
 }
 
 TEST(Flood, stationsAndViewersNoticeNothing) {
-  const bool long_form = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const bool long_form = longForm();
   constexpr std::size_t kStations = 50, kViewers = 2;
   const double phase_s = long_form ? 20 : 2.5;
   rlimit files{};

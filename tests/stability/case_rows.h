@@ -3,20 +3,14 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
 #include "client/sim/stability/case.h"
 #include "tests/support/reference_source.h"
+#include "tests/support/run_form.h"
 
 namespace needlelab::test {
-
-/// NEEDLELAB_LONG=1 asks for the long form of the cases that have one.
-inline bool longForm() {
-  const char* form = std::getenv("NEEDLELAB_LONG");
-  return form != nullptr && std::string_view(form) == "1";
-}
 
 /// The case of that name with the compiled-in cases.json; NEEDLELAB_LONG=1 takes the long form. A failure of
 /// the running test when there is none, or when it cannot run.

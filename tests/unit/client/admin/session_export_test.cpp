@@ -11,6 +11,7 @@
 #include "common/gesture/sample_csv.h"
 #include "server/base/log.h"
 #include "server/server.h"
+#include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/client/admin/run_admin.h"
 
@@ -236,7 +237,7 @@ class ExportMemory : public test::AdminTest {
 };
 
 TEST_F(ExportMemory, doesNotGrowWithTheLength) {
-  const bool lengthy = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const bool lengthy = test::longForm();
   const std::uint64_t seconds = lengthy ? 3600 : 360;
   const auto password = folder.write("pw", "correct horse").string();
   good({"user", "add", "ines", "--role", "instructor", "--password-file", password});

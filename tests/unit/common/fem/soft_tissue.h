@@ -1,20 +1,14 @@
 /// Scenes and meshes for the tests of this folder.
 #pragma once
 
-#include <cstdlib>
 #include <memory>
 #include <stdexcept>
 #include <string>
 
 #include "common/fem/needle_mesh.h"
+#include "tests/support/run_form.h"
 
 namespace needlelab::test {
-
-/// NEEDLELAB_LONG=1 asks for the long form of the tests that have one.
-inline bool longForm() {
-  const char* text = std::getenv("NEEDLELAB_LONG");
-  return text != nullptr && std::string(text) == "1";
-}
 
 /// One layer of unlimited depth, with a needle of `length_m`.
 inline SceneSpec softBlock(double young_Pa, double poisson, double length_m, double friction_N_per_m = 0,

@@ -1,7 +1,6 @@
 /// Runs the engine over a motion, alone or together with the reference, for the tests of this folder.
 #pragma once
 
-#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,15 +8,10 @@
 
 #include "common/haptics/engine.h"
 #include "tests/support/motions.h"
+#include "tests/support/run_form.h"
 #include "tests/support/scenes.h"
 
 namespace needlelab::test {
-
-/// NEEDLELAB_LONG=1 asks for the long form of the tests that have one.
-inline bool longForm() {
-  const char* text = std::getenv("NEEDLELAB_LONG");
-  return text != nullptr && std::string(text) == "1";
-}
 
 /// Compiles a spec that must be valid; throws with the message otherwise.
 SceneModel compiled(const SceneSpec& spec, double rate_hz);

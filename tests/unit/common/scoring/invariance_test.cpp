@@ -8,6 +8,7 @@
 
 #include "common/scoring/dtw.h"
 #include "common/scoring/measure_table.h"
+#include "tests/support/run_form.h"
 #include "tests/unit/common/scoring/continuous_gesture.h"
 
 namespace needlelab {
@@ -70,7 +71,7 @@ void expectSame(const std::vector<Measure>& a, const std::vector<Measure>& b, do
     const Tolerance tolerance = toleranceOf(a[i].name);
     EXPECT_NEAR(a[i].value, b[i].value, times * (tolerance.share * std::abs(a[i].value) + tolerance.besides))
         << what << ", " << a[i].name;
-    if (std::getenv("NEEDLELAB_LONG") != nullptr)
+    if (test::longForm())
       std::printf("%s %s %.6g: off by %.3g\n", what.c_str(), a[i].name.c_str(), a[i].value,
                   b[i].value - a[i].value);
   }
@@ -95,7 +96,7 @@ TEST(Invariance, everyMeasureHasATolerance) {
 TEST(Invariance, theSameGestureAtThreeRates) {
   const auto references = twoReferences();
   std::set<std::string> seen;
-  const std::uint64_t gestures = std::getenv("NEEDLELAB_LONG") != nullptr ? 100 : 6;
+  const std::uint64_t gestures = test::longForm() ? 100 : 6;
   for (std::uint64_t seed = 1; seed <= gestures; ++seed) {
     const ContinuousGesture gesture(seed);
     const auto at = [&](double rate_hz) {

@@ -1,21 +1,18 @@
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <limits>
 #include <memory>
 #include <random>
 #include <string>
 
 #include "common/wire/live_frames.h"
+#include "tests/support/run_form.h"
 
 namespace needlelab {
 namespace {
 
 std::uint64_t seed() {
-  const char* const given = std::getenv("NEEDLELAB_SEED");
-  const std::uint64_t value = given != nullptr ? std::strtoull(given, nullptr, 10) : std::random_device{}();
-  std::printf("seed %llu\n", static_cast<unsigned long long>(value));
-  return value;
+  return test::seedOr(std::random_device{}());
 }
 
 std::uint64_t anyNumber(std::mt19937_64& random) {

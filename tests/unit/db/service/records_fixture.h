@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -14,14 +13,14 @@
 
 #include "db/erasure.h"
 #include "db/session_results.h"
+#include "tests/support/run_form.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab::test {
 
 inline std::uint64_t seedOfRecords() {
-  const char* given = std::getenv("NEEDLELAB_SEED");
-  return given != nullptr ? std::strtoull(given, nullptr, 10) : std::random_device()();
+  return seedOr(std::random_device()());
 }
 
 class RecordsTest : public ServiceTest {

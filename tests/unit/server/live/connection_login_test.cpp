@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
-#include <cstdlib>
 #include <thread>
 
 #include "db/session_store.h"
+#include "tests/support/run_form.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -149,7 +149,7 @@ TEST(LogIn, nobodyThereIsUnavailable) {
 /// Stations close hundreds of sessions, as after a long outage: a log-in at that time must not wait for all
 /// the scores. NEEDLELAB_LONG: 500 sessions.
 TEST(LogIn, doesNotWaitForTheScoresOfManySessions) {
-  const bool all = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const bool all = test::longForm();
   // A connection has at most 8 closes in progress.
   const std::size_t stations = all ? 63 : 6, each = 8;
   constexpr std::uint64_t kChunks = 60;

@@ -2,9 +2,11 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <openssl/ssl.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <stdexcept>
@@ -38,6 +40,13 @@ class SilentPeer {
   SilentPeer(const SilentPeer&) = delete;
   SilentPeer& operator=(const SilentPeer&) = delete;
 
+  /// Whether the server's answer begins within `limit`: then it has given this peer a turn.
+  [[nodiscard]] bool isAnswered(milliseconds limit) const {
+    pollfd waits{fd_, POLLIN, 0};
+    char byte = 0;
+    return ::poll(&waits, 1, static_cast<int>(limit.count())) == 1 && ::recv(fd_, &byte, 1, MSG_PEEK) == 1;
+  }
+
  private:
   int fd_;
 };
@@ -66,13 +75,21 @@ std::function<void(ServerOptions&)> turns(std::size_t at_once, std::size_t of_ad
   };
 }
 
-/// Silent peers that the server has accepted.
+/// Silent peers. The kernel has their bytes before any later connection; `with_turn` of them have a turn.
 std::vector<std::unique_ptr<SilentPeer>> silentPeers(RunningServer& server, std::size_t count,
-                                                     const char* from, const std::string& bytes) {
+                                                     std::size_t with_turn, const char* from,
+                                                     const std::string& bytes) {
   std::vector<std::unique_ptr<SilentPeer>> peers;
   for (std::size_t i = 0; i < count; ++i)
     peers.push_back(std::make_unique<SilentPeer>(from, server.server().port(), bytes));
-  std::this_thread::sleep_for(milliseconds(50));  // until the server has read their bytes
+  const auto answered = [&] {
+    return static_cast<std::size_t>(std::count_if(
+        peers.begin(), peers.end(), [](const auto& peer) { return peer->isAnswered(milliseconds(1)); }));
+  };
+  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  while (answered() < with_turn && std::chrono::steady_clock::now() < end) {
+  }
+  EXPECT_EQ(answered(), with_turn);
   return peers;
 }
 
@@ -92,7 +109,7 @@ TEST(HandshakeTurns, aRecordThatIsNotThereAsAWholeTakesNone) {
   for (const std::size_t sent : {std::size_t{1}, std::size_t{11}, whole.size() - 1}) {
     SCOPED_TRACE(sent);
     server.restart();
-    const auto peers = silentPeers(server, 2, "127.0.0.1", whole.substr(0, sent));
+    const auto peers = silentPeers(server, 2, 0, "127.0.0.1", whole.substr(0, sent));
     const auto in = logIn(server, key, kPatience);
     EXPECT_TRUE(in.ok()) << in.error().message;
   }
@@ -101,7 +118,7 @@ TEST(HandshakeTurns, aRecordThatIsNotThereAsAWholeTakesNone) {
 TEST(HandshakeTurns, oneAddressNeverHasThemAll) {
   RunningServer server(turns(4, 2));
   const std::string key = server.addStation("bench");
-  const auto peers = silentPeers(server, 4, "127.0.0.2", clientHello());
+  const auto peers = silentPeers(server, 4, 2, "127.0.0.2", clientHello());
   const auto in = logIn(server, key, kPatience);
   EXPECT_TRUE(in.ok()) << in.error().message;
 }
@@ -111,7 +128,7 @@ TEST(HandshakeTurns, oneAddressNeverHasThemAll) {
 TEST(HandshakeTurns, othersWaitWhileAllTurnsAreTaken) {
   RunningServer server(turns(2, 2));
   const std::string key = server.addStation("bench");
-  auto peers = silentPeers(server, 2, "127.0.0.1", clientHello());
+  auto peers = silentPeers(server, 2, 2, "127.0.0.1", clientHello());
   EXPECT_FALSE(logIn(server, key, milliseconds(500)).ok());
   peers.clear();
   const auto in = logIn(server, key, kPatience);
@@ -124,7 +141,7 @@ TEST(HandshakeTurns, aTurnEndsWhenItsTimeIsOver) {
     options.bounds.handshake_turn = milliseconds(100);
   });
   const std::string key = server.addStation("bench");
-  const auto peers = silentPeers(server, 2, "127.0.0.1", clientHello());
+  const auto peers = silentPeers(server, 2, 2, "127.0.0.1", clientHello());
   const auto in = logIn(server, key, kPatience);
   EXPECT_TRUE(in.ok()) << in.error().message;
 }

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "server/live/monitor.h"
+#include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/server/web/web_lab.h"
 
@@ -293,7 +294,7 @@ TEST(WebLessons, theCsvHasEverySampleAndThePlotItsExtremes) {
 
 TEST(WebLessons, aLongCsvTakesNoMoreMemoryThanAShortOneHoweverSlowlyItIsRead) {
   WebLab lab;
-  const bool is_long = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const bool is_long = test::longForm();
   const std::uint64_t chunks = is_long ? 18'000 : 2500;  // 30 min, or 4 min
   const std::string id = lab.recorded(chunks);
   Browser ines = lab.browserOf("ines");

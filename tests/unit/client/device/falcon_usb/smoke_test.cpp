@@ -2,12 +2,12 @@
 // has to happen and bound no time: rates and delays are measured by tests/bench/realtime, and what has to
 // happen when (torque, faults, reconnection) is asserted on simulated time.
 #include <array>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "common/haptics/device_condition.h"
+#include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/device/falcon_usb/falcon_on_usb.h"
@@ -79,7 +79,7 @@ std::size_t residentKiB() {
 }
 
 TEST_F(FalconOnUsb, unpluggedAndPluggedInAgainItReportsAndLeaksNothing) {
-  const int rounds = std::getenv("NEEDLELAB_LONG") != nullptr ? 1000 : 12;
+  const int rounds = longForm() ? 1000 : 12;
   openDevice();
   home();
   std::size_t files = 0, memory_KiB = 0;

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/base/planted_bug.h"
+#include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/client/device/world/falcon_run.h"
 
@@ -48,8 +49,7 @@ std::string again(std::uint64_t seed) {
 }
 
 std::uint64_t seedsToPlay() {
-  if (const char* const longer = std::getenv("NEEDLELAB_LONG"); longer != nullptr && *longer == '1')
-    return 200'000;
+  if (test::longForm()) return 200'000;
   return kSanitized ? 100 : 2'000;
 }
 

@@ -1,10 +1,10 @@
 #include "client/sim/skill/skill_study.h"
+#include "tests/support/run_form.h"
 
 #include <gmock/gmock.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 namespace needlelab {
 namespace {
@@ -83,8 +83,8 @@ TEST(SkillStudy, shuffledLabelsSeparateInFivePercentAtMostForSeveralSeeds) {
 
 TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
   SkillStudyOptions options;
-  options.attempts = std::getenv("NEEDLELAB_LONG") != nullptr ? 6 : 1;
-  options.exercises = std::getenv("NEEDLELAB_LONG") != nullptr ? 6 : 2;
+  options.attempts = test::longForm() ? 6 : 1;
+  options.exercises = test::longForm() ? 6 : 2;
   const auto report = runSkillStudy(options);
   ASSERT_TRUE(report.ok()) << report.error().message;
   EXPECT_EQ(report->gestures, options.trainees * report->exercises.size() * options.attempts);
