@@ -21,6 +21,7 @@
 
 #include "client/view/gl_context.h"
 #include "client/view/gl_objects.h"
+#include "client/view/key_queue.h"
 #include "client/view/theme.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
@@ -114,6 +115,7 @@ struct Surface::Parts {
   SurfaceOptions options;
   std::unique_ptr<GlContext> context;
   std::unique_ptr<FrameBuffer> buffer;  // off screen: the target of drawing
+  KeyQueue keys;                        // of a window
   bool imgui = false;
   bool closed = false;
   double font_scale = 1, wanted_scale = 1;
@@ -184,6 +186,12 @@ void Surface::Parts::start() {
   imgui = true;
   if (context->window() != nullptr) {
     ImGui_ImplGlfw_InitForOpenGL(context->window(), /*install_callbacks=*/true);
+    glfwSetWindowUserPointer(context->window(), this);
+    glfwSetKeyCallback(context->window(), [](GLFWwindow* of, int key, int scancode, int action, int mods) {
+      if (action == GLFW_REPEAT) return;  // Dear ImGui repeats by itself
+      static_cast<Parts*>(glfwGetWindowUserPointer(of))
+          ->keys.add({key, scancode, mods, action == GLFW_PRESS});
+    });
   } else {
     buffer = std::make_unique<FrameBuffer>();
     mapKeys(io);
@@ -251,6 +259,9 @@ bool Surface::beginFrame() {
   parts.applyFontScale();
   ImGui_ImplOpenGL3_NewFrame();
   if (window != nullptr) {
+    for (const KeyEvent& event : parts.keys.take())
+      ImGui_ImplGlfw_KeyCallback(window, event.key, event.scancode, event.down ? GLFW_PRESS : GLFW_RELEASE,
+                                 event.mods);
     ImGui_ImplGlfw_NewFrame();
   } else {
     ImGuiIO& io = ImGui::GetIO();
