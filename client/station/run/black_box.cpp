@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
+#include <string_view>
 #include <utility>
 
 #include "client/station/run/real_time.h"
@@ -22,39 +24,35 @@ void countUp(std::atomic<std::uint64_t>& counter) noexcept {
   counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 
-/// Writes a row or the column names from one list, so that they cannot differ.
+/// Writes a row or the column names from one list, so that they cannot differ. A name comes in parts. Uses no
+/// heap but `out`'s.
 class Row {
  public:
   Row(std::string& out, bool names) : out_(out), names_(names) {}
-  void whole(const char* name, auto value) {
-    begin();
-    out_ += names_ ? std::string(name) : std::to_string(value);
-  }
-  void real(const std::string& name, double value) {
+  void whole(std::string_view name, auto value) {
     begin();
     if (names_)
       out_ += name;
     else
+      fmt::format_to(std::back_inserter(out_), "{}", value);
+  }
+  void real(double value, auto... name) {
+    begin();
+    if (names_)
+      (out_.append(name), ...);
+    else
       appendNumber(out_, value);
   }
-  void vector(const char* name, Vec3 v, const char* unit) {
-    const std::string n = name, u = unit;
-    real(n + "_x" + u, v.x);
-    real(n + "_y" + u, v.y);
-    real(n + "_z" + u, v.z);
+  void pose(std::string_view frames, const Pose& X) {
+    vector(X.p, "_m", "p_", frames);
+    real(X.q.x, "q_", frames, "_x");
+    real(X.q.y, "q_", frames, "_y");
+    real(X.q.z, "q_", frames, "_z");
+    real(X.q.w, "q_", frames, "_w");
   }
-  void pose(const char* frames, const Pose& X) {
-    const std::string f = frames;
-    vector(("p_" + f).c_str(), X.p, "_m");
-    real("q_" + f + "_x", X.q.x);
-    real("q_" + f + "_y", X.q.y);
-    real("q_" + f + "_z", X.q.z);
-    real("q_" + f + "_w", X.q.w);
-  }
-  void wrench(const char* what, const Wrench& w) {
-    const std::string n = what;
-    vector((n + "_force_W").c_str(), w.force_N, "_N");
-    vector((n + "_torque_W").c_str(), w.torque_Nm, "_Nm");
+  void wrench(std::string_view what, const Wrench& w) {
+    vector(w.force_N, "_N", what, "_force_W");
+    vector(w.torque_Nm, "_Nm", what, "_torque_W");
   }
   void end() { out_ += '\n'; }
 
@@ -62,6 +60,11 @@ class Row {
   void begin() {
     if (!first_) out_ += ',';
     first_ = false;
+  }
+  void vector(Vec3 v, std::string_view unit, auto... name) {
+    real(v.x, name..., "_x", unit);
+    real(v.y, name..., "_y", unit);
+    real(v.z, name..., "_z", unit);
   }
   std::string& out_;
   bool names_, first_ = true;
@@ -79,15 +82,15 @@ void write(Row row, const BlackBoxTick& t) {
   row.whole("fresh", static_cast<int>(t.fresh));
   row.whole("condition", t.reading.condition);
   row.whole("buttons", t.reading.buttons);
-  row.real("plunger", t.reading.plunger);
-  row.real("handle_speed_mps", t.reading.speed_mps);
+  row.real(t.reading.plunger, "plunger");
+  row.real(t.reading.speed_mps, "handle_speed_mps");
   row.pose("WH", t.reading.X_WH);
   row.pose("WT", t.X_WT);
   row.whole("phase", static_cast<int>(t.phase));
   row.whole("layer", static_cast<int>(t.layer));
-  row.real("depth_m", t.depth_m);
-  row.real("insertion_m", t.insertion_m);
-  row.real("speed_mps", t.speed_mps);
+  row.real(t.depth_m, "depth_m");
+  row.real(t.insertion_m, "insertion_m");
+  row.real(t.speed_mps, "speed_mps");
   row.wrench("wanted", t.wanted_W);
   row.wrench("rendered", t.rendered_W);
   row.whole("flags", t.flags);
@@ -100,14 +103,24 @@ namespace fs = std::filesystem;
 // leaves half of the box's spare second for copying and writing
 constexpr std::int64_t kLookEvery_ns = 50'000'000;
 
-Status write(const fs::path& path, const std::vector<BlackBoxTick>& ticks) {
+constexpr std::size_t kRowBytes = 600;
+
+/// Replaces `text` by a header with units (client/station/README.md explains the columns), then one row per
+/// tick. Numbers read back bit for bit.
+void writeCsv(const std::vector<BlackBoxTick>& ticks, std::string& text) {
+  text.clear();
+  write(Row(text, true), {});
+  for (const BlackBoxTick& tick : ticks) write(Row(text, false), tick);
+}
+
+Status write(const fs::path& path, const std::string& text) {
   std::error_code error;
   fs::create_directories(path.parent_path(), error);
   if (error)
     return Error{ErrorCode::kUnavailable,
                  "cannot make the folder " + path.parent_path().string() + ": " + error.message()};
   // private to the station's user, like the rest of the spool
-  return writeFileAtomically(path, viewOf(blackBoxCsv(ticks)), 0600);
+  return writeFileAtomically(path, viewOf(text), 0600);
 }
 
 }  // namespace
@@ -172,21 +185,12 @@ void BlackBox::finish() noexcept {
 bool BlackBox::take(BlackBoxDump& dump, std::vector<BlackBoxTick>& ticks) {
   if (!dumps_.pop(dump)) return false;
   ticks.clear();
-  ticks.reserve(dump.count);
+  ticks.reserve(mostTicks());
   for (std::uint64_t n = dump.first; n < dump.first + dump.count; ++n)
     ticks.push_back(ring_[n % ring_.size()]);
   // from here on the loop may overwrite them
   taken_.store(taken_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
   return true;
-}
-
-std::string blackBoxCsv(const std::vector<BlackBoxTick>& ticks) {
-  constexpr std::size_t kRowBytes = 600;
-  std::string text;
-  text.reserve((ticks.size() + 1) * kRowBytes);
-  write(Row(text, true), {});
-  for (const BlackBoxTick& tick : ticks) write(Row(text, false), tick);
-  return text;
 }
 
 std::string blackBoxText(const BlackBoxDump& dump) {
@@ -200,6 +204,9 @@ std::string blackBoxText(const BlackBoxDump& dump) {
 BlackBoxWriter::BlackBoxWriter(BlackBox& box, fs::path folder, std::string session,
                                std::function<void(const std::string&)> log, TimeSource& time, bool own_thread)
     : box_(box), folder_(std::move(folder)), session_(std::move(session)), log_(std::move(log)), time_(time) {
+  // a range that is written later needs no more memory
+  ticks_.reserve(box.mostTicks());
+  text_.reserve((box.mostTicks() + 1) * kRowBytes);
   if (own_thread) thread_ = std::thread([this] { run(); });
 }
 
@@ -215,7 +222,8 @@ std::int64_t BlackBoxWriter::pass() {
   BlackBoxDump dump;
   while (box_.take(dump, ticks_)) {
     const fs::path path = folder_ / fmt::format("{}-{:02}.csv", session_, dump.number);
-    const Status status = write(path, ticks_);
+    writeCsv(ticks_, text_);
+    const Status status = write(path, text_);
     auto& counter = status.ok() ? files_ : not_written_;
     counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
     log_(blackBoxText(dump) + (status.ok() ? "; the 2 s before it and what followed are in " + path.string()

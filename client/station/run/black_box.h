@@ -79,6 +79,8 @@ class BlackBox {
   /// Takes the next range and replaces `ticks`. Returns false if there is none.
   bool take(BlackBoxDump& dump, std::vector<BlackBoxTick>& ticks);
 
+  /// The longest range.
+  [[nodiscard]] std::size_t mostTicks() const noexcept { return before_ + longest_after_ + 1; }
   /// Number of all triggers.
   [[nodiscard]] std::uint64_t triggers() const noexcept { return triggers_.load(std::memory_order_relaxed); }
   /// Number of triggers after `max_dumps`; the box kept no range for them.
@@ -135,10 +137,6 @@ class MissedTickStorm {
   bool storm_ = false;
 };
 
-/// Returns a header with units (client/station/README.md explains the columns), then one row per tick.
-/// Numbers read back bit for bit.
-std::string blackBoxCsv(const std::vector<BlackBoxTick>& ticks);
-
 /// Returns the reason for the range: "black box 1: the emergency stop is pressed, at tick 4711".
 std::string blackBoxText(const BlackBoxDump& dump);
 
@@ -178,7 +176,8 @@ class BlackBoxWriter {
   std::filesystem::path folder_;
   std::string session_;
   std::function<void(const std::string&)> log_;
-  std::vector<BlackBoxTick> ticks_;  // used by the writing thread only
+  std::vector<BlackBoxTick> ticks_;  // used by the writing thread only, like `text_`
+  std::string text_;
   std::atomic<std::uint64_t> files_{0}, not_written_{0};
   TimeSource& time_;
   std::mutex mutex_;

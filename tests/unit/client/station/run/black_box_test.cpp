@@ -220,6 +220,32 @@ TEST_F(BlackBoxWriterTest, looksEvery50ms) {
   EXPECT_EQ(files.pass(), time_.nowNs() + 50'000'000);
 }
 
+// a station runs for days: its memory must not grow with its mishaps
+TEST_F(BlackBoxWriterTest, aLongerRangeNeedsNoMoreHeapThanAShortOne) {
+  BlackBox box(kRate);
+  auto files = writer(box);
+  std::uint64_t number = 0;
+  const auto heapCallsOf = [&](std::uint64_t ticks, std::uint64_t triggers) {
+    for (std::uint64_t i = 0; i < ticks; ++i) {
+      BlackBoxTick& t = box.next();
+      t.tick = number;
+      t.due_ns = 1'763'685'600'000'000'000;
+      t.X_WT.p = {0.1 / 3, -2e-7 / 3, 1e5 / 3};
+      if (i + triggers >= ticks) box.trigger(BlackBoxCause::kFault, Fault::kDeviceLost, number);
+      box.commit();
+      ++number;
+    }
+    box.finish();
+    const NoAllocScope watched;
+    files.pass();
+    return watched.calls();
+  };
+  heapCallsOf(10, 2);  // makes the folder
+  const std::uint64_t brief = heapCallsOf(10, 2), longest = heapCallsOf(9000, 501);
+  EXPECT_EQ(files.counts().files, 3u);
+  EXPECT_EQ(longest, brief);
+}
+
 TEST_F(BlackBoxWriterTest, itsOwnThreadWritesTheRestWhenItIsToldToFinish) {
   BlackBox box(kRate);
   BlackBoxWriter files(box, folder_.path() / "black-box", "session",
