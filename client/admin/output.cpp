@@ -9,6 +9,7 @@
 
 #include "common/base/files.h"
 #include "common/base/program.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {
@@ -21,6 +22,8 @@ std::string cellText(const Json& row, const Column& column) {
       return timeText(found->get<std::int64_t>());
     case Column::Kind::kBytes:
       return bytesText(found->get<std::uint64_t>());
+    case Column::Kind::kVerdict:
+      return verdictName(*found == true || *found == "passed");
     case Column::Kind::kPlain:
       break;
   }

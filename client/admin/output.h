@@ -19,8 +19,9 @@ using Json = nlohmann::ordered_json;
 struct Column {
   enum class Kind {
     kPlain,
-    kTime,   ///< ns since 1970, shown as UTC to the second
-    kBytes,  ///< shown in kB, MB …
+    kTime,     ///< ns since 1970, shown as UTC to the second
+    kBytes,    ///< shown in kB, MB …
+    kVerdict,  ///< "passed" or true; else not passed. Shown in the words of verdictName
   };
   std::string_view key;
   std::string_view title;

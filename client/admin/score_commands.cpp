@@ -189,21 +189,21 @@ Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t v
               {"comparison", rowsOfText(score.comparison_json())}};
   if (auto done = context.output.one({{"session_id", "session"},
                                       {"definition_version", "definitions"},
-                                      {"passed", "passed"},
+                                      {"passed", "verdict", Column::Kind::kVerdict},
                                       {"first", "the first one"},
                                       {"made_unix_ns", "made", Column::Kind::kTime}},
                                      row);
       !done || context.output.json())
     return done;
-  context.output.text(
-      "\n" +
-      tableText(
-          {{"measure", "MEASURE"}, {"value", "VALUE"}, {"unit", "UNIT"}, {"passed", "PASSED"}, {"words", ""}},
-          row["measures"]));
+  context.output.text("\n" + tableText({{"measure", "MEASURE"},
+                                        {"value", "VALUE"},
+                                        {"unit", "UNIT"},
+                                        {"passed", "VERDICT", Column::Kind::kVerdict},
+                                        {"words", ""}},
+                                       row["measures"]));
   if (!row["comparison"].empty())
-    context.output.text(
-        "\n" + tableText({{"measure", "MEASURE"}, {"z", "Z"}, {"standing", "STANDING"}, {"words", ""}},
-                         row["comparison"]));
+    context.output.text("\n" + tableText({{"measure", "MEASURE"}, {"standing", "STANDING"}, {"words", ""}},
+                                         row["comparison"]));
   return {};
 }
 

@@ -32,7 +32,7 @@ Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
                               {"trainee", "TRAINEE"},
                               {"exercise_id", "EXERCISE"},
                               {"state", "STATE"},
-                              {"verdict", "VERDICT"},
+                              {"verdict", "VERDICT", Column::Kind::kVerdict},
                               {"recording", "RECORDING"},
                               {"samples", "SAMPLES"},
                               {"stored_bytes", "SIZE", Column::Kind::kBytes}},
@@ -134,7 +134,7 @@ Status showSession(CommandContext& context, const Uuid& id) {
     context.output.text("\n" + tableText({{"measure", "MEASURE"},
                                           {"value", "VALUE"},
                                           {"unit", "UNIT"},
-                                          {"passed", "PASSED"},
+                                          {"passed", "VERDICT", Column::Kind::kVerdict},
                                           {"words", ""}},
                                          row["score"]));
   }
@@ -188,8 +188,10 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   list->add_option("--exercise", values->exercise, "of this exercise only");
   list->add_option("--from", values->from, "started at this moment or later")->type_name("2026-12-01T18:00Z");
   list->add_option("--to", values->to, "started before this moment")->type_name("2026-12-01T18:00Z");
-  list->add_option("--verdict", values->verdict, "passed, failed, or none: no score, or nothing is required")
-      ->check(CLI::IsMember({"passed", "failed", "none"}));
+  list->add_option(
+          "--verdict", values->verdict,
+          "passed, not-passed (or failed, its code in JSON), or none: no score, or nothing is required")
+      ->check(CLI::IsMember({"passed", "not-passed", "failed", "none"}));
   list->add_option("--search", values->search, "whose trainee's name or full name has this in it");
   list->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
   list->callback([&chosen, values] {
@@ -201,9 +203,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
       filter->set_limit(values->limit);
       filter->set_search(values->search);
       if (!values->verdict.empty())
-        filter->set_verdict(values->verdict == "passed"   ? pb::ListSessions::PASSED
-                            : values->verdict == "failed" ? pb::ListSessions::FAILED
-                                                          : pb::ListSessions::NONE);
+        filter->set_verdict(values->verdict == "passed" ? pb::ListSessions::PASSED
+                            : values->verdict == "none" ? pb::ListSessions::NONE
+                                                        : pb::ListSessions::FAILED);
       for (const auto& [option, text, set] :
            {std::tuple("--from", &values->from, &pb::ListSessions::set_from_unix_ns),
             std::tuple("--to", &values->to, &pb::ListSessions::set_to_unix_ns)}) {

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "client/admin/command.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {
@@ -79,9 +80,9 @@ Status listGroups(CommandContext& context) {
                              rows, "no group yet");
 }
 
-/// "passed (2)", "tried 3, 1 left", "locked", "-"
+/// "passed 2", "not passed 3, 1 left", "tried 1", "locked", "-"
 std::string cellText(const pb::ResultCell& cell) {
-  std::string text = cell.passed()               ? "passed"
+  std::string text = cell.has_passed()           ? verdictName(cell.passed())
                      : cell.attempts() > 0       ? "tried"
                      : cell.locked_by_size() > 0 ? "locked"
                                                  : "-";
@@ -135,9 +136,7 @@ Status showProgress(CommandContext& context, const std::string& trainee, const s
                {"number", attempt.number()},
                {"session", uuidText(id)},
                {"started_unix_ns", attempt.started_unix_ns()},
-               {"verdict", !attempt.has_passed() ? "-"
-                           : attempt.passed()    ? "passed"
-                                                 : "not passed"},
+               {"verdict", attempt.has_passed() ? verdictName(attempt.passed()) : "-"},
                {"excused", attempt.excused()},
                {"late", attempt.late()},
                {"measures", storedJson(attempt.score_json().empty() ? "[]" : attempt.score_json())}});

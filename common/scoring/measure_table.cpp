@@ -1,9 +1,12 @@
 
 #include "common/scoring/measure_table.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "common/haptics/limits.h"
@@ -13,67 +16,115 @@ namespace {
 
 constexpr Better kLessIsBetter = Better::kLess, kMoreIsBetter = Better::kMore, kNeitherIs = Better::kNeither;
 
+// --- the least differences, with their sources
+
+/// Forces: resolution of the hand 0.06 N, just-noticeable difference 7 % (Jones, Kinesthetic Sensing, 2000;
+/// Pang, Tan and Durlach 1991 found 5 to 10 %). Of the stated 7 to 10 % the least, so that it hides the
+/// least.
+constexpr LeastDifference kForceDifference{0.06, 0.07};
+/// Lengths, depths and distances: just-noticeable difference of a length of 10 to 20 mm held between the
+/// fingers, 1 mm (Durlach et al. 1989).
+constexpr LeastDifference kLengthDifference{1e-3, 0};
+/// Times: two simple reactions of a quarter of a second, one at the beginning and one at the end (Luce 1986);
+/// above 2 s, 10 % of the time (Grondin 2010).
+constexpr LeastDifference kTimeDifference{0.5, 0.10};
+/// Speeds: the speed that `translational_actions` calls rest; above it 8 %, the just-noticeable difference of
+/// a limb's movement (Jones 2000).
+constexpr LeastDifference kSpeedDifference{1.5e-3, 0.08};
+/// Swept area: a needle 20 mm deep that is 1 mm aside (kLengthDifference).
+constexpr LeastDifference kAreaDifference{2e-5, 0};
+/// Work: the least force over the least length, and the share of a force.
+constexpr LeastDifference kWorkDifference{6e-5, 0.07};
+/// Counts: rounding to whole numbers, a standard deviation of 1/√12 (Widrow and Kollár 2008).
+constexpr LeastDifference kCountDifference{0.2887, 0};
+/// Shares of the syringe: the least movement of the plunger that is a stroke (syringe_events.h).
+constexpr LeastDifference kStrokeDifference{0.02, 0};
+/// Ratios and smoothness: what the rate of the recording changes at most, 2 % (invariance_test.cpp).
+constexpr LeastDifference kRatioDifference{0, 0.02};
+/// Yes or no.
+constexpr LeastDifference kNoDifference{};
+
 constexpr std::array<MeasureKind, 34> kMeasureKinds = {{
-    {"elapsed_s", "s", "Elapsed time", kLessIsBetter, "from the first tick to the last"},
-    {"path_length_m", "m", "Path of the tip", kLessIsBetter, "sum of the tip's steps on the smoothed track"},
-    {"time_in_tissue_s", "s", "Time in tissue", kLessIsBetter, "while the engine had the tip in a layer"},
-    {"path_in_tissue_m", "m", "Path in tissue", kLessIsBetter, "the part of the path during that time"},
-    {"mean_speed_m_s", "m/s", "Mean speed", kNeitherIs, "path over recorded time"},
-    {"peak_speed_m_s", "m/s", "Peak speed", kLessIsBetter, "greatest speed on the smoothed track"},
-    {"tissue_damage_m2", "m^2", "Tissue swept by the shaft", kLessIsBetter,
+    {"elapsed_s", "s", "Elapsed time", kLessIsBetter, kTimeDifference, "from the first tick to the last"},
+    {"path_length_m", "m", "Path of the tip", kLessIsBetter, kLengthDifference,
+     "sum of the tip's steps on the smoothed track"},
+    {"time_in_tissue_s", "s", "Time in tissue", kLessIsBetter, kTimeDifference,
+     "while the engine had the tip in a layer"},
+    {"path_in_tissue_m", "m", "Path in tissue", kLessIsBetter, kLengthDifference,
+     "the part of the path during that time"},
+    {"mean_speed_m_s", "m/s", "Mean speed", kNeitherIs, kSpeedDifference, "path over recorded time"},
+    {"peak_speed_m_s", "m/s", "Peak speed", kLessIsBetter, kSpeedDifference,
+     "greatest speed on the smoothed track"},
+    {"tissue_damage_m2", "m^2", "Tissue swept by the shaft", kLessIsBetter, kAreaDifference,
      "area that the shaft's part in tissue sweeps by moving across itself; straight in and out sweeps none"},
-    {"sparc", "", "Smoothness (SPARC)", kMoreIsBetter,
+    {"sparc", "", "Smoothness (SPARC)", kMoreIsBetter, kRatioDifference,
      "spectral arc length of the speed from first entry to last exit; below 0, nearer to 0 is smoother"},
-    {"ldlj", "", "Smoothness (LDLJ)", kMoreIsBetter,
+    {"ldlj", "", "Smoothness (LDLJ)", kMoreIsBetter, kRatioDifference,
      "log dimensionless jerk of the same speed; nearer to 0 is smoother"},
-    {"translational_actions", "", "Movements of the tip", kLessIsBetter,
+    {"translational_actions", "", "Movements of the tip", kLessIsBetter, kCountDifference,
      "stretches of 2 mm or more that begin above 3 mm/s and end when the tip stays below 1.5 mm/s for 0.1 s; "
      "speeds over 0.1 s, so that tremor is none"},
-    {"rotational_actions", "", "Turns of the needle", kLessIsBetter,
+    {"rotational_actions", "", "Turns of the needle", kLessIsBetter, kCountDifference,
      "stretches of 0.05 rad or more that begin above 0.1 rad/s and end when the axis stays below 0.05 rad/s "
      "for 0.1 s; rolling about the axis is none"},
-    {"clamping_work_j", "J", "Work against clamping", kLessIsBetter,
+    {"clamping_work_j", "J", "Work against clamping", kLessIsBetter, kWorkDifference,
      "done in tissue by moving the tip across the needle's axis against the force on the hand; what the "
      "tissue gives back is not taken off"},
-    {"greatest_depth_m", "m", "Greatest depth", kNeitherIs, "of the tip under the surface, along its normal"},
-    {"greatest_insertion_m", "m", "Greatest insertion", kNeitherIs, "length of needle in tissue"},
-    {"peak_force_n", "N", "Peak force", kLessIsBetter, "greatest force on the hand, of all ticks"},
-    {"mean_force_in_tissue_n", "N", "Mean force in tissue", kLessIsBetter, "over the time in tissue"},
-    {"peak_force_layer_K_n", "N", "Peak force in layer K", kLessIsBetter,
+    {"greatest_depth_m", "m", "Greatest depth", kNeitherIs, kLengthDifference,
+     "of the tip under the surface, along its normal"},
+    {"greatest_insertion_m", "m", "Greatest insertion", kNeitherIs, kLengthDifference,
+     "length of needle in tissue"},
+    {"peak_force_n", "N", "Peak force", kLessIsBetter, kForceDifference,
+     "greatest force on the hand, of all ticks"},
+    {"mean_force_in_tissue_n", "N", "Mean force in tissue", kLessIsBetter, kForceDifference,
+     "over the time in tissue"},
+    {"peak_force_layer_K_n", "N", "Peak force in layer K", kLessIsBetter, kForceDifference,
      "while the tip was in layer K (1 is the skin's); 0 where it never was; not in the "
      "first 10 ms behind a boundary between layers"},
-    {"mean_force_layer_K_n", "N", "Mean force in layer K", kLessIsBetter,
+    {"mean_force_layer_K_n", "N", "Mean force in layer K", kLessIsBetter, kForceDifference,
      "over the same time; no row where the tip never was"},
-    {"largest_lateral_error_m", "m", "Largest lateral error", kLessIsBetter,
+    {"largest_lateral_error_m", "m", "Largest lateral error", kLessIsBetter, kLengthDifference,
      "of the tip from its trajectory"},
-    {"entries", "", "Entries", kLessIsBetter, "times that the tip went in"},
-    {"withdrawals", "", "Withdrawals", kLessIsBetter,
+    {"entries", "", "Entries", kLessIsBetter, kCountDifference, "times that the tip went in"},
+    {"withdrawals", "", "Withdrawals", kLessIsBetter, kCountDifference,
      "times that it was drawn back; a stop on the way does not begin another"},
-    {"trajectory_changes", "", "Changes of trajectory", kLessIsBetter,
+    {"trajectory_changes", "", "Changes of trajectory", kLessIsBetter, kCountDifference,
      "runs of turns in tissue, pauses up to 0.2 s included"},
-    {"path_inefficiency", "", "Way over straight way", kLessIsBetter,
+    {"path_inefficiency", "", "Way over straight way", kLessIsBetter, kRatioDifference,
      "way in tissue up to 0.25 mm before the furthest point over the straight line from its entry; 1 is "
      "straight"},
-    {"hazards_touched", "", "Hazards touched", kLessIsBetter,
+    {"hazards_touched", "", "Hazards touched", kLessIsBetter, kCountDifference,
      "how many the tip or the shaft in tissue came to"},
-    {"target_reached", "", "Target reached", kMoreIsBetter, "1: the tip was in a target, else 0"},
-    {"time_at_target_s", "s", "Time at the target", kNeitherIs, "time of the tip within a target's radius"},
-    {"target_distance_m", "m", "Final distance from the target's centre", kLessIsBetter,
+    {"target_reached", "", "Target reached", kMoreIsBetter, kNoDifference,
+     "1: the tip was in a target, else 0"},
+    {"time_at_target_s", "s", "Time at the target", kNeitherIs, kTimeDifference,
+     "time of the tip within a target's radius"},
+    {"target_distance_m", "m", "Final distance from the target's centre", kLessIsBetter, kLengthDifference,
      "at the furthest point of the last insertion"},
-    {"target_nearest_m", "m", "Least distance from the target's centre", kLessIsBetter,
+    {"target_nearest_m", "m", "Least distance from the target's centre", kLessIsBetter, kLengthDifference,
      "at any time in tissue"},
-    {"aspirations", "", "Aspirations", kNeitherIs, "strokes of the plunger outwards"},
-    {"injections", "", "Injections", kNeitherIs, "strokes of the plunger inwards"},
-    {"injected_share", "", "Share of the syringe injected", kNeitherIs,
+    {"aspirations", "", "Aspirations", kNeitherIs, kCountDifference, "strokes of the plunger outwards"},
+    {"injections", "", "Injections", kNeitherIs, kCountDifference, "strokes of the plunger inwards"},
+    {"injected_share", "", "Share of the syringe injected", kNeitherIs, kStrokeDifference,
      "of the syringe, all injections together"},
-    {"injected_in_target_share", "", "Share of the injection in the target", kMoreIsBetter,
+    {"injected_in_target_share", "", "Share of the injection in the target", kMoreIsBetter, kStrokeDifference,
      "of what was injected; where there is a target and an injection"},
-    {"aspirated_before_injection", "", "Aspirated before the injection", kMoreIsBetter,
+    {"aspirated_before_injection", "", "Aspirated before the injection", kMoreIsBetter, kNoDifference,
      "1: an aspiration that began in tissue came before the first injection in tissue, else 0"},
-    {"dtw_distance_m", "m", "Distance from the nearest reference gesture", kLessIsBetter,
+    {"dtw_distance_m", "m", "Distance from the nearest reference gesture", kLessIsBetter, kLengthDifference,
      "mean distance between the paths of the tips in tissue, time warped (DTW), of the nearest reference; "
      "where references are given"},
 }};
+
+/// "0.06 N or 7 %"; empty where every difference counts.
+std::string differenceText(const MeasureKind& kind) {
+  const LeastDifference& least = kind.least_difference;
+  std::string text;
+  if (least.absolute > 0)
+    text = fmt::format("{:g}{}{}", least.absolute, kind.unit.empty() ? "" : " ", kind.unit);
+  if (least.share > 0) text += fmt::format("{}{:g} %", text.empty() ? "" : " or ", 100 * least.share);
+  return text;
+}
 
 /// Whether `name` is `pattern` with a layer's number in place of the K.
 bool isLayered(std::string_view name, std::string_view pattern) {
@@ -121,6 +172,12 @@ Better betterOf(std::string_view name) {
   return kind == nullptr ? Better::kNeither : kind->better;
 }
 
+double leastDifference(std::string_view name, double value) {
+  const MeasureKind* const kind = measureKind(name);
+  if (kind == nullptr) return 0;
+  return std::max(kind->least_difference.absolute, kind->least_difference.share * std::abs(value));
+}
+
 std::span<const std::string_view> mainMeasures() {
   static constexpr std::array<std::string_view, 6> kMain = {
       "elapsed_s",         "peak_force_n",    "greatest_depth_m", "largest_lateral_error_m",
@@ -142,11 +199,12 @@ std::string measureTableJson() {
 }
 
 std::string measureTableMarkdown() {
-  std::string text = "| measure | unit | better | words | definition |\n|---|---|---|---|---|\n";
+  std::string text =
+      "| measure | unit | better | least difference | words | definition |\n|---|---|---|---|---|---|\n";
   for (const MeasureKind& kind : kMeasureKinds) {
     text += "| `" + std::string(kind.name) + "` | " + std::string(kind.unit) + " | " +
-            std::string(betterName(kind.better)) + " | " + std::string(kind.words) + " | " +
-            std::string(kind.definition) + " |\n";
+            std::string(betterName(kind.better)) + " | " + differenceText(kind) + " | " +
+            std::string(kind.words) + " | " + std::string(kind.definition) + " |\n";
   }
   return text;
 }

@@ -18,12 +18,21 @@ enum class Better : std::uint8_t { kLess, kMore, kNeither };
 /// "less", "more" or "neither".
 std::string_view betterName(Better better);
 
+/// The difference below which two values of a measure are the same to a person or to the device: the greater
+/// of `absolute` (in the measure's unit) and `share` of the value. Both 0: every difference counts (yes or
+/// no).
+struct LeastDifference {
+  double absolute = 0;
+  double share = 0;
+};
+
 /// One measure. Texts live as long as the program.
 struct MeasureKind {
   std::string_view name;   ///< as in the rows of a score; K stands for a layer's number, from 1
   std::string_view unit;   ///< "m", "s", "N", "m/s", "m^2", "J", or "" for counts and shares
   std::string_view words;  ///< the name for people
   Better better = Better::kNeither;
+  LeastDifference least_difference;
   std::string_view definition;  ///< one or two sentences; the full definition is beside the code
 };
 
@@ -33,6 +42,8 @@ std::span<const MeasureKind> measureKinds();
 const MeasureKind* measureKind(std::string_view name);
 /// Returns the better direction for a row of this name; `kNeither` for unknown names.
 Better betterOf(std::string_view name);
+/// Returns the least difference from `value` that counts, in the measure's unit; 0 for unknown names.
+double leastDifference(std::string_view name, double value);
 
 /// Returns the words for a row, with its layer's number: "Peak force in layer 3"; the name itself if it is
 /// unknown.

@@ -53,8 +53,8 @@ struct Measure {
 ///
 /// `rate_hz`: rate of the loop; outside 50-40,000 there is no score. `X_WL`: pose of the profile's frame in
 /// W. `exercise`: its requirements (and its time limit, as a requirement on `elapsed_s`) fill min, max,
-/// passed; a requirement on a measure that this gesture does not have makes a row that failed and states the
-/// reason. `references`: paths of gestures to compare with (dtw.h); without references there is no
+/// passed; a requirement on a measure that this gesture does not have makes a row that is not passed and
+/// states the reason. `references`: paths of gestures to compare with (dtw.h); without references there is no
 /// `dtw_distance_m`. Thread: any; shares no state.
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL,
@@ -65,6 +65,11 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
 bool isMeasureName(std::string_view name);
 /// Errors: kInvalidInput with the first requirement on a measure that does not exist.
 Status checkRequirements(const pb::Exercise& exercise);
+
+/// The verdict on an attempt or on a requirement, for people: "passed", "not passed", "no verdict" (nothing
+/// is required, or there is no score yet). Every screen, page and table in C++ takes it from here; codes for
+/// computers ("failed" in JSON and queries) are not its matter.
+const char* verdictName(std::optional<bool> passed);
 
 /// Returns a JSON list of {"measure", "value", "unit", "words"} and, for rows with a requirement, "min",
 /// "max", "passed". `value` is null where nothing was measured.

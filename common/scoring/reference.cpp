@@ -29,29 +29,32 @@ std::pair<std::ptrdiff_t, std::size_t> orderOf(const std::string& name) {
   return {kind == nullptr ? static_cast<std::ptrdiff_t>(kinds.size()) : kind - kinds.data(), name.size()};
 }
 
-std::string oneDigit(double value) {
-  return fmt::format("{:.1f}", value);
-}
-
-std::string outside(const Comparison& row, bool above) {
-  switch (betterOf(row.name)) {
-    case Better::kLess:
-      return above ? ", worse than they are: less is better" : ", better than they are: less is better";
-    case Better::kMore:
-      return above ? ", better than they are: more is better" : ", worse than they are: more is better";
-    case Better::kNeither:
+/// The side on which a value stands, as the words after it.
+std::string sideWords(const Comparison& row) {
+  switch (row.standing) {
+    case Standing::kBetter:
+    case Standing::kWorse: {
+      const char* const direction = betterOf(row.name) == Better::kMore ? "more" : "less";
+      return fmt::format(", {} than they are: {} is better", standingName(row.standing), direction);
+    }
+    case Standing::kDifferent:
+      return betterOf(row.name) == Better::kNeither ? ", unlike them; neither less nor more is better"
+                                                    : ", unlike them; the attempt was not passed";
+    case Standing::kLikeReference:
+    case Standing::kTooFew:
       break;
   }
-  return ", unlike them; neither less nor more is better";
+  return {};
 }
 
-Standing outsideStanding(const std::string& name, bool above) {
+Standing outsideStanding(const std::string& name, bool above, std::optional<bool> passed) {
   const Better better = betterOf(name);
   if (better == Better::kNeither) return Standing::kDifferent;
-  return (better == Better::kMore) == above ? Standing::kBetter : Standing::kWorse;
+  if ((better == Better::kMore) != above) return Standing::kWorse;
+  return passed.value_or(true) ? Standing::kBetter : Standing::kDifferent;
 }
 
-void judge(Comparison& row, const std::string& words) {
+void judge(Comparison& row, const std::string& words, std::optional<bool> passed) {
   const ReferenceBand& band = row.band;
   const std::string group = fmt::format("{} reference gesture{}", band.n, band.n == 1 ? "" : "s");
   const auto text = [&](double value) { return valueText(value, row.unit); };
@@ -61,25 +64,29 @@ void judge(Comparison& row, const std::string& words) {
     row.words += band.n == 1
                      ? ": the only reference gesture has " + text(band.mean)
                      : ": the " + group + " lie between " + text(band.least) + " and " + text(band.greatest);
-    row.words += fmt::format("; too few for a z-score, which needs {}", kLeastForZScore);
+    row.words += fmt::format("; too few for a comparison, which needs {}", kLeastForZScore);
     return;
   }
   const bool above = row.value > band.mean;
+  const double sd = std::max(band.sd, leastDifference(row.name, band.mean));
   // rounding differences between equal values are not a spread
-  if (band.sd <= 1e-12 * std::max(1.0, std::abs(band.mean))) {
+  if (sd <= 1e-12 * std::max(1.0, std::abs(band.mean))) {
     const bool same = std::abs(row.value - band.mean) <= 1e-12 * std::max(1.0, std::abs(band.mean));
-    row.standing = same ? Standing::kLikeReference : outsideStanding(row.name, above);
-    row.words +=
-        same ? ": as all " + group : ": all " + group + " have " + text(band.mean) + outside(row, above);
+    row.standing = same ? Standing::kLikeReference : outsideStanding(row.name, above, passed);
+    row.words += same ? ": as all " + group : ": all " + group + " have " + text(band.mean) + sideWords(row);
     return;
   }
-  row.z = (row.value - band.mean) / band.sd;
+  row.z = (row.value - band.mean) / sd;
   const double n = static_cast<double>(band.n);
   const bool like = std::abs(*row.z) <= studentQuantile975(band.n - 1) * std::sqrt(1 + 1 / n);
-  row.standing = like ? Standing::kLikeReference : outsideStanding(row.name, above);
-  row.words += ": " + oneDigit(std::abs(*row.z)) + " standard deviations " + (above ? "above" : "below") +
-               " the mean of " + group + ", " + text(band.mean) +
-               (like ? ", which is like them" : outside(row, above));
+  row.standing = like ? Standing::kLikeReference : outsideStanding(row.name, above, passed);
+  if (like) {
+    row.words += ": like the experts; the mean of " + group + " is " + text(band.mean);
+    return;
+  }
+  const bool far = std::abs(*row.z) > kFarFromExperts;
+  row.words += std::string(far ? ": far from the experts, " : ": ") + (above ? "above" : "below") +
+               " the mean of " + group + ", " + text(band.mean) + sideWords(row);
 }
 
 }  // namespace
@@ -176,7 +183,8 @@ std::string_view standingName(Standing standing) {
 }
 
 std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
-                                             std::span<const ReferenceBand> bands) {
+                                             std::span<const ReferenceBand> bands,
+                                             std::optional<bool> passed) {
   std::vector<Comparison> rows;
   for (const Measure& measure : measures) {
     if (!measure.measured) continue;
@@ -189,7 +197,7 @@ std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
     row.value = measure.value;
     row.band = *band;
     const std::string words = measureWords(row.name);
-    judge(row, words);
+    judge(row, words, passed);
     rows.push_back(std::move(row));
   }
   return rows;

@@ -3,7 +3,8 @@
 /// A few experts are a small sample: below `kLeastForZScore` gestures there is no z-score and no percentile,
 /// only the range. "Like the experts" means within the 95 % prediction interval of one more gesture from the
 /// same normal distribution, mean ± t(0.975, n−1)·sd·√(1 + 1/n), which is wide for small n; it needs no
-/// assumption about the population's true spread.
+/// assumption about the population's true spread. The sd of a comparison is never below the measure's least
+/// difference (measure_table.h), so that experts who are alike do not make everybody else a stranger.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +20,8 @@
 namespace needlelab {
 
 inline constexpr std::size_t kLeastForZScore = 5;
+/// Beyond so many standard deviations, people read "far from the experts".
+inline constexpr double kFarFromExperts = 3;
 
 /// A measure over reference gestures; gestures without the measure are left out.
 struct ReferenceBand {
@@ -42,9 +45,9 @@ std::vector<double> distancesAmong(std::span<const TipPath> references);
 
 enum class Standing : std::uint8_t {
   kLikeReference,  ///< within the expected range of another expert's gesture
-  kBetter,         ///< outside that range, on the better side
+  kBetter,         ///< outside that range, on the better side, in an attempt that did not fail
   kWorse,
-  kDifferent,  ///< outside that range, and neither side is better
+  kDifferent,  ///< outside that range, and not better or worse
   kTooFew,     ///< fewer than kLeastForZScore references
 };
 /// "like_reference", "better", "worse", "different", "too_few".
@@ -54,14 +57,18 @@ struct Comparison {
   std::string name, unit;
   double value = 0;
   ReferenceBand band;
-  std::optional<double> z;  ///< (value − mean)/sd; empty: too few, or all references have the same value
+  /// (value − mean)/max(sd, least difference); empty: too few, or yes-or-no and all references alike. For
+  /// computers, not for people.
+  std::optional<double> z;
   Standing standing = Standing::kTooFew;
   std::string words;  ///< one sentence
 };
 
-/// Compares each measured row that has a band, in the rows' order.
+/// Compares each measured row that has a band, in the rows' order. `passed`: the attempt's verdict, if it has
+/// one; nothing is called better than the experts in an attempt that was not passed.
 std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
-                                             std::span<const ReferenceBand> bands);
+                                             std::span<const ReferenceBand> bands,
+                                             std::optional<bool> passed);
 
 /// t(0.975, df), the quantile of Student's distribution, to 0.3 %; df at least 1.
 double studentQuantile975(std::size_t df);

@@ -94,6 +94,11 @@ void appendScoreCsvText(std::string& out, std::string_view text) {
 
 }  // namespace
 
+const char* verdictName(std::optional<bool> passed) {
+  if (!passed) return "no verdict";
+  return *passed ? "passed" : "not passed";
+}
+
 std::string scoreJson(std::span<const Measure> measures) {
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   for (const Measure& measure : measures) {
@@ -162,8 +167,8 @@ std::string scoreText(std::span<const Measure> measures) {
     const Measure& measure = *order[i];
     if (i == required && required > 0) text += "\n";
     const std::string value = valueOf(measure);
-    const char* const mark = !measure.passed ? "      " : *measure.passed ? "pass  " : "FAIL  ";
-    text += mark + measure.name + std::string(name_width - measure.name.size() + 2, ' ') +
+    text += fmt::format("{:<12}", measure.passed ? verdictName(measure.passed) : "") + measure.name +
+            std::string(name_width - measure.name.size() + 2, ' ') +
             std::string(value_width - widthOf(value), ' ') + value + "  " + measure.words + "\n";
   }
   return text;

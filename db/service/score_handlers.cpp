@@ -241,7 +241,8 @@ Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, co
       measures.push_back(row);
     }
   }
-  return comparisonJson(compareWithReference(measures, bands));
+  const auto passed = score.has_passed() ? std::optional(score.passed()) : std::nullopt;
+  return comparisonJson(compareWithReference(measures, bands, passed));
 }
 
 Verdicts verdictsOf(std::string_view measures_json) {

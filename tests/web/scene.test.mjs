@@ -12,7 +12,14 @@ import {
   levelLine,
   spread,
 } from '../../client/web/app/lib/scene.js';
-import { courseFaults, freshId, numbered, withoutExercise } from '../../client/web/app/lib/course_rules.js';
+import {
+  courseFaults,
+  freshId,
+  isDone,
+  nextDue,
+  numbered,
+  withoutExercise,
+} from '../../client/web/app/lib/course_rules.js';
 
 const near = (a, b, limit = 1e-9) => assert.ok(Math.abs(a - b) <= limit, `${a} is not ${b}`);
 const v = (x, y, z) => ({ x, y, z });
@@ -216,4 +223,26 @@ test('an exercise has its number once', () => {
 test('an exercise that goes is required by nobody any more; a new one has an id of its own', () => {
   assert.deepEqual(withoutExercise(course, 0).exercises, [{ id: 'b', name: 'B', profile_id: 'p' }]);
   assert.equal(freshId([{ id: 'exercise-3' }, { id: 'x' }]), 'exercise-4');
+});
+
+test('the next due date of a course is the earliest among what is not passed', () => {
+  const asked = [{ measure: 'target_reached', min: 1 }];
+  const exercises = ['a', 'b', 'c', 'd'].map((id) => ({ id, requirements: id === 'd' ? [] : asked }));
+  const cell = (exercise_id, due_unix_ms, more) => ({ exercise_id, due_unix_ms, attempts: 1, ...more });
+  const cells = [
+    cell('a', 100, { passed: true }),
+    cell('b', 300, { passed: false }),
+    cell('c', 200, { attempts: 0 }),
+    cell('d', 50, {}),
+  ];
+  assert.equal(nextDue(exercises, cells), 200, 'a is passed, d asks nothing and was tried');
+  assert.equal(nextDue(exercises, [cells[0], cells[1]]), 300);
+  assert.equal(nextDue(exercises, [cells[0], cells[3]]), undefined);
+  assert.equal(nextDue(exercises, [cell('b', null, { passed: false }), cell('c', 0, {})]), undefined, 'never due');
+  assert.equal(nextDue(exercises, []), undefined);
+  // a date that is over and not passed stays the next one
+  assert.equal(nextDue(exercises, [cell('b', 7, { passed: false }), cells[2]]), 7);
+  assert.equal(nextDue(exercises, [cell('d', 9, { attempts: 0 }), cells[2]]), 9, 'd was not tried');
+  assert.ok(!isDone({ time_limit_s: 60 }, { attempts: 2 }), 'a time limit is a requirement');
+  assert.ok(!isDone({}, { attempts: 2, passed: false }), 'the server knows of a requirement');
 });

@@ -156,7 +156,7 @@ std::string fact(const std::string& name, const std::string& value) {
 
 std::string verdictOf(const ReportData& data) {
   if (!data.passed) return data.measures.empty() ? "no score yet" : "nothing was required";
-  return *data.passed ? "✔ passed" : "✘ not passed";
+  return std::string(*data.passed ? "✔ " : "✘ ") + verdictName(data.passed);
 }
 
 std::string headOf(const ReportData& data) {

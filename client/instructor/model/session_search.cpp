@@ -30,7 +30,7 @@ Result<std::int64_t> dayOf(const char* field, const std::string& text) {
                std::string(field) + ": '" + printable(text) + "' is no day; it is written 2026-11-21"};
 }
 
-/// The order of rows under kVerdict: failed ones first.
+/// The order of rows under kVerdict: not passed ones first.
 int verdictRank(const pb::SessionInfo& row) {
   return !row.has_passed() ? 1 : row.passed() ? 2 : 0;
 }

@@ -13,6 +13,7 @@
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
+#include "common/scoring/measures.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {
@@ -137,7 +138,7 @@ void ReplayScreen::showHead(LabState& lab) {
   if (gesture.info.has_passed()) {
     ImGui::SameLine(0, 2 * space());
     conditionLine(gesture.info.passed() ? Condition::kGood : Condition::kTrouble,
-                  gesture.info.passed() ? "passed" : "not passed");
+                  verdictName(gesture.info.passed()));
   }
   if (!gesture.notes.empty()) {
     ImGui::SameLine(0, 2 * space());

@@ -135,8 +135,7 @@ void ScoresScreen::show(LabState& lab) {
   const ReportData& data = *lab.analysis.report();
   ImGui::SameLine(0, 2 * space());
   if (data.passed)
-    conditionLine(*data.passed ? Condition::kGood : Condition::kTrouble,
-                  *data.passed ? "passed" : "not passed");
+    conditionLine(*data.passed ? Condition::kGood : Condition::kTrouble, verdictName(data.passed));
   else
     conditionLine(Condition::kUnknown, data.measures.empty() ? "no score yet" : "nothing was required");
   showExport(lab);

@@ -12,6 +12,7 @@
 #include "client/view/theme.h"
 #include "common/base/text.h"
 #include "common/scoring/measure_table.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {
@@ -26,8 +27,8 @@ std::string whenText(std::int64_t unix_ns) {
 
 std::pair<Condition, const char*> verdictOf(const pb::SessionInfo& row) {
   if (row.state() == pb::SESSION_OPEN) return {Condition::kUnknown, "going on"};
-  if (!row.has_passed()) return {Condition::kUnknown, "no verdict"};
-  return row.passed() ? std::pair{Condition::kGood, "passed"} : std::pair{Condition::kTrouble, "not passed"};
+  if (!row.has_passed()) return {Condition::kUnknown, verdictName({})};
+  return {row.passed() ? Condition::kGood : Condition::kTrouble, verdictName(row.passed())};
 }
 
 std::string figureText(const pb::SessionInfo& row, const char* measure, double scale, const char* unit) {
@@ -59,17 +60,17 @@ void SessionsScreen::showFilter(LabState& lab) {
   ImGui::SameLine();
   go |= field("##from", "from 2026-11-01", query.from, 17 * space());
   go |= field("##to", "to 2026-11-21", query.to, 17 * space());
-  constexpr std::array<std::pair<pb::ListSessions::Verdict, const char*>, 4> kVerdicts = {
-      {{pb::ListSessions::ANY, "any score"},
-       {pb::ListSessions::PASSED, "passed"},
-       {pb::ListSessions::FAILED, "not passed"},
-       {pb::ListSessions::NONE, "no verdict"}}};
+  const std::array<std::pair<pb::ListSessions::Verdict, const char*>, 4> verdicts = {
+      {{pb::ListSessions::ANY, "any verdict"},
+       {pb::ListSessions::PASSED, verdictName(true)},
+       {pb::ListSessions::FAILED, verdictName(false)},
+       {pb::ListSessions::NONE, verdictName({})}}};
   ImGui::SetNextItemWidth(16 * space());
-  const char* word = "any score";
-  for (const auto& [verdict, name] : kVerdicts)
+  const char* word = verdicts.front().second;
+  for (const auto& [verdict, name] : verdicts)
     if (verdict == query.verdict) word = name;
   if (ImGui::BeginCombo("##verdict", word)) {
-    for (const auto& [verdict, name] : kVerdicts)
+    for (const auto& [verdict, name] : verdicts)
       if (ImGui::Selectable(name, verdict == query.verdict)) query.verdict = verdict, go = true;
     ImGui::EndCombo();
   }
@@ -160,7 +161,7 @@ void SessionsScreen::show(LabState& lab) {
   }
   WithTextColour text(kText);
   if (n == 0 && !lab.sessions.waiting()) {
-    if (showEmpty("No session matches", "Widen the search: fewer letters, another time, any score.",
+    if (showEmpty("No session matches", "Widen the search: fewer letters, another time, any verdict.",
                   query == SessionQuery{} ? nullptr : "Search all")) {
       query = {};
       lab.sessions.search(query);

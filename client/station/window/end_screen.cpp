@@ -4,6 +4,7 @@
 #include <imgui/imgui.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <span>
 #include <string>
@@ -24,6 +25,13 @@ namespace needlelab {
 
 namespace {
 
+/// "Passed", "Not passed".
+std::string verdictTitle(bool passed) {
+  std::string title = verdictName(passed);
+  title.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(title.front())));
+  return title;
+}
+
 void judge(const std::vector<Measure>& measures, LessonVerdict& verdict) {
   std::size_t missing = 0;
   for (const Measure& measure : measures) {
@@ -43,11 +51,12 @@ void judge(const std::vector<Measure>& measures, LessonVerdict& verdict) {
     verdict.title = "Done: nothing is required here";
   } else if (missing == 0) {
     verdict.kind = LessonVerdict::Kind::kPassed;
-    verdict.title = all == 1 ? "Passed" : fmt::format("Passed: all {} requirements are met", all);
+    verdict.title = all == 1 ? verdictTitle(true)
+                             : verdictTitle(true) + fmt::format(": all {} requirements are met", all);
   } else {
-    verdict.kind = LessonVerdict::Kind::kNotYet;
-    verdict.title =
-        fmt::format("Not yet: {} of {} requirements {} not met", missing, all, missing == 1 ? "is" : "are");
+    verdict.kind = LessonVerdict::Kind::kNotPassed;
+    verdict.title = verdictTitle(false) + fmt::format(": {} of {} requirements {} not met", missing, all,
+                                                      missing == 1 ? "is" : "are");
   }
 }
 
@@ -224,7 +233,7 @@ Condition conditionOf(LessonVerdict::Kind kind) {
   switch (kind) {
     case LessonVerdict::Kind::kPassed:
       return Condition::kGood;
-    case LessonVerdict::Kind::kNotYet:
+    case LessonVerdict::Kind::kNotPassed:
       return Condition::kAttention;
     case LessonVerdict::Kind::kNoRequirements:
     case LessonVerdict::Kind::kNoScore:

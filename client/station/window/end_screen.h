@@ -22,9 +22,9 @@ struct VerdictRow {
 };
 
 struct LessonVerdict {
-  enum class Kind : std::uint8_t { kPassed, kNotYet, kNoRequirements, kNoScore };
+  enum class Kind : std::uint8_t { kPassed, kNotPassed, kNoRequirements, kNoScore };
   Kind kind = Kind::kNoScore;
-  std::string title;                 ///< "Passed", "Not yet: 2 of 8 requirements are missing"
+  std::string title;                 ///< "Passed", "Not passed: 2 of 8 requirements are not met"
   std::vector<VerdictRow> required;  ///< unmet requirements come first
   std::vector<VerdictRow> others;    ///< all other measures
   std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"

@@ -84,7 +84,7 @@ export function comparisonOf(rows, bands) {
     const z = band.sd > 0 ? (value - band.mean) / band.sd : null;
     const standing =
       z === null || Math.abs(z) < 1
-        ? 'like_experts'
+        ? 'like_reference'
         : (betterOf(band.measure) === 'more') === z > 0
           ? 'better'
           : 'worse';

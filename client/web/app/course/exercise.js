@@ -171,7 +171,7 @@ export function Requirements({ f, at, measures }) {
     <h3>Requirements to pass</h3>
     ${
       rules.length === 0 &&
-      html`<p class="help">Without requirements every attempt is practice: nobody passes or fails.</p>`
+      html`<p class="help">Without requirements every attempt is practice and gets no verdict.</p>`
     }
     <div>${rules.map((rule, i) => {
       const known = measures.find((m) => m.name === rule.measure);

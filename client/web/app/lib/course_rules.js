@@ -73,6 +73,25 @@ export function courseFaults(course, { profiles, measures } = {}) {
 /** "2. Knee"; a name that already has a number stays as it is. */
 export const numbered = (index, name) => (/^\d/.test(name) ? name : `${index + 1}. ${name}`);
 
+/** Whether a trainee is done with an exercise, as the server sees it: passed; without requirements, tried. */
+export function isDone(exercise, cell) {
+  const asks_nothing = !exercise.requirements?.length && (exercise.time_limit_s ?? null) === null;
+  return cell?.passed ?? (asks_nothing && (cell?.attempts ?? 0) > 0);
+}
+
+/**
+ * The next date of a course for one trainee: the earliest among the exercises that are not done; it may be over.
+ * @param {any[]} exercises of the course
+ * @param {any[]} cells the trainee's results; `due_unix_ms` is the server's answer which assignment counts
+ * @returns {number|undefined} nothing: no date is left
+ */
+export function nextDue(exercises, cells) {
+  const open = exercises
+    .map((exercise) => ({ exercise, cell: cells.find((c) => c.exercise_id === exercise.id) }))
+    .filter(({ exercise, cell }) => cell?.due_unix_ms && !isDone(exercise, cell));
+  return open.length > 0 ? Math.min(...open.map(({ cell }) => cell.due_unix_ms)) : undefined;
+}
+
 /** An unused id for a new exercise: "exercise-3". */
 export function freshId(exercises, stem = 'exercise') {
   const taken = new Set(exercises.map((e) => e.id));

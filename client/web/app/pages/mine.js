@@ -1,5 +1,5 @@
 // A trainee's own page: what is assigned, what is passed, what comes next.
-import { numbered } from '../lib/course_rules.js';
+import { nextDue, numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
 import { assignments, documents, exercises, results } from '../net/requests.js';
@@ -35,11 +35,8 @@ async function ownCourses(person, signal) {
 }
 
 function Course({ row, person }) {
-  const { course, cells, given, exercises: list } = row;
-  const due = given
-    .map((a) => a.due_unix_ms)
-    .filter(Boolean)
-    .sort((a, b) => a - b)[0];
+  const { course, cells, exercises: list } = row;
+  const due = nextDue(list, cells);
   const passed = cells.filter((c) => c.passed === true).length;
   const next = list.find((e) => {
     const c = cells.find((x) => x.exercise_id === e.id);
@@ -53,7 +50,7 @@ function Course({ row, person }) {
         passed === list.length
           ? html`<${Mark} kind="good">all passed<//>`
           : html`${passed} of ${list.length} exercises passed.`
-      } ${due && html`Due ${moment(due)}.`} ${next && html`<strong>Next: ${next.name}.</strong>`}
+      } ${due && html`Next due ${moment(due)}.`} ${next && html`<strong>Next: ${next.name}.</strong>`}
     </p>
     <ol class="tiles">${list.map((e, i) => {
       const cell = cells.find((c) => c.exercise_id === e.id);

@@ -2,6 +2,7 @@
 import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { day } from '../lib/time.js';
+import { verdictOf } from '../lib/verdict.js';
 import { address } from '../net/api.js';
 import { documents, groups, results } from '../net/requests.js';
 import { SelectField } from '../ui/fields.js';
@@ -11,11 +12,11 @@ import { Empty, Heading, Loaded, Mark } from '../ui/widgets.js';
 
 /** The mark of a cell: [kind of mark, word]. */
 export function cellState(cell) {
-  if (cell.passed === true) return ['good', 'passed'];
+  if (cell.passed === true) return verdictOf(true);
   if (cell.locked_by.length > 0) return ['locked', 'locked'];
   if (cell.attempts_left === 0) return ['bad', 'no attempts left'];
   if (cell.overdue) return ['warn', 'overdue'];
-  if (cell.passed === false) return ['bad', 'not passed'];
+  if (cell.passed === false) return verdictOf(false);
   return cell.attempts > 0 ? ['info', 'practised'] : ['open', 'not begun'];
 }
 

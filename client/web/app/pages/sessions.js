@@ -3,17 +3,11 @@ import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
+import { kVerdicts, verdictOf } from '../lib/verdict.js';
 import { sessions } from '../net/requests.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { html, useState } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark, number, Table, usePages } from '../ui/widgets.js';
-
-const kVerdicts = [
-  ['', 'any'],
-  ['passed', 'passed'],
-  ['failed', 'not passed'],
-  ['none', 'no verdict'],
-];
 
 /** Midnight, local time, of a day as an input has it ("2026-12-01"), plus some days; '' stays ''. */
 function midnight_ms(day, more = 0) {
@@ -23,9 +17,8 @@ function midnight_ms(day, more = 0) {
 
 /** passed: the verdict of the first score; absent if there is no score or no requirement. */
 export function Verdict({ passed }) {
-  if (passed === true) return html`<${Mark} kind="good">passed<//>`;
-  if (passed === false) return html`<${Mark} kind="bad">not passed<//>`;
-  return html`<${Mark} kind="open">no verdict<//>`;
+  const [kind, word] = verdictOf(passed);
+  return html`<${Mark} kind=${kind}>${word}<//>`;
 }
 
 export function SessionsPage({ query, person }) {
@@ -65,7 +58,7 @@ export function SessionsPage({ query, person }) {
         html`<${TextField} label="Trainee" value=${filter.search} onValue=${change('search')} autocomplete="off" />`
       }
       <${TextField} label="Exercise id" value=${filter.exercise} onValue=${change('exercise')} autocomplete="off" />
-      <${SelectField} label="Verdict" options=${kVerdicts} value=${filter.verdict} onValue=${change('verdict')} />
+      <${SelectField} label="Verdict" options=${[['', 'any'], ...kVerdicts]} value=${filter.verdict} onValue=${change('verdict')} />
       <${TextField} label="From" type="date" value=${filter.from} onValue=${change('from')} />
       <${TextField} label="To" type="date" value=${filter.to} onValue=${change('to')} />
       <div class="actions"><button type="submit">Find</button><a class="button" href="#/sessions">Show all</a></div>

@@ -1,7 +1,8 @@
 // A score with its explanation: requirement, verdict in words, and the experts' range.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { measureTitle, number, quantity } from '../lib/units.js';
+import { measureTitle, quantity } from '../lib/units.js';
+import { verdictOf } from '../lib/verdict.js';
 import { moment } from '../lib/time.js';
 import { references, sessions } from '../net/requests.js';
 import { announce, Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/widgets.js';
@@ -26,7 +27,7 @@ function Band({ band, value }) {
   </svg>`;
 }
 
-function Row({ row, band, beside }) {
+export function Row({ row, band, beside }) {
   const bound = [
     row.min !== undefined && `at least ${quantity(row.min, row.unit)}`,
     row.max !== undefined && `at most ${quantity(row.max, row.unit)}`,
@@ -60,7 +61,6 @@ function Row({ row, band, beside }) {
                 ${rangeOf(band)
                   .map((v) => quantity(v, row.unit))
                   .join(' to ')}
-                ${Number.isFinite(beside?.z) ? `; z = ${number(beside.z, 2)}` : ''}
               </span>
             `
           : beside
@@ -117,9 +117,9 @@ export function Score({ session, person }) {
         judged.length === 0
           ? html`<${Mark} kind="open">no requirements<//>`
           : missed.length === 0
-            ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met`
+            ? html`<${Mark} kind="good">${verdictOf(true)[1]}<//> all ${judged.length} requirements are met`
             : html`
-                <${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not
+                <${Mark} kind="bad">${verdictOf(false)[1]}<//> ${missed.length} of ${judged.length} requirements are not
                 met: ${missed.map(measureTitle).join(', ')}
               `;
       // bands by other definitions do not apply to this score; the server compares by the same definitions

@@ -37,6 +37,8 @@ TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
   EXPECT_EQ(found({"--exercise", "hip-1"}), 0u);
   EXPECT_EQ(found({"--verdict", "none"}), 1u);
   EXPECT_EQ(found({"--verdict", "passed"}), 0u);
+  EXPECT_EQ(found({"--verdict", "not-passed"}) + found({"--verdict", "failed"}), 0u)
+      << "its word and its code";
   EXPECT_EQ(good({"session", "list", "--json"}).rows()[0].at("verdict"), nullptr);
   EXPECT_NE(good({"session", "list"}).out.find("VERDICT"), std::string::npos);
   EXPECT_EQ(onData({"session", "list", "--verdict", "good"}).code, 2);
@@ -447,6 +449,19 @@ TEST(OutputTable, columnsStandUnderEachOtherWhateverTheAlphabet) {
             "Jürgen  1     -\n"
             "x       20.5  -\n"
             "-       yes   -\n");
+}
+
+TEST(OutputTable, aVerdictIsInTheWordsOfTheScreensWhateverItsCode) {
+  Json rows = Json::array();
+  for (const Json& code : {Json("passed"), Json("failed"), Json(true), Json(false), Json()})
+    rows.push_back({{"verdict", code}});
+  EXPECT_EQ(tableText({{"verdict", "VERDICT", Column::Kind::kVerdict}}, rows),
+            "VERDICT\n"
+            "passed\n"
+            "not passed\n"
+            "passed\n"
+            "not passed\n"
+            "-\n");
 }
 
 TEST(OutputJson, remarksNeverMixWithIt) {

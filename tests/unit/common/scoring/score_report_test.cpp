@@ -45,15 +45,21 @@ TEST(ScoreJson, isAListOfRows) {
   EXPECT_EQ(nlohmann::json::parse(scoreJson({})), nlohmann::json::array());
 }
 
+TEST(VerdictName, isOneWordForPeopleEverywhere) {
+  EXPECT_STREQ(verdictName(true), "passed");
+  EXPECT_STREQ(verdictName(false), "not passed");
+  EXPECT_STREQ(verdictName({}), "no verdict");
+}
+
 TEST(ScoreText, linesUpAndPutsWhatWasRequiredFirst) {
   const auto score = sampleScore();
   std::istringstream text(scoreText(score));
   std::vector<std::string> lines;
   for (std::string line; std::getline(text, line);) lines.push_back(line);
   ASSERT_EQ(lines.size(), score.size() + 1) << "a line for each, and an empty one after what was required";
-  EXPECT_THAT(lines[0], ::testing::StartsWith("FAIL  peak_force_n"));
+  EXPECT_THAT(lines[0], ::testing::StartsWith("not passed  peak_force_n"));
   EXPECT_THAT(lines[0], HasSubstr("3 N  Peak force 3 N: above the 2 N allowed"));
-  EXPECT_THAT(lines[1], ::testing::StartsWith("FAIL  target_distance_m"));
+  EXPECT_THAT(lines[1], ::testing::StartsWith("not passed  target_distance_m"));
   EXPECT_EQ(lines[2], "");
   EXPECT_EQ(scoreText({}), "");
   // the words begin in one column

@@ -37,8 +37,8 @@ Measure plain(const std::string& name) {
 TEST(Verdict, whatWasMissedStandsFirst) {
   const LessonVerdict verdict =
       verdictOf(scored({required("a", true), plain("b"), required("c", false), required("d", true)}));
-  EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kNotYet);
-  EXPECT_EQ(verdict.title, "Not yet: 1 of 3 requirements is not met");
+  EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kNotPassed);
+  EXPECT_EQ(verdict.title, "Not passed: 1 of 3 requirements is not met");
   ASSERT_EQ(verdict.required.size(), 3u);
   EXPECT_EQ(verdict.required[0].words, "c is missed");
   EXPECT_EQ(verdict.required[1].words, "a is met");

@@ -1,0 +1,49 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { kVerdicts, verdictOf } from '../../client/web/app/lib/verdict.js';
+import { cellState } from '../../client/web/app/pages/results.js';
+import { Verdict } from '../../client/web/app/pages/sessions.js';
+import { Row } from '../../client/web/app/session/score.js';
+
+/** All text of a tree of elements, components inside it not drawn. */
+const textOf = (node) =>
+  Array.isArray(node)
+    ? node.map(textOf).join('')
+    : typeof node === 'object'
+      ? textOf(node?.props?.children ?? '')
+      : typeof node === 'boolean'
+        ? ''
+        : String(node ?? '');
+
+test('a verdict has one name, whatever page it stands on', () => {
+  const names = new Map(kVerdicts);
+  assert.deepEqual(
+    [...names],
+    [
+      ['passed', 'passed'],
+      ['failed', 'not passed'],
+      ['none', 'no verdict'],
+    ],
+  );
+  const cell = { locked_by: [], attempts: 1 };
+  for (const [passed, code, kind] of [
+    [true, 'passed', 'good'],
+    [false, 'failed', 'bad'],
+    [undefined, 'none', 'open'],
+    [null, 'none', 'open'],
+  ]) {
+    assert.deepEqual(verdictOf(passed), [kind, names.get(code)]);
+    assert.equal(textOf(Verdict({ passed })), names.get(code));
+    if (typeof passed === 'boolean') assert.deepEqual(cellState({ ...cell, passed }), verdictOf(passed));
+  }
+});
+
+test('a measure beside the experts has their range and words, and no count of standard deviations', () => {
+  const row = { measure: 'peak_force_n', value: 3, unit: 'N', words: 'Peak force 3 N' };
+  const band = { measure: 'peak_force_n', n: 5, mean: 1.25, least: 1, greatest: 1.5 };
+  const beside = { measure: 'peak_force_n', z: -373.25, words: 'Peak force 3 N: far from the experts' };
+  const text = textOf(Row({ row, band, beside }));
+  assert.match(text, /1\u00a0N to 1[.,]5\u00a0N/);
+  assert.match(text, /far from the experts/);
+  assert.doesNotMatch(text, /z\s*=|373/);
+});
