@@ -13,7 +13,7 @@ namespace {
 
 constexpr Better kLessIsBetter = Better::kLess, kMoreIsBetter = Better::kMore, kNeitherIs = Better::kNeither;
 
-constexpr std::array<MeasureKind, 34> kMeasureKinds = {{
+constexpr std::array<MeasureKind, 35> kMeasureKinds = {{
     {"elapsed_s", "s", "Elapsed time", kLessIsBetter, "from the first tick to the last"},
     {"path_length_m", "m", "Path of the tip", kLessIsBetter, "sum of the tip's steps on the smoothed track"},
     {"time_in_tissue_s", "s", "Time in tissue", kLessIsBetter, "while the engine had the tip in a layer"},
@@ -56,6 +56,9 @@ constexpr std::array<MeasureKind, 34> kMeasureKinds = {{
      "straight"},
     {"hazards_touched", "", "Hazards touched", kLessIsBetter,
      "how many the tip or the shaft in tissue came to"},
+    {"bone_contacts", "", "Bone contacts", kLessIsBetter,
+     "times that the tip came into a layer or a hazard of bone; less than 0.2 s out of bone does not begin "
+     "another"},
     {"target_reached", "", "Target reached", kMoreIsBetter, "1: the tip was in a target, else 0"},
     {"time_at_target_s", "s", "Time at the target", kNeitherIs, "time of the tip within a target's radius"},
     {"target_distance_m", "m", "Final distance from the target's centre", kLessIsBetter,
