@@ -47,7 +47,7 @@ struct UplinkEvents {
 /// Facts of a lesson for the status lines, from the station's LessonWatch.
 struct LessonFacts {
   double peak_force_N = 0;                   ///< since the session began
-  std::vector<std::string> hazards_touched;  ///< names, in order
+  std::vector<std::string> hazards_touched;  ///< names, in order; "bone contact" where the tip came into bone
   double force_limit_N = 0;                  ///< the exercise's limit of the peak force; 0: none
   std::string tissue;                        ///< of the layer that the tip is in; empty outside
 };

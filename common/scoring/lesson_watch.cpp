@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/scoring/anatomy.h"
+#include "common/scoring/bone_contacts.h"
 #include "common/scoring/track.h"
 
 namespace needlelab {
@@ -22,6 +23,8 @@ std::string lowerCase(std::string text) {
 
 struct LessonWatch::Scene {
   Anatomy anatomy;
+  BoneContacts bones;
+  bool bone_touched = false;
   std::vector<bool> touched;         // by hazard
   std::vector<std::string> tissues;  // by layer
 };
@@ -29,6 +32,7 @@ struct LessonWatch::Scene {
 LessonWatch::LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb::Exercise* exercise)
     : scene_(std::make_unique<Scene>()) {
   scene_->anatomy = anatomyOf(profile, X_WL);
+  scene_->bones = BoneContacts(profile, scene_->anatomy);
   scene_->touched.assign(scene_->anatomy.hazards.size(), false);
   for (const pb::Layer& layer : profile.layers())
     scene_->tissues.push_back(lowerCase(pb::Layer::Tissue_Name(layer.tissue())));
@@ -60,12 +64,17 @@ void LessonWatch::check(const GestureSample& sample) {
   if (!isFinite(tip_W_m) || !isFinite(q_WT) || !(dot(q_WT, q_WT) > 0.25) ||
       !std::isfinite(sample.insertion_m))
     return;
+  if (!scene_->bone_touched && scene_->bones.isIn(sample.layer, tip_W_m)) {
+    scene_->bone_touched = true;
+    warnings_.emplace_back(kBoneContactWords);
+  }
   const Vec3 skin_W_m = tip_W_m - sample.insertion_m * zAxis(normalized(q_WT));
   for (std::size_t h = 0; h < scene_->touched.size(); ++h) {
     const Region& hazard = scene_->anatomy.hazards[h];
     if (scene_->touched[h] || distanceTo(hazard, tip_W_m, skin_W_m) > 0) continue;
     scene_->touched[h] = true;
     touched_.push_back(hazard.name);
+    warnings_.push_back(hazard.name);
   }
 }
 

@@ -1,5 +1,5 @@
-/// Watches a gesture during the lesson: greatest force, touched hazards, tissue; with the definitions of
-/// `scoreGesture`.
+/// Watches a gesture during the lesson: greatest force, touched hazards and bone, tissue; with the
+/// definitions of `scoreGesture`.
 #pragma once
 
 #include <memory>
@@ -31,6 +31,9 @@ class LessonWatch {
   [[nodiscard]] double forceLimit_N() const { return force_limit_N_; }
   /// Names of the touched hazards, in the order of first touch by the tip or by the shaft in tissue.
   [[nodiscard]] const std::vector<std::string>& hazardsTouched() const { return touched_; }
+  /// What an instructor should look at: the same names, and kBoneContactWords where the tip first came into
+  /// bone.
+  [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
   /// The tissue of the tip's current layer, in lower case: "muscle"; empty outside.
   [[nodiscard]] const std::string& tissue() const { return tissue_; }
 
@@ -40,7 +43,7 @@ class LessonWatch {
   std::unique_ptr<Scene> scene_;
   double peak_force_N_ = 0, force_limit_N_ = 0;
   int layer_ = -1;
-  std::vector<std::string> touched_;
+  std::vector<std::string> touched_, warnings_;
   std::string tissue_;
 };
 

@@ -44,7 +44,7 @@ constexpr LeastDifference kRatioDifference{0, 0.02};
 /// Yes or no.
 constexpr LeastDifference kNoDifference{};
 
-constexpr std::array<MeasureKind, 34> kMeasureKinds = {{
+constexpr std::array<MeasureKind, 35> kMeasureKinds = {{
     {"elapsed_s", "s", "Elapsed time", kLessIsBetter, kTimeDifference, "from the first tick to the last"},
     {"path_length_m", "m", "Path of the tip", kLessIsBetter, kLengthDifference,
      "sum of the tip's steps on the smoothed track"},
@@ -95,6 +95,9 @@ constexpr std::array<MeasureKind, 34> kMeasureKinds = {{
      "straight"},
     {"hazards_touched", "", "Hazards touched", kLessIsBetter, kCountDifference,
      "how many the tip or the shaft in tissue came to"},
+    {"bone_contacts", "", "Bone contacts", kLessIsBetter, kCountDifference,
+     "times that the tip came into a layer or a hazard of bone; less than 0.2 s out of bone does not begin "
+     "another"},
     {"target_reached", "", "Target reached", kMoreIsBetter, kNoDifference,
      "1: the tip was in a target, else 0"},
     {"time_at_target_s", "s", "Time at the target", kNeitherIs, kTimeDifference,

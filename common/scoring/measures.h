@@ -20,8 +20,8 @@ namespace needlelab {
 /// value of any measure of any gesture changes, or a measure is added or removed; a test over committed
 /// gestures (definition_test.cpp) detects such a change. Stored scores contain their version.
 /// 1: until issue 5. 2: movements, turns, mean force per layer, work against clamping, distance from
-/// references.
-inline constexpr std::uint32_t kScoreDefinitionVersion = 2;
+/// references. 3: contacts with bone.
+inline constexpr std::uint32_t kScoreDefinitionVersion = 3;
 
 /// One row of a score.
 struct Measure {

@@ -8,6 +8,7 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
+#include "common/scoring/bone_contacts.h"
 #include "common/scoring/measure_groups.h"
 #include "common/scoring/syringe_events.h"
 
@@ -243,13 +244,18 @@ void addTissue(const Gesture& gesture, Rows& rows) {
 /// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
 ///   last insertion; `target_nearest_m`: the least distance at any time.
 /// - `hazards_touched`: number of hazards touched by the tip or by the shaft in tissue (straight back along
-///   the needle).
+///   the needle). `bone_contacts`: times that the tip came into bone (bone_contacts.h).
 void addAim(const Gesture& gesture, Rows& rows) {
   const std::vector<Region>& hazards = gesture.anatomy.hazards;
   std::vector<bool> touched(hazards.size(), false);
+  BoneContacts bones(*gesture.profile, gesture.anatomy);
+  int bone_contacts = 0;
   for (const GestureSample& sample : gesture.samples) {
+    const Vec3 tip = tipOf(sample);
+    if (bones.add(secondsBetween(gesture.samples.front(), sample, gesture.rate_hz), sample.layer, tip))
+      ++bone_contacts;
     if (!isInside(sample)) continue;
-    const Vec3 tip = tipOf(sample), skin = skinPointOf(sample);
+    const Vec3 skin = skinPointOf(sample);
     for (std::size_t h = 0; h < hazards.size(); ++h) {
       if (!touched[h] && distanceTo(hazards[h], tip, skin) <= 0) touched[h] = true;
     }
@@ -260,6 +266,7 @@ void addAim(const Gesture& gesture, Rows& rows) {
   }
   rows.add("hazards_touched", static_cast<double>(std::count(touched.begin(), touched.end(), true)),
            "Hazards touched" + (names.empty() ? names : names + ")"));
+  rows.add("bone_contacts", bone_contacts);
   if (!gesture.anatomy.targets.empty()) addTargets(gesture, rows);
 }
 

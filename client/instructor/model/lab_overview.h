@@ -19,7 +19,7 @@ namespace needlelab {
 enum class Need : std::uint8_t {
   kFault,           ///< the gate removed the force
   kExcessiveForce,  ///< now, or within the last kNeedLasts_s
-  kHazard,          ///< touched in this lesson
+  kHazard,          ///< a hazard or bone was touched in this lesson
   kTrouble,         ///< the station reports trouble: disk, device, loop
   kLost,            ///< went offline in mid-lesson
   kWaiting,         ///< online, without a lesson
@@ -56,7 +56,7 @@ struct StationTile {
   double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kExcessiveForce_N;
   double lesson_s = 0;  ///< since the session's start if known, otherwise its first received status line
   std::uint32_t fault = 0;
-  std::vector<std::string> hazards;
+  std::vector<std::string> hazards;  ///< touched in this lesson; "bone contact" where the tip came into bone
   std::string trouble;
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
   std::uint32_t wakeup_p99_us = 0;

@@ -132,7 +132,7 @@ void LiveStation::setSession(const pb::SessionInfo& info, const ScenePreparer& p
   const double rate_hz = info.description().rate_hz();
   rate_hz_ = rate_hz >= 50 && rate_hz <= 40'000 ? rate_hz : 1000;
   scene_ = sceneOfSession(info.description(), prepare);
-  trace_ = GestureTrace(kLiveSpan_s);
+  trace_ = GestureTrace(kLiveSpan_s, bonesOf(scene_));
   if (scene_.model) replica_ = std::make_unique<GestureReplica>(scene_.model, false, rate_hz_);
   for (const auto& samples : undescribed_) take(samples);
   undescribed_.clear();

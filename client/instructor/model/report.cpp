@@ -236,7 +236,7 @@ std::string eventsOf(const ReportData& data) {
         {gesture.timeOfTick(remark.tick()), "remark by " + remark.author() + ": " + remark.text()});
   for (const TraceEvent& event : gesture.trace.events()) {
     if (event.kind != TraceEvent::Kind::kFault && event.kind != TraceEvent::Kind::kEntry &&
-        event.kind != TraceEvent::Kind::kExit)
+        event.kind != TraceEvent::Kind::kExit && event.kind != TraceEvent::Kind::kBoneContact)
       continue;
     lines.push_back({event.time_s, std::string(nameOf(event.kind))});
   }

@@ -60,4 +60,8 @@ SessionScene sceneOfSession(const pb::SessionDescription& description, const Sce
   return scene;
 }
 
+BoneContacts bonesOf(const SessionScene& scene) {
+  return {scene.profile, anatomyOf(scene.profile, scene.X_WL)};
+}
+
 }  // namespace needlelab

@@ -8,6 +8,7 @@
 #include "client/view/model/scene_view.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
+#include "common/scoring/bone_contacts.h"
 #include "needlelab/profile.pb.h"
 #include "needlelab/types.pb.h"
 
@@ -26,6 +27,9 @@ struct SessionScene {
 
 /// Makes as much of the scene as the description allows. Thread: any.
 SessionScene sceneOfSession(const pb::SessionDescription& description, const ScenePreparer& prepare = {});
+
+/// The scene's bones, for a GestureTrace; none where the profile is not readable.
+BoneContacts bonesOf(const SessionScene& scene);
 
 /// Returns the description's placement; identity if it has none. Errors: kInvalidInput if it is not 7 finite
 /// numbers.

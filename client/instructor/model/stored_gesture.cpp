@@ -57,7 +57,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   // ticks can be missing: reserve twice the time of these samples
   const double span_s =
       2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
-  gesture->trace = GestureTrace(std::max(10.0, span_s));
+  gesture->trace = GestureTrace(std::max(10.0, span_s), bonesOf(gesture->scene));
   return gesture;
 }
 

@@ -31,7 +31,8 @@ std::vector<LineMark> marksOf(const StoredGesture& gesture, const std::vector<pb
     if (event.kind == TraceEvent::Kind::kRemark || event.kind == TraceEvent::Kind::kLayerChange ||
         event.kind == TraceEvent::Kind::kTurn || event.kind == TraceEvent::Kind::kStop)
       continue;
-    const bool bad = event.kind == TraceEvent::Kind::kFault || event.kind == TraceEvent::Kind::kGap;
+    const bool bad = event.kind == TraceEvent::Kind::kFault || event.kind == TraceEvent::Kind::kGap ||
+                     event.kind == TraceEvent::Kind::kBoneContact;
     marks.push_back({event.time_s, std::string(signOf(event.kind)), std::string(nameOf(event.kind)),
                      bad ? kVermillion : kDimText});
   }

@@ -235,8 +235,8 @@ Status StationRun::practise() {
     if (uplink != nullptr) {
       uplink->offer(piece);
       lesson_watch->add(*piece.samples);
-      uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->hazardsTouched(),
-                          lesson_watch->forceLimit_N(), lesson_watch->tissue()});
+      uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->warnings(), lesson_watch->forceLimit_N(),
+                          lesson_watch->tissue()});
     }
     home_.observer().piece(piece);
   };

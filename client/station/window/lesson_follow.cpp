@@ -14,7 +14,8 @@ LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, Sce
       scene_(std::make_shared<const SceneView>(std::move(scene))),
       // the beginning owns the model and lives as long
       replica_(std::shared_ptr<const SceneModel>(beginning_, &beginning_->lesson.model)),
-      trace_(kTraceSpan_s) {}
+      trace_(kTraceSpan_s, BoneContacts(beginning_->lesson.profile,
+                                        anatomyOf(beginning_->lesson.profile, beginning_->X_WL))) {}
 
 Result<std::unique_ptr<LessonFollow>> LessonFollow::make(std::shared_ptr<const LessonBeginning> beginning) {
   ASSIGN_OR_RETURN(auto scene, sceneViewOf(beginning->lesson.profile, beginning->X_WL));

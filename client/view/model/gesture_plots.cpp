@@ -20,6 +20,7 @@ PlotSeries seriesOf(const GestureTrace& trace, TraceChannel channel, Rgb colour,
 Rgb eventColour(TraceEvent::Kind kind) {
   switch (kind) {
     case TraceEvent::Kind::kFault:
+    case TraceEvent::Kind::kBoneContact:
       return styleOf(Condition::kTrouble).colour;
     case TraceEvent::Kind::kGap:
       return styleOf(Condition::kAttention).colour;

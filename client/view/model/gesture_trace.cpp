@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 namespace needlelab {
 namespace {
@@ -111,6 +112,8 @@ std::string_view nameOf(TraceEvent::Kind kind) {
       return "samples lost";
     case TraceEvent::Kind::kRemark:
       return "remark";
+    case TraceEvent::Kind::kBoneContact:
+      return kBoneContactWords;
   }
   return "";
 }
@@ -135,6 +138,8 @@ std::string_view signOf(TraceEvent::Kind kind) {
       return "…";
     case TraceEvent::Kind::kRemark:
       return "✎";
+    case TraceEvent::Kind::kBoneContact:
+      return "✗";
   }
   return "";
 }
@@ -158,6 +163,7 @@ struct GestureTrace::Store {
   Moment last;
   bool any = false;
   double last_turn_s = 0;
+  BoneContacts bones;
 
   void findEvents(const Moment& moment);
   void addEvent(TraceEvent event);
@@ -179,17 +185,20 @@ void GestureTrace::Store::Block::push(const Moment& moment) {
   ++count;
 }
 
-GestureTrace::GestureTrace(double span_s) : store_(std::make_unique<Store>()) {
+GestureTrace::GestureTrace(double span_s, BoneContacts bones) : store_(std::make_unique<Store>()) {
   store_->span_s = span_s;
+  store_->bones = std::move(bones);
 }
 GestureTrace::GestureTrace(GestureTrace&&) noexcept = default;
 GestureTrace& GestureTrace::operator=(GestureTrace&&) noexcept = default;
 GestureTrace::~GestureTrace() = default;
 
 void GestureTrace::clear() {
-  const double span_s = store_->span_s;
-  *store_ = {};
-  store_->span_s = span_s;
+  Store empty;
+  empty.span_s = store_->span_s;
+  empty.bones = std::move(store_->bones);
+  empty.bones.restart();
+  *store_ = std::move(empty);
 }
 
 void GestureTrace::push(const Moment& moment) {
@@ -238,6 +247,7 @@ void GestureTrace::Store::findEvents(const Moment& moment) {
   if (moment.layer >= 0 && layer_before < 0) note(Kind::kEntry);
   if (moment.layer < 0 && layer_before >= 0) note(Kind::kExit);
   if (moment.layer >= 0 && layer_before >= 0 && moment.layer != layer_before) note(Kind::kLayerChange);
+  if (bones.add(moment.time_s, moment.layer, moment.p_WT_m)) note(Kind::kBoneContact);
   if ((moment.flags & kFlagRupture) != 0) note(Kind::kRupture);
   if ((moment.flags & kFlagTurn) != 0) {
     if (last_turn_s == 0 || moment.time_s > last_turn_s + kSameTurn_s) note(Kind::kTurn);

@@ -13,6 +13,7 @@
 
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/plot.h"
+#include "common/scoring/bone_contacts.h"
 
 namespace needlelab {
 
@@ -66,7 +67,8 @@ struct TraceEvent {
     kStop,
     kFault,
     kGap,
-    kRemark
+    kRemark,
+    kBoneContact
   };
   Kind kind = Kind::kEntry;
   double time_s = 0;
@@ -83,7 +85,8 @@ std::string_view signOf(TraceEvent::Kind kind);
 /// 5 minutes at 1 kHz, allocated as it fills. Thread: one at a time.
 class GestureTrace {
  public:
-  explicit GestureTrace(double span_s = 300);
+  /// `bones`: where the tip makes a contact with bone; none by default.
+  explicit GestureTrace(double span_s = 300, BoneContacts bones = {});
   GestureTrace(GestureTrace&&) noexcept;
   GestureTrace& operator=(GestureTrace&&) noexcept;
   ~GestureTrace();

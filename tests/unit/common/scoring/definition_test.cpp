@@ -91,7 +91,7 @@ TEST(Definition, resultsOverCommittedGesturesAreThoseOfTheVersion) {
     std::uint32_t version;
     std::uint64_t hash;
   };
-  constexpr Golden kGolden[] = {{2, 0x776e140e1821d363}};
+  constexpr Golden kGolden[] = {{2, 0x776e140e1821d363}, {3, 0xaf07763e88679d6a}};
   if (std::getenv("NEEDLELAB_WRITE_GESTURES") != nullptr) {
     for (int i = 1; i <= kGoldenGestures; ++i) {
       auto writer = RecordingWriter::create(golden(i), "{}");

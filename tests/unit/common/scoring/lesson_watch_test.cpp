@@ -48,6 +48,29 @@ TEST(LessonWatch, saysAtEachMomentWhatTheScoreSaysInTheEnd) {
   EXPECT_NEAR(value("peak_force_n"), watch.peakForce_N(), 1e-9);
 }
 
+TEST(LessonWatch, warnsOfBoneOnceWhereTheTipComesIntoIt) {
+  pb::Profile profile = halfSpace();
+  addBallHazard(profile, "nerve", {0, 0, -0.015}, 0.001);
+  addBallHazard(profile, "vessel", {0, 0, -0.025}, 0.001);
+  auto samples = downAndUp(0.027);
+  const auto again = samples;
+  samples.insert(samples.end(), again.begin(), again.end());
+  LessonWatch watch(profile, {});
+  std::vector<std::size_t> when;  // sample at which the number of warnings grew
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const std::size_t before = watch.warnings().size();
+    watch.add({&samples[i], 1});
+    if (watch.warnings().size() != before) when.push_back(i);
+  }
+  EXPECT_EQ(watch.warnings(), (std::vector<std::string>{"nerve", "bone contact", "vessel"}));
+  // at 14, 20 and 24 mm, of a way of 32 mm in a second from 5 mm above
+  ASSERT_EQ(when.size(), 3u);
+  EXPECT_NEAR(static_cast<double>(when[0]), 1000 * 19.0 / 32.0, 1);
+  EXPECT_NEAR(static_cast<double>(when[1]), 1000 * 25.0 / 32.0, 1);
+  EXPECT_NEAR(static_cast<double>(when[2]), 1000 * 29.0 / 32.0, 1);
+  EXPECT_EQ(watch.hazardsTouched(), (std::vector<std::string>{"nerve", "vessel"})) << "bone is told apart";
+}
+
 TEST(LessonWatch, theShaftTouchesToo) {
   pb::Profile profile = halfSpace();
   addBallHazard(profile, "vessel", {0, 0.0005, -0.004}, 0.001);

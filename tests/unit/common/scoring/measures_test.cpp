@@ -254,6 +254,30 @@ TEST(Aim, tipAndShaftTouchHazards) {
   EXPECT_THAT(find(score, "hazards_touched")->words, ::testing::HasSubstr("(tip's, the shaft's)"));
 }
 
+TEST(Aim, eachEntryOfTheTipIntoBoneIsAContact) {
+  // 25 mm deep, where the bone begins at 20
+  pb::Profile profile = halfSpace();
+  const auto once = inAndOut(1000);
+  EXPECT_EQ(valueOf(scoreGesture(once, 1000, profile, {}), "bone_contacts"), 1);
+  // the same again, 5 s later
+  auto twice = once;
+  for (GestureSample sample : once) {
+    sample.tick += 5001;
+    twice.push_back(sample);
+  }
+  EXPECT_EQ(valueOf(scoreGesture(twice, 1000, profile, {}), "bone_contacts"), 2);
+  EXPECT_EQ(valueOf(scoreGesture(once, 1000, profile, {}), "hazards_touched"), 0) << "a layer is no hazard";
+
+  profile.mutable_layers(2)->set_tissue(pb::Layer::MUSCLE);
+  EXPECT_EQ(valueOf(scoreGesture(once, 1000, profile, {}), "bone_contacts"), 0);
+  addBallHazard(profile, "head", {0, 0, -0.026}, 0.0011);      // its top at 24.9 mm: the tip reaches 25 mm
+  addBallHazard(profile, "beside", {0.002, 0, -0.01}, 0.002);  // the shaft lies along it
+  for (auto& hazard : *profile.mutable_hazards()) hazard.set_kind(pb::Hazard::BONE);
+  const auto score = scoreGesture(once, 1000, profile, {});
+  EXPECT_EQ(valueOf(score, "hazards_touched"), 2);
+  EXPECT_EQ(valueOf(score, "bone_contacts"), 1) << "the tip's";
+}
+
 TEST(Score, doesNotDependOnTheLoopsRate) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0.001, 0, -0.024}, 0.002);

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "common/gesture/chunk.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 
@@ -115,6 +118,22 @@ TEST_F(LiveStationTest, bytesThatAreNoFrameAreCountedAndPassedOver) {
   arrival.frame.set_station("bench-2");
   live_.feed(arrival);
   EXPECT_EQ(live_.unreadable(), 1u);
+}
+
+TEST_F(LiveStationTest, aContactWithBoneStandsOnTheTimeLine) {
+  // the shoulder's bone lies 35 mm deep below the target; the hand goes 40 mm deep from 10 mm above
+  samples_ = test::lessonSamples(profile_, {.depth_m = 0.04, .seconds = 1});
+  feed(0, 400);
+  live_.setSession(info_);
+  feed(400, samples_.size() / 20 * 20);
+  const auto first =
+      std::find_if(samples_.begin(), samples_.end(), [](const auto& s) { return s.p_WT_m[2] <= -0.035; });
+  ASSERT_NE(first, samples_.end());
+  std::vector<double> found_s;
+  for (const TraceEvent& event : live_.trace().events())
+    if (event.kind == TraceEvent::Kind::kBoneContact) found_s.push_back(event.time_s);
+  ASSERT_EQ(found_s.size(), 1u);
+  EXPECT_NEAR(found_s[0], 1e-3 * static_cast<double>(first->tick), 1.01e-3);
 }
 
 TEST_F(LiveStationTest, remarksStandOnTheTimeLine) {

@@ -61,6 +61,17 @@ TEST(Report, saysWhatTheScoreSays) {
   EXPECT_LT(html.find("at most 5"), html.find(">1<"));
 }
 
+TEST(Report, listsContactsWithBone) {
+  // the shoulder's bone lies 35 mm deep below the target
+  ReportData data = dataOf();
+  EXPECT_THAT(reportHtml(data), Not(HasSubstr("bone contact"))) << "20 mm deep";
+  data.gesture = test::lesson({.depth_m = 0.04});
+  const std::string html = reportHtml(data);
+  EXPECT_THAT(html, HasSubstr("</td><td>bone contact</td>"));
+  EXPECT_LT(html.find("<td>in</td>"), html.find("<td>bone contact</td>"));
+  EXPECT_LT(html.find("<td>bone contact</td>"), html.find("<td>out</td>"));
+}
+
 TEST(Report, isOneFileWithoutScriptsOrLinks) {
   const std::string html = reportHtml(dataOf());
   for (const char* part : {"<script", "http://", "https://", "<link", "<img", "@import", "url("})

@@ -64,6 +64,24 @@ TEST(LessonFollow, findsWhatTheEngineSaidAgain) {
   EXPECT_FALSE(now.approximate);
 }
 
+TEST(LessonFollow, aContactWithBoneIsMarkedWhereTheTipComesIntoIt) {
+  const auto beginning = shoulder();
+  auto follow = std::move(*LessonFollow::make(beginning));
+  // 20 mm/s from 5 mm above: the bone, 35 mm deep, is reached after 2 s
+  follow->feed(goingIn(beginning->lesson.model, 1950).samples, 0);
+  const auto contacts = [&] {
+    std::vector<double> found_s;
+    for (const TraceEvent& event : follow->trace().events())
+      if (event.kind == TraceEvent::Kind::kBoneContact) found_s.push_back(event.time_s);
+    return found_s;
+  };
+  EXPECT_TRUE(contacts().empty());
+  const Recorded recorded = goingIn(beginning->lesson.model, 2200);
+  follow->feed({recorded.samples.begin() + 1950, recorded.samples.end()}, 0);
+  ASSERT_EQ(contacts().size(), 1u);
+  EXPECT_NEAR(contacts()[0], 2.0, 1.01e-3);
+}
+
 TEST(LessonFollow, aGapIsCountedAndSaidUntilTheNeedleIsOutside) {
   const auto beginning = shoulder();
   auto follow = std::move(*LessonFollow::make(beginning));

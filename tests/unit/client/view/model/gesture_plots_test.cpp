@@ -185,16 +185,18 @@ TEST(GesturePlots, eachEventIsAMarkWithASignAndWords) {
     Rgb colour;
     const char* words;  ///< of the mark
   };
-  const std::vector<Row> rows = {{Kind::kEntry, 0, "", kDimText, "in"},
-                                 {Kind::kExit, -1, "", kDimText, "out"},
-                                 {Kind::kLayerChange, 1, "", kDimText, "muscle"},
-                                 {Kind::kLayerChange, 9, "", kDimText, "?"},
-                                 {Kind::kRupture, 1, "", kYellow, "rupture"},
-                                 {Kind::kTurn, 1, "", kReddishPurple, "change of trajectory"},
-                                 {Kind::kStop, 1, "", kDimText, "at rest"},
-                                 {Kind::kFault, 1, "", styleOf(Condition::kTrouble).colour, "FAULT"},
-                                 {Kind::kGap, 1, "", styleOf(Condition::kAttention).colour, "samples lost"},
-                                 {Kind::kRemark, -1, "anna: slower", kSkyBlue, "anna: slower"}};
+  const std::vector<Row> rows = {
+      {Kind::kEntry, 0, "", kDimText, "in"},
+      {Kind::kExit, -1, "", kDimText, "out"},
+      {Kind::kLayerChange, 1, "", kDimText, "muscle"},
+      {Kind::kLayerChange, 9, "", kDimText, "?"},
+      {Kind::kRupture, 1, "", kYellow, "rupture"},
+      {Kind::kTurn, 1, "", kReddishPurple, "change of trajectory"},
+      {Kind::kStop, 1, "", kDimText, "at rest"},
+      {Kind::kFault, 1, "", styleOf(Condition::kTrouble).colour, "FAULT"},
+      {Kind::kGap, 1, "", styleOf(Condition::kAttention).colour, "samples lost"},
+      {Kind::kBoneContact, 1, "", styleOf(Condition::kTrouble).colour, "bone contact"},
+      {Kind::kRemark, -1, "anna: slower", kSkyBlue, "anna: slower"}};
   GestureTrace trace;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     TraceEvent event;

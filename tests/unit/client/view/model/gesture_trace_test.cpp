@@ -106,6 +106,32 @@ TEST(GestureTrace, findsEntryLayersRuptureStopFaultAndExit) {
   EXPECT_EQ(expected[TraceEvent::Kind::kRupture], 1);
 }
 
+TEST(GestureTrace, findsContactsWithBone) {
+  const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
+  const BoneContacts bones(lesson.profile, anatomyOf(lesson.profile, {}));
+  // skin, then in the last layer, which is bone: tremor, a withdrawal, and bone again
+  const int bone = lesson.profile.layers_size() - 1;
+  ASSERT_EQ(lesson.profile.layers(bone).tissue(), pb::Layer::BONE);
+  const auto contactsOf = [&](GestureTrace trace) {
+    for (int i = 0; i < 2000; ++i) {
+      const bool in_bone = (i >= 500 && i < 1000 && i % 100 < 70) || i >= 1500;
+      trace.push(momentAt(0.001 * i, 0, in_bone ? bone : 0));
+    }
+    std::vector<double> found_s;
+    for (const TraceEvent& event : trace.events()) {
+      if (event.kind == TraceEvent::Kind::kBoneContact) found_s.push_back(event.time_s);
+    }
+    return found_s;
+  };
+  EXPECT_EQ(contactsOf(GestureTrace(300, bones)), (std::vector<double>{0.5, 1.5}));
+  EXPECT_TRUE(contactsOf(GestureTrace()).empty()) << "of a scene that is not known";
+  EXPECT_EQ(nameOf(TraceEvent::Kind::kBoneContact), "bone contact");
+  // another session in the same scene begins anew, with the same bones
+  GestureTrace trace(300, bones);
+  trace.push(momentAt(7, 0, bone));
+  EXPECT_EQ(contactsOf(std::move(trace)), (std::vector<double>{0.5, 1.5}));
+}
+
 TEST(GestureTrace, aRemarkStandsWhereItBelongsAndAnEarlierTimeBeginsAnew) {
   GestureTrace trace;
   trace.push(momentAt(1, 0));
