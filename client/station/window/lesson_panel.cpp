@@ -234,8 +234,8 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
     if (slice) ImGui::SameLine();
   }
   if (slice)
-    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(),
-                    {0, upper - ImGui::GetStyle().ItemSpacing.y});
+    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(), {0, upper - ImGui::GetStyle().ItemSpacing.y},
+                    aids.has(pb::Exercise::ANATOMY));
   if (plot) {
     const double now_s = std::max(lesson.trace().lastTime_s(), kPlotSpan_s);
     std::vector<Plot> plots;
