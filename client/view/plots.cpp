@@ -137,6 +137,20 @@ void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBan
   }
 }
 
+/// Each limit as a dashed line, with its text at the right end: below the line, at the lower edge above it.
+void drawLimits(ImDrawList& list, const PlotFrame& frame, std::span<const PlotLimit> limits) {
+  WithFont font(Letters::kSmall);
+  const Rgb colour = styleOf(Condition::kAttention).colour;
+  for (const PlotLimit& limit : limits) {
+    const float y_px = frame.yAt(limit.at);
+    strokeRun(list, {{frame.low_px.x, y_px}, {frame.high_px.x, y_px}}, packed(colour, 0.85F), 1.5F, true);
+    const ImVec2 size = sizeOfText(limit.text);
+    const bool below = y_px + size.y + 2 < frame.high_px.y;
+    drawPlotText(list, {frame.high_px.x - size.x - 4, below ? y_px + 1 : y_px - size.y - 1},
+                 packed(mixed(colour, kWhite, 0.3F)), limit.text);
+  }
+}
+
 void drawMarks(ImDrawList& list, const PlotFrame& frame, std::span<const PlotMark> marks,
                const float* hover_x_px) {
   WithFont font(Letters::kSmall);
@@ -229,21 +243,21 @@ struct PlotRange {
 AxisTicks rangeOf(const Plot& plot, PlotRange data, PlotMemory& memory, float height_px) {
   const int wanted = std::clamp(static_cast<int>(height_px / (ImGui::GetFontSize() * 2.2F)), 2, 8);
   if (plot.low && plot.high) return axisTicks(*plot.low, *plot.high, wanted, false);
-  if (!data.known()) data = {0, 1};
-  // include zero when it is near
-  if (data.low > 0 && data.low < 0.6 * data.high) data.low = 0;
-  if (data.high < 0 && data.high > 0.6 * data.low) data.high = 0;
+  const AxisSpan fitted =
+      fittedSpan(plot, data.known() ? std::optional(AxisSpan{data.low, data.high}) : std::nullopt);
+  if (!data.known()) data = {fitted.low, fitted.high};
+  for (const PlotLimit& limit : plot.limits) data.take(limit.at);
   if (memory.known) {
     const double span = std::max(memory.high - memory.low, 1e-12);
     // the axis shrinks only when the data needs less than half of it
-    if (data.low >= memory.low && data.high <= memory.high && data.high - data.low > 0.45 * span)
+    if (data.low >= memory.low && data.high <= memory.high && fitted.high - fitted.low > 0.45 * span)
       return axisTicks(plot.low.value_or(memory.low), plot.high.value_or(memory.high), wanted, false);
   }
   // the data with a margin, in quarters of a step, so that the axis does not move with each new maximum
-  const double air = 0.05 * (data.high - data.low);
-  const double quarter = axisTicks(data.low, data.high, wanted, false).step / 4;
-  const double low = data.low == 0 ? 0 : std::floor((data.low - air) / quarter) * quarter;
-  const double high = data.high == 0 ? 0 : std::ceil((data.high + air) / quarter) * quarter;
+  const double air = 0.05 * (fitted.high - fitted.low);
+  const double quarter = axisTicks(fitted.low, fitted.high, wanted, false).step / 4;
+  const double low = fitted.low == 0 ? 0 : std::floor((fitted.low - air) / quarter) * quarter;
+  const double high = fitted.high == 0 ? 0 : std::ceil((fitted.high + air) / quarter) * quarter;
   AxisTicks ticks = axisTicks(plot.low.value_or(low), plot.high.value_or(high), wanted, false);
   memory.low = ticks.low;
   memory.high = ticks.high;
@@ -393,6 +407,7 @@ PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_
   drawBands(list, frame, plot.bands);
   // draw the first series last, on top
   for (std::size_t i = plot.series.size(); i-- > 0;) drawColumns(list, frame, plot.series[i], columns[i]);
+  drawLimits(list, frame, plot.limits);
   const float mouse_px = ImGui::GetIO().MousePos.x;
   drawMarks(list, frame, plot.marks, result.hovered ? &mouse_px : nullptr);
   std::optional<double> read = plot.cursor;

@@ -153,12 +153,9 @@ void SceneRenderer::Parts::setView(int width_px, int height_px) {
         both[4 * column + row] += projection[4 * k + row] * view[4 * column + k];
 
   // the cut is upright, faces the eye, and lies slightly behind the target
-  const Vec3 n = scene->focus_normal_W;
-  const Vec3 to_eye = camera.eye_W_m() - scene->focus_W_m;
-  Vec3 level = to_eye - n * dot(n, to_eye);
-  if (!(normSquared(level) > 1e-12)) level = camera.upward_W() * -1.0;
-  cut_normal_W = normalized(level);
-  cut_place_W_m = scene->focus_W_m - cut_normal_W * (0.10 * scene->extent_m);
+  insertion_plane = insertionPlaneOf(*scene, camera);
+  cut_normal_W = insertion_plane.to_viewer_W;
+  cut_place_W_m = insertion_plane.place_W_m - cut_normal_W * (0.10 * scene->extent_m);
 
   const Vec3 forward = normalized(camera.focus_W_m - camera.eye_W_m());
   const Vec3 light = normalized(camera.upward_W() * 0.85 - camera.right_W() * 0.5 - forward * 0.75);
@@ -293,9 +290,22 @@ void SceneRenderer::Parts::drawSection() {
 }
 
 void SceneRenderer::Parts::drawAnatomy(float opacity) {
-  for (std::size_t i = 0; i < hazards.size(); ++i)
-    put(*hazards[i], modelMatrix({}), hazardColour(scene->hazards[i].kind),
-        0.8F * opacity + (opacity < 1 ? 0 : 0.2F), 0.3F);
+  for (std::size_t i = 0; i < hazards.size(); ++i) {
+    const HazardView& hazard = scene->hazards[i];
+    // with a cut, what lies off its plane fades, in front of the tissue, too
+    const float fading = open ? asFloat(offPlaneOpacity(offPlane_m(hazard, insertion_plane))) : 1.0F;
+    const bool blends = opacity >= 1 && fading < 1;
+    if (blends) {
+      glEnable(GL_BLEND);
+      glEnable(GL_CULL_FACE);
+    }
+    put(*hazards[i], modelMatrix({}), hazardColour(hazard.kind),
+        fading * (0.8F * opacity + (opacity < 1 ? 0 : 0.2F)), 0.3F);
+    if (blends) {
+      glDisable(GL_BLEND);
+      glDisable(GL_CULL_FACE);
+    }
+  }
   for (const TargetView& target : scene->targets)
     put(ball, modelMatrix({target.center_W_m, {}}, {target.radius_m, target.radius_m, target.radius_m}),
         kTargetColour, opacity < 1 ? 0.7F : 1, 0.2F);

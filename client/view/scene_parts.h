@@ -47,6 +47,7 @@ struct SceneRenderer::Parts {
 
   // of the current drawing
   const SceneFrame* frame = nullptr;
+  PicturePlane insertion_plane;
   Vec3 cut_place_W_m, cut_normal_W;
   bool open = false;  ///< the half toward the eye is removed
 

@@ -177,9 +177,13 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneView& s
       const auto at = picture.at(target.center_W_m);
       if (at && picture.holds(*at)) anatomy.push_back({*at, "◎ " + target.name, kTargetColour, 0});
     }
+    const bool cut = frame.cut_open && frame.aids.has(pb::Exercise::TISSUES);
+    const PicturePlane plane = insertionPlaneOf(scene, *picture.camera);
     for (const HazardView& hazard : scene.hazards) {
       const auto at = picture.at(hazardAnchor(scene, hazard));
-      if (at && picture.holds(*at)) anatomy.push_back({*at, hazard.name, hazardColour(hazard.kind), 0});
+      if (at && picture.holds(*at))
+        anatomy.push_back(
+            {*at, hazardLabel(hazard, cut ? offPlane_m(hazard, plane) : 0), hazardColour(hazard.kind), 0});
     }
   }
   drawColumn(list, layers, picture.corner_px.x + margin_px, true, from_px, bottom_px - 3.5F * margin_px);

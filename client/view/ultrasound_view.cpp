@@ -5,13 +5,15 @@
 
 #include <fmt/core.h>
 
+#include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
 #include "common/base/clock.h"
 
 namespace needlelab {
 
-void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& moment, ImVec2 size_px) {
+void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& moment, ImVec2 size_px,
+                          bool hazard_names) {
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   if (size_px.x <= 0) size_px.x = rest.x;
   if (size_px.y <= 0) size_px.y = rest.y;
@@ -54,6 +56,21 @@ void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& 
     list.AddText({picture.x - 8 - ImGui::CalcTextSize(text.c_str()).x,
                   std::clamp(y_px - text_px * 0.5F, at.y, end.y - text_px)},
                  packed(kDimText), text.c_str());
+  }
+  if (hazard_names) {
+    const double px_per_m = static_cast<double>(height_px) / (depth_mm / 1000);
+    const double half_width_m = 0.5 * static_cast<double>(width_px) / px_per_m;
+    for (const SliceLabel& label : sliceLabels(scene, plane_, half_width_m, depth_mm / 1000)) {
+      const ImVec2 size = ImGui::CalcTextSize(label.text.c_str());
+      const float x_px = picture.x + 0.5F * width_px + static_cast<float>(label.right_m * px_per_m);
+      const float y_px = picture.y + static_cast<float>(label.down_m * px_per_m);
+      const float left_px = std::max(picture.x + 4, std::min(x_px - 0.5F * size.x, end.x - size.x - 4));
+      const auto opacity = static_cast<float>(std::max(0.5, label.opacity));  // letters stay readable
+      list.AddRectFilled({left_px - 3, y_px - 0.5F * size.y},
+                         {left_px + size.x + 3, y_px + 0.5F * size.y + 2}, packed(kBlack, 0.6F), 4);
+      list.AddText({left_px, y_px - 0.5F * size.y},
+                   packed(mixed(hazardColour(label.kind), kWhite, 0.5F), opacity), label.text.c_str());
+    }
   }
   // the picture shows its cost in time
   const std::string cost = fmt::format("{} ms, {:.0f}/s", tickText(mean_cost_s_ * 1000, 1), pictures_per_s_);

@@ -16,8 +16,10 @@ namespace needlelab {
 class UltrasoundView {
  public:
   explicit UltrasoundView(double pictures_per_s = 15) : pictures_per_s_(pictures_per_s) {}
-  /// `size_px`: 0 is the rest of the window.
-  void show(const char* id, const SceneView& scene, const Moment& moment, ImVec2 size_px);
+  /// `size_px`: 0 is the rest of the window. `hazard_names`: writes the hazards' names and distances from the
+  /// plane beside them (the aid ANATOMY).
+  void show(const char* id, const SceneView& scene, const Moment& moment, ImVec2 size_px,
+            bool hazard_names = false);
   [[nodiscard]] double lastCost_s() const { return cost_s_; }
 
  private:

@@ -9,7 +9,7 @@ import { random } from './mock/gesture.mjs';
 const en = { locale: 'en' };
 const plain = (text) => text.replace('\u00a0', ' ');
 
-test('quantities have SI prefixes and the digits that matter', () => {
+test('quantities have the units that people say and the digits that matter', () => {
   const cases = [
     [0.0031, 'm', '3.1 mm'],
     [0.35, 'm', '350 mm'],
@@ -18,12 +18,23 @@ test('quantities have SI prefixes and the digits that matter', () => {
     [-0.002, 'm', '-2 mm'],
     [0, 'm', '0 mm'],
     [0.35, 'N', '0.35 N'],
-    [0.004, 'N', '4 mN'],
+    [0.004, 'N', '0.004 N'],
+    [0.0087, 'N', '0.009 N'],
+    [-0.0087, 'N', '-0.009 N'],
+    [0.00002, 'N', '0 N'],
+    [12.34, 'N', '12.3 N'],
+    [1500, 'N', '1500 N'],
+    [0.0123, 'J', '12.3 mJ'],
+    [5e-6, 'J', '0.005 mJ'],
+    [0.002, 'N·m', '0.002 N·m'],
     [0.0012, 'm^2', '12 cm²'],
     [0.05, 'm/s', '50 mm/s'],
     [2, '', '2'],
     [0.5, 'share', '50 %'],
-    [1.5e-6, 'm', '1.5 µm'],
+    [1.5e-6, 'm', '0.002 mm'],
+    [0.0000321, 'm', '0.032 mm'],
+    [0.02, 'Pa', '20 mPa'],
+    [2500, 'Pa', '2.5 kPa'],
   ];
   for (const [value, unit, text] of cases) assert.equal(plain(quantity(value, unit, en)), text);
   for (const nothing of [null, undefined, NaN, Infinity]) assert.equal(quantity(nothing, 'm', en), '–');

@@ -3,6 +3,7 @@ import { test } from 'node:test';
 import { forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
 import {
   axisOf,
+  cross,
   depthOf,
   dot,
   frameOf,
@@ -10,6 +11,9 @@ import {
   layerBounds,
   length,
   levelLine,
+  offPlane,
+  offPlaneLabel,
+  offPlaneOpacity,
   spread,
 } from '../../client/web/app/lib/scene.js';
 import {
@@ -81,6 +85,40 @@ test('layers add up; a thickness that is no number counts as none', () => {
     { tissue: 'FAT', from_m: 0.25, to_m: 0.25 },
     { tissue: 'OTHER', from_m: 0.25, to_m: 0.75 },
   ]);
+});
+
+test('a shape is as far off the plane as its nearest point: behind it positive, in front negative', () => {
+  near(offPlane(0.002, 0.01), 0.008);
+  near(offPlane(0.002, -0.01), -0.008);
+  near(offPlane(0.002, -0.0019), 0);
+  near(offPlane(0.002, 0.03, 0.005), 0.003);
+  near(offPlane(0.002, -0.03, 0.005), 0);
+});
+
+test('a shape off the plane fades: full within 1 mm, half for every 8 mm beyond, and says where it is', () => {
+  for (const off_m of [0, 0.001, -0.001]) near(offPlaneOpacity(off_m), 1);
+  for (const [off_m, opacity] of [
+    [0.009, 0.5],
+    [-0.009, 0.5],
+    [0.017, 0.25],
+    [0.005, Math.SQRT1_2],
+  ])
+    near(offPlaneOpacity(off_m), opacity);
+  assert.equal(offPlaneLabel('nerve', 0.0009), 'nerve');
+  assert.equal(offPlaneLabel('nerve', 0.0084), 'nerve, 8 mm behind');
+  assert.equal(offPlaneLabel('nerve', -0.0078), 'nerve, 8 mm in front');
+});
+
+test('behind the side view is away from who looks at it: u to the right, d down, v into the picture', () => {
+  const frame = frameOf(plane),
+    // u × d, as to the right × down
+    into = inFrame(frame, {
+      x: frame.o.x + frame.e2.x,
+      y: frame.o.y + frame.e2.y,
+      z: frame.o.z + frame.e2.z,
+    });
+  near(into.v, 1);
+  near(dot(cross(frame.e1, { x: -frame.n.x, y: -frame.n.y, z: -frame.n.z }), frame.e2), 1);
 });
 
 test('labels keep their distance and their order', () => {

@@ -259,14 +259,14 @@ std::string progressOfTrainee(const ReportData& data) {
                                   [&](const ProgressRow& r) { return r.measure == name; });
     if (row == data.progress.end() || row->values.size() < 2) continue;
     Plot plot = progressPlot(data, *row);
-    // the plot includes the experts' whole range
+    // the plot includes zero and the experts' whole range
     const auto [least, greatest] = std::minmax_element(plot.series[0].y.begin(), plot.series[0].y.end());
-    plot.low = std::min(0.0, *least);
-    plot.high = std::max(0.0, *greatest);
-    for (const PlotBand& band : plot.bands) {
-      plot.low = std::min(*plot.low, band.low);
-      plot.high = std::max(*plot.high, band.high);
-    }
+    AxisSpan span{std::min(0.0, *least), std::max(0.0, *greatest)};
+    for (const PlotBand& band : plot.bands)
+      span = {std::min(span.low, band.low), std::max(span.high, band.high)};
+    span = fittedSpan(plot, span);
+    plot.low = span.low;
+    plot.high = span.high;
     out += fmt::format(
         "<div style='display:inline-block;width:350px;vertical-align:top'>{}<br><span "
         "class='d'>{}</span></div>\n",
@@ -293,6 +293,7 @@ std::vector<PlotMark> depthMarks(const ReportData& data) {
 std::string gesturePlotsOf(const ReportData& data) {
   const StoredGesture& gesture = *data.gesture;
   if (gesture.trace.empty()) return {};
+  const std::vector<PlotRequirement> requirements = requirementsOf(data.measures);
   std::string out;
   for (const GesturePlot which : {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kSpeed,
                                   GesturePlot::kAlignment, GesturePlot::kAngles}) {
@@ -306,6 +307,7 @@ std::string gesturePlotsOf(const ReportData& data) {
     // a page shows the whole gesture
     plot.low.reset();
     plot.high.reset();
+    addLimits(plot, which, requirements);
     out += svgPlot(plot) + "\n";
   }
   return out;
@@ -349,6 +351,7 @@ Plot progressPlot(const ReportData& data, const ProgressRow& row) {
   Plot plot;
   plot.title = kind == nullptr ? row.measure : std::string(kind->words);
   plot.unit = row.unit == "m" ? "mm" : row.unit == "m^2" ? "cm²" : row.unit;
+  plot.quantity = quantityOfUnit(plot.unit);
   plot.from = 1;
   plot.to = std::max(2.0, row.attempts.empty() ? 2.0 : row.attempts.back()) + 0.001;
   plot.clock_axis = false;
@@ -362,6 +365,8 @@ Plot progressPlot(const ReportData& data, const ProgressRow& row) {
   PlotSeries series{"value", kSkyBlue, {}, false, false, row.attempts, row.values};
   for (double& value : series.y) value *= scale;
   plot.series.push_back(std::move(series));
+  for (const PlotRequirement& requirement : requirementsOf(data.measures))
+    if (requirement.measure == row.measure) addLimits(plot, requirement, scale);
   return plot;
 }
 

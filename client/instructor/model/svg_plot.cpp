@@ -148,6 +148,19 @@ std::string drawnAxes(const Plot& plot, const SvgFrame& frame, const AxisTicks& 
   return out + line(kLeft, frame.bottom(), frame.right(), frame.bottom(), "a");
 }
 
+/// Each limit as a dashed line, with its text at the right end: below the line, at the lower edge above it.
+std::string drawnLimits(const Plot& plot, const SvgFrame& frame) {
+  std::string out;
+  for (const PlotLimit& limit : plot.limits) {
+    const double y = frame.y(limit.at);
+    out += fmt::format(
+        "<line x1='{:.1f}' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' stroke='{}' stroke-dasharray='6 4'/>", kLeft,
+        y, frame.right(), y, inkOf(kVermillion));
+    out += textAt(frame.right() - 4, y + 14 < frame.bottom() ? y + 12 : y - 4, "end", limit.text);
+  }
+  return out;
+}
+
 std::string drawnMarks(const Plot& plot, const SvgFrame& frame) {
   std::string out;
   for (const PlotMark& mark : plot.marks) {
@@ -233,16 +246,16 @@ std::string svgPlot(const Plot& plot, SvgSize size) {
       take(static_cast<double>(column.max));
     }
   }
-  low = plot.low.value_or(low);
-  high = plot.high.value_or(high);
-  const AxisTicks ticks = axisTicks(low, high > low ? high : low + 1, size.height < 160 ? 4 : 5, true);
+  const AxisSpan fitted = fittedSpan(plot, AxisSpan{low, high});
+  const AxisTicks ticks = axisTicks(fitted.low, fitted.high > fitted.low ? fitted.high : fitted.low + 1,
+                                    size.height < 160 ? 4 : 5, true);
   frame.low = ticks.low;
   frame.high = ticks.high;
 
   std::string out = openSvg(size, plot.title) + drawnBands(plot, frame) + drawnAxes(plot, frame, ticks);
   for (std::size_t i = plot.series.size(); i-- > 0;)
     out += drawnSeries(plot.series[i], isDashed(plot, i), columns[i], frame);
-  out += drawnMarks(plot, frame);
+  out += drawnLimits(plot, frame) + drawnMarks(plot, frame);
   const std::string heading = headingOf(plot);
   out += textAt(kLeft, 14, "start", heading, " class='h'");
   out += drawnLegend(plot, frame, kLeft + kHeadingLetter * static_cast<double>(heading.size()) + 12);

@@ -13,6 +13,7 @@
 
 #include "client/station/window/keys.h"
 #include "client/station/window/start_choice.h"
+#include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/plots.h"
@@ -190,9 +191,24 @@ DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene)
   for (const TargetView& target : scene.targets)
     deepest = std::max(deepest, depthAt(scene, target.center_W_m) + target.radius_m);
   range.from_m = -kOutside_m;
-  range.to_m = std::max(1.08 * deepest, kOutside_m);
-  range.force_N = std::max(1.1 * force, 0.5);
+  range.to_m = std::max(1.08 * deepest, 1e-3 * leastSpanOf(PlotQuantity::kDepth));
+  range.force_N = std::max(1.1 * force, leastSpanOf(PlotQuantity::kForce));
   return range;
+}
+
+Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
+                 std::span<const Measure> measures) {
+  Plot plot;
+  plot.title = "beside the line";
+  plot.unit = "mm";
+  plot.quantity = PlotQuantity::kDistance;
+  plot.from = 0;
+  plot.to = std::max(1.0, time_s.empty() ? 0.0 : time_s.back());
+  plot.low = 0;
+  plot.legend = false;
+  plot.series = {{"beside the line", kBluishGreen, columnsOf(time_s, lateral_mm), false, true}};
+  addLimits(plot, GesturePlot::kAlignment, requirementsOf(measures));
+  return plot;
 }
 
 void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px) {
@@ -263,6 +279,8 @@ void EndScreen::take(const LessonOutcome& outcome) {
     keys_from_s_ = ImGui::GetTime() + kKeysAfter_s;
   session_ = outcome.summary.session_id;
   verdict_ = verdictOf(outcome);
+  measures_.clear();
+  if (auto measures = parseScore(outcome.summary.score_json); measures.ok()) measures_ = *std::move(measures);
   time_s_.clear();
   lateral_mm_.clear();
   for (const CurvePoint& point : outcome.curve) {
@@ -336,15 +354,7 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
   }
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   depthPlot(outcome.curve, *scene, {rest.x, 0.58F * rest.y});
-  Plot plot;
-  plot.title = "beside the line";
-  plot.unit = "mm";
-  plot.from = 0;
-  plot.to = std::max(1.0, time_s_.back());
-  plot.low = 0;
-  plot.legend = false;
-  plot.series = {{"beside the line", kBluishGreen, columnsOf(time_s_, lateral_mm_), false, true}};
-  linePlot("lateral", plot, {rest.x, 0.40F * rest.y});
+  linePlot("lateral", lateralPlot(time_s_, lateral_mm_, measures_), {rest.x, 0.40F * rest.y});
 }
 
 void EndScreen::showNext(const BoardState& state, LessonBoard& board) {

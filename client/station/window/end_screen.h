@@ -6,13 +6,16 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/local_score.h"
 #include "client/station/window/lesson_board.h"
+#include "client/view/model/plot.h"
 #include "client/view/model/scene_view.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 
@@ -43,6 +46,10 @@ struct DepthPlotRange {
 };
 DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene);
 
+/// The lateral error over time, with the exercise's limit; refers to the two spans. `measures`: of the score.
+Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
+                 std::span<const Measure> measures);
+
 /// Draws insertion and withdrawal in different colours, layers as named bands, and marks the targets.
 void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px);
 
@@ -63,6 +70,7 @@ class EndScreen {
   double keys_from_s_ = 0;  // ignores earlier keys: they were meant for the lesson
   LessonVerdict verdict_;
   std::vector<double> time_s_, lateral_mm_;
+  std::vector<Measure> measures_;
 };
 
 }  // namespace needlelab

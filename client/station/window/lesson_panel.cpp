@@ -234,13 +234,15 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
     if (slice) ImGui::SameLine();
   }
   if (slice)
-    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(),
-                    {0, upper - ImGui::GetStyle().ItemSpacing.y});
+    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(), {0, upper - ImGui::GetStyle().ItemSpacing.y},
+                    aids.has(pb::Exercise::ANATOMY));
   if (plot) {
     const double now_s = std::max(lesson.trace().lastTime_s(), kPlotSpan_s);
     std::vector<Plot> plots;
     plots.push_back(
         gesturePlot(GesturePlot::kForces, lesson.trace(), lesson.scene().get(), now_s - kPlotSpan_s, now_s));
+    if (const auto& exercise = lesson.beginning().lesson.exercise)
+      addLimits(plots.back(), GesturePlot::kForces, requirementsOf(*exercise));
     plotStack("forces", plots, {width, rest - upper});
   } else if (upper == 0 && !aids.has(pb::Exercise::PHASE) && !aids.has(pb::Exercise::ALIGNMENT)) {
     const WithTextColour dim(kDimText);

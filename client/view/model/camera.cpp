@@ -137,4 +137,11 @@ OrbitCamera lookFromTheSide(const SceneView& scene) {
   return camera;
 }
 
+PicturePlane insertionPlaneOf(const SceneView& scene, const OrbitCamera& camera) {
+  const Vec3 n = scene.focus_normal_W, to_eye = camera.eye_W_m() - scene.focus_W_m;
+  Vec3 level = to_eye - n * dot(n, to_eye);
+  if (!(normSquared(level) > 1e-12)) level = camera.upward_W() * -1.0;
+  return {scene.focus_W_m, normalized(level)};
+}
+
 }  // namespace needlelab

@@ -55,4 +55,8 @@ OrbitCamera firstLook(const SceneView& scene);
 OrbitCamera lookFromAbove(const SceneView& scene);
 OrbitCamera lookFromTheSide(const SceneView& scene);
 
+/// Returns the plane in which the scene's picture shows the insertion: upright (it contains the surface's
+/// normal), through the scene's focus, facing the eye. The cut lies slightly behind it.
+PicturePlane insertionPlaneOf(const SceneView& scene, const OrbitCamera& camera);
+
 }  // namespace needlelab

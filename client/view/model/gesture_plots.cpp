@@ -1,12 +1,27 @@
 #include "client/view/model/gesture_plots.h"
 
 #include <algorithm>
+#include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "client/view/model/palette.h"
+#include "common/scoring/measure_table.h"
 
 namespace needlelab {
 namespace {
+
+/// The measures that judge what a plot shows, over the same ticks.
+struct JudgingMeasure {
+  std::string_view measure;
+  GesturePlot plot;
+  TraceChannel channel;
+};
+constexpr JudgingMeasure kJudgingMeasures[] = {
+    {"peak_force_n", GesturePlot::kForces, TraceChannel::kForce},
+    {"greatest_depth_m", GesturePlot::kDepth, TraceChannel::kDepth},
+    {"largest_lateral_error_m", GesturePlot::kAlignment, TraceChannel::kLateralError},
+};
 
 PlotSeries seriesOf(const GestureTrace& trace, TraceChannel channel, Rgb colour, bool dashed = false) {
   PlotSeries series;
@@ -55,6 +70,7 @@ std::vector<PlotMark> marksOf(const GestureTrace& trace, const SceneView* scene,
 void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, double from_s, double to_s) {
   const double mm = infoOf(TraceChannel::kDepth).shown_per_si;
   plot.title = "depth";
+  plot.quantity = PlotQuantity::kDepth;
   plot.unit = "mm";
   plot.downward = true;
   plot.series = {seriesOf(trace, TraceChannel::kDepth, kTipColour)};
@@ -63,7 +79,7 @@ void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, dou
   for (const LayerView& layer : scene->layers)
     plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, tissueColour(layer.tissue), layer.name});
   // at least as deep as the target, so that the remaining way is visible
-  double deepest_m = 0.004;
+  double deepest_m = leastSpanOf(PlotQuantity::kDepth) / mm;
   for (const TargetView& target : scene->targets)
     deepest_m = std::max(deepest_m, depthAt(*scene, target.center_W_m) + 2 * target.radius_m);
   std::vector<PixelColumn> columns(64);
@@ -100,6 +116,7 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
   switch (which) {
     case GesturePlot::kForces: {
       plot.title = "force";
+      plot.quantity = PlotQuantity::kForce;
       plot.unit = "N";
       plot.share = 1.4F;
       plot.series.push_back(seriesOf(trace, TraceChannel::kForce, kWhite));
@@ -114,12 +131,14 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
       break;
     case GesturePlot::kSpeed:
       plot.title = "speed";
+      plot.quantity = PlotQuantity::kSpeed;
       plot.unit = "mm/s";
       plot.series = {seriesOf(trace, TraceChannel::kSpeed, kSkyBlue)};
       plot.series.back().name.clear();
       break;
     case GesturePlot::kAlignment:
       plot.title = "lateral error";
+      plot.quantity = PlotQuantity::kDistance;
       plot.unit = "mm";
       plot.low = 0;
       plot.series = {seriesOf(trace, TraceChannel::kLateralError, kReddishPurple)};
@@ -128,6 +147,7 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
       break;
     case GesturePlot::kAngles:
       plot.title = "angles";
+      plot.quantity = PlotQuantity::kAngle;
       plot.unit = "°";
       plot.low = 0;
       plot.series = {seriesOf(trace, TraceChannel::kAlpha, kBluishGreen, true),
@@ -135,6 +155,7 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
       break;
     case GesturePlot::kPlaces:
       plot.title = "tip and wall";
+      plot.quantity = PlotQuantity::kDepth;
       plot.unit = "mm";
       plot.share = 1.4F;
       for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -155,6 +176,43 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
       break;
   }
   return plot;
+}
+
+std::vector<PlotRequirement> requirementsOf(const pb::Exercise& exercise) {
+  std::vector<PlotRequirement> requirements;
+  for (const auto& row : exercise.requirements())
+    requirements.push_back({row.measure(), row.has_min() ? std::optional(row.min()) : std::nullopt,
+                            row.has_max() ? std::optional(row.max()) : std::nullopt});
+  return requirements;
+}
+
+std::vector<PlotRequirement> requirementsOf(std::span<const Measure> measures) {
+  std::vector<PlotRequirement> requirements;
+  for (const Measure& row : measures)
+    if (row.min || row.max) requirements.push_back({row.name, row.min, row.max});
+  return requirements;
+}
+
+void addLimits(Plot& plot, GesturePlot which, std::span<const PlotRequirement> requirements) {
+  for (const JudgingMeasure& judging : kJudgingMeasures) {
+    if (judging.plot != which) continue;
+    for (const PlotRequirement& requirement : requirements)
+      if (requirement.measure == judging.measure)
+        addLimits(plot, requirement, infoOf(judging.channel).shown_per_si);
+  }
+}
+
+void addLimits(Plot& plot, const PlotRequirement& requirement, double shown_per_si) {
+  const MeasureKind* const kind = measureKind(requirement.measure);
+  const std::string unit(kind == nullptr ? std::string_view() : kind->unit);
+  for (const auto& [bound, word] : {std::pair{requirement.min, "at least "}, {requirement.max, "at most "}}) {
+    if (!bound || !std::isfinite(*bound)) continue;
+    const double at = *bound * shown_per_si;
+    plot.limits.push_back({at, word + valueText(*bound, unit)});
+    // axes with given ends make room
+    if (plot.low && at < *plot.low) plot.low = at;
+    if (plot.high && at > *plot.high) plot.high = at;
+  }
 }
 
 }  // namespace needlelab

@@ -2,10 +2,16 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "client/view/model/gesture_trace.h"
 #include "client/view/model/plot.h"
 #include "client/view/model/scene_view.h"
+#include "common/scoring/measures.h"
+#include "needlelab/profile.pb.h"
 
 namespace needlelab {
 
@@ -22,5 +28,19 @@ enum class GesturePlot : std::uint8_t {
 /// are the trace's events in the range.
 Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* scene, double from_s,
                  double to_s);
+
+/// What an exercise requires of a measure, in the measure's SI unit.
+struct PlotRequirement {
+  std::string measure;  ///< "peak_force_n"
+  std::optional<double> min, max;
+};
+std::vector<PlotRequirement> requirementsOf(const pb::Exercise& exercise);
+/// Those of a score's rows that have one.
+std::vector<PlotRequirement> requirementsOf(std::span<const Measure> measures);
+/// Adds the limits of those measures that judge the plotted quantity, e.g. "at most 5 N" of peak_force_n to
+/// kForces. Speed and angles have no such measure: the peak speed is the smoothed track's.
+void addLimits(Plot& plot, GesturePlot which, std::span<const PlotRequirement> requirements);
+/// Adds the limits of one measure, in shown units: SI times `shown_per_si`.
+void addLimits(Plot& plot, const PlotRequirement& requirement, double shown_per_si);
 
 }  // namespace needlelab

@@ -1,6 +1,7 @@
 #include "client/view/model/plot.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/core.h>
@@ -18,7 +19,67 @@ double roundStep(double rough) {
   return 10 * power;
 }
 
+constexpr double kZeroIsNear = 0.6;  // of the largest value: zero within as much again joins the axis
+
+struct QuantityRow {
+  PlotQuantity quantity;
+  std::string_view unit;
+  double least_span;
+};
+/// Each span is large beside the devices' noise (0.03 mm, 0.01 N, 0.1°), and small beside what a teacher
+/// corrects. The first row of a unit is the one of `quantityOfUnit`.
+constexpr std::array kQuantities{
+    QuantityRow{PlotQuantity::kNumber, "", 1},        // counts are whole, shares at most 1
+    QuantityRow{PlotQuantity::kForce, "N", 2},        // a skin gives way at 1 to 3 N
+    QuantityRow{PlotQuantity::kTorque, "N·m", 0.05},  // 1 N at 50 mm, a needle's length
+    QuantityRow{PlotQuantity::kDistance, "mm", 5},    // a few needle diameters
+    QuantityRow{PlotQuantity::kDepth, "mm", 10},      // skin and fat; a tremor of 0.5 mm stays flat
+    QuantityRow{PlotQuantity::kSpeed, "mm/s", 20},    // a slow insertion
+    QuantityRow{PlotQuantity::kAngle, "°", 10},       // what the eye sees as oblique
+    QuantityRow{PlotQuantity::kTime, "s", 5},         // attempts that differ by less take equally long
+    QuantityRow{PlotQuantity::kArea, "cm²", 0.5},     // 10 mm aside at a depth of 5 mm
+    QuantityRow{PlotQuantity::kWork, "J", 0.05},      // 1 N over 50 mm
+    QuantityRow{PlotQuantity::kOther, "another unit", 0},
+};
+
 }  // namespace
+
+double leastSpanOf(PlotQuantity quantity) {
+  const auto* const row = std::find_if(kQuantities.begin(), kQuantities.end(),
+                                       [&](const QuantityRow& each) { return each.quantity == quantity; });
+  return row == kQuantities.end() ? 0 : row->least_span;
+}
+
+PlotQuantity quantityOfUnit(std::string_view shown_unit) {
+  const auto* const row = std::find_if(kQuantities.begin(), kQuantities.end(),
+                                       [&](const QuantityRow& each) { return each.unit == shown_unit; });
+  return row == kQuantities.end() ? PlotQuantity::kOther : row->quantity;
+}
+
+AxisSpan fittedSpan(const Plot& plot, const std::optional<AxisSpan>& data) {
+  AxisSpan span = data.value_or(AxisSpan{0, 0});
+  for (const PlotLimit& limit : plot.limits) {
+    if (!std::isfinite(limit.at)) continue;
+    span.low = std::min(span.low, limit.at);
+    span.high = std::max(span.high, limit.at);
+  }
+  if (span.low > 0 && span.low < kZeroIsNear * span.high) span.low = 0;
+  if (span.high < 0 && span.high > kZeroIsNear * span.low) span.high = 0;
+  const bool above = span.low >= 0, below = span.high <= 0;
+  span.low = plot.low.value_or(span.low);
+  span.high = plot.high.value_or(span.high);
+  const double least = leastSpanOf(plot.quantity);
+  const double missing = (!data && least == 0 ? 1 : least) - (span.high - span.low);
+  if (!(missing > 0) || (plot.low && plot.high)) return span;
+  if (plot.low) return {span.low, span.high + missing};
+  if (plot.high) return {span.low - missing, span.high};
+  span.low -= 0.5 * missing;
+  span.high += 0.5 * missing;
+  // the width stays: what zero takes at one end is added at the other
+  if (above && span.low < 0) return {0, span.high - span.low};
+  if (below && span.high > 0) return {span.low - span.high, 0};
+  return span;
+}
 
 AxisTicks axisTicks(double low, double high, int wanted, bool widen, double least_step) {
   if (!std::isfinite(low)) low = 0;

@@ -2,11 +2,13 @@
 /// and the report's SVG (client/instructor/model/svg_plot.h).
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/view/model/palette.h"
@@ -38,6 +40,27 @@ void fillColumns(std::span<const double> x, std::span<const double> y, double fr
 /// The same as a source; the two spans must outlive it.
 ColumnSource columnsOf(std::span<const double> x, std::span<const double> y);
 
+// --- the quantity of the y axis
+
+/// Sets the least that a y axis spans, so that noise does not look like a movement.
+enum class PlotQuantity : std::uint8_t {
+  kOther,     ///< no least span
+  kNumber,    ///< counts, shares of 1, smoothness
+  kForce,     ///< N
+  kTorque,    ///< N·m
+  kDepth,     ///< mm below the skin, and places in W
+  kDistance,  ///< mm from a line or a point
+  kSpeed,     ///< mm/s
+  kAngle,     ///< °
+  kTime,      ///< s
+  kArea,      ///< cm²
+  kWork,      ///< J
+};
+/// In the plot's units; 0 for kOther.
+double leastSpanOf(PlotQuantity quantity);
+/// Returns the quantity of a shown unit ("N", "mm", "°", …); for "mm" kDistance, for "" kNumber.
+PlotQuantity quantityOfUnit(std::string_view shown_unit);
+
 // --- the description
 
 /// A series has `columns`, or a few points (x, y).
@@ -56,6 +79,11 @@ struct PlotBand {
   Rgb colour;
   std::string name;
 };
+/// A limit that the exercise sets, drawn as a dashed line across the plot.
+struct PlotLimit {
+  double at = 0;
+  std::string text;  ///< beside the line: "at most 5 N"
+};
 /// A vertical mark.
 struct PlotMark {
   double x = 0;
@@ -66,6 +94,7 @@ struct PlotMark {
 
 struct Plot {
   std::string title, unit;  ///< "force", "N"
+  PlotQuantity quantity = PlotQuantity::kOther;
   double from = 0, to = 1;  ///< x
   bool clock_axis = true;   ///< x is a time in s; else numbers with `x_unit`
   std::string x_unit;
@@ -73,6 +102,7 @@ struct Plot {
   bool downward = false;            ///< y grows downward (depth)
   std::vector<PlotSeries> series;   ///< the first is on top and first in the legend
   std::vector<PlotBand> bands;
+  std::vector<PlotLimit> limits;  ///< always within the axis
   std::vector<PlotMark> marks;
   std::optional<double> cursor;  ///< a line at this x, with the values there in the legend
   bool legend = true;
@@ -83,6 +113,14 @@ struct Plot {
 std::string headingOf(const Plot& plot);
 
 // --- axes
+
+struct AxisSpan {
+  double low = 0, high = 1;
+};
+/// Returns the y range for the data (none: an empty plot), without air and round numbers. It contains data
+/// and limits, zero when that is near, and spans at least `leastSpanOf`: centred on the data, but not beyond
+/// zero when all data lie on one side. A given `low` or `high` of the plot stays where it is.
+AxisSpan fittedSpan(const Plot& plot, const std::optional<AxisSpan>& data);
 
 struct AxisTicks {
   double low = 0, high = 1;  ///< the axis, widened to round numbers if wanted

@@ -17,6 +17,8 @@ namespace needlelab {
 namespace {
 
 constexpr double kUsualDiameter_m = 0.0008;  // a 21G needle's
+constexpr double kInPlane_m = 0.001;         // nearer than this, a hazard counts as in the picture's plane
+constexpr double kHalved_m = 0.008;          // farther by this, a hazard is half as strong
 
 std::vector<LayerView> layersOf(const pb::Profile& profile) {
   std::map<int, int> count, seen;
@@ -113,6 +115,24 @@ double drawnDiameter_m(const SceneView& scene) {
 
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m) {
   return segmentDistance(tip_W_m, skin_W_m, hazard.a_W_m, hazard.b_W_m) - hazard.radius_m;
+}
+
+double offPlane_m(const HazardView& hazard, const PicturePlane& plane) {
+  const double a_m = dot(hazard.a_W_m - plane.place_W_m, plane.to_viewer_W),
+               b_m = dot(hazard.b_W_m - plane.place_W_m, plane.to_viewer_W);
+  const double nearest_m = std::min(a_m, b_m) - hazard.radius_m,
+               farthest_m = std::max(a_m, b_m) + hazard.radius_m;
+  return nearest_m > 0 ? nearest_m : farthest_m < 0 ? farthest_m : 0;
+}
+
+double offPlaneOpacity(double off_plane_m) {
+  return std::exp2(-std::max(0.0, std::fabs(off_plane_m) - kInPlane_m) / kHalved_m);
+}
+
+std::string hazardLabel(const HazardView& hazard, double off_plane_m) {
+  if (!(std::fabs(off_plane_m) > kInPlane_m)) return hazard.name;
+  return fmt::format("{}, {:.0f} mm {}", hazard.name, std::fabs(off_plane_m) * 1000,
+                     off_plane_m > 0 ? "in front" : "behind");
 }
 
 AidSet::AidSet(const AidList& aids) {

@@ -71,6 +71,18 @@ double drawnDiameter_m(const SceneView& scene);
 /// negative inside.
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
 
+/// A plane that a picture shows: a cut, an ultrasound slice. `to_viewer_W` is its unit normal.
+struct PicturePlane {
+  Vec3 place_W_m, to_viewer_W;
+};
+/// Returns the distance from the plane to the hazard's nearest point: positive in front of the plane (on the
+/// viewer's side), negative behind it, 0 where the plane cuts the hazard.
+double offPlane_m(const HazardView& hazard, const PicturePlane& plane);
+/// Returns how strongly a picture draws a hazard at that distance: 1 within 1 mm, then half for every 8 mm.
+double offPlaneOpacity(double off_plane_m);
+/// Returns "artery", or where it is more than 1 mm off the plane "artery, 8 mm behind" or "…, 8 mm in front".
+std::string hazardLabel(const HazardView& hazard, double off_plane_m);
+
 /// The set of active aids; cheap to query and compare in each frame. common/profile/aid_list.h has the aids
 /// that an exercise allows, and their names.
 class AidSet {

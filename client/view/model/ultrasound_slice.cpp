@@ -15,6 +15,8 @@ namespace {
 constexpr double kDeepest_m = 0.12, kShallowest_m = 0.02;
 constexpr double kMaxTurn_rad = 0.2;      // of the plane, from one picture to the next
 constexpr double kDepthStep_m = 0.00005;  // of the table of echoes over depth
+constexpr double kFaintest = 0.02;        // hazards that are fainter are left out
+constexpr float kThrough = 0.6F;          // strength of what lies beside the section of a hazard
 constexpr int kGrainSize = 256;           // a tile of speckle, repeated
 constexpr double kGrainAcross_m = 0.00022,
                  kGrainDown_m = 0.00012;  // wider than high, because sound resolves better along its path
@@ -132,6 +134,18 @@ struct Shape {
   double radius_m = 0;
   Echo echo;
 
+  /// The hazard's part that projects onto a point of the picture.
+  struct Projection {
+    double away_m = 0;  // in the picture, from the outline, negative inside
+    double off_m = 0;   // from the plane
+  };
+  [[nodiscard]] Projection projectionAt(double x_m, double y_m) const {
+    const double dx = b.x - a.x, dy = b.y - a.y, squared = dx * dx + dy * dy;
+    const double t =
+        squared > 0 ? std::clamp(((x_m - a.x) * dx + (y_m - a.y) * dy) / squared, 0.0, 1.0) : 0.5;
+    return {std::hypot(x_m - a.x - t * dx, y_m - a.y - t * dy) - radius_m,
+            std::max(0.0, std::fabs(a.z + t * (b.z - a.z)) - radius_m)};
+  }
   // distance from the surface, negative inside
   [[nodiscard]] double distance_m(double x_m, double y_m) const {
     const Vec3 p{x_m, y_m, 0}, ab = b - a;
@@ -139,12 +153,11 @@ struct Shape {
     const double t = squared > 0 ? std::clamp(dot(p - a, ab) / squared, 0.0, 1.0) : 0.0;
     return norm(p - (a + ab * t)) - radius_m;
   }
-  /// Whether the hazard is visible, and where, so that most pixels skip the distance.
+  /// Whether a point of the picture is near the hazard, so that most pixels skip the distances.
   [[nodiscard]] bool isNear(double x_m, double y_m, double margin_m) const {
     const double reach_m = radius_m + margin_m;
     return y_m > std::min(a.y, b.y) - reach_m && y_m < std::max(a.y, b.y) + reach_m &&
-           x_m > std::min(a.x, b.x) - reach_m && x_m < std::max(a.x, b.x) + reach_m &&
-           std::min(a.z, b.z) < reach_m && std::max(a.z, b.z) > -reach_m;
+           x_m > std::min(a.x, b.x) - reach_m && x_m < std::max(a.x, b.x) + reach_m;
   }
 };
 
@@ -228,6 +241,27 @@ SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const Slic
   return plane;
 }
 
+PicturePlane picturePlaneOf(const SlicePlane& plane) {
+  return {plane.origin_W_m, -cross(plane.right_W, plane.down_W)};
+}
+
+std::vector<SliceLabel> sliceLabels(const SceneView& scene, const SlicePlane& plane, double half_width_m,
+                                    double depth_m) {
+  std::vector<SliceLabel> labels;
+  for (const HazardView& hazard : scene.hazards) {
+    const double off_m = offPlane_m(hazard, picturePlaneOf(plane)), opacity = offPlaneOpacity(off_m);
+    if (opacity < kFaintest) continue;
+    const Vec3 a = inPlane(plane, hazard.a_W_m), b = inPlane(plane, hazard.b_W_m);
+    // where the axis crosses the plane, else its end that is nearer
+    const double rise_m = b.z - a.z;
+    const double share = rise_m == 0 ? 0.5 : std::clamp(-a.z / rise_m, 0.0, 1.0);
+    const Vec3 at = a + (b - a) * share;
+    if (std::fabs(at.x) > half_width_m || at.y < 0 || at.y > depth_m) continue;
+    labels.push_back({at.x, at.y, hazardLabel(hazard, off_m), hazard.kind, opacity});
+  }
+  return labels;
+}
+
 double sliceDepth_m(const SceneView& scene, const SliceSettings& settings) {
   if (settings.depth_m > 0) return std::clamp(settings.depth_m, 0.005, 0.5);
   double deepest_m = 0;
@@ -248,8 +282,9 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
 
   std::vector<Shape> shapes;
   for (const HazardView& hazard : scene.hazards)
-    shapes.push_back(
-        {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
+    if (offPlaneOpacity(offPlane_m(hazard, picturePlaneOf(plane))) >= kFaintest)
+      shapes.push_back(
+          {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
 
   // go down from the probe, so that anything that stops sound darkens everything below it
   std::vector<float> sound(static_cast<std::size_t>(out.width), 1.0F);
@@ -278,6 +313,14 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
       float line = table.line[at];
       for (const Shape& shape : shapes) {
         if (!shape.isNear(x_m, y_m, 0.001)) continue;
+        // what lies off the plane shines through; it casts no shadow
+        const Shape::Projection through = shape.projectionAt(x_m, y_m);
+        if (through.away_m < 0) {
+          const float seen = kThrough * static_cast<float>(offPlaneOpacity(through.off_m));
+          echo.mean += seen * (shape.echo.mean - echo.mean);
+          echo.grain += seen * (shape.echo.grain - echo.grain);
+          line *= 1 - seen;
+        }
         const double away_m = shape.distance_m(x_m, y_m);
         if (away_m < 0) {
           echo = shape.echo;

@@ -2,6 +2,9 @@
 /// shadow behind bone. A teaching picture, not a simulation of sound.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/image.h"
 #include "client/view/model/scene_view.h"
@@ -22,12 +25,28 @@ struct SlicePlane {
 /// neither spins nor flips.
 SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const SlicePlane* before = nullptr);
 
+/// The same plane for `offPlane_m`: who looks at the picture stands where right_W × down_W comes from.
+PicturePlane picturePlaneOf(const SlicePlane& plane);
+
+/// A hazard's name at its place in the picture.
+struct SliceLabel {
+  double right_m = 0, down_m = 0;  ///< from the middle of the upper edge
+  std::string text;                ///< as hazardLabel
+  pb::Hazard::Kind kind = pb::Hazard::OTHER;
+  double opacity = 1;  ///< as offPlaneOpacity
+};
+/// Returns the labels of hazards whose place lies in a picture of that half width and depth, by
+/// the scene's order. The place is the part of the hazard nearest to the plane.
+std::vector<SliceLabel> sliceLabels(const SceneView& scene, const SlicePlane& plane, double half_width_m,
+                                    double depth_m);
+
 struct SliceSettings {
   int width = 280, height = 320;  ///< pixels, 16-1024 each
   double depth_m = 0;             ///< of the lower edge; 0: a third beyond the deepest target, at most 12 cm
 };
 double sliceDepth_m(const SceneView& scene, const SliceSettings& settings);
 
+/// What lies of a hazard off the plane shines through faintly, by `offPlaneOpacity`, and stops no sound.
 /// Pure: the same scene, plane, pose and settings give the same bytes. Costs about 20-60 ns a pixel; the
 /// caller measures and shows it. Thread: any.
 void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& moment,

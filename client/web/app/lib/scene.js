@@ -85,6 +85,31 @@ export function inFrame({ o, n, e1, e2 }, p) {
   return { u: dot(r, e1), v: dot(r, e2), d: -dot(r, n) };
 }
 
+const kInPlane_m = 0.001, // nearer than this, a shape counts as in the side view's plane
+  kHalved_m = 0.008; // farther by this, it is half as strong
+
+/**
+ * The distance of a ball or rounded line from the side view's plane (v = 0): positive behind it, negative in front, 0
+ * where the plane cuts it.
+ * @param {number} radius_m
+ * @param {number} a_v coordinate of its middle, or of its ends
+ * @param {number} [b_v]
+ */
+export function offPlane(radius_m, a_v, b_v = a_v) {
+  const nearest = Math.min(a_v, b_v) - radius_m,
+    farthest = Math.max(a_v, b_v) + radius_m;
+  return nearest > 0 ? nearest : farthest < 0 ? farthest : 0;
+}
+
+/** How strongly a shape is drawn at that distance: 1 within 1 mm, then half for every 8 mm. */
+export const offPlaneOpacity = (off_m) => 2 ** (-Math.max(0, Math.abs(off_m) - kInPlane_m) / kHalved_m);
+
+/** "artery"; more than 1 mm off the plane "artery, 8 mm behind" or "…, 8 mm in front". */
+export const offPlaneLabel = (name, off_m) =>
+  Math.abs(off_m) > kInPlane_m
+    ? `${name}, ${Math.round(Math.abs(off_m) * 1000)} mm ${off_m > 0 ? 'behind' : 'in front'}`
+    : name;
+
 /**
  * The line in the cut (u, d) through the frame at which the depth is `level`.
  * @param {(p: Vec) => number} depth

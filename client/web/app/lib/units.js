@@ -9,8 +9,10 @@ const kPrefixes = [
   [1e-6, 'µ'],
   [1e-9, 'n'],
 ];
-// units without a prefix, or with one of their own
+// units without a prefix, or with one of their own: nobody says 8.7 mN
 const kFixed = {
+  N: [1, 'N'],
+  'N·m': [1, 'N·m'],
   'm^2': [1e4, 'cm²'],
   'm/s': [1e3, 'mm/s'],
   s: [1, 's'],
@@ -19,6 +21,9 @@ const kFixed = {
   rad: [180 / Math.PI, '°'],
   'rad/s': [180 / Math.PI, '°/s'],
 };
+// below 1 in thousandths, as the server's sentences say
+const kInThousandths = { m: 'mm', J: 'mJ' };
+const kFinest = 1e3; // shown units per least step: what is below 0.001 N or 0.001 mm is noise
 
 /**
  * @param {number} value
@@ -30,24 +35,25 @@ export function number(value, digits = 3, locale = undefined) {
 }
 
 /**
- * "3.1 mm", "0.35 N", "12 cm²", "2"; "–" for what is not a number.
+ * "3.1 mm", "0.009 N", "12 cm²", "2"; "–" for what is not a number.
  * @param {number|null|undefined} value in SI
  * @param {string} unit of the value, as the server names it: m, N, s, m/s, m^2, …
  * @param {{digits?: number, locale?: string}} [options]
  */
 export function quantity(value, unit, { digits = 3, locale } = {}) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
-  const fixed = kFixed[unit];
-  if (fixed)
-    return `${number(value * fixed[0], digits, locale)}${fixed[1] && fixed[1] !== '°' ? '\u00a0' : ''}${fixed[1]}`;
-  // forces stay in newton down to 0.01: nobody says 350 mN
-  const least = unit === 'N' ? 0.01 : 0;
   const size = Math.abs(value);
+  const small = Number(size.toPrecision(digits)) < 1 && kInThousandths[unit];
+  const fixed = small ? [1e3, small] : kFixed[unit];
+  if (fixed) {
+    const rounded = Math.round(value * fixed[0] * kFinest) / kFinest || 0;
+    return `${number(rounded, digits, locale)}${fixed[1] && fixed[1] !== '°' ? '\u00a0' : ''}${fixed[1]}`;
+  }
   const [factor, prefix] =
-    size === 0 || (size >= least && least > 0 && size < 1)
+    size === 0
       ? [1, '']
       : kPrefixes.find(([f], i) => Number((size / f).toPrecision(digits)) >= 1 || i === kPrefixes.length - 1);
-  return `${number(value / factor, digits, locale)}\u00a0${size === 0 && unit === 'm' ? 'mm' : prefix + unit}`;
+  return `${number(value / factor, digits, locale)}\u00a0${prefix}${unit}`;
 }
 
 /**

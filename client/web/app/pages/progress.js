@@ -1,6 +1,7 @@
 // One trainee's attempts over time, and whether they improve.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
+import { quantityOfUnit } from '../lib/axis.js';
 import { measureTitle, measureUnit, quantity } from '../lib/units.js';
 import { moment } from '../lib/time.js';
 import { kCurves } from '../lib/tissue.js';
@@ -37,6 +38,7 @@ function Curve({ attempts, measure }) {
     return {
       title: `${title} over attempts`,
       y_label: label,
+      quantity: quantityOfUnit(unit),
       series,
       summary: `${title}, ${said}`,
       x: { label: 'Attempt', values: rows.map((_, i) => i + 1) },

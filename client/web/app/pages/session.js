@@ -56,6 +56,8 @@ function Recording({ id, session, person }) {
     [id, window],
   );
   const notes = useLoad((signal) => sessions.annotations(id, signal), [id]);
+  // without a score the plots have no limits
+  const score = useLoad((signal) => sessions.score(id, signal).catch(() => null), [id]);
   const columns = useMemo(() => columnsOf(whole.data), [whole.data]);
   const shown = useMemo(() => (window && near.data ? columnsOf(near.data) : columns), [window, near.data, columns]);
   const marks = useMemo(() => (notes.data ?? []).map((a) => ({ x: a.t_s, label: a.text })), [notes.data]);
@@ -81,6 +83,7 @@ function Recording({ id, session, person }) {
               <${Plots}
                 columns=${shown}
                 profile=${profile}
+                requirements=${score.data?.measures}
                 marks=${marks}
                 at=${playback.at_s}
                 seek=${act.seek}

@@ -66,6 +66,7 @@ export function ForceOverDepth({ preview, stale, error }) {
       series=${shown.series}
       bands=${shown.bands}
       y_label="Force (N)"
+      quantity="force"
       height=${280}
     />
     <p class="help" role="status">${

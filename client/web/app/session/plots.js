@@ -1,7 +1,8 @@
 // Force, depth and speed over time, with the layers behind them. Dragging zooms in and loads finer samples.
+import { limitsOf } from '../lib/axis.js';
 import { forceOf, layerSpans } from '../lib/recording.js';
 import { kCurves, tissueColor } from '../lib/tissue.js';
-import { number, words } from '../lib/units.js';
+import { number, quantity as said, words } from '../lib/units.js';
 import { Chart } from '../ui/chart.js';
 import { html, useMemo } from '../ui/html.js';
 
@@ -11,15 +12,15 @@ const range = (values) =>
     [Infinity, -Infinity],
   );
 
-/** @param {{columns: any, profile: any, marks: any[], at: number, seek: (s: number) => void, window: {from_s: number, to_s: number}|null, zoom: (w: any) => void, busy: boolean}} props */
-export function Plots({ columns, profile, marks, at, seek, window, zoom, busy }) {
+/** @param {{columns: any, profile: any, requirements: any[]|undefined, marks: any[], at: number, seek: (s: number) => void, window: {from_s: number, to_s: number}|null, zoom: (w: any) => void, busy: boolean}} props */
+export function Plots({ columns, profile, requirements, marks, at, seek, window, zoom, busy }) {
   const drawn = useMemo(() => {
     const t = columns.t_s ?? [];
     const bands = layerSpans(columns).map((s) => {
       const tissue = profile?.layers?.[s.layer]?.tissue ?? 'OTHER';
       return { from: s.from, to: s.to, label: words(tissue), color: tissueColor(tissue) };
     });
-    const plot = (title, unit, values, curve) => {
+    const plot = (title, unit, quantity, values, curve) => {
       const [low, high] = range(values);
       const summary = Number.isFinite(high)
         ? `${title}: from ${number(low, 3)} to ${number(high, 3)} ${unit} between ${number(t[0] ?? 0, 3)} and ${number(t.at(-1) ?? 0, 3)} s.`
@@ -27,6 +28,11 @@ export function Plots({ columns, profile, marks, at, seek, window, zoom, busy })
       return {
         title: `${title} over time`,
         y_label: `${title} (${unit})`,
+        quantity,
+        limits:
+          unit === 'mm'
+            ? limitsOf(quantity, requirements, 1000, (m) => said(m, 'm'))
+            : limitsOf(quantity, requirements, 1, (v) => said(v, unit)),
         summary,
         series: [{ label: `${title} (${unit})`, values, ...curve }],
       };
@@ -36,12 +42,12 @@ export function Plots({ columns, profile, marks, at, seek, window, zoom, busy })
       t,
       bands,
       plots: [
-        plot('Force', 'N', forceOf(columns), kCurves[0]),
-        plot('Depth', 'mm', scaled('insertion_m', 1000), kCurves[2]),
-        plot('Speed', 'mm/s', scaled('speed_m_s', 1000), kCurves[3]),
+        plot('Force', 'N', 'force', forceOf(columns), kCurves[0]),
+        plot('Depth', 'mm', 'depth', scaled('insertion_m', 1000), kCurves[2]),
+        plot('Speed', 'mm/s', 'speed', scaled('speed_m_s', 1000), kCurves[3]),
       ],
     };
-  }, [columns, profile]);
+  }, [columns, profile, requirements]);
   return html`
     <div class="actions">
       <p class="help">Drag over a plot to look closer; click to put the replay there.</p>

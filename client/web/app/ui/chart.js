@@ -1,6 +1,7 @@
 // A plot by uPlot: curves with different dashes, bands of tissue behind them, marks, and a text for those who cannot
 // see it.
 import uPlot from '../../vendor/uPlot.js';
+import { axisRange } from '../lib/axis.js';
 import { number } from '../lib/units.js';
 import { html, useEffect, useRef } from './html.js';
 
@@ -11,6 +12,8 @@ import { html, useEffect, useRef } from './html.js';
  * @property {{label: string, values: number[]}} x in shown units
  * @property {{label: string, values: (number|null)[], color: string, dash: number[], width?: number}[]} series in shown units
  * @property {string} y_label
+ * @property {string} [quantity] of the y axis: what it spans at least (lib/axis.js)
+ * @property {import('../lib/axis.js').Limit[]} [limits] of the exercise, always within the axis
  * @property {{from: number, to: number, label: string, color: string}[]} [bands] along x
  * @property {{x: number, label: string}[]} [marks]
  * @property {number} [at] a line that moves: the time of a replay
@@ -71,6 +74,31 @@ function drawMarks(plot, marks, at) {
   ctx.restore();
 }
 
+/** Limits as dashed lines, their words at the right end below the line, at the lower edge above it. */
+function drawLimits(plot, limits) {
+  const { ctx, bbox } = plot,
+    ratio = devicePixelRatio;
+  ctx.save();
+  ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+  for (const limit of limits) {
+    const top = plot.valToPos(limit.at, 'y', true);
+    ctx.strokeStyle = ctx.fillStyle = '#a11d1d';
+    ctx.lineWidth = 1.5 * ratio;
+    ctx.setLineDash([6 * ratio, 4 * ratio]);
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, top);
+    ctx.lineTo(bbox.left + bbox.width, top);
+    ctx.stroke();
+    const below = top + 14 * ratio < bbox.top + bbox.height;
+    ctx.fillText(
+      limit.label,
+      bbox.left + bbox.width - ctx.measureText(limit.label).width - 4 * ratio,
+      below ? top + 12 * ratio : top - 4 * ratio,
+    );
+  }
+  ctx.restore();
+}
+
 /** @param {ChartProps} props */
 export function Chart(props) {
   const { title, summary, x, series, y_label, sync, height = 240, points = false } = props;
@@ -94,7 +122,10 @@ export function Chart(props) {
       {
         width: Math.max(200, place.current.clientWidth),
         height,
-        scales: { x: { time: false, ...(points ? { range: (_, low, high) => [low - 0.25, high + 0.25] } : {}) } },
+        scales: {
+          x: { time: false, ...(points ? { range: (_, low, high) => [low - 0.25, high + 0.25] } : {}) },
+          y: { range: (_, low, high) => axisRange(low, high, latest.current.quantity, latest.current.limits) },
+        },
         axes: [
           { ...axis, label: x.label, labelSize: 22, ...(points ? { incrs: kWholeSteps } : {}) },
           { ...axis, label: y_label, size: 56, labelSize: 22 },
@@ -126,7 +157,12 @@ export function Chart(props) {
         },
         hooks: {
           drawClear: [(u) => drawBands(u, latest.current.bands ?? [])],
-          draw: [(u) => drawMarks(u, latest.current.marks ?? [], latest.current.at)],
+          draw: [
+            (u) => {
+              drawLimits(u, latest.current.limits ?? []);
+              drawMarks(u, latest.current.marks ?? [], latest.current.at);
+            },
+          ],
           setSelect: [
             (u) => {
               const { left, width } = u.select,
@@ -154,7 +190,7 @@ export function Chart(props) {
       made.destroy();
     };
   }, [shape]);
-  useEffect(() => plot.current?.setData(data()), [x.values, ...series.map((s) => s.values)]);
+  useEffect(() => plot.current?.setData(data()), [x.values, props.limits, ...series.map((s) => s.values)]);
   useEffect(() => plot.current?.redraw(false), [props.bands, props.marks, props.at]);
 
   return html`<figure class="chart">

@@ -1,5 +1,15 @@
 // A cut through the limb, to scale: layers with their names, targets, hazards. A page can draw over it.
-import { depthOf, frameOf, inFrame, layerBounds, levelLine, spread } from '../lib/scene.js';
+import {
+  depthOf,
+  frameOf,
+  inFrame,
+  layerBounds,
+  levelLine,
+  offPlane,
+  offPlaneLabel,
+  offPlaneOpacity,
+  spread,
+} from '../lib/scene.js';
 import { tissueColor } from '../lib/tissue.js';
 import { number, quantity, words } from '../lib/units.js';
 import { useWidth } from './hooks.js';
@@ -15,7 +25,7 @@ const kWidth = 640,
 function shapes(profile, frame, second) {
   const at = (p) => {
     const f = inFrame(frame, p);
-    return { u: f.u, w: f[second] };
+    return { u: f.u, w: f[second], v: f.v };
   };
   const of = (kind, list) =>
     (list ?? [])
@@ -27,14 +37,20 @@ function shapes(profile, frame, second) {
         radius_m: Number(x.radius_m),
         a: at(x.center_m ?? x.a_m),
         b: x.center_m ? null : at(x.b_m),
+      }))
+      // from above everything is seen; from the side, hazards beside the plane fade
+      .map((x) => ({
+        ...x,
+        off_m: kind === 'hazard' && second === 'd' ? offPlane(x.radius_m, x.a.v, (x.b ?? x.a).v) : 0,
       }));
   return [...of('hazard', profile.hazards), ...of('target', profile.targets)];
 }
 
 function Shape({ shape, x, y, scale }) {
-  const title = html`<title>${`${shape.kind}: ${shape.name}`}</title>`;
+  const label = offPlaneLabel(shape.name, shape.off_m);
+  const title = html`<title>${`${shape.kind}: ${label}`}</title>`;
   const r = Math.max(2, shape.radius_m * scale);
-  return shape.b
+  const drawn = shape.b
     ? html`<line
         class=${'shape-' + shape.kind + '-line'}
         x1=${x(shape.a.u)}
@@ -43,8 +59,19 @@ function Shape({ shape, x, y, scale }) {
         y2=${y(shape.b.w)}
         stroke-width=${2 * r}
         stroke-linecap="round"
+        opacity=${offPlaneOpacity(shape.off_m)}
       >${title}</line>`
-    : html`<circle class=${'shape-' + shape.kind} cx=${x(shape.a.u)} cy=${y(shape.a.w)} r=${r}>${title}</circle>`;
+    : html`<circle
+        class=${'shape-' + shape.kind}
+        cx=${x(shape.a.u)}
+        cy=${y(shape.a.w)}
+        r=${r}
+        opacity=${offPlaneOpacity(shape.off_m)}
+      >${title}</circle>`;
+  if (label === shape.name) return drawn;
+  const u = shape.b ? (shape.a.u + shape.b.u) / 2 : shape.a.u,
+    w = shape.b ? (shape.a.w + shape.b.w) / 2 : shape.a.w;
+  return html`${drawn}<text class="shape-label" x=${x(u)} y=${y(w) + r + 12}>${label}</text>`;
 }
 
 /**

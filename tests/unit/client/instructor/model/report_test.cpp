@@ -72,6 +72,22 @@ TEST(Report, listsContactsWithBone) {
   EXPECT_LT(html.find("<td>bone contact</td>"), html.find("<td>out</td>"));
 }
 
+TEST(Report, whatWasRequiredIsALineInThePlotsOfTheGestureAndOfTheProgress) {
+  const std::string html = reportHtml(dataOf());
+  std::size_t lines = 0;
+  for (std::size_t at = html.find(">at most 5 N</text>"); at != std::string::npos;
+       at = html.find(">at most 5 N</text>", at + 1))
+    ++lines;
+  EXPECT_EQ(lines, 2u) << "the force over time, and the peak force over attempts";
+}
+
+TEST(ProgressPlot, attemptsThatHardlyDifferLookAlike) {
+  const Plot plot = progressPlot({}, {"largest_lateral_error_m", "m", "", {1, 2}, {0.00201, 0.00204}});
+  const AxisSpan span = fittedSpan(plot, AxisSpan{2.01, 2.04});
+  EXPECT_EQ(span.low, 0);
+  EXPECT_GE(span.high, 5);
+}
+
 TEST(Report, isOneFileWithoutScriptsOrLinks) {
   const std::string html = reportHtml(dataOf());
   for (const char* part : {"<script", "http://", "https://", "<link", "<img", "@import", "url("})

@@ -75,6 +75,20 @@ TEST(SvgPlot, nothingAtAllIsAPictureToo) {
   EXPECT_THAT(svgStanding({}), Not(HasSubstr("nan")));
 }
 
+TEST(SvgPlot, noiseIsALineAndALimitHasItsWords) {
+  const std::vector<double> noise = {0.01, 0.02, 0.01, 0.02, 0.01};
+  Plot one = plot();
+  one.series = {{"noise", kBlue, columnsOf(kX, noise), false}};
+  one.quantity = PlotQuantity::kForce;
+  // the axis names its least span, not the noise's
+  EXPECT_THAT(svgPlot(one), HasSubstr("'end'>2.0<"));
+  EXPECT_THAT(svgPlot(one), Not(HasSubstr("'end'>0.020<")));
+  one.limits.push_back({5, "at most 5 N"});
+  const std::string svg = svgPlot(one);
+  EXPECT_THAT(svg, HasSubstr(">at most 5 N<"));
+  EXPECT_THAT(svg, HasSubstr("'end'>5<"));
+}
+
 TEST(SvgPlot, aFewPointsAreMarkedAndJoined) {
   Plot one;
   one.from = 1;

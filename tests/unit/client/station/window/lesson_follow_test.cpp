@@ -116,5 +116,25 @@ TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
   EXPECT_GT(depthPlotRange({}, scene).force_N, 0);
 }
 
+TEST(DepthPlot, noiseDoesNotFillIt) {
+  SceneView scene = *(*LessonFollow::make(shoulder()))->scene();
+  scene.targets.clear();
+  const DepthPlotRange range = depthPlotRange({{0, 3e-5F, 3e-5F, 0.01F, 0, 0}}, scene);
+  EXPECT_EQ(range.force_N, leastSpanOf(PlotQuantity::kForce));
+  EXPECT_NEAR(range.to_m, 1e-3 * leastSpanOf(PlotQuantity::kDepth), 1e-12);
+}
+
+TEST(LateralPlot, hasTheExercisesLimit) {
+  const std::vector<double> time_s = {0, 1}, lateral_mm = {0, 0.03};
+  std::vector<Measure> measures(1);
+  measures[0].name = "largest_lateral_error_m";
+  measures[0].max = 0.004;
+  const Plot plot = lateralPlot(time_s, lateral_mm, measures);
+  ASSERT_EQ(plot.limits.size(), 1u);
+  EXPECT_EQ(plot.limits[0].text, "at most 4 mm");
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0.03}).high, leastSpanOf(PlotQuantity::kDistance));
+  EXPECT_TRUE(lateralPlot({}, {}, {}).limits.empty());
+}
+
 }  // namespace
 }  // namespace needlelab

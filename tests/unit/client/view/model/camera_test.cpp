@@ -36,6 +36,22 @@ PicturePoint byMatrices(const OrbitCamera& camera, Vec3 p) {
           (clip[2] / clip[3] + 1) / 2};
 }
 
+TEST(InsertionPlane, isUprightThroughTheFocusAndFacesTheEye) {
+  test::Random draw(4);
+  const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
+  const SceneView& scene = *lesson.scene;
+  for (int i = 0; i < 50; ++i) {
+    OrbitCamera camera = firstLook(scene);
+    camera.azimuth_rad = draw.in(-3, 3);
+    camera.elevation_rad = draw.in(-1.4, 1.4);
+    const PicturePlane plane = insertionPlaneOf(scene, camera);
+    EXPECT_EQ(plane.place_W_m, scene.focus_W_m);
+    EXPECT_NEAR(norm(plane.to_viewer_W), 1, 1e-12);
+    EXPECT_NEAR(dot(plane.to_viewer_W, scene.focus_normal_W), 0, 1e-12);
+    EXPECT_GT(dot(plane.to_viewer_W, camera.eye_W_m() - scene.focus_W_m), 0);
+  }
+}
+
 TEST(OrbitCamera, projectsAsTheMatricesThatOpenGlGets) {
   test::Random draw(1);
   for (int i = 0; i < 200; ++i) {

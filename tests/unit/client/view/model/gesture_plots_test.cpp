@@ -7,7 +7,9 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace needlelab {
@@ -132,9 +134,9 @@ TEST(GesturePlots, theDepthAxisHoldsTheTargetAndTheTipOfTheShownTime) {
     bool target;
     double depth_m, from_s;
     double
-        high_mm;  ///< largest of 4 mm, the target's depth + 2 radii, and the depth in [from, from + 2) + 8 %
+        high_mm;  ///< largest of 10 mm, the target's depth + 2 radii, and the depth in [from, from + 2) + 8 %
   };
-  const std::vector<Row> rows = {{"nothing deep", false, -0.01, 0, 4},
+  const std::vector<Row> rows = {{"nothing deep", false, -0.01, 0, 10},
                                  {"the target", true, -0.01, 0, 20 + 2 * 3},
                                  {"the tip, shallower than the target", true, 0.02, 0, 26},
                                  {"the tip, deeper", true, 0.03, 0, 30 * 1.08},
@@ -217,6 +219,82 @@ TEST(GesturePlots, eachEventIsAMarkWithASignAndWords) {
   }
   // without a scene a layer has no name
   EXPECT_EQ(gesturePlot(GesturePlot::kSpeed, trace, nullptr, 2, 2).marks.at(0).text, "layer");
+}
+
+TEST(GesturePlots, noiseFillsNoPlot) {
+  // an encoder's noise about a needle at rest
+  GestureTrace trace;
+  for (int i = 0; i < 100; ++i) {
+    Moment moment = momentAtDepth(0.01 * i, 0.1497 + (i % 2) * 3e-5);
+    moment.inside = true;
+    moment.force_W_N = {0, 0, (i % 2) * 0.01};
+    moment.speed_mps = (i % 2) * 3e-4;
+    moment.lateral_error_m = (i % 2) * 3e-5;
+    moment.tilt_rad = 0.1 * kDegree * (i % 2);
+    trace.push(moment);
+  }
+  for (const GesturePlot which : {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kSpeed,
+                                  GesturePlot::kAlignment, GesturePlot::kAngles, GesturePlot::kPlaces}) {
+    const Plot plot = gesturePlot(which, trace, nullptr, 0, 2);
+    AxisSpan data{1e9, -1e9};
+    for (const PlotSeries& series : plot.series) {
+      const PixelColumn column = valueIn(series);
+      if (column.empty()) continue;
+      data = {std::min(data.low, static_cast<double>(column.min)),
+              std::max(data.high, static_cast<double>(column.max))};
+    }
+    const AxisSpan span = fittedSpan(plot, data);
+    EXPECT_LT(data.high - data.low, 0.02 * (span.high - span.low)) << plot.title;
+    EXPECT_LE(span.low, data.low + 1e-9) << plot.title;
+    EXPECT_GE(span.high, data.high - 1e-9) << plot.title;
+  }
+}
+
+TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
+  pb::Exercise exercise;
+  const auto require = [&](const char* measure, std::optional<double> min, std::optional<double> max) {
+    auto& row = *exercise.add_requirements();
+    row.set_measure(measure);
+    if (min) row.set_min(*min);
+    if (max) row.set_max(*max);
+  };
+  require("peak_force_n", {}, 5);
+  require("largest_lateral_error_m", {}, 0.003);
+  require("greatest_depth_m", 0.02, 0.03);
+  require("entries", {}, 2);
+  struct Row {
+    GesturePlot which;
+    std::vector<std::pair<double, std::string>> limits;
+  };
+  const GestureTrace trace;
+  const SceneView scene = flatScene();
+  for (const Row& row :
+       {Row{GesturePlot::kForces, {{5, "at most 5 N"}}}, Row{GesturePlot::kAlignment, {{3, "at most 3 mm"}}},
+        Row{GesturePlot::kDepth, {{20, "at least 20 mm"}, {30, "at most 30 mm"}}},
+        Row{GesturePlot::kSpeed, {}}, Row{GesturePlot::kAngles, {}}}) {
+    Plot plot = gesturePlot(row.which, trace, &scene, 0, 2);
+    addLimits(plot, row.which, requirementsOf(exercise));
+    ASSERT_EQ(plot.limits.size(), row.limits.size()) << plot.title;
+    const AxisSpan span = fittedSpan(plot, std::nullopt);
+    for (std::size_t i = 0; i < row.limits.size(); ++i) {
+      EXPECT_NEAR(plot.limits[i].at, row.limits[i].first, 1e-9);
+      EXPECT_EQ(plot.limits[i].text, row.limits[i].second);
+      EXPECT_LE(plot.limits[i].at, span.high) << "within the axis";
+    }
+  }
+}
+
+TEST(GesturePlots, aScoresRowsWithoutARequirementMakeNoLimit) {
+  std::vector<Measure> measures(2);
+  measures[0].name = "peak_force_n";
+  measures[1].name = "largest_lateral_error_m";
+  measures[1].max = 0.002;
+  const auto requirements = requirementsOf(measures);
+  ASSERT_EQ(requirements.size(), 1u);
+  Plot plot;
+  addLimits(plot, GesturePlot::kAlignment, requirements);
+  ASSERT_EQ(plot.limits.size(), 1u);
+  EXPECT_NEAR(plot.limits[0].at, 2, 1e-12);
 }
 
 TEST(GesturePlots, marksOutsideTheShownTimeAreLeftOut) {

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -203,6 +206,90 @@ TEST(ClockText, aTimeThatRoundsToZeroHasNoSign) {
   EXPECT_EQ(clockText(-0.04, 1), "0:00.0");
   EXPECT_EQ(clockText(-0.06, 1), "\u22120:00.1");
   EXPECT_EQ(clockText(-0.0), "0:00");
+}
+
+constexpr PlotQuantity kSpanned[] = {PlotQuantity::kNumber, PlotQuantity::kForce,    PlotQuantity::kTorque,
+                                     PlotQuantity::kDepth,  PlotQuantity::kDistance, PlotQuantity::kSpeed,
+                                     PlotQuantity::kAngle,  PlotQuantity::kTime,     PlotQuantity::kArea,
+                                     PlotQuantity::kWork};
+
+Plot plotOf(PlotQuantity quantity) {
+  Plot plot;
+  plot.quantity = quantity;
+  return plot;
+}
+
+TEST(FittedSpan, ofAnEmptyPlotIsTheLeastSpanFromZero) {
+  for (const PlotQuantity quantity : kSpanned) {
+    ASSERT_GT(leastSpanOf(quantity), 0);
+    for (const auto& data : {std::optional<AxisSpan>(), std::optional(AxisSpan{0, 0})}) {
+      const AxisSpan span = fittedSpan(plotOf(quantity), data);
+      EXPECT_EQ(span.low, 0);
+      EXPECT_EQ(span.high, leastSpanOf(quantity));
+    }
+  }
+}
+
+TEST(FittedSpan, centresDataThatSpanLess) {
+  for (const auto& [low, high] : {std::pair{149.7, 149.8}, {149.7, 149.7}, {-80.05, -80.02}}) {
+    const AxisSpan span = fittedSpan(plotOf(PlotQuantity::kDepth), AxisSpan{low, high});
+    EXPECT_NEAR(span.high - span.low, leastSpanOf(PlotQuantity::kDepth), 1e-9);
+    EXPECT_NEAR(0.5 * (span.low + span.high), 0.5 * (low + high), 1e-9);
+  }
+}
+
+TEST(FittedSpan, doesNotCrossZeroWhereTheDataDoNot) {
+  struct Row {
+    AxisSpan data, expected;
+  };
+  for (const Row& row : {Row{{0, 0.03}, {0, 2}}, Row{{0.3, 0.4}, {0, 2}}, Row{{-0.4, -0.3}, {-2, 0}},
+                         Row{{-0.1, 0.2}, {-0.95, 1.05}}}) {
+    const AxisSpan span = fittedSpan(plotOf(PlotQuantity::kForce), row.data);
+    EXPECT_NEAR(span.low, row.expected.low, 1e-9) << row.data.low;
+    EXPECT_NEAR(span.high, row.expected.high, 1e-9) << row.data.low;
+  }
+}
+
+TEST(FittedSpan, keepsAGivenEndAndMovesTheOther) {
+  Plot plot = plotOf(PlotQuantity::kDistance);
+  plot.low = 0;
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0.03}).high, leastSpanOf(PlotQuantity::kDistance));
+  plot.low.reset();
+  plot.high = 1;
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0.03}).low, 1 - leastSpanOf(PlotQuantity::kDistance));
+  plot.low = 0.5;
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0.03}).low, 0.5) << "both given";
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0.03}).high, 1);
+}
+
+TEST(FittedSpan, holdsDataAndLimitsAndIsNeverNarrower) {
+  test::Random draw(31);
+  for (int round = 0; round < 500; ++round) {
+    Plot plot = plotOf(kSpanned[draw.below(std::size(kSpanned))]);
+    const double low = draw.in(-0.5, 0.5) * std::pow(10, draw.in(-2, 2)),
+                 high = low + draw.in(0, 1) * std::pow(10, draw.in(-3, 1));
+    plot.limits.push_back({draw.in(0, 10), "at most"});
+    const AxisSpan span = fittedSpan(plot, AxisSpan{low, high});
+    EXPECT_LE(span.low, low) << round;
+    EXPECT_GE(span.high, std::max(high, plot.limits[0].at)) << round;
+    EXPECT_GE(span.high - span.low, leastSpanOf(plot.quantity) - 1e-9) << round;
+    if (low >= 0) {
+      EXPECT_GE(span.low, 0) << round;
+    }
+  }
+}
+
+TEST(FittedSpan, ofNoQuantityIsTheData) {
+  const AxisSpan span = fittedSpan({}, AxisSpan{3, 3.01});
+  EXPECT_EQ(span.low, 3);
+  EXPECT_EQ(span.high, 3.01);
+}
+
+TEST(PlotQuantity, isKnownOfEachUnitThatMeasuresHave) {
+  for (const char* unit : {"", "N", "N·m", "mm", "mm/s", "°", "s", "cm²", "J"})
+    EXPECT_GT(leastSpanOf(quantityOfUnit(unit)), 0) << unit;
+  EXPECT_EQ(quantityOfUnit("mm"), PlotQuantity::kDistance) << "a plot of depth says so itself";
+  EXPECT_EQ(quantityOfUnit("kg"), PlotQuantity::kOther);
 }
 
 TEST(PlotHeading, namesQuantityAndUnitAndNothingThatIsNotThere) {

@@ -21,6 +21,36 @@ namespace {
 const char* const kProfiles[] = {"shoulder-adult", "knee-adult",   "lumbar-adult",
                                  "finger-adult",   "phantom-ball", "paper-1dof"};
 
+TEST(Hazards, areAsFarOffAPlaneAsTheirNearestPoint) {
+  const PicturePlane plane{{0, 0, 0.1}, {0, 0, 1}};
+  struct Row {
+    const char* name;
+    double a_z_m, b_z_m, off_m;
+  };
+  for (const Row& row :
+       {Row{"a ball behind", 0.09, 0.09, -0.008}, Row{"a ball in front", 0.11, 0.11, 0.008},
+        Row{"a ball that the plane cuts", 0.1015, 0.1015, 0}, Row{"a line through the plane", 0.05, 0.15, 0},
+        Row{"a line that comes near", 0.05, 0.095, -0.003}}) {
+    const HazardView hazard{"h", pb::Hazard::NERVE, {0.3, 0, row.a_z_m}, {0, -0.2, row.b_z_m}, 0.002};
+    EXPECT_NEAR(offPlane_m(hazard, plane), row.off_m, 1e-12) << row.name;
+  }
+}
+
+TEST(Hazards, fadeByHalfForEvery8MillimetresOffThePlane) {
+  for (const double off_m : {0.0, 0.001, -0.0009}) EXPECT_EQ(offPlaneOpacity(off_m), 1);
+  for (int halves = 1; halves < 6; ++halves)
+    for (const double side : {1.0, -1.0})
+      EXPECT_NEAR(offPlaneOpacity(side * (0.001 + 0.008 * halves)), std::pow(0.5, halves), 1e-12);
+}
+
+TEST(Hazards, sayHowFarOffThePlaneTheyAre) {
+  const HazardView nerve{"nerve", pb::Hazard::NERVE, {}, {}, 0.002};
+  EXPECT_EQ(hazardLabel(nerve, 0), "nerve");
+  EXPECT_EQ(hazardLabel(nerve, -0.001), "nerve");
+  EXPECT_EQ(hazardLabel(nerve, -0.0082), "nerve, 8 mm behind");
+  EXPECT_EQ(hazardLabel(nerve, 0.0078), "nerve, 8 mm in front");
+}
+
 TEST(SceneView, depthsAndLayersAreTheEngines) {
   test::Random draw(5);
   for (const char* name : kProfiles) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -262,6 +263,59 @@ TEST(UltrasoundSlice, aNeedleBesideThePlaneIsNotShown) {
     drawSlice(*lesson.scene, plane, away, {}, without);
     EXPECT_EQ(with.pixels != without.pixels, aside_m == 0) << aside_m;
   }
+}
+
+TEST(UltrasoundSlice, aHazardOffThePlaneFadesWithItsDistance) {
+  // a vessel's ball in muscle: the nearer to the plane, the darker its place
+  constexpr double kRadius_m = 0.004, kDown_m = 0.02;
+  SliceSettings settings;
+  settings.depth_m = 0.04;
+  Slice slice;
+  slice.plane = {{0, 0, 0}, {1, 0, 0}, {0, 0, -1}};
+  slice.m_per_px = settings.depth_m / settings.height;
+  const auto greyAt = [&](std::optional<double> off_m) {
+    SceneView scene = flatMuscle();
+    if (off_m) {
+      const Vec3 middle{0, kRadius_m + *off_m, -kDown_m};
+      scene.hazards.push_back({"artery", pb::Hazard::VESSEL, middle, middle, kRadius_m});
+    }
+    drawSlice(scene, slice.plane, needleAway(), settings, slice.image);
+    return meanAround(slice.image, slice.x({0, 0, -kDown_m}), slice.y({0, 0, -kDown_m}), 10);
+  };
+  const double muscle = greyAt({}), near = greyAt(0.0009);
+  EXPECT_LT(near, 0.7 * muscle);
+  for (const double off_m : {0.005, 0.009, 0.017}) {
+    // light is echo times grain and fading: what the vessel takes away is as strong as its opacity
+    const double share = (muscle - greyAt(off_m)) / (muscle - near);
+    EXPECT_NEAR(share, offPlaneOpacity(off_m), 0.05) << off_m;
+  }
+  EXPECT_EQ(greyAt(0.08), muscle) << "too faint to be drawn";
+}
+
+TEST(UltrasoundSlice, labelsSayWhereAHazardIs) {
+  SceneView scene = flatMuscle();
+  const SlicePlane plane{{0, 0, 0}, {1, 0, 0}, {0, 0, -1}};
+  // who looks from where right × down comes from looks along +y
+  const auto add = [&](const char* name, Vec3 a, Vec3 b) {
+    scene.hazards.push_back({name, pb::Hazard::NERVE, a, b, 0.002});
+  };
+  add("in it", {0.004, 0.001, -0.02}, {0.004, 0.001, -0.02});
+  add("beyond", {-0.004, 0.01, -0.01}, {-0.004, 0.01, -0.01});
+  add("before", {0, -0.012, -0.015}, {0, -0.012, -0.015});
+  add("through", {-0.01, -0.03, -0.02}, {0.01, 0.03, -0.02});
+  add("too far to be drawn", {0, 0.08, -0.015}, {0, 0.08, -0.015});
+  add("beside the picture", {0.05, 0, -0.015}, {0.05, 0, -0.015});
+  add("below the picture", {0, 0, -0.06}, {0, 0, -0.06});
+  const std::vector<SliceLabel> labels = sliceLabels(scene, plane, 0.02, 0.04);
+  ASSERT_EQ(labels.size(), 4u);
+  EXPECT_EQ(labels[0].text, "in it");
+  EXPECT_EQ(labels[1].text, "beyond, 8 mm behind");
+  EXPECT_EQ(labels[2].text, "before, 10 mm in front");
+  EXPECT_EQ(labels[3].text, "through");
+  EXPECT_NEAR(labels[1].right_m, -0.004, 1e-12);
+  EXPECT_NEAR(labels[1].down_m, 0.01, 1e-12);
+  EXPECT_NEAR(labels[1].opacity, offPlaneOpacity(0.008), 1e-12);
+  EXPECT_NEAR(labels[3].right_m, 0, 1e-12) << "where the plane cuts it";
 }
 
 TEST(UltrasoundSlice, aHazardStandsWhereTheSectionOfItsBallIs) {
