@@ -163,7 +163,8 @@ constexpr RequestRow kRows[] = {
   {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment>,          Reply::kDone, kWorkers,
    {{"DELETE /assignments/{id}", "Takes it back"}}},
   {Call::kGetLesson,               "lesson",               kAll,                  to<getLesson>,                 Reply::kLesson},
-  {Call::kGetResults,              "results",              kPeople,               to<getResults>,                Reply::kResults, kViews,
+  // a station: names, and the cells of the trainee that it names; the handler checks that
+  {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
    {{"GET /results?course&group&page", "Trainee by exercise"}}},
   {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kWorkers,
    {{"GET /people/{name}/progress?exercise&page", "Attempts in order of time"}}},

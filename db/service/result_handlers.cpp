@@ -63,7 +63,7 @@ const pb::Attempt* bestOf(const std::vector<pb::Attempt>& attempts) {
 }
 
 Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, const CourseExercise& course,
-                              std::int64_t now_unix_ns) {
+                              std::int64_t now_unix_ns, bool with_best) {
   pb::ResultCell cell;
   cell.set_exercise_id(course.stored.id);
   ASSIGN_OR_RETURN(const auto standing, standingOf(reader, trainee, course.stored, course.exercise));
@@ -73,7 +73,8 @@ Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, co
   if (standing.attempts_left) cell.set_attempts_left(*standing.attempts_left);
   cell.set_due_unix_ns(standing.due_unix_ns);
   cell.set_overdue(standing.due_unix_ns != 0 && standing.due_unix_ns < now_unix_ns && !standing.done);
-  if (standing.attempts.all == 0) return cell;
+  cell.set_done(standing.done);
+  if (standing.attempts.all == 0 || !with_best) return cell;
   ASSIGN_OR_RETURN(const auto attempts, AttemptStore(reader).list(trainee, course.stored.id, true));
   if (const pb::Attempt* best = bestOf(attempts)) {
     *cell.mutable_best() = *best;
@@ -111,6 +112,10 @@ Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attem
 }  // namespace
 
 Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call) {
+  if (!call.trainee().empty()) RETURN_IF_ERROR(ownOnly(context, call.trainee(), "results"));
+  // a station shows one trainee's standing, and a list of names to choose from
+  const bool by_station = context.who.role == pb::STATION;
+  const bool names_only = by_station && call.trainee().empty();
   RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
   const auto course = CurriculumStore(context.reader).get(call.course_id());
   if (!course) return course.error();
@@ -126,6 +131,8 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   std::set<std::string> names;
   if (context.who.role == pb::TRAINEE) {
     names.insert(context.who.name);
+  } else if (!call.trainee().empty()) {
+    names.insert(call.trainee());
   } else {
     ASSIGN_OR_RETURN(auto found, traineesOf(context.reader, call.course_id(), call.group_id()));
     names = std::move(found);
@@ -137,9 +144,11 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     pb::ResultRow row;
     row.set_trainee(name);
     ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
+    if (names_only && person && person->disabled) continue;
     if (person) row.set_full_name(person->full_name);
     for (const CourseExercise& exercise : exercises) {
-      ASSIGN_OR_RETURN(auto cell, cellOf(context.reader, name, exercise, context.now_unix_ns));
+      if (names_only) break;
+      ASSIGN_OR_RETURN(auto cell, cellOf(context.reader, name, exercise, context.now_unix_ns, !by_station));
       *row.add_cells() = std::move(cell);
     }
     if (!room.take(row.ByteSizeLong())) {

@@ -141,6 +141,25 @@ TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   EXPECT_THAT(nothing.said(), HasSubstr("no exercise is cached"));
 }
 
+TEST_F(OfflineTest, theLadderOfATraineeIsListedAndOffLineAsOfItsTime) {
+  fillCacheAndStopServer();
+  ASSERT_EQ(lab_.admin({"assign", "tom", "--course", "rheumatology-basics"}), kExitDone);
+  lab_.startServer();
+  Process online("needlelab-station", lab_.stationArguments({"--list-exercises"}), lab_.path("ladder.log"));
+  ASSERT_EQ(online.wait(30s), kExitDone) << online.said();
+  const std::string first = "\nRheumatology: needle injection, the basics\n   1.  ball-free-practice";
+  EXPECT_THAT(online.said(), HasSubstr(first));
+  EXPECT_THAT(online.said(), HasSubstr("Next")) << "0.3 s of it are no pass";
+  EXPECT_THAT(online.said(), Not(HasSubstr("as of")));
+
+  ASSERT_EQ(lab_.stopServer(), kExitDone);
+  Process away("needlelab-station", lab_.stationArguments({"--list-exercises"}), lab_.path("away.log"));
+  ASSERT_EQ(away.wait(30s), kExitDone) << away.said();
+  EXPECT_THAT(away.said(), HasSubstr("the server is away"));
+  EXPECT_THAT(away.said(), HasSubstr("tom, as of 20"));
+  EXPECT_THAT(away.said(), HasSubstr(first));
+}
+
 TEST_F(OfflineTest, aDamagedOrHostileCacheIsSaidAndNotFelt) {
   fillCacheAndStopServer();
   const auto file = lab_.path("spool") / "lessons" / "ball-free-practice.json";

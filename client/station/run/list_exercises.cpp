@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -22,14 +23,24 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-std::string textAt(const nlohmann::json& json, const char* key) {
-  const auto at = json.is_object() ? json.find(key) : json.end();
-  return at != json.end() && at->is_string() ? printable(at->get<std::string>()) : std::string();
+// the ladder's columns of an exercise
+void addStep(Json& row, const Ladder& ladder) {
+  for (const LadderSection& section : ladder.sections)
+    for (const LadderStep& step : section.steps) {
+      if (step.exercise_id != row["exercise_id"]) continue;
+      row["section"] = section.heading;
+      row["step"] = step.number > 0 ? Json(step.number) : Json(nullptr);
+      row["state"] = stepStateName(step.state);
+      row["locked_by"] = step.locked_by.empty() ? Json(nullptr) : Json(step.locked_by);
+      row["attempts_left"] = step.attempts_left ? Json(*step.attempts_left) : Json(nullptr);
+      row["due_unix_ns"] = step.due_unix_ns != 0 ? Json(step.due_unix_ns) : Json(nullptr);
+      row["as_of_unix_ns"] = ladder.as_of_unix_ns != 0 ? Json(ladder.as_of_unix_ns) : Json(nullptr);
+    }
 }
 
 }  // namespace
 
-Result<std::vector<ServerExercise>> exercisesOfServer(const StationOptions& options) {
+Status askServerForCurriculum(Curriculum& curriculum, const StationOptions& options) {
   ASSIGN_OR_RETURN(auto key, loadStationKey(options.key_file));
   ClientConfig config;
   config.server = *options.server;
@@ -37,27 +48,11 @@ Result<std::vector<ServerExercise>> exercisesOfServer(const StationOptions& opti
   config.program = programText("station");
   config.login = stationLogin(options.station.empty() ? key.station : options.station, key.key);
   ASSIGN_OR_RETURN(auto client, BlockingClient::connect(config));
-  auto exercises = exercisesBy([&](pb::Request request) { return client.call(std::move(request)); });
+  auto updated = updateCurriculum(
+      curriculum, [&](pb::Request request) { return client.call(std::move(request)); },
+      options.trainee_given ? options.trainee : std::string(), wallNowNs());
   client.finish();
-  return exercises;
-}
-
-Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
-  pb::Request request;
-  request.mutable_list_curricula();
-  ASSIGN_OR_RETURN(const auto curricula, ask(request));
-  std::vector<ServerExercise> exercises;
-  for (const pb::CurriculumSummary& summary : curricula.curricula().curricula()) {
-    request.mutable_get_curriculum()->set_id(summary.id());
-    ASSIGN_OR_RETURN(const auto reply, ask(request));
-    const auto curriculum = nlohmann::json::parse(reply.curriculum().json(), nullptr, false);
-    if (!curriculum.is_object() || !curriculum.contains("exercises") || !curriculum["exercises"].is_array())
-      continue;
-    for (const auto& exercise : curriculum["exercises"])
-      exercises.push_back({textAt(exercise, "id"), textAt(exercise, "name"), textAt(exercise, "profile_id"),
-                           textAt(exercise, "description")});
-  }
-  return exercises;
+  return updated;
 }
 
 std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cached,
@@ -109,40 +104,55 @@ std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::
   return text;
 }
 
-std::string exerciseListJson(const std::vector<ListedExercise>& exercises) {
+std::string exerciseListJson(const std::vector<ListedExercise>& exercises, const Ladder& ladder) {
   Json rows = Json::array();
-  for (const ListedExercise& exercise : exercises)
-    rows.push_back(
-        {{"exercise_id", exercise.exercise_id},
-         {"name", exercise.name},
-         {"profile_id", exercise.profile_id},
-         {"cached", exercise.cached_revision.has_value()},
-         {"profile_revision", exercise.cached_revision ? Json(*exercise.cached_revision) : Json(nullptr)},
-         {"fetched_unix_ns", exercise.fetched_unix_ns > 0 ? Json(exercise.fetched_unix_ns) : Json(nullptr)},
-         {"on_server", exercise.on_server ? Json(*exercise.on_server) : Json(nullptr)},
-         {"trouble", exercise.trouble}});
+  for (const ListedExercise& exercise : exercises) {
+    Json row = {
+        {"exercise_id", exercise.exercise_id},
+        {"name", exercise.name},
+        {"profile_id", exercise.profile_id},
+        {"cached", exercise.cached_revision.has_value()},
+        {"profile_revision", exercise.cached_revision ? Json(*exercise.cached_revision) : Json(nullptr)},
+        {"fetched_unix_ns", exercise.fetched_unix_ns > 0 ? Json(exercise.fetched_unix_ns) : Json(nullptr)},
+        {"on_server", exercise.on_server ? Json(*exercise.on_server) : Json(nullptr)},
+        {"trouble", exercise.trouble}};
+    addStep(row, ladder);
+    rows.push_back(std::move(row));
+  }
   return reportJson(rows);
 }
 
 int runListExercises(const StationOptions& options) {
-  std::optional<std::vector<ServerExercise>> on_server;
+  const CurriculumCache kept(options.spool);
+  Curriculum curriculum = kept.find();
+  bool answered = false;
   if (options.server) {
-    auto answer = exercisesOfServer(options);
-    if (answer.ok())
-      on_server = std::move(*answer);
-    else if (answer.error().code == ErrorCode::kUnavailable)
-      std::cerr << "station: the server is away (" << printable(answer.error().message)
-                << "); these exercises are in the cache\n";
-    else {
-      std::cerr << "station: " << printable(answer.error().message) << "\n";
-      return exitCodeOf(answer.error());
+    const Status status = askServerForCurriculum(curriculum, options);
+    answered = status.ok();
+    if (!answered && status.error().code != ErrorCode::kUnavailable) {
+      std::cerr << "station: " << printable(status.error().message) << "\n";
+      return exitCodeOf(status.error());
     }
+    if (!answered)
+      std::cerr << "station: the server is away (" << printable(status.error().message)
+                << "); these exercises are in the cache\n";
+    // a computer that is no station yet has no folder for it
+    if (answered && std::filesystem::is_directory(options.spool / "lessons"))
+      if (const Status status_of_cache = kept.keep(curriculum); !status_of_cache.ok())
+        std::cerr << "station: the list is not kept: " << printable(status_of_cache.error().message) << "\n";
   }
-  const auto exercises = listExercises(LessonCache(options.spool).list(), on_server);
-  const bool some = on_server || std::any_of(exercises.begin(), exercises.end(),
-                                             [](const auto& exercise) { return exercise.cached_revision; });
-  return printReport(options, exerciseListText(exercises, wallNowNs()), exerciseListJson(exercises),
-                     some ? kExitDone : kExitFailed);
+  const auto exercises = listExercises(LessonCache(options.spool).list(),
+                                       answered ? std::optional(curriculum.exercises) : std::nullopt);
+  const bool some = answered || std::any_of(exercises.begin(), exercises.end(),
+                                            [](const auto& exercise) { return exercise.cached_revision; });
+  std::string text;
+  Ladder ladder;
+  if (options.trainee_given && !curriculum.exercises.empty()) {
+    ladder = ladderOf(curriculum, options.trainee, wallNowNs());
+    text = ladderText(ladder, shownName(curriculum.trainees, options.trainee), !answered) + "\n";
+  }
+  return printReport(options, text + exerciseListText(exercises, wallNowNs()),
+                     exerciseListJson(exercises, ladder), some ? kExitDone : kExitFailed);
 }
 
 }  // namespace needlelab

@@ -1,15 +1,16 @@
-/// `needlelab-station --list-exercises`: lists the exercises available with and without a server.
+/// `needlelab-station --list-exercises`: the ladder of --trainee, and the exercises available with and
+/// without a server.
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "client/net/lesson_cache.h"
+#include "client/station/run/curriculum.h"
+#include "client/station/run/ladder.h"
 #include "client/station/run/options.h"
-#include "needlelab/control.pb.h"
 
 namespace needlelab {
 
@@ -21,16 +22,9 @@ struct ListedExercise {
   std::string trouble;            ///< why the cached exercise is unusable
 };
 
-/// An exercise as the server lists it.
-struct ServerExercise {
-  std::string exercise_id, name, profile_id, description;
-};
-/// Sends a request to the server, over a separate connection or the uplink's.
-using AskServer = std::function<Result<pb::Reply>(pb::Request)>;
-/// Returns all exercises of all courses. Errors: from `ask`.
-Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask);
-/// The same over a separate connection. Errors: from BlockingClient::connect.
-Result<std::vector<ServerExercise>> exercisesOfServer(const StationOptions& options);
+/// Updates `curriculum` over a separate connection, with the standing of --trainee if it is given. Errors:
+/// from BlockingClient::connect, and as updateCurriculum.
+Status askServerForCurriculum(Curriculum& curriculum, const StationOptions& options);
 
 /// Merges both lists, sorted by id. `on_server`: none if the server was not asked or did not answer.
 std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cached,
@@ -38,8 +32,10 @@ std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cache
 
 std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::int64_t now_unix_ns);
 /// {"version", "machine", "rows": [{"exercise_id", "name", "profile_id", "cached", "profile_revision",
-/// "fetched_unix_ns", "on_server", "trouble"}]}
-std::string exerciseListJson(const std::vector<ListedExercise>& exercises);
+/// "fetched_unix_ns", "on_server", "trouble"}]}. The rows of `ladder` have "section", "step" (null: none),
+/// "state", "locked_by", "attempts_left", "due_unix_ns", "as_of_unix_ns" too; null: not known, unlimited, or
+/// never.
+std::string exerciseListJson(const std::vector<ListedExercise>& exercises, const Ladder& ladder = {});
 
 /// Runs `--list-exercises`. Exit code 0 if an exercise is available without the server, or the server
 /// answered.

@@ -193,7 +193,8 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
   test->excludes(pivot)->group(kModes);
   pivot->group(kModes);
   app.add_flag("--list-exercises", raw.list_exercises,
-               "what can be practised: the exercises in the cache and, with --server, the server's")
+               "what can be practised: the exercises in the cache and, with --server, the server's; with "
+               "--trainee what is assigned, step by step")
       ->excludes(list)
       ->excludes(test)
       ->excludes(pivot)

@@ -40,6 +40,9 @@ void LessonBoard::ask(BoardRequest request) {
   {
     const std::scoped_lock lock(mutex_);
     if (request.kind == BoardRequest::Kind::kQuit) quit_ = true;
+    // the window asks for a standing by itself: this must not take the place of what a person asked for
+    const bool by_itself = request.kind == BoardRequest::Kind::kTrainee;
+    if (by_itself && request_.kind != BoardRequest::Kind::kNothing && request_.kind != request.kind) return;
     request_ = std::move(request);
   }
   requested_.notify_all();
@@ -56,7 +59,9 @@ BoardRequest LessonBoard::waitForRequest(std::chrono::milliseconds patience) {
 
 bool LessonBoard::requestWaits() const {
   const std::scoped_lock lock(mutex_);
-  return quit_ || request_.kind != BoardRequest::Kind::kNothing;
+  const bool by_person =
+      request_.kind != BoardRequest::Kind::kNothing && request_.kind != BoardRequest::Kind::kTrainee;
+  return quit_ || by_person;
 }
 
 std::uint64_t LessonBoard::droppedPieces() const {

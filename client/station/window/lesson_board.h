@@ -42,11 +42,13 @@ struct LessonChoice {
 
 /// The Start screen's lists.
 struct StartLists {
-  std::vector<ListedExercise> exercises;                      ///< by id
-  std::vector<ServerExercise> descriptions;                   ///< of the server's exercises
-  std::vector<std::string> trainees;                          ///< names known on this station
-  std::vector<std::pair<std::string, std::string>> assigned;  ///< trainee, exercise
-  std::string profile_file;                                   ///< --profile; empty: none
+  std::vector<ListedExercise> exercises;     ///< by id
+  std::vector<ServerExercise> descriptions;  ///< of the server's exercises
+  std::vector<std::string> trainees;         ///< names known on this station
+  /// Trainee, exercise; for a trainee whose standing is not known.
+  std::vector<std::pair<std::string, std::string>> assigned;
+  std::shared_ptr<const Curriculum> curriculum;  ///< null: the server never gave one
+  std::string profile_file;                      ///< --profile; empty: none
 };
 
 /// The state of the chosen device before a lesson.
@@ -91,9 +93,10 @@ struct BoardState {
 struct BoardRequest {
   enum class Kind : std::uint8_t {
     kNothing,
-    kBegin,  ///< `choice`
-    kStart,  ///< show the Start screen
-    kLook,   ///< refresh exercises, trainees and device
+    kBegin,    ///< `choice`
+    kStart,    ///< show the Start screen
+    kLook,     ///< refresh exercises, trainees, device, and the standing of `choice.trainee`
+    kTrainee,  ///< fetch the standing of `choice.trainee`
     kQuit,
   };
   Kind kind = Kind::kNothing;
@@ -114,13 +117,13 @@ class LessonBoard final : public LessonObserver {
   /// Moves the new samples of `lesson` to the end of `samples`, oldest first. Returns the number of samples
   /// dropped before them since the last call.
   std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples);
-  /// Replaces the waiting request, except kQuit.
+  /// Replaces the waiting request, except kQuit; kTrainee replaces only its like.
   void ask(BoardRequest request);
 
   // --- the station's threads
   /// Returns at once if a request waits, else with the next one, or with kNothing after `patience`.
   BoardRequest waitForRequest(std::chrono::milliseconds patience);
-  /// Returns whether a request waits, without taking it.
+  /// Returns whether a person's request waits (not kTrainee), without taking it.
   [[nodiscard]] bool requestWaits() const;
   /// `change` receives a BoardState& to modify.
   template <typename Change>

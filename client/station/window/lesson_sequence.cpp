@@ -11,6 +11,7 @@
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
 #include "client/station/window/start_choice.h"
+#include "common/base/clock.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
 
@@ -97,7 +98,9 @@ void LessonSequence::handle(const BoardRequest& request) {
       return showStart();
     case BoardRequest::Kind::kLook:
       next_device_look_ns_ = 0;
-      return refreshLists();
+      return refreshLists(request.choice.trainee);
+    case BoardRequest::Kind::kTrainee:
+      return updateStanding(request.choice.trainee);
     case BoardRequest::Kind::kQuit:
       quit_ = true;
       return;
@@ -107,32 +110,61 @@ void LessonSequence::handle(const BoardRequest& request) {
 void LessonSequence::showStart() {
   reportLast();
   StartLists lists = localLists(options_, home_.spool());
+  std::string trainee;
   board_.change([&](BoardState& state) {
+    const bool practised = state.stage == Stage::kEnd;
     state.stage = Stage::kStart;
     // keeps the server's last lists until new ones arrive
     if (state.lists.exercises.empty()) state.lists = std::move(lists);
+    // after a lesson the next step of the ladder, where there is one
+    trainee = state.choice.trainee;
+    if (practised && state.lists.curriculum && state.lists.curriculum->standings.contains(trainee))
+      state.choice.exercise.clear();
     if (state.next) state.choice.exercise = state.next->exercise;
     if (state.next) state.choice.by_profile = false;
   });
-  refreshLists();
+  refreshLists(trainee);
   updateDevice();
 }
 
-void LessonSequence::refreshLists() {
+// a person's request interrupts the wait for the answer
+Result<pb::Reply> LessonSequence::askForLists(Uplink& uplink, pb::Request request) {
+  return uplink.ask(std::move(request), kListsPatience, true, [this] { return board_.requestWaits(); });
+}
+
+void LessonSequence::refreshLists(const std::string& trainee) {
   StartLists lists = localLists(options_, home_.spool());
   if (Uplink* uplink = home_.uplink()) {
     const auto cached = LessonCache(options_.spool).list();
-    // a person's request interrupts the wait for the lists
-    const auto ask = [&](pb::Request request) {
-      return uplink->ask(std::move(request), kListsPatience, true, [&] { return board_.requestWaits(); });
-    };
-    if (const Status status = addServerLists(lists, cached, ask); !status.ok()) {
-      const bool away =
-          status.error().code == ErrorCode::kUnavailable || status.error().code == ErrorCode::kFailed;
-      if (!away) logMessage(status.error().message);
-    }
+    const Status status = addServerLists(
+        lists, cached, trainee, [&](pb::Request request) { return askForLists(*uplink, std::move(request)); },
+        wallNowNs());
+    keepCurriculum(status, lists);
   }
   board_.change([&](BoardState& state) { state.lists = std::move(lists); });
+}
+
+void LessonSequence::updateStanding(const std::string& trainee) {
+  Uplink* const uplink = home_.uplink();
+  if (uplink == nullptr) return;
+  StartLists lists;
+  board_.change([&](const BoardState& state) { lists = state.lists; });
+  const Status status = addStanding(
+      lists, trainee, [&](pb::Request request) { return askForLists(*uplink, std::move(request)); },
+      wallNowNs());
+  keepCurriculum(status, lists);
+  if (status.ok()) board_.change([&](BoardState& state) { state.lists = std::move(lists); });
+}
+
+// for the time when the server is away
+void LessonSequence::keepCurriculum(Status asked, const StartLists& lists) {
+  if (asked.ok() && lists.curriculum) asked = CurriculumCache(options_.spool).keep(*lists.curriculum);
+  if (asked.ok()) return;
+  // away, or older than these requests: the screen shows it
+  const ErrorCode code = asked.error().code;
+  const bool expected =
+      code == ErrorCode::kUnavailable || code == ErrorCode::kFailed || code == ErrorCode::kDenied;
+  if (!expected) logMessage(asked.error().message);
 }
 
 void LessonSequence::updateDevice() {
@@ -149,8 +181,10 @@ void LessonSequence::updateServer() {
   next_server_look_ns_ = now_ns + kServerAgain_ns;
   home_.guard().check();
   bool at_start = false;
+  std::string trainee;
   board_.change([&](BoardState& state) {
     at_start = state.stage == Stage::kStart;
+    trainee = state.choice.trainee;
     if (Uplink* uplink = home_.uplink()) {
       const UplinkState now = uplink->state();
       state.server = serverText(now);
@@ -161,7 +195,7 @@ void LessonSequence::updateServer() {
   const std::string status = uplink == nullptr ? "" : uplink->state().connected ? "there" : "away";
   if (at_start && status != lists_made_with_) {
     lists_made_with_ = status;
-    if (status == "there") refreshLists();
+    if (status == "there") refreshLists(trainee);
   }
   if (at_start && !device_ready_ && now_ns >= next_device_look_ns_) updateDevice();
 }

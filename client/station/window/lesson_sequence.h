@@ -34,7 +34,10 @@ class LessonSequence {
  private:
   bool open();
   void showStart();
-  void refreshLists();
+  void refreshLists(const std::string& trainee);
+  void updateStanding(const std::string& trainee);
+  void keepCurriculum(Status asked, const StartLists& lists);
+  Result<pb::Reply> askForLists(Uplink& uplink, pb::Request request);
   void updateDevice();
   void updateServer();
   void handle(const BoardRequest& request);

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <set>
+#include <iterator>
+#include <memory>
 #include <string>
-#include <tuple>
 #include <utility>
 
 #include "client/station/run/list_devices.h"
@@ -16,6 +16,9 @@ namespace {
 
 constexpr auto kDevicePatience = std::chrono::seconds(3);
 constexpr int kMostPages = 50;
+// A standing changes by others' hands: an instructor assigns, gives an attempt back, a score comes late. It
+// is asked for again after this time (a request a course), and shown with its time when it is much older.
+constexpr std::int64_t kStandingAgain_ns = 120'000'000'000, kStandingOld_ns = 300'000'000'000;
 
 void addName(std::vector<std::string>& names, const std::string& name) {
   if (checkName("trainee", name).ok() && std::find(names.begin(), names.end(), name) == names.end())
@@ -27,9 +30,20 @@ std::string kindOf(const std::string& spec) {
   return spec.substr(0, spec.find_first_of(":@"));
 }
 
+const std::string kNeedsServer = "needs the server, which is away";
+
 bool isAssigned(const StartLists& lists, const std::string& trainee, const std::string& exercise) {
   return std::find(lists.assigned.begin(), lists.assigned.end(), std::pair(trainee, exercise)) !=
          lists.assigned.end();
+}
+
+// all trainees of the courses too, in the order of the names that are shown
+void addTrainees(std::vector<std::string>& names, const std::vector<KnownTrainee>& trainees) {
+  if (trainees.empty()) return;
+  for (const KnownTrainee& trainee : trainees) addName(names, trainee.name);
+  std::sort(names.begin(), names.end(), [&](const std::string& a, const std::string& b) {
+    return std::pair(shownName(trainees, a), a) < std::pair(shownName(trainees, b), b);
+  });
 }
 
 }  // namespace
@@ -41,11 +55,18 @@ StartLists localLists(const StationOptions& options, const Spool& spool) {
   if (options.trainee_given) addName(lists.trainees, options.trainee);
   for (const auto& sessions : {spool.unfinished(), spool.closedButNotSafe()})
     for (const auto& session : sessions) addName(lists.trainees, session->description().trainee());
+  if (Curriculum kept = CurriculumCache(options.spool).find(); !kept.exercises.empty()) {
+    addTrainees(lists.trainees, kept.trainees);
+    lists.descriptions = kept.exercises;
+    lists.curriculum = std::make_shared<const Curriculum>(std::move(kept));
+  }
   return lists;
 }
 
-Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached, const AskServer& ask) {
-  ASSIGN_OR_RETURN(auto exercises, exercisesBy(ask));
+Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached, const std::string& trainee,
+                      const AskServer& ask, std::int64_t now_unix_ns) {
+  Curriculum curriculum = lists.curriculum ? *lists.curriculum : Curriculum{};
+  RETURN_IF_ERROR(updateCurriculum(curriculum, ask, trainee, now_unix_ns));
   std::vector<std::string> trainees = lists.trainees;
   std::vector<std::pair<std::string, std::string>> assigned;
   pb::Request request;
@@ -61,10 +82,22 @@ Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached
     request.mutable_list_assignments()->set_page(reply.assignments().next_page());
   }
   std::sort(trainees.begin(), trainees.end());
-  lists.exercises = listExercises(cached, exercises);
-  lists.descriptions = std::move(exercises);
+  addTrainees(trainees, curriculum.trainees);
+  lists.exercises = listExercises(cached, curriculum.exercises);
+  lists.descriptions = curriculum.exercises;
   lists.trainees = std::move(trainees);
   lists.assigned = std::move(assigned);
+  lists.curriculum = std::make_shared<const Curriculum>(std::move(curriculum));
+  return {};
+}
+
+Status addStanding(StartLists& lists, const std::string& trainee, const AskServer& ask,
+                   std::int64_t now_unix_ns) {
+  if (!lists.curriculum) return {};
+  ASSIGN_OR_RETURN(auto standing, standingBy(ask, lists.curriculum->exercises, trainee, now_unix_ns));
+  auto curriculum = std::make_shared<Curriculum>(*lists.curriculum);
+  curriculum->standings[trainee] = std::move(standing);
+  lists.curriculum = std::move(curriculum);
   return {};
 }
 
@@ -102,18 +135,45 @@ std::string exerciseName(const StartLists& lists, const std::string& id) {
   return id;
 }
 
-void StartChoice::update(const BoardState& state) {
+void StartChoice::update(const BoardState& state, std::int64_t now_unix_ns) {
   lists_ = state.lists;
   server_ = !state.server.empty();
   server_away_ = state.server_away;
+  now_unix_ns_ = now_unix_ns;
   // a new preselection of the station replaces the person's choice
   if (state.choice != preselected_) {
     preselected_ = state.choice;
     if (!state.choice.trainee.empty()) trainee_ = state.choice.trainee;
     by_profile_ = state.choice.by_profile;
     exercise_ = state.choice.exercise;
+    by_person_ = by_profile_ || !exercise_.empty();
   }
   list();
+}
+
+const TraineeStanding* StartChoice::standing() const {
+  if (!lists_.curriculum) return nullptr;
+  const auto at = lists_.curriculum->standings.find(trainee_);
+  return at != lists_.curriculum->standings.end() ? &at->second : nullptr;
+}
+
+std::string StartChoice::shown(const std::string& account) const {
+  return lists_.curriculum ? shownName(lists_.curriculum->trainees, account) : account;
+}
+
+std::string StartChoice::asOf() const {
+  const TraineeStanding* const known = standing();
+  if (known == nullptr) return {};
+  const bool of_now = server_ && !server_away_ && now_unix_ns_ - known->as_of_unix_ns < kStandingOld_ns;
+  return of_now ? std::string() : "as of " + localMinute(known->as_of_unix_ns);
+}
+
+std::string StartChoice::standingWanted() const {
+  if (!server_ || server_away_ || !lists_.curriculum || lists_.curriculum->exercises.empty()) return {};
+  if (trainee_.empty() || !checkName("this name", trainee_).ok()) return {};
+  const TraineeStanding* const known = standing();
+  return known == nullptr || now_unix_ns_ - known->as_of_unix_ns >= kStandingAgain_ns ? trainee_
+                                                                                      : std::string();
 }
 
 void StartChoice::list() {
@@ -125,7 +185,54 @@ void StartChoice::list() {
                           "Practice with a profile of your own: " + lists_.profile_file,
                           "",
                           true});
+  addLadder();
+  addOthers();
+  // the command line's exercise may be missing from all lists
+  if (!exercise_.empty() && exercise() < 0)
+    exercises_.push_back({{trainee_, exercise_, false}, exercise_, "", "", true});
+}
+
+void StartChoice::addLadder() {
+  if (!lists_.curriculum) return;
+  const Ladder ladder = ladderOf(*lists_.curriculum, trainee_, now_unix_ns_);
+  for (const LadderSection& section : ladder.sections) {
+    std::string heading = section.heading;
+    for (const LadderStep& step : section.steps) {
+      ExerciseRow row{
+          {trainee_, step.exercise_id, false}, step.name, step.description, stepText(step), step.may_begin};
+      row.heading = std::exchange(heading, "");
+      row.number = step.number;
+      row.state = step.state;
+      row.due = step.due;
+      if (row.note.empty() && isAssigned(lists_, trainee_, step.exercise_id)) row.note = "assigned";
+      if (!server_ || server_away_) {
+        // the standing is of an earlier time: what is in the cache may be practised
+        const auto listed =
+            std::find_if(lists_.exercises.begin(), lists_.exercises.end(),
+                         [&](const ListedExercise& one) { return one.exercise_id == step.exercise_id; });
+        const bool there = listed != lists_.exercises.end();
+        row.usable = there && listed->cached_revision;
+        if (!row.usable)
+          row.note += (row.note.empty() ? "" : " · ") +
+                      (there && !listed->trouble.empty() ? listed->trouble : kNeedsServer);
+      }
+      exercises_.push_back(std::move(row));
+    }
+  }
+  if (!by_person_ && !ladder.next.empty()) {
+    exercise_ = ladder.next;
+    by_profile_ = false;
+  }
+}
+
+// what the ladder does not have: without the server's courses all of the cache
+void StartChoice::addOthers() {
+  std::vector<ExerciseRow> others;
   for (const ListedExercise& listed : lists_.exercises) {
+    const bool shown_already = std::any_of(exercises_.begin(), exercises_.end(), [&](const ExerciseRow& row) {
+      return row.choice.exercise == listed.exercise_id;
+    });
+    if (shown_already) continue;
     ExerciseRow row{
         {trainee_, listed.exercise_id, false}, exerciseName(lists_, listed.exercise_id), "", "", true};
     for (const ServerExercise& exercise : lists_.descriptions)
@@ -134,17 +241,15 @@ void StartChoice::list() {
     const bool cached = listed.cached_revision.has_value();
     if (!cached && (!server_ || server_away_)) {
       row.usable = false;
-      row.note = listed.trouble.empty() ? "needs the server, which is away" : listed.trouble;
+      row.note = listed.trouble.empty() ? kNeedsServer : listed.trouble;
     }
-    exercises_.push_back(std::move(row));
+    others.push_back(std::move(row));
   }
-  // the command line's exercise may be missing from all lists
-  if (!exercise_.empty() && exercise() < 0)
-    exercises_.push_back({{trainee_, exercise_, false}, exercise_, "", "", true});
-  std::stable_sort(exercises_.begin(), exercises_.end(), [](const ExerciseRow& a, const ExerciseRow& b) {
-    return std::tuple(!a.choice.by_profile, a.note != "assigned", !a.usable) <
-           std::tuple(!b.choice.by_profile, b.note != "assigned", !b.usable);
+  std::stable_sort(others.begin(), others.end(), [](const ExerciseRow& a, const ExerciseRow& b) {
+    return std::pair(a.note != "assigned", !a.usable) < std::pair(b.note != "assigned", !b.usable);
   });
+  if (lists_.curriculum && !others.empty()) others.front().heading = "Kept on this station";
+  std::move(others.begin(), others.end(), std::back_inserter(exercises_));
 }
 
 int StartChoice::exercise() const {
@@ -156,7 +261,13 @@ int StartChoice::exercise() const {
 }
 
 void StartChoice::chooseTrainee(const std::string& name) {
-  trainee_ = name;
+  const std::string account = lists_.curriculum ? accountOf(lists_.curriculum->trainees, name) : name;
+  // the next step of this trainee, not what was chosen for another one
+  if (account != trainee_) {
+    if (!by_person_) exercise_.clear();
+    by_person_ = by_profile_;
+  }
+  trainee_ = account;
   list();
 }
 
@@ -165,6 +276,7 @@ void StartChoice::chooseExercise(int index) {
   const LessonChoice& chosen = exercises_[static_cast<std::size_t>(index)].choice;
   exercise_ = chosen.exercise;
   by_profile_ = chosen.by_profile;
+  by_person_ = true;
 }
 
 void StartChoice::step(int by) {

@@ -9,17 +9,24 @@
 
 #include "client/net/lesson_cache.h"
 #include "client/net/spool.h"
+#include "client/station/run/ladder.h"
 #include "client/station/run/list_exercises.h"
 #include "client/station/run/options.h"
 #include "client/station/window/lesson_board.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 
-/// Returns the lists without a server: exercises from the cache, names from the command line and the spool's
-/// sessions.
+/// Returns the lists without a server: exercises, trainees and standings from the cache, names from the
+/// command line and the spool's sessions.
 StartLists localLists(const StationOptions& options, const Spool& spool);
-/// Adds the server's exercises and trainees. Errors: from `ask`; `lists` stays unchanged then.
-Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached, const AskServer& ask);
+/// Adds the server's exercises and trainees, and the standing of `trainee` (empty: of nobody). Errors: from
+/// `ask`; `lists` stays unchanged then.
+Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached, const std::string& trainee,
+                      const AskServer& ask, std::int64_t now_unix_ns);
+/// Asks for the standing of `trainee` alone. Errors: as addServerLists.
+Status addStanding(StartLists& lists, const std::string& trainee, const AskServer& ask,
+                   std::int64_t now_unix_ns);
 
 /// Returns the state of the `--device` device. Sets `hangs` if its driver does not return. Takes up to 3 s.
 DeviceReadiness deviceReadiness(const StationOptions& options, bool steered, bool& hangs);
@@ -28,22 +35,35 @@ struct ExerciseRow {
   LessonChoice choice;  ///< the exercise, or the profile's file
   std::string name;     ///< display name
   std::string description;
-  std::string note;  ///< "assigned", "from the cache: the server is away", or why it is unusable
+  std::string note;  ///< its state and dates, "assigned", or why it is unusable
   bool usable = true;
+  std::string heading = {};  ///< of the section that begins here; empty: it goes on
+  int number = 0;            ///< of the step in its course, from 1; 0: none
+  StepState state = StepState::kUnknown;
+  DueState due = DueState::kNone;
 };
 
 /// Lists and choice. The person's choice survives changes of the lists.
 class StartChoice {
  public:
   /// Takes new lists and the station's preselection. Keeps the person's choice if possible.
-  void update(const BoardState& state);
+  void update(const BoardState& state, std::int64_t now_unix_ns = wallNowNs());
 
-  /// Exercises for the chosen trainee: assigned ones first, then by name.
+  /// Exercises for the chosen trainee: the ladder; without the server's courses assigned ones first, then by
+  /// name. The ladder's next step is chosen until a person chooses another one.
   [[nodiscard]] const std::vector<ExerciseRow>& exercises() const { return exercises_; }
+  /// Accounts, in the order of the shown names.
   [[nodiscard]] const std::vector<std::string>& trainees() const { return trainees_; }
   [[nodiscard]] const std::string& trainee() const { return trainee_; }
+  /// Returns the name to show for an account: the full name, if the server gave it.
+  [[nodiscard]] std::string shown(const std::string& account) const;
+  /// Returns "as of 2026-11-24 12:00" if the shown standing is not of now; empty otherwise.
+  [[nodiscard]] std::string asOf() const;
+  /// Returns the trainee whose standing the server should be asked for now; empty: nobody.
+  [[nodiscard]] std::string standingWanted() const;
   /// −1: none.
   [[nodiscard]] int exercise() const;
+  /// `name`: an account or a shown name.
   void chooseTrainee(const std::string& name);
   void chooseExercise(int index);
   /// Moves the choice by one, as the arrow keys do; without a choice, selects the first.
@@ -58,13 +78,18 @@ class StartChoice {
 
  private:
   void list();
+  void addLadder();
+  void addOthers();
+  [[nodiscard]] const TraineeStanding* standing() const;
 
   StartLists lists_;
   bool server_ = false, server_away_ = false;
+  std::int64_t now_unix_ns_ = 0;
   LessonChoice preselected_;
   std::string trainee_;
   std::string exercise_;  // id; empty: the profile or none
   bool by_profile_ = false;
+  bool by_person_ = false;  // chosen by a person, not the ladder's next step
   std::vector<std::string> trainees_;
   std::vector<ExerciseRow> exercises_;
 };

@@ -10,15 +10,37 @@
 #include "client/station/run/lesson_requests.h"
 #include "client/station/window/keys.h"
 #include "client/view/theme.h"
+#include "common/base/clock.h"
 #include "common/base/text.h"
 
 namespace needlelab {
-namespace {}  // namespace
+namespace {
+
+// dates come nearer while nobody does anything; and the time until the same standing is asked for again
+constexpr std::int64_t kDatesAgain_ns = 30'000'000'000;
+
+Rgb colourOfRow(const ExerciseRow& row) {
+  if (!row.usable) return kDimText;
+  if (row.state == StepState::kDone) return styleOf(Condition::kGood).colour;
+  return kText;
+}
+
+Rgb colourOfNote(const ExerciseRow& row) {
+  if (row.due == DueState::kOver) return styleOf(Condition::kTrouble).colour;
+  if (row.state == StepState::kDone) return styleOf(Condition::kGood).colour;
+  const bool calls =
+      row.state == StepState::kNext || row.state == StepState::kUnknown || row.due == DueState::kSoon;
+  return row.usable && calls ? kYellow : kDimText;
+}
+
+}  // namespace
 
 void StartScreen::show(const BoardState& state, bool changed, LessonBoard& board) {
-  if (changed || fresh_) {
-    choice_.update(state);
-    if (fresh_ || !ImGui::GetIO().WantTextInput) typed_ = choice_.trainee();
+  const std::int64_t now_unix_ns = wallNowNs();
+  if (changed || fresh_ || now_unix_ns - updated_unix_ns_ > kDatesAgain_ns) {
+    choice_.update(state, now_unix_ns);
+    updated_unix_ns_ = now_unix_ns;
+    if (fresh_ || !ImGui::GetIO().WantTextInput) typed_ = choice_.shown(choice_.trainee());
     fresh_ = false;
   }
   beginScreen("start");
@@ -55,15 +77,27 @@ void StartScreen::show(const BoardState& state, bool changed, LessonBoard& board
     for (const auto& [key, by] : {std::pair(GLFW_KEY_LEFT, -1), std::pair(GLFW_KEY_RIGHT, 1)})
       if (ImGui::IsKeyPressed(key)) {
         choice_.stepTrainee(by);
-        typed_ = choice_.trainee();
+        typed_ = choice_.shown(choice_.trainee());
       }
+    askForStanding(board);
   }
   if (enterPressed()) begin(board);
 }
 
+// not while a name is being written
+void StartScreen::askForStanding(LessonBoard& board) {
+  const std::string trainee = choice_.standingWanted();
+  const bool again = trainee == asked_for_ && updated_unix_ns_ - asked_unix_ns_ < kDatesAgain_ns;
+  if (trainee.empty() || again) return;
+  asked_for_ = trainee;
+  asked_unix_ns_ = updated_unix_ns_;
+  board.ask({BoardRequest::Kind::kTrainee, {trainee, "", false}});
+}
+
 void StartScreen::showTrainees() {
-  std::array<char, kMaxNameBytes + 1> text{};
-  std::memcpy(text.data(), typed_.data(), std::min(typed_.size(), kMaxNameBytes));
+  constexpr std::size_t kFieldBytes = 4 * kMaxNameBytes;  // a full name with the account's
+  std::array<char, kFieldBytes + 1> text{};
+  std::memcpy(text.data(), typed_.data(), std::min(typed_.size(), kFieldBytes));
   ImGui::SetNextItemWidth(-1);
   if (ImGui::InputTextWithHint("##name", "name", text.data(), text.size())) {
     typed_ = text.data();
@@ -72,9 +106,10 @@ void StartScreen::showTrainees() {
   ImGui::Spacing();
   for (const std::string& name : choice_.trainees()) {
     ImGui::PushID(name.c_str());
-    if (ImGui::Selectable(name.c_str(), name == choice_.trainee())) {
+    const std::string shown = choice_.shown(name);
+    if (ImGui::Selectable(shown.c_str(), name == choice_.trainee())) {
       choice_.chooseTrainee(name);
-      typed_ = name;
+      typed_ = shown;
     }
     ImGui::PopID();
   }
@@ -87,16 +122,25 @@ void StartScreen::showTrainees() {
 void StartScreen::showExercises() {
   const int chosen = choice_.exercise();
   int index = 0;
+  if (const std::string as_of = choice_.asOf(); !as_of.empty())
+    conditionLine(Condition::kAttention, as_of + ": it may have changed since");
   for (const ExerciseRow& exercise : choice_.exercises()) {
     ImGui::PushID(index);
+    if (!exercise.heading.empty()) {
+      if (index > 0) ImGui::Spacing();
+      const WithTextColour dim(kDimText);
+      textLine(exercise.heading);
+      ImGui::Separator();
+    }
     {
-      const WithTextColour colour(exercise.usable ? kText : kDimText);
-      if (ImGui::Selectable(exercise.name.c_str(), index == chosen)) choice_.chooseExercise(index);
+      const WithTextColour colour(colourOfRow(exercise));
+      const std::string number = exercise.number > 0 ? std::to_string(exercise.number) + ". " : "";
+      if (ImGui::Selectable((number + exercise.name).c_str(), index == chosen)) choice_.chooseExercise(index);
     }
     if (index == chosen && ImGui::IsWindowAppearing()) ImGui::SetScrollHereY();
     if (!exercise.note.empty()) {
       const WithFont small(Letters::kSmall);
-      const WithTextColour colour(exercise.usable ? kYellow : kDimText);
+      const WithTextColour colour(colourOfNote(exercise));
       ImGui::Indent();
       textLine(exercise.note);
       ImGui::Unindent();
@@ -147,7 +191,8 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
   }
   if (bigButton("Begin", true, -1, missing.empty())) begin(board);
   ImGui::Spacing();
-  if (bigButton("Look again", false, -1)) board.ask({BoardRequest::Kind::kLook, {}});
+  if (bigButton("Look again", false, -1))
+    board.ask({BoardRequest::Kind::kLook, {choice_.trainee(), "", false}});
 }
 
 void StartScreen::begin(LessonBoard& board) {

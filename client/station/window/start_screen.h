@@ -21,9 +21,12 @@ class StartScreen {
   void showExercises();
   void showStation(const BoardState& state, LessonBoard& board);
   void begin(LessonBoard& board);
+  void askForStanding(LessonBoard& board);
 
   StartChoice choice_;
-  std::string typed_;  // the name's field
+  std::string typed_;      // the name's field: as shown
+  std::string asked_for_;  // the trainee of the last request for a standing, and its time
+  std::int64_t asked_unix_ns_ = 0, updated_unix_ns_ = 0;
   bool fresh_ = true;
 };
 

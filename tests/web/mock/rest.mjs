@@ -196,6 +196,7 @@ function resultsOf(lab, query, who) {
           ...(exercise.attempts ? { attempts_left: Math.max(0, exercise.attempts - attempts.length) } : {}),
           due_unix_ms: exercise.due_unix_ms ?? null,
           overdue: false,
+          done: passed,
         };
       });
       cells.forEach((cell, i) => {

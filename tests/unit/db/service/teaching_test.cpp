@@ -324,6 +324,57 @@ TEST_F(Teaching, theMatrixOfACourse) {
   EXPECT_EQ(refusal(instructor, unknown), ErrorCode::kNotFound);
 }
 
+TEST_F(Teaching, aStationGetsNamesAndTheCellsOfTheTraineeThatItNames) {
+  addStation();
+  putCourse({{"second", {{"prerequisites", {"first"}}, {"attempts", 3}}},
+             {"third", {{"requirements", nlohmann::json::array()}}}});
+  for (const char* name : {"anna", "ben", "gone"}) addPerson(name, pb::TRAINEE);
+  ASSERT_OK(change([](Connection& c) {
+    PersonChange change;
+    change.full_name = "Anna Adler";
+    const auto changed = PeopleStore(c).change("anna", 1, change, "mara", 2);
+    return changed ? Status() : Status(changed.error());
+  }));
+  ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("gone", true, "mara", 3); }));
+  get(manager, putGroup("class", {"anna", "ben", "gone"}, 0));
+  pb::Request assign;
+  assign.mutable_assign()->set_course_id("course");
+  assign.mutable_assign()->set_group_id("class");
+  get(manager, assign);
+  attempt("anna", "first", false);
+  attempt("anna", "third", false);
+
+  const auto names = results(station);
+  ASSERT_EQ(names.rows_size(), 2) << "nobody whose access has ended";
+  EXPECT_EQ(names.rows(0).trainee(), "anna");
+  EXPECT_EQ(names.rows(0).full_name(), "Anna Adler");
+  EXPECT_EQ(names.rows(1).trainee(), "ben");
+  for (const auto& row : names.rows()) EXPECT_EQ(row.cells_size(), 0) << row.trainee();
+
+  pb::Request one;
+  one.mutable_get_results()->set_course_id("course");
+  one.mutable_get_results()->set_trainee("anna");
+  const auto own = get(station, one).results();
+  ASSERT_EQ(own.rows_size(), 1);
+  ASSERT_EQ(own.rows(0).cells_size(), 3);
+  const auto& cells = own.rows(0).cells();
+  EXPECT_FALSE(cells[0].done());
+  EXPECT_EQ(cells[0].attempts(), 1u);
+  EXPECT_FALSE(cells[0].has_best()) << "a station shows no session";
+  ASSERT_EQ(cells[1].locked_by_size(), 1);
+  EXPECT_EQ(cells[1].attempts_left(), 3u);
+  EXPECT_TRUE(cells[2].done()) << "nothing is required, and it was tried";
+
+  // the same row for the trainee and for staff, with `best`; another's row for no trainee
+  EXPECT_TRUE(get(trainee, one).results().rows(0).cells(0).has_best());
+  EXPECT_EQ(get(instructor, one).results().rows_size(), 1);
+  one.mutable_get_results()->set_trainee("ben");
+  EXPECT_EQ(refusal(trainee, one), ErrorCode::kDenied);
+  // a name that nobody has may practise too
+  one.mutable_get_results()->set_trainee("guest");
+  EXPECT_EQ(get(station, one).results().rows(0).cells(1).locked_by_size(), 1);
+}
+
 TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
   addStation();
   putCourse();

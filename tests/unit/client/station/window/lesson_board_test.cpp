@@ -111,6 +111,21 @@ TEST(LessonBoard, whoQuitsIsNotOutshouted) {
   EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
 
+TEST(LessonBoard, whatTheWindowAsksByItselfTakesNoPersonsPlace) {
+  using Kind = BoardRequest::Kind;
+  LessonBoard board;
+  board.ask({Kind::kTrainee, {"tom", "", false}});
+  EXPECT_FALSE(board.requestWaits()) << "the lists are not given up for it";
+  board.ask({Kind::kTrainee, {"zoe", "", false}});
+  EXPECT_EQ(board.waitForRequest(0ms).choice.trainee, "zoe") << "the newest";
+  board.ask({Kind::kTrainee, {"tom", "", false}});
+  board.ask({Kind::kBegin, {"tom", "knee", false}});
+  board.ask({Kind::kTrainee, {"zoe", "", false}});
+  EXPECT_TRUE(board.requestWaits());
+  EXPECT_EQ(board.waitForRequest(0ms).kind, Kind::kBegin);
+  EXPECT_EQ(board.waitForRequest(0ms).kind, Kind::kNothing);
+}
+
 TEST(LessonBoard, instructorsWordsCarryWhoAndWhenAndNothingThatCommandsATerminal) {
   LessonBoard board;
   board.began(someLesson());

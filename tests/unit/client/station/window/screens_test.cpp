@@ -85,6 +85,30 @@ TEST_F(TraineeScreens, startWithTheServerAwayAndALessonThatDidNotBegin) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_trouble")));
 }
 
+TEST_F(TraineeScreens, startShowsTheLadderAndBeginsTheNextStepByOneKey) {
+  showStart();
+  addLadder(wallNowNs());
+  EXPECT_TRUE(looksLike(picture(), referenceOf("start_ladder")));
+  EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing) << "the standing is of now";
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_EQ(board_.waitForRequest(0ms).choice, (LessonChoice{"tom", "knee-recess", false}));
+  // another trainee, of whom nothing is known yet: the window asks by itself
+  press(screen(), GLFW_KEY_RIGHT);
+  const BoardRequest request = board_.waitForRequest(0ms);
+  EXPECT_EQ(request.kind, BoardRequest::Kind::kTrainee);
+  EXPECT_EQ(request.choice.trainee, "zoe");
+}
+
+TEST_F(TraineeScreens, startOffLineShowsTheLadderOfItsTime) {
+  showStart();
+  addLadder(1'795'000'000'000'000'000);
+  board_.change([](BoardState& state) {
+    state.server = "server away";
+    state.server_away = true;
+  });
+  EXPECT_TRUE(looksLike(picture(), referenceOf("start_ladder_away")));
+}
+
 TEST_F(TraineeScreens, preparingCanBeCalledOff) {
   showStart();
   board_.change([](BoardState& state) {

@@ -67,6 +67,38 @@ class TraineeStage : public ViewStage {
     });
   }
 
+  /// Gives the Start screen what the server says: tom has passed the first of a course's three steps, the
+  /// last is locked; one exercise is assigned alone, one may be practised freely. Two people share a full
+  /// name.
+  void addLadder(std::int64_t now_unix_ns) {
+    Curriculum curriculum;
+    const auto add = [&](const char* id, const char* name, const char* course_id, const char* course) {
+      curriculum.exercises.push_back({id, name, "", "", course_id, course});
+    };
+    add("ball-free-practice", "Training ball: free practice", "basics", "Needle injection: the basics");
+    add("knee-recess", "Knee: suprapatellar recess", "basics", "Needle injection: the basics");
+    add("shoulder-bursa", "Shoulder: subacromial bursa", "basics", "Needle injection: the basics");
+    add("hip-joint", "Hip: joint space", "advanced", "Deep joints");
+    add("epidural", "Spine: epidural space", "advanced", "Deep joints");
+    curriculum.trainees = {{"mia", "Mia Meier"}, {"tom", "Tom Tailor"}, {"zoe", "Mia Meier"}};
+    TraineeStanding& tom = curriculum.standings["tom"];
+    tom.as_of_unix_ns = now_unix_ns;
+    tom.courses = {"basics"};
+    tom.exercises = {"hip-joint"};
+    for (const ServerExercise& exercise : curriculum.exercises) {
+      tom.steps.emplace_back();
+      tom.steps.back().exercise_id = exercise.exercise_id;
+    }
+    tom.steps[0].done = true;
+    tom.steps[1].attempts_left = 2;
+    tom.steps[2].locked_by = {"knee-recess"};
+    board_.change([&](BoardState& state) {
+      state.lists.descriptions = curriculum.exercises;
+      state.lists.curriculum = std::make_shared<const Curriculum>(std::move(curriculum));
+      state.choice = {"tom", "", false};
+    });
+  }
+
   /// Shows a lesson in the shoulder until `seconds` of it have been drawn.
   void showLesson(double seconds, const AidList& aids = usualAids(), bool steered = false) {
     if (sample_.samples.empty()) sample_ = sampleLesson("shoulder-adult");

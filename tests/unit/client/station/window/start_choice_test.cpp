@@ -1,10 +1,16 @@
 #include <gmock/gmock.h>
 
+#include <cstdlib>
+#include <ctime>
+#include <memory>
+#include <utility>
+
 #include "client/station/window/start_choice.h"
 
 namespace needlelab {
 namespace {
 
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 ListedExercise listed(const std::string& id, bool cached = true) {
@@ -133,6 +139,204 @@ TEST(StartChoice, arrowsStayWithinTheList) {
   empty.step(1);
   EXPECT_EQ(empty.exercise(), -1);
   EXPECT_NE(empty.missing(), "");
+}
+
+// --- with what the server says of courses and standings
+
+constexpr std::int64_t kNow_ns = 1'795'000'000'000'000'000;  // 2026-11-18 11:06:40 UTC
+constexpr std::int64_t kMinute_ns = 60'000'000'000;
+
+// course A with the steps a, b, c, of which b is locked, and course B with d. Tom is assigned A and has
+// passed a; zoe is assigned d alone
+BoardState withLadder() {
+  BoardState state = withServer();
+  Curriculum curriculum;
+  for (const char* id : {"a", "b", "c"})
+    curriculum.exercises.push_back({id, std::string("Exercise ") + id, "p", "", "course-a", "Course A"});
+  curriculum.exercises.push_back({"d", "Exercise d", "p", "", "course-b", "Course B"});
+  curriculum.trainees = {{"tom", "Tom Tailor"}, {"zoe", "Amy Zoe"}};
+  for (const char* name : {"tom", "zoe"}) {
+    TraineeStanding& standing = curriculum.standings[name];
+    standing.as_of_unix_ns = kNow_ns;
+    for (const char* id : {"a", "b", "c", "d"}) {
+      standing.steps.emplace_back();
+      standing.steps.back().exercise_id = id;
+    }
+  }
+  TraineeStanding& tom = curriculum.standings["tom"];
+  tom.courses = {"course-a"};
+  tom.steps[0].done = true;
+  tom.steps[1].locked_by = {"c"};
+  curriculum.standings["zoe"].exercises = {"d"};
+  state.lists.descriptions = curriculum.exercises;
+  state.lists.curriculum = std::make_shared<const Curriculum>(std::move(curriculum));
+  return state;
+}
+
+std::vector<std::string> rowsOf(const StartChoice& choice) {
+  std::vector<std::string> rows;
+  for (const ExerciseRow& row : choice.exercises()) {
+    if (!row.heading.empty()) rows.push_back("# " + row.heading);
+    rows.push_back(std::to_string(row.number) + " " + row.choice.exercise + ": " + row.note);
+  }
+  return rows;
+}
+
+TEST(StartChoice, theListIsTheLadderOfTheChosenTrainee) {
+  StartChoice choice;
+  choice.update(withLadder(), kNow_ns);
+  choice.chooseTrainee("tom");
+  EXPECT_THAT(rowsOf(choice), ElementsAre("# Course A", "1 a: done", "2 b: locked by step 3", "3 c: Next",
+                                          "# Practise freely: Course B", "1 d: open"));
+  choice.chooseTrainee("zoe");
+  EXPECT_THAT(rowsOf(choice), ElementsAre("# Assigned to you", "0 d: Next", "# Practise freely: Course A",
+                                          "1 a: open", "2 b: open", "3 c: open"));
+}
+
+TEST(StartChoice, theNextStepIsChosenUntilAPersonChooses) {
+  StartChoice choice;
+  BoardState state = withLadder();
+  choice.update(state, kNow_ns);
+  choice.chooseTrainee("tom");
+  ASSERT_TRUE(choice.choice());
+  EXPECT_EQ(choice.choice()->exercise, "c");
+  choice.chooseTrainee("zoe");
+  ASSERT_TRUE(choice.choice());
+  EXPECT_EQ(choice.choice()->exercise, "d") << "the next step of this trainee";
+  choice.step(1);
+  EXPECT_EQ(choice.choice()->exercise, "a");
+  choice.update(state, kNow_ns);
+  EXPECT_EQ(choice.choice()->exercise, "a") << "new lists do not take it away";
+}
+
+TEST(StartChoice, aStandingThatComesLaterBringsTheNextStep) {
+  StartChoice choice;
+  BoardState state = withLadder();
+  auto without = std::make_shared<Curriculum>(*state.lists.curriculum);
+  without->standings.clear();
+  const auto complete = std::exchange(state.lists.curriculum, without);
+  choice.update(state, kNow_ns);
+  choice.chooseTrainee("tom");
+  EXPECT_FALSE(choice.choice());
+  EXPECT_EQ(choice.standingWanted(), "tom");
+  state.lists.curriculum = complete;
+  choice.update(state, kNow_ns);
+  ASSERT_TRUE(choice.choice());
+  EXPECT_EQ(choice.choice()->exercise, "c");
+  EXPECT_EQ(choice.standingWanted(), "");
+}
+
+TEST(StartChoice, theCommandLinesExerciseIsNotReplacedByTheNextStep) {
+  StartChoice choice;
+  BoardState state = withLadder();
+  state.choice = {"tom", "a", false};
+  choice.update(state, kNow_ns);
+  ASSERT_TRUE(choice.choice());
+  EXPECT_EQ(choice.choice()->exercise, "a");
+}
+
+TEST(StartChoice, aLockedStepCannotBeginAndSaysWhy) {
+  StartChoice choice;
+  choice.update(withLadder(), kNow_ns);
+  choice.chooseTrainee("tom");
+  choice.chooseExercise(1);
+  EXPECT_FALSE(choice.choice());
+  EXPECT_EQ(choice.missing(), "Exercise b: locked by step 3");
+}
+
+TEST(StartChoice, offLineTheLadderIsOfItsTimeAndTheCacheMayBePractised) {
+  ::setenv("TZ", "UTC", 1);
+  ::tzset();
+  StartChoice choice;
+  BoardState state = withLadder();
+  state.server_away = true;
+  // kept: b, although it was locked then; a is not kept
+  state.lists.exercises = {listed("a", false), listed("b"), listed("c")};
+  choice.update(state, kNow_ns + 30 * 24 * 60 * kMinute_ns);
+  choice.chooseTrainee("tom");
+  EXPECT_EQ(choice.asOf(), "as of 2026-11-18 11:06");
+  EXPECT_EQ(choice.standingWanted(), "") << "there is nobody to ask";
+  EXPECT_THAT(rowsOf(choice), ElementsAre("# Course A", "1 a: done · needs the server, which is away",
+                                          "2 b: locked by step 3", "3 c: Next", "# Practise freely: Course B",
+                                          "1 d: open · needs the server, which is away"));
+  choice.chooseExercise(1);
+  EXPECT_TRUE(choice.choice())
+      << "who passed step 3 off line is not held back by what the server said before";
+  choice.chooseExercise(0);
+  EXPECT_FALSE(choice.choice());
+}
+
+TEST(StartChoice, aStandingOfNowHasNoTimeAndAnOldOneIsAskedForAgain) {
+  StartChoice choice;
+  const BoardState state = withLadder();
+  choice.update(state, kNow_ns + 2 * kMinute_ns - 1);
+  choice.chooseTrainee("tom");
+  EXPECT_EQ(choice.standingWanted(), "");
+  EXPECT_EQ(choice.asOf(), "");
+  choice.update(state, kNow_ns + 2 * kMinute_ns);
+  EXPECT_EQ(choice.standingWanted(), "tom");
+  EXPECT_EQ(choice.asOf(), "");
+  choice.update(state, kNow_ns + 5 * kMinute_ns);
+  EXPECT_NE(choice.asOf(), "");
+}
+
+TEST(StartChoice, peopleAreShownByFullNamesAndMeantByEitherName) {
+  StartChoice choice;
+  choice.update(withLadder(), kNow_ns);
+  EXPECT_EQ(choice.shown("tom"), "Tom Tailor");
+  EXPECT_EQ(choice.shown("guest"), "guest");
+  choice.chooseTrainee("Amy Zoe");
+  EXPECT_EQ(choice.trainee(), "zoe");
+  choice.chooseTrainee("tom");
+  EXPECT_EQ(choice.trainee(), "tom");
+}
+
+TEST(StartChoice, whatTheServerDoesNotHaveStandsLast) {
+  StartChoice choice;
+  BoardState state = withLadder();
+  state.lists.exercises.push_back(listed("old"));
+  choice.update(state, kNow_ns);
+  choice.chooseTrainee("tom");
+  const auto rows = rowsOf(choice);
+  ASSERT_GE(rows.size(), 2u);
+  EXPECT_EQ(rows[rows.size() - 2], "# Kept on this station");
+  EXPECT_EQ(rows.back(), "0 old: ");
+}
+
+// --- the lists from a server
+
+TEST(StartLists, theServersTraineesStandInTheOrderOfTheirShownNames) {
+  const AskServer ask = [](const pb::Request& request) -> Result<pb::Reply> {
+    pb::Reply reply;
+    if (request.has_list_curricula()) {
+      reply.mutable_curricula()->add_curricula()->set_id("course-a");
+    } else if (request.has_get_curriculum()) {
+      reply.mutable_curriculum()->set_json(R"({"exercises": [{"id": "a", "name": "Exercise a"}]})");
+    } else if (request.has_get_results() && request.get_results().trainee().empty()) {
+      const char* names[][2] = {{"tom", "Tom Tailor"}, {"zoe", "Amy Zoe"}};
+      for (const auto& [name, full_name] : names) {
+        auto* row = reply.mutable_results()->add_rows();
+        row->set_trainee(name);
+        row->set_full_name(full_name);
+      }
+    } else if (request.has_get_results()) {
+      auto* row = reply.mutable_results()->add_rows();
+      row->set_trainee(request.get_results().trainee());
+      row->add_cells()->set_exercise_id("a");
+    } else {
+      reply.mutable_assignments();
+    }
+    return reply;
+  };
+  StartLists lists;
+  ASSERT_TRUE(addServerLists(lists, {}, "", ask, kNow_ns).ok());
+  EXPECT_THAT(lists.trainees, ElementsAre("zoe", "tom"))
+      << "Amy Zoe, Tom Tailor; nothing is assigned to them";
+  ASSERT_TRUE(lists.curriculum);
+  EXPECT_TRUE(lists.curriculum->standings.empty());
+  ASSERT_TRUE(addStanding(lists, "tom", ask, kNow_ns).ok());
+  ASSERT_EQ(lists.curriculum->standings.count("tom"), 1u);
+  EXPECT_EQ(lists.curriculum->standings.at("tom").as_of_unix_ns, kNow_ns);
 }
 
 }  // namespace

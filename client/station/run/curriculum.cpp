@@ -1,0 +1,253 @@
+#include "client/station/run/curriculum.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "common/base/files.h"
+#include "common/base/text.h"
+#include "common/gesture/session_hash.h"
+
+namespace needlelab {
+namespace {
+
+using CacheJson = nlohmann::json;
+constexpr std::size_t kMaxCacheBytes = 16u << 20;
+constexpr std::size_t kMostStandings = 500;
+constexpr int kMostListPages = 200;  // a server that never ends a list
+
+std::string cachedText(const CacheJson& json, const char* key) {
+  const auto at = json.is_object() ? json.find(key) : json.end();
+  return at != json.end() && at->is_string() ? printable(at->get<std::string>()) : std::string();
+}
+
+std::int64_t cachedNumber(const CacheJson& json, const char* key) {
+  const auto at = json.is_object() ? json.find(key) : json.end();
+  return at != json.end() && at->is_number_integer() ? at->get<std::int64_t>() : 0;
+}
+
+// an empty list for any other value
+const CacheJson& cachedList(const CacheJson& json, const char* key) {
+  static const CacheJson kNone = CacheJson::array();
+  const auto at = json.is_object() ? json.find(key) : json.end();
+  return at != json.end() && at->is_array() ? *at : kNone;
+}
+
+std::vector<std::string> cachedTexts(const CacheJson& json, const char* key) {
+  std::vector<std::string> texts;
+  for (const CacheJson& text : cachedList(json, key))
+    if (text.is_string()) texts.push_back(printable(text.get<std::string>()));
+  return texts;
+}
+
+std::vector<std::string> coursesOf(const std::vector<ServerExercise>& exercises) {
+  std::vector<std::string> ids;
+  for (const ServerExercise& exercise : exercises)
+    if (std::find(ids.begin(), ids.end(), exercise.course_id) == ids.end()) ids.push_back(exercise.course_id);
+  return ids;
+}
+
+// asks for all pages of a course's results; `trainee` empty: everybody's names
+template <typename TakeRow>
+Status resultsBy(const AskServer& ask, const std::string& course, const std::string& trainee,
+                 TakeRow&& take_row) {
+  pb::Request request;
+  request.mutable_get_results()->set_course_id(course);
+  request.mutable_get_results()->set_trainee(trainee);
+  for (int page = 0; page < kMostListPages; ++page) {
+    ASSIGN_OR_RETURN(const auto reply, ask(request));
+    for (const pb::ResultRow& row : reply.results().rows()) take_row(row);
+    if (reply.results().next_page().empty()) break;
+    request.mutable_get_results()->set_page(reply.results().next_page());
+  }
+  return {};
+}
+
+StepStanding stepOf(const pb::ResultCell& cell) {
+  StepStanding step;
+  step.exercise_id = printable(cell.exercise_id());
+  step.done = cell.done();
+  step.attempts = cell.attempts();
+  for (const std::string& id : cell.locked_by()) step.locked_by.push_back(printable(id));
+  if (cell.has_attempts_left()) step.attempts_left = cell.attempts_left();
+  step.due_unix_ns = cell.due_unix_ns();
+  return step;
+}
+
+}  // namespace
+
+std::string shownName(const std::vector<KnownTrainee>& trainees, const std::string& name) {
+  const auto own = std::find_if(trainees.begin(), trainees.end(),
+                                [&](const KnownTrainee& trainee) { return trainee.name == name; });
+  if (own == trainees.end() || own->full_name.empty()) return name;
+  // another person's account may be called as this person is
+  const auto alike = std::count_if(trainees.begin(), trainees.end(), [&](const KnownTrainee& trainee) {
+    return trainee.full_name == own->full_name || (trainee.name != name && trainee.name == own->full_name);
+  });
+  return alike > 1 ? own->full_name + " (" + name + ")" : own->full_name;
+}
+
+std::string accountOf(const std::vector<KnownTrainee>& trainees, const std::string& text) {
+  const auto is = [&](const KnownTrainee& trainee) { return trainee.name == text; };
+  if (std::any_of(trainees.begin(), trainees.end(), is)) return text;
+  for (const KnownTrainee& trainee : trainees)
+    if (shownName(trainees, trainee.name) == text) return trainee.name;
+  return text;
+}
+
+Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
+  pb::Request request;
+  request.mutable_list_curricula();
+  ASSIGN_OR_RETURN(const auto curricula, ask(request));
+  std::vector<ServerExercise> exercises;
+  for (const pb::CurriculumSummary& summary : curricula.curricula().curricula()) {
+    request.mutable_get_curriculum()->set_id(summary.id());
+    ASSIGN_OR_RETURN(const auto reply, ask(request));
+    const auto curriculum = nlohmann::json::parse(reply.curriculum().json(), nullptr, false);
+    const std::string name = printable(summary.name().empty() ? summary.id() : summary.name());
+    for (const auto& exercise : cachedList(curriculum, "exercises"))
+      exercises.push_back({cachedText(exercise, "id"), cachedText(exercise, "name"),
+                           cachedText(exercise, "profile_id"), cachedText(exercise, "description"),
+                           printable(summary.id()), name});
+  }
+  return exercises;
+}
+
+Result<std::vector<KnownTrainee>> traineesBy(const AskServer& ask,
+                                             const std::vector<ServerExercise>& exercises) {
+  std::map<std::string, std::string> full_names;
+  for (const std::string& course : coursesOf(exercises))
+    RETURN_IF_ERROR(resultsBy(ask, course, "", [&](const pb::ResultRow& row) {
+      if (checkName("trainee", row.trainee()).ok()) full_names[row.trainee()] = printable(row.full_name());
+    }));
+  std::vector<KnownTrainee> trainees;
+  for (const auto& [name, full_name] : full_names) trainees.push_back({name, full_name});
+  return trainees;
+}
+
+Result<TraineeStanding> standingBy(const AskServer& ask, const std::vector<ServerExercise>& exercises,
+                                   const std::string& trainee, std::int64_t now_unix_ns) {
+  TraineeStanding standing;
+  standing.as_of_unix_ns = now_unix_ns;
+  pb::Request request;
+  request.mutable_list_assignments()->set_trainee(trainee);
+  std::set<std::string> courses, single;
+  for (int page = 0; page < kMostListPages; ++page) {
+    ASSIGN_OR_RETURN(const auto reply, ask(request));
+    for (const pb::Assignment& assignment : reply.assignments().assignments()) {
+      if (!assignment.course_id().empty()) courses.insert(printable(assignment.course_id()));
+      if (!assignment.exercise_id().empty()) single.insert(printable(assignment.exercise_id()));
+    }
+    if (reply.assignments().next_page().empty()) break;
+    request.mutable_list_assignments()->set_page(reply.assignments().next_page());
+  }
+  standing.courses.assign(courses.begin(), courses.end());
+  standing.exercises.assign(single.begin(), single.end());
+  for (const std::string& course : coursesOf(exercises))
+    RETURN_IF_ERROR(resultsBy(ask, course, trainee, [&](const pb::ResultRow& row) {
+      if (row.trainee() != trainee) return;
+      for (const pb::ResultCell& cell : row.cells()) standing.steps.push_back(stepOf(cell));
+    }));
+  return standing;
+}
+
+Status updateCurriculum(Curriculum& curriculum, const AskServer& ask, const std::string& trainee,
+                        std::int64_t now_unix_ns) {
+  Curriculum updated = curriculum;
+  ASSIGN_OR_RETURN(updated.exercises, exercisesBy(ask));
+  auto trainees = traineesBy(ask, updated.exercises);
+  if (!trainees.ok() && trainees.error().code != ErrorCode::kDenied) return trainees.error();
+  if (trainees.ok()) {
+    updated.trainees = std::move(*trainees);
+    std::erase_if(updated.standings, [&](const auto& entry) {
+      return std::none_of(updated.trainees.begin(), updated.trainees.end(),
+                          [&](const KnownTrainee& known) { return known.name == entry.first; });
+    });
+    if (!trainee.empty()) {
+      ASSIGN_OR_RETURN(updated.standings[trainee], standingBy(ask, updated.exercises, trainee, now_unix_ns));
+    }
+  }
+  curriculum = std::move(updated);
+  return {};
+}
+
+Status CurriculumCache::keep(const Curriculum& curriculum) const {
+  CacheJson json = {
+      {"exercises", CacheJson::array()}, {"trainees", CacheJson::array()}, {"standings", CacheJson::array()}};
+  for (const ServerExercise& exercise : curriculum.exercises)
+    json["exercises"].push_back({{"id", exercise.exercise_id},
+                                 {"name", exercise.name},
+                                 {"profile_id", exercise.profile_id},
+                                 {"description", exercise.description},
+                                 {"course_id", exercise.course_id},
+                                 {"course", exercise.course}});
+  for (const KnownTrainee& trainee : curriculum.trainees)
+    json["trainees"].push_back({{"name", trainee.name}, {"full_name", trainee.full_name}});
+  std::vector<std::pair<std::int64_t, std::string>> newest;
+  for (const auto& [name, standing] : curriculum.standings)
+    newest.emplace_back(-standing.as_of_unix_ns, name);
+  std::sort(newest.begin(), newest.end());
+  if (newest.size() > kMostStandings) newest.resize(kMostStandings);
+  for (const auto& [age, name] : newest) {
+    const TraineeStanding& standing = curriculum.standings.at(name);
+    CacheJson steps = CacheJson::array();
+    for (const StepStanding& step : standing.steps)
+      steps.push_back({{"id", step.exercise_id},
+                       {"done", step.done},
+                       {"attempts", step.attempts},
+                       {"locked_by", step.locked_by},
+                       {"attempts_left", step.attempts_left ? CacheJson(*step.attempts_left) : CacheJson()},
+                       {"due_unix_ns", step.due_unix_ns}});
+    json["standings"].push_back({{"trainee", name},
+                                 {"as_of_unix_ns", standing.as_of_unix_ns},
+                                 {"courses", standing.courses},
+                                 {"exercises", standing.exercises},
+                                 {"steps", std::move(steps)}});
+  }
+  const std::string text = json.dump(1, ' ', false, CacheJson::error_handler_t::replace) + "\n";
+  SessionHash hash;
+  hash.update(viewOf(text));
+  if (auto status = writeFileAtomically(file_, viewOf(hexOf(hash.digest()) + "\n" + text), 0600);
+      !status.ok())
+    return Error{ErrorCode::kUnavailable, status.error().message};
+  return {};
+}
+
+Curriculum CurriculumCache::find() const {
+  Curriculum curriculum;
+  const auto file = readWholeFile(file_, kMaxCacheBytes);
+  const std::size_t line = file.ok() ? file->find('\n') : std::string::npos;
+  if (line == std::string::npos) return curriculum;
+  const std::string text = file->substr(line + 1);
+  SessionHash hash;
+  hash.update(viewOf(text));
+  if (hexOf(hash.digest()) != file->substr(0, line)) return curriculum;
+  const CacheJson json = CacheJson::parse(text, nullptr, false);
+  for (const CacheJson& exercise : cachedList(json, "exercises"))
+    curriculum.exercises.push_back({cachedText(exercise, "id"), cachedText(exercise, "name"),
+                                    cachedText(exercise, "profile_id"), cachedText(exercise, "description"),
+                                    cachedText(exercise, "course_id"), cachedText(exercise, "course")});
+  for (const CacheJson& trainee : cachedList(json, "trainees"))
+    curriculum.trainees.push_back({cachedText(trainee, "name"), cachedText(trainee, "full_name")});
+  for (const CacheJson& entry : cachedList(json, "standings")) {
+    TraineeStanding& standing = curriculum.standings[cachedText(entry, "trainee")];
+    standing.as_of_unix_ns = cachedNumber(entry, "as_of_unix_ns");
+    standing.courses = cachedTexts(entry, "courses");
+    standing.exercises = cachedTexts(entry, "exercises");
+    for (const CacheJson& cached : cachedList(entry, "steps")) {
+      StepStanding step;
+      step.exercise_id = cachedText(cached, "id");
+      step.done = cached.is_object() && cached.value("done", CacheJson()) == true;
+      step.attempts = static_cast<std::uint32_t>(cachedNumber(cached, "attempts"));
+      step.locked_by = cachedTexts(cached, "locked_by");
+      if (cached.is_object() && cached.value("attempts_left", CacheJson()).is_number_integer())
+        step.attempts_left = static_cast<std::uint32_t>(cachedNumber(cached, "attempts_left"));
+      step.due_unix_ns = cachedNumber(cached, "due_unix_ns");
+      standing.steps.push_back(std::move(step));
+    }
+  }
+  return curriculum;
+}
+
+}  // namespace needlelab

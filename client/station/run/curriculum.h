@@ -1,0 +1,96 @@
+/// What the server says of courses, trainees, and each trainee's standing; kept beside the spool, so that the
+/// station shows it without the server too.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "needlelab/control.pb.h"
+
+namespace needlelab {
+
+/// An exercise as the server lists it.
+struct ServerExercise {
+  std::string exercise_id, name, profile_id, description;
+  std::string course_id = {}, course = {};  ///< its course's id and name
+};
+
+/// A trainee whom the station offers to choose.
+struct KnownTrainee {
+  std::string name;       ///< the account's
+  std::string full_name;  ///< empty: not known
+  friend bool operator==(const KnownTrainee&, const KnownTrainee&) = default;
+};
+
+/// A trainee's standing in an exercise.
+struct StepStanding {
+  std::string exercise_id;
+  bool done = false;  ///< passed; or tried, where nothing is required
+  std::uint32_t attempts = 0;
+  std::vector<std::string> locked_by = {};                    ///< exercises to be passed first
+  std::optional<std::uint32_t> attempts_left = std::nullopt;  ///< none: unlimited
+  std::int64_t due_unix_ns = 0;                               ///< 0: never
+  friend bool operator==(const StepStanding&, const StepStanding&) = default;
+};
+
+/// What is assigned to a trainee, directly or by a group, and how far the trainee is.
+struct TraineeStanding {
+  std::int64_t as_of_unix_ns = 0;      ///< when the server said it
+  std::vector<std::string> courses;    ///< ids of the assigned courses
+  std::vector<std::string> exercises;  ///< ids of the exercises assigned one by one
+  std::vector<StepStanding> steps;     ///< in all exercises of all courses
+  friend bool operator==(const TraineeStanding&, const TraineeStanding&) = default;
+};
+
+struct Curriculum {
+  std::vector<ServerExercise> exercises;             ///< course after course, in the courses' order
+  std::vector<KnownTrainee> trainees;                ///< by name
+  std::map<std::string, TraineeStanding> standings;  ///< by the trainee's name
+};
+
+/// Returns the full name, with the account's name if two people share it; without a full name the account's.
+std::string shownName(const std::vector<KnownTrainee>& trainees, const std::string& name);
+/// Returns the name of the account that `text` means: a shown name, else `text` itself.
+std::string accountOf(const std::vector<KnownTrainee>& trainees, const std::string& text);
+
+/// Sends a request to the server, over a separate connection or the uplink's.
+using AskServer = std::function<Result<pb::Reply>(pb::Request)>;
+/// Returns all exercises of all courses. Errors: from `ask`.
+Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask);
+/// Returns everybody who is assigned one of these exercises' courses, or has tried. Errors: from `ask`;
+/// kDenied: the server is older than this request.
+Result<std::vector<KnownTrainee>> traineesBy(const AskServer& ask,
+                                             const std::vector<ServerExercise>& exercises);
+/// Returns a trainee's standing in these exercises. Errors: as traineesBy.
+Result<TraineeStanding> standingBy(const AskServer& ask, const std::vector<ServerExercise>& exercises,
+                                   const std::string& trainee, std::int64_t now_unix_ns);
+/// Takes exercises, trainees, and the standing of `trainee` (empty: of nobody) from the server. Forgets the
+/// standings of those whom the server does not list any more. Leaves trainees and standings as they are if
+/// the server is older than these requests. Errors: from `ask`; `curriculum` stays unchanged then.
+Status updateCurriculum(Curriculum& curriculum, const AskServer& ask, const std::string& trainee,
+                        std::int64_t now_unix_ns);
+
+/// File SPOOL/lessons/curriculum.cache: the BLAKE2b-256 of what follows, a line end, JSON. The hash detects
+/// damage: a flipped digit would show a wrong number. Thread: one.
+class CurriculumCache {
+ public:
+  explicit CurriculumCache(const std::filesystem::path& spool)
+      : file_(spool / "lessons" / "curriculum.cache") {}
+
+  /// Keeps the standings of the newest 500. Errors: kUnavailable (disk, no folder).
+  Status keep(const Curriculum& curriculum) const;
+  /// Returns what was kept; an empty curriculum if there is none, or if the file is damaged: the server gives
+  /// it anew.
+  [[nodiscard]] Curriculum find() const;
+
+ private:
+  std::filesystem::path file_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,228 @@
+#include "client/station/run/curriculum.h"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "client/station/run/list_exercises.h"
+#include "common/base/files.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+// a server of two courses; tom is in a group that is assigned the first one, and has an exercise of the
+// second
+class CurriculumTest : public testing::Test {
+ protected:
+  CurriculumTest() { fs::create_directories(folder_.path() / "lessons"); }
+
+  Result<pb::Reply> answer(const pb::Request& request) {
+    asked_.push_back(request);
+    pb::Reply reply;
+    switch (request.call_case()) {
+      case pb::Request::kListCurricula:
+        for (const char* id : {"a", "b"}) {
+          auto* course = reply.mutable_curricula()->add_curricula();
+          course->set_id(id);
+          course->set_name(std::string("Course ") + id);
+        }
+        return reply;
+      case pb::Request::kGetCurriculum: {
+        const std::string course = request.get_curriculum().id();
+        nlohmann::json exercises = nlohmann::json::array();
+        for (const char* number : {"1", "2"})
+          exercises.push_back({{"id", course + number}, {"name", "Exercise " + course + number}});
+        reply.mutable_curriculum()->set_json(nlohmann::json{{"exercises", exercises}}.dump());
+        return reply;
+      }
+      case pb::Request::kListAssignments: {
+        auto* list = reply.mutable_assignments();
+        if (request.list_assignments().page().empty()) {
+          auto* of_group = list->add_assignments();
+          of_group->set_group_id("class");
+          of_group->set_course_id("a");
+          list->set_next_page("2");
+        } else {
+          auto* single = list->add_assignments();
+          single->set_trainee("tom");
+          single->set_exercise_id("b2");
+        }
+        return reply;
+      }
+      case pb::Request::kGetResults:
+        if (old_server_) return Error{ErrorCode::kDenied, "'results' is not for the role station"};
+        addResults(request.get_results(), *reply.mutable_results());
+        return reply;
+      default:
+        return Error{ErrorCode::kFailed, "not expected"};
+    }
+  }
+  static void addResults(const pb::GetResults& call, pb::Results& results) {
+    if (call.trainee().empty()) {
+      // a page a name; the second course knows one more
+      const bool first = call.page().empty();
+      auto* row = results.add_rows();
+      row->set_trainee(!first ? "zoe" : call.course_id() == "a" ? "tom" : "mia");
+      row->set_full_name(!first ? "Zoe Zimmer" : call.course_id() == "a" ? "Tom Tailor" : "");
+      if (first) results.set_next_page("next");
+      return;
+    }
+    auto* row = results.add_rows();
+    row->set_trainee(call.trainee());
+    auto* done = row->add_cells();
+    done->set_exercise_id(call.course_id() + "1");
+    done->set_done(true);
+    done->set_attempts(3);
+    auto* locked = row->add_cells();
+    locked->set_exercise_id(call.course_id() + "2");
+    locked->add_locked_by(call.course_id() + "1");
+    locked->set_attempts_left(2);
+    locked->set_due_unix_ns(77);
+  }
+  AskServer ask() {
+    return [this](const pb::Request& request) { return answer(request); };
+  }
+  static StepStanding doneStep(const std::string& id) { return {id, true, 3, {}, std::nullopt, 0}; }
+  static StepStanding lockedStep(const std::string& id, const std::string& by) {
+    return {id, false, 0, {by}, 2, 77};
+  }
+
+  TempFolder folder_;
+  CurriculumCache cache_{folder_.path()};
+  Curriculum curriculum_;
+  std::vector<pb::Request> asked_;
+  bool old_server_ = false;
+};
+
+TEST_F(CurriculumTest, exercisesKnowTheirCourses) {
+  const auto exercises = exercisesBy(ask());
+  ASSERT_TRUE(exercises.ok());
+  std::vector<std::string> seen;
+  for (const ServerExercise& one : *exercises) seen.push_back(one.exercise_id + " of " + one.course);
+  EXPECT_THAT(seen, ElementsAre("a1 of Course a", "a2 of Course a", "b1 of Course b", "b2 of Course b"));
+}
+
+TEST_F(CurriculumTest, namesOfAllCoursesAndPagesAndTheStandingOfOne) {
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  EXPECT_THAT(curriculum_.trainees, ElementsAre(KnownTrainee{"mia", ""}, KnownTrainee{"tom", "Tom Tailor"},
+                                                KnownTrainee{"zoe", "Zoe Zimmer"}));
+  ASSERT_EQ(curriculum_.standings.size(), 1u);
+  const TraineeStanding& tom = curriculum_.standings.at("tom");
+  EXPECT_EQ(tom.as_of_unix_ns, 42);
+  EXPECT_THAT(tom.courses, ElementsAre("a")) << "by the group";
+  EXPECT_THAT(tom.exercises, ElementsAre("b2")) << "of the second page";
+  EXPECT_THAT(tom.steps,
+              ElementsAre(doneStep("a1"), lockedStep("a2", "a1"), doneStep("b1"), lockedStep("b2", "b1")));
+  for (const pb::Request& request : asked_) {
+    if (!request.has_get_results()) continue;
+    EXPECT_THAT(request.get_results().trainee(), testing::AnyOf("", "tom"));
+  }
+}
+
+TEST_F(CurriculumTest, whoIsNotListedAnyMoreIsForgotten) {
+  curriculum_.standings["mia"].as_of_unix_ns = 1;
+  curriculum_.standings["left"].as_of_unix_ns = 1;
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "", 42).ok());
+  EXPECT_EQ(curriculum_.standings.count("mia"), 1u);
+  EXPECT_EQ(curriculum_.standings.count("left"), 0u);
+}
+
+TEST_F(CurriculumTest, aServerOfBeforeGivesTheCoursesAlone) {
+  old_server_ = true;
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  EXPECT_EQ(curriculum_.exercises.size(), 4u);
+  EXPECT_TRUE(curriculum_.trainees.empty());
+  EXPECT_TRUE(curriculum_.standings.empty());
+}
+
+TEST_F(CurriculumTest, anErrorChangesNothing) {
+  curriculum_.standings["left"].as_of_unix_ns = 1;
+  const AskServer away = [](const pb::Request&) -> Result<pb::Reply> {
+    return Error{ErrorCode::kUnavailable, "away"};
+  };
+  EXPECT_EQ(updateCurriculum(curriculum_, away, "tom", 42).error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(curriculum_.standings.count("left"), 1u);
+}
+
+TEST_F(CurriculumTest, theCacheGivesBackWhatWasKept) {
+  EXPECT_TRUE(cache_.find().exercises.empty()) << "nothing is kept yet";
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  const Curriculum found = cache_.find();
+  ASSERT_EQ(found.exercises.size(), curriculum_.exercises.size());
+  for (std::size_t i = 0; i < found.exercises.size(); ++i) {
+    EXPECT_EQ(found.exercises[i].exercise_id, curriculum_.exercises[i].exercise_id);
+    EXPECT_EQ(found.exercises[i].name, curriculum_.exercises[i].name);
+    EXPECT_EQ(found.exercises[i].course_id, curriculum_.exercises[i].course_id);
+    EXPECT_EQ(found.exercises[i].course, curriculum_.exercises[i].course);
+  }
+  EXPECT_EQ(found.trainees, curriculum_.trainees);
+  EXPECT_EQ(found.standings, curriculum_.standings);
+  EXPECT_TRUE(LessonCache(folder_.path()).list().empty()) << "it is no lesson";
+}
+
+TEST_F(CurriculumTest, aDamagedCacheIsNoCache) {
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  const fs::path file = folder_.path() / "lessons" / "curriculum.cache";
+  const std::string good = *readWholeFile(file);
+  std::string flipped = good;
+  flipped[flipped.find("77") + 1] = '8';
+  for (const std::string& bad : {flipped, good.substr(0, good.size() / 2), std::string(), std::string("\n"),
+                                 std::string(5000, '['), std::string("[1]\n{}")}) {
+    folder_.write("lessons/curriculum.cache", bad);
+    EXPECT_TRUE(cache_.find().exercises.empty()) << bad.substr(0, 80);
+    EXPECT_TRUE(cache_.find().standings.empty()) << bad.substr(0, 80);
+  }
+}
+
+TEST_F(CurriculumTest, theCacheKeepsTheNewestStandings) {
+  curriculum_.exercises.push_back({"a1", "", "", "", "a", "A"});
+  for (int i = 0; i < 600; ++i) curriculum_.standings["t" + std::to_string(i)].as_of_unix_ns = 1000 + i;
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  const Curriculum found = cache_.find();
+  EXPECT_EQ(found.standings.size(), 500u);
+  EXPECT_EQ(found.standings.count("t99"), 0u);
+  EXPECT_EQ(found.standings.count("t100"), 1u);
+}
+
+TEST(ShownName, isTheFullNameAndTheAccountWhereTwoShareIt) {
+  const std::vector<KnownTrainee> trainees = {
+      {"ann1", "Ann Bell"}, {"ann2", "Ann Bell"}, {"cem", "Cem Dal"}, {"eve", ""}};
+  EXPECT_EQ(shownName(trainees, "cem"), "Cem Dal");
+  EXPECT_EQ(shownName(trainees, "ann1"), "Ann Bell (ann1)");
+  EXPECT_EQ(shownName(trainees, "ann2"), "Ann Bell (ann2)");
+  EXPECT_EQ(shownName(trainees, "eve"), "eve");
+  EXPECT_EQ(shownName(trainees, "guest"), "guest");
+  for (const KnownTrainee& one : trainees)
+    EXPECT_EQ(accountOf(trainees, shownName(trainees, one.name)), one.name);
+  EXPECT_EQ(accountOf(trainees, "cem"), "cem") << "an account is meant before a full name";
+  EXPECT_EQ(accountOf(trainees, "Ann Bell"), "Ann Bell") << "two people: neither is meant";
+}
+
+TEST_F(CurriculumTest, theListsRowsHaveTheLaddersColumns) {
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  const auto exercises = listExercises({}, curriculum_.exercises);
+  const auto json = nlohmann::json::parse(exerciseListJson(exercises, ladderOf(curriculum_, "tom", 50)));
+  const auto& row = json["rows"][1];
+  EXPECT_EQ(row["exercise_id"], "a2");
+  EXPECT_EQ(row["section"], "Course a");
+  EXPECT_EQ(row["step"], 2);
+  EXPECT_EQ(row["state"], "locked");
+  EXPECT_EQ(row["locked_by"], "step 1");
+  EXPECT_EQ(row["attempts_left"], 2);
+  EXPECT_EQ(row["due_unix_ns"], 77);
+  EXPECT_EQ(row["as_of_unix_ns"], 42);
+  EXPECT_EQ(json["rows"][3]["section"], "Assigned to you");
+  EXPECT_TRUE(json["rows"][3]["step"].is_null());
+  const auto without = nlohmann::json::parse(exerciseListJson(exercises));
+  EXPECT_FALSE(without["rows"][1].contains("state")) << "as before without a trainee";
+}
+
+}  // namespace
+}  // namespace needlelab::test
