@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <ctime>
 #include <string>
 
 #include "client/station/run/fault_watch.h"
@@ -13,6 +12,7 @@
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
+#include "common/base/local_time.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {
@@ -78,14 +78,6 @@ constexpr ImGuiWindowFlags kLaidOver = ImGuiWindowFlags_NoDecoration | ImGuiWind
                                        ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
                                        ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoFocusOnAppearing;
 
-// local wall-clock time, "14:05:09"
-std::string clockOf(std::int64_t unix_ns) {
-  const std::time_t seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
-  std::tm local{};
-  ::localtime_r(&seconds, &local);
-  return fmt::format("{:02}:{:02}:{:02}", local.tm_hour, local.tm_min, local.tm_sec);
-}
-
 }  // namespace
 
 void lessonOverlay(const LessonStatus& status, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px) {
@@ -140,13 +132,13 @@ void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
       const BoardMessage& message = state.messages[i];
       if (!fresh) {
         const WithFont small(Letters::kSmall);
-        textLine(message.from + ", " + clockOf(message.unix_ns) + ": " + message.text);
+        textLine(message.from + ", " + localTime(message.unix_ns, TimeForm::kClock) + ": " + message.text);
         continue;
       }
       {
         const WithFont small(Letters::kSmall);
         const WithTextColour colour(kSkyBlue);
-        textLine(message.from + ", " + clockOf(message.unix_ns));
+        textLine(message.from + ", " + localTime(message.unix_ns, TimeForm::kClock));
       }
       const bool newest = i + 1 == state.messages.size();
       const WithTextColour colour(newest ? kText : kDimText);
