@@ -2,9 +2,7 @@
 
 #include <fmt/core.h>
 
-#include <array>
-#include <ctime>
-
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -77,14 +75,6 @@ Result<std::vector<StoredProfile>> ProfileStore::revisions(std::string_view id) 
   return found;
 }
 
-std::string secondText(std::int64_t unix_ns) {
-  const std::time_t seconds = unix_ns / 1'000'000'000;
-  std::tm parts{};
-  std::array<char, 40> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S UTC", ::gmtime_r(&seconds, &parts));
-  return text.data();
-}
-
 Status checkBase(const std::string& what, std::optional<std::uint32_t> base, const NewestRevision& newest) {
   if (!base || *base == newest.revision) return {};
   std::string text;
@@ -93,7 +83,7 @@ Status checkBase(const std::string& what, std::optional<std::uint32_t> base, con
   } else {
     text = fmt::format("{}{}{} by '{}' on {}{}", what,
                        (*base == 0 ? " is there already: revision " : " was changed meanwhile: revision "),
-                       newest.revision, newest.by, secondText(newest.unix_ns),
+                       newest.revision, newest.by, localTime(newest.unix_ns, TimeForm::kZoned),
                        (*base == 0 ? "" : fmt::format("; your change was made from revision {}", *base)));
   }
   return Error{ErrorCode::kConflict,

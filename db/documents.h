@@ -20,9 +20,6 @@ struct NewestRevision {
   std::int64_t unix_ns = 0;
 };
 
-/// "2026-11-20 17:40:11 UTC"
-std::string secondText(std::int64_t unix_ns);
-
 /// kConflict, with `current_revision`, unless `base` is the newest revision. Without `base` any revision is
 /// accepted. `what`: "profile 'knee'".
 Status checkBase(const std::string& what, std::optional<std::uint32_t> base, const NewestRevision& newest);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/files.h"
+#include "common/base/local_time.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/session_rows.h"
@@ -300,7 +301,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
 }
 
 std::string erasureToRepeatText(const ErasureToRepeat& erasure) {
-  return "'" + erasure.name + "' was erased on " + secondText(erasure.erased_unix_ns) +
+  return "'" + erasure.name + "' was erased on " + localTime(erasure.erased_unix_ns, TimeForm::kZoned) +
          " and is in this database again, because a backup from before was restored: erase it again by "
          "needlelab-admin person "
          "erase '" +

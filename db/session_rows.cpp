@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/local_time.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
@@ -54,15 +55,14 @@ Result<StoredRecording> recordingOf(Connection& connection, const std::string& n
 
 Result<std::string> removalText(Connection& connection, const SessionRow& row) {
   auto query = connection.query(
-      "SELECT strftime('%Y-%m-%d', coalesce(deleted_unix_ns,"
-      " removed_unix_ns) / 1000000000, 'unixepoch'), reason FROM removed_originals"
+      "SELECT coalesce(deleted_unix_ns, removed_unix_ns), reason FROM removed_originals"
       " WHERE session = ?",
       row.number);
   ASSIGN_OR_RETURN(const bool found, query.step());
   const std::string what = row.recording == StoredRecording::Kind::kDeleted ? "its recording was deleted"
                                                                             : "its recording was thinned";
   if (!found) return what;
-  return what + " on " + query.text(0) + " (" + query.text(1) + ")";
+  return what + " on " + localTime(query.integer(0), TimeForm::kDay) + " (" + query.text(1) + ")";
 }
 
 Error recordingDeleted(Connection& connection, const std::string& name, const SessionRow& row) {

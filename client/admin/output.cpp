@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <ostream>
 
 #include "common/base/files.h"
+#include "common/base/local_time.h"
 #include "common/base/program.h"
 #include "common/scoring/measures.h"
 
@@ -19,7 +19,7 @@ std::string cellText(const Json& row, const Column& column) {
   if (found == row.end() || found->is_null()) return "-";
   switch (column.kind) {
     case Column::Kind::kTime:
-      return timeText(found->get<std::int64_t>());
+      return localTime(found->get<std::int64_t>(), TimeForm::kZoned);
     case Column::Kind::kBytes:
       return bytesText(found->get<std::uint64_t>());
     case Column::Kind::kVerdict:
@@ -51,18 +51,6 @@ void pad(std::string& line, std::size_t to) {
 }
 
 }  // namespace
-
-std::string timeText(std::int64_t unix_ns) {
-  if (unix_ns == 0) return "-";
-  const std::time_t seconds = unix_ns / 1'000'000'000;
-  std::tm utc{};
-  char text[32];
-  if (::gmtime_r(&seconds, &utc) == nullptr ||
-      std::strftime(text, sizeof(text), "%Y-%m-%d %H:%M:%SZ", &utc) == 0) {
-    return fmt::format("{} ns", unix_ns);
-  }
-  return text;
-}
 
 std::string bytesText(std::uint64_t bytes) {
   if (bytes < 1000) return fmt::format("{} B", bytes);

@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 struct Column {
   enum class Kind {
     kPlain,
-    kTime,     ///< ns since 1970, shown as UTC to the second
+    kTime,     ///< ns since 1970, shown as local time to the second
     kBytes,    ///< shown in kB, MB …
     kVerdict,  ///< "passed" or true; else not passed. Shown in the words of verdictName
   };
@@ -57,8 +57,6 @@ class Output {
   std::optional<std::string> json_file_;
 };
 
-/// 2026-11-20 04:39:38Z; "-" for 0.
-std::string timeText(std::int64_t unix_ns);
 /// 12 B, 3.4 kB, 5.6 MB …
 std::string bytesText(std::uint64_t bytes);
 /// Makes a text safe for a terminal: control characters and line ends become spaces.

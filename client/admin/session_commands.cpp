@@ -5,6 +5,7 @@
 
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
+#include "common/base/local_time.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {
@@ -125,10 +126,10 @@ Status showSession(CommandContext& context, const Uuid& id) {
   }
   if (session.has_removed_original()) {
     const auto& removed = session.removed_original();
-    context.output.text(fmt::format("\nthe original ({} samples, {}, hash {}) was removed on {}: {}",
-                                    removed.samples(), bytesText(removed.stored_bytes()),
-                                    hexOfBytes(removed.hash()), timeText(removed.removed_unix_ns()),
-                                    removed.reason()));
+    context.output.text(
+        fmt::format("\nthe original ({} samples, {}, hash {}) was removed on {}: {}", removed.samples(),
+                    bytesText(removed.stored_bytes()), hexOfBytes(removed.hash()),
+                    localTime(removed.removed_unix_ns(), TimeForm::kZoned), removed.reason()));
   }
   if (row["score"].is_array() && !row["score"].empty()) {
     context.output.text("\n" + tableText({{"measure", "MEASURE"},

@@ -15,6 +15,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/files.h"
+#include "common/base/local_time.h"
 #include "common/base/program.h"
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
@@ -217,10 +218,11 @@ class Export {
     ASSIGN_OR_RETURN(const auto info, backend_.call(get));
     session_ = info.session();
     if (session_.removed_original().fate() == pb::RemovedOriginal::DELETED) {
-      return Error{ErrorCode::kNotFound, "its recording was deleted on " +
-                                             timeText(session_.removed_original().deleted_unix_ns()) + " (" +
-                                             session_.removed_original().reason() +
-                                             "); `session show` has its score, events and remarks"};
+      return Error{ErrorCode::kNotFound,
+                   "its recording was deleted on " +
+                       localTime(session_.removed_original().deleted_unix_ns(), TimeForm::kZoned) + " (" +
+                       session_.removed_original().reason() +
+                       "); `session show` has its score, events and remarks"};
     }
     Json row = sessionRow(session_);
     row["profile"] = storedJson(session_.description().profile_json());

@@ -6,6 +6,7 @@
 
 #include "client/admin/command.h"
 #include "common/base/clock.h"
+#include "common/base/local_time.h"
 #include "common/base/uuid.h"
 #include "common/wire/certificates.h"
 #include "db/service/bootstrap.h"
@@ -182,7 +183,7 @@ Status showRetention(CommandContext& context) {
   const std::string line = fmt::format(
       "{} sessions thinned, {} deleted; database {}, of it free for new recordings {}; last run {}",
       retention.thinned_sessions(), retention.deleted_sessions(), bytesText(retention.database_bytes()),
-      bytesText(retention.free_bytes()), timeText(retention.last_run_unix_ns()));
+      bytesText(retention.free_bytes()), localTime(retention.last_run_unix_ns(), TimeForm::kZoned));
   context.output.done(line);
   return {};
 }
@@ -274,7 +275,8 @@ Status renew(const std::filesystem::path& folder, Output& output, const std::vec
   std::string names;
   for (const std::string& host : facts.hosts) names += (names.empty() ? "" : ", ") + host;
   output.done(
-      "a new certificate for " + names + ", until " + timeText(facts.not_after_unix_s * kSecond) +
+      "a new certificate for " + names + ", until " +
+      localTime(facts.not_after_unix_s * kSecond, TimeForm::kZoned) +
       "; a server that runs takes it at its next start. Stations need nothing: the authority is the same");
   return {};
 }

@@ -117,7 +117,7 @@ struct Surface::Parts {
   std::unique_ptr<FrameBuffer> buffer;  // off screen: the target of drawing
   KeyQueue keys;                        // of a window
   bool imgui = false;
-  bool closed = false;
+  bool closed = false, close_wished = false;
   double font_scale = 1, wanted_scale = 1;
   std::int64_t due_ns = 0, began_ns = 0;
   double cost_s = 0;
@@ -131,6 +131,16 @@ struct Surface::Parts {
   void waitForTurn();
   void takeSize();
   void applyFontScale();
+  void takeCloseButton() {
+    GLFWwindow* const window = context->window();
+    if (window == nullptr || glfwWindowShouldClose(window) == 0) return;
+    if (!options.asks_before_closing) {
+      closed = true;
+      return;
+    }
+    close_wished = true;
+    glfwSetWindowShouldClose(window, GLFW_FALSE);
+  }
 };
 
 Surface::Parts::~Parts() {
@@ -247,13 +257,11 @@ void Surface::Parts::waitForTurn() {
 bool Surface::beginFrame() {
   Parts& parts = *parts_;
   GLFWwindow* window = parts.context->window();
-  if (window != nullptr && glfwWindowShouldClose(window) != 0) parts.closed = true;
+  parts.takeCloseButton();
   if (parts.closed) return false;
   parts.waitForTurn();
-  if (window != nullptr && glfwWindowShouldClose(window) != 0) {
-    parts.closed = true;
-    return false;
-  }
+  parts.takeCloseButton();
+  if (parts.closed) return false;
   parts.began_ns = steadyNowNs();
   parts.takeSize();
   parts.applyFontScale();
@@ -317,6 +325,9 @@ RgbaImage Surface::picture() const {
 
 void Surface::close() {
   parts_->closed = true;
+}
+bool Surface::takeCloseWish() {
+  return std::exchange(parts_->close_wished, false);
 }
 bool Surface::isWindow() const {
   return parts_->context->window() != nullptr;

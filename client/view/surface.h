@@ -27,6 +27,8 @@ struct SurfaceOptions {
   /// JSON: position, size and font scale of the window; read at the start, written at the end. Empty: no
   /// file. Unreadable files and positions off every monitor are ignored.
   std::filesystem::path state_file;
+  /// The window's close button only makes a wish (takeCloseWish); the program then asks the person.
+  bool asks_before_closing = false;
 };
 
 /// One window with its OpenGL 3.3 core context and Dear ImGui. Use:
@@ -56,8 +58,10 @@ class Surface {
   bool beginFrame();
   /// Draws the frame and shows it.
   void endFrame();
-  /// Requests the end, like the window's close button.
+  /// Ends it: beginFrame returns false from then on.
   void close();
+  /// With `asks_before_closing`: returns whether the window's close button was pressed since the last call.
+  [[nodiscard]] bool takeCloseWish();
 
   [[nodiscard]] bool isWindow() const;
   [[nodiscard]] int width_px() const;

@@ -20,6 +20,7 @@
 #include <boost/asio/ip/address.hpp>
 
 #include "common/base/files.h"
+#include "common/base/local_time.h"
 
 namespace needlelab {
 namespace {
@@ -181,11 +182,8 @@ std::int64_t unixSeconds(const ASN1_TIME* time) {
 }
 
 std::string dayText(const ASN1_TIME* time) {
-  std::tm parts{};
-  std::array<char, 32> text{};
-  if (ASN1_TIME_to_tm(time, &parts) != 1) return "an unknown day";
-  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M UTC", &parts);
-  return text.data();
+  const std::int64_t seconds = unixSeconds(time);
+  return seconds == 0 ? "an unknown day" : localTime(seconds * 1'000'000'000, TimeForm::kZoned);
 }
 
 /// The names and addresses of a certificate.

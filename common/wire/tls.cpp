@@ -9,9 +9,11 @@
 #include <array>
 #include <boost/asio/ip/address.hpp>
 #include <cassert>
-#include <ctime>
 #include <filesystem>
 #include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/local_time.h"
 
 #if defined(__aarch64__)
 #include <asm/hwcap.h>
@@ -123,11 +125,8 @@ std::string tlsErrorText(const SSL* ssl, std::string text) {
   if (verified != X509_V_OK) text += std::string(" (") + X509_verify_cert_error_string(verified) + ")";
   if (verified == X509_V_ERR_CERT_NOT_YET_VALID || verified == X509_V_ERR_CERT_HAS_EXPIRED) {
     // a clock without a battery starts in 1970
-    const std::time_t now = std::time(nullptr);
-    std::tm parts{};
-    std::array<char, 32> date{};
-    std::strftime(date.data(), date.size(), "%Y-%m-%d", ::gmtime_r(&now, &parts));
-    text += std::string("; this machine's clock says ") + date.data() + ": if that is wrong, set it";
+    text += "; this machine's clock says " + localTime(wallNowNs(), TimeForm::kZoned) +
+            ": if that is wrong, set it";
   }
   return text;
 }

@@ -5,6 +5,7 @@
 #include <set>
 #include <vector>
 
+#include "common/base/local_time.h"
 #include "common/profile/profile.h"
 #include "common/scoring/progress.h"
 #include "db/assignments.h"
@@ -226,7 +227,7 @@ namespace {
 std::string assignmentText(const pb::Assignment& a) {
   return (a.course_id().empty() ? "exercise " + a.exercise_id() : "course " + a.course_id()) + " for " +
          (a.group_id().empty() ? a.trainee() : "group " + a.group_id()) +
-         (a.due_unix_ns() == 0 ? "" : ", due " + secondText(a.due_unix_ns()));
+         (a.due_unix_ns() == 0 ? "" : ", due " + utcTime(a.due_unix_ns()));
 }
 
 std::string assignmentSubject(const pb::Assignment& a) {

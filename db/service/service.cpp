@@ -2,16 +2,15 @@
 
 #include <fmt/core.h>
 
-#include <array>
 #include <cassert>
 #include <charconv>
-#include <ctime>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <system_error>
 
 #include "common/base/clock.h"
+#include "common/base/local_time.h"
 #include "db/credentials.h"
 #include "db/erasure.h"
 #include "db/people.h"
@@ -33,14 +32,6 @@ class Cleared {
  private:
   std::atomic<bool>& flag_;
 };
-
-std::string timeOf(std::int64_t unix_ns) {
-  const std::time_t seconds = unix_ns / 1'000'000'000;
-  std::tm parts{};
-  std::array<char, 40> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S UTC", ::gmtime_r(&seconds, &parts));
-  return text.data();
-}
 
 /// Permission for one run of retention; the destructor returns it. `run`, guarded by `mutex`, names the
 /// current run.
@@ -155,7 +146,8 @@ Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool 
   const std::int64_t now = wallNowNs();
   std::optional<RetentionTurn> turn;
   if (!dry_run) {
-    turn.emplace(retention_mutex_, retention_run_, "since " + timeOf(now) + " by " + by_whom);
+    turn.emplace(retention_mutex_, retention_run_,
+                 "since " + localTime(now, TimeForm::kZoned) + " by " + by_whom);
     if (!turn->mine())
       return Error{ErrorCode::kUnavailable, "a run of retention is under way " + turn->other() +
                                                 ": try again when it is done; a dry run says what is left"};
@@ -178,7 +170,7 @@ Result<pb::RescoreReport> Service::rescoreAll(const std::string& by_whom, const 
 
 std::string Service::removeErased() {
   const RetentionTurn turn(retention_mutex_, retention_run_,
-                           "since " + timeOf(wallNowNs()) + " by an erasure");
+                           "since " + localTime(wallNowNs(), TimeForm::kZoned) + " by an erasure");
   if (!turn.mine())
     return "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
            "(at once by needlelab-admin retention run when this one has ended). ";

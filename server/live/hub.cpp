@@ -32,11 +32,17 @@ std::optional<pb::Refusal> checkSessionId(const char* message, std::string_view 
                      fmt::format("{}.session_id has {} bytes, not 16 or none", message, id.size()));
 }
 
+/// A number from the network: a peak that is none would never end.
+double finite(double value) {
+  return std::isfinite(value) ? value : 0;
+}
+
 /// Clears the fields that belong to another session.
 void setSession(pb::StationStatus& status, std::string_view session_id) {
   if (status.session_id() == session_id) return;
   status.set_session_id(std::string(session_id));
   status.clear_peak_force_n();
+  status.clear_peak_since_unix_ns();
   status.clear_hazards_touched();
   status.clear_force_limit_n();
   status.clear_tissue();
@@ -89,7 +95,19 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
   Station& station = found->second;
   const bool other_session = status.session_id() != station.status.session_id();
+  setSession(station.status, status.session_id());
+  const double seen_N = station.status.peak_force_n();
+  const std::int64_t seen_since = station.status.peak_since_unix_ns();
   station.status = status;
+  station.status.clear_peak_since_unix_ns();
+  if (!status.session_id().empty()) {
+    // the station's own peak, except that of minor 1, which sends neither the peak nor the session's
+    // beginning
+    station.status.set_peak_force_n(
+        std::max({finite(status.peak_force_n()), finite(status.force_n()), seen_N}));
+    if (status.peak_force_n() == 0 && status.started_unix_ns() == 0)
+      station.status.set_peak_since_unix_ns(seen_since != 0 ? seen_since : settings_.unix_now());
+  }
   station.status.set_station(name);
   station.status.set_online(true);
   station.status_ns = now_ns;
@@ -131,7 +149,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
   const std::string& name = station.status.station();
   ++frames_in_;
   if (frame.session_id != station.status.session_id()) {
-    station.status.set_session_id(std::string(frame.session_id));
+    setSession(station.status, frame.session_id);
     refreshWatch(station);
   }
 
@@ -406,7 +424,7 @@ void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const 
   status.set_insertion_m(last.insertion_m);
   status.set_force_n(std::hypot(last.force_W_N[0], last.force_W_N[1], last.force_W_N[2]));
   // the station's own peak covers every sample; until its next line, at least this value
-  status.set_peak_force_n(std::max(status.peak_force_n(), status.force_n()));
+  status.set_peak_force_n(std::max(status.peak_force_n(), finite(status.force_n())));
   status.set_fault(last.fault);
   status.set_samples(last.tick + 1);
 }

@@ -11,6 +11,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "common/base/clock.h"
 #include "common/gesture/sample.h"
 #include "common/wire/live_frames.h"
 #include "needlelab/control.pb.h"
@@ -59,6 +60,8 @@ struct HubSettings {
   std::size_t max_frame_bytes = 64u << 10;  ///< of a live frame's data
   std::size_t max_frame_samples = 1000;     ///< of a live frame; stations send 20
   std::size_t max_status_bytes = 2048;      ///< of a station's status line
+  /// The time of day, ns since 1970, for StationStatus.peak_since_unix_ns.
+  std::int64_t (*unix_now)() noexcept = wallNowNs;
 };
 
 /// Peers must detach before their destruction. Times: steady clock, ns, from the caller. Thread: one; no

@@ -6,11 +6,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
-#include <ctime>
 
 #include "common/base/files.h"
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -29,14 +28,10 @@ std::string userName(uid_t id) {
 
 Status checkClock(std::int64_t now_unix_s) {
   if (now_unix_s >= kYear2020_s) return {};
-  std::array<char, 32> text{};
-  const std::time_t now = now_unix_s;
-  std::tm parts{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M", ::gmtime_r(&now, &parts));
-  return Error{ErrorCode::kFailed,
-               "this machine's clock says " + std::string(text.data()) +
-                   " UTC, which is before 2020: certificates would not be valid and sessions "
-                   "would have wrong dates; set the clock (timedatectl) and start again"};
+  return Error{ErrorCode::kFailed, "this machine's clock says " +
+                                       localTime(now_unix_s * 1'000'000'000, TimeForm::kZoned) +
+                                       ", which is before 2020: certificates would not be valid and sessions "
+                                       "would have wrong dates; set the clock (timedatectl) and start again"};
 }
 
 Status checkFolderRights(const std::filesystem::path& folder) {

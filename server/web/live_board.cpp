@@ -89,7 +89,6 @@ Task<> LiveBoard::run(std::shared_ptr<LiveBoard> self) {
   }
   board.running_ = false;
   board.newest_.reset();
-  board.peaks_.clear();
   board.tissues_.clear();
 }
 
@@ -127,13 +126,9 @@ Task<> LiveBoard::readStore() {
 
 std::string LiveBoard::make() {
   WebJson tiles = WebJson::array();
-  std::map<std::string, Peak> peaks;
   for (pb::StationInfo& station : *stations_.mutable_stations()) {
     const pb::StationStatus& status = station.status();
     const bool idle = !station.online() || status.session_id().empty();
-    Peak peak = peaks_[station.name()];
-    if (peak.session_id != status.session_id()) peak = {status.session_id(), 0};
-    if (!idle) peak.force_N = std::max(peak.force_N, status.force_n());
     const auto tissues = tissues_.find(status.session_id());
     std::string layer;
     if (!idle && status.layer() >= 0 && tissues != tissues_.end() &&
@@ -149,16 +144,15 @@ std::string LiveBoard::make() {
                      {"depth_m", idle ? 0 : status.insertion_m()},
                      {"layer", layer},
                      {"force_n", idle ? 0 : status.force_n()},
-                     {"peak_force_n", idle ? 0 : peak.force_N},
+                     {"peak_force_n", idle ? 0 : status.peak_force_n()},
+                     {"peak_since_unix_ms", idle ? 0 : status.peak_since_unix_ns() / 1'000'000},
                      {"fault", trouble ? faultText(static_cast<Fault>(std::min(status.fault(), 255u)))
                                        : status.trouble()},
                      {"drops", status.missed_ticks()}});
-    peaks.insert_or_assign(station.name(), std::move(peak));
     // discard a status that is older than its station's connection
     station.clear_status();
     station.set_online(false);
   }
-  peaks_ = std::move(peaks);
   return WebJson{{"tiles", std::move(tiles)}}.dump(-1, ' ', false, WebJson::error_handler_t::replace);
 }
 

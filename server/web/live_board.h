@@ -14,9 +14,11 @@
 namespace needlelab {
 
 /// `{"tiles":[{station, online, session_id, trainee, exercise, phase, depth_m, layer, force_n, peak_force_n,
-/// fault, drops}]}`. `layer` is the tissue's name, `fault` a problem that needs a person's attention, `drops`
-/// the number of ticks that the station missed, `peak_force_n` the maximum seen by this board in the session.
-/// Built only while there are viewers. Thread: the network's. Ownership: kept alive by its coroutine.
+/// peak_since_unix_ms, fault, drops}]}`. `layer` is the tissue's name, `fault` a problem that needs a
+/// person's attention, `drops` the number of ticks that the station missed, `peak_force_n` the session's
+/// maximum, by the hub: it does not depend on who watches. `peak_since_unix_ms` is 0, or when the server
+/// began to see a session whose station sends no peak. Built only while there are viewers. Thread: the
+/// network's. Ownership: kept alive by its coroutine.
 class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
  public:
   LiveBoard(ServerContext& context, std::chrono::milliseconds period)
@@ -34,10 +36,6 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
   void wakeAll() { fresh_.notify(); }
 
  private:
-  struct Peak {
-    std::string session_id;
-    double force_N = 0;
-  };
   static Task<> run(std::shared_ptr<LiveBoard> self);
   Task<> readStore();
   std::string make();
@@ -52,7 +50,6 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
   std::shared_ptr<const std::string> newest_;
   pb::Stations stations_;  // names, from the database
   std::int64_t stations_ns_ = 0;
-  std::map<std::string, Peak> peaks_;                        // by station
   std::map<std::string, std::vector<std::string>> tissues_;  // of each session on the board, by layer
 };
 

@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { backoff, clock, fromInput, toInput } from '../../client/web/app/lib/time.js';
+import { backoff, clock, day, fromInput, moment, since, timeOfDay, toInput } from '../../client/web/app/lib/time.js';
 import { indexAt, minMax } from '../../client/web/app/lib/decimate.js';
 import { bytes, fieldUnit, measureTitle, quantity, shown, typed, words } from '../../client/web/app/lib/units.js';
 import { advance, atRest, seek, toggle } from '../../client/web/app/lib/recording.js';
@@ -164,10 +164,30 @@ test('times of recordings and dates of forms', () => {
   assert.equal(clock(65.34), '1:05.3');
   assert.equal(clock(59.96), '1:00.0');
   assert.equal(clock(0), '0:00.0');
-  const moment = new Date(2026, 2, 29, 14, 30).getTime();
-  assert.equal(toInput(moment), '2026-03-29T14:30');
-  assert.equal(fromInput(toInput(moment)), moment);
+  const half_past_two = new Date(2026, 2, 29, 14, 30).getTime();
+  assert.equal(toInput(half_past_two), '2026-03-29T14:30');
+  assert.equal(fromInput(toInput(half_past_two)), half_past_two);
   assert.equal(fromInput(''), undefined);
+});
+
+test('times of day are those of the place, in summer and in winter', () => {
+  const before = process.env.TZ;
+  process.env.TZ = 'America/St_Johns';
+  try {
+    // 2 h 30 min behind UTC in summer, 3 h 30 min in winter: still the day before
+    const summer = Date.UTC(2026, 6, 1, 12, 4),
+      winter = Date.UTC(2026, 0, 1, 2, 0);
+    assert.equal(moment(summer, 'en-GB'), '1 Jul 2026, 09:34');
+    assert.equal(day(winter, 'en-GB'), '31 Dec 2025');
+    assert.equal(timeOfDay(summer, 'en-GB'), '09:34');
+    assert.equal(timeOfDay(winter, 'en-GB'), '22:30');
+    assert.equal(toInput(winter), '2025-12-31T22:30');
+    assert.equal(since(summer, 'en-GB'), ' since 09:34');
+    assert.equal(since(0, 'en-GB'), '');
+  } finally {
+    if (before === undefined) delete process.env.TZ;
+    else process.env.TZ = before;
+  }
 });
 
 test('back-off doubles to its bound and takes off at most a quarter', () => {

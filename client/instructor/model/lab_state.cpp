@@ -10,6 +10,14 @@
 
 namespace needlelab {
 
+std::vector<ScreenAction> loginActions(bool busy) {
+  return {{kActLogIn, "Log in", ActionKey::kEnter, "", !busy}};
+}
+
+ScreenAction adviceAction(std::string label) {
+  return {kActAdvice, std::move(label), ActionKey::kEnter, "", true};
+}
+
 LabState::LabState(ScenePreparer prepare, LabConnectionSettings settings)
     : connection_(std::move(settings)),
       prepare_(std::move(prepare)),

@@ -16,6 +16,7 @@
 #include "client/instructor/model/session_analysis.h"
 #include "client/instructor/model/session_search.h"
 #include "client/instructor/model/station_commands.h"
+#include "client/view/model/screen_actions.h"
 #include "common/base/result.h"
 
 namespace needlelab {
@@ -32,6 +33,12 @@ struct LoginForm {
 struct ExerciseChoice {
   std::string id, name;
 };
+
+/// What the screens offer, as tables: Enter is the highlighted button.
+enum LabAct : int { kActLogIn, kActAdvice };
+std::vector<ScreenAction> loginActions(bool busy);
+/// The way out of an empty screen.
+ScreenAction adviceAction(std::string label);
 
 /// Thread: one. No call blocks on the network or the disk.
 class LabState {

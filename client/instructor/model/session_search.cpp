@@ -7,24 +7,23 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::uint32_t kRowsAtOnce = 200;
-constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
-/// The start of the day, UTC.
-Result<std::int64_t> dayOf(const char* field, const std::string& text) {
+/// The start of the day, or of the next one, by this machine's calendar.
+Result<std::int64_t> dayOf(const char* field, const std::string& text, int days_later) {
   int year = 0, month = 0, day = 0, used = 0;
   if (std::sscanf(text.c_str(), "%4d-%2d-%2d%n", &year, &month, &day, &used) == 3 &&
       static_cast<std::size_t>(used) == text.size()) {
     const std::chrono::year_month_day date{std::chrono::year(year),
                                            std::chrono::month(static_cast<unsigned>(month)),
                                            std::chrono::day(static_cast<unsigned>(day))};
-    if (date.ok() && year >= 1970 && year <= 2200)
-      return static_cast<std::int64_t>(std::chrono::sys_days(date).time_since_epoch().count()) * kDay_ns;
+    if (date.ok() && year >= 1970 && year <= 2200) return localMidnightNs(year, month, day + days_later);
   }
   return Error{ErrorCode::kInvalidInput,
                std::string(field) + ": '" + printable(text) + "' is no day; it is written 2026-11-21"};
@@ -51,12 +50,12 @@ Result<pb::ListSessions> messageOf(const SessionQuery& query) {
   list.set_verdict(query.verdict);
   list.set_limit(kRowsAtOnce);
   if (!query.from.empty()) {
-    ASSIGN_OR_RETURN(const auto day, dayOf("from", query.from));
+    ASSIGN_OR_RETURN(const auto day, dayOf("from", query.from, 0));
     list.set_from_unix_ns(day);
   }
   if (!query.to.empty()) {
-    ASSIGN_OR_RETURN(const auto day, dayOf("to", query.to));
-    list.set_to_unix_ns(day + kDay_ns);
+    ASSIGN_OR_RETURN(const auto day, dayOf("to", query.to, 1));
+    list.set_to_unix_ns(day);
     if (list.to_unix_ns() <= list.from_unix_ns())
       return Error{ErrorCode::kInvalidInput, "to: it comes before the other day"};
   }

@@ -13,7 +13,7 @@ namespace needlelab {
 struct SessionQuery {
   std::string search;  ///< part of the trainee's user name or full name
   std::string station, exercise_id;
-  std::string from, to;  ///< days, "2026-11-21", UTC; `to` is included
+  std::string from, to;  ///< days here, "2026-11-21"; `to` is included
   pb::ListSessions::Verdict verdict = pb::ListSessions::ANY;
   friend bool operator==(const SessionQuery&, const SessionQuery&) = default;
 };

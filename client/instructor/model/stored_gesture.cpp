@@ -1,13 +1,13 @@
 #include "client/instructor/model/stored_gesture.h"
 
 #include <algorithm>
-#include <ctime>
 #include <optional>
 #include <utility>
 
 #include <fmt/core.h>
 
 #include "client/view/model/gesture_replica.h"
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
 
@@ -184,11 +184,8 @@ std::size_t StoredGesture::sampleAt(double time_s) const {
 
 std::string StoredGesture::title() const {
   const auto& d = info.description();
-  const std::time_t seconds = static_cast<std::time_t>(d.started_unix_ns() / 1'000'000'000);
-  std::tm utc{};
-  char when[32] = "";
-  if (::gmtime_r(&seconds, &utc) != nullptr) std::strftime(when, sizeof when, "%Y-%m-%d %H:%M", &utc);
-  return printable(d.trainee()) + ", " + printable(d.exercise_id()) + ", " + when;
+  return printable(d.trainee()) + ", " + printable(d.exercise_id()) + ", " +
+         localTime(d.started_unix_ns(), TimeForm::kMinute);
 }
 
 Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::string& session_id) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "client/view/action_bar.h"
 #include "client/view/theme.h"
 
 namespace needlelab {
@@ -49,7 +50,10 @@ void showLogin(LabState& lab) {
   go |= field("Password", "##password", lab.form.password, "", ImGuiInputTextFlags_Password);
   ImGui::Dummy({0, space()});
   const bool busy = lab.link().phase == LinkPhase::kConnecting;
-  go |= bigButton("Log in", true, 20 * space(), !busy);
+  const auto actions = loginActions(busy);
+  go |= actionButtons(actions, 20 * space()) == kActLogIn;
+  // Enter in a field and Enter elsewhere are the same
+  if (!ImGui::GetIO().NavVisible) go |= actionByKey(actions) == kActLogIn;
   if (go && !busy) lab.logIn();
   ImGui::Dummy({0, 0.5F * space()});
   whatIsWrong(lab);

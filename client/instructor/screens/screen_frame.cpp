@@ -6,6 +6,7 @@
 
 #include <fmt/core.h>
 
+#include "client/view/action_bar.h"
 #include "client/view/theme.h"
 #include "common/base/clock.h"
 
@@ -131,9 +132,14 @@ bool showEmpty(std::string_view headline, std::string_view advice, const char* a
   }
   ImGui::PopTextWrapPos();
   ImGui::Dummy({0, space()});
-  const bool pressed = action != nullptr && bigButton(action, true);
+  std::vector<ScreenAction> actions;
+  if (action != nullptr) actions = {adviceAction(action)};
+  auto chosen = actionButtons(actions);
   ImGui::EndGroup();
-  return pressed;
+  // in a field, Enter is the field's
+  const ImGuiIO& io = ImGui::GetIO();
+  if (!chosen && !io.WantTextInput && !io.NavVisible) chosen = actionByKey(actions);
+  return chosen == kActAdvice;
 }
 
 void showWork(const LabState& lab) {

@@ -4,26 +4,18 @@
 
 #include <array>
 #include <cmath>
-#include <ctime>
 #include <utility>
 
 #include <fmt/core.h>
 
 #include "client/view/theme.h"
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {
-
-std::string whenText(std::int64_t unix_ns) {
-  const std::time_t seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
-  std::tm utc{};
-  char text[32] = "";
-  if (::gmtime_r(&seconds, &utc) != nullptr) std::strftime(text, sizeof text, "%Y-%m-%d %H:%M", &utc);
-  return text;
-}
 
 std::pair<Condition, const char*> verdictOf(const pb::SessionInfo& row) {
   if (row.state() == pb::SESSION_OPEN) return {Condition::kUnknown, "going on"};
@@ -88,7 +80,7 @@ void SessionsScreen::showTable(LabState& lab) {
   ImGui::TableSetupScrollFreeze(0, 1);
   constexpr ImGuiTableColumnFlags kNoSort = ImGuiTableColumnFlags_NoSort;
   ImGui::TableSetupColumn(
-      "when (UTC)", ImGuiTableColumnFlags_DefaultSort | ImGuiTableColumnFlags_PreferSortDescending, 1.2F);
+      "when", ImGuiTableColumnFlags_DefaultSort | ImGuiTableColumnFlags_PreferSortDescending, 1.2F);
   ImGui::TableSetupColumn("trainee", 0, 1);
   ImGui::TableSetupColumn("exercise", 0, 1.5F);
   ImGui::TableSetupColumn("station", kNoSort, 0.8F);
@@ -117,7 +109,7 @@ void SessionsScreen::showTable(LabState& lab) {
         ImGui::TableNextColumn();
         textLine(printable(text));
       };
-      cell(whenText(d.started_unix_ns()));
+      cell(localTime(d.started_unix_ns(), TimeForm::kMinute));
       cell(d.trainee());
       cell(d.exercise_id());
       cell(d.station());

@@ -84,6 +84,9 @@ void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.add_flag("--start", o.window.start,
                "the first lesson begins at once; else the window first shows who practises what")
       ->group(kWindow);
+  app.add_flag("--no-quit{false}", o.window.may_quit,
+               "students cannot quit: no button does, nor the window's own; SIGTERM still ends the program")
+      ->group(kWindow);
   app.add_option("--screenshot", raw.screenshots,
                  "PNG of the window; may be given several times, each with an --at. Without a display the "
                  "lesson begins at once, is drawn without one, and the program ends with it")

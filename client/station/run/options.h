@@ -37,7 +37,8 @@ struct PictureRequest {
 
 /// The trainee's window.
 struct WindowOptions {
-  bool start = false;  ///< --start: the first lesson begins at once
+  bool start = false;    ///< --start: the first lesson begins at once
+  bool may_quit = true;  ///< false: --no-quit
   std::vector<PictureRequest> pictures;
   std::optional<double> font_scale;  ///< 0.8-2.5; none: the last value
   int width_px = 1280, height_px = 720;

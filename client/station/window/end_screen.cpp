@@ -11,8 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "client/station/window/keys.h"
 #include "client/station/window/start_choice.h"
+#include "client/station/window/station_actions.h"
+#include "client/view/action_bar.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
@@ -289,8 +290,9 @@ void EndScreen::take(const LessonOutcome& outcome) {
   }
 }
 
-void EndScreen::show(const BoardState& state, bool changed, const SceneView* scene, LessonBoard& board) {
-  if (!state.outcome) return;
+bool EndScreen::show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
+                     LessonBoard& board) {
+  if (!state.outcome) return false;
   if (changed && state.outcome != shown_) {
     shown_ = state.outcome;
     take(*shown_);
@@ -315,8 +317,9 @@ void EndScreen::show(const BoardState& state, bool changed, const SceneView* sce
   beginPanel("plots", "", 0, rest.y - foot);
   showPlots(*shown_, scene);
   endPanel();
-  showNext(state, board);
+  const bool quits = showNext(state, keys, may_quit, board);
   endScreen();
+  return quits;
 }
 
 void EndScreen::showVerdict() {
@@ -357,31 +360,19 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
   linePlot("lateral", lateralPlot(time_s_, lateral_mm_, measures_), {rest.x, 0.40F * rest.y});
 }
 
-void EndScreen::showNext(const BoardState& state, LessonBoard& board) {
-  const bool passed =
-      verdict_.kind == LessonVerdict::Kind::kPassed || verdict_.kind == LessonVerdict::Kind::kNoRequirements;
+bool EndScreen::showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board) {
   LessonChoice again = state.choice;
   LessonChoice next = again;
   if (state.next) next.exercise = state.next->exercise, next.by_profile = false;
-  const auto begin = [&](const LessonChoice& choice) { board.ask({BoardRequest::Kind::kBegin, choice}); };
   ImGui::Spacing();
-  if (state.next) {
-    const std::string label =
-        "Next: " + exerciseName(state.lists, state.next->exercise) + " (" + state.next->from + ")";
-    if (bigButton(label.c_str(), true)) begin(next);
-    ImGui::SameLine();
-  }
-  if (bigButton("Next try", !state.next && !passed)) begin(again);
-  ImGui::SameLine();
-  if (bigButton("Other exercise", !state.next && passed)) board.ask({BoardRequest::Kind::kStart, {}});
-  ImGui::SameLine();
-  if (bigButton("Quit")) board.ask({BoardRequest::Kind::kQuit, {}});
-  keyHint("Enter", state.next ? "the next exercise" : "next try");
-  ImGui::SameLine();
-  keyHint("O", "other exercise");
-  if (ImGui::GetTime() < keys_from_s_) return;
-  if (enterPressed()) begin(state.next ? next : again);
-  if (ImGui::IsKeyPressed(GLFW_KEY_O, false)) board.ask({BoardRequest::Kind::kStart, {}});
+  const auto actions = endActions(state, may_quit);
+  auto chosen = actionButtons(actions);
+  actionHints(actions);
+  if (keys && !chosen && ImGui::GetTime() >= keys_from_s_) chosen = actionByKey(actions);
+  if (chosen == kActNext) board.ask({BoardRequest::Kind::kBegin, next});
+  if (chosen == kActAgain) board.ask({BoardRequest::Kind::kBegin, again});
+  if (chosen == kActOther) board.ask({BoardRequest::Kind::kStart, {}});
+  return chosen == kActQuit;
 }
 
 }  // namespace needlelab

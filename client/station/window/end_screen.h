@@ -57,13 +57,15 @@ void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px
 class EndScreen {
  public:
   /// Draws one frame. `changed`: `state` is newer than in the last call. `scene`: the lesson's; may be null.
-  void show(const BoardState& state, bool changed, const SceneView* scene, LessonBoard& board);
+  /// `keys`: the keys are for this screen. Returns whether the person wants to quit.
+  bool show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
+            LessonBoard& board);
 
  private:
   void take(const LessonOutcome& outcome);
   void showVerdict();
   void showPlots(const LessonOutcome& outcome, const SceneView* scene);
-  void showNext(const BoardState& state, LessonBoard& board);
+  bool showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board);
 
   std::shared_ptr<const LessonOutcome> shown_;
   std::string session_;     // session of shown_

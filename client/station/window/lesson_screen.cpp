@@ -3,16 +3,18 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <ctime>
 #include <string>
 
 #include "client/station/run/fault_watch.h"
 #include "client/station/window/keys.h"
 #include "client/station/window/lesson_panel.h"
 #include "client/station/window/start_choice.h"
+#include "client/station/window/station_actions.h"
+#include "client/view/action_bar.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
+#include "common/base/local_time.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {
@@ -78,22 +80,15 @@ constexpr ImGuiWindowFlags kLaidOver = ImGuiWindowFlags_NoDecoration | ImGuiWind
                                        ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
                                        ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoFocusOnAppearing;
 
-// local wall-clock time, "14:05:09"
-std::string clockOf(std::int64_t unix_ns) {
-  const std::time_t seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
-  std::tm local{};
-  ::localtime_r(&seconds, &local);
-  return fmt::format("{:02}:{:02}:{:02}", local.tm_hour, local.tm_min, local.tm_sec);
-}
-
 }  // namespace
 
-void lessonOverlay(const LessonStatus& status, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px) {
+void lessonOverlay(const LessonStatus& status, bool keys, LessonRequests& requests, ImVec2 corner_px,
+                   ImVec2 size_px) {
   const Overlay overlay = overlayOf(status);
   if (overlay.kind == Overlay::Kind::kNone) return;
   const bool fault = overlay.kind == Overlay::Kind::kFault;
-  const bool enter = enterPressed();
-  if (fault && enter) requests.acknowledge();
+  const auto actions = faultActions();
+  if (fault && keys && actionByKey(actions) == kActSeen) requests.acknowledge();
 
   const Condition condition = fault ? Condition::kTrouble : Condition::kAttention;
   const float width = std::min(0.86F * size_px.x, 62 * space());
@@ -114,7 +109,7 @@ void lessonOverlay(const LessonStatus& status, LessonRequests& requests, ImVec2 
     textBlock(overlay.todo);
     if (overlay.can_acknowledge) {
       ImGui::Spacing();
-      if (bigButton("I have seen it (Enter)", true)) requests.acknowledge();
+      if (actionButtons(actions, 0, true) == kActSeen) requests.acknowledge();
     }
   }
   ImGui::End();
@@ -140,13 +135,13 @@ void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
       const BoardMessage& message = state.messages[i];
       if (!fresh) {
         const WithFont small(Letters::kSmall);
-        textLine(message.from + ", " + clockOf(message.unix_ns) + ": " + message.text);
+        textLine(message.from + ", " + localTime(message.unix_ns, TimeForm::kClock) + ": " + message.text);
         continue;
       }
       {
         const WithFont small(Letters::kSmall);
         const WithTextColour colour(kSkyBlue);
-        textLine(message.from + ", " + clockOf(message.unix_ns));
+        textLine(message.from + ", " + localTime(message.unix_ns, TimeForm::kClock));
       }
       const bool newest = i + 1 == state.messages.size();
       const WithTextColour colour(newest ? kText : kDimText);
@@ -213,7 +208,9 @@ void LessonScreen::begin(const LessonFollow& lesson) {
   held_across_ = held_tilt_ = asks_for_end_ = false;
 }
 
-void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, LessonRequests& requests) {
+void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, bool keys,
+                        LessonRequests& requests) {
+  keys_ = keys;
   beginScreen("lesson");
   showHead(state, lesson);
   const float foot = 3.4F * space();
@@ -246,8 +243,8 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, Les
   ImGui::SameLine();
   keyHint("Esc", "end");
   lessonMessages(state, corner, picture);
-  lessonOverlay(state.status, requests, corner, picture);
-  askForEnd(requests);
+  lessonOverlay(state.status, keys && !asks_for_end_, requests, corner, picture);
+  if (keys) askForEnd(requests);
   endScreen();
 }
 
@@ -272,7 +269,8 @@ void LessonScreen::chooseView(const LessonFollow& lesson) {
 // sends this frame's mouse and key input to the hand
 void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
   const ImGuiIO& io = ImGui::GetIO();
-  const bool mouse = !io.KeyAlt && !asks_for_end_;
+  const bool asks = asks_for_end_ || !keys_;
+  const bool mouse = !io.KeyAlt && !asks;
   // a drag from inside the picture continues beyond its edge
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Left)) held_across_ = false;
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Right)) held_tilt_ = false;
@@ -289,7 +287,7 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
     input.tilt_right_px = static_cast<double>(io.MouseDelta.x),
     input.tilt_up_px = -static_cast<double>(io.MouseDelta.y);
   if (hovered && mouse) input.wheel = static_cast<double>(io.MouseWheel);
-  if (!io.WantTextInput && !asks_for_end_) {
+  if (!io.WantTextInput && !asks) {
     input.advance = keyAxis(GLFW_KEY_W, GLFW_KEY_S);
     const int right = keyAxis(GLFW_KEY_RIGHT, GLFW_KEY_LEFT), up = keyAxis(GLFW_KEY_UP, GLFW_KEY_DOWN);
     (io.KeyCtrl ? input.tilt_right : input.across_right) = right;
@@ -310,23 +308,9 @@ void LessonScreen::askForEnd(LessonRequests& requests) {
     ImGui::OpenPopup(kQuestion);
     return;
   }
-  const ImVec2 middle{0.5F * ImGui::GetIO().DisplaySize.x, 0.5F * ImGui::GetIO().DisplaySize.y};
-  ImGui::SetNextWindowPos(middle, ImGuiCond_Always, {0.5F, 0.5F});
-  if (!ImGui::BeginPopupModal(kQuestion, nullptr,
-                              ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove)) {
-    asks_for_end_ = false;
-    return;
-  }
-  ImGui::TextUnformatted("Everything up to here is kept and scored.");
-  ImGui::Spacing();
-  const bool enter = enterPressed();
-  if (bigButton("End it (Enter)", true) || enter) {
-    requests.stop({});
-    ImGui::CloseCurrentPopup();
-  }
-  ImGui::SameLine();
-  if (bigButton("Go on (Esc)") || ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false)) ImGui::CloseCurrentPopup();
-  ImGui::EndPopup();
+  const auto answer = actionQuestion(kQuestion, "Everything up to here is kept and scored.",
+                                     endLessonActions(), asks_for_end_);
+  if (answer == kActYes) requests.stop({});
 }
 
 }  // namespace needlelab

@@ -35,8 +35,8 @@ class LessonScreen {
   explicit LessonScreen(SceneRenderer& renderer) : renderer_(renderer) {}
   /// Begins a new lesson.
   void begin(const LessonFollow& lesson);
-  /// Draws one frame. `requests` receives stop and acknowledge.
-  void show(const BoardState& state, const LessonFollow& lesson, LessonRequests& requests);
+  /// Draws one frame. `requests` receives stop and acknowledge. `keys`: the keys are for this screen.
+  void show(const BoardState& state, const LessonFollow& lesson, bool keys, LessonRequests& requests);
   /// Returns the computing time of the last ultrasound picture in s; for measurements.
   [[nodiscard]] double ultrasoundCost_s() const { return ultrasound_.lastCost_s(); }
 
@@ -51,11 +51,12 @@ class LessonScreen {
   SceneFrame frame_;
   std::optional<PointerSteering> steering_;
   bool held_across_ = false, held_tilt_ = false;
-  bool asks_for_end_ = false;
+  bool asks_for_end_ = false, keys_ = true;
 };
 
 /// Draws a fault or hold over the picture, with a button to acknowledge.
-void lessonOverlay(const LessonStatus& status, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px);
+void lessonOverlay(const LessonStatus& status, bool keys, LessonRequests& requests, ImVec2 corner_px,
+                   ImVec2 size_px);
 /// Draws instructors' messages, newest last, over the picture's lower left corner.
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
 

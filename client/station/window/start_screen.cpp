@@ -9,6 +9,8 @@
 
 #include "client/station/run/lesson_requests.h"
 #include "client/station/window/keys.h"
+#include "client/station/window/station_actions.h"
+#include "client/view/action_bar.h"
 #include "client/view/theme.h"
 #include "common/base/clock.h"
 #include "common/base/text.h"
@@ -35,7 +37,7 @@ Rgb colourOfNote(const ExerciseRow& row) {
 
 }  // namespace
 
-void StartScreen::show(const BoardState& state, bool changed, LessonBoard& board) {
+void StartScreen::show(const BoardState& state, bool changed, bool keys, LessonBoard& board) {
   const std::int64_t now_unix_ns = wallNowNs();
   if (changed || fresh_ || now_unix_ns - updated_unix_ns_ > kDatesAgain_ns) {
     choice_.update(state, now_unix_ns);
@@ -68,10 +70,11 @@ void StartScreen::show(const BoardState& state, bool changed, LessonBoard& board
   ImGui::SameLine();
   keyHint("Up/Down", "exercise");
   ImGui::SameLine();
-  keyHint("Enter", "begin");
+  const auto actions = startActions(choice_.missing().empty());
+  actionHints(actions);
   endScreen();
 
-  if (!ImGui::GetIO().WantTextInput) {
+  if (keys && !ImGui::GetIO().WantTextInput) {
     if (ImGui::IsKeyPressed(GLFW_KEY_DOWN)) choice_.step(1);
     if (ImGui::IsKeyPressed(GLFW_KEY_UP)) choice_.step(-1);
     for (const auto& [key, by] : {std::pair(GLFW_KEY_LEFT, -1), std::pair(GLFW_KEY_RIGHT, 1)})
@@ -81,7 +84,8 @@ void StartScreen::show(const BoardState& state, bool changed, LessonBoard& board
       }
     askForStanding(board);
   }
-  if (enterPressed()) begin(board);
+  // while a question lies over the screen, the keys are its own
+  if (keys) act(actionByKey(actions), board);
 }
 
 // not while a name is being written
@@ -189,13 +193,12 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
     const WithTextColour dim(kDimText);
     textBlock(missing);
   }
-  if (bigButton("Begin", true, -1, missing.empty())) begin(board);
-  ImGui::Spacing();
-  if (bigButton("Look again", false, -1))
-    board.ask({BoardRequest::Kind::kLook, {choice_.trainee(), "", false}});
+  act(actionButtons(startActions(missing.empty()), -1), board);
 }
 
-void StartScreen::begin(LessonBoard& board) {
+void StartScreen::act(std::optional<int> action, LessonBoard& board) {
+  if (action == kActLook) board.ask({BoardRequest::Kind::kLook, {choice_.trainee(), "", false}});
+  if (action != kActBegin) return;
   if (const auto choice = choice_.choice()) board.ask({BoardRequest::Kind::kBegin, *choice});
 }
 
@@ -227,12 +230,15 @@ void showPreparing(const BoardState& state, LessonRequests& requests) {
   endNotice();
 }
 
-void showFailed(const BoardState& state, LessonBoard& board) {
+bool showFailed(const BoardState& state, bool keys, bool may_quit) {
   beginNotice("failed", "This station cannot work");
   textBlock(state.trouble);
   ImGui::Spacing();
-  if (bigButton("Quit", true)) board.ask({BoardRequest::Kind::kQuit, {}});
+  const auto actions = failedActions(may_quit);
+  auto chosen = actionButtons(actions);
   endNotice();
+  if (keys && !chosen) chosen = actionByKey(actions);
+  return chosen == kActQuit;
 }
 
 }  // namespace needlelab

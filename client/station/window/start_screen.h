@@ -1,6 +1,7 @@
 /// The window before a lesson: trainee, exercise, and the state of the device.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "client/station/run/lesson_requests.h"
@@ -13,14 +14,14 @@ namespace needlelab {
 class StartScreen {
  public:
   /// Draws one frame and sends a person's requests to `board`. `changed`: `state` is newer than in the last
-  /// call.
-  void show(const BoardState& state, bool changed, LessonBoard& board);
+  /// call. `keys`: the keys are for this screen.
+  void show(const BoardState& state, bool changed, bool keys, LessonBoard& board);
 
  private:
   void showTrainees();
   void showExercises();
   void showStation(const BoardState& state, LessonBoard& board);
-  void begin(LessonBoard& board);
+  void act(std::optional<int> action, LessonBoard& board);
   void askForStanding(LessonBoard& board);
 
   StartChoice choice_;
@@ -32,7 +33,7 @@ class StartScreen {
 
 /// Shows "Fetching the exercise …" and a button to cancel.
 void showPreparing(const BoardState& state, LessonRequests& requests);
-/// Shows why the station cannot continue, with a button to quit.
-void showFailed(const BoardState& state, LessonBoard& board);
+/// Shows why the station cannot continue. Returns whether the person wants to quit.
+bool showFailed(const BoardState& state, bool keys, bool may_quit);
 
 }  // namespace needlelab

@@ -88,6 +88,7 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   SurfaceOptions surface;
   surface.kind = display ? SurfaceOptions::Kind::kWindow : SurfaceOptions::Kind::kOffScreen;
   surface.title = "needlelab station";
+  surface.asks_before_closing = true;
   surface.width_px = options.window.width_px;
   surface.height_px = options.window.height_px;
   surface.font_scale = options.window.font_scale.value_or(1);
@@ -175,6 +176,11 @@ class FrameLoop {
     while (!lessons_.ended()) {
       if (signalWithin(signals_, 0ms) != 0) lessons_.requestEndAgain();
       if (!surface_.beginFrame()) break;
+      if (surface_.takeCloseWish()) {
+        // while the program ends, nothing is left to ask
+        if (window_.shown().stage == Stage::kClosing) surface_.close();
+        window_.askToQuit();
+      }
       window_.frame();
       scaleLetters();
       surface_.endFrame();
@@ -286,7 +292,7 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
   const bool alone = !display;
   const bool begins = options.window.start || (alone && !wantsPicture(options, PictureRequest::When::kStart));
   LessonSequence sequence(options, stop_signals, board, alone, begins);
-  auto window = TraineeWindow::make(board, sequence.requests());
+  auto window = TraineeWindow::make(board, sequence.requests(), options.window.may_quit);
   if (!window.ok()) return refused(window.error().message, exitCodeOf(window.error()));
   bool pictures = true;
   int code = kExitFailed;

@@ -5,20 +5,26 @@
 #include <utility>
 
 #include "client/station/run/terminal.h"
-#include "client/view/theme.h"
+#include "client/station/window/station_actions.h"
+#include "client/view/action_bar.h"
 
 namespace needlelab {
 
-Result<std::unique_ptr<TraineeWindow>> TraineeWindow::make(LessonBoard& board, LessonRequests& requests) {
+Result<std::unique_ptr<TraineeWindow>> TraineeWindow::make(LessonBoard& board, LessonRequests& requests,
+                                                           bool may_quit) {
   ASSIGN_OR_RETURN(auto renderer, SceneRenderer::make());
   // arrows, Space and Enter steer the needle and begin lessons: they must not activate the focused widget
   ImGui::GetIO().ConfigFlags &= ~ImGuiConfigFlags_NavEnableKeyboard;
-  return std::unique_ptr<TraineeWindow>(new TraineeWindow(board, requests, std::move(renderer)));
+  return std::unique_ptr<TraineeWindow>(new TraineeWindow(board, requests, std::move(renderer), may_quit));
 }
 
 TraineeWindow::TraineeWindow(LessonBoard& board, LessonRequests& requests,
-                             std::unique_ptr<SceneRenderer> renderer)
-    : board_(board), requests_(requests), renderer_(std::move(renderer)), lesson_screen_(*renderer_) {}
+                             std::unique_ptr<SceneRenderer> renderer, bool may_quit)
+    : board_(board),
+      requests_(requests),
+      may_quit_(may_quit),
+      renderer_(std::move(renderer)),
+      lesson_screen_(*renderer_) {}
 
 double TraineeWindow::lessonTime_s() const {
   return follow_ && follow_->begun() ? follow_->now().time_s : 0;
@@ -43,27 +49,57 @@ void TraineeWindow::follow() {
   follow_->feed(samples_, dropped);
 }
 
+void TraineeWindow::askToQuit() {
+  if (may_quit_ && !asks_to_quit_) opens_question_ = asks_to_quit_ = true;
+}
+
 void TraineeWindow::frame() {
   const bool changed = board_.look(state_, seen_);
   follow();
+  const bool asked = asks_to_quit_;
+  if (showScreen(changed, !asked)) askToQuit();
+  if (asks_to_quit_) showQuestion();
+}
+
+bool TraineeWindow::showScreen(bool changed, bool keys) {
   switch (state_.stage) {
     case Stage::kOpening:
     case Stage::kPreparing:
-      return showPreparing(state_, requests_);
+      showPreparing(state_, requests_);
+      return false;
     case Stage::kStart:
-      return start_.show(state_, changed, board_);
+      start_.show(state_, changed, keys, board_);
+      return false;
     case Stage::kLesson:
     case Stage::kConcluding:
-      if (follow_) return lesson_screen_.show(state_, *follow_, requests_);
-      return showPreparing(state_, requests_);
+      if (follow_)
+        lesson_screen_.show(state_, *follow_, keys, requests_);
+      else
+        showPreparing(state_, requests_);
+      return false;
     case Stage::kEnd:
     case Stage::kClosing:
       if (state_.outcome)
-        return end_.show(state_, changed, follow_ ? follow_->scene().get() : nullptr, board_);
-      return showPreparing(state_, requests_);
+        return end_.show(state_, changed, follow_ ? follow_->scene().get() : nullptr, keys, may_quit_,
+                         board_);
+      showPreparing(state_, requests_);
+      return false;
     case Stage::kFailed:
-      return showFailed(state_, board_);
+      return showFailed(state_, keys, may_quit_);
   }
+  return false;
+}
+
+void TraineeWindow::showQuestion() {
+  constexpr const char* kQuestion = "Quit?";
+  // the key that asked must not answer: the question is drawn from the next frame on
+  if (std::exchange(opens_question_, false)) return ImGui::OpenPopup(kQuestion);
+  const auto answer = actionQuestion(kQuestion, quitText(state_).c_str(), quitActions(), asks_to_quit_);
+  if (!answer) return;
+  asks_to_quit_ = false;
+  if (answer != kActYes) return;
+  requests_.stop({});
+  board_.ask({BoardRequest::Kind::kQuit, {}});
 }
 
 }  // namespace needlelab

@@ -20,10 +20,14 @@ namespace needlelab {
 class TraineeWindow {
  public:
   /// Needs a surface. Errors: from SceneRenderer::make.
-  static Result<std::unique_ptr<TraineeWindow>> make(LessonBoard& board, LessonRequests& requests);
+  /// `may_quit`: false with --no-quit.
+  static Result<std::unique_ptr<TraineeWindow>> make(LessonBoard& board, LessonRequests& requests,
+                                                     bool may_quit = true);
 
   /// Call between Surface::beginFrame and endFrame.
   void frame();
+  /// A person wants to quit: asks, and says what happens to the lesson. Does nothing without `may_quit`.
+  void askToQuit();
 
   /// Returns the state shown in the last frame.
   [[nodiscard]] const BoardState& shown() const { return state_; }
@@ -31,11 +35,17 @@ class TraineeWindow {
   [[nodiscard]] double lessonTime_s() const;
 
  private:
-  TraineeWindow(LessonBoard& board, LessonRequests& requests, std::unique_ptr<SceneRenderer> renderer);
+  TraineeWindow(LessonBoard& board, LessonRequests& requests, std::unique_ptr<SceneRenderer> renderer,
+                bool may_quit);
   void follow();
+  /// Returns whether the person wants to quit.
+  bool showScreen(bool changed, bool keys);
+  void showQuestion();
 
   LessonBoard& board_;
   LessonRequests& requests_;
+  const bool may_quit_;
+  bool asks_to_quit_ = false, opens_question_ = false;
   std::unique_ptr<SceneRenderer> renderer_;
   BoardState state_;
   std::uint64_t seen_ = 0, lesson_ = 0;

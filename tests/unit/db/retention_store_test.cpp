@@ -5,6 +5,7 @@
 
 #include "db/check.h"
 #include "db/session_results.h"
+#include "tests/support/time_zone.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -227,6 +228,7 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   EXPECT_FALSE(*store.removeSome(id, 2));
   EXPECT_TRUE(store.leftovers()->empty());
   EXPECT_TRUE(sound());
+  const test::WithZone zone("UTC");
   const auto check = sessions.verify(id);
   EXPECT_NE(check->text.find("thinned on 1970-04-11 (a reason)"), std::string::npos) << check->text;
   EXPECT_EQ(sessions.hashChunks(id, 3).error().code, ErrorCode::kNotFound);
@@ -245,6 +247,7 @@ TEST_F(RetentionStoreTest, aDeletedRecordingLeavesItsSession) {
   EXPECT_FALSE(store.markDeleted(due, {}, "retention", 1).ok()) << "once";
   EXPECT_TRUE(sound());
   EXPECT_EQ(store.leftovers()->size(), 2u);
+  const test::WithZone zone(test::kStJohns);  // midnight UTC is the evening before
   for (const Uuid& id : {original, second}) {
     while (*store.removeSome(id, 1)) EXPECT_TRUE(sound());
     const auto info = sessions.info(id);
@@ -255,7 +258,7 @@ TEST_F(RetentionStoreTest, aDeletedRecordingLeavesItsSession) {
     const auto refused = sessions.readChunks(id, 0, 10, 1 << 20);
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
-    EXPECT_NE(refused.error().message.find("deleted on 1970-07-20 (a reason)"), std::string::npos)
+    EXPECT_NE(refused.error().message.find("deleted on 1970-07-19 (a reason)"), std::string::npos)
         << refused.error().message;
     EXPECT_EQ(sessions.seek(id, {0, 0}).error().code, ErrorCode::kNotFound);
   }

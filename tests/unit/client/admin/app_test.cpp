@@ -15,6 +15,7 @@
 #include "db/session_results.h"
 #include "server/server.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -414,9 +415,13 @@ TEST_F(AdminOnServer, wrongPasswordWrongCaAndNobodyThereAreOne) {
   EXPECT_EQ(as("ada", {"user", "list"}).code, 1);
 }
 
-TEST(OutputText, timesAreUtc) {
-  EXPECT_EQ(timeText(0), "-");
-  EXPECT_EQ(timeText(1'000'000'000'500'000'000), "2001-09-09 01:46:40Z");
+TEST(OutputText, timesInATableAreLocalAndNameTheirZone) {
+  const test::WithZone zone(test::kStJohns);
+  const std::vector<Column> when = {{"at", "AT", Column::Kind::kTime}};
+  const auto table = [&](std::int64_t unix_ns) { return tableText(when, Json::array({{{"at", unix_ns}}})); };
+  EXPECT_EQ(table(0), "AT\n-\n");
+  // 2026-07-01 12:00 UTC, in summer 2 h 30 min earlier
+  EXPECT_EQ(table((20635 * 86'400LL + 12 * 3600) * 1'000'000'000), "AT\n2026-07-01 09:30:00 NDT\n");
 }
 
 TEST(OutputText, sizesAreRounded) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "common/base/files.h"
+#include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -231,7 +232,8 @@ TEST_F(CurriculumCommands, theSameAssignmentAgainOnlyMovesItsDate) {
   const auto rows = good({"assignments", "--json"}).rows();
   ASSERT_EQ(rows.size(), 1u);
   EXPECT_EQ(rows[0].at("due_unix_ns"), 1'796'144'400'000'000'000);
-  EXPECT_THAT(good({"assignments"}).out, HasSubstr("2026-12-01 17:00:00Z"));
+  const test::WithZone zone(test::kStJohns);
+  EXPECT_THAT(good({"assignments"}).out, HasSubstr("2026-12-01 13:30:00 NST"));
   EXPECT_TRUE(good({"assignments", "--trainee", "nobody", "--json"}).rows().empty());
 }
 

@@ -6,6 +6,7 @@
 
 #include "common/base/files.h"
 #include "db/audit.h"
+#include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -134,9 +135,10 @@ TEST_F(UpkeepCommands, anAuditLineIsOneLineOfTheTableWhateverItHolds) {
       return AuditStore(c).add({0, 1'000'000'000, "who", "action", "two\nlines\x1b[2J", "é\t\"x\""});
     }));
   }
+  const test::WithZone zone(test::kStJohns);
   const std::string table = good({"audit", "--limit", "1"}).out;
   EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 2) << "the head, and the line";
-  EXPECT_THAT(table, HasSubstr("1970-01-01 00:00:01Z  who  action  two lines [2J  é \"x\"\n"));
+  EXPECT_THAT(table, HasSubstr("1969-12-31 20:30:01 NST  who  action  two lines [2J  é \"x\"\n"));
   const auto row = good({"audit", "--limit", "1", "--json"}).rows().at(0);
   EXPECT_EQ(row.at("subject"), "two\nlines\x1b[2J");
   EXPECT_EQ(row.at("detail"), "é\t\"x\"");

@@ -364,6 +364,60 @@ TEST(Hub, thePeakOfALessonRisesWithItsSamplesAndEndsWithIt) {
   EXPECT_EQ(known().tissue(), "");
 }
 
+TEST(Hub, thePeakOfAStationThatSendsNoneIsWhatTheServerSawAndSaysSinceWhen) {
+  static std::int64_t now_unix_ns;
+  now_unix_ns = 1000;
+  HubSettings settings;
+  settings.unix_now = []() noexcept { return now_unix_ns; };
+  Hub hub(settings);
+  FakePeer station;
+  hub.attachStation("bench-1", station);
+  pb::Stations stations;
+  stations.add_stations()->set_name("bench-1");
+  const auto send = [&](char session, double force_N, double own_peak_N, std::int64_t started_unix_ns) {
+    pb::StationStatus status;
+    status.set_session_id(std::string(session == 0 ? 0 : 16, session));
+    status.set_force_n(force_N);
+    status.set_peak_force_n(own_peak_N);
+    status.set_started_unix_ns(started_unix_ns);
+    status.set_peak_since_unix_ns(7);  // only the server fills it
+    EXPECT_FALSE(hub.onStatus("bench-1", status, kMs));
+    hub.fillStations(stations);
+    now_unix_ns += 100;
+    return std::pair(stations.stations(0).status().peak_force_n(),
+                     stations.stations(0).status().peak_since_unix_ns());
+  };
+  using Peak = std::pair<double, std::int64_t>;
+  // of minor 1: nobody need watch for it
+  EXPECT_EQ(send('s', 1.5, 0, 0), Peak(1.5, 1000));
+  EXPECT_EQ(send('s', 2.5, 0, 0), Peak(2.5, 1000));
+  EXPECT_EQ(send('s', 0.5, 0, 0), Peak(2.5, 1000));
+  EXPECT_EQ(send('t', 1, 0, 0), Peak(1, 1300)) << "another session has its own";
+  EXPECT_EQ(send(0, 0, 0, 0), Peak(0, 0)) << "idle";
+  // of a newer one: its own, from before this server looked
+  EXPECT_EQ(send('u', 1, 6.5, 5), Peak(6.5, 0));
+  EXPECT_EQ(send('u', 7, 6.5, 5), Peak(7, 0)) << "the force of this moment counts, too";
+  EXPECT_EQ(send('v', 0, 0, 6), Peak(0, 0)) << "a lesson that has just begun";
+  EXPECT_EQ(send('v', std::nan(""), 0, 6), Peak(0, 0));
+}
+
+TEST(Hub, thePeakDoesNotGoOverToTheNextLessonByAFrame) {
+  Hub hub;
+  FakePeer station, overview;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(overview, toStation(1, ""), 0));
+  pb::StationStatus status;
+  status.set_session_id(std::string(16, 's'));
+  status.set_peak_force_n(9);
+  ASSERT_FALSE(hub.onStatus("bench-1", status, kMs));
+  // 5 N, of the next lesson
+  ASSERT_FALSE(hub.onLiveFrame("bench-1", frameNumber(1, std::string(16, 't')), 200 * kMs));
+  pb::Stations stations;
+  stations.add_stations()->set_name("bench-1");
+  hub.fillStations(stations);
+  EXPECT_NEAR(stations.stations(0).status().peak_force_n(), 5, 1e-3);
+}
+
 TEST(Hub, theNewestConnectionOfAStationCounts) {
   Hub hub;
   FakePeer older, newer, anna;

@@ -10,6 +10,15 @@
 namespace needlelab {
 namespace {
 
+TEST(LabActions, theHighlightedButtonIsEnterAndWaitsWhileTheProgramConnects) {
+  const auto ready = loginActions(false), busy = loginActions(true);
+  ASSERT_EQ(ready.size(), 1u);
+  EXPECT_TRUE(ready[0].isDefault());
+  EXPECT_EQ(actionOf(ready, ActionKey::kEnter), kActLogIn);
+  EXPECT_EQ(actionOf(busy, ActionKey::kEnter), std::nullopt) << "it is under way";
+  EXPECT_TRUE(adviceAction("To the lab").isDefault());
+}
+
 TEST(LoginMemory, everythingButThePasswordComesBack) {
   const test::TempFolder folder;
   const auto file = folder.path() / "login.json";

@@ -1,4 +1,5 @@
 #include "client/instructor/model/session_search.h"
+#include "tests/support/time_zone.h"
 
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@ namespace needlelab {
 namespace {
 
 TEST(SessionQuery, daysBecomeMoments) {
+  const test::WithZone zone("UTC");
   SessionQuery query;
   query.search = "tin";
   query.from = "2026-11-20";
@@ -22,6 +24,23 @@ TEST(SessionQuery, daysBecomeMoments) {
   EXPECT_EQ(list->search(), "tin");
   EXPECT_EQ(list->verdict(), pb::ListSessions::FAILED);
   EXPECT_EQ(messageOf({})->from_unix_ns(), 0);
+}
+
+TEST(SessionQuery, daysAreThoseOfThisPlace) {
+  const test::WithZone zone(test::kStJohns);
+  SessionQuery query;
+  query.from = query.to = "2026-07-01";
+  constexpr std::int64_t kHour_ns = 3'600'000'000'000;
+  const auto summer = messageOf(query);
+  ASSERT_TRUE(summer.ok());
+  // 20,635 days after 1970-01-01; midnight comes 2 h 30 min later than in UTC
+  EXPECT_EQ(summer->from_unix_ns(), 20'635 * 24 * kHour_ns + 2 * kHour_ns + kHour_ns / 2);
+  EXPECT_EQ(summer->to_unix_ns() - summer->from_unix_ns(), 24 * kHour_ns);
+  // summer time ends
+  query.from = query.to = "2026-11-01";
+  const auto longest = messageOf(query);
+  ASSERT_TRUE(longest.ok());
+  EXPECT_EQ(longest->to_unix_ns() - longest->from_unix_ns(), 25 * kHour_ns);
 }
 
 TEST(SessionQuery, whatIsNoDayIsNamed) {

@@ -5,6 +5,8 @@
 
 #include "client/instructor/model/lab_connection.h"
 #include "client/instructor/model/report.h"
+#include "common/base/local_time.h"
+#include "tests/support/time_zone.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 #include "tests/unit/server/live/running_server.h"
@@ -37,6 +39,16 @@ class StoredGestureTest : public testing::Test {
   }
 };
 
+TEST(StoredGesture, isTitledByTheLocalTimeOfItsBeginning) {
+  const WithZone zone(kStJohns);
+  StoredGesture gesture;
+  auto& d = *gesture.info.mutable_description();
+  d.set_trainee("tina");
+  d.set_exercise_id("knee");
+  d.set_started_unix_ns((20'635 * 86'400LL + 3600) * 1'000'000'000);  // 2026-07-01 01:00 UTC
+  EXPECT_EQ(gesture.title(), "tina, knee, 2026-06-30 22:30");
+}
+
 TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
   pb::Request remark;
   remark.mutable_annotate()->set_session_id(info_.description().session_id());
@@ -55,7 +67,9 @@ TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
     EXPECT_NEAR((*gesture)->samples[i].p_WT_m[2], samples_[i].p_WT_m[2], 0.51e-6);
     EXPECT_EQ((*gesture)->sampleAt((*gesture)->timeOfTick(samples_[i].tick) + 0.0004), i);
   }
-  EXPECT_THAT((*gesture)->title(), HasSubstr("tina, shoulder-bursa, 2025-11-21"));
+  EXPECT_THAT((*gesture)->title(),
+              HasSubstr("tina, shoulder-bursa, " +
+                        localTime(info_.description().started_unix_ns(), TimeForm::kMinute)));
   ASSERT_EQ((*gesture)->annotations.size(), 1u);
   const auto& events = (*gesture)->trace.events();
   EXPECT_TRUE(std::any_of(events.begin(), events.end(), [](const TraceEvent& e) {

@@ -14,12 +14,14 @@
 
 #include "client/instructor/screens/instructor_window.h"
 #include "client/instructor/screens/script_runner.h"
+#include "tests/support/time_zone.h"
 #include "tests/unit/client/instructor/screens/bench_station.h"
 
 namespace needlelab::test {
 
 class WindowLab : public testing::Test {
  protected:
+  WithZone zone_{"UTC"};  // the pictures show times of day
   int port_ = 0;
   RunningServer server_{[this](ServerOptions& options) {
     if (port_ != 0) options.listen = "127.0.0.1:" + std::to_string(port_);

@@ -182,6 +182,13 @@ TEST(StationOptions, theWindowsSizeLettersAndPictures) {
   EXPECT_EQ(parse({"--profile", "p"}).parsed.options.window.font_scale, std::nullopt) << "as it was left";
 }
 
+TEST(StationOptions, aStudentsStationCannotBeQuit) {
+  EXPECT_TRUE(parse({"--profile", "p"}).parsed.options.window.may_quit);
+  const auto outcome = parse({"--profile", "p", "--no-quit"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_FALSE(outcome.parsed.options.window.may_quit);
+}
+
 TEST(StationOptions, aPlanThatWasSaidIsToldFromTheDefault) {
   EXPECT_FALSE(parse({"--profile", "p"}).parsed.options.hand_plan_given);
   EXPECT_TRUE(parse({"--profile", "p", "--hand-plan", "pointer"}).parsed.options.hand_plan_given);

@@ -277,6 +277,44 @@ TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   EXPECT_EQ(request.kind, BoardRequest::Kind::kStart);
 }
 
+TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
+  showLesson(1);
+  picture();
+  window_->askToQuit();
+  picture(2);
+  press(screen(), GLFW_KEY_ESCAPE);
+  EXPECT_FALSE(requests_.takeStop());
+  EXPECT_FALSE(board_.requestWaits()) << "it was called off";
+  picture(2);
+  window_->askToQuit();
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_TRUE(requests_.takeStop());
+  EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
+}
+
+TEST_F(TraineeScreens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
+  showEnd(false);
+  picture(30);
+  window_->askToQuit();
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit) << "no next try";
+}
+
+TEST_F(TraineeScreens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
+  auto window = TraineeWindow::make(board_, requests_, false);
+  ASSERT_TRUE(window.ok()) << window.error().message;
+  window_ = std::move(*window);
+  showLesson(1);
+  picture();
+  window_->askToQuit();
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_FALSE(requests_.takeStop());
+  EXPECT_FALSE(board_.requestWaits());
+}
+
 TEST_F(TraineeScreens, aStationThatCannotWorkSaysWhy) {
   board_.change([](BoardState& state) {
     state.stage = Stage::kFailed;

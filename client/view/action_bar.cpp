@@ -1,0 +1,64 @@
+#include "client/view/action_bar.h"
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <imgui/imgui.h>
+
+#include <array>
+#include <utility>
+
+#include "client/view/theme.h"
+
+namespace needlelab {
+namespace {
+
+// by GLFW's numbers, as a surface reports them in a window and off screen
+constexpr std::array kActionKeys = {
+    std::pair(ActionKey::kEnter, GLFW_KEY_ENTER), std::pair(ActionKey::kEnter, GLFW_KEY_KP_ENTER),
+    std::pair(ActionKey::kEscape, GLFW_KEY_ESCAPE), std::pair(ActionKey::kO, GLFW_KEY_O)};
+
+}  // namespace
+
+std::optional<int> actionByKey(std::span<const ScreenAction> actions) {
+  for (const auto& [key, number] : kActionKeys)
+    if (ImGui::IsKeyPressed(number, false))
+      if (const auto id = actionOf(actions, key)) return id;
+  return std::nullopt;
+}
+
+std::optional<int> actionButtons(std::span<const ScreenAction> actions, float width_px, bool keys_named) {
+  std::optional<int> chosen;
+  bool first = true;
+  for (const ScreenAction& action : actions) {
+    if (!std::exchange(first, false)) width_px == 0 ? ImGui::SameLine() : ImGui::Spacing();
+    const std::string label = keys_named ? labelWithKey(action) : action.label;
+    if (bigButton(label.c_str(), action.isDefault(), width_px, action.enabled)) chosen = action.id;
+  }
+  return chosen;
+}
+
+void actionHints(std::span<const ScreenAction> actions) {
+  bool first = true;
+  for (const ScreenAction& action : actions) {
+    if (action.hint.empty()) continue;
+    if (!std::exchange(first, false)) ImGui::SameLine();
+    keyHint(keyWord(action.key), action.hint);
+  }
+}
+
+std::optional<int> actionQuestion(const char* title, const char* text, std::span<const ScreenAction> actions,
+                                  bool& open) {
+  const ImVec2 middle{0.5F * ImGui::GetIO().DisplaySize.x, 0.5F * ImGui::GetIO().DisplaySize.y};
+  ImGui::SetNextWindowPos(middle, ImGuiCond_Always, {0.5F, 0.5F});
+  open = ImGui::BeginPopupModal(title, nullptr, ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove);
+  if (!open) return std::nullopt;
+  ImGui::TextUnformatted(text);
+  ImGui::Spacing();
+  auto chosen = actionButtons(actions, 0, true);
+  if (!chosen) chosen = actionByKey(actions);
+  if (chosen) ImGui::CloseCurrentPopup();
+  ImGui::EndPopup();
+  return chosen;
+}
+
+}  // namespace needlelab

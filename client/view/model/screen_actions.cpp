@@ -1,0 +1,30 @@
+#include "client/view/model/screen_actions.h"
+
+namespace needlelab {
+
+std::string_view keyWord(ActionKey key) {
+  switch (key) {
+    case ActionKey::kEnter:
+      return "Enter";
+    case ActionKey::kEscape:
+      return "Esc";
+    case ActionKey::kO:
+      return "O";
+    case ActionKey::kNone:
+      break;
+  }
+  return {};
+}
+
+std::string labelWithKey(const ScreenAction& action) {
+  const std::string_view key = keyWord(action.key);
+  return key.empty() ? action.label : action.label + " (" + std::string(key) + ")";
+}
+
+std::optional<int> actionOf(std::span<const ScreenAction> actions, ActionKey key) {
+  for (const ScreenAction& action : actions)
+    if (key != ActionKey::kNone && action.key == key && action.enabled) return action.id;
+  return std::nullopt;
+}
+
+}  // namespace needlelab

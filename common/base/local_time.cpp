@@ -1,0 +1,61 @@
+#include "common/base/local_time.h"
+
+#include <fmt/core.h>
+
+#include <ctime>
+
+namespace needlelab {
+namespace {
+
+// moments before 1970 round down, too
+std::time_t secondOf(std::int64_t unix_ns) {
+  return unix_ns / 1'000'000'000 - (unix_ns % 1'000'000'000 < 0 ? 1 : 0);
+}
+
+std::string writtenTime(const std::tm& parts, TimeForm form) {
+  const std::string day =
+      fmt::format("{:04}-{:02}-{:02}", parts.tm_year + 1900, parts.tm_mon + 1, parts.tm_mday);
+  const std::string minute = fmt::format("{:02}:{:02}", parts.tm_hour, parts.tm_min);
+  switch (form) {
+    case TimeForm::kDay:
+      return day;
+    case TimeForm::kMinute:
+      return day + " " + minute;
+    case TimeForm::kClock:
+      return fmt::format("{}:{:02}", minute, parts.tm_sec);
+    case TimeForm::kClockMinute:
+      return minute;
+    case TimeForm::kZoned:
+      break;
+  }
+  return fmt::format("{} {}:{:02} {}", day, minute, parts.tm_sec, parts.tm_zone);
+}
+
+}  // namespace
+
+std::string localTime(std::int64_t unix_ns, TimeForm form) {
+  const std::time_t seconds = secondOf(unix_ns);
+  std::tm parts{};
+  ::tzset();  // localtime_r need not read TZ
+  if (unix_ns == 0 || ::localtime_r(&seconds, &parts) == nullptr) return "-";
+  return writtenTime(parts, form);
+}
+
+std::string utcTime(std::int64_t unix_ns) {
+  const std::time_t seconds = secondOf(unix_ns);
+  std::tm parts{};
+  if (unix_ns == 0 || ::gmtime_r(&seconds, &parts) == nullptr) return "-";
+  parts.tm_zone = "UTC";
+  return writtenTime(parts, TimeForm::kZoned);
+}
+
+std::int64_t localMidnightNs(int year, int month, int day) {
+  std::tm parts{};
+  parts.tm_year = year - 1900;
+  parts.tm_mon = month - 1;
+  parts.tm_mday = day;
+  parts.tm_isdst = -1;  // as the zone has it on that day
+  return static_cast<std::int64_t>(std::mktime(&parts)) * 1'000'000'000;
+}
+
+}  // namespace needlelab
