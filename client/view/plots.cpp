@@ -305,7 +305,31 @@ void drawAxes(ImDrawList& list, const PlotFrame& frame, const Plot& plot, bool s
   list.AddRect(frame.low_px, frame.high_px, packed(kLineGrey));
 }
 
-/// Title at the left, then the series with their colours; with the values at the cursor or the mouse.
+/// An entry of a legend, and its width with the swatch before it.
+struct LegendEntry {
+  const PlotSeries* series;
+  std::string text;
+  float width_px;
+};
+
+/// `with_values`: so many of the first series show their value at `read_at`.
+std::vector<LegendEntry> legendOf(const Plot& plot, std::span<const std::vector<PixelColumn>> columns,
+                                  std::ptrdiff_t read_at, double step, std::size_t with_values) {
+  std::vector<LegendEntry> entries;
+  for (std::size_t i = 0; i < plot.series.size(); ++i) {
+    std::string text = plot.series[i].name;
+    const bool reads = read_at >= 0 && i < with_values;
+    if (const PixelColumn* column = reads ? columnAt(columns[i], read_at) : nullptr)
+      text += (text.empty() ? "" : " ") + valueText(*column, step);
+    if (text.empty()) continue;
+    const float width_px = ImGui::CalcTextSize(text.c_str()).x + ImGui::GetFontSize() * 1.2F;
+    entries.push_back({&plot.series[i], std::move(text), width_px});
+  }
+  return entries;
+}
+
+/// Title at the left, then the series with their colours; with the values at the cursor or the mouse where
+/// there is room for all, else with the first one's alone. What still has no room is counted: "+2".
 void drawLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
                 std::span<const std::vector<PixelColumn>> columns, std::ptrdiff_t read_at, double step) {
   WithFont font(Letters::kSmall);
@@ -314,24 +338,30 @@ void drawLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
   drawPlotText(list, at, packed(kText), title);
   float x_px = at.x + ImGui::CalcTextSize(title.c_str()).x + text_px;
   if (!plot.legend) return;
-  for (std::size_t i = 0; i < plot.series.size(); ++i) {
-    const PlotSeries& series = plot.series[i];
-    std::string text = series.name;
-    if (const PixelColumn* column = read_at >= 0 ? columnAt(columns[i], read_at) : nullptr)
-      text += (text.empty() ? "" : " ") + valueText(*column, step);
-    if (text.empty()) continue;
-    const float width_px = ImGui::CalcTextSize(text.c_str()).x + text_px * 1.5F;
-    if (x_px + width_px > right_px) return;
+  const auto widthOf = [&](const std::vector<LegendEntry>& entries) {
+    float width_px = 0;
+    for (const LegendEntry& entry : entries) width_px += entry.width_px + text_px;
+    return width_px - text_px;
+  };
+  auto entries = legendOf(plot, columns, read_at, step, plot.series.size());
+  if (x_px + widthOf(entries) > right_px) entries = legendOf(plot, columns, read_at, step, 1);
+  const bool fits = x_px + widthOf(entries) <= right_px;
+  const float end_px = fits ? right_px : right_px - text_px * 2;
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    if (!fits && x_px + entries[i].width_px > end_px) {
+      drawPlotText(list, {x_px, at.y}, packed(kDimText), "+" + std::to_string(entries.size() - i));
+      return;
+    }
     const float y_px = at.y + text_px * 0.55F;
-    const ImU32 colour = packed(series.colour);
-    if (series.dashed) {
+    const ImU32 colour = packed(entries[i].series->colour);
+    if (entries[i].series->dashed) {
       list.AddLine({x_px, y_px}, {x_px + text_px * 0.35F, y_px}, colour, 3);
       list.AddLine({x_px + text_px * 0.6F, y_px}, {x_px + text_px * 0.95F, y_px}, colour, 3);
     } else {
       list.AddLine({x_px, y_px}, {x_px + text_px * 0.95F, y_px}, colour, 3);
     }
-    drawPlotText(list, {x_px + text_px * 1.2F, at.y}, packed(kText), text);
-    x_px += width_px + text_px * 0.7F;
+    drawPlotText(list, {x_px + text_px * 1.2F, at.y}, packed(kText), entries[i].text);
+    x_px += entries[i].width_px + text_px;
   }
 }
 

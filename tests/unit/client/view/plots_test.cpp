@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "client/view/model/gesture_plots.h"
 #include "client/view/theme.h"
@@ -287,6 +288,22 @@ TEST_F(PlotsTest, oneBrokenSampleDoesNotTakeTheAxisFromTheOthers) {
               0)
         << broken;
   }
+}
+
+// only the strip above the field: the lines in it all lie on one another
+TEST_F(PlotsTest, aLegendWithoutRoomSaysSo) {
+  const auto legendWith = [&](std::size_t count) {
+    const std::vector<PlotSeries> series(count, seriesThrough({0, 10}, {1, 1}, {1, 0, 0}));
+    const RgbaImage picture = drawn(specFrom(0, 10), series);
+    std::vector<unsigned> strip;
+    for (int y = static_cast<int>(kCorner.y); y < static_cast<int>(field_.low_px.y); ++y)
+      for (int x = 0; x < picture.width; ++x) strip.push_back(test::pixelAt(picture, x, y));
+    return strip;
+  };
+  // some ten have room; each one more changes the count at the end
+  const auto many = legendWith(20), one_more = legendWith(21);
+  EXPECT_NE(many, one_more);
+  EXPECT_EQ(many, legendWith(20));
 }
 
 TEST_F(PlotsTest, aSinglePointIsVisible) {
