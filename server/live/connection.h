@@ -66,7 +66,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     std::uint64_t committed = 0;
     std::uint64_t safe = 0;
     bool ack_due = false;
-    bool open = false;
+    bool open = false;  // here: its close has not been answered on this connection
   };
 
   // --- connection.cpp: lifetime and dispatch

@@ -91,13 +91,13 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   Watermarks& marks = watermarks(session_id);
   marks.committed = opened->next_seq;
   marks.safe = opened->safe;
-  marks.open = !opened->closed;
   // also for a closed session: its station may have lost the answer to CloseSession and sends it again
+  marks.open = true;
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // for a closed session the station only asks whether the server still has it
-  if (marks.open) context_.hub.onSession(who_.name, session_id);
-  logEvent(marks.open ? LogLevel::kInfo : LogLevel::kDebug,
-           marks.open ? "session_opened" : "session_confirmed",
+  if (!opened->closed) context_.hub.onSession(who_.name, session_id);
+  logEvent(opened->closed ? LogLevel::kDebug : LogLevel::kInfo,
+           opened->closed ? "session_confirmed" : "session_opened",
            {{"conn", id_},
             {"session", sessionText(session_id)},
             {"station", who_.name},

@@ -14,7 +14,7 @@ enum class ConnectionState : std::uint8_t {
   kGreeting,       ///< waits for Hello
   kLoggingIn,      ///< Hello was answered; waits for Login
   kAuthenticated,  ///< Welcome was sent
-  kInSession,      ///< a station with at least one open session
+  kInSession,      ///< a station that has opened a session here and not closed it
   kClosing,        ///< the last message is being sent; ignores further input
   kClosed,
 };

@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <string>
@@ -26,8 +27,10 @@ class XDisplay {
     if (::pipe(ends) != 0) return;
     const std::string out = std::to_string(ends[1]);
     const std::string screen = std::to_string(width_px) + "x" + std::to_string(height_px) + "x24";
-    // the server chooses a free number and reports it once it is up
-    pid_ = start({"Xvfb", "-displayfd", out, "-screen", "0", screen, "-nolisten", "tcp"}, ends[1]);
+    // A number of its own: servers that choose one themselves at the same time can choose the same, and the
+    // second takes the first one's socket. It reports the number once it is up.
+    const std::string own = ":" + std::to_string(100 + ::getpid() % 50'000);
+    pid_ = start({"Xvfb", own, "-displayfd", out, "-screen", "0", screen, "-nolisten", "tcp"}, ends[1]);
     ::close(ends[1]);
     std::string number;
     char c = 0;
@@ -56,6 +59,7 @@ class XDisplay {
     ::kill(pid_, SIGKILL);
     ::waitpid(pid_, nullptr, 0);
     pid_ = -1;
+    ::unlink(("/tmp/.X11-unix/X" + name_.substr(std::min<std::size_t>(1, name_.size()))).c_str());
   }
 
   /// Runs xdotool with these arguments, e.g. {"key", "Return"}; returns its exit code.

@@ -3,11 +3,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <ctime>
 #include <map>
 #include <utility>
 
 #include "client/station/run/report_output.h"
+#include "common/base/local_time.h"
 
 namespace needlelab {
 namespace {
@@ -86,14 +86,6 @@ std::string attemptsText(std::uint32_t left) {
 
 }  // namespace
 
-std::string localMinute(std::int64_t unix_ns) {
-  const std::time_t seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
-  std::tm local{};
-  ::localtime_r(&seconds, &local);
-  return fmt::format("{:04}-{:02}-{:02} {:02}:{:02}", local.tm_year + 1900, local.tm_mon + 1, local.tm_mday,
-                     local.tm_hour, local.tm_min);
-}
-
 Ladder ladderOf(const Curriculum& curriculum, const std::string& trainee, std::int64_t now_unix_ns) {
   const auto known = curriculum.standings.find(trainee);
   const TraineeStanding* const standing = known != curriculum.standings.end() ? &known->second : nullptr;
@@ -153,9 +145,11 @@ std::string stepText(const LadderStep& step) {
       parts.push_back(attemptsText(0) + ", ask your instructor");
       break;
   }
-  if (step.due == DueState::kOver) parts.push_back("overdue since " + localMinute(step.due_unix_ns));
-  if (step.due == DueState::kSoon) parts.push_back("due soon: " + localMinute(step.due_unix_ns));
-  if (step.due == DueState::kLater) parts.push_back("due " + localMinute(step.due_unix_ns));
+  if (step.due == DueState::kOver)
+    parts.push_back("overdue since " + localTime(step.due_unix_ns, TimeForm::kMinute));
+  if (step.due == DueState::kSoon)
+    parts.push_back("due soon: " + localTime(step.due_unix_ns, TimeForm::kMinute));
+  if (step.due == DueState::kLater) parts.push_back("due " + localTime(step.due_unix_ns, TimeForm::kMinute));
   if (step.attempts_left && step.state != StepState::kUsedUp)
     parts.push_back(attemptsText(*step.attempts_left));
   std::string text;
@@ -186,7 +180,7 @@ std::string ladderText(const Ladder& ladder, const std::string& who, bool away) 
   if (ladder.as_of_unix_ns == 0)
     text += ": what is assigned is not known here";
   else if (away)
-    text += ", as of " + localMinute(ladder.as_of_unix_ns);
+    text += ", as of " + localTime(ladder.as_of_unix_ns, TimeForm::kMinute);
   text += "\n";
   std::size_t id_width = 0, name_width = 0;
   for (const LadderSection& section : ladder.sections)

@@ -57,7 +57,4 @@ std::string stepStateName(StepState state);
 /// standing is of the cache.
 std::string ladderText(const Ladder& ladder, const std::string& who, bool away);
 
-/// Local date and time, "2026-11-24 12:00".
-std::string localMinute(std::int64_t unix_ns);
-
 }  // namespace needlelab

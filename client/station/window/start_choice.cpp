@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "client/station/run/list_devices.h"
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -165,7 +166,7 @@ std::string StartChoice::asOf() const {
   const TraineeStanding* const known = standing();
   if (known == nullptr) return {};
   const bool of_now = server_ && !server_away_ && now_unix_ns_ - known->as_of_unix_ns < kStandingOld_ns;
-  return of_now ? std::string() : "as of " + localMinute(known->as_of_unix_ns);
+  return of_now ? std::string() : "as of " + localTime(known->as_of_unix_ns, TimeForm::kMinute);
 }
 
 std::string StartChoice::standingWanted() const {

@@ -148,8 +148,8 @@ TEST_F(SessionCommands, aScoreIsShownAsItIsStored) {
   EXPECT_EQ(row.at("measures")[0].at("words"), "two\nlines");
   EXPECT_TRUE(row.at("measures")[1].at("value").is_null());
   const std::string text = good({"session", "score", id}).out;
-  EXPECT_THAT(text, HasSubstr("\npeak_force_n  8.25   N     no      two lines\n"));
-  EXPECT_THAT(text, HasSubstr("\nelapsed_s     -      s     -       é\n"));
+  EXPECT_THAT(text, HasSubstr("\npeak_force_n  8.25   N     not passed  two lines\n"));
+  EXPECT_THAT(text, HasSubstr("\nelapsed_s     -      s     -           é\n"));
   EXPECT_EQ(good({"session", "score", id, "--version", "1", "--json"}).rows().at(0), row);
   const std::string without = attempt("tom", "knee-recess", "");
   for (const Arguments& missing : {Arguments{id, "--version", "7"}, {without}, {kUnknownSession}}) {

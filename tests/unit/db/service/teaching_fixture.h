@@ -35,6 +35,11 @@ class TeachingTest : public ServiceTest {
   }
   /// Adds an attempt with a verdict.
   Uuid attempt(const std::string& who, const std::string& exercise, bool passed, std::int64_t started = 0) {
+    return attemptWith(who, exercise, passed, passed ? "3" : "8", started);
+  }
+  /// `peak_force_N` as JSON writes it; at most 5 is required.
+  Uuid attemptWith(const std::string& who, const std::string& exercise, bool passed,
+                   const std::string& peak_force_N, std::int64_t started = 0) {
     const Uuid id = makeUuidV7();
     EXPECT_OK(change([&](Connection& c) -> Status {
       auto d = test::describe(id);
@@ -43,10 +48,9 @@ class TeachingTest : public ServiceTest {
       d.set_started_unix_ns(started != 0 ? started : ++clock_);
       if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
       if (auto closed = SessionStore(c).close(test::closeOf(id, 0), 2); !closed) return closed.error();
-      auto score = test::scoreOf(
-          id, passed
-                  ? R"([{"measure":"peak_force_n","value":3,"unit":"N","max":5,"passed":true,"words":""}])"
-                  : R"([{"measure":"peak_force_n","value":8,"unit":"N","max":5,"passed":false,"words":""}])");
+      auto score = test::scoreOf(id, R"([{"measure":"peak_force_n","value":)" + peak_force_N +
+                                         R"(,"unit":"N","max":5,"passed":)" + (passed ? "true" : "false") +
+                                         R"(,"words":""}])");
       score.set_passed(passed);
       return ScoreStore(c).put(score);
     }));

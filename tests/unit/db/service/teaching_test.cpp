@@ -423,12 +423,9 @@ TEST_F(Teaching, anAttemptThatMissedTheTargetIsNowhereBetterThanTheExperts) {
   for (int i = 0; i < 5; ++i)
     set.mutable_set_reference()->add_session_ids(test::bytesOfId(attempt("eva", "first", true)));
   get(instructor, set);
-  const Uuid own = attempt("anna", "first", false);
   // less force than the experts' 3 N, because the needle never came to the target
   const auto standing = [&](bool passed) {
-    auto stored = test::scoreOf(own, R"([{"measure":"peak_force_n","value":0.5,"unit":"N","words":""}])");
-    stored.set_passed(passed);
-    EXPECT_OK(change([&](Connection& c) { return ScoreStore(c).put(stored); }));
+    const Uuid own = attemptWith("anna", "first", passed, "0.5");
     pb::Request score;
     score.mutable_get_score()->set_session_id(test::bytesOfId(own));
     return nlohmann::json::parse(get(instructor, score).score().comparison_json())[0]["standing"];

@@ -151,6 +151,29 @@ TEST(DurablePlane, aSessionClosesWhenCountSamplesAndHashAgree) {
             pb::SESSION_COMPLETE);
 }
 
+// the station lost the answer to its first CloseSession, and another session's close comes between
+TEST(DurablePlane, aSessionMayBeClosedAgainWhileAnotherOneCloses) {
+  StationAndServer s;
+  s.open();
+  ASSERT_TRUE(s.client.send(s.session.close(0)).ok());
+  const auto isClosed = [&](const std::string& id) {
+    return [id](const pb::Envelope& e) {
+      return e.has_session_closed() && e.session_closed().session_id() == id;
+    };
+  };
+  waitFor(s.client, isClosed(s.session.id()));
+  s.reconnect();
+  FakeSession other("bench-1");
+  s.open();
+  ASSERT_TRUE(s.client.send(other.open()).ok());
+  ASSERT_TRUE(s.client.send(other.close(0)).ok());
+  waitFor(s.client, isClosed(other.id()));
+  ASSERT_TRUE(s.client.send(s.session.close(0)).ok());
+  const auto answer =
+      waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed() || e.has_refusal(); });
+  EXPECT_EQ(answer.session_closed().session_id(), s.session.id()) << answer.ShortDebugString();
+}
+
 TEST(DurablePlane, closingTooEarlyOrWithAnotherHashIsRefused) {
   StationAndServer s;
   s.open();

@@ -2,8 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include <cstdlib>
-#include <ctime>
+#include "tests/support/time_zone.h"
 
 namespace needlelab {
 namespace {
@@ -29,10 +28,10 @@ std::vector<std::string> idsOf(const LadderSection& section) {
 
 class LadderTest : public testing::Test {
  protected:
+  test::WithZone zone_{"UTC"};
+
   // two courses of three and two steps
   LadderTest() {
-    ::setenv("TZ", "UTC", 1);
-    ::tzset();
     for (const char* id : {"a1", "a2", "a3"})
       curriculum_.exercises.push_back({id, std::string("The ") + id, "p", "", "a", "Course A"});
     for (const char* id : {"b1", "b2"})
@@ -40,10 +39,6 @@ class LadderTest : public testing::Test {
     TraineeStanding& tom = curriculum_.standings["tom"];
     tom.as_of_unix_ns = kNow_ns;
     for (const char* id : {"a1", "a2", "a3", "b1", "b2"}) tom.steps.push_back(step(id));
-  }
-  ~LadderTest() override {
-    ::setenv("TZ", "UTC", 1);
-    ::tzset();
   }
   TraineeStanding& tom() { return curriculum_.standings["tom"]; }
   StepStanding& standingIn(const std::string& id) {
@@ -165,11 +160,13 @@ TEST_F(LadderTest, aDateIsLaterSoonOverOrOfNoMatterOnceDone) {
 }
 
 TEST_F(LadderTest, aDateIsInLocalTime) {
-  const std::int64_t ten_utc = 1'794'996'000 * kSecond_ns;  // 2026-11-18 10:00 UTC
-  EXPECT_EQ(localMinute(ten_utc), "2026-11-18 10:00");
-  ::setenv("TZ", "XYZ-5:30", 1);
-  ::tzset();
-  EXPECT_EQ(localMinute(ten_utc), "2026-11-18 15:30");
+  LadderStep step;
+  step.state = StepState::kOpen;
+  step.due = DueState::kLater;
+  step.due_unix_ns = 1'794'996'000 * kSecond_ns;  // 2026-11-18 10:00 UTC
+  EXPECT_EQ(stepText(step), "open · due 2026-11-18 10:00");
+  const test::WithZone zone("XYZ-5:30");
+  EXPECT_EQ(stepText(step), "open · due 2026-11-18 15:30");
 }
 
 TEST_F(LadderTest, withoutAStandingTheCoursesAreShownWithoutStates) {
@@ -196,7 +193,7 @@ TEST_F(LadderTest, theTextHasALineAStepAndSaysOfWhichTimeItIs) {
                               "   1.  a1  The a1  done\n"
                               "   2.  a2  The a2  Next\n"
                               "   3.  a3  The a3  open\n"));
-  EXPECT_THAT(away, HasSubstr("\nPractise freely: Course B\n   1.  b1"));
+  EXPECT_THAT(away, HasSubstr("\nPractise freely: Course B\n  1.  b1"));
   EXPECT_THAT(ladderText(ladder(), "Tom Tailor", false), Not(HasSubstr("as of")));
 }
 
