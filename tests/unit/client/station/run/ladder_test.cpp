@@ -190,9 +190,9 @@ TEST_F(LadderTest, theTextHasALineAStepAndSaysOfWhichTimeItIs) {
   const std::string away = ladderText(ladder(), "Tom Tailor", true);
   EXPECT_EQ(away.substr(0, away.find('\n')), "Tom Tailor, as of 2026-11-18 10:06");
   EXPECT_THAT(away, HasSubstr("\nCourse A\n"
-                              "   1.  a1  The a1  done\n"
-                              "   2.  a2  The a2  Next\n"
-                              "   3.  a3  The a3  open\n"));
+                              "  1.  a1  The a1  done\n"
+                              "  2.  a2  The a2  Next\n"
+                              "  3.  a3  The a3  open\n"));
   EXPECT_THAT(away, HasSubstr("\nPractise freely: Course B\n  1.  b1"));
   EXPECT_THAT(ladderText(ladder(), "Tom Tailor", false), Not(HasSubstr("as of")));
 }
