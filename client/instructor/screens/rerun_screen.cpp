@@ -26,7 +26,6 @@ void RerunScreen::showForces(LabState& lab) {
     Plot plot;
     plot.title = title;
     plot.unit = std::string(infoOf(channel).unit);
-    plot.quantity = quantityOfUnit(plot.unit);
     plot.from = from_s;
     plot.to = to_s > from_s ? to_s : from_s + 1;
     plot.cursor = lab.analysis.player.at_s();

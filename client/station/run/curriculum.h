@@ -86,7 +86,7 @@ class CurriculumCache {
   /// Keeps the standings of the newest 500. Errors: kUnavailable (disk, no folder).
   Status keep(const Curriculum& curriculum) const;
   /// Returns what was kept; an empty curriculum if there is none, or if the file is damaged: the server gives
-  /// it anew.
+  /// it again.
   [[nodiscard]] Curriculum find() const;
 
  private:

@@ -68,7 +68,8 @@ AxisSpan fittedSpan(const Plot& plot, const std::optional<AxisSpan>& data) {
   const bool above = span.low >= 0, below = span.high <= 0;
   span.low = plot.low.value_or(span.low);
   span.high = plot.high.value_or(span.high);
-  const double least = leastSpanOf(plot.quantity);
+  const bool by_unit = plot.quantity == PlotQuantity::kOther && !plot.unit.empty();
+  const double least = leastSpanOf(by_unit ? quantityOfUnit(plot.unit) : plot.quantity);
   const double missing = (!data && least == 0 ? 1 : least) - (span.high - span.low);
   if (!(missing > 0) || (plot.low && plot.high)) return span;
   if (plot.low) return {span.low, span.high + missing};

@@ -44,7 +44,7 @@ ColumnSource columnsOf(std::span<const double> x, std::span<const double> y);
 
 /// Sets the least that a y axis spans, so that noise does not look like a movement.
 enum class PlotQuantity : std::uint8_t {
-  kOther,     ///< no least span
+  kOther,     ///< by the plot's unit; without one no least span
   kNumber,    ///< counts, shares of 1, smoothness
   kForce,     ///< N
   kTorque,    ///< N·m

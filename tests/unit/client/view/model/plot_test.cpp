@@ -230,6 +230,19 @@ TEST(FittedSpan, ofAnEmptyPlotIsTheLeastSpanFromZero) {
   }
 }
 
+// nobody can forget the quantity of a plot that has a unit
+TEST(FittedSpan, isThatOfTheUnitWhereNoQuantityIsGiven) {
+  Plot plot;
+  for (const PlotQuantity quantity : {PlotQuantity::kForce, PlotQuantity::kSpeed, PlotQuantity::kAngle}) {
+    plot.unit = quantity == PlotQuantity::kForce ? "N" : quantity == PlotQuantity::kSpeed ? "mm/s" : "°";
+    EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0}).high, leastSpanOf(quantity)) << plot.unit;
+  }
+  plot.unit = "%";
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{20, 20.5}).high, 20.5);
+  plot.unit.clear();
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{20, 20.5}).high, 20.5);
+}
+
 TEST(FittedSpan, centresDataThatSpanLess) {
   for (const auto& [low, high] : {std::pair{149.7, 149.8}, {149.7, 149.7}, {-80.05, -80.02}}) {
     const AxisSpan span = fittedSpan(plotOf(PlotQuantity::kDepth), AxisSpan{low, high});
