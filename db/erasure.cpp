@@ -22,7 +22,7 @@ struct NameColumn {
   std::string_view table, column;
 };
 
-/// Columns with the name of the person who did something. The rows stay.
+/// Columns with the name of the person who did something, or whom a station named. The rows stay.
 constexpr std::array kDoers = {
     NameColumn{"profiles", "author"},
     NameColumn{"curricula", "author"},
@@ -35,6 +35,8 @@ constexpr std::array kDoers = {
     NameColumn{"retention_policies", "by_whom"},
     NameColumn{"removed_originals", "by_whom"},
     NameColumn{"erasures", "by_whom"},
+    NameColumn{"unknown_trainees", "by_whom"},
+    NameColumn{"unknown_trainees", "given"},
 };
 
 struct TextRow {
@@ -167,6 +169,8 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
     RETURN_IF_ERROR(connection_.run("DELETE FROM scores WHERE session = ?", session.number));
     erasure.set_scores(erasure.scores() + static_cast<std::uint64_t>(connection_.changes()));
     RETURN_IF_ERROR(connection_.run("DELETE FROM session_events WHERE session = ?", session.number));
+    // a misspelt name names the person too
+    RETURN_IF_ERROR(connection_.run("DELETE FROM unknown_trainees WHERE session = ?", session.number));
     ASSIGN_OR_RETURN(
         const auto remarks,
         textRows(connection_.query("SELECT id, text FROM annotations WHERE session = ?", session.number), 1));

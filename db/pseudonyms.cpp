@@ -231,7 +231,7 @@ AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
     without.detail = withoutListed(line.detail, names.name, names.in_its_place);
   } else if (about || own_sessions.contains(line.subject)) {
     without.detail = withoutNames(without.detail, names, true);
-  } else if (by || line.action == "attempt excuse") {
+  } else if (by || line.action == "attempt excuse" || line.action == "session assign") {
     without.detail = withoutNames(without.detail, names, false);
   }
   return without;

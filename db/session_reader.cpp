@@ -21,8 +21,9 @@ constexpr std::string_view kInfoColumns =
     " s.chunks), coalesce(p.samples, s.samples), coalesce(p.stored_bytes,"
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
-    " s.profile_json, s.score_json, s.passed FROM sessions s"
+    " s.profile_json, s.score_json, s.passed, u.given, u.by_whom FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
+    " LEFT JOIN unknown_trainees u ON u.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
     " LEFT JOIN removed_originals o ON o.session = s.number ";
 
@@ -63,6 +64,11 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   if (with_profile) info.mutable_description()->set_profile_json(row.text(20));
   info.set_score_json(row.text(21));
   if (!row.isNull(22)) info.set_passed(row.integer(22) != 0);
+  if (!row.isNull(24)) {
+    info.set_given_trainee(row.text(23));
+  } else if (!row.isNull(23)) {
+    info.set_unknown_trainee(true);
+  }
   return info;
 }
 
@@ -122,6 +128,8 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
       return Error{ErrorCode::kInvalidInput, fmt::format("verdict: {} is no verdict that this server knows",
                                                          static_cast<int>(wanted.verdict()))};
   }
+  if (wanted.unknown_trainee())
+    conditions.push("s.number IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)");
   if (!wanted.search().empty()) {
     RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));
     // a name that is not in `people` may still have sessions, from a station that was offline

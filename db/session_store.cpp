@@ -10,6 +10,7 @@
 #include "common/gesture/chunk.h"
 #include "db/erasure.h"
 #include "db/session_rows.h"
+#include "db/unknown_trainees.h"
 #include "proto/session_rules.h"
 
 namespace needlelab {
@@ -91,14 +92,18 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
 
   // a known session: the same description is a reconnect, another one an error that must not be stored
   auto known = connection_.query(
-      "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased"
+      "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased,"
+      " u.session IS NOT NULL, s.trainee"
       " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number"
-      " WHERE s.id = ?",
-      viewOf(description.session_id()));
+      " LEFT JOIN unknown_trainees u ON u.session = s.number AND u.given = ?2 WHERE s.id = ?1",
+      viewOf(description.session_id()), description.trainee());
   ASSIGN_OR_RETURN(const bool found, known.step());
   if (found) {
+    // its station goes on giving the name that a manager may have replaced
+    pb::SessionDescription now = description;
+    if (known.integer(4) != 0) now.set_trainee(known.text(5));
     if (known.integer(3) != 0 ||
-        (textOf(known.bytes(1)) == bytes && known.text(2) == description.profile_json()))
+        (textOf(known.bytes(1)) == bytesOf(now) && known.text(2) == description.profile_json()))
       return known.natural(0);
     return Error{ErrorCode::kAlreadyExists,
                  "session " + sessionText(description.session_id()) +
@@ -118,10 +123,9 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       description.exercise_id(), description.profile_id(), description.profile_revision(),
       description.profile_json(), description.engine_version(), description.rate_hz(),
       description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns));
-  if (pseudonym) {
-    const auto id = uuidOf(description.session_id());
-    RETURN_IF_ERROR(ErasureStore(connection_).emptySession(*id, now_unix_ns));
-  }
+  const auto id = uuidOf(description.session_id());
+  RETURN_IF_ERROR(pseudonym ? ErasureStore(connection_).emptySession(*id, now_unix_ns)
+                            : UnknownTraineeStore(connection_).flag(*id));
   return std::uint64_t{0};
 }
 

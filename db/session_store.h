@@ -124,7 +124,8 @@ class SessionStore {
 
   /// Returns the next seq: 0 for a new session. Repeating a known description is not an error. When the
   /// trainee was erased after the session began, stores the session under the pseudonym; its chunks are
-  /// acknowledged but not kept. Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known
+  /// acknowledged but not kept. An unknown trainee's session is taken, and flagged (unknown_trainees.h).
+  /// Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known
   /// with another description), kNotFound (no such station).
   Result<std::uint64_t> open(const pb::SessionDescription& description, std::int64_t now_unix_ns);
 

@@ -124,6 +124,14 @@ Status showSession(CommandContext& context, const Uuid& id) {
       !done || context.output.json()) {
     return done;
   }
+  if (session.unknown_trainee())
+    context.output.text(
+        fmt::format("\nnobody was named '{}' when it came: session assign gives it to the right "
+                    "person",
+                    session.description().trainee()));
+  if (session.has_given_trainee())
+    context.output.text(
+        fmt::format("\nits station named '{}'; a manager assigned it", session.given_trainee()));
   if (session.has_removed_original()) {
     const auto& removed = session.removed_original();
     context.output.text(
@@ -176,7 +184,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* session = app.add_subcommand("session", "recorded gestures");
   session->require_subcommand(1);
   struct Values {
-    std::string id, station, trainee, exercise, from, to, verdict, search, format = "csv", out, text;
+    std::string id, station, trainee, exercise, from, to, verdict, search, format = "csv", out, text, to_whom,
+                                                                           reason;
+    bool unknown = false;
     std::uint32_t limit = 100, version = 0;
     std::uint64_t tick = 0;
     ExportRange range;
@@ -194,6 +204,10 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
           "passed, not-passed (or failed, its code in JSON), or none: no score, or nothing is required")
       ->check(CLI::IsMember({"passed", "not-passed", "failed", "none"}));
   list->add_option("--search", values->search, "whose trainee's name or full name has this in it");
+  list->add_flag(
+      "--unknown-trainee", values->unknown,
+      "only those whose trainee nobody knew when they came: session assign gives them to the right "
+      "person");
   list->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
   list->callback([&chosen, values] {
     const auto filter = std::make_shared<pb::ListSessions>();
@@ -203,6 +217,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
       filter->set_exercise_id(values->exercise);
       filter->set_limit(values->limit);
       filter->set_search(values->search);
+      filter->set_unknown_trainee(values->unknown);
       if (!values->verdict.empty())
         filter->set_verdict(values->verdict == "passed" ? pb::ListSessions::PASSED
                             : values->verdict == "none" ? pb::ListSessions::NONE
@@ -228,6 +243,21 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     });
   };
   with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
+  auto* assign = session->add_subcommand(
+      "assign", "give a session of an unknown trainee to the right person, whose attempt it is from then on");
+  assign->add_option("--to", values->to_whom, "the person, or guest: nobody")->required()->type_name("NAME");
+  assign->add_option("--reason", values->reason, "for the audit log");
+  with_id(assign, [values](CommandContext& context, const Uuid& id) -> Status {
+    pb::Request request;
+    request.mutable_assign_session()->set_session_id(id.data(), id.size());
+    request.mutable_assign_session()->set_trainee(values->to_whom);
+    request.mutable_assign_session()->set_reason(values->reason);
+    ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+    context.output.done(fmt::format("the session of '{}' is that of '{}' now",
+                                    reply.session().given_trainee(),
+                                    reply.session().description().trainee()));
+    return {};
+  });
   with_id(session->add_subcommand("verify", "read it again: every chunk, the hash"), verifySession);
   with_id(session->add_subcommand("events", "aspirations and injections, with place and time"), listEvents);
   auto* score =

@@ -400,6 +400,8 @@ Json sessionRow(const pb::SessionInfo& session) {
               {"hash", nullptr},
               {"clock_offset_ns", nullptr},
               {"clock_round_trip_ns", nullptr}};
+  row["unknown_trainee"] = session.unknown_trainee();
+  row["given_trainee"] = session.has_given_trainee() ? Json(session.given_trainee()) : Json();
   row["verdict"] = session.has_passed() ? Json(session.passed() ? "passed" : "failed") : Json();
   if (session.figures_size() > 0) {
     Json& figures = row["figures"] = Json::object();

@@ -105,7 +105,8 @@ struct DoerField {
 };
 constexpr DoerField kDoerFields[] = {{"changed_by", "changed_unix_ns"}, {"recorded_by", "unix_ns"},
                                      {"author", "created_unix_ns"},     {"by_whom", "created_unix_ns"},
-                                     {"by_whom", "changed_unix_ns"},    {"by_whom", "erased_unix_ns"}};
+                                     {"by_whom", "changed_unix_ns"},    {"by_whom", "erased_unix_ns"},
+                                     {"by_whom", "assigned_unix_ns"}};
 
 }  // namespace
 
@@ -186,8 +187,8 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
     }
     return isOfErasedSession(id);
   }
-  if (record.contains("session") &&
-      (table.kind == "score" || table.kind == "event" || table.kind == "annotation"))
+  if (record.contains("session") && (table.kind == "score" || table.kind == "event" ||
+                                     table.kind == "annotation" || table.kind == "unknown_trainee"))
     return isOfErasedSession(textOfField(record, "session"));
   return false;
 }

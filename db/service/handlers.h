@@ -108,6 +108,9 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call);
 Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call);
 
+Result<pb::Reply> checkTrainee(const Context& context,
+                               const pb::CheckTrainee& call);  ///< trainee_handlers.cpp
+
 // score_handlers.cpp; rescoring: Service::rescore()
 Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call);
 Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call);
@@ -125,6 +128,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call);
 // sessions, annotations, events: session_handlers.cpp
 Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& call);
 Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call);
+Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession& call);
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call);
 Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& call);
 Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call);

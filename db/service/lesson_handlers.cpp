@@ -134,8 +134,9 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
     RETURN_IF_ERROR(ownOnly(context, call.trainee(), "lessons"));
   }
   ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));
-  // an unknown trainee may practise (the station's key vouches for it), a disabled one may not
-  if (!call.trainee().empty()) {
+  if (context.who.role == pb::STATION) {
+    RETURN_IF_ERROR(mayPractise(context.reader, call.trainee()));
+  } else if (!call.trainee().empty()) {
     ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.trainee()));
     if (person && person->disabled) {
       return Error{ErrorCode::kDenied, "'" + call.trainee() + "' is disabled: ask an administrator"};

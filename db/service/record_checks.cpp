@@ -162,6 +162,7 @@ Status checkRecord(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "profile") return checkProfileRecord(record);
   if (table.kind == "course") return checkCourseRecord(record);
   if (table.kind == "session") return checkSessionRecord(record);
+  if (table.kind == "unknown_trainee") return checkName("given", textIn(record, "given"));
   if (table.kind == "score") return checkMeasures("measures", textIn(record, "measures"));
   if (table.kind == "reference") return checkReferenceRecord(record);
   return {};

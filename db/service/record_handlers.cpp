@@ -64,7 +64,7 @@ Result<RecordPage> firstPage(Connection& reader) {
 Status sameAsBefore(Connection& reader, const RecordPage& page) {
   auto row = reader.query(
       "SELECT who, action, subject FROM audit WHERE id > ? AND action IN ('user add', 'user import', 'group "
-      "set', 'group remove', 'person erase', 'station add', 'import-all') LIMIT 1",
+      "set', 'group remove', 'person erase', 'station add', 'session assign', 'import-all') LIMIT 1",
       page.audit_id);
   ASSIGN_OR_RETURN(const auto found, row.step());
   if (!found) return {};

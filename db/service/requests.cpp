@@ -163,6 +163,7 @@ constexpr RequestRow kRows[] = {
   {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment>,          Reply::kDone, kWorkers,
    {{"DELETE /assignments/{id}", "Takes it back"}}},
   {Call::kGetLesson,               "lesson",               kAll,                  to<getLesson>,                 Reply::kLesson},
+  {Call::kCheckTrainee,            "check trainee",        kStation,              to<checkTrainee>,              Reply::kDone},
   // a station: names, and the cells of the trainee that it names; the handler checks that
   {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
    {{"GET /results?course&group&page", "Trainee by exercise"}}},
@@ -173,9 +174,12 @@ constexpr RequestRow kRows[] = {
 
   // --- sessions, recordings, remarks
   {Call::kListSessions,            "session list",         kPeople,               to<listSessions>,              Reply::kSessions, kWorkers,
-   {{"GET /sessions?trainee&station&exercise&from_ms&to_ms&verdict&search&limit&page", "Recorded sessions, newest first"}}},
+   {{"GET /sessions?trainee&station&exercise&from_ms&to_ms&verdict&search&limit&page", "Recorded sessions, newest first"},
+     {"GET /unknown-trainees?page", "Sessions of trainees whom nobody knows: they wait to be assigned"}}},
   {Call::kGetSession,              "session show",         kPeople,               to<getSession>,                Reply::kSession, kWorkers,
    {{"GET /sessions/{id}", "One session"}}},
+  {Call::kAssignSession,           "session assign",       kManagers,             to<assignSession>,             Reply::kSession, kWorkers,
+   {{"POST /sessions/{id}/trainee", "Gives a session of an unknown trainee to the right person"}}},
   {Call::kReadChunks,              "session export",       kPeople,               to<readChunks>,                Reply::kChunks, kWorkers,
    {{"GET /sessions/{id}/samples?from_s&to_s&points", "Samples for a plot, decimated"},
      {"GET /sessions/{id}/samples.csv?from_s&to_s", "All samples; units in the header"}}},

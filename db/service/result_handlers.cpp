@@ -25,28 +25,6 @@ struct CourseExercise {
   pb::Exercise exercise;
 };
 
-/// Members of the group; or all trainees with an assignment of the course or one of its exercises, or with an
-/// attempt.
-Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& course_id,
-                                         const std::string& group_id) {
-  std::set<std::string> names;
-  if (!group_id.empty()) {
-    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(group_id));
-    names.insert(group.members().begin(), group.members().end());
-    return names;
-  }
-  ASSIGN_OR_RETURN(const auto tried, AttemptStore(reader).trainees(course_id));
-  names.insert(tried.begin(), tried.end());
-  ASSIGN_OR_RETURN(const auto assignments, AssignmentStore(reader).list({"", course_id, ""}));
-  for (const auto& assignment : assignments) {
-    if (!assignment.trainee().empty()) names.insert(assignment.trainee());
-    if (assignment.group_id().empty()) continue;
-    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(assignment.group_id()));
-    names.insert(group.members().begin(), group.members().end());
-  }
-  return names;
-}
-
 /// The best attempt that counts: passed before not passed, then the most requirements met, then the newest.
 const pb::Attempt* bestOf(const std::vector<pb::Attempt>& attempts) {
   const pb::Attempt* best = nullptr;
@@ -145,7 +123,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     pb::ResultRow row;
     row.set_trainee(name);
     ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
-    if (names_only && person && person->disabled) continue;
+    if (names_only && !stationMayList(person, name)) continue;
     if (person) row.set_full_name(person->full_name);
     for (const CourseExercise& exercise : exercises) {
       if (names_only) break;

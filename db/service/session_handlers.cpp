@@ -3,6 +3,7 @@
 #include <cmath>
 #include <optional>
 
+#include "common/base/text.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 #include "db/connection.h"
@@ -10,6 +11,7 @@
 #include "db/service/session_samples.h"
 #include "db/session_results.h"
 #include "db/session_store.h"
+#include "db/unknown_trainees.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -93,6 +95,22 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
 
 Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call) {
   ASSIGN_OR_RETURN(auto info, visibleSession(context, call.session_id()));
+  pb::Reply reply;
+  *reply.mutable_session() = std::move(info);
+  return reply;
+}
+
+Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession& call) {
+  ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
+  RETURN_IF_ERROR(checkName("trainee", call.trainee()));
+  RETURN_IF_ERROR(checkNote("reason", call.reason(), 0, kMaxNoteBytes));
+  // the name that the station gave stands with the session, and goes when the person is erased
+  RETURN_IF_ERROR(write(
+      context, uuidText(id), "to " + call.trainee() + (call.reason().empty() ? "" : ": " + call.reason()),
+      [&](Connection& writer) {
+        return UnknownTraineeStore(writer).assign(id, call.trainee(), context.who.name, context.now_unix_ns);
+      }));
+  ASSIGN_OR_RETURN(auto info, SessionStore(context.reader).info(id));
   pb::Reply reply;
   *reply.mutable_session() = std::move(info);
   return reply;

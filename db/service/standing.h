@@ -1,8 +1,10 @@
-/// A trainee's standing in an exercise: locks, attempts left, due date. Private to this folder.
+/// A trainee's standing in an exercise: locks, attempts left, due date; and who practises. Private to this
+/// folder.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -10,6 +12,7 @@
 #include "db/assignments.h"
 #include "db/connection.h"
 #include "db/documents.h"
+#include "db/people.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -36,5 +39,18 @@ Result<ExerciseStanding> standingOf(Connection& connection, const std::string& t
 /// names.
 Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exercise& exercise,
                                           const ExerciseStanding& standing);
+
+// who practises: trainee_handlers.cpp
+
+/// Members of the group; or all trainees with an assignment of the course or one of its exercises, or with an
+/// attempt.
+Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& course_id,
+                                         const std::string& group_id);
+/// Whether a list of names for a station has `name`: neither people whose access has ended nor names that
+/// nobody has (`person` is nothing then), except kGuestName.
+bool stationMayList(const std::optional<Person>& person, const std::string& name);
+/// Whether a station may begin a lesson of `name`. kDenied: disabled; kNotFound: nobody has this name; the
+/// text gives similar names that a station may list.
+Status mayPractise(Connection& reader, const std::string& name);
 
 }  // namespace needlelab

@@ -234,6 +234,15 @@ Result<pb::Request> listSessions(const WebRoute&, const WebCall& call) {
   return request;
 }
 
+Result<pb::Request> listUnknownTrainees(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  auto& list = *request.mutable_list_sessions();
+  list.set_unknown_trainee(true);
+  list.set_limit(100);
+  RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
+  return request;
+}
+
 WebJson sessionsJson(const WebCall&, const pb::Reply& reply) {
   WebJson rows = WebJson::array();
   for (const pb::SessionInfo& session : reply.sessions().sessions()) rows.push_back(sessionRowJson(session));
@@ -413,6 +422,7 @@ constexpr RouteAdapter kAdapters[] = {
     {.line = "POST /assignments", .shape = addedAssignment, .status = 201},
     {.line = "DELETE /assignments/{id}", .build = removeAssignment},
     {.line = "GET /sessions", .build = listSessions, .shape = sessionsJson},
+    {.line = "GET /unknown-trainees", .build = listUnknownTrainees, .shape = sessionsJson},
     {.line = "GET /sessions/{id}/samples", .action = WebAction::kWork, .work = samplePlot},
     {.line = "GET /sessions/{id}/samples.csv", .action = WebAction::kStream, .stream = sampleCsv},
     {.line = "GET /sessions/{id}/annotations", .action = WebAction::kWork, .work = listAnnotations},

@@ -1,6 +1,8 @@
 // A lab without its server: lessons from the cache, everything uploaded later, in order and once.
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "tests/integration/lab.h"
@@ -79,6 +81,48 @@ TEST_F(OfflineTest, threeLessonsWithoutAServerAreUploadedInOrderAndOnce) {
   ASSERT_EQ(again->wait(60s), kExitDone) << again->said();
   EXPECT_THAT(again->said(), Not(HasSubstr("earlier runs")));
   EXPECT_EQ(lab_.sessions().size(), 6u);
+}
+
+TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithoutIt) {
+  fillCacheAndStopServer();
+  const auto as_tmo = [&](const std::string& name, const std::vector<std::string>& more) {
+    auto arguments = lab_.stationArguments({"--seconds", "0.3", "--json", lab_.path(name + ".json")});
+    std::replace(arguments.begin(), arguments.end(), std::string("tom"), std::string("tmo"));
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return std::make_unique<Process>("needlelab-station", arguments, lab_.path(name + ".log"));
+  };
+  auto away = as_tmo("away", {"--exercise", "ball-free-practice"});
+  ASSERT_EQ(away->wait(60s), kExitDone) << away->said();
+  const std::string id = lab_.summary("away")["session_id"];
+
+  lab_.startServer();
+  const std::vector<std::string> lessons[] = {{"--exercise", "ball-free-practice"},
+                                              {"--profile", NEEDLELAB_SAMPLES "/knee-adult.json"}};
+  for (const auto& lesson : lessons) {
+    auto refused = as_tmo("refused", lesson);
+    EXPECT_EQ(refused->wait(60s), kExitFailed) << refused->said();
+    EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tmo'. Did you mean 'tom'?"));
+  }
+  // the next lesson brings what was recorded without the server
+  auto next =
+      lab_.startStation("next", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
+  ASSERT_EQ(next->wait(90s), kExitDone) << next->said();
+  EXPECT_EQ(lab_.sessions().size(), 3u) << "online, away, next: nothing was recorded of what was refused";
+  const StoredSession stored = lab_.stored(id);
+  EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE);
+  EXPECT_TRUE(stored.info.unknown_trainee());
+  EXPECT_EQ(stored.chunks, Lab::spooledChunks(lab_.path("spool"), id));
+  ASSERT_EQ(lab_.stopServer(), kExitDone);
+  ASSERT_EQ(lab_.admin({"session", "assign", id, "--to", "tom"}), kExitDone);
+
+  // the station asks again for sessions that no backup covers: it is answered, and nothing is sent twice
+  lab_.startServer();
+  auto last =
+      lab_.startStation("last", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
+  ASSERT_EQ(last->wait(90s), kExitDone) << last->said();
+  EXPECT_THAT(last->said(), Not(HasSubstr("another description")));
+  EXPECT_EQ(lab_.stored(id).info.description().trainee(), "tom");
+  EXPECT_EQ(lab_.stored(id).info.given_trainee(), "tmo");
 }
 
 TEST_F(OfflineTest, aServerThatIsAwayIsNotWaitedForAtTheEnd) {

@@ -333,7 +333,7 @@ Status complete(StationOptions& options, const RawOptions& raw) {
   if (options.spool.empty()) options.spool = defaultSpool();
   // without a key the station has no name until the upload of its sessions
   if (!options.station.empty()) RETURN_IF_ERROR(checkName("--station", options.station));
-  if (options.trainee.empty()) options.trainee = "guest";
+  if (options.trainee.empty()) options.trainee = kGuestName;
   RETURN_IF_ERROR(checkName("--trainee", options.trainee));
   return {};
 }

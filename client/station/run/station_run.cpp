@@ -103,9 +103,24 @@ bool StationRun::isStopped() {
   return interrupted_ || stopped_;
 }
 
+// a profile from a file needs no server; but one that is there says whether it knows the trainee
+Status StationRun::checkTrainee() {
+  Uplink* const uplink = home_.uplink();
+  if (uplink == nullptr) return {};
+  pb::Request request;
+  request.mutable_check_trainee()->set_trainee(options_.trainee);
+  const auto reply = uplink->ask(std::move(request), kLessonPatience, true, [this] { return isStopped(); });
+  const bool refused =
+      !reply.ok() && (reply.error().code == ErrorCode::kNotFound || interrupted_ || stopped_);
+  return refused ? Status(reply.error()) : Status();
+}
+
 Status StationRun::getLesson() {
   auto lesson = [&]() -> Result<StationLesson> {
-    if (!options_.profile_file.empty()) return lessonOfFile(options_);
+    if (!options_.profile_file.empty()) {
+      RETURN_IF_ERROR(checkTrainee());
+      return lessonOfFile(options_);
+    }
     const LessonCache cache(options_.spool);
     auto cached = cache.find(options_.exercise);
     if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)

@@ -48,6 +48,7 @@ class StationRun {
  private:
   bool isStopped();
   // steps of `prepare`
+  Status checkTrainee();
   Status getLesson();
   Status chooseDevice();
   Status measureEffects();

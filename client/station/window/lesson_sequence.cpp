@@ -203,7 +203,7 @@ void LessonSequence::updateServer() {
 void LessonSequence::practise(const LessonChoice& choice) {
   reportLast();
   StationOptions options = options_;
-  options.trainee = choice.trainee.empty() && !home_.uplink() ? "guest" : choice.trainee;
+  options.trainee = choice.trainee.empty() && !home_.uplink() ? std::string(kGuestName) : choice.trainee;
   options.exercise = choice.by_profile ? "" : choice.exercise;
   if (!choice.by_profile) options.profile_file.clear();
   board_.change([&](BoardState& state) {

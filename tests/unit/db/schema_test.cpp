@@ -110,6 +110,27 @@ TEST(Migrate, filesOfEveryOldVersionKeepTheirContent) {
   }
 }
 
+/// Version 6 flags the sessions of before whose trainee nobody knows; not those of nobody or of erased
+/// people.
+TEST(Migrate, sessionsOfUnknownTraineesWaitFromThenOn) {
+  const auto sql = readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / "v5.sql");
+  ASSERT_OK(sql);
+  const test::TempFolder temporary;
+  auto connection = fresh(temporary);
+  ASSERT_OK(connection.script(*sql));
+  // session 4 is of an erased person
+  ASSERT_OK(
+      connection.script("UPDATE sessions SET trainee = 'guest' WHERE number = 1;"
+                        "UPDATE sessions SET trainee = 'ghost' WHERE number IN (3, 4)"));
+  ASSERT_OK(migrate(connection));
+  auto rows = connection.prepare("SELECT session, given, by_whom IS NULL FROM unknown_trainees");
+  ASSERT_TRUE(*rows.step());
+  EXPECT_EQ(rows.integer(0), 3);
+  EXPECT_EQ(rows.text(1), "ghost");
+  EXPECT_EQ(rows.integer(2), 1);
+  EXPECT_FALSE(*rows.step());
+}
+
 TEST(MetaStore, keepsTheNewestValue) {
   test::TestDb db;
   MetaStore meta(db.writer);

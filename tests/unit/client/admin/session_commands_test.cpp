@@ -80,6 +80,32 @@ TEST_F(SessionCommands, aSearchTakesItsTextAsItIs) {
   }
 }
 
+TEST_F(SessionCommands, aSessionOfAnUnknownTraineeIsListedAndAssigned) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  attempt("tom", "knee-recess", "");
+  const std::string id = attempt("tmo", "knee-recess", "");
+  const auto waiting = [&] { return good({"session", "list", "--unknown-trainee", "--json"}).rows(); };
+  ASSERT_EQ(waiting().size(), 1u);
+  EXPECT_EQ(waiting()[0].at("session_id"), id);
+  EXPECT_EQ(waiting()[0].at("unknown_trainee"), true);
+  EXPECT_THAT(good({"session", "show", id}).out, HasSubstr("nobody was named 'tmo' when it came"));
+  const auto refused = onData({"session", "assign", id, "--to", "nobody"});
+  EXPECT_NE(refused.code, 0);
+  EXPECT_THAT(refused.err, HasSubstr("there is no person named 'nobody'"));
+  good({"session", "assign", id, "--to", "tom", "--reason", "a typing error"});
+  EXPECT_TRUE(waiting().empty());
+  const auto row = good({"session", "show", id, "--json"}).rows().at(0);
+  EXPECT_EQ(row.at("trainee"), "tom");
+  EXPECT_EQ(row.at("given_trainee"), "tmo");
+  EXPECT_EQ(row.at("unknown_trainee"), false);
+  EXPECT_EQ(good({"session", "list", "--trainee", "tom", "--json"}).rows().size(), 2u);
+  const auto audit = good({"audit", "--json"}).rows();
+  EXPECT_TRUE(std::any_of(audit.begin(), audit.end(), [&](const json& line) {
+    return line.at("action") == "session assign" && line.at("subject") == id &&
+           line.at("detail") == "to tom: a typing error";
+  }));
+}
+
 TEST_F(SessionCommands, aNameOfQuotesAndCommasStaysWholeInTableAndJson) {
   const std::string id = attempt(kCommaName, "knee-recess", "");
   EXPECT_EQ(good({"session", "show", id, "--json"}).rows()[0].at("trainee"), kCommaName);

@@ -29,7 +29,8 @@ class LessonHandlers : public test::ServiceTest {
 TEST_F(LessonHandlers, aLessonHoldsExerciseAndNewestProfile) {
   pb::Request request;
   request.mutable_get_lesson()->set_exercise_id(exerciseId());
-  request.mutable_get_lesson()->set_trainee("somebody new");
+  request.mutable_get_lesson()->set_trainee("anna");
+  addPerson("anna", pb::TRAINEE);
   const auto lesson = get(station, request).lesson();
   const auto exercise = parseExercise(lesson.exercise_json(), "exercise");
   ASSERT_OK(exercise);

@@ -173,6 +173,12 @@ inline void fillAtRandom(Connection& c, std::uint64_t seed) {
               "WHERE id = ?",
               -number(1ull << 62), number(1ull << 40), number(2), number(2), ByteView(id)));
   }
+  // one that waits, one that was assigned
+  ASSERT_OK(c.run(
+      "INSERT INTO unknown_trainees (session, given) VALUES ((SELECT min(number) FROM sessions), 'ghost')"));
+  ASSERT_OK(c.run(
+      "INSERT INTO unknown_trainees VALUES ((SELECT min(number) + 1 FROM sessions), 'another ghost', ?, ?)",
+      text(), number(1ull << 62)));
   ASSERT_OK(c.run("INSERT INTO retention_policies VALUES ('knee-recess', 30, ?, 1.0, 365, 0, ?, 1)",
                   static_cast<double>(random() % 100'000 + 1) / 3.0, text()));
   ASSERT_OK(c.run("INSERT INTO exercise_references VALUES ('knee-recess', 1, '[]', ?, 1)", text()));

@@ -242,6 +242,7 @@ TEST_F(Teaching, anExerciseIsLockedUntilWhatComesBeforeItIsPassed) {
 TEST_F(Teaching, attemptsAreCountedAndMayBeGivenBack) {
   addStation();
   putCourse({{"first", {{"attempts", 2}}}});
+  addPerson("anna", pb::TRAINEE);
   pb::Request ask_lesson;
   ask_lesson.mutable_get_lesson()->set_exercise_id("first");
   ask_lesson.mutable_get_lesson()->set_trainee("anna");
@@ -373,7 +374,7 @@ TEST_F(Teaching, aStationGetsNamesAndTheCellsOfTheTraineeThatItNames) {
   EXPECT_EQ(get(instructor, one).results().rows_size(), 1);
   one.mutable_get_results()->set_trainee("ben");
   EXPECT_EQ(refusal(trainee, one), ErrorCode::kDenied);
-  // a name that nobody has may practise too
+  // and of the one who needs no account
   one.mutable_get_results()->set_trainee("guest");
   EXPECT_EQ(get(station, one).results().rows(0).cells(1).locked_by_size(), 1);
 }

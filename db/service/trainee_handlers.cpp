@@ -1,0 +1,96 @@
+// Whose lessons a station may begin: people that the server knows. Names that a station may list, and similar
+// ones for a name that nobody has.
+#include <fmt/core.h>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/base/near_names.h"
+#include "common/base/text.h"
+#include "db/assignments.h"
+#include "db/documents.h"
+#include "db/people.h"
+#include "db/service/handlers.h"
+#include "db/service/standing.h"
+
+namespace needlelab {
+namespace {
+
+/// The people whom this station may list, over all courses.
+Result<std::vector<KnownName>> listedPeople(Connection& reader) {
+  std::set<std::string> names;
+  ASSIGN_OR_RETURN(const auto courses, CurriculumStore(reader).list());
+  for (const StoredCurriculum& course : courses) {
+    ASSIGN_OR_RETURN(const auto found, traineesOf(reader, course.id, ""));
+    names.insert(found.begin(), found.end());
+  }
+  std::vector<KnownName> people;
+  for (const std::string& name : names) {
+    ASSIGN_OR_RETURN(const auto person, PeopleStore(reader).find(name));
+    if (person && stationMayList(person, name)) people.push_back({name, person->full_name});
+  }
+  return people;
+}
+
+/// "'tom' (Tom Smith), 'tim' or 'kim'"
+std::string orList(const std::vector<KnownName>& people) {
+  std::string text;
+  for (std::size_t i = 0; i < people.size(); ++i) {
+    if (i > 0) text += i + 1 == people.size() ? " or " : ", ";
+    text += "'" + people[i].name + "'";
+    if (!people[i].full_name.empty()) text += " (" + people[i].full_name + ")";
+  }
+  return text;
+}
+
+}  // namespace
+
+Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& course_id,
+                                         const std::string& group_id) {
+  std::set<std::string> names;
+  if (!group_id.empty()) {
+    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(group_id));
+    names.insert(group.members().begin(), group.members().end());
+    return names;
+  }
+  ASSIGN_OR_RETURN(const auto tried, AttemptStore(reader).trainees(course_id));
+  names.insert(tried.begin(), tried.end());
+  ASSIGN_OR_RETURN(const auto assignments, AssignmentStore(reader).list({"", course_id, ""}));
+  for (const auto& assignment : assignments) {
+    if (!assignment.trainee().empty()) names.insert(assignment.trainee());
+    if (assignment.group_id().empty()) continue;
+    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(assignment.group_id()));
+    names.insert(group.members().begin(), group.members().end());
+  }
+  return names;
+}
+
+bool stationMayList(const std::optional<Person>& person, const std::string& name) {
+  return person ? !person->disabled : name == kGuestName;
+}
+
+Status mayPractise(Connection& reader, const std::string& name) {
+  if (name.empty() || name == kGuestName) return {};
+  RETURN_IF_ERROR(checkName("trainee", name));
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(reader).find(name));
+  if (person && person->disabled)
+    return Error{ErrorCode::kDenied, "'" + name + "' is disabled: ask an administrator"};
+  if (person) return {};
+  ASSIGN_OR_RETURN(const auto people, listedPeople(reader));
+  const auto near = nearNames(name, people);
+  return Error{ErrorCode::kNotFound,
+               fmt::format("the server knows nobody named '{}'. {}Give the name of an account, practise as "
+                           "'{}', or ask a manager to add this person",
+                           name, near.empty() ? "" : "Did you mean " + orList(near) + "? ", kGuestName)};
+}
+
+namespace handlers {
+
+Result<pb::Reply> checkTrainee(const Context& context, const pb::CheckTrainee& call) {
+  RETURN_IF_ERROR(mayPractise(context.reader, call.trainee()));
+  return doneReply();
+}
+
+}  // namespace handlers
+}  // namespace needlelab

@@ -1,0 +1,32 @@
+/// Sessions whose trainee the server did not know when they came, until a manager assigns them to the right
+/// person (migrations/0006_unknown_trainees.sql).
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/base/result.h"
+#include "common/base/uuid.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+/// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
+class UnknownTraineeStore {
+ public:
+  explicit UnknownTraineeStore(Connection& connection) : connection_(connection) {}
+
+  /// Flags a new session if nobody has its trainee's name. Sessions without a name or of kGuestName are
+  /// nobody's.
+  Status flag(const Uuid& session);
+  /// Gives a flagged session to `trainee`, a person or kGuestName; it counts as that person's from now on. A
+  /// session that was assigned before may be assigned again. kNotFound: session, person; kInvalidInput: still
+  /// open, erased, or its trainee was known when it came.
+  Status assign(const Uuid& session, const std::string& trainee, const std::string& by,
+                std::int64_t now_unix_ns);
+
+ private:
+  Connection& connection_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,202 @@
+// Names that nobody has: refused where a lesson would begin, taken and flagged where a recording comes, and
+// assigned to the right person.
+#include <gmock/gmock.h>
+
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/service/teaching_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+class UnknownTrainees : public test::TeachingTest {
+ protected:
+  void SetUp() override {
+    addStation();
+    putCourse({{"second", {{"prerequisites", {"first"}}}}});
+  }
+  void addNamed(const std::string& name, const std::string& full_name = "") {
+    ASSERT_OK(change([&](Connection& c) {
+      return PeopleStore(c).add({name, pb::TRAINEE, "", false, 1, full_name});
+    }));
+  }
+  void assignCourse(const std::string& who) {
+    pb::Request request;
+    request.mutable_assign()->set_course_id("course");
+    request.mutable_assign()->set_trainee(who);
+    get(manager, request);
+  }
+  std::optional<Error> begin(const std::string& who) {
+    pb::Request request;
+    request.mutable_get_lesson()->set_exercise_id("first");
+    request.mutable_get_lesson()->set_trainee(who);
+    const auto lesson = ask(station, request).error;
+    pb::Request check;
+    check.mutable_check_trainee()->set_trainee(who);
+    const auto alone = ask(station, check).error;
+    EXPECT_EQ(lesson.has_value(), alone.has_value());
+    EXPECT_EQ(lesson ? lesson->message : "", alone ? alone->message : "");
+    return lesson;
+  }
+  pb::Request assignTo(const Uuid& session, const std::string& who) {
+    pb::Request request;
+    request.mutable_assign_session()->set_session_id(test::bytesOfId(session));
+    request.mutable_assign_session()->set_trainee(who);
+    request.mutable_assign_session()->set_reason("a slip of the pen");
+    return request;
+  }
+  std::vector<std::string> waiting(const Principal& who) {
+    pb::Request request;
+    request.mutable_list_sessions()->set_unknown_trainee(true);
+    std::vector<std::string> ids;
+    const auto reply = get(who, request);
+    for (const auto& session : reply.sessions().sessions()) {
+      EXPECT_TRUE(session.unknown_trainee());
+      ids.push_back(session.description().session_id());
+    }
+    return ids;
+  }
+  std::uint32_t attemptsOf(const std::string& who) {
+    pb::Request request;
+    request.mutable_get_progress()->set_trainee(who);
+    return static_cast<std::uint32_t>(get(instructor, request).progress().attempts_size());
+  }
+};
+
+TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
+  addNamed("tom", "Tom Smith");
+  addNamed("tim");
+  addNamed("tam");  // of no course: a station does not list this person
+  addNamed("tum");
+  for (const char* name : {"tom", "tim", "tum"}) assignCourse(name);
+  ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("tum", true); }));
+  attempt("tem", "first", true);  // a ghost of before is no suggestion
+  const auto refused = begin("t0m");
+  ASSERT_TRUE(refused.has_value());
+  EXPECT_EQ(refused->code, ErrorCode::kNotFound);
+  EXPECT_EQ(
+      refused->message,
+      "the server knows nobody named 't0m'. Did you mean 'tom' (Tom Smith)? Give the name of an account, "
+      "practise as 'guest', or ask a manager to add this person");
+  EXPECT_THAT(begin("txm")->message, HasSubstr("'tim' or 'tom' (Tom Smith)?"));
+  for (const char* hidden : {"'tam'", "'tum'", "'tem'"})
+    EXPECT_THAT(begin("txm")->message, Not(HasSubstr(hidden)));
+  EXPECT_THAT(begin("somebody else")->message, Not(HasSubstr("Did you mean")));
+  EXPECT_EQ(begin(std::string(65, 'x'))->code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(begin("tum")->code, ErrorCode::kDenied);
+  // who is known, whether the station lists them or not, and nobody in particular
+  for (const char* good : {"tom", "tam", "guest", ""}) EXPECT_FALSE(begin(good).has_value()) << good;
+  // staff looks at a lesson for any name
+  pb::Request look;
+  look.mutable_get_lesson()->set_exercise_id("first");
+  look.mutable_get_lesson()->set_trainee("t0m");
+  get(instructor, look);
+}
+
+TEST_F(UnknownTrainees, areNotInTheListOfAStation) {
+  addNamed("tom");
+  for (const char* name : {"tom", "ghost", "guest"}) attempt(name, "first", true);
+  const auto names = [&](const Principal& who) {
+    std::vector<std::string> found;
+    for (const auto& row : results(who).rows()) found.push_back(row.trainee());
+    return found;
+  };
+  EXPECT_EQ(names(station), (std::vector<std::string>{"guest", "tom"}));
+  EXPECT_EQ(names(instructor), (std::vector<std::string>{"ghost", "guest", "tom"})) << "staff sees all";
+}
+
+TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) {
+  addNamed("tom");
+  const Uuid ghosts = attempt("tmo", "first", true, 5), toms = attempt("tom", "first", false, 6);
+  attempt("guest", "first", true);
+  EXPECT_EQ(waiting(manager), std::vector<std::string>{test::bytesOfId(ghosts)});
+  // an account of that name comes too late: it may be another person
+  addNamed("tmo");
+  EXPECT_EQ(waiting(manager).size(), 1u);
+  EXPECT_TRUE(lesson("second", "tom").has_value()) << "not passed";
+  EXPECT_EQ(attemptsOf("tom"), 1u);
+
+  const auto given = get(manager, assignTo(ghosts, "tom")).session();
+  EXPECT_EQ(given.description().trainee(), "tom");
+  EXPECT_FALSE(given.unknown_trainee());
+  EXPECT_EQ(given.given_trainee(), "tmo");
+  EXPECT_TRUE(waiting(manager).empty());
+  // as if it had been tom's: the first attempt by its time, and what it unlocks
+  EXPECT_FALSE(lesson("second", "tom").has_value());
+  EXPECT_EQ(attemptsOf("tom"), 2u);
+  EXPECT_EQ(attemptsOf("tmo"), 0u);
+  pb::Request progress;
+  progress.mutable_get_progress()->set_trainee("tom");
+  const auto attempts = get(instructor, progress).progress().attempts();
+  EXPECT_EQ(attempts[0].session_id(), test::bytesOfId(ghosts));
+  EXPECT_EQ(attempts[1].session_id(), test::bytesOfId(toms));
+  EXPECT_EQ(attempts[1].number(), 2u);
+  // the station gives the name that it knows, and is answered as before
+  auto again = test::describe(ghosts);
+  again.set_trainee("tmo");
+  again.set_exercise_id("first");
+  again.set_started_unix_ns(5);
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    const auto opened = SessionStore(c).open(again, 9);
+    return opened ? Status() : Status(opened.error());
+  }));
+  again.set_trainee("tim");
+  EXPECT_FALSE(change([&](Connection& c) -> Status {
+                 const auto opened = SessionStore(c).open(again, 9);
+                 return opened ? Status() : Status(opened.error());
+               }).ok());
+  // it was somebody else's after all; nobody's in the end
+  EXPECT_EQ(get(manager, assignTo(ghosts, "tmo")).session().given_trainee(), "tmo");
+  EXPECT_EQ(attemptsOf("tom"), 1u);
+  EXPECT_EQ(get(manager, assignTo(ghosts, "guest")).session().description().trainee(), "guest");
+
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("session assign");
+  const auto lines = get(admin, audit).audit();
+  ASSERT_EQ(lines.entries_size(), 3);
+  EXPECT_EQ(lines.entries(2).who(), "mia");
+  EXPECT_EQ(lines.entries(2).subject(), uuidText(ghosts));
+  EXPECT_EQ(lines.entries(2).detail(), "to tom: a slip of the pen");
+}
+
+TEST_F(UnknownTrainees, onlyTheirClosedSessionsAreAssignedAndOnlyToPeople) {
+  addNamed("tom");
+  const Uuid ghosts = attempt("tmo", "first", true), toms = attempt("tom", "first", true);
+  const auto said = [&](const Uuid& id, const std::string& who) {
+    const auto refused = ask(manager, assignTo(id, who)).error;
+    return refused ? refused->message : std::string();
+  };
+  EXPECT_THAT(said(ghosts, "nobody"), HasSubstr("there is no person named 'nobody'"));
+  EXPECT_THAT(said(ghosts, ""), HasSubstr("trainee"));
+  EXPECT_THAT(said(toms, "tom"), HasSubstr("whom the server knew when it came"));
+  EXPECT_THAT(said(makeUuidV7(), "tom"), HasSubstr("there is no session"));
+  EXPECT_THAT(said(addSession("tam", 1), "tom"), HasSubstr("still open"));
+  EXPECT_EQ(refusal(instructor, assignTo(ghosts, "tom")), ErrorCode::kDenied);
+  EXPECT_EQ(waiting(manager).size(), 2u) << "nothing of this changed anything";
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("session assign");
+  EXPECT_EQ(get(admin, audit).audit().entries_size(), 0);
+}
+
+TEST_F(UnknownTrainees, leaveNoNameBehindWhenThePersonIsErased) {
+  addNamed("tom");
+  addPerson("ada", pb::ADMINISTRATOR);
+  addPerson("mia", pb::CURRICULUM_MANAGER);
+  const Uuid ghosts = attempt("tom smyth", "first", true);
+  get(manager, assignTo(ghosts, "tom"));
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tom");
+  erase.mutable_erase_person()->set_confirm("tom");
+  get(admin, erase);
+  std::string all;
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    all = test::dump(c);
+    return {};
+  }));
+  for (const char* name : {"tom smyth", "'tom'", "to tom"}) EXPECT_THAT(all, Not(HasSubstr(name)));
+}
+
+}  // namespace
+}  // namespace needlelab
