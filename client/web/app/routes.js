@@ -21,6 +21,7 @@ import { RetentionPage } from './pages/retention.js';
 import { CourseRevisions, ProfileRevisions } from './pages/revisions.js';
 import { SessionPage } from './pages/session.js';
 import { SessionsPage } from './pages/sessions.js';
+import { UnknownTraineesPage } from './pages/unknown_trainees.js';
 import { UpkeepPage } from './pages/upkeep.js';
 
 export const kRoutes = [
@@ -47,6 +48,7 @@ export const kRoutes = [
   { path: '/live', page: LivePage, action: 'see live', section: 'Live lab' },
   { path: '/sessions/:id', page: SessionPage, action: 'see sessions', section: 'Sessions' },
   { path: '/sessions', page: SessionsPage, action: 'see sessions', section: 'Sessions' },
+  { path: '/unknown-trainees', page: UnknownTraineesPage, action: 'assign sessions', section: 'Sessions' },
   { path: '/exports', page: ExportsPage, action: 'export', section: 'Exports' },
   { path: '/audit', page: AuditPage, action: 'see audit', section: 'Audit' },
   { path: '/retention', page: RetentionPage, action: 'retention', section: 'Retention' },

@@ -26,6 +26,7 @@ const kPages = [
   '/live',
   '/sessions',
   'SESSION',
+  '/unknown-trainees',
   '/references/knee-recess',
   '/exports',
   '/retention',

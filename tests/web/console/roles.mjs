@@ -55,6 +55,7 @@ const kPages = [
       'Add at 0:00.0': 'ia',
     },
   ],
+  ['/unknown-trainees', 'ma', /^Unknown trainees$/, null, {}],
   ['/references/knee-recess', 'ima', /^Experts of knee-recess$/, null, { 'Save the choice': 'ima' }],
   ['/exports', 'imar', /^Exports$/, null, { 'Download scores as CSV': 'ima', 'Download the study': 'ar' }],
   ['/retention', 'ma', /^Retention$/, 'retention', { 'Save the policy': 'ma', 'Show what would happen': 'ma' }],

@@ -157,6 +157,38 @@ export function upkeep(t) {
     await done(page);
   });
 
+  it('a session of a name that nobody has is given to the right person', async () => {
+    // a lesson without the server: the exercise is in the station's cache
+    const alone = t.lab.start(
+      'needlelab-station',
+      [
+        ...['--key', t.lab.path('station-2.key'), '--spool', t.lab.path('spool-station-2')],
+        ...['--trainee', 'tino', '--exercise', 'knee-recess', '--device', 'simulated', '--headless', '--seconds', '1'],
+      ],
+      'alone.log',
+    );
+    assert.equal(await alone.ended, 0, alone.said);
+    // with the server the name is refused, and a similar one suggested; the next lesson brings what was recorded
+    const refused = t.lab.practise('station-2', 'tino', 'knee-recess', ['--seconds', '1']);
+    assert.equal(await refused.ended, 1, refused.said);
+    assert.match(refused.said, /nobody named 'tino'\. Did you mean 'tina'/);
+    const next = t.lab.practise('station-2', 'guest', 'knee-recess', ['--seconds', '1', '--drain', '60']);
+    assert.equal(await next.ended, 0, next.said);
+
+    const page = await t.browser.as('mara');
+    await open(page, t.lab, '#/unknown-trainees', 'Unknown trainees');
+    await page.getByRole('button', { name: 'Give the session of tino to …' }).click();
+    const dialog = page.getByRole('dialog', { name: 'Who is tino?' });
+    await dialog.getByLabel('Person').selectOption('tina');
+    await dialog.getByLabel('Reason').fill('A typing error.');
+    await accessible(page, 'an unknown trainee');
+    await dialog.getByRole('button', { name: 'Give the session' }).click();
+    await page.getByText('No session waits').waitFor();
+    const { items } = await api(page, 'sessions?trainee=tina');
+    assert.ok(items.some((s) => s.given_trainee === 'tino'));
+    await done(page);
+  });
+
   it('backup and check while the lab goes on; scores anew; all of it in the audit', async () => {
     const page = await t.browser.as('ada');
     await open(page, t.lab, '#/upkeep', 'Upkeep');

@@ -131,6 +131,8 @@ const infoOf = (lab, s) => ({
   score: scored(lab, s),
   passed: passedOf(scored(lab, s)),
   figures: [],
+  ...(s.unknown_trainee ? { unknown_trainee: true } : {}),
+  ...(s.given_trainee ? { given_trainee: s.given_trainee } : {}),
 });
 /** A session as lists have it: the main figures in place of the score. */
 const rowOf = (lab, s) => ({
@@ -517,6 +519,23 @@ export const kTable = [
       25,
     ),
   ),
+  get('unknown-trainees', kPeople, ({ lab, query, who }) =>
+    paged(
+      lab.sessions.filter((s) => s.unknown_trainee && isAsked(lab, s, {}, who)).map((s) => rowOf(lab, s)),
+      query,
+      25,
+    ),
+  ),
+  post('sessions/:id/trainee', kManagers, ({ lab, params, body, who }) => {
+    const s = sessionOf(lab, params.id, who);
+    if (!s.unknown_trainee && !s.given_trainee)
+      throw new Refusal(400, 'invalid_input', `session ${s.session_id} is of '${s.trainee}', whom the server knew`);
+    if (body.trainee !== 'guest') found(lab.people, body.trainee, 'person');
+    s.given_trainee ??= s.trainee;
+    s.unknown_trainee = false;
+    s.trainee = body.trainee;
+    return infoOf(lab, s);
+  }),
   get('sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))),
   get('sessions/:id/score', kPeople, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true)),
   post('sessions/:id/rescore', kStaff, ({ lab, params, who }) =>

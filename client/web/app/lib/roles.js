@@ -18,6 +18,7 @@ const kRules = {
   assign: kStaff,
   'see results': kStaff,
   'see sessions': [...kStaff, 'trainee'],
+  'assign sessions': kManagers,
   annotate: ['instructor', 'administrator'],
   'set reference': kStaff,
   rescore: kStaff,

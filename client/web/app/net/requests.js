@@ -87,6 +87,9 @@ export async function results(course, group_id, signal) {
 
 export const sessions = {
   page: (query, signal) => get(['sessions'], { signal, query }),
+  /** Those whose trainee nobody knew when they came; they wait to be assigned. */
+  unknown: (query, signal) => get(['unknown-trainees'], { signal, query }),
+  assign: (id, trainee, reason) => post(['sessions', id, 'trainee'], { trainee, reason }),
   one: (id, signal) => get(['sessions', id], { signal }),
   score: (id, signal) => get(['sessions', id, 'score'], { signal }),
   rescore: (id) => post(['sessions', id, 'rescore'], {}),

@@ -23,6 +23,12 @@ const kTasks = [
   ['see courses', 'Courses', '#/courses', 'Exercises in order, with prerequisites, due dates and requirements.'],
   ['assign', 'Assignments', '#/assignments', 'Give a course or an exercise to a group or a trainee.'],
   ['see people', 'People and groups', '#/people', 'Who is there, and who belongs together.'],
+  [
+    'assign sessions',
+    'Unknown trainees',
+    '#/unknown-trainees',
+    'Sessions from stations without the server, of names that nobody has.',
+  ],
   ['export', 'Exports', '#/exports', 'Scores and samples as CSV with units, for your own tools.'],
   ['retention', 'Retention', '#/retention', 'How long recordings are kept whole, and when they go.'],
   ['see audit', 'Audit', '#/audit', 'Who changed what, and when.'],

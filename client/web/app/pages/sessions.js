@@ -63,6 +63,7 @@ export function SessionsPage({ query, person }) {
       <${TextField} label="To" type="date" value=${filter.to} onValue=${change('to')} />
       <div class="actions"><button type="submit">Find</button><a class="button" href="#/sessions">Show all</a></div>
     </form>
+    ${may(person.role, 'assign sessions') && html`<p><a href="#/unknown-trainees">Sessions of unknown trainees</a></p>`}
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
         ? html`
@@ -80,7 +81,7 @@ export function SessionsPage({ query, person }) {
                 <th scope="row">
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
-                <td>${s.description.trainee}</td>
+                <td>${s.description.trainee} ${s.unknown_trainee && html`<${Mark} kind="warn">unknown<//>`}</td>
                 <td>${s.description.exercise_id}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
