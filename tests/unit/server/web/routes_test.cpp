@@ -130,6 +130,17 @@ TEST(Routes, plainOnesFillTheirCallFromAddressQueryBodyAndIfMatch) {
   EXPECT_EQ(built("POST", "/sessions/" + id + "/excuse", call).error().code, ErrorCode::kInvalidInput);
 
   call = {};
+  call.body = {{"trainee", "tom"}, {"reason", "a typing error"}};
+  const auto assign = built("POST", "/sessions/" + id + "/trainee", call);
+  EXPECT_EQ(assign->assign_session().trainee(), "tom");
+  EXPECT_EQ(assign->assign_session().session_id(), score->get_score().session_id());
+  call = {};
+  call.target.query = {{"page", "AQI"}};
+  const auto unknown = built("GET", "/unknown-trainees", call);
+  EXPECT_TRUE(unknown->list_sessions().unknown_trainee());
+  EXPECT_EQ(unknown->list_sessions().page(), "\x01\x02");
+
+  call = {};
   EXPECT_EQ(built("DELETE", "/groups/g1", call).error().code, ErrorCode::kInvalidInput);
   call.if_match = 7;
   EXPECT_EQ(built("DELETE", "/groups/g1", call)->remove_group().id(), "g1");
