@@ -5,7 +5,6 @@
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 #include "db/documents.h"
-#include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/standing.h"
@@ -134,14 +133,7 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
     RETURN_IF_ERROR(ownOnly(context, call.trainee(), "lessons"));
   }
   ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));
-  if (context.who.role == pb::STATION) {
-    RETURN_IF_ERROR(mayPractise(context.reader, call.trainee()));
-  } else if (!call.trainee().empty()) {
-    ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.trainee()));
-    if (person && person->disabled) {
-      return Error{ErrorCode::kDenied, "'" + call.trainee() + "' is disabled: ask an administrator"};
-    }
-  }
+  RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
   ASSIGN_OR_RETURN(const auto parsed, exerciseOf(exercise));
   pb::Reply reply;
   auto* lesson = reply.mutable_lesson();
