@@ -11,11 +11,12 @@
 namespace needlelab {
 
 inline constexpr std::size_t kMaxNameBytes = 64;    ///< people, stations, ids of profiles and exercises
-/// The trainee of sessions that are nobody's: it needs no account.
-inline constexpr std::string_view kGuestName = "guest";
 inline constexpr std::size_t kMaxNoteBytes = 4096;  ///< annotations, messages
 inline constexpr std::size_t kMaxJsonBytes =
     900'000;  ///< a profile or curriculum must fit into a message of 1 MiB
+
+/// The trainee of sessions that are nobody's: it needs no account.
+inline constexpr std::string_view kGuestName = "guest";
 
 /// UTF-8 without overlong forms, surrogates or NUL.
 bool isUtf8(std::string_view text);

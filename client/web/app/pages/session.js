@@ -132,6 +132,15 @@ export function SessionPage({ params, person }) {
       <dl class="facts">
         <dt>Begun</dt>
         <dd>${moment(d.started_unix_ms)}, ${d.station}</dd>
+        ${
+          session.unknown_trainee &&
+          html`<dt>Trainee</dt>
+            <dd><${Mark} kind="warn">unknown<//> nobody was named ${d.trainee} when the session came</dd>`
+        }
+        ${
+          session.given_trainee &&
+          html`<dt>Trainee</dt><dd>${d.trainee}; the station named ${session.given_trainee}, a manager assigned it</dd>`
+        }
         <dt>Length</dt>
         <dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
         <dt>Patient</dt>
