@@ -81,9 +81,9 @@ test('layers add up; a thickness that is no number counts as none', () => {
     layers: [{ tissue: 'SKIN', thickness_m: 0.25 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.5 }],
   });
   assert.deepEqual(bounds, [
-    { tissue: 'SKIN', from_m: 0, to_m: 0.25 },
-    { tissue: 'FAT', from_m: 0.25, to_m: 0.25 },
-    { tissue: 'OTHER', from_m: 0.25, to_m: 0.75 },
+    { name: 'skin', tissue: 'SKIN', from_m: 0, to_m: 0.25 },
+    { name: 'fat', tissue: 'FAT', from_m: 0.25, to_m: 0.25 },
+    { name: 'layer 3', tissue: 'OTHER', from_m: 0.25, to_m: 0.75 },
   ]);
 });
 

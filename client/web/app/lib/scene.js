@@ -1,5 +1,6 @@
 // The limb of a profile as geometry: depth under the skin, a frame at the place of insertion, a cut through it. Pure;
 // metres.
+import { layerNames } from './tissue.js';
 
 /** @typedef {{x: number, y: number, z: number}} Vec */
 
@@ -148,12 +149,13 @@ export function levelLine(depth, { o, n, e1 }, level, { from_u, to_u, from_d, to
   return line;
 }
 
-/** Depths at which the layers of a profile begin and end; a thickness that is not a number counts as 0. */
+/** Names of the layers of a profile, and where they begin and end; a thickness that is not a number counts as 0. */
 export function layerBounds(profile) {
   let from_m = 0;
-  return (profile.layers ?? []).map((layer) => {
+  const names = layerNames(profile);
+  return (profile.layers ?? []).map((layer, i) => {
     const thickness = Number(layer.thickness_m) > 0 ? Number(layer.thickness_m) : 0;
-    const bounds = { tissue: layer.tissue ?? 'OTHER', from_m, to_m: from_m + thickness };
+    const bounds = { name: names[i], tissue: layer.tissue ?? 'OTHER', from_m, to_m: from_m + thickness };
     from_m += thickness;
     return bounds;
   });

@@ -11,7 +11,7 @@ import {
   spread,
 } from '../lib/scene.js';
 import { tissueColor } from '../lib/tissue.js';
-import { number, quantity, words } from '../lib/units.js';
+import { atStart, number, quantity, words } from '../lib/units.js';
 import { useWidth } from './hooks.js';
 import { html, useMemo } from './html.js';
 
@@ -117,7 +117,7 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
       return {
         x: x(at.u),
         y: y(at.d),
-        text: `${words(l.tissue)} ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`,
+        text: `${atStart(l.name)} ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`,
       };
     })
     .sort((a, b) => a.y - b.y);
