@@ -9,6 +9,7 @@ import {
   frameOf,
   inFrame,
   layerBounds,
+  layerLabels,
   length,
   levelLine,
   offPlane,
@@ -74,6 +75,24 @@ test('a layer of a ball is drawn as a circle: d = R − √((R − level)² − 
 test('columns that the layer does not reach are left out', () => {
   const line = levelLine(depthOf(ball), frameOf(ball), 0.05, { from_u: -0.03, to_u: 0.03, from_d: -0.01, to_d: 0.06 });
   assert.ok(line.length > 10 && line.every((p) => Math.abs(p.u) <= 0.01 + 1e-9));
+});
+
+test('labels of a cut take the width of the longest, and a name is cut before its size', () => {
+  const layers = layerBounds({
+    layers: [
+      { tissue: 'SKIN', thickness_m: 0.003 },
+      { tissue: 'TENDON', name: 'interspinous ligament', thickness_m: 0.025 },
+    ],
+  });
+  const plain = (texts) => texts.map((t) => t.replaceAll('\u00a0', ' '));
+  const wide = layerLabels(layers, [0.4, null], 100, 1000);
+  assert.deepEqual(plain(wide.texts), ['Skin 3 mm, φ 0.4 !', 'Interspinous ligament 25 mm']);
+  near(wide.width_px, 24 + 27 * 6.8);
+  near(layerLabels(layers, undefined, 300, 1000).width_px, 300);
+  const narrow = layerLabels(layers, [0.4, null], 100, 24 + 18 * 6.8);
+  assert.deepEqual(plain(narrow.texts), ['Skin 3 mm, φ 0.4 !', 'Interspino… 25 mm']);
+  for (const text of narrow.texts) assert.ok(text.length <= 18);
+  assert.deepEqual(layerLabels([], undefined, 185, 320), { texts: [], width_px: 185 });
 });
 
 test('layers add up; a thickness that is no number counts as none', () => {
