@@ -90,7 +90,7 @@ test('labels of a cut take the width of the longest, and a name is cut before it
   near(wide.width_px, 24 + 27 * 6.8);
   near(layerLabels(layers, undefined, 300, 1000).width_px, 300);
   const narrow = layerLabels(layers, [0.4, null], 100, 24 + 18 * 6.8);
-  assert.deepEqual(plain(narrow.texts), ['Skin 3 mm, φ 0.4 !', 'Interspino… 25 mm']);
+  assert.deepEqual(plain(narrow.texts), ['Skin 3 mm, φ 0.4 !', 'Interspinou… 25 mm']);
   for (const text of narrow.texts) assert.ok(text.length <= 18);
   assert.deepEqual(layerLabels([], undefined, 185, 320), { texts: [], width_px: 185 });
 });
