@@ -83,7 +83,7 @@ export function SyringeEvents({ id, seek }) {
               <th scope="row">${words(e.kind)}</th>
               <td class="number">${percent(Math.abs(e.plunger_to - e.plunger_from))}</td>
               <td>
-                ${e.begin?.in_tissue ? `${atStart(e.begin.layer_name || e.begin.tissue.toLowerCase())}, ${quantity(e.begin.depth_m, 'm')} deep` : 'outside'}
+                ${e.begin?.in_tissue ? `${atStart(e.begin.layer_name || words(e.begin.tissue))}, ${quantity(e.begin.depth_m, 'm')} deep` : 'outside'}
                 ${e.hazards?.length ? html` <span class="error">✗ in ${e.hazards.join(', ')}</span>` : ''}
               </td>
               <td class="number">${percent(e.in_target_share)}</td>
