@@ -1,9 +1,12 @@
 #include <fmt/core.h>
 
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "client/admin/command.h"
 #include "common/base/files.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -86,11 +89,15 @@ Status showProfile(CommandContext& context, const std::string& id, std::uint32_t
     return done;
   }
   Json layers = row["profile"]["layers"];
-  for (Json& layer : layers) {
+  const std::vector<std::string> names = layerNames(profile);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    Json& layer = layers[i];
+    layer["name"] = names[i];
     layer["thickness_mm"] = layer["thickness_m"].get<double>() * 1e3;
     if (layer.contains("puncture")) layer["puncture_n"] = layer["puncture"]["force_n"];
   }
-  context.output.text("\n" + tableText({{"tissue", "TISSUE"},
+  context.output.text("\n" + tableText({{"name", "NAME"},
+                                        {"tissue", "TISSUE"},
                                         {"thickness_mm", "THICKNESS mm"},
                                         {"cutting_force_n", "CUTTING N"},
                                         {"attracted_force_n", "ATTRACTED N"},

@@ -343,7 +343,7 @@ void Uplink::sendStatus() {
     }
     status.set_peak_force_n(facts_.peak_force_N);
     status.set_force_limit_n(facts_.force_limit_N);
-    status.set_tissue(facts_.tissue);
+    status.set_tissue(facts_.layer_name);
     cutText(*status.mutable_tissue(), 64);
     std::size_t room = kMostHazardBytes;
     for (const std::string& name : facts_.hazards_touched) {

@@ -132,7 +132,7 @@ void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBan
     const float at_px = std::max((top_px + low_px - text_px) * 0.5F, taken_to_px);
     if (band.name.empty() || at_px + text_px > low_px + text_px * 0.35F) continue;
     drawPlotText(list, {frame.low_px.x + 9, at_px}, packed(mixed(band.colour, kWhite, 0.45F), 0.95F),
-                 band.name);
+                 fittedText(band.name, frame.high_px.x - frame.low_px.x - 12));
     taken_to_px = at_px + text_px * 0.92F;
   }
 }

@@ -41,6 +41,8 @@ void dashedLine(ImDrawList& list, ImVec2 a, ImVec2 b, ImU32 colour, float width_
   }
 }
 
+constexpr float kNameShare = 0.4F;  // of the picture's width: the greatest width of a layer's name
+
 struct SceneLabel {
   ImVec2 anchor_px;
   std::string text;
@@ -169,7 +171,9 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneView& s
   if (frame.aids.has(pb::Exercise::TISSUES) && frame.cut_open) {
     for (const LayerView& layer : scene.layers) {
       const auto at = picture.at(layerAnchor(scene, layer, *picture.camera));
-      if (at && picture.holds(*at)) layers.push_back({*at, layer.name, tissueColour(layer.tissue), 0});
+      if (at && picture.holds(*at))
+        layers.push_back(
+            {*at, fittedText(layer.name, kNameShare * picture.size_px.x), tissueColour(layer.tissue), 0});
     }
   }
   if (frame.aids.has(pb::Exercise::ANATOMY)) {

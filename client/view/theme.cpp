@@ -154,14 +154,18 @@ float space() {
   return fontOf(Letters::kBody)->FontSize * 0.5F;
 }
 
+std::string fittedText(std::string_view text, float width_px) {
+  if (sizeOf(text).x <= width_px) return std::string(text);
+  return std::string(text.substr(0, bytesThatFit(text, width_px - sizeOf("…").x))) + "…";
+}
+
 void textLine(std::string_view text, float width_px) {
   if (width_px <= 0) width_px = ImGui::GetContentRegionAvail().x;
   if (sizeOf(text).x <= width_px) {
     writeText(text);
     return;
   }
-  const std::string cut = std::string(text.substr(0, bytesThatFit(text, width_px - sizeOf("…").x))) + "…";
-  writeText(cut);
+  writeText(fittedText(text, width_px));
   if (ImGui::IsItemHovered()) {
     ImGui::BeginTooltip();
     ImGui::PushTextWrapPos(30 * ImGui::GetFontSize());

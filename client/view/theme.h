@@ -47,6 +47,8 @@ void solidRect(ImDrawList& list, ImVec2 from_px, ImVec2 to_px, Rgb colour);
 /// layout.
 float space();
 
+/// The text in the current font, cut off with "…" where it is wider than `width_px`.
+std::string fittedText(std::string_view text, float width_px);
 /// Shows unformatted text; cuts it off with "…" at `width_px` (0: the rest of the line) and then shows all of
 /// it in a tooltip.
 void textLine(std::string_view text, float width_px = 0);

@@ -10,8 +10,10 @@
 #include <vector>
 
 #include "common/base/range.h"
+#include "common/base/text.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/aid_list.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
 
@@ -98,6 +100,29 @@ Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
   return {};
 }
 
+/// Checks that each name can be shown, and that no two layers are called alike.
+Status checkLayerNames(const pb::Profile& profile) {
+  const std::vector<std::string> names = layerNames(profile);
+  const auto field = [](int i) { return fmt::format("layers[{}].name", i); };
+  const auto isNamed = [&](int i) { return profile.layers(i).has_name(); };
+  std::map<std::string, int> called;  // the layer that is called so
+  for (int i = 0; i < profile.layers_size(); ++i) {
+    const std::string& name = names[static_cast<std::size_t>(i)];
+    if (isNamed(i)) {
+      RETURN_IF_ERROR(checkName(field(i), name));
+    }
+    const auto [found, is_new] = called.try_emplace(name, i);
+    if (is_new) continue;
+    // one of them has this name; the other has it, too, or is called so because it has none
+    const int named = isNamed(i) ? i : found->second, other = isNamed(i) ? found->second : i;
+    const std::string why = isNamed(other)
+                                ? fmt::format(" is the name of layers[{}], too", other)
+                                : fmt::format(" is what layers[{}] is called, which has no name", other);
+    return fieldError(field(named), quotedText(name) + why + ": give each layer a name of its own");
+  }
+  return {};
+}
+
 }  // namespace
 
 Status checkProfileRules(const pb::Profile& profile) {
@@ -106,6 +131,7 @@ Status checkProfileRules(const pb::Profile& profile) {
   RETURN_IF_ERROR(checkEffects(profile));
   RETURN_IF_ERROR(checkModelSection(profile));
   RETURN_IF_ERROR(checkStopMode(profile.tracking_wall()));
+  RETURN_IF_ERROR(checkLayerNames(profile));
   std::set<std::string> names;
   for (int i = 0; i < profile.targets_size(); ++i) {
     if (!names.insert(profile.targets(i).name()).second) {
@@ -254,10 +280,10 @@ bool lists(const pb::Profile& profile, pb::Profile::Effect effect) {
   return std::find(profile.effects().begin(), profile.effects().end(), effect) != profile.effects().end();
 }
 
-std::string layerName(const pb::Profile& profile, int i) {
-  const pb::Layer& layer = profile.layers(i);
-  return fmt::format("layers[{}] ({}, {} mm)", i, pb::Layer::Tissue_Name(layer.tissue()),
-                     shortNumber(layer.thickness_m() * 1e3));
+/// "layers[3] (ligamentum flavum, 5 mm)"
+std::string describedLayer(const pb::Profile& profile, int i) {
+  return fmt::format("layers[{}] ({}, {} mm)", i, layerNames(profile)[static_cast<std::size_t>(i)],
+                     shortNumber(profile.layers(i).thickness_m() * 1e3));
 }
 
 /// The depth at which a pushed membrane ruptures: the positive root of k1 z + k2 z² = force, in the form
@@ -279,7 +305,7 @@ void warnAboutRupture(const pb::Profile& profile, int i, std::vector<std::string
     depth_m = ruptureDepth(layer.puncture());
   }
   if (depth_m > layer.thickness_m())
-    warnings.push_back(layerName(profile, i) + ": its membrane ruptures at " + shortNumber(force_N) +
+    warnings.push_back(describedLayer(profile, i) + ": its membrane ruptures at " + shortNumber(force_N) +
                        " N only " + shortNumber(depth_m * 1e3) +
                        " mm deep, below the layer; make it stiffer or weaker");
 }
@@ -295,10 +321,10 @@ void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warni
     if (is_wall && lists(profile, pb::Profile::CUTTING)) {
       const double phi = fidelity(force_before_N, layer.cutting_force_n(), stiffness, layer.thickness_m());
       if (phi < kLeastFidelity) {
-        warnings.push_back(layerName(profile, i) + ": too thin to be felt, fidelity " + shortNumber(phi) +
-                           " is below 0.5: the cutting force rises from " + shortNumber(force_before_N) +
-                           " to " + shortNumber(layer.cutting_force_n()) + " N, for which a wall of " +
-                           shortNumber(stiffness) + " N/m needs " +
+        warnings.push_back(describedLayer(profile, i) + ": too thin to be felt, fidelity " +
+                           shortNumber(phi) + " is below 0.5: the cutting force rises from " +
+                           shortNumber(force_before_N) + " to " + shortNumber(layer.cutting_force_n()) +
+                           " N, for which a wall of " + shortNumber(stiffness) + " N/m needs " +
                            shortNumber((layer.cutting_force_n() - force_before_N) / stiffness * 1e3) + " mm");
       }
     }

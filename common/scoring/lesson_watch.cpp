@@ -2,31 +2,21 @@
 #include "common/scoring/lesson_watch.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 
+#include "common/profile/layer_names.h"
 #include "common/scoring/anatomy.h"
 #include "common/scoring/bone_contacts.h"
 #include "common/scoring/track.h"
 
 namespace needlelab {
-namespace {
-
-/// "MUSCLE" as a word within a sentence.
-std::string lowerCase(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
-
-}  // namespace
 
 struct LessonWatch::Scene {
   Anatomy anatomy;
   BoneContacts bones;
   bool bone_touched = false;
-  std::vector<bool> touched;         // by hazard
-  std::vector<std::string> tissues;  // by layer
+  std::vector<bool> touched;             // by hazard
+  std::vector<std::string> layer_names;  // by layer
 };
 
 LessonWatch::LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb::Exercise* exercise)
@@ -34,8 +24,7 @@ LessonWatch::LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb:
   scene_->anatomy = anatomyOf(profile, X_WL);
   scene_->bones = BoneContacts(profile, scene_->anatomy);
   scene_->touched.assign(scene_->anatomy.hazards.size(), false);
-  for (const pb::Layer& layer : profile.layers())
-    scene_->tissues.push_back(lowerCase(pb::Layer::Tissue_Name(layer.tissue())));
+  scene_->layer_names = layerNames(profile);
   if (exercise == nullptr) return;
   for (const auto& requirement : exercise->requirements()) {
     if (requirement.measure() == "peak_force_n" && requirement.has_max()) force_limit_N_ = requirement.max();
@@ -56,7 +45,7 @@ void LessonWatch::check(const GestureSample& sample) {
   if (sample.layer != layer_) {
     layer_ = sample.layer;
     const auto index = static_cast<std::size_t>(layer_);
-    tissue_ = layer_ >= 0 && index < scene_->tissues.size() ? scene_->tissues[index] : std::string();
+    layer_name_ = layer_ >= 0 && index < scene_->layer_names.size() ? scene_->layer_names[index] : "";
   }
   if (!isInside(sample)) return;
   const Vec3 tip_W_m{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]};

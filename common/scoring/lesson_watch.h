@@ -1,4 +1,4 @@
-/// Watches a gesture during the lesson: greatest force, touched hazards and bone, tissue; with the
+/// Watches a gesture during the lesson: greatest force, touched hazards and bone, layer; with the
 /// definitions of `scoreGesture`.
 #pragma once
 
@@ -34,8 +34,8 @@ class LessonWatch {
   /// What an instructor should look at: the same names, and kBoneContactWords where the tip first came into
   /// bone.
   [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
-  /// The tissue of the tip's current layer, in lower case: "muscle"; empty outside.
-  [[nodiscard]] const std::string& tissue() const { return tissue_; }
+  /// What people call the tip's current layer: "deltoid muscle"; empty outside.
+  [[nodiscard]] const std::string& layerName() const { return layer_name_; }
 
  private:
   struct Scene;
@@ -44,7 +44,7 @@ class LessonWatch {
   double peak_force_N_ = 0, force_limit_N_ = 0;
   int layer_ = -1;
   std::vector<std::string> touched_, warnings_;
-  std::string tissue_;
+  std::string layer_name_;
 };
 
 }  // namespace needlelab

@@ -31,7 +31,7 @@ struct Gesture {
 class Rows {
  public:
   /// Adds a row with the unit and words of measure_table.h; `words` replaces the table's words, e.g. with a
-  /// layer's tissue. Adds no row for a value that is not finite, nor for a name that is not in the table
+  /// layer's name. Adds no row for a value that is not finite, nor for a name that is not in the table
   /// (asserted).
   void add(std::string name, double value, std::string words = {});
   std::vector<Measure> take() { return std::move(rows_); }

@@ -212,13 +212,18 @@ std::string measureTableMarkdown() {
   return text;
 }
 
-std::string measureWords(std::string_view name) {
+std::string measureWords(std::string_view name, std::span<const std::string> layer_names) {
   const MeasureKind* const kind = measureKind(name);
   std::string words(kind == nullptr ? name : kind->words);
-  // a layer's row: its number in place of the K
-  if (const std::size_t k = kind == nullptr ? std::string::npos : kind->name.find('K');
-      k != std::string::npos)
-    words.replace(words.find('K'), 1, name.substr(k, name.size() - (kind->name.size() - 1)));
+  const std::size_t k = kind == nullptr ? std::string::npos : kind->name.find('K');
+  if (k == std::string::npos) return words;
+  // a layer's row: its name, or its number in place of the K
+  const std::string number(name.substr(k, name.size() - (kind->name.size() - 1)));
+  constexpr std::string_view kLayer = "layer K";
+  if (const std::size_t layer = std::stoul(number); layer <= layer_names.size())
+    words.replace(words.find(kLayer), kLayer.size(), layer_names[layer - 1]);
+  else
+    words.replace(words.find('K'), 1, number);
   return words;
 }
 

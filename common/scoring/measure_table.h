@@ -45,9 +45,9 @@ Better betterOf(std::string_view name);
 /// Returns the least difference from `value` that counts, in the measure's unit; 0 for unknown names.
 double leastDifference(std::string_view name, double value);
 
-/// Returns the words for a row, with its layer's number: "Peak force in layer 3"; the name itself if it is
-/// unknown.
-std::string measureWords(std::string_view name);
+/// Returns the words for a row: "Peak force in dura" with the profile's `layerNames`, without them with the
+/// layer's number, "Peak force in layer 3"; the name itself if it is unknown.
+std::string measureWords(std::string_view name, std::span<const std::string> layer_names = {});
 
 /// Formats a value for people: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²".
 std::string valueText(double value, const std::string& unit);

@@ -8,8 +8,10 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
+#include "common/profile/layer_names.h"
 #include "common/scoring/bone_contacts.h"
 #include "common/scoring/measure_groups.h"
+#include "common/scoring/measure_table.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {
@@ -218,16 +220,16 @@ void addTissue(const Gesture& gesture, Rows& rows) {
   rows.add("greatest_insertion_m", insertion_m);
   rows.add("peak_force_n", peak_N);
   rows.add("mean_force_in_tissue_n", time_s > 0 ? impulse_Ns / time_s : 0);
+  const std::vector<std::string> names = layerNames(*gesture.profile);
+  const auto addOfLayer = [&](std::string name, double value) {
+    std::string words = measureWords(name, names);
+    rows.add(std::move(name), value, std::move(words));
+  };
+  for (std::size_t i = 0; i < layer_peaks.size(); ++i)
+    addOfLayer(fmt::format("peak_force_layer_{}_n", i + 1), layer_peaks[i]);
   for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
-    const auto& tissue = pb::Layer::Tissue_Name(gesture.profile->layers(static_cast<int>(i)).tissue());
-    rows.add(fmt::format("peak_force_layer_{}_n", i + 1), layer_peaks[i],
-             fmt::format("Peak force in layer {} ({})", i + 1, tissue));
-  }
-  for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
-    if (!(layer_times[i] > 0)) continue;
-    const auto& tissue = pb::Layer::Tissue_Name(gesture.profile->layers(static_cast<int>(i)).tissue());
-    rows.add(fmt::format("mean_force_layer_{}_n", i + 1), layer_impulses[i] / layer_times[i],
-             fmt::format("Mean force in layer {} ({})", i + 1, tissue));
+    if (layer_times[i] > 0)
+      addOfLayer(fmt::format("mean_force_layer_{}_n", i + 1), layer_impulses[i] / layer_times[i]);
   }
   rows.add("largest_lateral_error_m", lateral_m);
   const Counts counts = countEvents(gesture);

@@ -183,8 +183,8 @@ std::string_view standingName(Standing standing) {
 }
 
 std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
-                                             std::span<const ReferenceBand> bands,
-                                             std::optional<bool> passed) {
+                                             std::span<const ReferenceBand> bands, std::optional<bool> passed,
+                                             std::span<const std::string> layer_names) {
   std::vector<Comparison> rows;
   for (const Measure& measure : measures) {
     if (!measure.measured) continue;
@@ -196,7 +196,7 @@ std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
     row.unit = measure.unit;
     row.value = measure.value;
     row.band = *band;
-    const std::string words = measureWords(row.name);
+    const std::string words = measureWords(row.name, layer_names);
     judge(row, words, passed);
     rows.push_back(std::move(row));
   }

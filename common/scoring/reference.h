@@ -65,10 +65,11 @@ struct Comparison {
 };
 
 /// Compares each measured row that has a band, in the rows' order. `passed`: the attempt's verdict, if it has
-/// one; nothing is called better than the experts in an attempt that was not passed.
+/// one; nothing is called better than the experts in an attempt that was not passed. `layer_names`: of the
+/// session's profile, for the words.
 std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
-                                             std::span<const ReferenceBand> bands,
-                                             std::optional<bool> passed);
+                                             std::span<const ReferenceBand> bands, std::optional<bool> passed,
+                                             std::span<const std::string> layer_names = {});
 
 /// t(0.975, df), the quantile of Student's distribution, to 0.3 %; df at least 1.
 double studentQuantile975(std::size_t df);

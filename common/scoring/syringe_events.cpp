@@ -8,6 +8,7 @@
 
 #include "common/haptics/limits.h"
 #include "common/haptics/scene_model.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/scoring/anatomy.h"
 #include "common/scoring/measure_groups.h"
@@ -30,13 +31,14 @@ bool hasPlunger(const GestureSample& sample) {
 /// The parts of the profile that places need.
 struct Surroundings {
   Anatomy anatomy;
-  std::vector<double> layer_end_m;  // under the surface; the last layer has no end
-  std::vector<std::string> tissues;
+  std::vector<double> layer_end_m;                // under the surface; the last layer has no end
+  std::vector<std::string> tissues, layer_names;  // by layer
   double opening_behind_tip_m = 0;
 };
 
 Surroundings surroundingsOf(const pb::Profile& profile, const Pose& X_WL) {
-  Surroundings all{anatomyOf(profile, X_WL), {}, {}, openingBehindTip_m(needleOf(profile.needle()))};
+  Surroundings all{
+      anatomyOf(profile, X_WL), {}, {}, layerNames(profile), openingBehindTip_m(needleOf(profile.needle()))};
   double depth_m = 0;
   for (const pb::Layer& layer : profile.layers()) {
     depth_m += layer.thickness_m();
@@ -83,6 +85,7 @@ pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample
                                                around.tissues.size() - 1);
       place.set_layer(static_cast<std::int32_t>(layer));
       place.set_tissue(around.tissues[layer]);
+      place.set_layer_name(around.layer_names[layer]);
     }
   }
   const Region* nearest = nullptr;
@@ -253,11 +256,13 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kSamePlace_m = 0.0005;
 
-/// "21 mm deep in BURSA, 0.4 mm inside subacromial bursa"
+/// "21 mm deep in bursa, 0.4 mm inside subacromial bursa"
 std::string placeText(const pb::SyringePlace& place) {
   if (!place.in_tissue()) return "outside the tissue";
   std::string text = valueText(place.depth_m(), "m") + " deep";
-  if (!place.tissue().empty()) text += " in " + place.tissue();
+  // a server of before does not tell the name
+  const std::string& layer = place.layer_name().empty() ? place.tissue() : place.layer_name();
+  if (!layer.empty()) text += " in " + layer;
   if (!place.target().empty())
     text += ", " + valueText(std::abs(place.target_distance_m()), "m") +
             (place.target_distance_m() <= 0 ? " inside " : " from ") + place.target();
@@ -280,6 +285,7 @@ Json placeJson(const pb::SyringePlace& place) {
           {"in_tissue", place.in_tissue()},
           {"layer", place.layer()},
           {"tissue", textOrNull(place.tissue())},
+          {"layer_name", textOrNull(place.layer_name())},
           {"depth_m", place.depth_m()},
           {"insertion_m", place.insertion_m()},
           {"target", textOrNull(place.target())},
@@ -340,6 +346,17 @@ std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> given
     addShares(around, samples, stroke, event);
   }
   return events;
+}
+
+void nameLayers(const pb::Profile& profile, std::span<pb::SyringeEvent> events) {
+  const std::vector<std::string> names = layerNames(profile);
+  for (pb::SyringeEvent& event : events) {
+    for (pb::SyringePlace* const place : {event.mutable_begin(), event.mutable_end()}) {
+      if (place->in_tissue() && place->layer() >= 0 &&
+          static_cast<std::size_t>(place->layer()) < names.size())
+        place->set_layer_name(names[static_cast<std::size_t>(place->layer())]);
+    }
+  }
 }
 
 std::string eventText(const pb::SyringeEvent& event) {

@@ -37,7 +37,10 @@ inline constexpr double kPause_s = 0.3;
 std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> samples, double rate_hz,
                                             const pb::Profile& profile, const Pose& X_WL);
 
-/// Describes an event for people, e.g. "aspiration of 10 % at 12.3 s, 21 mm deep in BURSA, 0.4 mm inside
+/// Sets the events' layer_name, which databases do not keep. `profile`: the session's.
+void nameLayers(const pb::Profile& profile, std::span<pb::SyringeEvent> events);
+
+/// Describes an event for people, e.g. "aspiration of 10 % at 12.3 s, 21 mm deep in bursa, 0.4 mm inside
 /// subacromial bursa".
 std::string eventText(const pb::SyringeEvent& event);
 /// A JSON list of objects with the message's fields: "event" (kind), "begin_s", … and "words" (eventText).

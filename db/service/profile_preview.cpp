@@ -10,6 +10,7 @@
 #include "common/base/range.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "db/service/handlers.h"
 
@@ -56,9 +57,11 @@ Status checkPreview(const pb::PreviewProfile& call) {
 }
 
 void addLayers(const pb::Profile& profile, pb::ProfilePreview& preview) {
+  const std::vector<std::string> names = layerNames(profile);
   double top_m = 0, before_N = 0;
   for (const pb::Layer& layer : profile.layers()) {
     auto* felt = preview.add_layers();
+    felt->set_name(names[static_cast<std::size_t>(preview.layers_size()) - 1]);
     felt->set_tissue(pb::Layer::Tissue_Name(layer.tissue()));
     felt->set_from_m(top_m);
     felt->set_to_m(top_m += layer.thickness_m());

@@ -10,6 +10,8 @@
 
 #include "common/base/clock.h"
 #include "common/base/result.h"
+#include "common/profile/layer_names.h"
+#include "common/profile/profile.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
 #include "common/scoring/reference.h"
@@ -21,6 +23,7 @@
 #include "db/service/score_rows.h"
 #include "db/service/session_samples.h"
 #include "db/session_results.h"
+#include "db/session_store.h"
 #include "needlelab/teaching.pb.h"
 
 namespace needlelab {
@@ -242,7 +245,11 @@ Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, co
     }
   }
   const auto passed = score.has_passed() ? std::optional(score.passed()) : std::nullopt;
-  return comparisonJson(compareWithReference(measures, bands, passed));
+  // a session of an old program may have a profile that is not readable now: its layers are numbers then
+  ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(id));
+  const auto profile = parseProfile(info.description().profile_json(), "profile");
+  const auto names = profile ? layerNames(*profile) : std::vector<std::string>();
+  return comparisonJson(compareWithReference(measures, bands, passed, names));
 }
 
 Verdicts verdictsOf(std::string_view measures_json) {

@@ -4,8 +4,10 @@
 #include <optional>
 
 #include "common/base/text.h"
+#include "common/profile/profile.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/syringe_events.h"
 #include "db/connection.h"
 #include "db/service/handlers.h"
 #include "db/service/session_samples.h"
@@ -249,6 +251,8 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
   if (!*stored) {
     ASSIGN_OR_RETURN(const auto read, samplesOf(context.reader, *id));
     *stored = eventsOf(read);
+  } else if (const auto profile = parseProfile(info.description().profile_json(), "profile")) {
+    nameLayers(*profile, **stored);
   }
   PageRoom room;
   for (std::uint64_t i = from; i < (*stored)->size(); ++i) {

@@ -8,6 +8,7 @@
 #include "common/base/uuid.h"
 #include "common/haptics/force_gate.h"
 #include "common/haptics/sim_state.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "db/credentials.h"
 #include "db/session_store.h"
@@ -21,7 +22,7 @@ constexpr std::int64_t kStationsEvery_ns = 2'000'000'000;
 
 struct BoardFacts {
   pb::Stations stations;
-  std::map<std::string, std::vector<std::string>> tissues;
+  std::map<std::string, std::vector<std::string>> layer_names;  // by session
 };
 
 /// Reads the existing stations, and the layers of new sessions. On a worker's thread.
@@ -40,10 +41,8 @@ Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::ve
     std::copy(bytes.begin(), bytes.end(), id.begin());
     const auto info = SessionStore(*reader).info(id);
     if (!info) continue;  // its first status came before it was stored: asks again later
-    auto& names = facts.tissues[bytes];
     const auto profile = parseProfile(info->description().profile_json(), "profile");
-    if (!profile) continue;
-    for (const pb::Layer& layer : profile->layers()) names.push_back(pb::Layer::Tissue_Name(layer.tissue()));
+    facts.layer_names[bytes] = profile ? layerNames(*profile) : std::vector<std::string>();
   }
   return facts;
 }
@@ -89,7 +88,7 @@ Task<> LiveBoard::run(std::shared_ptr<LiveBoard> self) {
   }
   board.running_ = false;
   board.newest_.reset();
-  board.tissues_.clear();
+  board.layer_names_.clear();
 }
 
 Task<> LiveBoard::readStore() {
@@ -101,13 +100,13 @@ Task<> LiveBoard::readStore() {
   for (const pb::StationInfo& station : stations_.stations()) {
     const std::string& session = station.status().session_id();
     if (session.empty()) continue;
-    const auto found = tissues_.find(session);
-    if (found == tissues_.end())
+    const auto found = layer_names_.find(session);
+    if (found == layer_names_.end())
       unknown.push_back(session);
     else
       known.insert(*found);
   }
-  tissues_ = std::move(known);
+  layer_names_ = std::move(known);
   if (!stations_too && unknown.empty()) co_return;
   std::function<Result<BoardFacts>()> read = [&store = context_.store, stations_too, unknown] {
     return readBoardFacts(store, stations_too, unknown);
@@ -117,7 +116,7 @@ Task<> LiveBoard::readStore() {
     logEvent(LogLevel::kWarning, "live_read_failed", {{"text", facts.error().message}});
     co_return;
   }
-  tissues_.merge(facts->tissues);
+  layer_names_.merge(facts->layer_names);
   if (!stations_too) co_return;
   stations_ns_ = now;
   stations_ = std::move(facts->stations);
@@ -129,11 +128,11 @@ std::string LiveBoard::make() {
   for (pb::StationInfo& station : *stations_.mutable_stations()) {
     const pb::StationStatus& status = station.status();
     const bool idle = !station.online() || status.session_id().empty();
-    const auto tissues = tissues_.find(status.session_id());
+    const auto names = layer_names_.find(status.session_id());
     std::string layer;
-    if (!idle && status.layer() >= 0 && tissues != tissues_.end() &&
-        static_cast<std::size_t>(status.layer()) < tissues->second.size())
-      layer = tissues->second[static_cast<std::size_t>(status.layer())];
+    if (!idle && status.layer() >= 0 && names != layer_names_.end() &&
+        static_cast<std::size_t>(status.layer()) < names->second.size())
+      layer = names->second[static_cast<std::size_t>(status.layer())];
     const bool trouble = status.trouble().empty() && status.fault() != 0;
     tiles.push_back({{"station", station.name()},
                      {"online", station.online()},

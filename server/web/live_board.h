@@ -14,7 +14,7 @@
 namespace needlelab {
 
 /// `{"tiles":[{station, online, session_id, trainee, exercise, phase, depth_m, layer, force_n, peak_force_n,
-/// peak_since_unix_ms, fault, drops}]}`. `layer` is the tissue's name, `fault` a problem that needs a
+/// peak_since_unix_ms, fault, drops}]}`. `layer` is what people call it, `fault` a problem that needs a
 /// person's attention, `drops` the number of ticks that the station missed, `peak_force_n` the session's
 /// maximum, by the hub: it does not depend on who watches. `peak_since_unix_ms` is 0, or when the server
 /// began to see a session whose station sends no peak. Built only while there are viewers. Thread: the
@@ -50,7 +50,7 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
   std::shared_ptr<const std::string> newest_;
   pb::Stations stations_;  // names, from the database
   std::int64_t stations_ns_ = 0;
-  std::map<std::string, std::vector<std::string>> tissues_;  // of each session on the board, by layer
+  std::map<std::string, std::vector<std::string>> layer_names_;  // of each session on the board, by layer
 };
 
 }  // namespace needlelab

@@ -5,6 +5,7 @@ import { readFile } from 'node:fs/promises';
 import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
 import { fileURLToPath } from 'node:url';
+import { layerNames } from '../../client/web/app/lib/tissue.js';
 import { makeLab } from './mock/data.mjs';
 import { csvOf, kTable, Refusal } from './mock/rest.mjs';
 import { acceptWebSocket } from './mock/websocket.mjs';
@@ -163,7 +164,7 @@ function tiles(lab) {
       exercise: s.exercise_id,
       phase: ['FREE', 'INSERTING', 'STOPPED', 'WITHDRAWING'][columns.phase[at]],
       depth_m: columns.insertion_m[at],
-      layer: layer < 0 ? '' : lab.profiles.get(s.profile_id)[0].json.layers[layer].tissue,
+      layer: layer < 0 ? '' : layerNames(lab.profiles.get(s.profile_id)[0].json)[layer],
       force_n: Math.abs(columns.fz_n[at]),
       peak_force_n: 2.6,
       peak_since_unix_ms: 0,

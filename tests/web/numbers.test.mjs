@@ -1,8 +1,19 @@
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 import { backoff, clock, day, fromInput, moment, since, timeOfDay, toInput } from '../../client/web/app/lib/time.js';
 import { indexAt, minMax } from '../../client/web/app/lib/decimate.js';
-import { bytes, fieldUnit, measureTitle, quantity, shown, typed, words } from '../../client/web/app/lib/units.js';
+import { layerNames } from '../../client/web/app/lib/tissue.js';
+import {
+  atStart,
+  bytes,
+  fieldUnit,
+  measureTitle,
+  quantity,
+  shown,
+  typed,
+  words,
+} from '../../client/web/app/lib/units.js';
 import { advance, atRest, seek, toggle } from '../../client/web/app/lib/recording.js';
 import { random } from './mock/gesture.mjs';
 
@@ -93,12 +104,27 @@ test('names and sizes as people read them', () => {
   assert.equal(plain(bytes(512, 'en')), '512 B');
 });
 
+test('layers are called as the programs in C++ call them', () => {
+  const rows = JSON.parse(readFileSync(new URL('../data/profile/layer_names.json', import.meta.url), 'utf8'));
+  assert.ok(rows.length >= 6);
+  for (const { says, layers, names } of rows) assert.deepEqual(layerNames({ layers }), names, says);
+  // while one types: a name that was emptied, a layer without a tissue, no profile
+  assert.deepEqual(layerNames({ layers: [{ tissue: 'FAT', name: '' }, {}] }), ['fat', 'layer 2']);
+  assert.deepEqual(layerNames(null), []);
+  assert.equal(atStart('epidural space'), 'Epidural space');
+});
+
 test('a measure is called by its words without value and verdict', () => {
   const cases = {
     'Peak force 2.52 N: within the 5 N allowed': 'Peak force',
     'Tissue swept by the shaft 0.218 cm²': 'Tissue swept by the shaft',
     'Smoothness (LDLJ) -16.6': 'Smoothness (LDLJ)',
     'Peak force in layer 5 (TENDON) 2.14 N': 'Peak force in layer 5 (TENDON)',
+    'Peak force in ligamentum flavum 2.14 N: above the 2 N allowed': 'Peak force in ligamentum flavum',
+    'Peak force in root C5: left 2 N: just above the 2 N allowed': 'Peak force in root C5: left',
+    'Peak force in root C5: left 2 N': 'Peak force in root C5: left',
+    'Peak force in tendon 2 2.14 N': 'Peak force in tendon 2',
+    'Mean force in layer 4 0 N': 'Mean force in layer 4',
     'Mean speed 11.6 mm/s': 'Mean speed',
     'Entries 1: within the 2 allowed': 'Entries',
     'Target reached': 'Target reached',

@@ -9,6 +9,7 @@ import {
   frameOf,
   inFrame,
   layerBounds,
+  layerLabels,
   length,
   levelLine,
   offPlane,
@@ -76,14 +77,32 @@ test('columns that the layer does not reach are left out', () => {
   assert.ok(line.length > 10 && line.every((p) => Math.abs(p.u) <= 0.01 + 1e-9));
 });
 
+test('labels of a cut take the width of the longest, and a name is cut before its size', () => {
+  const layers = layerBounds({
+    layers: [
+      { tissue: 'SKIN', thickness_m: 0.003 },
+      { tissue: 'TENDON', name: 'interspinous ligament', thickness_m: 0.025 },
+    ],
+  });
+  const plain = (texts) => texts.map((t) => t.replaceAll('\u00a0', ' '));
+  const wide = layerLabels(layers, [0.4, null], 100, 1000);
+  assert.deepEqual(plain(wide.texts), ['Skin 3 mm, φ 0.4 !', 'Interspinous ligament 25 mm']);
+  near(wide.width_px, 24 + 27 * 6.8);
+  near(layerLabels(layers, undefined, 300, 1000).width_px, 300);
+  const narrow = layerLabels(layers, [0.4, null], 100, 24 + 18 * 6.8);
+  assert.deepEqual(plain(narrow.texts), ['Skin 3 mm, φ 0.4 !', 'Interspinou… 25 mm']);
+  for (const text of narrow.texts) assert.ok(text.length <= 18);
+  assert.deepEqual(layerLabels([], undefined, 185, 320), { texts: [], width_px: 185 });
+});
+
 test('layers add up; a thickness that is no number counts as none', () => {
   const bounds = layerBounds({
     layers: [{ tissue: 'SKIN', thickness_m: 0.25 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.5 }],
   });
   assert.deepEqual(bounds, [
-    { tissue: 'SKIN', from_m: 0, to_m: 0.25 },
-    { tissue: 'FAT', from_m: 0.25, to_m: 0.25 },
-    { tissue: 'OTHER', from_m: 0.25, to_m: 0.75 },
+    { name: 'skin', tissue: 'SKIN', from_m: 0, to_m: 0.25 },
+    { name: 'fat', tissue: 'FAT', from_m: 0.25, to_m: 0.25 },
+    { name: 'layer 3', tissue: 'OTHER', from_m: 0.25, to_m: 0.75 },
   ]);
 });
 

@@ -115,7 +115,7 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.samples = status.samples();
   tile.spool_left = status.spool_left();
   tile.wakeup_p99_us = status.wakeup_p99_us();
-  tile.tissue = printable(status.tissue());
+  tile.layer_name = printable(status.tissue());
   tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kExcessiveForce_N;
   if (!tile.session_id.empty()) {
     // older stations send neither peak nor hazards: use the values collected here

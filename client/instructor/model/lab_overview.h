@@ -52,7 +52,7 @@ struct StationTile {
   bool online = false, stale = false, revoked = false;
   std::uint32_t phase = 0;
   int layer = -1;
-  std::string tissue;
+  std::string layer_name;
   double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kExcessiveForce_N;
   double lesson_s = 0;  ///< since the session's start if known, otherwise its first received status line
   std::uint32_t fault = 0;

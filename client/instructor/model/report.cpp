@@ -13,6 +13,7 @@
 #include "common/base/files.h"
 #include "common/base/text.h"
 #include "common/gesture/sample_csv.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/syringe_events.h"
@@ -206,13 +207,14 @@ std::string measuresOf(const ReportData& data) {
   if (data.measures.empty()) return "<p>There is no score yet: the session must be closed first.</p>\n";
   std::string out = "<table>\n<tr><th></th><th>measure</th><th class='n'>value</th><th>required</th>";
   out += data.bands.empty() ? "</tr>\n" : "<th>beside the experts</th></tr>\n";
+  const std::vector<std::string> names = layerNamesOf(data);
   // required measures first
   for (const bool required : {true, false}) {
     for (const Measure& measure : data.measures) {
       if (measure.passed.has_value() != required) continue;
       const char* const sign = !required ? "" : *measure.passed ? "✔" : "✘";
       out += std::string("<tr><td class='v'>") + sign + "</td><td title='" + htmlText(measure.words) + "'>" +
-             htmlText(measureWords(measure.name)) + "</td><td class='n'>" +
+             htmlText(measureWords(measure.name, names)) + "</td><td class='n'>" +
              htmlText(measure.measured ? valueText(measure.value, measure.unit) : std::string("–")) +
              "</td><td>" + htmlText(requiredText(measure)) + "</td>" +
              (data.bands.empty() ? std::string() : "<td>" + standingOf(data, measure) + "</td>") + "</tr>\n";
@@ -314,6 +316,10 @@ std::string gesturePlotsOf(const ReportData& data) {
 }
 
 }  // namespace
+
+std::vector<std::string> layerNamesOf(const ReportData& data) {
+  return layerNames(data.gesture->scene.profile);
+}
 
 std::vector<StandingRow> standingRowsOf(const std::string& comparison_json) {
   std::vector<StandingRow> rows;

@@ -48,6 +48,9 @@ std::vector<ProgressRow> progressRowsOf(const std::string& measures_json);
 /// Parses Score.comparison_json.
 std::vector<StandingRow> standingRowsOf(const std::string& comparison_json);
 
+/// What people call the layers of the session's profile, for `measureWords`; empty if it is not readable.
+std::vector<std::string> layerNamesOf(const ReportData& data);
+
 /// Plots a measure over the attempts with the experts' range as a band, in display units.
 Plot progressPlot(const ReportData& data, const ProgressRow& row);
 

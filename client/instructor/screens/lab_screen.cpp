@@ -21,7 +21,7 @@ std::string depthWords(const StationTile& tile) {
   const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
   if (tile.layer < 0) return phase;
   const std::string where =
-      tile.tissue.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.tissue;
+      tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
   return fmt::format("{}, {:.1f} mm, ", phase, 1e3 * tile.insertion_m) + where;
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <string>
+#include <vector>
 
 #include "client/view/plots.h"
 #include "client/view/theme.h"
@@ -54,6 +55,7 @@ void ScoresScreen::showMeasures(const ReportData& data) {
   ImGui::TableSetupColumn("required", 0, 0.9F);
   ImGui::TableSetupColumn("beside the experts", 0, 1.3F);
   ImGui::TableHeadersRow();
+  const std::vector<std::string> names = layerNamesOf(data);
   for (const bool required : {true, false}) {
     for (const Measure& measure : data.measures) {
       if (measure.passed.has_value() != required) continue;
@@ -65,7 +67,7 @@ void ScoresScreen::showMeasures(const ReportData& data) {
         ImGui::TextUnformatted(*measure.passed ? "✔" : "✘");
       }
       ImGui::TableNextColumn();
-      textLine(measureWords(measure.name));
+      textLine(measureWords(measure.name, names));
       ImGui::TableNextColumn();
       textLine(measure.measured ? valueText(measure.value, measure.unit) : std::string("not measured"));
       ImGui::TableNextColumn();

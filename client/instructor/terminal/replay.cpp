@@ -9,6 +9,8 @@
 #include "client/instructor/terminal/headless.h"
 #include "client/instructor/terminal/update_line.h"
 #include "common/gesture/chunk.h"
+#include "common/profile/layer_names.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {
@@ -54,6 +56,7 @@ class Replay {
     ASSIGN_OR_RETURN(auto reply, run_.client.call(request));
     info_ = reply.session();
     const auto& d = info_.description();
+    if (const auto profile = parseProfile(d.profile_json(), "profile")) layer_names_ = layerNames(*profile);
     run_.note(fmt::format("session {} of {} at {}, exercise {}, profile {}, {} samples, {}",
                           run_.options.session, d.trainee(), d.station(), d.exercise_id(), d.profile_id(),
                           info_.samples(), pb::SessionState_Name(info_.state())));
@@ -119,7 +122,7 @@ class Replay {
       if (rate_hz > 0)
         next_line_s_ += 1 / rate_hz * std::max(1.0, 1 + std::floor((time_s - next_line_s_) * rate_hz));
       if (!waitUntil(time_s)) return false;
-      Update update = updateOf(sample);
+      Update update = updateOf(sample, layer_names_);
       update.syringe = plunger_.action();
       update.time_s = time_s;
       update.station = info_.description().station();
@@ -157,6 +160,7 @@ class Replay {
 
   const HeadlessRun& run_;
   pb::SessionInfo info_;
+  std::vector<std::string> layer_names_;
   std::vector<pb::Annotation> annotations_;
   std::size_t noted_ = 0;
   PlungerWatch plunger_;

@@ -6,6 +6,7 @@
 #include <fmt/core.h>
 #include <nlohmann/json.hpp>
 
+#include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/haptics/force_gate.h"
 #include "common/haptics/sim_state.h"
@@ -37,10 +38,12 @@ std::string printable(const std::string& text, std::size_t width) {
 
 }  // namespace
 
-Update updateOf(const GestureSample& sample) {
+Update updateOf(const GestureSample& sample, std::span<const std::string> layer_names) {
   Update update;
   update.phase = phaseText(sample.phase);
   update.layer = sample.layer;
+  if (sample.layer >= 0 && static_cast<std::size_t>(sample.layer) < layer_names.size())
+    update.layer_name = layer_names[static_cast<std::size_t>(sample.layer)];
   update.insertion_m = sample.insertion_m;
   update.force_n = std::hypot(sample.force_W_N[0], sample.force_W_N[1], sample.force_W_N[2]);
   update.plunger = sample.plunger;
@@ -64,6 +67,7 @@ Update updateOf(const pb::StationStatus& status) {
   update.session = sessionText(status.session_id());
   update.phase = phaseText(status.phase());
   update.layer = status.layer();
+  update.layer_name = status.tissue().substr(0, kMaxNameBytes);
   update.insertion_m = status.insertion_m();
   update.force_n = status.force_n();
   update.fault = status.fault();
@@ -79,7 +83,11 @@ std::string textLine(const Update& update) {
   const std::string trouble = update.trouble.empty() ? "" : "  TROUBLE: " + printable(update.trouble, 0);
   if (update.online && update.session.empty()) return line + "  idle" + trouble;
   line += "  " + printable(update.phase, 11);
-  line += update.layer < 0 ? "  layer -" : fmt::format("  layer {}", update.layer);
+  if (update.layer < 0)
+    line += "  outside";
+  else
+    line += "  " + (update.layer_name.empty() ? fmt::format("layer {}", std::int64_t{update.layer} + 1)
+                                              : printable(update.layer_name, 0));
   line += fmt::format("  insertion {:7.2f} mm  |F| {:6.3f} N", 1e3 * update.insertion_m, update.force_n);
   if (update.plunger) line += fmt::format("  plunger {:3.0f} %", 100 * *update.plunger);
   if (!update.syringe.empty()) line += "  " + update.syringe;
@@ -98,6 +106,7 @@ std::string jsonLine(const Update& update) {
   if (update.online) json["online"] = *update.online;
   json["phase"] = update.phase;
   json["layer"] = update.layer;
+  if (!update.layer_name.empty()) json["layer_name"] = update.layer_name;
   json["insertion_m"] = update.insertion_m;
   json["force_n"] = update.force_n;
   if (update.plunger) json["plunger"] = *update.plunger;

@@ -3,6 +3,7 @@
 
 #include <deque>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,8 @@ struct Update {
   double time_s = 0;  ///< session time
   std::string station, trainee, session;
   std::string phase;
-  int layer = -1;
+  int layer = -1;          ///< from 0; −1 outside
+  std::string layer_name;  ///< what people call it; empty: unknown, or outside
   double insertion_m = 0;
   double force_n = 0;
   std::optional<double> plunger;  ///< 0-1; frames only
@@ -28,7 +30,8 @@ struct Update {
   std::string trouble;                 ///< the station's message if it needs attention
 };
 
-Update updateOf(const GestureSample& sample);
+/// `layer_names`: of the session's profile (common/profile/layer_names.h), if it is known.
+Update updateOf(const GestureSample& sample, std::span<const std::string> layer_names = {});
 /// Returns the plunger's action: "injecting" or "aspirating" if it moved between the samples at 0.02/s or
 /// more, otherwise empty. `before` must be about 0.1 s to 1 s older, so that tremor does not count as a
 /// stroke.

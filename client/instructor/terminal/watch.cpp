@@ -17,6 +17,8 @@
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/aid_list.h"
+#include "common/profile/layer_names.h"
+#include "common/profile/profile.h"
 #include "common/wire/protocol.h"
 #include "needlelab/control.pb.h"
 
@@ -173,6 +175,7 @@ constexpr double kWatchRateHz = 10;  // readable number of lines per second
 struct SessionFacts {
   std::string trainee;
   std::int64_t started_ns = 0;  // station's steady clock
+  std::vector<std::string> layer_names;
 };
 
 class Watch {
@@ -286,7 +289,7 @@ class Watch {
       plunger_of_ = frame.session_id();
     }
     for (const GestureSample& sample : *samples) plunger_.add(sample);
-    Update update = updateOf(newest);
+    Update update = updateOf(newest, facts.layer_names);
     update.syringe = plunger_.action();
     update.time_s = 1e-9 * static_cast<double>(newest.time_ns - facts.started_ns);
     update.station = frame.station();
@@ -311,6 +314,8 @@ class Watch {
     if (const auto reply = run_.client.call(request, std::chrono::seconds(5)); reply.ok()) {
       facts.trainee = reply->session().description().trainee();
       facts.started_ns = reply->session().description().started_steady_ns();
+      if (const auto profile = parseProfile(reply->session().description().profile_json(), "profile"))
+        facts.layer_names = layerNames(*profile);
     }
     if (facts.started_ns == 0) facts.started_ns = sample.time_ns;
     return facts;

@@ -29,6 +29,7 @@
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/scoring/lesson_watch.h"
 
@@ -44,17 +45,6 @@ constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stabi
 void putPose(google::protobuf::RepeatedField<double>& to, const Pose& pose) {
   for (const double value : {pose.p.x, pose.p.y, pose.p.z, pose.q.x, pose.q.y, pose.q.z, pose.q.w})
     to.Add(value);
-}
-
-// "skin", "muscle", …, for the live line
-std::vector<std::string> layerNames(const pb::Profile& profile) {
-  std::vector<std::string> names;
-  for (const pb::Layer& layer : profile.layers()) {
-    names.push_back(pb::Layer::Tissue_Name(layer.tissue()));
-    for (char& c : names.back())
-      if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return names;
 }
 
 LessonStatus statusOf(const WatchedState& state, const LiveView& view, bool waits, const std::string& room) {
@@ -251,7 +241,7 @@ Status StationRun::practise() {
       uplink->offer(piece);
       lesson_watch->add(*piece.samples);
       uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->warnings(), lesson_watch->forceLimit_N(),
-                          lesson_watch->tissue()});
+                          lesson_watch->layerName()});
     }
     home_.observer().piece(piece);
   };

@@ -120,11 +120,12 @@ void drawBands(ImDrawList* draw, const DepthAxes& axes, const SceneView& scene) 
     draw->AddRectFilled({left, axes.corner.y}, {right, bottom}, packed(tissueColour(layer.tissue), 0.35F));
     draw->AddLine({left, axes.corner.y}, {left, bottom}, packed(kLineGrey));
     // moves names of thin layers to other rows
-    const float width = ImGui::CalcTextSize(layer.name.c_str()).x;
+    const std::string name = fittedText(layer.name, axes.size.x - 6);
+    const float width = ImGui::CalcTextSize(name.c_str()).x;
     row = right - left > width + 4 ? 0 : (row + 1) % 3;
     draw->AddText({std::min(left + 3, end - width),
                    axes.corner.y + 2 + static_cast<float>(row) * ImGui::GetTextLineHeight()},
-                  packed(kText), layer.name.c_str());
+                  packed(kText), name.c_str());
   }
   for (const TargetView& target : scene.targets) {
     const double at = depthAt(scene, target.center_W_m);

@@ -82,7 +82,8 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
     if (here) draw->AddRect({left, top}, {right, end}, packed(kWhite), 0, 0, 2.5F);
     // omits names that do not fit; the highlight shows them
     if (names && (end - top >= 0.8F * line || here))
-      drawText(draw, {left + 0.6F * space(), 0.5F * (top + end - line)}, lettersOn(colour), layer.name);
+      drawText(draw, {left + 0.6F * space(), 0.5F * (top + end - line)}, lettersOn(colour),
+               fittedText(layer.name, right - left - 1.2F * space()));
   }
   if (anatomy)
     for (const TargetView& target : scene.targets) {

@@ -51,29 +51,6 @@ Rgb tissueColour(pb::Layer::Tissue tissue) {
   }
 }
 
-std::string_view tissueWord(pb::Layer::Tissue tissue) {
-  switch (tissue) {
-    case pb::Layer::SKIN:
-      return "skin";
-    case pb::Layer::FAT:
-      return "fat";
-    case pb::Layer::MUSCLE:
-      return "muscle";
-    case pb::Layer::BURSA:
-      return "bursa";
-    case pb::Layer::CAPSULE:
-      return "capsule";
-    case pb::Layer::TENDON:
-      return "tendon";
-    case pb::Layer::CARTILAGE:
-      return "cartilage";
-    case pb::Layer::BONE:
-      return "bone";
-    default:
-      return "tissue";
-  }
-}
-
 Rgb hazardColour(pb::Hazard::Kind kind) {
   switch (kind) {
     case pb::Hazard::BONE:

@@ -44,8 +44,6 @@ inline constexpr Rgb kWindowGrey = rgbOf(0x14171C), kPanelGrey = rgbOf(0x1D2128)
 
 /// Colour of a layer in the section. Neighbours differ in lightness as well as hue.
 Rgb tissueColour(pb::Layer::Tissue tissue);
-/// "skin", "fat", … in lower case; "tissue" for OTHER.
-std::string_view tissueWord(pb::Layer::Tissue tissue);
 
 Rgb hazardColour(pb::Hazard::Kind kind);
 /// "bone", "nerve", "vessel", "structure".

@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 
 #include <fmt/core.h>
 
-#include "client/view/model/palette.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/scoring/anatomy.h"
 
@@ -21,15 +20,13 @@ constexpr double kInPlane_m = 0.001;         // nearer than this, a hazard count
 constexpr double kHalved_m = 0.008;          // farther by this, a hazard is half as strong
 
 std::vector<LayerView> layersOf(const pb::Profile& profile) {
-  std::map<int, int> count, seen;
-  for (const pb::Layer& layer : profile.layers()) ++count[layer.tissue()];
+  const std::vector<std::string> names = layerNames(profile);
   std::vector<LayerView> views;
   double top_m = 0;
   for (const pb::Layer& layer : profile.layers()) {
     LayerView view;
     view.tissue = layer.tissue();
-    view.name = tissueWord(layer.tissue());
-    if (count[layer.tissue()] > 1) view.name += fmt::format(" {}", ++seen[layer.tissue()]);
+    view.name = names[views.size()];
     view.top_m = top_m;
     view.bottom_m = top_m += layer.thickness_m();
     view.cutting_N = layer.cutting_force_n();

@@ -17,7 +17,7 @@ namespace needlelab {
 
 struct LayerView {
   pb::Layer::Tissue tissue = pb::Layer::OTHER;
-  std::string name;      ///< the tissue's word, numbered if it occurs more than once: "tendon 2"
+  std::string name;      ///< what people call it: "ligamentum flavum", "skin" (common/profile/layer_names.h)
   double top_m = 0;      ///< depth δ below the surface, [top, bottom)
   double bottom_m = 0;   ///< as drawn; the last layer has no end in the engine
   double cutting_N = 0;  ///< f_cut
@@ -63,7 +63,7 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {})
 double depthAt(const SceneView& scene, Vec3 p_W_m);
 /// Returns the index of the layer at depth δ; −1 outside.
 int layerAt(const SceneView& scene, double depth_m);
-/// "skin", "muscle 2", … ; "outside" for −1, and for an index that the scene does not have "?".
+/// "skin", "deltoid muscle", … ; "outside" for −1, and for an index that the scene does not have "?".
 const std::string& layerName(const SceneView& scene, int layer);
 /// Returns the diameter to draw: the needle's, or 0.8 mm if unknown.
 double drawnDiameter_m(const SceneView& scene);

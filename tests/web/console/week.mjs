@@ -75,6 +75,14 @@ export function week(t) {
       .getByText(/^Fat 8\smm, φ/)
       .waitFor();
     const preview = await (await rendered).json();
+    // a layer gets its own name: in its card and in the drawing
+    const bone = page.getByRole('listitem').filter({ has: page.getByRole('heading', { name: /^6\. / }) });
+    await bone.getByLabel('Name', { exact: true }).fill('femur');
+    await bone.getByRole('heading', { name: /^6\. Femur/ }).waitFor();
+    await page
+      .getByRole('img', { name: /Side view of 6 layers/ })
+      .getByText(/^Femur 25\smm/)
+      .waitFor();
     assert.ok(Math.abs(preview.layers[1].to_m - 0.011) < 1e-9);
     const cutting = preview.by_effect.find((e) => e.effect === 'CUTTING').force_n;
     const at = (depth_m) => preview.depth_m.findIndex((d) => d >= depth_m);
@@ -132,7 +140,12 @@ export function week(t) {
     await changes.waitFor();
     assert.match(await changes.innerText(), /layers\[2\]\.cutting_force_n\s+.*changed\s+1\.6\s+2\.2/s);
     await accessible(page, 'the revisions');
-    assert.equal((await api(page, 'profiles/knee-autumn?revision=1')).json.layers[2].cutting_force_n, 1.6);
+    const { layers } = (await api(page, 'profiles/knee-autumn?revision=1')).json;
+    assert.equal(layers[2].cutting_force_n, 1.6);
+    assert.deepEqual(
+      layers.map((l) => l.name),
+      [undefined, undefined, undefined, undefined, 'suprapatellar recess', 'femur'],
+    );
   });
 
   it('builds a course and assigns it to the class', async () => {
@@ -201,16 +214,16 @@ export function week(t) {
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
     await page.getByText('2 of 2 stations are in use.').waitFor();
-    // the hand goes in and out: the depth changes, and the tissue at the tip is named; once to the end, so that the
+    // the hand goes in and out: the depth changes, and the layer at the tip is named; once to the end, so that the
     // target is reached
     const depths = new Set();
     let deepest = false;
     await until('one way in and out', async () => {
       const text = await tile.innerText();
       depths.add(/Depth\s+([\d.]+\s\S+)/.exec(text)?.[1]);
-      const layer = / in (skin|fat|muscle|capsule|other|bone)/.exec(text)?.[1];
-      deepest ||= layer === 'other';
-      return deepest && depths.size >= 4 && layer !== 'other';
+      const layer = / in (skin|fat|muscle|capsule|suprapatellar recess|femur|bone)/.exec(text)?.[1];
+      deepest ||= layer === 'suprapatellar recess';
+      return deepest && depths.size >= 4 && layer !== 'suprapatellar recess';
     });
     await accessible(page, 'the live lab');
     stations[0].child.kill('SIGTERM');

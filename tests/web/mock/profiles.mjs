@@ -1,4 +1,5 @@
 // A rough imitation of the engine's and common/profile's checks of a profile: enough to develop and test the editor.
+import { layerNames } from '../../../client/web/app/lib/tissue.js';
 
 /** @returns {{path: string, message: string, severity: string}[]} */
 export function problemsOf(profile) {
@@ -51,10 +52,17 @@ export function preview(profile) {
     depth_m = [],
     total_n = [],
     by_effect = { CUTTING: [], SHAFT_FRICTION: [], PUNCTURE: [] };
-  const layers = [];
+  const layers = [],
+    names = layerNames(profile);
   let from = 0;
   profile.layers.forEach((layer, i) => {
-    layers.push({ tissue: layer.tissue, from_m: from, to_m: from + layer.thickness_m, fidelity: fidelity(profile, i) });
+    layers.push({
+      name: names[i],
+      tissue: layer.tissue,
+      from_m: from,
+      to_m: from + layer.thickness_m,
+      fidelity: fidelity(profile, i),
+    });
     from += layer.thickness_m;
   });
   let wall = 0,

@@ -300,6 +300,7 @@ const place = (s, target) => ({
   in_tissue: true,
   layer: 3,
   tissue: 'BURSA',
+  layer_name: 'bursa',
   insertion_m: s.depth_m,
   depth_m: s.depth_m,
   target,

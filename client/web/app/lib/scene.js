@@ -1,5 +1,7 @@
 // The limb of a profile as geometry: depth under the skin, a frame at the place of insertion, a cut through it. Pure;
 // metres.
+import { layerNames } from './tissue.js';
+import { atStart, number, quantity } from './units.js';
 
 /** @typedef {{x: number, y: number, z: number}} Vec */
 
@@ -148,15 +150,39 @@ export function levelLine(depth, { o, n, e1 }, level, { from_u, to_u, from_d, to
   return line;
 }
 
-/** Depths at which the layers of a profile begin and end; a thickness that is not a number counts as 0. */
+/** Names of the layers of a profile, and where they begin and end; a thickness that is not a number counts as 0. */
 export function layerBounds(profile) {
   let from_m = 0;
-  return (profile.layers ?? []).map((layer) => {
+  const names = layerNames(profile);
+  return (profile.layers ?? []).map((layer, i) => {
     const thickness = Number(layer.thickness_m) > 0 ? Number(layer.thickness_m) : 0;
-    const bounds = { tissue: layer.tissue ?? 'OTHER', from_m, to_m: from_m + thickness };
+    const bounds = { name: names[i], tissue: layer.tissue ?? 'OTHER', from_m, to_m: from_m + thickness };
     from_m += thickness;
     return bounds;
   });
+}
+
+const kLetter_px = 6.8, // the width of a letter of 13 px, on the safe side
+  kLeader_px = 24;
+
+/**
+ * The labels beside a cut, "Skin 3 mm, φ 0.93", and the width that they take; a name is cut where `most_px` is too
+ * little.
+ * @param {{name: string, from_m: number, to_m: number}[]} layers
+ * @param {(number|null)[]|undefined} fidelity
+ * @returns {{texts: string[], width_px: number}}
+ */
+export function layerLabels(layers, fidelity, least_px, most_px) {
+  const names = layers.map((l) => atStart(l.name));
+  const sizes = layers.map((l, i) => {
+    const phi = fidelity?.[i];
+    return ` ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`;
+  });
+  const longest = Math.max(0, ...names.map((name, i) => name.length + sizes[i].length));
+  const width_px = Math.min(most_px, Math.max(least_px, kLeader_px + longest * kLetter_px));
+  const letters = Math.floor((width_px - kLeader_px) / kLetter_px + 1e-6);
+  const cut = (name, room) => (name.length <= room ? name : `${name.slice(0, Math.max(1, room - 1))}…`);
+  return { texts: names.map((name, i) => cut(name, letters - sizes[i].length) + sizes[i]), width_px };
 }
 
 /** The needle's axis, hub to tip (+z of the tip's frame), of a quaternion. */

@@ -1,4 +1,4 @@
-// The colours of tissues in the whole console. Their names are always shown beside the colours.
+// The colours and names of layers in the whole console. A name is always shown beside a colour.
 
 export const kTissues = ['SKIN', 'FAT', 'MUSCLE', 'BURSA', 'CAPSULE', 'TENDON', 'CARTILAGE', 'BONE', 'OTHER'];
 
@@ -15,6 +15,25 @@ const kColors = {
 };
 
 export const tissueColor = (tissue) => kColors[tissue] ?? kColors.OTHER;
+
+/**
+ * What people call each layer, from the skin inwards, as common/profile/layer_names.h says it (the cases of both:
+ * tests/data/profile/layer_names.json). A profile in the editor may lack a tissue.
+ * @param {{layers?: {tissue?: string, name?: string}[]}|null|undefined} profile
+ * @returns {string[]}
+ */
+export function layerNames(profile) {
+  const layers = profile?.layers ?? [],
+    seen = new Map();
+  return layers.map(({ name, tissue }, i) => {
+    if (name) return name;
+    if (!tissue || tissue === 'OTHER') return `layer ${i + 1}`;
+    const word = tissue.toLowerCase();
+    if (layers.filter((l) => !l.name && l.tissue === tissue).length === 1) return word;
+    seen.set(tissue, (seen.get(tissue) ?? 0) + 1);
+    return `${word} ${seen.get(tissue)}`;
+  });
+}
 
 /** Curves: told apart by their dashes as well. */
 export const kCurves = [

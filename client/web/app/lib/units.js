@@ -122,12 +122,16 @@ export function bytes(value, locale = undefined) {
   return `${number(value / factor, 3, locale)}\u00a0${prefix}B`;
 }
 
+/** "epidural space" at the beginning of a line: "Epidural space" */
+export const atStart = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 /** "PUNCTURE_FORCE" or "curriculum-manager" as words: "Puncture force" */
 export function words(name) {
-  const plain = String(name ?? '')
-    .replace(/[_-]+/g, ' ')
-    .toLowerCase();
-  return plain.charAt(0).toUpperCase() + plain.slice(1);
+  return atStart(
+    String(name ?? '')
+      .replace(/[_-]+/g, ' ')
+      .toLowerCase(),
+  );
 }
 
 /**
@@ -137,7 +141,7 @@ export function words(name) {
  */
 export function measureTitle(row) {
   const name = (row.words ?? '')
-    .split(':')[0]
+    .replace(/: (just )?(within|above|below|at least|it had|it was) [^:]*$/, '')
     .replace(/\s[-−]?\d[\d.]*(e[-+]?\d+)?(\s?(%|[^\s\d(]{1,5}))?$/u, '')
     .trim();
   return name || row.measure;

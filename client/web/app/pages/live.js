@@ -48,7 +48,7 @@ function Tile({ tile, person }) {
                   : tile.trainee
               }</strong>, ${tile.exercise}
             </p>
-            <p>${words(tile.phase)}${tile.layer ? ` in ${words(tile.layer).toLowerCase()}` : ''}</p>
+            <p>${words(tile.phase)}${tile.layer ? ` in ${tile.layer}` : ''}</p>
             <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" />
             <${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />
             <p class="help">

@@ -1,7 +1,7 @@
 // The layers, from the skin inwards: one card each; order by buttons or Alt and arrows.
 import { moved } from '../lib/paths.js';
-import { kTissues, tissueColor } from '../lib/tissue.js';
-import { quantity, words } from '../lib/units.js';
+import { kTissues, layerNames, tissueColor } from '../lib/tissue.js';
+import { atStart, quantity, words } from '../lib/units.js';
 import { announce } from '../ui/widgets.js';
 import { CheckField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
@@ -25,11 +25,12 @@ function Swatch({ tissue }) {
 
 export function Layers({ f }) {
   const layers = f.doc.layers ?? [];
+  const names = layerNames(f.doc);
   const put = f.set('layers');
   const move = (from, to) => {
     if (to < 0 || to >= layers.length) return;
     put(moved(layers, from, to));
-    announce(`${words(layers[from].tissue)} is layer ${to + 1} of ${layers.length} now.`);
+    announce(`${atStart(names[from])} is layer ${to + 1} of ${layers.length} now.`);
     requestAnimationFrame(() => document.getElementById(`layer-${to}`)?.focus());
   };
   const keys = (i) => (event) => {
@@ -39,7 +40,7 @@ export function Layers({ f }) {
   };
   const remove = (i) => {
     put(layers.filter((_, k) => k !== i));
-    announce(`Layer ${i + 1}, ${words(layers[i].tissue)}, was removed.`);
+    announce(`Layer ${i + 1}, ${names[i]}, was removed.`);
   };
   return html`<fieldset>
     <legend>Layers, from the skin inwards</legend>
@@ -48,7 +49,7 @@ export function Layers({ f }) {
       (layer, i) => html`<li key=${i} class="card" id=${`layer-${i}`} tabindex="-1" onKeyDown=${keys(i)}>
         <div class="card-head">
           <h2>
-            <${Swatch} tissue=${layer.tissue} /> ${i + 1}. ${words(layer.tissue)} <span class="unit">${quantity(
+            <${Swatch} tissue=${layer.tissue} /> ${i + 1}. ${atStart(names[i])} <span class="unit">${quantity(
               layer.thickness_m,
               'm',
             )}</span>
@@ -99,6 +100,7 @@ export function Layers({ f }) {
             'Tissue',
             kTissues.map((t) => [t, words(t)]),
           )}
+          ${f.text(`layers[${i}].name`, 'Name', { maxlength: 64, placeholder: layer.name ? '' : names[i] })}
           ${f.number(`layers[${i}].thickness_m`, 'Thickness')}
           ${f.number(`layers[${i}].cutting_force_n`, 'Cutting force')}
           ${f.number(`layers[${i}].attracted_force_n`, 'Attracted force')}

@@ -1,6 +1,6 @@
 // Force over depth as the engine will render it; the server computes it while one types.
 import { kCurves, tissueColor } from '../lib/tissue.js';
-import { number, quantity, words } from '../lib/units.js';
+import { atStart, number, quantity, words } from '../lib/units.js';
 import { previewProfile } from '../net/requests.js';
 import { Chart } from '../ui/chart.js';
 import { useDebounced } from '../ui/hooks.js';
@@ -42,7 +42,7 @@ export function ForceOverDepth({ preview, stale, error }) {
     const bands = (preview.layers ?? []).map((l) => ({
       from: l.from_m * 1000,
       to: l.to_m * 1000,
-      label: words(l.tissue),
+      label: atStart(l.name),
       color: tissueColor(l.tissue),
     }));
     const peak = preview.total_n.reduce((best, f, i) => (f > preview.total_n[best] ? i : best), 0);

@@ -1,7 +1,7 @@
 // Remarks at moments of the session, and the syringe's aspirations and injections.
 import { may } from '../lib/roles.js';
 import { clock, moment } from '../lib/time.js';
-import { quantity, words } from '../lib/units.js';
+import { atStart, quantity, words } from '../lib/units.js';
 import { sessions } from '../net/requests.js';
 import { announce, Empty, Loaded, number, Problem, Table } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
@@ -83,7 +83,7 @@ export function SyringeEvents({ id, seek }) {
               <th scope="row">${words(e.kind)}</th>
               <td class="number">${percent(Math.abs(e.plunger_to - e.plunger_from))}</td>
               <td>
-                ${e.begin?.in_tissue ? `${words(e.begin.tissue)}, ${quantity(e.begin.depth_m, 'm')} deep` : 'outside'}
+                ${e.begin?.in_tissue ? `${atStart(e.begin.layer_name || words(e.begin.tissue))}, ${quantity(e.begin.depth_m, 'm')} deep` : 'outside'}
                 ${e.hazards?.length ? html` <span class="error">✗ in ${e.hazards.join(', ')}</span>` : ''}
               </td>
               <td class="number">${percent(e.in_target_share)}</td>

@@ -1,8 +1,8 @@
 // Force, depth and speed over time, with the layers behind them. Dragging zooms in and loads finer samples.
 import { limitsOf } from '../lib/axis.js';
 import { forceOf, layerSpans } from '../lib/recording.js';
-import { kCurves, tissueColor } from '../lib/tissue.js';
-import { number, quantity as said, words } from '../lib/units.js';
+import { kCurves, layerNames, tissueColor } from '../lib/tissue.js';
+import { atStart, number, quantity as said } from '../lib/units.js';
 import { Chart } from '../ui/chart.js';
 import { html, useMemo } from '../ui/html.js';
 
@@ -16,10 +16,13 @@ const range = (values) =>
 export function Plots({ columns, profile, requirements, marks, at, seek, window, zoom, busy }) {
   const drawn = useMemo(() => {
     const t = columns.t_s ?? [];
-    const bands = layerSpans(columns).map((s) => {
-      const tissue = profile?.layers?.[s.layer]?.tissue ?? 'OTHER';
-      return { from: s.from, to: s.to, label: words(tissue), color: tissueColor(tissue) };
-    });
+    const names = layerNames(profile);
+    const bands = layerSpans(columns).map((s) => ({
+      from: s.from,
+      to: s.to,
+      label: atStart(names[s.layer] ?? `layer ${s.layer + 1}`),
+      color: tissueColor(profile?.layers?.[s.layer]?.tissue),
+    }));
     const plot = (title, unit, quantity, values, curve) => {
       const [low, high] = range(values);
       const summary = Number.isFinite(high)

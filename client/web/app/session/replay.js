@@ -2,7 +2,8 @@
 import { minMax } from '../lib/decimate.js';
 import { forceOf, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
 import { clock } from '../lib/time.js';
-import { quantity, words } from '../lib/units.js';
+import { layerNames } from '../lib/tissue.js';
+import { quantity } from '../lib/units.js';
 import { SelectField } from '../ui/fields.js';
 import { html, useId, useMemo } from '../ui/html.js';
 import { Legend, SideView, TopView } from '../ui/section.js';
@@ -60,8 +61,8 @@ export function Replay({ columns, session, playback, act }) {
   };
   const i = sampleAt(way, playback.at_s),
     layer = columns.layer?.[i] ?? -1;
-  const tissue = words(profile.layers?.[layer]?.tissue).toLowerCase();
-  const where = layer >= 0 ? `in ${tissue}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
+  const name = layerNames(profile)[layer] ?? `layer ${layer + 1}`;
+  const where = layer >= 0 ? `in ${name}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
   const place = `${clock(playback.at_s)}: ${where}, ${quantity(force[i], 'N')}`;
   const tip =
     (second) =>

@@ -4,6 +4,7 @@ import {
   frameOf,
   inFrame,
   layerBounds,
+  layerLabels,
   levelLine,
   offPlane,
   offPlaneLabel,
@@ -11,7 +12,7 @@ import {
   spread,
 } from '../lib/scene.js';
 import { tissueColor } from '../lib/tissue.js';
-import { number, quantity, words } from '../lib/units.js';
+import { quantity, words } from '../lib/units.js';
 import { useWidth } from './hooks.js';
 import { html, useMemo } from './html.js';
 
@@ -89,14 +90,16 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
       depth = depthOf(profile.limb);
     const bottom_m = Math.max(0.01, to_m ?? 0, layers.at(-1)?.to_m ?? 0),
       height_m = bottom_m + kTop_m;
-    const scale = Math.min(kHeight / height_m, (width - kLabels) / 0.02);
-    const half_m = (width - kLabels) / scale / 2;
+    const beside = layerLabels(layers, fidelity, kLabels, Math.max(kLabels, width / 2));
+    const scale = Math.min(kHeight / height_m, (width - beside.width_px) / 0.02);
+    const half_m = (width - beside.width_px) / scale / 2;
     const window = { from_u: -half_m, to_u: half_m, from_d: -kTop_m, to_d: bottom_m };
     const lines = layers.map((l) => levelLine(depth, frame, l.from_m, window));
     const all = shapes(profile, frame, 'd');
-    return { layers, frame, bottom_m, scale, half_m, height: height_m * scale, lines, all };
-  }, [profile, given, to_m, width]);
-  const { layers, scale, half_m, height, lines, all, bottom_m } = drawn;
+    return { layers, frame, bottom_m, scale, half_m, height: height_m * scale, lines, all, texts: beside.texts };
+    // the numbers, not their list: the page makes a new one each time
+  }, [profile, given, to_m, width, fidelity?.join()]);
+  const { texts, layers, scale, half_m, height, lines, all, bottom_m } = drawn;
   const x = (u) => (u + half_m) * scale,
     y = (d) => (d + kTop_m) * scale;
   const corner = (u, d) => `${x(u).toFixed(1)},${y(d).toFixed(1)}`;
@@ -111,14 +114,9 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
     bottom_m;
   const seen = (i) => ({ u: column, d: (top(i) + Math.max(top(i), i + 1 < lines.length ? top(i + 1) : bottom_m)) / 2 });
   const labels = layers
-    .map((l, i) => {
-      const at = seen(i),
-        phi = fidelity?.[i];
-      return {
-        x: x(at.u),
-        y: y(at.d),
-        text: `${words(l.tissue)} ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`,
-      };
+    .map((_, i) => {
+      const at = seen(i);
+      return { x: x(at.u), y: y(at.d), text: texts[i] };
     })
     .sort((a, b) => a.y - b.y);
   const slots = spread(

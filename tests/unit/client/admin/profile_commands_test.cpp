@@ -112,11 +112,12 @@ TEST_F(ProfileCommands, whatIsShownKeepsToItsLinesAndWarnsOfWhatCannotBeFelt) {
   profile_["layers"][0]["thickness_m"] = 0.00001;
   const auto path = write("thin.json", profile_);
   EXPECT_THAT(good({"profile", "import", path}).err,
-              HasSubstr(path + ": warning: layers[0] (SKIN, 0.01 mm)"));
+              HasSubstr(path + ": warning: layers[0] (skin, 0.01 mm)"));
   const std::string text = good({"profile", "show", "mine"}).out;
   EXPECT_THAT(text, HasSubstr("description  two lines\n"));
-  EXPECT_THAT(text, HasSubstr("\nSKIN     0.01          0.8"));
-  EXPECT_THAT(text, HasSubstr("\nwarning: layers[0] (SKIN, 0.01 mm)"));
+  EXPECT_THAT(text, HasSubstr("\nskin                  SKIN     0.01          0.8"));
+  EXPECT_THAT(text, HasSubstr("\nsuprapatellar recess  OTHER    6"));
+  EXPECT_THAT(text, HasSubstr("\nwarning: layers[0] (skin, 0.01 mm)"));
   const auto row = good({"profile", "show", "mine", "--json"}).rows()[0];
   EXPECT_EQ(row.at("description"), "two\nlines");
   EXPECT_FALSE(row.at("warnings").empty());

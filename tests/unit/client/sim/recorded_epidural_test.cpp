@@ -5,8 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "client/sim/accuracy/recorded_fit.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -74,6 +78,18 @@ TEST(Epidural, theProgramsTableIsTheSamples) {
     EXPECT_EQ(profile.precomputed().table(static_cast<int>(i)).attracted_n(), 0) << "not measured";
   }
   for (double d = 0.01; d < 60; d += 0.37) EXPECT_NEAR(epiduralForce_N(d * 1e-3), polynomialAt(d), 1e-9);
+}
+
+TEST(Epidural, theSamplesLayersAreCalledAsInTheTable) {
+  const std::vector<std::string> names = layerNames(sample());
+  ASSERT_EQ(names.size(), epiduralPolynomials().size());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::string_view tissue = epiduralPolynomials()[i].tissue;
+    const std::string_view expected = tissue == "fat"      ? "subcutaneous fat"
+                                      : tissue == "muscle" ? "muscle, first part"
+                                                           : tissue;
+    EXPECT_EQ(names[i], expected);
+  }
 }
 
 TEST(Epidural, theSourceStandsInTheProfile) {

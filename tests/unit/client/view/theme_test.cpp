@@ -8,6 +8,7 @@
 
 #include <string>
 
+#include "common/base/text.h"
 #include "tests/support/pictures/picture_check.h"
 #include "tests/support/pictures/view_stage.h"
 
@@ -55,6 +56,28 @@ TEST_F(ThemeTest, aPanelHasItsGroundAndItsWordsLieOverIt) {
   for (int y = 45; y < 110; ++y)
     for (int x = 45; x < 200; ++x) light = light || (test::pixelAt(picture, x, y) & 255u) > 220;
   EXPECT_TRUE(light);
+}
+
+TEST_F(ThemeTest, aNameThatIsTooLongIsCutBetweenLettersAndSaysSo) {
+  draw([] {
+    beginScreen("s");
+    const std::string name = "Gelenkhöhle über dem Knie";
+    const float whole_px = ImGui::CalcTextSize(name.c_str()).x;
+    EXPECT_EQ(fittedText(name, whole_px), name);
+    std::size_t longest = 0;
+    for (float width_px = ImGui::CalcTextSize("…").x + 1; width_px < whole_px; width_px += 1) {
+      const std::string cut = fittedText(name, width_px);
+      EXPECT_LE(ImGui::CalcTextSize(cut.c_str()).x, width_px);
+      EXPECT_TRUE(cut.ends_with("…"));
+      EXPECT_TRUE(isUtf8(cut)) << cut;
+      const std::string kept = cut.substr(0, cut.size() - std::string("…").size());
+      EXPECT_TRUE(name.starts_with(kept)) << cut;
+      EXPECT_GE(kept.size(), longest) << "a wider place shows no less";
+      longest = kept.size();
+    }
+    EXPECT_GT(longest, name.size() / 2);
+    endScreen();
+  });
 }
 
 TEST_F(ThemeTest, aLineThatIsTooLongIsCutWithinItsWidth) {

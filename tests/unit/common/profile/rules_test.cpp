@@ -44,7 +44,7 @@ const WrongField kWrongProfiles[] = {
     {"/tracking_wall/relax_residual", "", "tracking_wall.relax_residual: is missing, and stop_mode is EXPONENTIAL"},
     // unknown fields
     {"/colour", "\"red\"", "unknown field \"colour\"; known are id, name"},
-    {"/layers/0/thickness_mm", "3", "layers[0]: unknown field \"thickness_mm\"; known are tissue, thickness_m"},
+    {"/layers/0/thickness_mm", "3", "layers[0]: unknown field \"thickness_mm\"; known are tissue, name, thickness_m"},
     {"/layers/0/puncture/depth_m", "3", "layers[0].puncture: unknown field \"depth_m\""},
     {"/limb/box", "{}", "limb: unknown field \"box\"; known are plane, sphere, capsule"},
     {"/limb/plane/point_m/w", "0", "limb.plane.point_m: unknown field \"w\"; known are x, y, z"},
@@ -117,6 +117,14 @@ const WrongField kWrongProfiles[] = {
     {"/name", "\"bell\\u0007\"", "name: has control characters"},
     {"/description", "\"escape \\u001b[2J\"", "description: has control characters"},
     {"/targets/0/name", "\"\"", "targets[0].name: has 0 bytes"},
+    {"/layers/1/name", "\"\"", "layers[1].name: has 0 bytes, allowed are 1 to 64"},
+    {"/layers/1/name", "\"01234567890123456789012345678901234567890123456789012345678901234\"", "layers[1].name: has 65 bytes, allowed are 1 to 64"},
+    {"/layers/1/name", "null", "layers[1].name: must be a text, found null"},
+    {"/layers/1/name", "\"two\\nlines\"", "layers[1].name: has control characters"},
+    {"/layers/1/name", "\"\\u009b2J\"", "layers[1].name: holds a control character"},
+    {"/layers/1/name", "\" dura\"", "layers[1].name: begins or ends with a space"},
+    {"/layers/1/name", "\" \"", "layers[1].name: begins or ends with a space"},
+    {"/layers/1/name", "\"skin\"", "layers[1].name: \"skin\" is what layers[0] is called, which has no name"},
     {"/hazards/1/name", "\"humeral head\"", "hazards[1].name: \"humeral head\" is used twice"},
     {"/targets/1", R"({"name": "joint space", "center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.1})",
      "targets[1].name: \"joint space\" is used twice"},
@@ -170,6 +178,7 @@ const std::pair<std::string, const char*> kWrongTexts[] = {
     {"{\"needle\": {\"length_m\": .5}}", "needle.length_m: not valid JSON"},
     {"{\"needle\": {\"length_m\": +5}}", "needle.length_m: not valid JSON"},
     {"{\"id\": \"\xff\xfe\"}", "id: not valid JSON"},
+    {"{\"layers\": [{\"name\": \"\xff\xfe\"}]}", "layers[0].name: not valid JSON"},
     {std::string("{\"id\": \"a\0b\"}", 13), "id: not valid JSON"},
     {"{\"id\": \"a\\u0000b\"}", "id: has control characters"},
     {std::string(100, '['), "is nested deeper than 32"},
@@ -385,7 +394,7 @@ TEST(Fidelity, isTheShareOfTheLayerWithTheRightForce) {
 TEST(ProfileWarnings, aThinLayerIsToldWithItsNumbers) {
   // the skin of 3 mm has fidelity 1 − 0.9/1.5 = 0.4
   EXPECT_THAT(warningsWith({}),
-              ElementsAre(AllOf(HasSubstr("layers[0] (SKIN, 3 mm)"), HasSubstr("fidelity 0.4"),
+              ElementsAre(AllOf(HasSubstr("layers[0] (skin, 3 mm)"), HasSubstr("fidelity 0.4"),
                                 HasSubstr("from 0 to 1 N"), HasSubstr("500 N/m needs 2 mm"))));
   EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.0036"}}), IsEmpty()) << "0.5 is enough";
   EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.0035"}}), ElementsAre(HasSubstr("layers[0]")));
@@ -407,7 +416,7 @@ TEST(ProfileWarnings, aMembraneThatRupturesBelowItsLayerIsTold) {
   // 100 N/m alone reaches 0.6 N at 6 mm, in a layer of 4 mm
   const std::pair<std::string, std::string> soft{
       "/layers/0/puncture", R"({"linear_n_per_m": 100, "quadratic_n_per_m2": 0, "force_n": 0.6})"};
-  EXPECT_THAT(warningsWith({thick, soft}), ElementsAre(AllOf(HasSubstr("layers[0] (SKIN, 4 mm)"),
+  EXPECT_THAT(warningsWith({thick, soft}), ElementsAre(AllOf(HasSubstr("layers[0] (skin, 4 mm)"),
                                                              HasSubstr("0.6 N"), HasSubstr("6 mm deep"))));
   // 100 z + 12500 z² = 0.6 at exactly 4 mm: not deeper than the layer with its small tolerance
   const std::pair<std::string, std::string> just{

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "common/base/files.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -92,6 +93,17 @@ TEST(Samples, areCanonicalWithoutWarningsAndNameTheirSources) {
     EXPECT_NEAR(depth(profile, {0, 0, 0}), 0, 1e-12) << "the skin is at the origin";
     EXPECT_LT(depth(profile, {0, 0, 1e-3}), 0) << "z points out of the body";
   }
+}
+
+TEST(Samples, noLayerOfAPatientIsCalledByANumber) {
+  for (const std::string& id : all()) {
+    if (id == "paper-1dof") continue;  // the paper's one layer is of no tissue
+    for (const std::string& name : layerNames(sample(id)))
+      EXPECT_EQ(name.find_first_of("0123456789"), std::string::npos) << id << ": " << name;
+  }
+  EXPECT_EQ(layerNames(sample("lumbar-adult")),
+            (std::vector<std::string>{"skin", "subcutaneous fat", "interspinous ligament",
+                                      "ligamentum flavum", "epidural space", "dura and vertebra"}));
 }
 
 TEST(Samples, patientsHaveEveryEffectPassively) {

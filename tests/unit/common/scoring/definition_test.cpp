@@ -63,6 +63,11 @@ TEST(MeasureTable, namesAreOnceAndUnitsAreInThem) {
   }
   EXPECT_EQ(measureKind("peak_force_layer_K_n"), nullptr);
   EXPECT_EQ(measureWords("peak_force_layer_13_n"), "Peak force in layer 13");
+  const std::vector<std::string> layers = {"skin", "dura"};
+  EXPECT_EQ(measureWords("peak_force_layer_2_n", layers), "Peak force in dura");
+  EXPECT_EQ(measureWords("mean_force_layer_1_n", layers), "Mean force in skin");
+  EXPECT_EQ(measureWords("peak_force_layer_3_n", layers), "Peak force in layer 3") << "the profile has two";
+  EXPECT_EQ(measureWords("entries", layers), "Entries");
   EXPECT_EQ(measureWords("entries"), "Entries");
   EXPECT_EQ(measureWords("of no kind"), "of no kind");
   EXPECT_EQ(measureKind("peak_force_layer_0_n"), nullptr);

@@ -83,22 +83,24 @@ TEST(LessonWatch, theShaftTouchesToo) {
   EXPECT_EQ(watch.hazardsTouched().size(), 1u);
 }
 
-TEST(LessonWatch, theTissueIsThatOfTheLayerAndNothingOutside) {
-  LessonWatch watch(halfSpace(), {});
+TEST(LessonWatch, theLayerHasItsNameAndOutsideThereIsNone) {
+  pb::Profile profile = halfSpace();
+  profile.mutable_layers(1)->set_name("Deltoid muscle");
+  LessonWatch watch(profile, {});
   GestureSample sample;
   setDown(sample);
   const auto at = [&](double depth_m) {
     setDepth(sample, depth_m);
     watch.add({&sample, 1});
-    return watch.tissue();
+    return watch.layerName();
   };
   EXPECT_EQ(at(-0.01), "");
   EXPECT_EQ(at(0.005), "skin");
-  EXPECT_EQ(at(0.015), "muscle");
+  EXPECT_EQ(at(0.015), "Deltoid muscle");
   EXPECT_EQ(at(0.025), "bone");
   sample.layer = 100;  // no layer of this profile
   watch.add({&sample, 1});
-  EXPECT_EQ(watch.tissue(), "");
+  EXPECT_EQ(watch.layerName(), "");
 }
 
 TEST(LessonWatch, theLimitIsTheExercisesOwn) {

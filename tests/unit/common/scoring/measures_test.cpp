@@ -105,7 +105,36 @@ TEST(Tissue, depthsForcesAndLayers) {
   EXPECT_EQ(valueOf(score, "entries"), 1);
   EXPECT_EQ(valueOf(score, "withdrawals"), 1);
   EXPECT_EQ(valueOf(score, "trajectory_changes"), 0);
-  EXPECT_EQ(find(score, "peak_force_layer_2_n")->words, "Peak force in layer 2 (MUSCLE) 2 N");
+  EXPECT_EQ(find(score, "peak_force_layer_2_n")->words, "Peak force in muscle 2 N");
+}
+
+TEST(Tissue, aLayersNameIsInItsWordsAndItsNumberInItsKey) {
+  pb::Profile profile = halfSpace();
+  profile.mutable_layers(1)->set_name("dura");
+  const auto named = scoreGesture(inAndOut(1000), 1000, profile, {});
+  EXPECT_EQ(find(named, "peak_force_layer_2_n")->words, "Peak force in dura 2 N");
+  EXPECT_EQ(find(named, "mean_force_layer_2_n")->words, "Mean force in dura 2 N");
+  EXPECT_EQ(find(named, "peak_force_layer_1_n")->words, "Peak force in skin 1 N");
+  // names, values and units of all rows stay
+  const auto plain = scoreGesture(inAndOut(1000), 1000, halfSpace(), {});
+  ASSERT_EQ(named.size(), plain.size());
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    EXPECT_EQ(named[i].name, plain[i].name);
+    EXPECT_EQ(named[i].value, plain[i].value);
+    EXPECT_EQ(named[i].unit, plain[i].unit);
+  }
+}
+
+TEST(Tissue, layersOfOneTissueAreToldApartInTheWords) {
+  pb::Profile profile = halfSpace();
+  profile.mutable_layers(1)->set_tissue(pb::Layer::FAT);
+  profile.mutable_layers(2)->set_tissue(pb::Layer::FAT);
+  auto score = scoreGesture(inAndOut(1000), 1000, profile, {});
+  EXPECT_EQ(find(score, "peak_force_layer_2_n")->words, "Peak force in fat 1 2 N");
+  EXPECT_EQ(find(score, "peak_force_layer_3_n")->words, "Peak force in fat 2 3 N");
+  profile.mutable_layers(2)->set_tissue(pb::Layer::OTHER);
+  score = scoreGesture(inAndOut(1000), 1000, profile, {});
+  EXPECT_EQ(find(score, "peak_force_layer_3_n")->words, "Peak force in layer 3 3 N");
 }
 
 TEST(Tissue, meanForceIsOverTimeNotOverSamples) {
@@ -489,7 +518,7 @@ TEST(Tissue, meanForceOfEachLayer) {
   EXPECT_NEAR(valueOf(score, "mean_force_layer_1_n"), 1, 1e-9);
   EXPECT_NEAR(valueOf(score, "mean_force_layer_2_n"), 2, 1e-9);
   EXPECT_NEAR(valueOf(score, "mean_force_layer_3_n"), 3, 1e-9);
-  EXPECT_EQ(find(score, "mean_force_layer_2_n")->words, "Mean force in layer 2 (MUSCLE) 2 N");
+  EXPECT_EQ(find(score, "mean_force_layer_2_n")->words, "Mean force in muscle 2 N");
   // a layer that was never reached has no mean
   const auto shallow = gesture(1000, 1, [](double, GestureSample& s) { setDepth(s, 0.005); });
   EXPECT_EQ(find(scoreGesture(shallow, 1000, halfSpace(), {}), "mean_force_layer_2_n"), nullptr);

@@ -178,6 +178,23 @@ TEST(Reference, layersAreCalledByTheirNumber) {
               HasSubstr("Peak force in layer 12 6 N"));
 }
 
+TEST(Reference, layersAreCalledByTheirNamesWhereTheProfileIsKnown) {
+  Measure row;
+  row.name = "peak_force_layer_2_n";
+  row.value = 6;
+  row.unit = "N";
+  ReferenceBand band;
+  band.name = row.name;
+  band.n = 8;
+  band.mean = 5;
+  band.sd = 2;
+  const std::vector<std::string> layers = {"skin", "dura"};
+  const auto compared = compareWithReference(std::vector{row}, std::vector{band}, std::nullopt, layers);
+  ASSERT_EQ(compared.size(), 1u);
+  EXPECT_EQ(compared[0].name, "peak_force_layer_2_n");
+  EXPECT_THAT(compared[0].words, HasSubstr("Peak force in dura 6 N"));
+}
+
 TEST(Reference, allExpertsAlikeHaveNoSpreadToMeasureBy) {
   Comparison row = compared("target_reached", 1, {1, 1, 1, 1, 1});
   EXPECT_FALSE(row.z.has_value());

@@ -70,6 +70,7 @@ TEST(SyringeEvents, tellKindTimesAndStroke) {
   EXPECT_TRUE(events[0].begin().in_tissue());
   EXPECT_EQ(events[0].begin().layer(), 1);
   EXPECT_EQ(events[0].begin().tissue(), "MUSCLE");
+  EXPECT_EQ(events[0].begin().layer_name(), "muscle");
   EXPECT_NEAR(events[0].begin().depth_m(), 0.015, 1e-12);
   EXPECT_NEAR(events[0].begin().insertion_m(), 0.015, 1e-12);
   EXPECT_NEAR(events[0].begin().z_m(), -0.015, 1e-12);
@@ -228,7 +229,7 @@ TEST(SyringeEvents, anInjectionDuringWithdrawalHasTwoPlacesAndShares) {
   // 4 of 20 mm
   EXPECT_NEAR(event.in_target_share(), 0.2, 0.005);
   EXPECT_NEAR(event.in_tissue_share(), 1, 1e-12);
-  EXPECT_THAT(eventText(event), ::testing::HasSubstr("in BONE"));
+  EXPECT_THAT(eventText(event), ::testing::HasSubstr("in bone"));
   EXPECT_THAT(eventText(event), ::testing::HasSubstr("; to "));
 }
 
@@ -238,6 +239,7 @@ TEST(SyringeEvents, outsideTheTissueIsSaid) {
   EXPECT_FALSE(events[0].begin().in_tissue());
   EXPECT_EQ(events[0].begin().layer(), -1);
   EXPECT_EQ(events[0].begin().tissue(), "");
+  EXPECT_EQ(events[0].begin().layer_name(), "");
   EXPECT_EQ(events[0].in_tissue_share(), 0);
   EXPECT_NEAR(events[0].begin().depth_m(), -0.01, 1e-12);
   EXPECT_EQ(eventText(events[0]), "injection of 40 % at 1.0 s for 1.0 s, outside the tissue");
@@ -296,6 +298,31 @@ TEST(SyringeEvents, aPlacedLimbMovesTheSurroundings) {
   EXPECT_EQ(events[0].in_target_share(), 1);
 }
 
+TEST(SyringeEvents, theProfileNamesTheLayersOfStoredEvents) {
+  pb::Profile profile = halfSpace();
+  profile.mutable_layers(1)->set_name("dura");
+  auto events = eventsOf(held(kAspirateAndInject), 1000, profile);
+  ASSERT_EQ(events.size(), 2u);
+  EXPECT_THAT(eventText(events[1]), ::testing::HasSubstr("15 mm deep in dura"));
+  EXPECT_EQ(events[1].end().tissue(), "MUSCLE") << "for computers it stays";
+  // as they come from a database
+  for (auto& event : events)
+    event.mutable_begin()->clear_layer_name(), event.mutable_end()->clear_layer_name();
+  EXPECT_THAT(eventText(events[1]), ::testing::HasSubstr("15 mm deep in MUSCLE"))
+      << "from a server of before";
+  nameLayers(profile, events);
+  EXPECT_EQ(events[0].begin().layer_name(), "dura");
+  EXPECT_EQ(events[0].end().layer_name(), "dura");
+  // a layer that this profile does not have, and a place outside
+  events[0].mutable_begin()->set_layer(3);
+  events[0].mutable_begin()->clear_layer_name();
+  auto outside = eventsOf(held({{0, 0.1}, {1, 0.1}, {2, 0.5}, {3, 0.5}}, 1000, -0.01), 1000, profile);
+  nameLayers(profile, events);
+  nameLayers(profile, outside);
+  EXPECT_EQ(events[0].begin().layer_name(), "");
+  EXPECT_EQ(outside[0].begin().layer_name(), "");
+}
+
 TEST(SyringeEvents, asJsonSayEverything) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.015}, 0.001);
@@ -304,10 +331,11 @@ TEST(SyringeEvents, asJsonSayEverything) {
   EXPECT_EQ(rows[0].at("event"), "ASPIRATION");
   EXPECT_EQ(rows[1].at("event"), "INJECTION");
   EXPECT_EQ(rows[1].at("begin").at("tissue"), "MUSCLE");
+  EXPECT_EQ(rows[1].at("begin").at("layer_name"), "muscle");
   EXPECT_TRUE(rows[1].at("begin").at("hazard").is_null());
   EXPECT_NEAR(rows[1].at("end").at("target_distance_m").get<double>(), -0.001, 1e-9);
   EXPECT_EQ(rows[1].at("words"),
-            "injection of 80 % at 2.5 s for 3.0 s, 15 mm deep in MUSCLE, 1 mm inside target 1");
+            "injection of 80 % at 2.5 s for 3.0 s, 15 mm deep in muscle, 1 mm inside target 1");
 }
 
 TEST(SyringeMeasures, sumUpTheStrokes) {

@@ -146,6 +146,16 @@ TEST_F(ClosedWithEvents, theSyringesEventsAreStoredAndListed) {
   ASSERT_OK(store->service().closeSession(closing(), "station-1"));
   check(get(instructor, question()).events(), true);
 
+  // the session's profile says what people call the layer
+  ASSERT_OK(change([](Connection& c) {
+    return c.script("UPDATE session_events SET begin_layer = 4, begin_tissue = 'OTHER'");
+  }));
+  const auto named = get(instructor, question()).events();
+  ASSERT_EQ(named.events_size(), 2);
+  EXPECT_EQ(named.events(1).begin().tissue(), "OTHER");
+  EXPECT_EQ(named.events(1).begin().layer_name(), "suprapatellar recess");
+  EXPECT_EQ(named.events(1).end().layer_name(), "") << "outside";
+
   // As if it had been closed before events were stored: they are computed again.
   ASSERT_OK(change([](Connection& c) {
     return c.script("DELETE FROM session_events; UPDATE sessions SET events = NULL");

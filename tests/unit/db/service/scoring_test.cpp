@@ -202,6 +202,12 @@ TEST_F(Scoring, aSessionIsComparedWithTheExpertsPathsToo) {
   const auto force = std::find_if(comparison.begin(), comparison.end(),
                                   [](const auto& r) { return r["measure"] == "peak_force_n"; });
   ASSERT_NE(force, comparison.end());
+  // layers are called as in the session's profile
+  EXPECT_EQ((*force)["words"].get<std::string>().find("Peak force 2.4 N"), 0u);
+  const auto skin = std::find_if(comparison.begin(), comparison.end(),
+                                 [](const auto& r) { return r["measure"] == "peak_force_layer_1_n"; });
+  ASSERT_NE(skin, comparison.end());
+  EXPECT_EQ((*skin)["words"].get<std::string>().find("Peak force in skin 2.4 N"), 0u) << *skin;
   // experts 1, 1.1 … 1.4 N; the novice 2.4 N
   EXPECT_NEAR((*force)["z"].get<double>(), 1.2 / std::sqrt(0.025), 1e-9);
   // an expert is not compared with itself

@@ -501,6 +501,9 @@ TEST_F(Teaching, thePreviewIsWhatTheEngineRenders) {
   ASSERT_EQ(preview.total_n_size(), 200);
   const auto profile = nlohmann::json::parse(json);
   EXPECT_EQ(preview.layers_size(), static_cast<int>(profile["layers"].size()));
+  EXPECT_EQ(preview.layers(4).tissue(), "OTHER");
+  EXPECT_EQ(preview.layers(4).name(), "suprapatellar recess");
+  EXPECT_EQ(preview.layers(0).name(), "skin");
   double bottom = 0;
   for (const auto& layer : profile["layers"]) bottom += layer["thickness_m"].get<double>();
   EXPECT_NEAR(preview.depth_m(199), std::min(bottom, profile["needle"]["length_m"].get<double>()), 2e-5);

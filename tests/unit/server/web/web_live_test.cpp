@@ -2,7 +2,9 @@
 #include <atomic>
 #include <chrono>
 #include <thread>
+#include <utility>
 
+#include "common/base/files.h"
 #include "tests/unit/server/web/web_lab.h"
 
 namespace needlelab {
@@ -58,6 +60,38 @@ TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
       EXPECT_EQ(tile["trainee"], "tina");
       EXPECT_EQ(tile["phase"], "INSERTING");
     }
+  }
+}
+
+TEST(WebLive, theLayerHasTheNameOfTheSessionsProfile) {
+  WebLab lab;
+  auto station = lab.server().connect(ofStation(lab.stationKey()));
+  ASSERT_TRUE(station.ok());
+  const auto profile = readWholeFile(NEEDLELAB_SOURCE_DIR "/db/samples/lumbar-adult.json");
+  ASSERT_TRUE(profile.ok());
+  const FakeSession session("bench");
+  ASSERT_TRUE(station->send(session.open(*profile)).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  pb::Envelope envelope;
+  auto& status = *envelope.mutable_station_status();
+  status.set_session_id(std::string(session.id().begin(), session.id().end()));
+  Browser ines = lab.browserOf("ines");
+  const auto viewer = ines.live();
+  ASSERT_TRUE(viewer);
+  const std::pair<int, const char*> cases[] = {
+      {0, "skin"}, {3, "ligamentum flavum"}, {4, "epidural space"}, {-1, ""}, {99, ""}};
+  for (const auto& [layer, name] : cases) {
+    status.set_layer(layer);
+    status.set_force_n(layer + 10);
+    ASSERT_TRUE(station->send(envelope).ok());
+    (void)station->receive(milliseconds(50));  // it sends while it waits
+    json tile;
+    for (int i = 0; i < 50 && (tile.is_null() || tile["force_n"] != layer + 10); ++i) {
+      const auto text = viewer->readText();
+      ASSERT_TRUE(text.has_value());
+      tile = tileOf(*text, "bench");
+    }
+    EXPECT_EQ(tile["layer"], name) << layer;
   }
 }
 

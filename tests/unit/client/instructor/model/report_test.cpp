@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "common/base/files.h"
 #include "common/gesture/sample_csv.h"
@@ -45,6 +46,25 @@ ReportData dataOf(const std::string& trainee = "tina") {
   data.progress.push_back(
       {"peak_force_n", "N", "falls by 0.3 N with each attempt", {1, 2, 3}, {4, 3.5, 3.25}});
   return data;
+}
+
+TEST(Report, aLayersMeasureHasTheLayersName) {
+  ReportData data = dataOf();
+  Measure bursa;
+  bursa.name = "peak_force_layer_4_n";
+  bursa.value = 2;
+  bursa.unit = "N";
+  bursa.words = "Peak force in layer 4 (BURSA) 2 N";  // a score of before keeps its words
+  data.measures.push_back(bursa);
+  EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in bursa</td>"));
+  auto profile = nlohmann::json::parse(test::sampleProfile("shoulder-adult"));
+  profile["layers"][3]["name"] = "bursa <left>";
+  const std::string named = profile.dump();
+  data.gesture = gestureOf(test::lessonInfo(named, "tina"), test::lessonSamples(named, {}));
+  EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in bursa &lt;left&gt;</td>"));
+  // not readable
+  data.gesture = gestureOf(test::lessonInfo("{}", "tina"), test::lessonSamples(named, {}));
+  EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in layer 4</td>"));
 }
 
 TEST(Report, saysWhatTheScoreSays) {

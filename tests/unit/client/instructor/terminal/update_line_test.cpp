@@ -1,7 +1,10 @@
 #include "client/instructor/terminal/update_line.h"
 
 #include <cmath>
+#include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -33,9 +36,35 @@ TEST(UpdateLine, aPersonReadsMillimetresAndNewtons) {
   update.drops = 3;
   const std::string line = textLine(update);
   for (const char* part :
-       {"12.346 s", "bench-1", "tina", "INSERTING", "layer 2", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
+       {"12.346 s", "bench-1", "tina", "INSERTING", "layer 3", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
     EXPECT_THAT(line, HasSubstr(part));
   }
+}
+
+TEST(UpdateLine, aLayerIsCalledByItsNameWhereItIsKnown) {
+  const std::vector<std::string> layers = {"skin", "subcutaneous fat", "dura\x1b[2J"};
+  const Update known = updateOf(sample(), layers);
+  EXPECT_THAT(textLine(known), HasSubstr("  dura?[2J  insertion"));
+  const auto json = nlohmann::json::parse(jsonLine(known));
+  EXPECT_EQ(json["layer_name"], "dura\x1b[2J");
+  EXPECT_EQ(json["layer"], 2) << "for computers it stays, from 0";
+  // the profile has fewer layers, or is not known: people count from 1
+  for (const Update& update : {updateOf(sample(), std::span(layers).first(2)), updateOf(sample())}) {
+    EXPECT_THAT(textLine(update), HasSubstr("  layer 3  insertion"));
+    EXPECT_FALSE(nlohmann::json::parse(jsonLine(update)).contains("layer_name"));
+  }
+  GestureSample outside = sample();
+  outside.layer = -1;
+  EXPECT_THAT(textLine(updateOf(outside, layers)), HasSubstr("  outside  insertion"));
+  // an overview's station says it itself
+  pb::StationStatus status;
+  status.set_online(true);
+  status.set_session_id(std::string(16, '\x01'));
+  status.set_layer(1);
+  status.set_tissue("subcutaneous fat");
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("  subcutaneous fat  insertion"));
+  status.set_tissue(std::string(1'000'000, 'x'));
+  EXPECT_LT(textLine(updateOf(status)).size(), 2000u);
 }
 
 TEST(UpdateLine, tellsOfTheSyringe) {
@@ -48,7 +77,7 @@ TEST(UpdateLine, tellsOfTheSyringe) {
   std::swap(before.plunger, now.plunger);
   EXPECT_EQ(syringeAction(before, now), "aspirating");
   Update update = updateOf(now);
-  EXPECT_THAT(textLine(update), HasSubstr("layer 2"));
+  EXPECT_THAT(textLine(update), HasSubstr("layer 3"));
   EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %"));
   EXPECT_THAT(textLine(update), Not(HasSubstr("aspirating")));
   update.syringe = syringeAction(before, now);

@@ -104,15 +104,22 @@ TEST(SceneView, theFocusLiesOnTheSkinAboveTheTarget) {
   }
 }
 
-TEST(SceneView, layersAreNamedAndNumberedWhereTheyComeTwice) {
+TEST(SceneView, layersHaveTheProfilesNames) {
   const test::SampleLesson lumbar = test::sampleLesson("lumbar-adult");
   std::vector<std::string> names;
   for (const LayerView& layer : lumbar.scene->layers) names.push_back(layer.name);
-  EXPECT_EQ(names, (std::vector<std::string>{"skin", "fat 1", "tendon 1", "tendon 2", "fat 2", "bone"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"skin", "subcutaneous fat", "interspinous ligament",
+                                             "ligamentum flavum", "epidural space", "dura and vertebra"}));
   EXPECT_EQ(layerName(*lumbar.scene, -1), "outside");
-  EXPECT_EQ(layerName(*lumbar.scene, 3), "tendon 2");
+  EXPECT_EQ(layerName(*lumbar.scene, 3), "ligamentum flavum");
   EXPECT_EQ(layerName(*lumbar.scene, 99), "?");
   EXPECT_TRUE(lumbar.scene->layers[3].has_membrane);
+  // a stored profile of before has none
+  pb::Profile unnamed = lumbar.profile;
+  for (pb::Layer& layer : *unnamed.mutable_layers()) layer.clear_name();
+  const auto before = sceneViewOf(unnamed);
+  ASSERT_TRUE(before.ok());
+  EXPECT_EQ(layerName(*before, 3), "tendon 2");
   // A round limb is filled by its last layer.
   const test::SampleLesson shoulder = test::sampleLesson("shoulder-adult");
   EXPECT_DOUBLE_EQ(shoulder.scene->layers.back().bottom_m, 0.06);

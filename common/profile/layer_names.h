@@ -1,0 +1,16 @@
+/// What people call a profile's layers: on every screen, in reports, in the words of measures and events.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "needlelab/profile.pb.h"
+
+namespace needlelab {
+
+/// Returns a name for each layer, from the skin inwards: its own name; without one its tissue, in lower case,
+/// numbered if several layers of that tissue have no name ("fat 1", "fat 2"); a layer of OTHER tissue without
+/// a name is called by its place: "layer 4". All differ in a profile that `parseProfile` accepted.
+std::vector<std::string> layerNames(const pb::Profile& profile);
+
+}  // namespace needlelab
