@@ -79,7 +79,8 @@ std::string textLine(const Update& update) {
   const std::string trouble = update.trouble.empty() ? "" : "  TROUBLE: " + printable(update.trouble, 0);
   if (update.online && update.session.empty()) return line + "  idle" + trouble;
   line += "  " + printable(update.phase, 11);
-  line += update.layer < 0 ? "  layer -" : fmt::format("  layer {}", update.layer);
+  // as the measures count: layer 1 is the skin's
+  line += update.layer < 0 ? "  layer -" : fmt::format("  layer {}", std::int64_t{update.layer} + 1);
   line += fmt::format("  insertion {:7.2f} mm  |F| {:6.3f} N", 1e3 * update.insertion_m, update.force_n);
   if (update.plunger) line += fmt::format("  plunger {:3.0f} %", 100 * *update.plunger);
   if (!update.syringe.empty()) line += "  " + update.syringe;

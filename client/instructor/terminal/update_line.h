@@ -13,10 +13,10 @@ namespace needlelab {
 
 /// The newest sample of a frame, or a status line.
 struct Update {
-  double time_s = 0;  ///< session time
+  double time_s = 0;  ///< since the session's first sample; in an overview since it began
   std::string station, trainee, session;
   std::string phase;
-  int layer = -1;
+  int layer = -1;  ///< 0 is the skin's, as in a sample; a line for a person counts from 1, as the measures do
   double insertion_m = 0;
   double force_n = 0;
   std::optional<double> plunger;  ///< 0-1; frames only

@@ -1,6 +1,7 @@
 #include "client/instructor/terminal/update_line.h"
 
 #include <cmath>
+#include <string>
 #include <utility>
 
 #include <gmock/gmock.h>
@@ -33,9 +34,22 @@ TEST(UpdateLine, aPersonReadsMillimetresAndNewtons) {
   update.drops = 3;
   const std::string line = textLine(update);
   for (const char* part :
-       {"12.346 s", "bench-1", "tina", "INSERTING", "layer 2", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
+       {"12.346 s", "bench-1", "tina", "INSERTING", "layer 3", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
     EXPECT_THAT(line, HasSubstr(part));
   }
+}
+
+TEST(UpdateLine, aPersonReadsTheLayersNumberOfTheMeasures) {
+  // a sample counts from 0; peak_force_layer_1_n is the skin's
+  for (const int layer : {0, 1, 8}) {
+    GestureSample s = sample();
+    s.layer = static_cast<std::int8_t>(layer);
+    EXPECT_THAT(textLine(updateOf(s)), HasSubstr("layer " + std::to_string(layer + 1) + "  "));
+    EXPECT_EQ(nlohmann::json::parse(jsonLine(updateOf(s)))["layer"], layer) << "a program reads the sample's";
+  }
+  GestureSample outside = sample();
+  outside.layer = -1;
+  EXPECT_THAT(textLine(updateOf(outside)), HasSubstr("layer -  "));
 }
 
 TEST(UpdateLine, tellsOfTheSyringe) {
@@ -48,7 +62,7 @@ TEST(UpdateLine, tellsOfTheSyringe) {
   std::swap(before.plunger, now.plunger);
   EXPECT_EQ(syringeAction(before, now), "aspirating");
   Update update = updateOf(now);
-  EXPECT_THAT(textLine(update), HasSubstr("layer 2"));
+  EXPECT_THAT(textLine(update), HasSubstr("layer 3"));
   EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %"));
   EXPECT_THAT(textLine(update), Not(HasSubstr("aspirating")));
   update.syringe = syringeAction(before, now);

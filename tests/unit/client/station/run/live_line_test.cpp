@@ -42,7 +42,7 @@ std::string readAll(int file) {
 
 TEST(LiveLine, tellsPlaceForceTimingSpoolAndServer) {
   EXPECT_EQ(liveText(example()),
-            "1:07  INSERTING layer 2 23.4 mm 0.50 N | wake-up p50 25 p99 46 max 452 µs, 3 missed | "
+            "1:07  INSERTING layer 3 23.4 mm 0.50 N | wake-up p50 25 p99 46 max 452 µs, 3 missed | "
             "spool 2 chunks | server away");
   LiveView outside = example();
   outside.sample.phase = static_cast<std::uint8_t>(Phase::kFree);
