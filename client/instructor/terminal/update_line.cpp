@@ -104,11 +104,14 @@ std::string jsonLine(const Update& update) {
                                  {"trainee", update.trainee},
                                  {"session", update.session}};
   if (update.online) json["online"] = *update.online;
-  json["phase"] = update.phase;
-  json["layer"] = update.layer;
-  if (!update.layer_name.empty()) json["layer_name"] = update.layer_name;
-  json["insertion_m"] = update.insertion_m;
-  json["force_n"] = update.force_n;
+  // a station's status keeps what the last lesson ended with: without a lesson there is no needle to speak of
+  if (!update.online || (*update.online && !update.session.empty())) {
+    json["phase"] = update.phase;
+    json["layer"] = update.layer;
+    if (!update.layer_name.empty()) json["layer_name"] = update.layer_name;
+    json["insertion_m"] = update.insertion_m;
+    json["force_n"] = update.force_n;
+  }
   if (update.plunger) json["plunger"] = *update.plunger;
   if (!update.syringe.empty()) json["syringe"] = update.syringe;
   json["fault"] = update.fault;

@@ -174,7 +174,7 @@ constexpr double kWatchRateHz = 10;  // readable number of lines per second
 /// Facts about a session without its samples.
 struct SessionFacts {
   std::string trainee;
-  std::int64_t started_ns = 0;  // station's steady clock
+  double rate_hz = 0;  // 0: the server has not yet said
   std::vector<std::string> layer_names;
 };
 
@@ -283,7 +283,7 @@ class Watch {
     stats_.add(frame, samples->size(), received);
     const GestureSample& newest = samples->back();
     commands_.moment(frame.session_id(), newest.tick);
-    const SessionFacts& facts = factsOf(frame, newest);
+    const SessionFacts& facts = factsOf(frame);
     if (frame.session_id() != plunger_of_) {
       plunger_ = {};
       plunger_of_ = frame.session_id();
@@ -291,7 +291,8 @@ class Watch {
     for (const GestureSample& sample : *samples) plunger_.add(sample);
     Update update = updateOf(newest, facts.layer_names);
     update.syringe = plunger_.action();
-    update.time_s = 1e-9 * static_cast<double>(newest.time_ns - facts.started_ns);
+    // since the first sample, as in a replay and in --at; the lesson was announced some 0.2 s before it
+    if (facts.rate_hz > 0) update.time_s = static_cast<double>(newest.tick) / facts.rate_hz;
     update.station = frame.station();
     update.trainee = facts.trainee;
     update.session = run_.options.session;
@@ -304,20 +305,19 @@ class Watch {
     run_.line(run_.options.json ? jsonLine(update) : textLine(update));
   }
 
-  /// Reads a session's trainee and start from the server; repeats the request until the server knows the
+  /// Reads a session's trainee and rate from the server; repeats the request until the server knows the
   /// session.
-  const SessionFacts& factsOf(const pb::LiveFrame& frame, const GestureSample& sample) {
+  const SessionFacts& factsOf(const pb::LiveFrame& frame) {
     SessionFacts& facts = facts_[frame.session_id()];
-    if (facts.started_ns != 0) return facts;
+    if (facts.rate_hz > 0) return facts;
     pb::Request request;
     request.mutable_get_session()->set_session_id(frame.session_id());
     if (const auto reply = run_.client.call(request, std::chrono::seconds(5)); reply.ok()) {
       facts.trainee = reply->session().description().trainee();
-      facts.started_ns = reply->session().description().started_steady_ns();
+      facts.rate_hz = reply->session().description().rate_hz();
       if (const auto profile = parseProfile(reply->session().description().profile_json(), "profile"))
         facts.layer_names = layerNames(*profile);
     }
-    if (facts.started_ns == 0) facts.started_ns = sample.time_ns;
     return facts;
   }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <climits>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string_view>
@@ -149,6 +150,10 @@ TEST_F(Headless, aStationThatIsNotYetOnlineIsWaitedForAndThenWatched) {
   EXPECT_EQ(update["trainee"], "tina");
   EXPECT_EQ(update["phase"], "INSERTING");
   EXPECT_NEAR(update["force_n"], 2, 1e-3);
+  // since the first sample, tick 0, whatever the station's clock said then: a frame's last tick is 20 n + 19
+  const double newest_tick = update["time_s"].get<double>() * 1000;
+  EXPECT_NEAR(std::fmod(newest_tick, 20), 19, 1e-6);
+  EXPECT_GE(newest_tick, 20.0 * static_cast<double>(output.updates.size()) - 1 - 1e-6);
   EXPECT_EQ(output.summary["frames"], output.updates.size());
   EXPECT_EQ(output.summary["samples"], 20 * output.updates.size());
   EXPECT_EQ(output.summary["dropped"], 0);

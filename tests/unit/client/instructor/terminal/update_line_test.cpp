@@ -103,6 +103,28 @@ TEST(UpdateLine, jsonIsOneLineInSiUnits) {
   EXPECT_FALSE(json.contains("latency_ms"));
 }
 
+TEST(UpdateLine, aStationWithoutALessonHasNoNeedle) {
+  // it goes on saying what its last lesson ended with
+  pb::StationStatus status;
+  status.set_station("bench-1");
+  status.set_online(true);
+  status.set_phase(1);
+  status.set_layer(2);
+  status.set_insertion_m(0.0179);
+  status.set_session_id(std::string(16, 'a'));
+  const auto during = nlohmann::json::parse(jsonLine(updateOf(status)));
+  EXPECT_EQ(during["phase"], "INSERTING");
+  EXPECT_EQ(during["layer"], 2);
+  status.clear_session_id();
+  for (const bool online : {true, false}) {
+    status.set_online(online);
+    const auto json = nlohmann::json::parse(jsonLine(updateOf(status)));
+    EXPECT_EQ(json["online"], online);
+    for (const char* key : {"phase", "layer", "insertion_m", "force_n"})
+      EXPECT_FALSE(json.contains(key)) << key;
+  }
+}
+
 TEST(UpdateLine, aHostileNameDoesNotReachTheTerminalsControls) {
   Update update = updateOf(sample());
   update.station = "x\x1b[2Jy\n";
