@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "common/base/csv.h"
 #include "common/base/range.h"
@@ -180,6 +181,7 @@ std::string valueText(double value, const std::string& unit) {
   if (unit == "m/s") return size < 1 ? threeDigits(value * 1e3) + " mm/s" : threeDigits(value) + " m/s";
   if (unit == "J") return size < 1 ? threeDigits(value * 1e3) + " mJ" : threeDigits(value) + " J";
   if (unit == "m^2") return threeDigits(value * 1e4) + " cm²";
+  if (unit == "rad") return threeDigits(value * 180 / std::numbers::pi) + "°";
   return unit.empty() ? threeDigits(value) : threeDigits(value) + " " + unit;
 }
 
