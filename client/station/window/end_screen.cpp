@@ -200,14 +200,14 @@ DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene)
 Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
                  std::span<const Measure> measures) {
   Plot plot;
-  plot.title = "beside the line";
+  plot.title = "distance from own line";
   plot.unit = "mm";
   plot.quantity = PlotQuantity::kDistance;
   plot.from = 0;
   plot.to = std::max(1.0, time_s.empty() ? 0.0 : time_s.back());
   plot.low = 0;
   plot.legend = false;
-  plot.series = {{"beside the line", kBluishGreen, columnsOf(time_s, lateral_mm), false, true}};
+  plot.series = {{"from own line", kBluishGreen, columnsOf(time_s, lateral_mm), false, true}};
   addLimits(plot, GesturePlot::kAlignment, requirementsOf(measures));
   return plot;
 }

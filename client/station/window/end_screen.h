@@ -46,7 +46,7 @@ struct DepthPlotRange {
 };
 DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene);
 
-/// The lateral error over time, with the exercise's limit; refers to the two spans. `measures`: of the score.
+/// The tip's distance from its own line over time, with the exercise's limit; refers to the two spans. `measures`: of the score.
 Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
                  std::span<const Measure> measures);
 

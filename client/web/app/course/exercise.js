@@ -16,7 +16,7 @@ const kAids = [
   ['ANATOMY', 'Targets and hazards'],
   ['GUIDES', 'Insertion line, angle cone, wall'],
   ['ARROWS', 'Force arrows'],
-  ['ALIGNMENT', 'Lateral error, angle, speed'],
+  ['ALIGNMENT', 'Distance and tilt from own line, speed'],
 ];
 const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND');
 const kTips = [
