@@ -34,6 +34,7 @@ struct MeasureKind {
   Better better = Better::kNeither;
   LeastDifference least_difference;
   std::string_view definition;  ///< one or two sentences; the full definition is beside the code
+  bool needs_plan = false;      ///< only of exercises with a plan
 };
 
 /// All measures in the order of a score's rows; a measure per layer has one row with a K.

@@ -64,7 +64,8 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
 
 /// Whether `scoreGesture` can give a measure of this name for some profile, e.g. "peak_force_layer_3_n".
 bool isMeasureName(std::string_view name);
-/// Errors: kInvalidInput with the first requirement on a measure that does not exist.
+/// Errors: kInvalidInput with the first requirement on a measure that does not exist, or that needs a plan
+/// which the exercise does not have: nobody could pass.
 Status checkRequirements(const pb::Exercise& exercise);
 
 /// The verdict on an attempt or on a requirement, for people: "passed", "not passed", "no verdict" (nothing

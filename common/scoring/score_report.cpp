@@ -212,13 +212,21 @@ bool isMeasureName(std::string_view name) {
 
 Status checkRequirements(const pb::Exercise& exercise) {
   for (int i = 0; i < exercise.requirements_size(); ++i) {
-    if (isMeasureName(exercise.requirements(i).measure())) continue;
+    const std::string& name = exercise.requirements(i).measure();
+    if (const MeasureKind* const kind = measureKind(name); kind != nullptr) {
+      if (!kind->needs_plan || exercise.has_plan()) continue;
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("requirements[{}].measure: {} needs a plan, and the exercise has none: give it a "
+                      "plan, or take the requirement away",
+                      i, name)};
+    }
     std::string known;
     for (const MeasureKind& kind : measureKinds())
       known += (known.empty() ? "" : ", ") + std::string(kind.name);
     return Error{ErrorCode::kInvalidInput,
-                 fmt::format("requirements[{}].measure: \"{}\" is none of {} (K: a layer, 1 to {})", i,
-                             exercise.requirements(i).measure(), known, kMaxLayers)};
+                 fmt::format("requirements[{}].measure: \"{}\" is none of {} (K: a layer, 1 to {})", i, name,
+                             known, kMaxLayers)};
   }
   return {};
 }

@@ -197,11 +197,24 @@ TEST(PlanMeasures, mayBeRequiredAndAreSaidInDegrees) {
       << "which of the two lines is meant is said";
   // the plan was taken out of the exercise, its requirements were not
   exercise.clear_plan();
+  const Status refused = checkRequirements(exercise);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(
+      refused.error().message,
+      "requirements[0].measure: planned_angle_error_rad needs a plan, and the exercise has none: give it a "
+      "plan, or take the requirement away");
   const auto without = scoredBy(exercise, straight(0, 0, 0));
   const Measure* const row = find(without, "planned_entry_error_m");
   ASSERT_NE(row, nullptr);
   EXPECT_FALSE(row->measured);
   EXPECT_FALSE(*row->passed);
+}
+
+TEST(PlanMeasures, theTableSaysWhichNeedAPlan) {
+  std::vector<std::string> names;
+  for (const MeasureKind& kind : measureKinds())
+    if (kind.needs_plan) names.emplace_back(kind.name);
+  EXPECT_EQ(names, std::vector<std::string>(std::begin(kPlanRows), std::end(kPlanRows)));
 }
 
 TEST(PlanMeasures, angleIsShownInDegrees) {
