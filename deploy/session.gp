@@ -12,7 +12,7 @@ set multiplot layout 3,1 title 'A recorded insertion' font 'DejaVu Sans,15'
 set xlabel ''
 set ylabel 'inserted length [mm]'
 plot csv using 't_s':(column('insertion_m')*1e3) with lines lw 2 lc rgb '#1b6ca8' title 'insertion', \
-     csv using 't_s':(column('lateral_error_m')*1e3) with lines lw 1.5 lc rgb '#d1495b' title 'off the line'
+     csv using 't_s':(column('lateral_error_m')*1e3) with lines lw 1.5 lc rgb '#d1495b' title 'from its own line'
 set ylabel 'force on the hand [N]'
 plot csv using 't_s':'fx_n' with lines lw 1.3 lc rgb '#d1495b' title 'x', \
      csv using 't_s':'fy_n' with lines lw 1.3 lc rgb '#66a182' title 'y', \

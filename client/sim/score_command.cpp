@@ -20,6 +20,7 @@
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
 #include "common/haptics/limits.h"
+#include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
@@ -137,6 +138,10 @@ int score(const ScoreOptions& options) {
   printWarnings(scene);
   const auto exercise = exerciseOf(options.exercise);
   if (!exercise.ok()) return failed("score", exercise.error());
+  if (exercise->has_value()) {
+    if (const Status fits = checkPlan(**exercise, scene.profile, ""); !fits.ok())
+      return failed("score", {fits.error().code, options.exercise.string() + ": " + fits.error().message});
+  }
   const pb::Exercise* required = exercise->has_value() ? &**exercise : nullptr;
   const auto measures =
       scoreGesture(scored->samples, scene.rate_hz, scene.profile, scene.X_WL, required, scored->references);

@@ -61,7 +61,7 @@ double fidelity(double force_before_N, double force_N, double wall_stiffness_N_p
 std::vector<std::string> profileWarnings(const pb::Profile& profile);
 
 /// As for profiles. The exercises of a curriculum must have different ids; a requirement must have min, max
-/// or both.
+/// or both; a plan must be a line (planned_line.h also checks it with the profile).
 Result<pb::Exercise> parseExercise(std::string_view json, std::string_view source);
 std::string exerciseJson(const pb::Exercise& exercise);
 Result<pb::Curriculum> parseCurriculum(std::string_view json, std::string_view source);

@@ -14,6 +14,7 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/aid_list.h"
 #include "common/profile/layer_names.h"
+#include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
 
@@ -161,6 +162,7 @@ Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path)
       return Error{status.error().code, prefix + status.error().message};
   }
   RETURN_IF_ERROR(checkAids(prefix + "aids.allowed", exercise.aids().allowed()));
+  if (exercise.has_plan()) RETURN_IF_ERROR(checkPlanFields(exercise.plan(), prefix + "plan"));
   if (exercise.has_due_unix_ms() && exercise.due_unix_ms() != std::floor(exercise.due_unix_ms()))
     return fieldError(prefix + "due_unix_ms",
                       "must be a whole number of milliseconds, found " + numberText(exercise.due_unix_ms()));

@@ -1,10 +1,12 @@
 /// The groups of measures and their common input. Private to this folder.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "common/profile/planned_line.h"
 #include "common/scoring/anatomy.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/measure_table.h"
@@ -22,6 +24,7 @@ struct Gesture {
   std::vector<Run> runs;
   Anatomy anatomy;
   const pb::Profile* profile = nullptr;
+  std::optional<PlannedLine> plan_W;  ///< the exercise's, if it has one
 
   /// The duration of sample `i` in s: half of the time to each neighbour in its run. 0 for a single sample.
   [[nodiscard]] double weight_s(std::size_t i) const;
@@ -44,6 +47,7 @@ void addMotion(const Gesture& gesture, Rows& rows);   ///< time, path, speed, sm
 void addActions(const Gesture& gesture, Rows& rows);  ///< movements, turns, work against clamping
 void addTissue(const Gesture& gesture, Rows& rows);   ///< depth, forces, events of the needle in tissue
 void addAim(const Gesture& gesture, Rows& rows);      ///< target and hazards
+void addPlan(const Gesture& gesture, Rows& rows);     ///< errors against the plan, if there is one
 /// Aspirations and injections.
 void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows);
 

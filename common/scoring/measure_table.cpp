@@ -41,10 +41,12 @@ constexpr LeastDifference kCountDifference{0.2887, 0};
 constexpr LeastDifference kStrokeDifference{0.02, 0};
 /// Ratios and smoothness: what the rate of the recording changes at most, 2 % (invariance_test.cpp).
 constexpr LeastDifference kRatioDifference{0, 0.02};
+/// Angles: a needle of 60 mm, the usual one of the samples, with its hub 1 mm aside (kLengthDifference).
+constexpr LeastDifference kAngleDifference{0.0167, 0};
 /// Yes or no.
 constexpr LeastDifference kNoDifference{};
 
-constexpr std::array<MeasureKind, 35> kMeasureKinds = {{
+constexpr std::array<MeasureKind, 39> kMeasureKinds = {{
     {"elapsed_s", "s", "Elapsed time", kLessIsBetter, kTimeDifference, "from the first tick to the last"},
     {"path_length_m", "m", "Path of the tip", kLessIsBetter, kLengthDifference,
      "sum of the tip's steps on the smoothed track"},
@@ -83,14 +85,14 @@ constexpr std::array<MeasureKind, 35> kMeasureKinds = {{
      "first 10 ms behind a boundary between layers"},
     {"mean_force_layer_K_n", "N", "Mean force in layer K", kLessIsBetter, kForceDifference,
      "over the same time; no row where the tip never was"},
-    {"largest_lateral_error_m", "m", "Largest lateral error", kLessIsBetter, kLengthDifference,
-     "of the tip from its trajectory"},
+    {"largest_lateral_error_m", "m", "Largest distance from the needle's own line", kLessIsBetter,
+     kLengthDifference, "of the tip from the trajectory that its own entry began, not from a plan"},
     {"entries", "", "Entries", kLessIsBetter, kCountDifference, "times that the tip went in"},
     {"withdrawals", "", "Withdrawals", kLessIsBetter, kCountDifference,
      "times that it was drawn back; a stop on the way does not begin another"},
     {"trajectory_changes", "", "Changes of trajectory", kLessIsBetter, kCountDifference,
      "runs of turns in tissue, pauses up to 0.2 s included"},
-    {"path_inefficiency", "", "Way over straight way", kLessIsBetter, kRatioDifference,
+    {"path_inefficiency", "", "Way over its own straight way", kLessIsBetter, kRatioDifference,
      "way in tissue up to 0.25 mm before the furthest point over the straight line from its entry; 1 is "
      "straight"},
     {"hazards_touched", "", "Hazards touched", kLessIsBetter, kCountDifference,
@@ -106,6 +108,14 @@ constexpr std::array<MeasureKind, 35> kMeasureKinds = {{
      "at the furthest point of the last insertion"},
     {"target_nearest_m", "m", "Least distance from the target's centre", kLessIsBetter, kLengthDifference,
      "at any time in tissue"},
+    {"planned_entry_error_m", "m", "Entry-site error", kLessIsBetter, kLengthDifference,
+     "of the first entry through the skin from the planned one; where the exercise has a plan", true},
+    {"planned_angle_error_rad", "rad", "Angle to the planned line", kLessIsBetter, kAngleDifference,
+     "of the needle's axis at the furthest point of the last insertion; where the exercise has a plan", true},
+    {"mean_planned_line_error_m", "m", "Mean distance from the planned line", kLessIsBetter,
+     kLengthDifference, "of the tip, over the time in tissue; where the exercise has a plan", true},
+    {"largest_planned_line_error_m", "m", "Largest distance from the planned line", kLessIsBetter,
+     kLengthDifference, "of the tip in tissue; where the exercise has a plan", true},
     {"aspirations", "", "Aspirations", kNeitherIs, kCountDifference, "strokes of the plunger outwards"},
     {"injections", "", "Injections", kNeitherIs, kCountDifference, "strokes of the plunger inwards"},
     {"injected_share", "", "Share of the syringe injected", kNeitherIs, kStrokeDifference,

@@ -29,11 +29,12 @@ struct LeastDifference {
 /// One measure. Texts live as long as the program.
 struct MeasureKind {
   std::string_view name;   ///< as in the rows of a score; K stands for a layer's number, from 1
-  std::string_view unit;   ///< "m", "s", "N", "m/s", "m^2", "J", or "" for counts and shares
+  std::string_view unit;   ///< "m", "s", "N", "m/s", "m^2", "J", "rad", or "" for counts and shares
   std::string_view words;  ///< the name for people
   Better better = Better::kNeither;
   LeastDifference least_difference;
   std::string_view definition;  ///< one or two sentences; the full definition is beside the code
+  bool needs_plan = false;      ///< only of exercises with a plan
 };
 
 /// All measures in the order of a score's rows; a measure per layer has one row with a K.
@@ -49,10 +50,10 @@ double leastDifference(std::string_view name, double value);
 /// layer's number, "Peak force in layer 3"; the name itself if it is unknown.
 std::string measureWords(std::string_view name, std::span<const std::string> layer_names = {});
 
-/// Formats a value for people: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²".
+/// Formats a value for people: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²", "7.5°".
 std::string valueText(double value, const std::string& unit);
 /// The main measures of a score, shown in lists of sessions if the score has them: elapsed time, peak force,
-/// depth, distance from the target, lateral error, hazards touched.
+/// depth, distance from the target, distance from the needle's own line, hazards touched.
 std::span<const std::string_view> mainMeasures();
 
 /// The table as JSON: a list of {"measure", "unit", "words", "better", "definition"}.

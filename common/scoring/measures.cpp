@@ -210,12 +210,18 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
   std::vector<GestureSample> storage;
   const std::span<const GestureSample> usable = cleaned(samples, storage);
-  const Gesture gesture{usable, rate_hz, runsOf(usable, rate_hz), anatomyOf(profile, X_WL), &profile};
+  const Gesture gesture{usable,
+                        rate_hz,
+                        runsOf(usable, rate_hz),
+                        anatomyOf(profile, X_WL),
+                        &profile,
+                        exercise == nullptr ? std::nullopt : plannedLineOf(*exercise, X_WL)};
   Rows rows;
   addMotion(gesture, rows);
   addActions(gesture, rows);
   addTissue(gesture, rows);
   addAim(gesture, rows);
+  addPlan(gesture, rows);
   addSyringe(gesture, syringeEvents(usable, rate_hz, profile, X_WL), rows);
   addReferences(gesture, X_WL, references, rows);
   std::vector<Measure> measures = rows.take();

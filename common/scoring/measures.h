@@ -20,14 +20,15 @@ namespace needlelab {
 /// value of any measure of any gesture changes, or a measure is added or removed; a test over committed
 /// gestures (definition_test.cpp) detects such a change. Stored scores contain their version.
 /// 1: until issue 5. 2: movements, turns, mean force per layer, work against clamping, distance from
-/// references. 3: contacts with bone.
-inline constexpr std::uint32_t kScoreDefinitionVersion = 3;
+/// references. 3: contacts with bone. 4: errors against the exercise's plan; a gesture without one scores as
+/// in 3.
+inline constexpr std::uint32_t kScoreDefinitionVersion = 4;
 
 /// One row of a score.
 struct Measure {
   std::string name;           ///< e.g. "peak_force_n"
   double value = 0;           ///< always finite
-  std::string unit;           ///< "m", "s", "N", "m/s", "m^2", or "" for counts and shares
+  std::string unit;           ///< "m", "s", "N", "m/s", "m^2", "J", "rad", or "" for counts and shares
   std::optional<double> min;  ///< the exercise's requirement, if any
   std::optional<double> max;
   std::optional<bool> passed;  ///< whether the requirement is met; empty without a requirement
@@ -38,7 +39,7 @@ struct Measure {
 
 /// All measures of a gesture, in a fixed order. A measure that does not apply is left out: for layers and
 /// targets that the profile does not have, for tissue that was never entered, for smoothness without
-/// movement.
+/// movement, for errors against a plan that the exercise does not have.
 ///
 /// Definitions stand beside the code of each group (measures.cpp, measures_in_tissue.cpp) and in track.h,
 /// dtw.h and syringe_events.h. What they share:
@@ -52,10 +53,10 @@ struct Measure {
 /// - Samples that are not finite, absurd (1 km, 1 MN) or not in ascending order of ticks are skipped.
 ///
 /// `rate_hz`: rate of the loop; outside 50-40,000 there is no score. `X_WL`: pose of the profile's frame in
-/// W. `exercise`: its requirements (and its time limit, as a requirement on `elapsed_s`) fill min, max,
-/// passed; a requirement on a measure that this gesture does not have makes a row that is not passed and
-/// states the reason. `references`: paths of gestures to compare with (dtw.h); without references there is no
-/// `dtw_distance_m`. Thread: any; shares no state.
+/// W. `exercise`: errors are taken from its plan; its requirements (and its time limit, as a requirement on
+/// `elapsed_s`) fill min, max, passed; a requirement on a measure that this gesture does not have makes a row
+/// that is not passed and states the reason. `references`: paths of gestures to compare with (dtw.h); without
+/// references there is no `dtw_distance_m`. Thread: any; shares no state.
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL,
                                   const pb::Exercise* exercise = nullptr,
@@ -63,7 +64,8 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
 
 /// Whether `scoreGesture` can give a measure of this name for some profile, e.g. "peak_force_layer_3_n".
 bool isMeasureName(std::string_view name);
-/// Errors: kInvalidInput with the first requirement on a measure that does not exist.
+/// Errors: kInvalidInput with the first requirement on a measure that does not exist, or that needs a plan
+/// which the exercise does not have: nobody could pass.
 Status checkRequirements(const pb::Exercise& exercise);
 
 /// The verdict on an attempt or on a requirement, for people: "passed", "not passed", "no verdict" (nothing

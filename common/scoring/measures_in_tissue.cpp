@@ -1,9 +1,10 @@
-// Measures of the needle in tissue: depth and forces, targets and hazards, the syringe.
+// Measures of the needle in tissue: depth and forces, targets and hazards, the plan, the syringe.
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
@@ -111,10 +112,30 @@ double inefficiencyOf(const Gesture& gesture) {
   return std::max(1.0, way_m / straight_m);
 }
 
+Vec3 axisOf(const GestureSample& s) {
+  return zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
+}
+
 /// The shaft's point at the skin: back from the tip by the inserted length, along the needle.
 Vec3 skinPointOf(const GestureSample& s) {
-  const Vec3 axis = zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
-  return tipOf(s) - s.insertion_m * axis;
+  return tipOf(s) - s.insertion_m * axisOf(s);
+}
+
+/// The point where the tip first came through the skin, as the engine has it (FORCE_MODEL.md, "Contact"): on
+/// the straight line between the last tick outside and the first one inside, where the depth is 0. If nobody
+/// saw the tick before, back along the needle by its inserted length. Nothing: never in tissue.
+std::optional<Vec3> firstEntryOf(const Gesture& gesture) {
+  const auto& samples = gesture.samples;
+  const auto first = std::find_if(samples.begin(), samples.end(), isInside);
+  if (first == samples.end()) return std::nullopt;
+  if (first != samples.begin() && gesture.anatomy.has_limb &&
+      secondsBetween(first[-1], *first, gesture.rate_hz) <= kLongestBridge_s) {
+    const Vec3 before = tipOf(first[-1]), tip = tipOf(*first);
+    const double outside_m = -signedDepth(gesture.anatomy.limb, before),
+                 inside_m = signedDepth(gesture.anatomy.limb, tip);
+    if (outside_m >= 0 && inside_m > 0) return before + outside_m / (outside_m + inside_m) * (tip - before);
+  }
+  return skinPointOf(*first);
 }
 
 /// Distance of the tip from the nearest target's centre, and whether it is in that target.
@@ -182,7 +203,7 @@ double Gesture::weight_s(std::size_t i) const {
 /// - `peak_force_n`: greatest force on the hand, of all ticks. `peak_force_layer_K_n`: while the tip was in
 ///   layer K (1 is the skin), 0 if it never was. `mean_force_in_tissue_n`: mean over the time in tissue.
 ///   `mean_force_layer_K_n`: mean over the time in layer K; no row if there was none.
-/// - `largest_lateral_error_m`: distance of the tip from its trajectory.
+/// - `largest_lateral_error_m`: distance of the tip from its own trajectory, the line that its entry began.
 /// - `entries`: number of times the tip went in. `withdrawals`: number of times it was drawn back (a stop on
 ///   the way does not begin another). `trajectory_changes`: runs of turns, pauses up to 0.2 s included.
 /// - `path_inefficiency`: path in tissue over the straight line to within 0.25 mm of the furthest point; 1 is
@@ -270,6 +291,38 @@ void addAim(const Gesture& gesture, Rows& rows) {
            "Hazards touched" + (names.empty() ? names : names + ")"));
   rows.add("bone_contacts", bone_contacts);
   if (!gesture.anatomy.targets.empty()) addTargets(gesture, rows);
+}
+
+/// With the planned entry E and the planned direction d (unit, into the tissue), both in W; no rows without a
+/// plan, nor for a needle that was never in tissue.
+/// - `planned_entry_error_m`: |P − E|, P the point where the tip first came through the skin. The straight
+/// distance:
+///   on a limb of radius R it is shorter than the way along the skin by less than 0.2 % up to R/5.
+/// - `planned_angle_error_rad`: atan2(|a × d|, a · d), a the needle's axis (hub to tip) at the furthest point
+/// of the
+///   last insertion, the moment of `target_distance_m`. 0 along the plan, π for a needle that points back.
+/// - `mean_planned_line_error_m`: Σ w |r − (r·d) d| / Σ w over the ticks in tissue, r = tip − E and w a
+/// tick's time;
+///   no row where that time is 0. `largest_planned_line_error_m`: the greatest |r − (r·d) d| in tissue. The
+///   line has no ends.
+void addPlan(const Gesture& gesture, Rows& rows) {
+  std::size_t last = 0;
+  const auto entry = gesture.plan_W ? firstEntryOf(gesture) : std::nullopt;
+  if (!entry || !finalPoint(gesture, last)) return;
+  const PlannedLine& plan = *gesture.plan_W;
+  rows.add("planned_entry_error_m", norm(*entry - plan.entry_m));
+  rows.add("planned_angle_error_rad", angleTo(plan, axisOf(gesture.samples[last])));
+  double sum_ms = 0, time_s = 0, largest_m = 0;
+  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
+    if (!isInside(gesture.samples[i])) continue;
+    const double off_m = distanceFrom(plan, tipOf(gesture.samples[i]));
+    const double weight_s = gesture.weight_s(i);
+    largest_m = std::max(largest_m, off_m);
+    sum_ms += off_m * weight_s;
+    time_s += weight_s;
+  }
+  if (time_s > 0) rows.add("mean_planned_line_error_m", sum_ms / time_s);
+  rows.add("largest_planned_line_error_m", largest_m);
 }
 
 /// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected_share`: share of the

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "common/base/csv.h"
 #include "common/base/range.h"
@@ -180,6 +181,7 @@ std::string valueText(double value, const std::string& unit) {
   if (unit == "m/s") return size < 1 ? threeDigits(value * 1e3) + " mm/s" : threeDigits(value) + " m/s";
   if (unit == "J") return size < 1 ? threeDigits(value * 1e3) + " mJ" : threeDigits(value) + " J";
   if (unit == "m^2") return threeDigits(value * 1e4) + " cm²";
+  if (unit == "rad") return threeDigits(value * 180 / std::numbers::pi) + "°";
   return unit.empty() ? threeDigits(value) : threeDigits(value) + " " + unit;
 }
 
@@ -210,13 +212,21 @@ bool isMeasureName(std::string_view name) {
 
 Status checkRequirements(const pb::Exercise& exercise) {
   for (int i = 0; i < exercise.requirements_size(); ++i) {
-    if (isMeasureName(exercise.requirements(i).measure())) continue;
+    const std::string& name = exercise.requirements(i).measure();
+    if (const MeasureKind* const kind = measureKind(name); kind != nullptr) {
+      if (!kind->needs_plan || exercise.has_plan()) continue;
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("requirements[{}].measure: {} needs a plan, and the exercise has none: give it a "
+                      "plan, or take the requirement away",
+                      i, name)};
+    }
     std::string known;
     for (const MeasureKind& kind : measureKinds())
       known += (known.empty() ? "" : ", ") + std::string(kind.name);
     return Error{ErrorCode::kInvalidInput,
-                 fmt::format("requirements[{}].measure: \"{}\" is none of {} (K: a layer, 1 to {})", i,
-                             exercise.requirements(i).measure(), known, kMaxLayers)};
+                 fmt::format("requirements[{}].measure: \"{}\" is none of {} (K: a layer, 1 to {})", i, name,
+                             known, kMaxLayers)};
   }
   return {};
 }

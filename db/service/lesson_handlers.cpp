@@ -1,6 +1,7 @@
 #include <fmt/core.h>
 #include <optional>
 
+#include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
@@ -40,14 +41,25 @@ std::optional<std::uint32_t> baseOf(const Call& call) {
   return call.has_base_revision() ? std::optional(call.base_revision()) : std::nullopt;
 }
 
-/// An exercise with its own needle must fit its profile. The store refuses an unknown profile.
-Status needlesFit(const Context& context, const StoredCurriculum& curriculum) {
-  for (const StoredExercise& stored : curriculum.exercises) {
+/// An exercise's plan must lie on its profile's skin; `path` is the exercise's, for messages.
+Status planFits(const StoredExercise& stored, const StoredProfile& profile, const std::string& path) {
+  ASSIGN_OR_RETURN(const auto exercise, exerciseOf(stored));
+  if (!exercise.has_plan()) return {};
+  ASSIGN_OR_RETURN(const auto parsed, parseProfile(profile.json, "profile '" + profile.id + "'"));
+  return checkPlan(exercise, parsed, path);
+}
+
+/// An exercise's own needle and its plan must fit its profile. The store refuses an unknown profile.
+Status exercisesFit(const Context& context, const StoredCurriculum& curriculum) {
+  for (std::size_t i = 0; i < curriculum.exercises.size(); ++i) {
+    const StoredExercise& stored = curriculum.exercises[i];
     ASSIGN_OR_RETURN(const auto exercise, exerciseOf(stored));
-    if (!exercise.has_needle()) continue;
+    if (!exercise.has_needle() && !exercise.has_plan()) continue;
     const auto profile = ProfileStore(context.reader).get(stored.profile_id, 0);
     if (!profile) continue;
-    RETURN_IF_ERROR(profileWithNeedle(profile->json, exercise));
+    if (exercise.has_needle()) RETURN_IF_ERROR(profileWithNeedle(profile->json, exercise));
+    if (const Status fits = planFits(stored, *profile, fmt::format("exercises[{}]", i)); !fits)
+      return Error{fits.error().code, "curriculum: " + fits.error().message};
   }
   return {};
 }
@@ -92,7 +104,7 @@ Result<pb::Reply> listProfiles(const Context& context, const pb::ListProfiles&) 
 Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurriculum& call) {
   ASSIGN_OR_RETURN(auto curriculum,
                    storedCurriculumOf(call.json(), "curriculum", context.who.name, context.now_unix_ns));
-  RETURN_IF_ERROR(needlesFit(context, curriculum));
+  RETURN_IF_ERROR(exercisesFit(context, curriculum));
   std::string detail;
   RETURN_IF_ERROR(edit(context, curriculum.id, detail, [&](Connection& writer) {
     const auto before = CurriculumStore(writer).get(curriculum.id);
@@ -221,6 +233,8 @@ Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
       const std::string path = fmt::format("exercises[{}]", i);
       if (const auto profile = ProfileStore(context.reader).get(exercise.profile_id, 0); !profile)
         addProblem(*check, path + ".profile_id: " + profile.error().message);
+      else if (const Status fits = planFits(exercise, *profile, path); !fits)
+        addProblem(*check, fits.error().message);
       const auto other = CurriculumStore(context.reader).exercise(exercise.id);
       if (other && other->curriculum_id != course->id)
         addProblem(*check,

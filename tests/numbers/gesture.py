@@ -97,6 +97,13 @@ class Gesture:
             b = a if "center_m" in h else point(h["b_m"])
             self.hazards.append((h["name"], h.get("kind"), a, b, h["radius_m"]))
         self.tissues = [layer.get("tissue") for layer in profile["layers"]]
+        unnamed = [layer.get("tissue") for layer in profile["layers"] if "name" not in layer]
+        self.layer_names = []
+        for k, layer in enumerate(profile["layers"]):
+            tissue = layer.get("tissue")
+            number = 1 + sum(1 for other in profile["layers"][:k] if "name" not in other and other.get("tissue") == tissue)
+            word = f"layer {k + 1}" if tissue == "OTHER" else tissue.lower() + (f" {number}" if unnamed.count(tissue) > 1 else "")
+            self.layer_names.append(layer.get("name", word))
 
     def depth(self, p):
         limb = self.profile["limb"]
@@ -473,7 +480,34 @@ def aim(g, result):
         result["target_nearest_m"] = min(distance.values())
 
 
-def measures_of(g):
+def plan(g, planned, result):
+    """The errors against an exercise's planned line: {"entry_m", "direction" or "target_m"}, in the limb's frame."""
+    within = [i for i in range(g.count) if g.inside[i]]
+    if not within:
+        return
+    start = point(planned["entry_m"])
+    way = point(planned["direction"]) if "direction" in planned else sub(point(planned["target_m"]), start)
+    way = tuple(c / norm(way) for c in way)
+    first = within[0]
+    entered = add(g.tip[first], g.axis[first], -g.insertion[first])
+    if first and g.at_s[first] - g.at_s[first - 1] <= BRIDGE_S:
+        outside, inside = -g.depth(g.tip[first - 1]), g.depth(g.tip[first])
+        if outside >= 0 and inside > 0:
+            entered = add(g.tip[first - 1], sub(g.tip[first], g.tip[first - 1]), outside / (outside + inside))
+    last = [i for i in within if i == 0 or not g.inside[i - 1]][-1]
+    most = max(g.insertion[i] for i in within if i >= last)
+    axis = g.axis[max(i for i in within if i >= last and g.insertion[i] == most)]
+    along = dot(axis, way)
+    off = {i: norm(across(sub(g.tip[i], start), way)) for i in within}
+    seconds = sum(g.weight_s(i) for i in within)
+    result["planned_entry_error_m"] = norm(sub(entered, start))
+    result["planned_angle_error_rad"] = math.atan2(norm(across(axis, way)), along)
+    result["largest_planned_line_error_m"] = max(off.values())
+    if seconds > 0:
+        result["mean_planned_line_error_m"] = sum(off[i] * g.weight_s(i) for i in within) / seconds
+
+
+def measures_of(g, planned=None):
     """name -> value of every measure but dtw_distance_m, which needs the references."""
     result = {}
     runs = runs_of(g)
@@ -481,4 +515,6 @@ def measures_of(g):
     tissue(g, runs, result)
     aim(g, result)
     syringe(g, result)
+    if planned:
+        plan(g, planned, result)
     return result

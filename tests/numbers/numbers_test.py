@@ -56,13 +56,13 @@ def measured(held, facts, sessions):
         held.same("stored session", "trainee, station, rate: of the row and of the station's words", s["uuid"],
                   [s["trainee"], s["station"], s["rate_hz"]], [said[3].decode(), said[2].decode(), struct.unpack("<d", said[9])[0]])
         held.same("stored score", "samples in the chunks", s["uuid"], s["samples"], g.count)
-        own = measures_of(g)
+        asked = facts.exercises[s["exercise_id"]]["json"] if s["exercise_id"] in facts.exercises else {}
+        own = measures_of(g, asked.get("plan"))
         seen = {m["measure"]: m["value"] for m in s["score"] if m["value"] is not None and m["measure"] != "dtw_distance_m"}
         held.same("stored score", "which measures there are", s["uuid"], sorted(own), sorted(seen))
         for name, value in own.items():
             if name in seen:
                 held.close("stored score", name.split("_layer_")[0] + ("_layer_K_n" if "_layer_" in name else ""), s["uuid"], float(value), seen[name], 1e-8)
-        asked = facts.exercises[s["exercise_id"]]["json"] if s["exercise_id"] in facts.exercises else {}
         limits = {r["measure"]: (r.get("min"), r.get("max")) for r in asked.get("requirements", [])}
         if "time_limit_s" in asked:
             limits["elapsed_s"] = (None, asked["time_limit_s"])

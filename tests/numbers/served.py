@@ -315,13 +315,13 @@ def replay(held, facts, lab, s, g):
     text = [line for line in lab.instructor(*arguments).stdout.splitlines() if "insertion" in line]
     held.same(screen, "lines", s["uuid"], len(updates), len(text))
     for i, line in zip(which, text):
-        found = re.match(r" *([\d.]+) s .* (FREE|INSERTING|STOPPED|WITHDRAWING) +layer (-|\d+) +insertion +([-\d.]+) mm +\|F\| +([\d.]+) N  plunger +(\d+) %", line)
+        found = re.match(r" *([\d.]+) s .* (FREE|INSERTING|STOPPED|WITHDRAWING) +(\S.*?) +insertion +([-\d.]+) mm +\|F\| +([\d.]+) N  plunger +(\d+) %", line)
         where = f"{s['uuid']} {line.strip()[:12]}"
         held.same(screen, "a line's form", where, True, found is not None)
         if not found:
             continue
         held.same(screen, "time in s, since the first sample", where, (g.time_ns[i] - g.time_ns[0]) / 1e9, float(found[1]), 0.0005001)
-        held.same(screen, "layer, 1 is the skin's (as in the measures)", where, "-" if g.layer[i] < 0 else str(g.layer[i] + 1), found[3])
+        held.same(screen, "layer: its name in the profile, or its tissue", where, "outside" if g.layer[i] < 0 else g.layer_names[g.layer[i]], found[3])
         held.same(screen, "insertion in mm", where, 1e3 * g.insertion[i], float(found[4]), 0.005001)
         held.same(screen, "|F| in N", where, g.force[i], float(found[5]), 0.0005001)
         held.same(screen, "plunger in %", where, 100 * g.plunger[i], float(found[6]), 0.5001)

@@ -128,8 +128,9 @@ test('a measure is called by its words without value and verdict', () => {
     'Mean speed 11.6 mm/s': 'Mean speed',
     'Entries 1: within the 2 allowed': 'Entries',
     'Target reached': 'Target reached',
-    'Way over straight way 1.04': 'Way over straight way',
-    'Largest lateral error 3.2e-05 m': 'Largest lateral error',
+    'Way over its own straight way 1.04': 'Way over its own straight way',
+    "Largest distance from the needle's own line 3.2e-05 m": "Largest distance from the needle's own line",
+    'Angle to the planned line 6.38°: above the 5° allowed': 'Angle to the planned line',
   };
   for (const [words, title] of Object.entries(cases)) assert.equal(measureTitle({ measure: 'x', words }), title);
   assert.equal(measureTitle({ measure: 'peak_force_n' }), 'peak_force_n');

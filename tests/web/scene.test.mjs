@@ -19,6 +19,7 @@ import {
 } from '../../client/web/app/lib/scene.js';
 import {
   courseFaults,
+  planGivenBy,
   freshId,
   isDone,
   nextDue,
@@ -268,6 +269,51 @@ test('a course is right, or says where it is not', () => {
     'exercises[0].time_limit_s',
     'exercises[1].id',
   ]);
+});
+
+test('a plan is a line, or says where it is not', () => {
+  const good = { frame: 'LIMB', entry_m: { x: 0.01, y: 0, z: 0 }, direction: { x: 0, y: 0, z: -2 } };
+  const faults = (plan, more = {}) =>
+    courseFaults({ ...course, exercises: [{ ...course.exercises[0], plan, ...more }] }).map((f) =>
+      f.path.replace('exercises[0].', ''),
+    );
+  const to = (target_m) => ({ frame: 'LIMB', entry_m: good.entry_m, target_m });
+  assert.deepEqual(faults(good), []);
+  assert.deepEqual(faults(undefined), []);
+  assert.deepEqual(faults(to({ x: 0.01, y: 0, z: -0.03 })), []);
+  assert.deepEqual(faults({ ...good, frame: 'W' }), ['plan.frame']);
+  assert.deepEqual(faults({ ...good, entry_m: { x: NaN, y: 0 } }), ['plan.entry_m.x', 'plan.entry_m.z']);
+  assert.deepEqual(faults({ ...good, entry_m: undefined }), ['plan.entry_m.x', 'plan.entry_m.y', 'plan.entry_m.z']);
+  assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: 0 } }), ['plan.direction']);
+  assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: Infinity } }), ['plan.direction.z']);
+  assert.deepEqual(faults({ ...good, direction: undefined }), ['plan']);
+  assert.deepEqual(faults({ ...good, target_m: { x: 0, y: 0, z: -0.03 } }), ['plan']);
+  assert.deepEqual(faults(to({ ...good.entry_m })), ['plan.target_m']);
+  // only a plan makes its measures
+  const requirements = [
+    { measure: 'planned_entry_error_m', max: 0.003 },
+    { measure: 'largest_planned_line_error_m', max: 0.003 },
+    { measure: 'largest_lateral_error_m', max: 0.003 },
+  ];
+  assert.deepEqual(faults(good, { requirements }), []);
+  assert.deepEqual(faults(undefined, { requirements }), ['requirements[0].measure', 'requirements[1].measure']);
+});
+
+test('a plan keeps its line when it is given in the other way', () => {
+  const slanted = { frame: 'LIMB', entry_m: { x: 0.01, y: 0, z: 0.002 }, direction: { x: 0, y: 3, z: -4 } };
+  const by_point = planGivenBy(slanted, 'target_m');
+  assert.deepEqual(by_point, {
+    frame: 'LIMB',
+    entry_m: slanted.entry_m,
+    target_m: { x: 0.01, y: 0.018, z: -0.022 },
+  });
+  const back = planGivenBy(by_point, 'direction');
+  assert.deepEqual(back.direction, { x: 0, y: 0.6, z: -0.8 });
+  assert.equal(back.target_m, undefined);
+  assert.equal(planGivenBy(slanted, 'direction'), slanted);
+  // no line yet: straight down
+  const none = planGivenBy({ ...slanted, direction: { x: 0, y: 0, z: 0 } }, 'target_m');
+  assert.deepEqual(none.target_m, { x: 0.01, y: 0, z: -0.028 });
 });
 
 test('an exercise has its number once', () => {

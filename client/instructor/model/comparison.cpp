@@ -38,6 +38,12 @@ ComparedPoint pointOf(const StoredGesture& a, std::size_t i, const StoredGesture
   point.speed_b_mps = sb.speed_mps;
   point.lateral_a_m = sa.lateral_error_m;
   point.lateral_b_m = sb.lateral_error_m;
+  const auto offPlan = [](const StoredGesture& g, const GestureSample& s) {
+    return g.plan_W && s.layer >= 0 ? distanceFrom(*g.plan_W, {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]})
+                                    : std::numeric_limits<double>::quiet_NaN();
+  };
+  point.planned_a_m = offPlan(a, sa);
+  point.planned_b_m = offPlan(b, sb);
   point.insertion_a_m = sa.insertion_m;
   point.insertion_b_m = sb.insertion_m;
   const auto tiltOf = [](const StoredGesture& g, double at_s) {
@@ -161,11 +167,13 @@ struct SeriesStyle {
   double shown_per_si;
   int decimals;
 };
-constexpr std::array<SeriesStyle, kComparedSeriesCount> kSeries = {{{"force", "N", 1, 2},
-                                                                    {"speed", "mm/s", 1000, 1},
-                                                                    {"lateral error", "mm", 1000, 2},
-                                                                    {"inserted length", "mm", 1000, 2},
-                                                                    {"tilt", "°", 57.29577951308232, 1}}};
+constexpr std::array<SeriesStyle, kComparedSeriesCount> kSeries = {
+    {{"force", "N", 1, 2},
+     {"speed", "mm/s", 1000, 1},
+     {"distance from own line", "mm", 1000, 2},
+     {"distance from planned line", "mm", 1000, 2},
+     {"inserted length", "mm", 1000, 2},
+     {"tilt from own line", "°", 57.29577951308232, 1}}};
 
 std::string whereText(Alignment alignment, const ComparedPoint& point) {
   switch (alignment) {
@@ -203,7 +211,8 @@ std::optional<std::string> sentenceOf(const GestureComparison& comparison, Compa
 }
 
 void describeDifferences(GestureComparison& comparison) {
-  for (const auto series : {ComparedSeries::kTotalForce, ComparedSeries::kSpeed, ComparedSeries::kLateral}) {
+  for (const auto series : {ComparedSeries::kTotalForce, ComparedSeries::kSpeed, ComparedSeries::kLateral,
+                            ComparedSeries::kPlanned}) {
     if (auto sentence = sentenceOf(comparison, series)) comparison.sentences.push_back(std::move(*sentence));
   }
   if (comparison.alignment == Alignment::kDtw)
@@ -229,6 +238,14 @@ std::string_view nameOf(ComparedSeries series) {
   return kSeries[static_cast<std::size_t>(series)].word;
 }
 
+std::string_view unitOf(ComparedSeries series) {
+  return kSeries[static_cast<std::size_t>(series)].unit;
+}
+
+double shownPerSi(ComparedSeries series) {
+  return kSeries[static_cast<std::size_t>(series)].shown_per_si;
+}
+
 double valueOfA(ComparedSeries series, const ComparedPoint& point) {
   switch (series) {
     case ComparedSeries::kTotalForce:
@@ -237,6 +254,8 @@ double valueOfA(ComparedSeries series, const ComparedPoint& point) {
       return point.speed_a_mps;
     case ComparedSeries::kLateral:
       return point.lateral_a_m;
+    case ComparedSeries::kPlanned:
+      return point.planned_a_m;
     case ComparedSeries::kInsertion:
       return point.insertion_a_m;
     case ComparedSeries::kTilt:
@@ -253,12 +272,25 @@ double valueOfB(ComparedSeries series, const ComparedPoint& point) {
       return point.speed_b_mps;
     case ComparedSeries::kLateral:
       return point.lateral_b_m;
+    case ComparedSeries::kPlanned:
+      return point.planned_b_m;
     case ComparedSeries::kInsertion:
       return point.insertion_b_m;
     case ComparedSeries::kTilt:
       break;
   }
   return point.tilt_b_rad;
+}
+
+std::vector<ComparedSeries> plottedSeries(const GestureComparison& comparison) {
+  std::vector<ComparedSeries> series = {ComparedSeries::kTotalForce, ComparedSeries::kSpeed,
+                                        ComparedSeries::kLateral};
+  if (std::any_of(comparison.points.begin(), comparison.points.end(), [](const ComparedPoint& point) {
+        return std::isfinite(point.planned_a_m) || std::isfinite(point.planned_b_m);
+      }))
+    series.push_back(ComparedSeries::kPlanned);
+  series.push_back(ComparedSeries::kTilt);
+  return series;
 }
 
 Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b,

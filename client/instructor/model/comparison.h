@@ -23,16 +23,19 @@ struct ComparedPoint {
   double time_a_s = 0, time_b_s = 0;
   double force_a_N = 0, force_b_N = 0;
   double speed_a_mps = 0, speed_b_mps = 0;
-  double lateral_a_m = 0, lateral_b_m = 0;
+  double lateral_a_m = 0, lateral_b_m = 0;  ///< of the tip from the line of the needle's own entry
+  double planned_a_m = 0, planned_b_m = 0;  ///< of the tip from its exercise's plan; NaN: outside, or no plan
   double insertion_a_m = 0, insertion_b_m = 0;
   double tilt_a_rad = 0, tilt_b_rad = 0;  ///< NaN: unknown
   double apart_m = 0;                     ///< distance of the tips, each in its limb's frame
 };
 
 /// Series to draw for both gestures and for the difference b − a.
-enum class ComparedSeries : std::uint8_t { kTotalForce, kSpeed, kLateral, kInsertion, kTilt };
-inline constexpr std::size_t kComparedSeriesCount = 5;
+enum class ComparedSeries : std::uint8_t { kTotalForce, kSpeed, kLateral, kPlanned, kInsertion, kTilt };
+inline constexpr std::size_t kComparedSeriesCount = 6;
 std::string_view nameOf(ComparedSeries series);
+std::string_view unitOf(ComparedSeries series);  ///< as shown: "mm"
+double shownPerSi(ComparedSeries series);        ///< 1000 for mm
 double valueOfA(ComparedSeries series, const ComparedPoint& point);
 double valueOfB(ComparedSeries series, const ComparedPoint& point);
 
@@ -42,6 +45,10 @@ struct GestureComparison {
   double dtw_distance_m = 0;           ///< kDtw only
   std::vector<std::string> sentences;  ///< greatest and mean differences
 };
+
+/// Returns the series to plot: force, speed, distance from the own line, from the planned line where one of
+/// the two has a plan, tilt.
+std::vector<ComparedSeries> plottedSeries(const GestureComparison& comparison);
 
 /// Errors: kInvalidInput if one of them was never in tissue, or is too long for time warping.
 Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b,

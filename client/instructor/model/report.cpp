@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <utility>
 
 #include <fmt/core.h>
@@ -58,12 +59,16 @@ class Collector {
 
  private:
   /// Notes a refusal of the server; a lost connection is an error.
+  Status refused(const Error& error, const char* what) {
+    if (error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kFailed) return error;
+    data_.notes.push_back(std::string(what) + ": " + printable(error.message));
+    return {};
+  }
+
   Result<std::optional<pb::Reply>> ask(const pb::Request& request, const char* what) {
     auto reply = call_(request);
     if (reply.ok()) return std::optional<pb::Reply>(*std::move(reply));
-    if (reply.error().code == ErrorCode::kUnavailable || reply.error().code == ErrorCode::kFailed)
-      return reply.error();
-    data_.notes.push_back(std::string(what) + ": " + printable(reply.error().message));
+    RETURN_IF_ERROR(refused(reply.error(), what));
     return std::optional<pb::Reply>();
   }
 
@@ -84,21 +89,11 @@ class Collector {
   }
 
   Status readExercise(const std::string& exercise_id) {
-    std::string page;
-    do {
-      pb::Request request;
-      request.mutable_list_exercises()->set_page(page);
-      ASSIGN_OR_RETURN(auto reply, ask(request, "exercise"));
-      if (!reply) return {};
-      for (const auto& row : reply->exercises().exercises()) {
-        const auto exercise = parseExercise(row.json(), "exercise");
-        if (!exercise.ok() || exercise->id() != exercise_id) continue;
-        data_.exercise_name = printable(exercise->name());
-        data_.exercise_text = printable(exercise->description());
-        return {};
-      }
-      page = reply->exercises().next_page();
-    } while (!page.empty());
+    const auto exercise = findExercise(call_, exercise_id);
+    if (!exercise.ok()) return refused(exercise.error(), "exercise");
+    if (!*exercise) return {};
+    data_.exercise_name = printable((*exercise)->name());
+    data_.exercise_text = printable((*exercise)->description());
     return {};
   }
 
@@ -253,8 +248,15 @@ std::string eventsOf(const ReportData& data) {
 
 std::string progressOfTrainee(const ReportData& data) {
   // the most important measures for a teacher
-  constexpr std::string_view kShown[] = {"elapsed_s",         "peak_force_n",     "largest_lateral_error_m",
-                                         "target_distance_m", "tissue_damage_m2", "dtw_distance_m"};
+  constexpr std::string_view kShown[] = {"elapsed_s",
+                                         "peak_force_n",
+                                         "largest_lateral_error_m",
+                                         "planned_entry_error_m",
+                                         "planned_angle_error_rad",
+                                         "mean_planned_line_error_m",
+                                         "target_distance_m",
+                                         "tissue_damage_m2",
+                                         "dtw_distance_m"};
   std::string out;
   for (const std::string_view name : kShown) {
     const auto row = std::find_if(data.progress.begin(), data.progress.end(),
@@ -353,10 +355,13 @@ Result<ReportData> collectReport(const LabCall& call, std::shared_ptr<const Stor
 
 Plot progressPlot(const ReportData& data, const ProgressRow& row) {
   const MeasureKind* const kind = measureKind(row.measure);
-  const double scale = row.unit == "m" ? 1000 : row.unit == "m^2" ? 1e4 : 1;
+  const double scale = row.unit == "m"     ? 1000
+                       : row.unit == "m^2" ? 1e4
+                       : row.unit == "rad" ? 180 / std::numbers::pi
+                                           : 1;
   Plot plot;
   plot.title = kind == nullptr ? row.measure : std::string(kind->words);
-  plot.unit = row.unit == "m" ? "mm" : row.unit == "m^2" ? "cm²" : row.unit;
+  plot.unit = row.unit == "m" ? "mm" : row.unit == "m^2" ? "cm²" : row.unit == "rad" ? "°" : row.unit;
   plot.quantity = quantityOfUnit(plot.unit);
   plot.from = 1;
   plot.to = std::max(2.0, row.attempts.empty() ? 2.0 : row.attempts.back()) + 0.001;

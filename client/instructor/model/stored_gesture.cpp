@@ -10,6 +10,7 @@
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {
@@ -90,6 +91,7 @@ class Loader {
     RETURN_IF_ERROR(readSamples());
     RETURN_IF_ERROR(readAnnotations());
     RETURN_IF_ERROR(readEvents());
+    readPlan();
     addEvents(*gesture_);
     return std::shared_ptr<const StoredGesture>(std::move(gesture_));
   }
@@ -162,6 +164,14 @@ class Loader {
     return {};
   }
 
+  void readPlan() {
+    const std::string& exercise_id = gesture_->info.description().exercise_id();
+    if (exercise_id.empty()) return;
+    const auto exercise = findExercise(call_, exercise_id);
+    if (!exercise.ok()) return note("the exercise's plan: " + printable(exercise.error().message));
+    if (*exercise) gesture_->plan_W = plannedLineOf(**exercise, gesture_->scene.X_WL);
+  }
+
   void note(std::string text) {
     if (gesture_->notes.size() < kNotesKept) gesture_->notes.push_back(std::move(text));
   }
@@ -206,6 +216,23 @@ Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::
   return remarks;
 }
 
+Result<std::optional<pb::Exercise>> findExercise(const LabCall& call, const std::string& exercise_id) {
+  constexpr int kMostPages = 1000;
+  std::string page;
+  for (int i = 0; i < kMostPages; ++i) {
+    pb::Request request;
+    request.mutable_list_exercises()->set_page(page);
+    ASSIGN_OR_RETURN(const auto reply, call(request));
+    for (const auto& row : reply.exercises().exercises()) {
+      auto exercise = parseExercise(row.json(), "exercise");
+      if (exercise.ok() && exercise->id() == exercise_id) return std::optional(*std::move(exercise));
+    }
+    page = reply.exercises().next_page();
+    if (page.empty()) break;
+  }
+  return std::optional<pb::Exercise>();
+}
+
 Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, const std::string& session_id,
                                                          const ScenePreparer& prepare,
                                                          LoadProgress* progress) {
@@ -213,8 +240,9 @@ Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, co
 }
 
 std::shared_ptr<const StoredGesture> gestureOf(pb::SessionInfo info, std::vector<GestureSample> samples,
-                                               const ScenePreparer& prepare) {
+                                               const ScenePreparer& prepare, const pb::Exercise* exercise) {
   auto gesture = beginGesture(std::move(info), prepare, samples.size());
+  if (exercise != nullptr) gesture->plan_W = plannedLineOf(*exercise, gesture->scene.X_WL);
   gesture->samples = std::move(samples);
   TraceMaker maker(*gesture);
   for (const GestureSample& sample : gesture->samples) maker.feed(sample);

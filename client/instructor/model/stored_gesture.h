@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "client/view/model/gesture_trace.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
+#include "common/profile/planned_line.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
@@ -24,7 +26,8 @@ struct StoredGesture {
   std::string id;  ///< as text
   pb::SessionInfo info;
   SessionScene scene;
-  double rate_hz = 1000;  ///< rate of the loop, not of a thinned recording's samples
+  std::optional<PlannedLine> plan_W;  ///< of the exercise as it is today, as for its score; in W
+  double rate_hz = 1000;              ///< rate of the loop, not of a thinned recording's samples
   bool thinned = false;
   std::vector<GestureSample> samples;
   GestureTrace trace;  ///< trace of the whole gesture
@@ -52,8 +55,13 @@ struct LoadProgress {
   std::atomic<bool> stop{false};
 };
 
-/// Reads the stored part of a session in pieces; for an open session, the part stored so far. Omits and notes
-/// damaged chunks. Errors: from the call; kNotFound if retention deleted the recording; kFailed after a stop.
+/// Returns the exercise of this id as it is today; nothing if there is none or it is not readable. Errors:
+/// from the call.
+Result<std::optional<pb::Exercise>> findExercise(const LabCall& call, const std::string& exercise_id);
+
+/// Reads the stored part of a session in pieces, and its exercise's plan; for an open session, the part
+/// stored so far. Omits and notes damaged chunks, and a plan that the server does not tell. Errors: from the
+/// call; kNotFound if retention deleted the recording; kFailed after a stop.
 Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, const std::string& session_id,
                                                          const ScenePreparer& prepare = {},
                                                          LoadProgress* progress = nullptr);
@@ -61,8 +69,9 @@ Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, co
 /// Returns all remarks of a session, by time. Errors: from the call.
 Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::string& session_id);
 
-/// Makes a gesture from samples in memory, for tests and re-runs.
+/// Makes a gesture from samples in memory, for tests and re-runs. `exercise`: for its plan; may be null.
 std::shared_ptr<const StoredGesture> gestureOf(pb::SessionInfo info, std::vector<GestureSample> samples,
-                                               const ScenePreparer& prepare = {});
+                                               const ScenePreparer& prepare = {},
+                                               const pb::Exercise* exercise = nullptr);
 
 }  // namespace needlelab

@@ -1,19 +1,10 @@
 #include "client/instructor/screens/screens.h"
 
 #include <algorithm>
-#include <array>
 
 #include "client/view/theme.h"
 
 namespace needlelab {
-namespace {
-
-constexpr std::array kShown = {ComparedSeries::kTotalForce, ComparedSeries::kSpeed, ComparedSeries::kLateral,
-                               ComparedSeries::kTilt};
-constexpr std::array<const char*, 4> kUnits = {"N", "mm/s", "mm", "°"};
-constexpr std::array<double, 4> kScales = {1, 1000, 1000, 57.29577951308232};
-
-}  // namespace
 
 void CompareScreen::takeIn(const LabState& lab) {
   const GestureComparison& comparison = *lab.analysis.comparison();
@@ -25,14 +16,16 @@ void CompareScreen::takeIn(const LabState& lab) {
   of_alignment_ = comparison.alignment;
   alignment = comparison.alignment;
   x_.clear();
-  curves_.assign(kShown.size(), {});
+  plotted_ = plottedSeries(comparison);
+  curves_.assign(plotted_.size(), {});
   const double scale = comparison.alignment == Alignment::kDepth ? 1000
                        : comparison.alignment == Alignment::kDtw ? 100
                                                                  : 1;
   for (const ComparedPoint& point : comparison.points) {
     x_.push_back(scale * point.at);
-    for (std::size_t i = 0; i < kShown.size(); ++i) {
-      const double a = kScales[i] * valueOfA(kShown[i], point), b = kScales[i] * valueOfB(kShown[i], point);
+    for (std::size_t i = 0; i < plotted_.size(); ++i) {
+      const double shown = shownPerSi(plotted_[i]);
+      const double a = shown * valueOfA(plotted_[i], point), b = shown * valueOfB(plotted_[i], point);
       curves_[i].a.push_back(a);
       curves_[i].b.push_back(b);
       curves_[i].difference.push_back(b - a);
@@ -103,10 +96,10 @@ void CompareScreen::showScenes(LabState& lab, ImVec2 size_px) {
 void CompareScreen::showCurves(LabState& lab, ImVec2 size_px) {
   const GestureComparison& comparison = *lab.analysis.comparison();
   std::vector<Plot> plots;
-  for (std::size_t i = 0; i < kShown.size(); ++i) {
+  for (std::size_t i = 0; i < plotted_.size(); ++i) {
     Plot plot;
-    plot.title = std::string(nameOf(kShown[i]));
-    plot.unit = kUnits[i];
+    plot.title = std::string(nameOf(plotted_[i]));
+    plot.unit = std::string(unitOf(plotted_[i]));
     plot.from = x_.front();
     plot.to = x_.back() > x_.front() ? x_.back() : x_.front() + 1;
     plot.clock_axis = comparison.alignment == Alignment::kTime;

@@ -42,7 +42,7 @@ class ScenePane {
 /// The plots in the stack.
 enum class PlotSet : std::uint8_t {
   kForces,      ///< forces by effect, depth with its layers, speed
-  kMotion,      ///< speed, lateral error, angles, depth
+  kMotion,      ///< speed, distance and tilt from the own line, depth
   kWallAndTip,  ///< wall against tip per axis, as the paper's Fig. 8 and 9, and the force
 };
 /// Shows buttons for the plot set; changes `set`.

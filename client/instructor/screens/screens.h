@@ -123,8 +123,9 @@ class CompareScreen {
   std::weak_ptr<const StoredGesture> of_first_, of_second_;
   std::optional<Alignment> of_alignment_;
   std::vector<double> x_;
-  std::vector<Curves> curves_;
-  double at_ = 0;  // position on the comparison's axis
+  std::vector<ComparedSeries> plotted_;
+  std::vector<Curves> curves_;  // of plotted_
+  double at_ = 0;               // position on the comparison's axis
   bool overlaid_ = true;
 };
 

@@ -27,8 +27,8 @@ constexpr std::uint64_t kMostSamples = 2'000'000;  // half an hour at 1 kHz, hal
 
 }  // namespace
 
-GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W,
-                          std::size_t most_points) {
+GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W, std::size_t most_points,
+                          const std::optional<PlannedLine>& plan_W) {
   GestureCurve curve;
   if (samples.empty() || most_points == 0) return curve;
   const std::size_t group = (samples.size() + most_points - 1) / most_points;
@@ -39,11 +39,14 @@ GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& li
       if (isFinitePoint(s) && (strongest == nullptr || forceIn(s) > forceIn(*strongest))) strongest = &s;
     if (strongest == nullptr) continue;
     const GestureSample& s = *strongest;
-    const double depth = signedDepth(limb_W, {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]});
+    const Vec3 tip_W_m{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
+    const double depth = signedDepth(limb_W, tip_W_m);
     curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
                      static_cast<float>(depth), static_cast<float>(s.insertion_m),
                      static_cast<float>(forceIn(s)), static_cast<float>(s.lateral_error_m),
                      static_cast<float>(s.speed_mps)});
+    if (plan_W && s.layer >= 0)
+      curve.back().planned_error_m = static_cast<float>(distanceFrom(*plan_W, tip_W_m));
   }
   return curve;
 }
@@ -64,8 +67,10 @@ Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& 
   if (samples.empty()) return Error{ErrorCode::kNotFound, "nothing was recorded"};
   const auto measures = scoreGesture(samples, session.description().rate_hz(), lesson.profile, X_WL,
                                      lesson.exercise ? &*lesson.exercise : nullptr);
+  const auto plan = lesson.exercise ? plannedLineOf(*lesson.exercise, X_WL) : std::nullopt;
   const auto events = syringeEvents(samples, session.description().rate_hz(), lesson.profile, X_WL);
-  return LocalScore{scoreJson(measures), eventsJson(events), gestureCurve(samples, lesson.model.limb)};
+  return LocalScore{scoreJson(measures), eventsJson(events),
+                    gestureCurve(samples, lesson.model.limb, kCurvePoints, plan)};
 }
 
 }  // namespace needlelab

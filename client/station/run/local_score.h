@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,6 +15,7 @@
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
 #include "common/haptics/scene_spec.h"
+#include "common/profile/planned_line.h"
 
 namespace needlelab {
 
@@ -21,16 +24,20 @@ struct CurvePoint {
   float time_s = 0;   ///< since the first sample
   float depth_m = 0;  ///< δ, negative outside
   float insertion_m = 0;
-  float force_N = 0;  ///< |force| on the hand
-  float lateral_error_m = 0;
+  float force_N = 0;          ///< |force| on the hand
+  float lateral_error_m = 0;  ///< from the line of the needle's own entry
   float speed_mps = 0;
+  float planned_error_m =
+      std::numeric_limits<float>::quiet_NaN();  ///< from the plan; NaN: outside, or no plan
 };
 using GestureCurve = std::vector<CurvePoint>;
+inline constexpr std::size_t kCurvePoints = 4000;
 
 /// Returns at most `most_points` (at least 1), spread evenly over the samples. Skips samples that are not
-/// finite. `limb_W`: a plane's normal is a unit vector.
+/// finite. `limb_W`: a plane's normal is a unit vector. `plan_W`: of the exercise, if it has one.
 GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W,
-                          std::size_t most_points = 4000);
+                          std::size_t most_points = kCurvePoints,
+                          const std::optional<PlannedLine>& plan_W = {});
 
 struct LocalScore {
   std::string score_json;   ///< rows as in scoreJson

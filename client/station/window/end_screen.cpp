@@ -19,6 +19,7 @@
 #include "client/view/model/plot.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
+#include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 
 namespace needlelab {
@@ -199,17 +200,24 @@ DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene)
 }
 
 Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
-                 std::span<const Measure> measures) {
+                 std::span<const double> planned_mm, std::span<const Measure> measures) {
   Plot plot;
-  plot.title = "beside the line";
+  plot.title = "distance from own line";
   plot.unit = "mm";
   plot.quantity = PlotQuantity::kDistance;
   plot.from = 0;
   plot.to = std::max(1.0, time_s.empty() ? 0.0 : time_s.back());
   plot.low = 0;
   plot.legend = false;
-  plot.series = {{"beside the line", kBluishGreen, columnsOf(time_s, lateral_mm), false, true}};
+  plot.series = {{"from own line", kBluishGreen, columnsOf(time_s, lateral_mm), false, true}};
   addLimits(plot, GesturePlot::kAlignment, requirementsOf(measures));
+  if (planned_mm.empty()) return plot;
+  plot.title = "distance from a line";
+  plot.legend = true;
+  plot.series.push_back({"from planned line", kOrange, columnsOf(time_s, planned_mm), true, false});
+  for (const Measure& measure : measures)
+    if (measure.name == "largest_planned_line_error_m" && measure.max)
+      plot.limits.push_back({1e3 * *measure.max, "planned: at most " + valueText(*measure.max, "m")});
   return plot;
 }
 
@@ -285,10 +293,15 @@ void EndScreen::take(const LessonOutcome& outcome) {
   if (auto measures = parseScore(outcome.summary.score_json); measures.ok()) measures_ = *std::move(measures);
   time_s_.clear();
   lateral_mm_.clear();
+  planned_mm_.clear();
+  bool has_plan = false;
   for (const CurvePoint& point : outcome.curve) {
     time_s_.push_back(static_cast<double>(point.time_s));
     lateral_mm_.push_back(1e3 * static_cast<double>(point.lateral_error_m));
+    planned_mm_.push_back(1e3 * static_cast<double>(point.planned_error_m));
+    has_plan = has_plan || std::isfinite(point.planned_error_m);
   }
+  if (!has_plan) planned_mm_.clear();
 }
 
 bool EndScreen::show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
@@ -358,7 +371,7 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
   }
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   depthPlot(outcome.curve, *scene, {rest.x, 0.58F * rest.y});
-  linePlot("lateral", lateralPlot(time_s_, lateral_mm_, measures_), {rest.x, 0.40F * rest.y});
+  linePlot("lateral", lateralPlot(time_s_, lateral_mm_, planned_mm_, measures_), {rest.x, 0.40F * rest.y});
 }
 
 bool EndScreen::showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board) {

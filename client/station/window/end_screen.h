@@ -46,9 +46,10 @@ struct DepthPlotRange {
 };
 DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene);
 
-/// The lateral error over time, with the exercise's limit; refers to the two spans. `measures`: of the score.
+/// The tip's distance from its own line over time, and from the planned one, with the exercise's limits;
+/// refers to the spans. `planned_mm`: empty where there is no plan. `measures`: of the score.
 Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
-                 std::span<const Measure> measures);
+                 std::span<const double> planned_mm, std::span<const Measure> measures);
 
 /// Draws insertion and withdrawal in different colours, layers as named bands, and marks the targets.
 void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px);
@@ -71,7 +72,7 @@ class EndScreen {
   std::string session_;     // session of shown_
   double keys_from_s_ = 0;  // ignores earlier keys: they were meant for the lesson
   LessonVerdict verdict_;
-  std::vector<double> time_s_, lateral_mm_;
+  std::vector<double> time_s_, lateral_mm_, planned_mm_;
   std::vector<Measure> measures_;
 };
 

@@ -137,7 +137,7 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
       plot.series.back().name.clear();
       break;
     case GesturePlot::kAlignment:
-      plot.title = "lateral error";
+      plot.title = "distance from own line";
       plot.quantity = PlotQuantity::kDistance;
       plot.unit = "mm";
       plot.low = 0;

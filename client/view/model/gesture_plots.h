@@ -19,8 +19,8 @@ enum class GesturePlot : std::uint8_t {
   kForces,  ///< by effect, and the total
   kDepth,   ///< with the layers as bands, downward, the target as a dashed line
   kSpeed,
-  kAlignment,  ///< lateral error
-  kAngles,     ///< α and the needle's tilt
+  kAlignment,  ///< the distance from the line that the needle's own entry began
+  kAngles,     ///< α, and the needle's tilt from its own line
   kPlaces,     ///< tip and wall per axis (the paper's Fig. 8 and 9)
   kPlunger,
 };

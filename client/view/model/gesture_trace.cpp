@@ -31,12 +31,24 @@ const EffectEntry* effectOf(TraceChannel channel) {
 
 ChannelInfo infoOf(TraceChannel channel) {
   static constexpr std::array<ChannelInfo, kFixedChannels> kInfo = {{
-      {"force", "N", 1},       {"depth", "mm", 1000},         {"inserted", "mm", 1000},
-      {"speed", "mm/s", 1000}, {"lateral error", "mm", 1000}, {"α", "°", kDegrees},
-      {"tilt", "°", kDegrees}, {"tip x", "mm", 1000},         {"tip y", "mm", 1000},
-      {"tip z", "mm", 1000},   {"wall x", "mm", 1000},        {"wall y", "mm", 1000},
-      {"wall z", "mm", 1000},  {"force x", "N", 1},           {"force y", "N", 1},
-      {"force z", "N", 1},     {"plunger", "%", 100},         {"layer", "", 1},
+      {"force", "N", 1},
+      {"depth", "mm", 1000},
+      {"inserted", "mm", 1000},
+      {"speed", "mm/s", 1000},
+      {"from own line", "mm", 1000},
+      {"α", "°", kDegrees},
+      {"tilt from own line", "°", kDegrees},
+      {"tip x", "mm", 1000},
+      {"tip y", "mm", 1000},
+      {"tip z", "mm", 1000},
+      {"wall x", "mm", 1000},
+      {"wall y", "mm", 1000},
+      {"wall z", "mm", 1000},
+      {"force x", "N", 1},
+      {"force y", "N", 1},
+      {"force z", "N", 1},
+      {"plunger", "%", 100},
+      {"layer", "", 1},
       {"phase", "", 1},
   }};
   if (const EffectEntry* effect = effectOf(channel)) return {effect->term, effect->unit, 1};

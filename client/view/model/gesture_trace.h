@@ -48,7 +48,7 @@ constexpr TraceChannel channelOf(Effect effect) {
 }
 static_assert(static_cast<std::size_t>(channelOf(Effect{})) + kEffectCount == kChannelCount);
 struct ChannelInfo {
-  std::string_view name;  ///< for an axis: "force", "lateral error"
+  std::string_view name;  ///< for an axis: "force", "from own line"
   std::string_view unit;  ///< as shown: "N", "mm", "°"
   double shown_per_si;    ///< 1000 for mm, 180/π for °
 };

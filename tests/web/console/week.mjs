@@ -169,6 +169,13 @@ export function week(t) {
       .nth(1)
       .fill('6');
     await page.getByLabel(/^Attempts/).fill('3');
+    // a planned line: without a direction it is none, and the link of the problem leads to the vector
+    await page.getByLabel('A planned entry and line').check();
+    await page.getByLabel('Direction z').fill('0');
+    await page.getByRole('button', { name: 'exercises[1].plan.direction' }).click();
+    assert.equal(await page.getByLabel('Direction x').evaluate((field) => field === document.activeElement), true);
+    await page.getByLabel('Direction y').fill('0.5');
+    await page.getByLabel('Direction z').fill('-2');
     await page.getByRole('button', { name: '2. Knee' }).press('Alt+ArrowUp');
     await page.getByRole('button', { name: '1. Knee' }).waitFor();
     await page.getByRole('button', { name: '2. Ball first' }).click();
@@ -185,6 +192,12 @@ export function week(t) {
       ],
     );
     assert.deepEqual(json.exercises[0].requirements[1], { measure: 'peak_force_n', max: 6 });
+    assert.deepEqual(json.exercises[0].plan, {
+      frame: 'LIMB',
+      entry_m: { x: 0, y: 0, z: 0 },
+      direction: { x: 0, y: 0.5, z: -2 },
+    });
+    assert.equal(json.exercises[1].plan, undefined);
 
     await open(page, t.lab, '#/assignments', 'Assignments');
     await page.getByLabel('What').selectOption('course:autumn-course');

@@ -1,8 +1,8 @@
 // One exercise: patient, needle, aids, attempts, time, what must be passed first, requirements.
 import { fromInput, toInput } from '../lib/time.js';
-import { numbered } from '../lib/course_rules.js';
+import { numbered, planGivenBy } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
-import { CheckField, TextField, problemsAt } from '../ui/fields.js';
+import { CheckField, SelectField, TextField, problemsAt } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 import { measureUnit } from '../lib/units.js';
 
@@ -16,7 +16,7 @@ const kAids = [
   ['ANATOMY', 'Targets and hazards'],
   ['GUIDES', 'Insertion line, angle cone, wall'],
   ['ARROWS', 'Force arrows'],
-  ['ALIGNMENT', 'Lateral error, angle, speed'],
+  ['ALIGNMENT', 'Distance and tilt from own line, speed'],
 ];
 const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND');
 const kTips = [
@@ -66,6 +66,50 @@ function Needle({ f, at }) {
         ${f.number(`${at}.needle.gauge`, 'Gauge')}
         ${f.select(`${at}.needle.tip`, 'Tip', kTips)}
       </div>`
+    }
+  `;
+}
+
+const kLines = [
+  ['direction', 'its direction into the tissue'],
+  ['target_m', 'another point on it'],
+];
+
+function Plan({ f, at: exercise }) {
+  const at = `${exercise}.plan`,
+    plan = f.at(at);
+  const put = f.set(at),
+    by = plan?.target_m ? 'target_m' : 'direction';
+  // what concerns a whole vector, or the plan; the fields show what concerns them
+  const problems = ['', '.frame', '.entry_m', '.direction', '.target_m'].flatMap((part) =>
+    problemsAt(f.problems, at + part),
+  );
+  return html`
+    <${CheckField}
+      label="A planned entry and line"
+      checked=${!!plan}
+      disabled=${f.readonly}
+      help="scores then say how far the entry, the angle and the way of the needle are from it"
+      onValue=${(on) =>
+        put(on ? { frame: 'LIMB', entry_m: { x: 0, y: 0, z: 0 }, direction: { x: 0, y: 0, z: -1 } } : undefined)}
+    />
+    ${
+      plan &&
+      html`<fieldset>
+        <legend>Plan, in the frame of the patient's coordinates</legend>
+        ${f.vector(`${at}.entry_m`, 'Entry on the skin')}
+        <div class="fields">
+          <${SelectField}
+            label="The line is given by"
+            value=${by}
+            options=${kLines}
+            disabled=${f.readonly}
+            onValue=${(next) => put(planGivenBy(plan, next))}
+          />
+        </div>
+        ${by === 'direction' ? f.vector(`${at}.direction`, 'Direction') : f.vector(`${at}.target_m`, 'Point')}
+        ${problems.map((p) => html`<p class="error">✗ ${p.message}</p>`)}
+      </fieldset>`
     }
   `;
 }
@@ -150,6 +194,7 @@ export function ExerciseForm({ f, index, profiles, measures }) {
       </p>`
     }
     <${Needle} f=${f} at=${at} />
+    <${Plan} f=${f} at=${at} />
     <${Prerequisites} f=${f} at=${at} index=${index} />
     <${Aids} f=${f} at=${at} />
     <${Requirements} f=${f} at=${at} measures=${measures} />

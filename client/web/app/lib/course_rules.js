@@ -18,6 +18,34 @@ function leadsTo(exercises, from, to) {
   return false;
 }
 
+/** Measures that only an exercise with a plan has, as in common/scoring/measure_table.cpp. */
+const needsPlan = (measure) => /^planned_|_planned_line_/.test(measure);
+const kLeastLength = 1e-6; // of a direction; in m, of the way to a point on the line
+
+/** What of a plan can be seen without the patient; the server holds it against the skin. */
+function planFaults(plan, at, say) {
+  const axes = ['x', 'y', 'z'];
+  const whole = (name) => {
+    const missing = axes.filter((axis) => !Number.isFinite(plan[name]?.[axis]));
+    missing.forEach((axis) => say(`${at}.${name}.${axis}`, 'is missing'));
+    return missing.length === 0;
+  };
+  if (plan.frame !== 'LIMB') say(`${at}.frame`, "must be LIMB, the frame of the patient's coordinates");
+  const has_entry = whole('entry_m');
+  if (!plan.direction === !plan.target_m) return say(at, 'give either a direction or a point on the line');
+  const name = plan.direction ? 'direction' : 'target_m';
+  if (!whole(name)) return;
+  const to = plan[name],
+    from = plan.direction ? { x: 0, y: 0, z: 0 } : plan.entry_m;
+  if ((plan.direction || has_entry) && Math.hypot(...axes.map((axis) => to[axis] - from[axis])) < kLeastLength)
+    say(
+      `${at}.${name}`,
+      plan.direction
+        ? 'has the length 0: give any vector that points into the tissue'
+        : 'is the entry itself: give a point further along the line',
+    );
+}
+
 /**
  * @param {any} course
  * @param {{profiles?: string[], measures?: string[]}} known ids and names that exist; absent: not looked at
@@ -55,10 +83,13 @@ export function courseFaults(course, { profiles, measures } = {}) {
       if (!rule.measure) say(`${here}.measure`, 'choose a measure');
       else if (measures && !measures.includes(rule.measure))
         say(`${here}.measure`, `no score has a measure ${rule.measure}`);
+      else if (needsPlan(rule.measure) && !exercise.plan)
+        say(`${here}.measure`, 'needs a planned line, and this exercise has none');
       if (rule.min === undefined && rule.max === undefined) say(`${here}.min`, 'give a least or a greatest value');
       if (rule.min !== undefined && rule.max !== undefined && rule.min > rule.max)
         say(`${here}.max`, 'the greatest value is below the least one');
     });
+    if (exercise.plan) planFaults(exercise.plan, `${at}.plan`, say);
     if (
       exercise.attempts !== undefined &&
       !(Number.isInteger(exercise.attempts) && exercise.attempts >= 1 && exercise.attempts <= 1000)
@@ -90,6 +121,25 @@ export function nextDue(exercises, cells) {
     .map((exercise) => ({ exercise, cell: cells.find((c) => c.exercise_id === exercise.id) }))
     .filter(({ exercise, cell }) => cell?.due_unix_ms && !isDone(exercise, cell));
   return open.length > 0 ? Math.min(...open.map(({ cell }) => cell.due_unix_ms)) : undefined;
+}
+
+/** A plan's other way to give the same line: `by` is 'direction' or 'target_m'; a point is put 30 mm along it. */
+export function planGivenBy(plan, by) {
+  const { direction, target_m, ...rest } = plan;
+  if (plan[by]) return plan;
+  const at = (v, axis) => Number(v?.[axis]) || 0;
+  const along = ['x', 'y', 'z'].map((axis) =>
+    direction ? at(direction, axis) : at(target_m, axis) - at(rest.entry_m, axis),
+  );
+  const size = Math.hypot(...along);
+  // 12 digits, as the fields have them
+  const rounded = (value) => Number(value.toPrecision(12)) || 0;
+  const vector = (of) => ({ x: rounded(of('x', 0)), y: rounded(of('y', 1)), z: rounded(of('z', 2)) });
+  const one = size < kLeastLength ? [0, 0, -1] : along.map((v) => v / size);
+  return {
+    ...rest,
+    [by]: by === 'direction' ? vector((_, i) => one[i]) : vector((axis, i) => at(rest.entry_m, axis) + 0.03 * one[i]),
+  };
 }
 
 /** An unused id for a new exercise: "exercise-3". */

@@ -87,7 +87,10 @@ export function fieldUnit(name) {
 
 /** Like `fieldUnit`, by the unit's name, for measures. */
 export function measureUnit(unit) {
-  const fixed = { m: [1e-3, 'mm'], 'm/s': [1e-3, 'mm/s'], 'm^2': [1e-4, 'cm²'] }[unit] ?? [1, unit];
+  const fixed = { m: [1e-3, 'mm'], 'm/s': [1e-3, 'mm/s'], 'm^2': [1e-4, 'cm²'], rad: [Math.PI / 180, '°'] }[unit] ?? [
+    1,
+    unit,
+  ];
   return { factor: fixed[0], unit: fixed[1] };
 }
 

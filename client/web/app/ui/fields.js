@@ -150,6 +150,9 @@ export function ProblemList({ problems }) {
   const errors = (problems ?? []).filter((p) => p.severity !== 'WARNING');
   const warnings = (problems ?? []).filter((p) => p.severity === 'WARNING');
   const go = (path) => {
+    // a vector, or a group, has its first field
+    const inside = path && document.querySelector(`[data-path^="${CSS.escape(path)}."]`);
+    if (inside && !document.querySelector(`[data-path="${CSS.escape(path)}"]`)) return inside.focus();
     const parts = path.split(/(?=[.[])/);
     for (let n = parts.length; n > 0; n--) {
       const field = document.querySelector(`[data-path="${CSS.escape(parts.slice(0, n).join(''))}"]`);

@@ -179,6 +179,30 @@ TEST(ScoreCommand, checksAnExercisesRequirements) {
   EXPECT_THAT(refused.err, HasSubstr("elegance"));
 }
 
+TEST(ScoreCommand, measuresAgainstTheExercisesPlan) {
+  const test::TempFolder folder;
+  const auto trajectory = folder.write("t.csv", strokeCsv(0.02)).string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
+  // 3 and 4 mm aside of the stroke, which goes straight down at (0, 0)
+  const auto scoredWith = [&](const std::string& z) {
+    const auto exercise = folder.write("e.json", R"({"id": "e", "name": "Planned", "profile_id": "paper-1dof",
+        "plan": {"frame": "LIMB", "entry_m": {"x": 0.003, "y": 0.004, "z": )" +
+                                                     z + R"(}, "direction": {"x": 0, "y": 0, "z": -5}}})");
+    return sim({"score", "--profile", profile, "--trajectory", trajectory, "--exercise", exercise.string(),
+                "--json"});
+  };
+  const auto outcome = scoredWith("0");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const json whole = json::parse(outcome.out);
+  EXPECT_NEAR(valueOf(whole, "planned_entry_error_m"), 0.005, 1e-9);
+  EXPECT_NEAR(valueOf(whole, "planned_angle_error_rad"), 0, 1e-9);
+  EXPECT_NEAR(valueOf(whole, "mean_planned_line_error_m"), 0.005, 1e-9);
+  EXPECT_NEAR(valueOf(whole, "largest_planned_line_error_m"), 0.005, 1e-9);
+  const auto refused = scoredWith("0.01");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("e.json: plan.entry_m: (3, 4, 10) mm is 10 mm above the skin"));
+}
+
 TEST(ScoreCommand, tellsWhatTheSyringeDidByThePlungerColumn) {
   const test::TempFolder folder;
   // down to 30 mm at 40 mm/s, 8 s of rest with aspiration and injection

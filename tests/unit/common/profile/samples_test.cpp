@@ -8,6 +8,7 @@
 
 #include "common/base/files.h"
 #include "common/profile/layer_names.h"
+#include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -218,10 +219,26 @@ TEST(Samples, theCoursesUseTheirPatientsAndAreCanonical) {
       used_by_any.insert(exercise.profile_id());
       EXPECT_TRUE(ids.insert(exercise.id()).second) << exercise.id() << " stands in two courses";
       EXPECT_GE(exercise.requirements_size(), 3) << exercise.id();
+      const Status plan = checkPlan(exercise, sample(exercise.profile_id()), exercise.id());
+      EXPECT_TRUE(plan.ok()) << plan.error().message;
     }
     EXPECT_THAT(used, UnorderedElementsAreArray(patients));
   }
   for (const std::string& id : kPatients) EXPECT_TRUE(used_by_any.contains(id)) << id;
+}
+
+TEST(Samples, theBursasPlanGoesToItsMiddle) {
+  const auto course = loadCurriculum(kSamples / "curriculum.json");
+  ASSERT_TRUE(course.ok()) << course.error().message;
+  int plans = 0;
+  for (const auto& exercise : course->exercises()) {
+    const auto line = plannedLineOf(exercise);
+    if (!line) continue;
+    ++plans;
+    EXPECT_EQ(exercise.id(), "shoulder-bursa");
+    EXPECT_NEAR(distanceFrom(*line, vec(sample(exercise.profile_id()).targets(0).center_m())), 0, 1e-12);
+  }
+  EXPECT_EQ(plans, 1);
 }
 
 // graded: the first with all aids and no conditions, the last without aids and only after the first was

@@ -87,4 +87,18 @@ class ContinuousGesture {
   std::array<double, 3> phases_{};
 };
 
+/// A plan for these gestures: 4 mm beside the first entry, leaning by 6.4°.
+inline pb::Exercise plannedExercise() {
+  pb::Exercise exercise;
+  auto& plan = *exercise.mutable_plan();
+  plan.set_frame(pb::Exercise::Plan::LIMB);
+  plan.mutable_entry_m()->set_x(0.002);
+  plan.mutable_entry_m()->set_y(-0.003);
+  plan.mutable_entry_m()->set_z(0);
+  plan.mutable_direction()->set_x(0.05);
+  plan.mutable_direction()->set_y(0.1);
+  plan.mutable_direction()->set_z(-1);
+  return exercise;
+}
+
 }  // namespace needlelab

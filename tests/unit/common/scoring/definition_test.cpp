@@ -34,7 +34,8 @@ TEST(MeasureTable, isTheOneInTheReadme) {
 
 TEST(MeasureTable, everyRowOfAScoreIsInItInItsOrder) {
   const ContinuousGesture gesture(3);
-  const auto score = scoreGesture(gesture.samples(500), 500, gesture.profile(), {}, nullptr,
+  const pb::Exercise exercise = plannedExercise();
+  const auto score = scoreGesture(gesture.samples(500), 500, gesture.profile(), {}, &exercise,
                                   std::vector<TipPath>{tipPathOf(gesture.samples(500), 500, {})});
   const MeasureKind* last = nullptr;
   for (const Measure& row : score) {
@@ -58,6 +59,7 @@ TEST(MeasureTable, namesAreOnceAndUnitsAreInThem) {
                                : kind.unit == "m/s" ? "_m_s"
                                : kind.unit == "m^2" ? "_m2"
                                : kind.unit == "J"   ? "_j"
+                               : kind.unit == "rad" ? "_rad"
                                                     : "";
     EXPECT_TRUE(kind.name.ends_with(suffix)) << kind.name;
   }
@@ -96,7 +98,10 @@ TEST(Definition, resultsOverCommittedGesturesAreThoseOfTheVersion) {
     std::uint32_t version;
     std::uint64_t hash;
   };
-  constexpr Golden kGolden[] = {{2, 0x776e140e1821d363}, {3, 0xaf07763e88679d6a}};
+  constexpr Golden kGolden[] = {{2, 0x776e140e1821d363},
+                                {3, 0xaf07763e88679d6a},
+                                // without a plan the rows are those of 3
+                                {4, 0xaf07763e88679d6a}};
   if (std::getenv("NEEDLELAB_WRITE_GESTURES") != nullptr) {
     for (int i = 1; i <= kGoldenGestures; ++i) {
       auto writer = RecordingWriter::create(golden(i), "{}");
@@ -126,6 +131,31 @@ TEST(Definition, resultsOverCommittedGesturesAreThoseOfTheVersion) {
                                << ": if that was meant, raise kScoreDefinitionVersion (measures.h) and add a "
                                   "line here, so that stored "
                                   "sessions can be scored again; if not, it is a fault";
+}
+
+TEST(Definition, errorsAgainstAPlanAreThoseOfTheVersion) {
+  // from the formulas in measures_in_tissue.cpp, by a Python script on the reader of tests/durability/judge
+  struct Errors {
+    double entry_m, angle_rad, mean_m, largest_m;
+  };
+  constexpr Errors kErrors[kGoldenGestures] = {
+      {0.003612018658, 0.1113410143, 0.003980459987, 0.005456239209},
+      {0.003654412187, 0.1113410143, 0.004172846160, 0.006143142053},
+      {0.003625012141, 0.1113410143, 0.004462903288, 0.006519230691}};
+  const pb::Exercise exercise = plannedExercise();
+  for (int i = 1; i <= kGoldenGestures; ++i) {
+    const auto recording = RecordingReader::open(golden(i));
+    ASSERT_TRUE(recording.ok()) << recording.error().message;
+    const auto samples = recording->allSamples();
+    ASSERT_TRUE(samples.ok());
+    const ContinuousGesture made(static_cast<std::uint64_t>(100 + i));
+    const auto score = scoreGesture(*samples, 200 + 100 * i, made.profile(), {}, &exercise);
+    const Errors& expected = kErrors[i - 1];
+    EXPECT_NEAR(valueOf(score, "planned_entry_error_m"), expected.entry_m, 1e-10);
+    EXPECT_NEAR(valueOf(score, "planned_angle_error_rad"), expected.angle_rad, 1e-9);
+    EXPECT_NEAR(valueOf(score, "mean_planned_line_error_m"), expected.mean_m, 1e-10);
+    EXPECT_NEAR(valueOf(score, "largest_planned_line_error_m"), expected.largest_m, 1e-10);
+  }
 }
 
 TEST(ScoreJson, isReadAsItWasWritten) {

@@ -49,6 +49,10 @@ const std::map<std::string, Tolerance> kTolerances = {
     {"time_at_target_s", {0, 8e-3}},
     {"target_distance_m", {0, 5e-5}},
     {"target_nearest_m", {0, 2e-5}},
+    {"planned_entry_error_m", {0, 1e-5}},
+    {"planned_angle_error_rad", {0, 1e-6}},
+    {"mean_planned_line_error_m", {5e-3, 0}},
+    {"largest_planned_line_error_m", {5e-3, 5e-5}},
     {"aspirations", {0, 0}},
     {"injections", {0, 0}},
     {"injected_share", {5e-3, 0}},
@@ -80,7 +84,8 @@ void expectSame(const std::vector<Measure>& a, const std::vector<Measure>& b, do
 
 std::vector<Measure> scoreAt(const ContinuousGesture& gesture, double rate_hz,
                              std::vector<GestureSample> samples, const std::vector<TipPath>& references) {
-  return scoreGesture(samples, rate_hz, gesture.profile(), {}, nullptr, references);
+  const pb::Exercise exercise = plannedExercise();
+  return scoreGesture(samples, rate_hz, gesture.profile(), {}, &exercise, references);
 }
 
 std::vector<TipPath> twoReferences() {
@@ -135,7 +140,8 @@ TEST(Invariance, whenAndWhereDoesNotMatter) {
     const Vec3 f = rotate(X_WL.q, {s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
     s.force_W_N[0] = f.x, s.force_W_N[1] = f.y, s.force_W_N[2] = f.z;
   }
-  const auto moved_score = scoreGesture(moved, 1000, gesture.profile(), X_WL, nullptr, references);
+  const pb::Exercise exercise = plannedExercise();
+  const auto moved_score = scoreGesture(moved, 1000, gesture.profile(), X_WL, &exercise, references);
   ASSERT_EQ(score.size(), moved_score.size());
   for (std::size_t i = 0; i < score.size(); ++i)
     EXPECT_NEAR(score[i].value, moved_score[i].value, 1e-9 * std::max(1.0, std::abs(score[i].value)))

@@ -429,7 +429,9 @@ TEST(Score, everyRowsNameIsKnownAndEveryKnownNameOccurs) {
     inside = inside || (sample.layer == 1);
     sample.plunger = inside ? 0.5 : 0.1;
   }
-  const auto score = scoreGesture(samples, 1000, profile, {});
+  pb::Exercise exercise;  // without a plan there are no errors against one
+  exercise.mutable_plan()->mutable_direction()->set_z(-1);
+  const auto score = scoreGesture(samples, 1000, profile, {}, &exercise);
   EXPECT_EQ(score.size(), measureKinds().size() - 3 + 3 + 3)
       << "all but the distance from references; the two forces of three layers each";
   std::vector<std::string> names;

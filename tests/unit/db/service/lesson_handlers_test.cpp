@@ -102,6 +102,58 @@ TEST_F(LessonHandlers, curriculaNameProfilesAndMeasuresThatExist) {
   EXPECT_EQ(get(station, request).curriculum().revision(), 2u);
 }
 
+TEST_F(LessonHandlers, aPlanLiesOnItsPatientsSkin) {
+  pb::Request list;
+  list.mutable_list_curricula();
+  pb::Request read;
+  read.mutable_get_curriculum()->set_id(get(admin, list).curricula().curricula(0).id());
+  auto json = nlohmann::json::parse(get(station, read).curriculum().json());
+  const auto planned = [&](double above_m) {
+    // the shoulder is a ball; its top, and above that
+    auto profile = nlohmann::json::parse(profileText("shoulder-adult"));
+    const auto& ball = profile["limb"]["sphere"];
+    auto& exercise = json["exercises"][1];
+    exercise["profile_id"] = "shoulder-adult";
+    exercise["plan"] = {
+        {"frame", "LIMB"},
+        {"entry_m",
+         {{"x", 0}, {"y", 0}, {"z", double(ball["center_m"]["z"]) + double(ball["radius_m"]) + above_m}}},
+        {"direction", {{"x", 0}, {"y", 0}, {"z", -1}}}};
+    return json.dump();
+  };
+  const auto import_text = [](const std::string& text) {
+    pb::Request request;
+    request.mutable_import_curriculum()->set_json(text);
+    return request;
+  };
+  const auto checked = [&](const std::string& text) {
+    pb::Request request;
+    request.mutable_check_text()->set_kind("course");
+    request.mutable_check_text()->set_json(text);
+    return get(manager, request).text_check();
+  };
+  const std::string expected = "(0, 0, 5) mm is 5 mm above the skin of profile 'shoulder-adult'";
+  const auto refused = ask(manager, import_text(planned(0.005)));
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_EQ(refused.error->code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(refused.error->message.find("curriculum: exercises[1].plan.entry_m: " + expected), 0u)
+      << refused.error->message;
+  // the editor asks before it saves, and gets the field
+  const auto check = checked(planned(0.005));
+  EXPECT_FALSE(check.ok());
+  ASSERT_EQ(check.problems_size(), 1);
+  EXPECT_EQ(check.problems(0).path(), "exercises[1].plan.entry_m");
+  EXPECT_EQ(check.problems(0).message().find(expected), 0u) << check.problems(0).message();
+
+  EXPECT_TRUE(checked(planned(0)).ok());
+  get(manager, import_text(planned(0)));
+  pb::Request lesson;
+  lesson.mutable_get_lesson()->set_exercise_id(json["exercises"][1]["id"]);
+  const auto exercise = parseExercise(get(station, lesson).lesson().exercise_json(), "exercise");
+  ASSERT_OK(exercise);
+  EXPECT_TRUE(exercise->has_plan()) << "the station scores by it, too";
+}
+
 TEST_F(LessonHandlers, assignmentsAreSeenByTheirTrainee) {
   addPerson("anna", pb::TRAINEE);
   addPerson("ben", pb::TRAINEE);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <string>
@@ -142,9 +144,72 @@ TEST(Comparison, theSentencesSayTheMeanAndTheGreatestDifferenceAndWhere) {
     const auto both = row.exchanged ? compareGestures(*second, *first, row.alignment)
                                     : compareGestures(*first, *second, row.alignment);
     ASSERT_TRUE(both.ok()) << both.error().message;
-    // nothing is said of the lateral error: the second has none
+    // nothing is said of the distance from the own line, which the second lacks, nor of a plan
     EXPECT_EQ(both->sentences, (std::vector<std::string>{row.force, row.speed}));
   }
+}
+
+/// The sample shoulder's exercise with a line through its top, `aside_m` towards +x, straight down.
+pb::Exercise plannedAside(double aside_m) {
+  pb::Exercise exercise;
+  auto& plan = *exercise.mutable_plan();
+  plan.set_frame(pb::Exercise::Plan::LIMB);
+  plan.mutable_entry_m()->set_x(aside_m);
+  plan.mutable_direction()->set_z(-1);
+  return exercise;
+}
+
+TEST(Comparison, theDistanceFromThePlannedLineStandsBesideThatFromTheOwnLine) {
+  const auto info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
+  auto samples = test::lessonSamples(test::sampleProfile("shoulder-adult"), {});
+  // the first goes down the middle, the second the same way 3 mm aside: each straight along its own line
+  const auto exercise = plannedAside(0.001);
+  const auto first = gestureOf(info, samples, {}, &exercise);
+  for (GestureSample& s : samples) s.p_WT_m[0] += 0.003;
+  const auto second = gestureOf(info, samples, {}, &exercise);
+  for (const auto alignment : {Alignment::kDepth, Alignment::kTime}) {
+    const auto both = compareGestures(*first, *second, alignment);
+    ASSERT_TRUE(both.ok()) << both.error().message;
+    std::size_t inside = 0;
+    for (const ComparedPoint& point : both->points) {
+      if (std::isnan(point.planned_a_m)) continue;
+      ++inside;
+      EXPECT_NEAR(point.planned_a_m, 0.001, 1e-9);
+      EXPECT_NEAR(point.planned_b_m, 0.002, 1e-9);
+      EXPECT_NEAR(point.lateral_a_m, 0, 1e-9);
+      EXPECT_NEAR(point.lateral_b_m, 0, 1e-9);
+    }
+    EXPECT_GT(inside, both->points.size() / 2) << "in tissue";
+    EXPECT_EQ(plottedSeries(*both),
+              (std::vector<ComparedSeries>{ComparedSeries::kTotalForce, ComparedSeries::kSpeed,
+                                           ComparedSeries::kLateral, ComparedSeries::kPlanned,
+                                           ComparedSeries::kTilt}));
+    const std::string said = "distance from planned line: the second differs by +1.00 mm on average";
+    EXPECT_TRUE(std::any_of(both->sentences.begin(), both->sentences.end(),
+                            [&](const std::string& line) { return line.starts_with(said); }));
+  }
+  EXPECT_EQ(nameOf(ComparedSeries::kLateral), "distance from own line");
+  EXPECT_EQ(unitOf(ComparedSeries::kPlanned), "mm");
+  EXPECT_EQ(shownPerSi(ComparedSeries::kPlanned), 1000);
+}
+
+TEST(Comparison, withoutAPlanNothingIsSaidOfOne) {
+  const auto plain = lesson();
+  const auto without = compareGestures(*plain, *plain, Alignment::kDepth);
+  ASSERT_TRUE(without.ok());
+  for (const ComparedPoint& point : without->points) EXPECT_TRUE(std::isnan(point.planned_a_m));
+  EXPECT_EQ(plottedSeries(*without),
+            (std::vector<ComparedSeries>{ComparedSeries::kTotalForce, ComparedSeries::kSpeed,
+                                         ComparedSeries::kLateral, ComparedSeries::kTilt}));
+  for (const std::string& line : without->sentences) EXPECT_EQ(line.find("plan"), std::string::npos) << line;
+  // one of the two has a plan: its curve is shown, and no difference is made up
+  const auto exercise = plannedAside(0);
+  const auto planned = gestureOf(plain->info, plain->samples, {}, &exercise);
+  const auto one = compareGestures(*planned, *plain, Alignment::kDepth);
+  ASSERT_TRUE(one.ok());
+  const auto series = plottedSeries(*one);
+  EXPECT_EQ(std::count(series.begin(), series.end(), ComparedSeries::kPlanned), 1);
+  for (const std::string& line : one->sentences) EXPECT_EQ(line.find("plan"), std::string::npos) << line;
 }
 
 }  // namespace

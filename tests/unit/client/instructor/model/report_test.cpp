@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "common/base/files.h"
 #include "common/gesture/sample_csv.h"
@@ -108,6 +109,21 @@ TEST(ProgressPlot, attemptsThatHardlyDifferLookAlike) {
   EXPECT_GE(span.high, 5);
 }
 
+TEST(Report, hasTheErrorsAgainstAPlanWhereThereIsOne) {
+  ReportData data = dataOf();
+  EXPECT_THAT(reportHtml(data), Not(HasSubstr("planned"))) << "no plan";
+  pb::Exercise exercise;
+  exercise.mutable_plan()->mutable_entry_m()->set_x(0.002);
+  exercise.mutable_plan()->mutable_direction()->set_z(-1);
+  data.measures = scoreGesture(data.gesture->samples, 1000, data.gesture->scene.profile,
+                               data.gesture->scene.X_WL, &exercise);
+  const std::string html = reportHtml(data);
+  // straight down, 2 mm beside the plan
+  EXPECT_THAT(html, HasSubstr("Entry-site error"));
+  EXPECT_THAT(html, HasSubstr("Mean distance from the planned line"));
+  EXPECT_THAT(html, HasSubstr("distance from own line"));
+}
+
 TEST(Report, isOneFileWithoutScriptsOrLinks) {
   const std::string html = reportHtml(dataOf());
   for (const char* part : {"<script", "http://", "https://", "<link", "<img", "@import", "url("})
@@ -192,6 +208,7 @@ TEST(ProgressPlot, isInTheUnitsAndTheExpertsRangeThatTheReaderSees) {
   };
   for (const Row& row : {Row{"largest_lateral_error_m", "m", "mm", 0.0023, 2.3},
                          Row{"tissue_damage_m2", "m^2", "cm²", 1.5e-4, 1.5},
+                         Row{"planned_angle_error_rad", "rad", "°", std::numbers::pi / 18, 10},
                          Row{"peak_force_n", "N", "N", 3.25, 3.25}, Row{"elapsed_s", "s", "s", 61, 61}}) {
     for (const bool known : {true, false}) {
       ReportData data;

@@ -87,6 +87,69 @@ TEST_F(StoredGestureTest, becomesAReport) {
   EXPECT_NE(reportHtml(*data).find("Definitions of version"), std::string::npos);
 }
 
+TEST_F(StoredGestureTest, hasItsExercisesPlanAsItIsToday) {
+  const auto load = [&] { return loadGesture(call(), info_.description().session_id()); };
+  // the courses as they are, without a plan in the exercise
+  pb::Request list;
+  list.mutable_list_curricula();
+  const auto courses = instructor_->call(list);
+  ASSERT_TRUE(courses.ok());
+  server_.addUser("mia", pb::CURRICULUM_MANAGER, "battery horse correct");
+  auto manager = server_.connect(personLogin("mia", "battery horse correct"));
+  ASSERT_TRUE(manager.ok());
+  bool changed = false;
+  for (const auto& row : courses->curricula().curricula()) {
+    pb::Request read;
+    read.mutable_get_curriculum()->set_id(row.id());
+    const auto course = instructor_->call(read);
+    ASSERT_TRUE(course.ok());
+    auto parsed = parseCurriculum(course->curriculum().json(), "course");
+    ASSERT_TRUE(parsed.ok());
+    for (const bool with_plan : {false, true}) {
+      bool here = false;
+      for (auto& exercise : *parsed->mutable_exercises()) {
+        if (exercise.id() != info_.description().exercise_id()) continue;
+        here = true;
+        exercise.clear_plan();
+        if (!with_plan) continue;
+        auto& plan = *exercise.mutable_plan();
+        plan.set_frame(pb::Exercise::Plan::LIMB);
+        for (auto* vector : {plan.mutable_entry_m(), plan.mutable_direction()}) {
+          vector->set_x(0);
+          vector->set_y(0);
+          vector->set_z(vector == plan.mutable_entry_m() ? 0 : -2);
+        }
+      }
+      if (!here) break;
+      changed = true;
+      pb::Request put;
+      put.mutable_import_curriculum()->set_json(curriculumJson(*parsed));
+      const auto stored = manager->call(put);
+      ASSERT_TRUE(stored.ok()) << stored.error().message;
+      const auto gesture = load();
+      ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+      ASSERT_EQ((*gesture)->plan_W.has_value(), with_plan);
+      if (with_plan) {
+        EXPECT_EQ((*gesture)->plan_W->direction, (Vec3{0, 0, -1}));
+      }
+      EXPECT_TRUE((*gesture)->notes.empty());
+    }
+  }
+  EXPECT_TRUE(changed) << "a sample course has this exercise";
+}
+
+TEST_F(StoredGestureTest, withoutAnAnswerAboutThePlanTheGestureIsReadAllTheSame) {
+  const LabCall deaf = [&](const pb::Request& request) -> Result<pb::Reply> {
+    if (request.has_list_exercises()) return Error{ErrorCode::kDenied, "not for you"};
+    return instructor_->call(request);
+  };
+  const auto gesture = loadGesture(deaf, info_.description().session_id());
+  ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+  EXPECT_EQ((*gesture)->samples.size(), samples_.size());
+  ASSERT_EQ((*gesture)->notes.size(), 1u);
+  EXPECT_EQ((*gesture)->notes[0], "the exercise's plan: not for you");
+}
+
 TEST_F(StoredGestureTest, whatIsNotThereIsSaid) {
   EXPECT_EQ(loadGesture(call(), std::string(16, 'x')).error().code, ErrorCode::kNotFound);
   LoadProgress progress;

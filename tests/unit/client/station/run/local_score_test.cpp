@@ -48,6 +48,22 @@ TEST(GestureCurve, losesNoPeakAndStaysShort) {
   EXPECT_EQ(peaks, 1);
 }
 
+TEST(GestureCurve, hasTheDistanceFromThePlanInTissue) {
+  auto samples = goingDown(10, 3);
+  for (std::size_t i = 5; i < 10; ++i) samples[i].layer = 0;
+  const PlannedLine plan{{0.003, 0.004, 0}, {0, 0, -1}};
+  const GestureCurve curve = gestureCurve(samples, kFlat, 10, plan);
+  ASSERT_EQ(curve.size(), 10u);
+  for (std::size_t i = 0; i < 10; ++i) {
+    if (i < 5)
+      EXPECT_TRUE(std::isnan(curve[i].planned_error_m)) << "outside";
+    else
+      EXPECT_FLOAT_EQ(curve[i].planned_error_m, 0.005F);
+  }
+  for (const CurvePoint& point : gestureCurve(samples, kFlat, 10))
+    EXPECT_TRUE(std::isnan(point.planned_error_m)) << "no plan";
+}
+
 TEST(GestureCurve, leavesOutWhatIsNoNumber) {
   auto samples = goingDown(3, 0);
   samples[1].p_WT_m[0] = std::numeric_limits<double>::quiet_NaN();

@@ -129,11 +129,29 @@ TEST(LateralPlot, hasTheExercisesLimit) {
   std::vector<Measure> measures(1);
   measures[0].name = "largest_lateral_error_m";
   measures[0].max = 0.004;
-  const Plot plot = lateralPlot(time_s, lateral_mm, measures);
+  const Plot plot = lateralPlot(time_s, lateral_mm, {}, measures);
   ASSERT_EQ(plot.limits.size(), 1u);
   EXPECT_EQ(plot.limits[0].text, "at most 4 mm");
   EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0.03}).high, leastSpanOf(PlotQuantity::kDistance));
-  EXPECT_TRUE(lateralPlot({}, {}, {}).limits.empty());
+  EXPECT_TRUE(lateralPlot({}, {}, {}, {}).limits.empty());
+  ASSERT_EQ(plot.series.size(), 1u);
+  EXPECT_EQ(plot.series[0].name, "from own line");
+  EXPECT_EQ(plot.title, "distance from own line");
+}
+
+TEST(LateralPlot, showsTheWayFromThePlanBesideTheOwnLine) {
+  const std::vector<double> time_s = {0, 1}, lateral_mm = {0, 0.03}, planned_mm = {2, 3};
+  std::vector<Measure> measures(1);
+  measures[0].name = "largest_planned_line_error_m";
+  measures[0].max = 0.004;
+  const Plot plot = lateralPlot(time_s, lateral_mm, planned_mm, measures);
+  ASSERT_EQ(plot.series.size(), 2u);
+  EXPECT_EQ(plot.series[0].name, "from own line");
+  EXPECT_EQ(plot.series[1].name, "from planned line");
+  EXPECT_TRUE(plot.legend);
+  ASSERT_EQ(plot.limits.size(), 1u);
+  EXPECT_EQ(plot.limits[0].at, 4);
+  EXPECT_EQ(plot.limits[0].text, "planned: at most 4 mm");
 }
 
 }  // namespace

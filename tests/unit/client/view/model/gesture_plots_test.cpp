@@ -97,7 +97,7 @@ TEST(GesturePlots, everyQuantityIsShownInTheUnitOfItsAxis) {
   trace.push(moment);
   const std::vector<Row> rows = {{GesturePlot::kDepth, "depth, mm", {12.3F}},
                                  {GesturePlot::kSpeed, "speed, mm/s", {-45}},
-                                 {GesturePlot::kAlignment, "lateral error, mm", {2.1F}},
+                                 {GesturePlot::kAlignment, "distance from own line, mm", {2.1F}},
                                  {GesturePlot::kAngles, "angles, °", {30, 12}},
                                  {GesturePlot::kPlunger, "plunger, %", {25}},
                                  {GesturePlot::kPlaces, "tip and wall, mm", {1, 4, 2, 5, -3, -6}}};

@@ -1,0 +1,101 @@
+#include "common/profile/planned_line.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <variant>
+
+#include "common/haptics/scene_model.h"
+#include "common/haptics/surface.h"
+#include "common/profile/profile.h"
+#include "common/profile/strict_json.h"
+
+namespace needlelab {
+namespace {
+
+/// Two points nearer than this give no direction; the same bound as for segments of hazards.
+constexpr double kLeastLength = 1e-6;
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+Vec3 pointOf(const pb::Vector3& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+/// From the entry along the line, of any length.
+Vec3 alongOf(const pb::Exercise::Plan& plan) {
+  return plan.has_direction() ? pointOf(plan.direction())
+                              : pointOf(plan.target_m()) - pointOf(plan.entry_m());
+}
+
+std::string millimetres(Vec3 p_m) {
+  // + 0.0: no "-0"
+  return fmt::format("({:.4g}, {:.4g}, {:.4g}) mm", 1e3 * p_m.x + 0.0, 1e3 * p_m.y + 0.0, 1e3 * p_m.z + 0.0);
+}
+
+}  // namespace
+
+std::optional<PlannedLine> plannedLineOf(const pb::Exercise& exercise, const Pose& X_AL) {
+  if (!exercise.has_plan()) return std::nullopt;
+  const pb::Exercise::Plan& plan = exercise.plan();
+  const Vec3 entry_m = pointOf(plan.entry_m()), along = alongOf(plan);
+  const double length = norm(along);
+  if (!isFinite(entry_m) || !std::isfinite(length) || !(length >= kLeastLength)) return std::nullopt;
+  const Pose X{X_AL.p, normalized(X_AL.q)};
+  return PlannedLine{X * entry_m, rotate(X.q, along / length)};
+}
+
+double distanceFrom(const PlannedLine& line, Vec3 p_m) {
+  const Vec3 r = p_m - line.entry_m;
+  return norm(r - dot(r, line.direction) * line.direction);
+}
+
+double angleTo(const PlannedLine& line, Vec3 axis) {
+  return std::atan2(norm(cross(axis, line.direction)), dot(axis, line.direction));
+}
+
+Status checkPlanFields(const pb::Exercise::Plan& plan, const std::string& path) {
+  if (plan.has_direction() == plan.has_target_m())
+    return fieldError(path, std::string("give either direction or target_m; found ") +
+                                (plan.has_direction() ? "both" : "neither"));
+  if (norm(alongOf(plan)) >= kLeastLength) return {};
+  if (plan.has_direction())
+    return fieldError(path + ".direction", "has the length 0: give any vector that points into the tissue");
+  return fieldError(path + ".target_m", "is the same point as entry_m: give a point further along the line");
+}
+
+Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const std::string& path) {
+  const auto line = plannedLineOf(exercise);
+  if (!line) return {};
+  const std::string plan = path.empty() ? "plan" : path + ".plan";
+  ASSIGN_OR_RETURN(const auto scene, sceneSpecOf(profile));
+
+  // a plane's normal may have any length
+  Limb limb = scene.limb;
+  if (auto* const plane = std::get_if<PlaneLimb>(&limb)) plane->normal = normalized(plane->normal);
+  const double depth_m = signedDepth(limb, line->entry_m);
+  const Vec3 normal = surfaceNormal(limb, line->entry_m, line->direction);
+  if (std::abs(depth_m) > kPlanOffSkin_m)
+    return fieldError(
+        plan + ".entry_m",
+        fmt::format("{} is {:.3g} mm {} the skin of profile '{}', allowed is {:g} mm: the "
+                    "nearest point of the skin is {}",
+                    millimetres(line->entry_m), 1e3 * std::abs(depth_m), depth_m > 0 ? "below" : "above",
+                    profile.id(), 1e3 * kPlanOffSkin_m, millimetres(line->entry_m + depth_m * normal)));
+  const bool has_target = exercise.plan().has_target_m();
+  const std::string where = plan + (has_target ? ".target_m" : ".direction");
+  const double slope_rad = std::asin(std::min(1.0, std::max(-1.0, -dot(normal, line->direction))));
+  if (slope_rad < kLeastPlanSlope_rad)
+    return fieldError(
+        where, fmt::format("the line {} at {:.3g}° to the skin of profile '{}': it has to go in "
+                           "at {:g}° or steeper",
+                           slope_rad < 0 ? "comes out of the tissue" : "goes in",
+                           kDegrees * std::abs(slope_rad), profile.id(), kDegrees * kLeastPlanSlope_rad));
+  const double needle_m = (exercise.has_needle() ? exercise.needle() : profile.needle()).length_m();
+  if (const double way_m = norm(alongOf(exercise.plan())); has_target && way_m > needle_m)
+    return fieldError(where, fmt::format("is {:.3g} mm from the entry, and the needle is {:.3g} mm long",
+                                         1e3 * way_m, 1e3 * needle_m));
+  return {};
+}
+
+}  // namespace needlelab
