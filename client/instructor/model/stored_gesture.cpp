@@ -49,6 +49,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   double sample_rate_hz = gesture->rate_hz;
   if (gesture->thinned) {
     sample_rate_hz = std::clamp(removed.thinned_rate_hz(), 50.0, gesture->rate_hz);
+    gesture->ticks_per_sample = gesture->rate_hz / sample_rate_hz;
     description.set_rate_hz(sample_rate_hz);
     gesture->notes.push_back("thinned recording: " + printable(removed.reason()));
   }
@@ -57,7 +58,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   // ticks can be missing: reserve twice the time of these samples
   const double span_s =
       2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
-  gesture->trace = GestureTrace(std::max(10.0, span_s), bonesOf(gesture->scene));
+  gesture->trace = GestureTrace(std::max(10.0, span_s), bonesOf(gesture->scene), gesture->ticks_per_sample);
   return gesture;
 }
 

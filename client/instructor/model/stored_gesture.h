@@ -26,6 +26,7 @@ struct StoredGesture {
   SessionScene scene;
   double rate_hz = 1000;  ///< rate of the loop, not of a thinned recording's samples
   bool thinned = false;
+  double ticks_per_sample = 1;  ///< above 1 in a thinned recording
   std::vector<GestureSample> samples;
   GestureTrace trace;  ///< trace of the whole gesture
   std::vector<pb::SyringeEvent> events;

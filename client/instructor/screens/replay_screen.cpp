@@ -33,8 +33,8 @@ std::vector<LineMark> marksOf(const StoredGesture& gesture, const std::vector<pb
       continue;
     const bool bad = event.kind == TraceEvent::Kind::kFault || event.kind == TraceEvent::Kind::kGap ||
                      event.kind == TraceEvent::Kind::kBoneContact;
-    marks.push_back({event.time_s, std::string(signOf(event.kind)), std::string(nameOf(event.kind)),
-                     bad ? kVermillion : kDimText});
+    marks.push_back(
+        {event.time_s, std::string(signOf(event.kind)), wordsOf(event), bad ? kVermillion : kDimText});
   }
   for (const pb::SyringeEvent& event : gesture.events)
     marks.push_back({gesture.timeOfTick(event.begin_tick()),

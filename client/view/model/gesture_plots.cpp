@@ -58,10 +58,9 @@ std::vector<PlotMark> marksOf(const GestureTrace& trace, const SceneView* scene,
     mark.x = event.time_s;
     mark.colour = eventColour(event.kind);
     mark.sign = signOf(event.kind);
-    mark.text = nameOf(event.kind);
+    mark.text = wordsOf(event);
     if (event.kind == TraceEvent::Kind::kLayerChange && scene != nullptr)
       mark.text = layerName(*scene, event.layer);
-    if (!event.text.empty()) mark.text = event.text;
     marks.push_back(std::move(mark));
   }
   return marks;
@@ -113,6 +112,8 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
   plot.from = from_s;
   plot.to = to_s;
   plot.marks = marksOf(trace, scene, from_s, to_s);
+  for (const PlotGap& gap : trace.gaps())
+    if (gap.to >= from_s && gap.from <= to_s) plot.gaps.push_back(gap);
   switch (which) {
     case GesturePlot::kForces: {
       plot.title = "force";

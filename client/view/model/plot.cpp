@@ -159,6 +159,17 @@ ColumnSource columnsOf(std::span<const double> x, std::span<const double> y) {
   return [x, y](double from, double to, std::span<PixelColumn> out) { fillColumns(x, y, from, to, out); };
 }
 
+bool isBroken(const Plot& plot, std::size_t left, std::size_t right, std::size_t count) {
+  const double width = (plot.to - plot.from) / static_cast<double>(count);
+  if (!(width > 0)) return false;
+  const auto columnOf = [&](double x) { return std::floor((x - plot.from) / width); };
+  // the first gap that ends in `right` or behind it
+  const auto gap = std::partition_point(plot.gaps.begin(), plot.gaps.end(), [&](const PlotGap& each) {
+    return columnOf(each.to) < static_cast<double>(right);
+  });
+  return gap != plot.gaps.end() && columnOf(gap->from) <= static_cast<double>(left);
+}
+
 std::string headingOf(const Plot& plot) {
   if (plot.title.empty() || plot.unit.empty()) return plot.title + plot.unit;
   return plot.title + ", " + plot.unit;
