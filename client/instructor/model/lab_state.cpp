@@ -18,11 +18,29 @@ ScreenAction adviceAction(std::string label) {
   return {kActAdvice, std::move(label), ActionKey::kEnter, "", true};
 }
 
+std::vector<ScreenAction> searchActions(bool advised) {
+  return {{kActSearch, "Search", advised ? ActionKey::kNone : ActionKey::kEnter, "", true}};
+}
+
+std::vector<ScreenAction> stopActions(bool asking) {
+  if (!asking) return {{kActStop, "Stop lesson …", ActionKey::kNone, "", true}};
+  return {{kActStopNow, "■ Stop it now", ActionKey::kEnter, "", true},
+          {kActGoOn, "Do not", ActionKey::kEscape, "", true}};
+}
+
+std::vector<ScreenAction> linkActions(LinkPhase phase) {
+  if (phase != LinkPhase::kAway && phase != LinkPhase::kRefused) return {};
+  return {
+      {kActReconnect, phase == LinkPhase::kRefused ? "Log in again" : "Try now", ActionKey::kNone, "", true}};
+}
+
 LabState::LabState(ScenePreparer prepare, LabConnectionSettings settings)
     : connection_(std::move(settings)),
       prepare_(std::move(prepare)),
       commands(connection_, notices),
-      sessions(connection_),
+      sessions([this](pb::Request request, LabConnection::Answer answer) {
+        connection_.ask(std::move(request), std::move(answer));
+      }),
       analysis(connection_, notices, prepare_) {}
 
 LabState::~LabState() = default;

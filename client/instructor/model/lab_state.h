@@ -35,10 +35,17 @@ struct ExerciseChoice {
 };
 
 /// What the screens offer, as tables: Enter is the highlighted button.
-enum LabAct : int { kActLogIn, kActAdvice };
+enum LabAct : int { kActLogIn, kActAdvice, kActSearch, kActStop, kActStopNow, kActGoOn, kActReconnect };
 std::vector<ScreenAction> loginActions(bool busy);
 /// The way out of an empty screen.
 ScreenAction adviceAction(std::string label);
+/// `advised`: the screen is empty, and Enter is its way out.
+std::vector<ScreenAction> searchActions(bool advised);
+/// "Stop lesson …", and then its question.
+std::vector<ScreenAction> stopActions(bool asking);
+/// The banner over every screen while the connection is away or refused: without a key, because Enter is the
+/// screen's own.
+std::vector<ScreenAction> linkActions(LinkPhase phase);
 
 /// Thread: one. No call blocks on the network or the disk.
 class LabState {

@@ -9,6 +9,7 @@
 
 #include <fmt/core.h>
 
+#include "client/view/action_bar.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
@@ -71,23 +72,23 @@ void CommandPanel::showAids(LabState& lab) {
 }
 
 void CommandPanel::showStop(LabState& lab) {
+  const auto actions = stopActions(confirm_stop_);
   if (!confirm_stop_) {
-    if (ImGui::Button("Stop lesson …")) confirm_stop_ = true;
+    confirm_stop_ = actionLine(actions) == kActStop;
     return;
   }
   // asks for confirmation, within the panel
   ImGui::SetNextItemWidth(26 * space());
   ImGui::InputTextWithHint("##reason", "reason, for the trainee", &reason_);
   ImGui::SameLine();
-  ImGui::PushStyleColor(ImGuiCol_Button, colourOf(kVermillion));
-  if (ImGui::Button("■ Stop it now")) {
+  auto chosen = actionLine(actions, true);
+  if (!chosen) chosen = pressedAction(actions);
+  if (chosen == kActStopNow) {
     lab.commands.stopLesson(lab.live()->station(), lab.live()->sessionId(), reason_);
     confirm_stop_ = false;
     reason_.clear();
   }
-  ImGui::PopStyleColor();
-  ImGui::SameLine();
-  if (ImGui::Button("Do not")) confirm_stop_ = false;
+  if (chosen == kActGoOn) confirm_stop_ = false;
 }
 
 void CommandPanel::show(LabState& lab) {
