@@ -8,6 +8,7 @@
 
 #include <fmt/core.h>
 
+#include "common/base/text.h"
 #include "common/scoring/dtw.h"
 
 namespace needlelab {
@@ -197,9 +198,10 @@ std::optional<std::string> sentenceOf(const GestureComparison& comparison, Compa
   }
   if (where == nullptr) return std::nullopt;
   const double k = style.shown_per_si;
-  return fmt::format("{}: the second differs by {:+.{}f} {} on average, by {:+.{}f} {} at most, {}",
-                     style.word, k * sum / static_cast<double>(n), style.decimals, style.unit, k * greatest,
-                     style.decimals, style.unit, whereText(comparison.alignment, *where));
+  const auto text = [&](double difference) { return fixedText(k * difference, style.decimals, Sign::kBoth); };
+  return fmt::format("{}: the second differs by {} {} on average, by {} {} at most, {}", style.word,
+                     text(sum / static_cast<double>(n)), style.unit, text(greatest), style.unit,
+                     whereText(comparison.alignment, *where));
 }
 
 void describeDifferences(GestureComparison& comparison) {

@@ -12,6 +12,7 @@
 
 #include "client/view/plots.h"
 #include "client/view/theme.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -22,7 +23,7 @@ std::string depthWords(const StationTile& tile) {
   if (tile.layer < 0) return phase;
   const std::string where =
       tile.tissue.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.tissue;
-  return fmt::format("{}, {:.1f} mm, ", phase, 1e3 * tile.insertion_m) + where;
+  return phase + ", " + fixedText(1e3 * tile.insertion_m, 1) + " mm, " + where;
 }
 
 /// Short state of loop and connection.

@@ -6,6 +6,7 @@
 #include <fmt/core.h>
 #include <nlohmann/json.hpp>
 
+#include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/haptics/force_gate.h"
 #include "common/haptics/sim_state.h"
@@ -80,7 +81,8 @@ std::string textLine(const Update& update) {
   if (update.online && update.session.empty()) return line + "  idle" + trouble;
   line += "  " + printable(update.phase, 11);
   line += update.layer < 0 ? "  layer -" : fmt::format("  layer {}", update.layer);
-  line += fmt::format("  insertion {:7.2f} mm  |F| {:6.3f} N", 1e3 * update.insertion_m, update.force_n);
+  line += fmt::format("  insertion {:>7} mm  |F| {:6.3f} N", fixedText(1e3 * update.insertion_m, 2),
+                      update.force_n);
   if (update.plunger) line += fmt::format("  plunger {:3.0f} %", 100 * *update.plunger);
   if (!update.syringe.empty()) line += "  " + update.syringe;
   if (update.latency_ms) line += fmt::format("  latency {:6.1f} ms", *update.latency_ms);

@@ -6,6 +6,8 @@
 
 #include <fmt/core.h>
 
+#include "common/base/text.h"
+
 namespace needlelab {
 namespace {
 
@@ -118,12 +120,8 @@ AxisTicks axisTicks(double low, double high, int wanted, bool widen, double leas
 }
 
 std::string tickText(double value, int decimals) {
-  std::string text = fmt::format("{:.{}f}", value, std::clamp(decimals, 0, 9));
-  if (text.front() != '-') return text;
-  text.erase(0, 1);
-  // a value that rounds to zero has no sign
-  if (text.find_first_not_of("0.") == std::string::npos) return text;
-  return "\u2212" + text;
+  const std::string text = fixedText(value, std::clamp(decimals, 0, 9));
+  return text.front() == '-' ? "\u2212" + text.substr(1) : text;
 }
 
 std::string clockText(double seconds, int decimals) {

@@ -118,6 +118,18 @@ std::shared_ptr<const StoredGesture> straightIn(double force_N, double peak_N, d
   return gestureOf(test::lessonInfo("{}"), std::move(samples));
 }
 
+TEST(Comparison, aDifferenceThatRoundsToZeroHasNoSign) {
+  const auto first = straightIn(1, 1, 0.010, 0.001);
+  auto lighter = first->samples;
+  // 1 mN less, of the newtons' two decimals
+  for (GestureSample& sample : lighter) sample.force_W_N[1] -= 0.001;
+  const auto both = compareGestures(*first, *gestureOf(first->info, lighter), Alignment::kDepth);
+  ASSERT_TRUE(both.ok()) << both.error().message;
+  EXPECT_EQ(both->sentences.at(0).find("force: the second differs by 0.00 N on average, by 0.00 N at most"),
+            0u)
+      << both->sentences.at(0);
+}
+
 TEST(Comparison, theSentencesSayTheMeanAndTheGreatestDifferenceAndWhere) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto first = straightIn(1, 1, 0.010, 0.001), second = straightIn(1.5, 4, 0.008, nan);
