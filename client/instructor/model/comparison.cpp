@@ -161,12 +161,14 @@ struct SeriesStyle {
   std::string_view word, unit;
   double shown_per_si;
   int decimals;
+  std::optional<GesturePlot> plot;  ///< the plot of a gesture that shows the same quantity
 };
-constexpr std::array<SeriesStyle, kComparedSeriesCount> kSeries = {{{"force", "N", 1, 2},
-                                                                    {"speed", "mm/s", 1000, 1},
-                                                                    {"lateral error", "mm", 1000, 2},
-                                                                    {"inserted length", "mm", 1000, 2},
-                                                                    {"tilt", "°", 57.29577951308232, 1}}};
+constexpr std::array<SeriesStyle, kComparedSeriesCount> kSeries = {
+    {{"force", "N", 1, 2, GesturePlot::kForces},
+     {"speed", "mm/s", 1000, 1, GesturePlot::kSpeed},
+     {"lateral error", "mm", 1000, 2, GesturePlot::kAlignment},
+     {"inserted length", "mm", 1000, 2, std::nullopt},
+     {"tilt", "°", 57.29577951308232, 1, GesturePlot::kAngles}}};
 
 std::string whereText(Alignment alignment, const ComparedPoint& point) {
   switch (alignment) {
@@ -225,6 +227,13 @@ std::string_view nameOf(Alignment alignment) {
       break;
   }
   return "time";
+}
+
+void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const StoredGesture& b) {
+  if (a.info.description().exercise_id() != b.info.description().exercise_id()) return;
+  const auto& requirements = a.requirements.empty() ? b.requirements : a.requirements;
+  const SeriesStyle& style = kSeries[static_cast<std::size_t>(series)];
+  if (style.plot) addLimits(plot, *style.plot, requirements);
 }
 
 std::string_view nameOf(ComparedSeries series) {

@@ -36,6 +36,9 @@ std::string_view nameOf(ComparedSeries series);
 double valueOfA(ComparedSeries series, const ComparedPoint& point);
 double valueOfB(ComparedSeries series, const ComparedPoint& point);
 
+/// Adds what the exercise of both requires of the series' quantity; nothing where their exercises differ.
+void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const StoredGesture& b);
+
 struct GestureComparison {
   Alignment alignment = Alignment::kDepth;
   std::vector<ComparedPoint> points;   ///< `at` ascends

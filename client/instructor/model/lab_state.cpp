@@ -135,11 +135,13 @@ void LabState::readLists() {
     if (alive.expired() || !reply.ok()) return;
     exercises_.clear();
     exercise_aids_.clear();
+    exercise_requirements_.clear();
     for (const auto& row : reply->exercises().exercises()) {
       const auto exercise = parseExercise(row.json(), "exercise");
       if (!exercise.ok()) continue;
       exercises_.push_back({exercise->id(), printable(exercise->name())});
       exercise_aids_[exercise->id()] = aidsOfExercise(*exercise);
+      exercise_requirements_[exercise->id()] = requirementsOf(*exercise);
     }
   });
   pb::Request profiles;
@@ -184,6 +186,12 @@ AidList LabState::aidsNow() const {
   if (aids_ && aids_session_ == live_->sessionId()) return *aids_;
   const auto found = exercise_aids_.find(live_->info().description().exercise_id());
   return found == exercise_aids_.end() ? usualAids() : found->second;
+}
+
+std::vector<PlotRequirement> LabState::requirementsNow() const {
+  if (!live_) return {};
+  const auto found = exercise_requirements_.find(live_->info().description().exercise_id());
+  return found == exercise_requirements_.end() ? std::vector<PlotRequirement>() : found->second;
 }
 
 void LabState::setAids(const AidList& aids) {

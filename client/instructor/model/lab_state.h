@@ -82,6 +82,8 @@ class LabState {
   void annotate(const std::string& text);
   /// Returns the watched trainee's aids: those set here in this session, otherwise the exercise's.
   [[nodiscard]] AidList aidsNow() const;
+  /// Returns what the exercise of the watched lesson requires; nothing where it is not known.
+  [[nodiscard]] std::vector<PlotRequirement> requirementsNow() const;
   void setAids(const AidList& aids);
   void resetAids();
 
@@ -109,6 +111,7 @@ class LabState {
   std::unique_ptr<LiveStation> live_;
   std::vector<ExerciseChoice> exercises_;
   std::map<std::string, AidList> exercise_aids_;
+  std::map<std::string, std::vector<PlotRequirement>> exercise_requirements_;
   std::optional<AidList> aids_;  // set here, for aids_session_
   std::string aids_session_;
   std::vector<std::string> profiles_;

@@ -10,6 +10,7 @@
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {
@@ -91,6 +92,7 @@ class Loader {
     RETURN_IF_ERROR(readSamples());
     RETURN_IF_ERROR(readAnnotations());
     RETURN_IF_ERROR(readEvents());
+    readRequirements();
     addEvents(*gesture_);
     return std::shared_ptr<const StoredGesture>(std::move(gesture_));
   }
@@ -161,6 +163,17 @@ class Loader {
     }
     gesture_->events.assign(reply->events().events().begin(), reply->events().events().end());
     return {};
+  }
+
+  /// Without a score the plots have no limits; the scores' screen says why there is none.
+  void readRequirements() {
+    if (gesture_->info.state() == pb::SESSION_OPEN) return;
+    pb::Request request;
+    request.mutable_get_score()->set_session_id(id_);
+    const auto reply = call_(request);
+    if (!reply.ok()) return;
+    const auto measures = parseScore(reply->score().measures_json());
+    if (measures.ok()) gesture_->requirements = requirementsOf(*measures);
   }
 
   void note(std::string text) {

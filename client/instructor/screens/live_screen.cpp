@@ -160,7 +160,7 @@ void LiveScreen::showScene(LiveStation& live, const AidSet& allowed, ImVec2 size
              std::move(trails));
 }
 
-void LiveScreen::showPlots(LiveStation& live, ImVec2 size_px) {
+void LiveScreen::showPlots(LiveStation& live, std::span<const PlotRequirement> requirements, ImVec2 size_px) {
   ImGui::BeginChild(
       "plots", size_px, false,
       ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
@@ -170,7 +170,7 @@ void LiveScreen::showPlots(LiveStation& live, ImVec2 size_px) {
   const double from_s = std::max(end_s - live.span_s(), live.trace().firstTime_s());
   const auto result =
       gesturePlots("live plots", plots, live.trace(), live.scene().view.get(), from_s, from_s + live.span_s(),
-                   live.paused() ? std::optional<double>(end_s) : std::nullopt, {0, 0});
+                   live.paused() ? std::optional<double>(end_s) : std::nullopt, {0, 0}, requirements);
   if (result.scrolled != 0) live.setSpan(live.span_s() * std::pow(1.25, -result.scrolled));
   if (result.dragged != 0) live.scrollTo(end_s - result.dragged);
   if (result.clicked_x) live.scrollTo(*result.clicked_x);
@@ -200,7 +200,7 @@ void LiveScreen::show(LabState& lab) {
   } else {
     showScene(live, AidSet(lab.aidsNow()), {room.x * 0.52F, height});
     ImGui::SameLine();
-    showPlots(live, {0, height});
+    showPlots(live, lab.requirementsNow(), {0, height});
   }
   commands.show(lab);
 }

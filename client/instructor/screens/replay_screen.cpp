@@ -198,8 +198,8 @@ void ReplayScreen::show(LabState& lab) {
       ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
   choosePlots(plots);
   const double from_s = whole_ ? player.first_s() : at_s - 5, to_s = whole_ ? player.last_s() : at_s + 5;
-  const auto result =
-      gesturePlots("plots", plots, gesture.trace, gesture.scene.view.get(), from_s, to_s, at_s, {0, 0});
+  const auto result = gesturePlots("plots", plots, gesture.trace, gesture.scene.view.get(), from_s, to_s,
+                                   at_s, {0, 0}, gesture.requirements);
   if (result.clicked_x) player.seek(*result.clicked_x);
   ImGui::EndChild();
   showPlayer(lab);

@@ -276,6 +276,7 @@ TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
   require("peak_force_n", {}, 5);
   require("largest_lateral_error_m", {}, 0.003);
   require("greatest_depth_m", 0.02, 0.03);
+  require("peak_speed_m_s", {}, 0.1);
   require("entries", {}, 2);
   struct Row {
     GesturePlot which;
@@ -286,7 +287,8 @@ TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
   for (const Row& row :
        {Row{GesturePlot::kForces, {{5, "at most 5 N"}}}, Row{GesturePlot::kAlignment, {{3, "at most 3 mm"}}},
         Row{GesturePlot::kDepth, {{20, "at least 20 mm"}, {30, "at most 30 mm"}}},
-        Row{GesturePlot::kSpeed, {}}, Row{GesturePlot::kAngles, {}}}) {
+        Row{GesturePlot::kSpeed, {{100, "at most 100 mm/s, in any direction"}, {-100, ""}}},
+        Row{GesturePlot::kAngles, {}}}) {
     Plot plot = gesturePlot(row.which, trace, &scene, 0, 2);
     addLimits(plot, row.which, requirementsOf(exercise));
     ASSERT_EQ(plot.limits.size(), row.limits.size()) << plot.title;
@@ -295,6 +297,7 @@ TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
       EXPECT_NEAR(plot.limits[i].at, row.limits[i].first, 1e-9);
       EXPECT_EQ(plot.limits[i].text, row.limits[i].second);
       EXPECT_LE(plot.limits[i].at, span.high) << "within the axis";
+      EXPECT_GE(plot.limits[i].at, span.low) << "within the axis";
     }
   }
 }
