@@ -50,7 +50,7 @@ void tileLines(const StationTile& tile, float inner, float height_px) {
   }
   // present force against its limit, with the peak; the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
-    const std::string words = fmt::format("{:.1f} N  peak {:.1f}", tile.force_N, tile.peak_force_N);
+    const std::string words = fixedText(tile.force_N, 1) + " N  " + peakWords(tile);
     // wide enough for its text and the sign of excessive force
     const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
     const float bar = std::min(inner, std::max(inner * 0.58F, needed));

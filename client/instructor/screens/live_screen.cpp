@@ -141,14 +141,14 @@ void LiveScreen::showHead(LabState& lab) {
   ImGui::Checkbox("as the trainee sees it", &as_trainee_);
   ImGui::SameLine(0, 2 * space());
   const auto& stats = live.stats();
-  // a long line may be cut at its end
+  // a long line is cut at its end: what a reader must know of the picture comes first
   std::string words;
+  if (live.approximate()) words = "forces by effect: approximate   ";
   if (live.paused())
-    words = fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
-  words += fmt::format("latency {:.0f} ms to here, {:.0f} ms to the screen (p99 {:.0f})   ",
-                       stats.lastLatencyMs(), live.latency().last_ms(), live.latency().quantile_ms(0.99)) +
-           fmt::format("{} frames, {} dropped", stats.frames(), stats.dropped() + lab.link().frames_dropped);
-  if (live.approximate()) words += "   forces by effect are approximate until the needle is out";
+    words += fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
+  words += fmt::format("{} frames, {} dropped   latency {:.0f} ms, {:.0f} ms to the screen (p99 {:.0f})",
+                       stats.frames(), stats.dropped() + lab.link().frames_dropped, stats.lastLatencyMs(),
+                       live.latency().last_ms(), live.latency().quantile_ms(0.99));
   WithTextColour dim(live.paused() ? kYellow : kDimText);
   textLine(words);
 }
