@@ -337,7 +337,7 @@ Status RetentionStore::setPolicy(const pb::RetentionPolicy& policy) {
       policy.by(), policy.changed_unix_ns());
 }
 
-Status RetentionStore::checkExercise(const std::string& exercise_id) {
+Status RetentionStore::checkExercise(const std::string& exercise_id, const std::string& field) {
   if (exercise_id.empty()) return {};
   constexpr std::size_t kMostNamed = 30;
   std::string names;
@@ -354,7 +354,7 @@ Status RetentionStore::checkExercise(const std::string& exercise_id) {
   }
   if (count > kMostNamed) names += fmt::format(" and {} more", count - kMostNamed);
   return Error{ErrorCode::kInvalidInput,
-               "retention policy, exercise_id: '" + exercise_id +
+               field + ": '" + exercise_id +
                    "' is no exercise of a curriculum and no session's; there are: " +
                    (names.empty() ? "none yet, import a curriculum first" : names)};
 }

@@ -42,11 +42,11 @@ class RetentionStore {
 
   /// kInvalidInput names field, value and range.
   Status setPolicy(const pb::RetentionPolicy& policy);
-  /// Checks a policy's name: empty (the default), an exercise of a curriculum, an exercise with stored
-  /// sessions (its curriculum may be gone), or one that already has a policy. Otherwise kInvalidInput lists
-  /// the existing exercises: a misspelt policy would never apply, and the default would treat the recordings.
-  /// Create the exercise before its policy.
-  Status checkExercise(const std::string& exercise_id);
+  /// Checks the name of an exercise in `field`: empty (the default, or all), an exercise of a curriculum, an
+  /// exercise with stored sessions (its curriculum may be gone), or one that already has a policy. Otherwise
+  /// kInvalidInput lists the existing exercises: a misspelt policy would never apply, and the default would
+  /// treat the recordings. Create the exercise before its policy.
+  Status checkExercise(const std::string& exercise_id, const std::string& field);
   /// Returns the exercise to the default policy. kNotFound: it has no policy of its own.
   Status removePolicy(const std::string& exercise_id);
   /// The default first, then by exercise.

@@ -105,7 +105,10 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   auto backend = openBackend(global, chosen);
   if (!backend) return fail(err, backend.error());
   CommandContext context{**backend, output, global};
-  if (const auto done = chosen.run(context); !done) return fail(err, done.error());
+  if (const auto done = chosen.run(context); !done) {
+    (*backend)->discardIfNew();
+    return fail(err, done.error());
+  }
   return kExitDone;
 } catch (const std::exception& e) {
   // out of memory, or a file system error: report it in one line, without a trace

@@ -5,6 +5,8 @@
 
 #include <chrono>
 #include <optional>
+#include <set>
+#include <utility>
 
 #include "client/net/blocking_client.h"
 #include "common/wire/protocol.h"
@@ -20,18 +22,49 @@ std::string localName() {
                                                                    : std::to_string(::getuid()));
 }
 
+/// What a folder holds; nothing if it does not exist.
+struct FolderState {
+  bool exists = false;
+  std::set<std::filesystem::path> entries;
+};
+
+FolderState stateOf(const std::filesystem::path& folder) {
+  FolderState state;
+  std::error_code error;
+  state.exists = std::filesystem::is_directory(folder, error);
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+    state.entries.insert(entry.path().filename());
+  return state;
+}
+
 class FolderBackend : public Backend {
  public:
-  explicit FolderBackend(std::unique_ptr<Store> store) : store_(std::move(store)) {}
+  FolderBackend(std::unique_ptr<Store> store, std::filesystem::path folder, FolderState before)
+      : store_(std::move(store)), folder_(std::move(folder)), before_(std::move(before)) {}
   Result<pb::Reply> call(const pb::Request& request) override {
     Outcome outcome = store_->service().execute(who_, request);
     if (outcome.error) return *outcome.error;
     return std::move(outcome.reply);
   }
   [[nodiscard]] bool local() const override { return true; }
+  void discardIfNew() override {
+    if (before_.entries.contains("needlelab.db")) return;
+    // each change has a line in the audit log
+    pb::Request request;
+    request.mutable_list_audit()->set_limit(1);
+    const auto audit = call(request);
+    if (!audit.ok() || audit->audit().entries_size() > 0) return;
+    // while the lock is still held
+    std::error_code error;
+    for (const auto& name : stateOf(folder_).entries)
+      if (!before_.entries.contains(name)) std::filesystem::remove_all(folder_ / name, error);
+    if (!before_.exists) std::filesystem::remove(folder_, error);
+  }
 
  private:
   std::unique_ptr<Store> store_;
+  const std::filesystem::path folder_;
+  const FolderState before_;
   const Principal who_{localName(), pb::ADMINISTRATOR};
 };
 
@@ -53,6 +86,7 @@ class ServerBackend : public Backend {
 }  // namespace
 
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create) {
+  FolderState before = stateOf(folder);
   Store::Options options;
   options.holder = "needlelab-admin";
   options.create = create;
@@ -63,7 +97,8 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
     const bool missing = store.error().code == ErrorCode::kNotFound;
     return Error{missing ? ErrorCode::kInvalidInput : store.error().code, store.error().message};
   }
-  return std::unique_ptr<Backend>(std::make_unique<FolderBackend>(std::move(*store)));
+  return std::unique_ptr<Backend>(
+      std::make_unique<FolderBackend>(std::move(*store), folder, std::move(before)));
 }
 
 Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address) {

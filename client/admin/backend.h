@@ -22,6 +22,8 @@ class Backend {
   virtual Result<pb::Reply> call(const pb::Request& request) = 0;
   /// Returns whether paths in requests are paths on this machine.
   [[nodiscard]] virtual bool local() const = 0;
+  /// After a command that failed: removes a data folder that it made, where nothing was stored.
+  virtual void discardIfNew() {}
 };
 
 /// Opens DIR of a stopped server, as administrator. `create`: creates a missing folder. Errors: as

@@ -45,6 +45,31 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   return {};
 }
 
+/// Asks whether the station may be added, before anything is made for it. Errors: as AddStation has them.
+Status mayBeAdded(CommandContext& context, const std::string& name) {
+  bool known = false, active = false;
+  RETURN_IF_ERROR(eachPage(
+      context.backend,
+      [](pb::Request& request, const std::string& page) { request.mutable_list_stations()->set_page(page); },
+      [&](const pb::Reply& reply) {
+        for (const auto& station : reply.stations().stations()) {
+          if (station.name() != name) continue;
+          known = true;
+          active = !station.revoked();
+        }
+        return known ? std::string() : reply.stations().next_page();
+      }));
+  if (!known) return checkNewName("station name", name);
+  if (!active) return {};
+  // its key is never shown again: the server refuses, with its own words
+  pb::Request request;
+  request.mutable_add_station()->set_name(name);
+  RETURN_IF_ERROR(context.backend.call(request));
+  return Error{ErrorCode::kFailed,
+               "station '" + name +
+                   "' was revoked by somebody meanwhile; its new key is lost: revoke it and enrol it again"};
+}
+
 /// Returns the certificate authority for the station to trust: the folder's, made with the server's
 /// certificate if missing; or the one given to this program to reach the server.
 Result<std::string> authorityFor(const CommandContext& context, const Endpoint& server) {
@@ -63,7 +88,9 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   Enrolment enrolment;
   enrolment.station = name;
   enrolment.server = *parseEndpoint(server);
-  // do everything that can fail before making the key, because it is shown only once
+  // do everything that can fail before making the key, because it is shown only once; a refused name makes no
+  // TLS files
+  RETURN_IF_ERROR(mayBeAdded(context, name));
   ASSIGN_OR_RETURN(auto ca, authorityFor(context, enrolment.server));
   enrolment.ca_pem = std::move(ca);
   pb::Request request;

@@ -37,6 +37,21 @@ std::optional<int> actionButtons(std::span<const ScreenAction> actions, float wi
   return chosen;
 }
 
+std::optional<int> actionLine(std::span<const ScreenAction> actions, bool keys_named) {
+  std::optional<int> chosen;
+  bool first = true;
+  for (const ScreenAction& action : actions) {
+    if (!std::exchange(first, false)) ImGui::SameLine();
+    const std::string label = keys_named ? labelWithKey(action) : action.label;
+    ImGui::BeginDisabled(!action.enabled);
+    if (action.isDefault()) ImGui::PushStyleColor(ImGuiCol_Button, colourOf(kBlue));
+    if (ImGui::Button(label.c_str())) chosen = action.id;
+    if (action.isDefault()) ImGui::PopStyleColor();
+    ImGui::EndDisabled();
+  }
+  return chosen;
+}
+
 void actionHints(std::span<const ScreenAction> actions) {
   bool first = true;
   for (const ScreenAction& action : actions) {

@@ -14,6 +14,8 @@ std::optional<int> actionByKey(std::span<const ScreenAction> actions);
 /// Returns the button that was pressed.
 std::optional<int> actionButtons(std::span<const ScreenAction> actions, float width_px = 0,
                                  bool keys_named = false);
+/// The same as buttons of the usual size, in the line of a form.
+std::optional<int> actionLine(std::span<const ScreenAction> actions, bool keys_named = false);
 /// The keys with their hints, in a row.
 void actionHints(std::span<const ScreenAction> actions);
 /// A question over the screen, opened by ImGui::OpenPopup(title) in an earlier frame: the answer by button or

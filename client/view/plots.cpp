@@ -69,7 +69,7 @@ void drawPlotText(ImDrawList& list, ImVec2 at, ImU32 colour, std::string_view te
   list.AddText(at, colour, text.data(), text.data() + text.size());
 }
 
-void drawColumns(ImDrawList& list, const PlotFrame& frame, const PlotSeries& series,
+void drawColumns(ImDrawList& list, const PlotFrame& frame, const Plot& plot, const PlotSeries& series,
                  std::span<const PixelColumn> columns) {
   const ImU32 colour = packed(series.colour);
   // with whole pixels, ImGui draws a line with half of the triangles
@@ -79,6 +79,7 @@ void drawColumns(ImDrawList& list, const PlotFrame& frame, const PlotSeries& ser
   const float tall_px = 2 * width_px;
   std::vector<ImVec2> run;
   int empty_run = 0;
+  std::optional<std::size_t> before;
   const auto flush = [&] {
     if (series.filled && run.size() > 1) {
       const float zero_px = std::clamp(frame.yAt(0), frame.low_px.y, frame.high_px.y);
@@ -98,6 +99,8 @@ void drawColumns(ImDrawList& list, const PlotFrame& frame, const PlotSeries& ser
       continue;
     }
     empty_run = 0;
+    if (before && isBroken(plot, *before, i, columns.size())) flush();
+    before = i;
     const float x_px = frame.low_px.x + (static_cast<float>(i) + 0.5F) * per_column_px;
     const float top_px = frame.yAt(static_cast<double>(column.max)),
                 low_px = frame.yAt(static_cast<double>(column.min));
@@ -265,19 +268,6 @@ AxisTicks rangeOf(const Plot& plot, PlotRange data, PlotMemory& memory, float he
   return ticks;
 }
 
-std::string valueText(const PixelColumn& column, double step) {
-  const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(std::max(step, 1e-9)))) + 1, 0, 4);
-  return tickText(static_cast<double>(column.last), decimals);
-}
-
-// the nearest earlier column, within a few
-const PixelColumn* columnAt(std::span<const PixelColumn> columns, std::ptrdiff_t index) {
-  for (std::ptrdiff_t i = index; i >= 0 && i > index - 6; --i)
-    if (i < static_cast<std::ptrdiff_t>(columns.size()) && !columns[static_cast<std::size_t>(i)].empty())
-      return &columns[static_cast<std::size_t>(i)];
-  return nullptr;
-}
-
 void drawAxes(ImDrawList& list, const PlotFrame& frame, const Plot& plot, bool show_x_axis) {
   WithFont font(Letters::kSmall);
   const float text_px = ImGui::GetFontSize();
@@ -298,71 +288,10 @@ void drawAxes(ImDrawList& list, const PlotFrame& frame, const Plot& plot, bool s
     std::string text = plot.clock_axis ? clockText(value, x.step < 1 ? 1 : 0) : tickText(value, x.decimals);
     if (!plot.clock_axis && value == x.at.back() && !plot.x_unit.empty()) text += " " + plot.x_unit;
     const float width_px = ImGui::CalcTextSize(text.c_str()).x;
-    const float left_px =
-        std::clamp(x_px - width_px * 0.5F, frame.low_px.x - 8, frame.high_px.x - width_px + 8);
+    const float left_px = labelLeftAt({frame.low_px, frame.high_px}, x_px, width_px);
     drawPlotText(list, {left_px, frame.high_px.y + 3}, words, text);
   }
   list.AddRect(frame.low_px, frame.high_px, packed(kLineGrey));
-}
-
-/// An entry of a legend, and its width with the swatch before it.
-struct LegendEntry {
-  const PlotSeries* series;
-  std::string text;
-  float width_px;
-};
-
-/// `with_values`: so many of the first series show their value at `read_at`.
-std::vector<LegendEntry> legendOf(const Plot& plot, std::span<const std::vector<PixelColumn>> columns,
-                                  std::ptrdiff_t read_at, double step, std::size_t with_values) {
-  std::vector<LegendEntry> entries;
-  for (std::size_t i = 0; i < plot.series.size(); ++i) {
-    std::string text = plot.series[i].name;
-    const bool reads = read_at >= 0 && i < with_values;
-    if (const PixelColumn* column = reads ? columnAt(columns[i], read_at) : nullptr)
-      text += (text.empty() ? "" : " ") + valueText(*column, step);
-    if (text.empty()) continue;
-    const float width_px = ImGui::CalcTextSize(text.c_str()).x + ImGui::GetFontSize() * 1.2F;
-    entries.push_back({&plot.series[i], std::move(text), width_px});
-  }
-  return entries;
-}
-
-/// Title at the left, then the series with their colours; with the values at the cursor or the mouse where
-/// there is room for all, else with the first one's alone. What still has no room is counted: "+2".
-void drawLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
-                std::span<const std::vector<PixelColumn>> columns, std::ptrdiff_t read_at, double step) {
-  WithFont font(Letters::kSmall);
-  const float text_px = ImGui::GetFontSize();
-  const std::string title = headingOf(plot);
-  drawPlotText(list, at, packed(kText), title);
-  float x_px = at.x + ImGui::CalcTextSize(title.c_str()).x + text_px;
-  if (!plot.legend) return;
-  const auto widthOf = [&](const std::vector<LegendEntry>& entries) {
-    float width_px = 0;
-    for (const LegendEntry& entry : entries) width_px += entry.width_px + text_px;
-    return width_px - text_px;
-  };
-  auto entries = legendOf(plot, columns, read_at, step, plot.series.size());
-  if (x_px + widthOf(entries) > right_px) entries = legendOf(plot, columns, read_at, step, 1);
-  const bool fits = x_px + widthOf(entries) <= right_px;
-  const float end_px = fits ? right_px : right_px - text_px * 2;
-  for (std::size_t i = 0; i < entries.size(); ++i) {
-    if (!fits && x_px + entries[i].width_px > end_px) {
-      drawPlotText(list, {x_px, at.y}, packed(kDimText), "+" + std::to_string(entries.size() - i));
-      return;
-    }
-    const float y_px = at.y + text_px * 0.55F;
-    const ImU32 colour = packed(entries[i].series->colour);
-    if (entries[i].series->dashed) {
-      list.AddLine({x_px, y_px}, {x_px + text_px * 0.35F, y_px}, colour, 3);
-      list.AddLine({x_px + text_px * 0.6F, y_px}, {x_px + text_px * 0.95F, y_px}, colour, 3);
-    } else {
-      list.AddLine({x_px, y_px}, {x_px + text_px * 0.95F, y_px}, colour, 3);
-    }
-    drawPlotText(list, {x_px + text_px * 1.2F, at.y}, packed(kText), entries[i].text);
-    x_px += entries[i].width_px + text_px;
-  }
 }
 
 PlotResult mouseOn(const PlotFrame& frame) {
@@ -390,6 +319,13 @@ PlotField plotFieldAt(ImVec2 at, ImVec2 size_px, bool show_x_axis) {
   const float text_px = fontOf(Letters::kSmall)->FontSize;
   return {{at.x + text_px * 3.1F, at.y + text_px * 1.35F},
           {at.x + size_px.x - 6, at.y + size_px.y - (show_x_axis ? text_px * 1.5F : 5)}};
+}
+
+float labelLeftAt(const PlotField& field, float x_px, float width_px) {
+  constexpr float kBeyond_px = 8;  // a label may reach so far beyond the field
+  const float left_px = field.low_px.x - kBeyond_px, right_px = field.high_px.x + kBeyond_px;
+  const float at_px = std::min(x_px - width_px * 0.5F, right_px - width_px);
+  return std::max(at_px, left_px);
 }
 
 PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_x_axis) {
@@ -436,7 +372,8 @@ PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_
   ImGui::PushClipRect(frame.low_px, frame.high_px, true);
   drawBands(list, frame, plot.bands);
   // draw the first series last, on top
-  for (std::size_t i = plot.series.size(); i-- > 0;) drawColumns(list, frame, plot.series[i], columns[i]);
+  for (std::size_t i = plot.series.size(); i-- > 0;)
+    drawColumns(list, frame, plot, plot.series[i], columns[i]);
   drawLimits(list, frame, plot.limits);
   const float mouse_px = ImGui::GetIO().MousePos.x;
   drawMarks(list, frame, plot.marks, result.hovered ? &mouse_px : nullptr);
@@ -453,7 +390,7 @@ PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_
       read ? static_cast<std::ptrdiff_t>((*read - frame.from) / (frame.to - frame.from) *
                                          static_cast<double>(count))
            : -1;
-  drawLegend(list, {frame.low_px.x, at.y}, frame.high_px.x, plot, columns, read_at, frame.y.step);
+  drawPlotLegend(list, {frame.low_px.x, at.y}, frame.high_px.x, plot, columns, read_at, frame.y.step);
   ImGui::PopID();
   ImGui::SetCursorScreenPos(at);
   ImGui::Dummy(size_px);

@@ -1,8 +1,10 @@
 /// Plots in a window, drawn with ImDrawList from their description (client/view/model/plot.h).
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include <imgui/imgui.h>
 
@@ -30,6 +32,15 @@ struct PlotField {
   [[nodiscard]] bool tooSmall() const { return high_px.x - low_px.x < 20 || high_px.y - low_px.y < 12; }
 };
 PlotField plotFieldAt(ImVec2 at, ImVec2 size_px, bool show_x_axis);
+/// Where a label of the x axis begins: centred at `x_px`, but within the field and a little beyond; at the
+/// left end where it is wider than that.
+float labelLeftAt(const PlotField& field, float x_px, float width_px);
+
+/// Draws a plot's heading at the left and then its series with their colours (plot_legend.cpp): with the
+/// values in column `read_at` (−1: none) where there is room for all, else with the first one's alone. What
+/// still has no room is counted: "+2". `columns`: by series; `step`: of the y axis.
+void drawPlotLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
+                    std::span<const std::vector<PixelColumn>> columns, std::ptrdiff_t read_at, double step);
 
 /// Draws a few hundred points as a small line without axes, for tiles and tables; the last as a dot.
 void sparkline(std::span<const float> values, float low, float high, Rgb colour, ImVec2 size_px);

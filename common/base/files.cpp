@@ -168,12 +168,23 @@ Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path)
   return end;
 }
 
+namespace {
+
+/// Of a file whose temporary neighbour could not be made, by errno: a missing folder is the caller's mistake.
+Error cannotCreate(const std::filesystem::path& path) {
+  const bool no_folder = errno == ENOENT || errno == ENOTDIR;
+  const Error error = systemError(path, "create a file beside it");
+  return no_folder ? Error{ErrorCode::kInvalidInput, error.message} : error;
+}
+
+}  // namespace
+
 Status writeFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
   if (isStream(name)) return writeToStream(name, bytes);
   ASSIGN_OR_RETURN(const std::filesystem::path path, replaceableFile(name));
   std::string temporary = path.string() + ".XXXXXX";
   const int fd = ::mkostemp(temporary.data(), O_CLOEXEC);
-  if (fd < 0) return systemError(path, "create a file beside it");
+  if (fd < 0) return cannotCreate(path);
   const auto fail = [&](const std::string& what) -> Status {
     const Error error = systemError(path, what);
     ::close(fd);
@@ -194,12 +205,7 @@ Result<GrowingFile> GrowingFile::create(const std::filesystem::path& path) {
   file.path_ = replaced;
   file.temporary_ = file.path_.string() + ".XXXXXX";
   file.fd_ = ::mkostemp(file.temporary_.data(), O_CLOEXEC);
-  if (file.fd_ < 0) {
-    const Error error = file.systemError("create a file beside it");
-    // a missing folder is the caller's mistake
-    if (errno == ENOENT || errno == ENOTDIR) return Error{ErrorCode::kInvalidInput, error.message};
-    return error;
-  }
+  if (file.fd_ < 0) return cannotCreate(file.path_);
   return file;
 }
 

@@ -70,6 +70,14 @@ std::string printable(std::string_view text) {
   return out;
 }
 
+std::string fixedText(double value, int decimals, Sign sign) {
+  std::string text = sign == Sign::kBoth ? fmt::format("{:+.{}f}", value, decimals)
+                                         : fmt::format("{:.{}f}", value, decimals);
+  if (text.find_first_not_of("+-0.") == std::string::npos && (text[0] == '-' || text[0] == '+'))
+    text.erase(0, 1);
+  return text;
+}
+
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
   return check(field, value, min, max, false);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -24,6 +25,11 @@ bool isUtf8(std::string_view text);
 /// Makes untrusted text safe for a terminal and for a message: replaces control characters and invalid UTF-8
 /// by '?'.
 std::string printable(std::string_view text);
+
+enum class Sign : std::uint8_t { kMinus, kBoth };
+/// A number for people with that many decimals; `kBoth` writes a plus too. What rounds to zero has no sign:
+/// "0.00", never "-0.00".
+std::string fixedText(double value, int decimals, Sign sign = Sign::kMinus);
 
 /// `min` to `max` bytes of UTF-8 without control characters. kInvalidInput names field, length and allowed
 /// range.

@@ -9,6 +9,7 @@
 
 #include "common/base/csv.h"
 #include "common/base/range.h"
+#include "common/base/text.h"
 #include "common/haptics/limits.h"
 #include "common/scoring/measure_groups.h"
 #include "common/scoring/measure_table.h"
@@ -28,11 +29,11 @@ std::string threeDigits(double value) {
   const double size = std::abs(value);
   const int decimals = size >= 100 || size == 0 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
   if (size > 1e9) return fmt::format("{:.3g}", value);
-  std::string digits = fmt::format("{:.{}f}", value, decimals);
+  std::string digits = fixedText(value, decimals);
   if (digits.find('.') == std::string::npos) return digits;
   digits.erase(digits.find_last_not_of('0') + 1);
   if (digits.back() == '.') digits.pop_back();
-  return digits == "-0" ? "0" : digits;
+  return digits;
 }
 
 /// "Peak force 3.2 N", or a plain statement where a number would be awkward.

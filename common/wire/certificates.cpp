@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cstdint>
 #include <ctime>
 #include <filesystem>
@@ -253,13 +254,32 @@ Status checkHosts(const std::vector<std::string>& hosts) {
   return {};
 }
 
+/// Each name once: DNS names differ in more than case, and an address has one form ("::1").
+std::vector<std::string> eachOnce(const std::vector<std::string>& hosts) {
+  const auto formOf = [](std::string host) {
+    boost::system::error_code error;
+    const auto address = boost::asio::ip::make_address(host, error);
+    if (!error) return address.to_string();
+    std::transform(host.begin(), host.end(), host.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return host;
+  };
+  std::vector<std::string> once, forms;
+  for (const std::string& host : hosts) {
+    std::string form = formOf(host);
+    if (std::find(forms.begin(), forms.end(), form) != forms.end()) continue;
+    forms.push_back(std::move(form));
+    once.push_back(host);
+  }
+  return once;
+}
+
 /// `hosts`, and those of the stored certificate: a name that stations use for the server must not be lost.
 std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::string> hosts) {
   const auto old = loadCertificate(files.certificate);
-  if (!old.ok()) return hosts;
-  for (const std::string& host : hostsOf(old->get()))
-    if (std::find(hosts.begin(), hosts.end(), host) == hosts.end()) hosts.push_back(host);
-  return hosts;
+  if (old.ok())
+    for (const std::string& host : hostsOf(old->get())) hosts.push_back(host);
+  return eachOnce(hosts);
 }
 
 Result<Authority> loadAuthority(const TlsFiles& files) {
@@ -310,7 +330,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
   }
   if (!has_ca) {
     ASSIGN_OR_RETURN(auto authority, makeAuthority(files));
-    RETURN_IF_ERROR(makeServer(files, authority, hosts));
+    RETURN_IF_ERROR(makeServer(files, authority, eachOnce(hosts)));
     return true;
   }
   ASSIGN_OR_RETURN(auto certificate, loadCertificate(files.ca_certificate));

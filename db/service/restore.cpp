@@ -65,6 +65,18 @@ Status copyFile(const fs::path& from, const fs::path& to) {
   return status;
 }
 
+/// The same error with the backup's name where it names the copy, which is gone when a person reads it.
+Error ofBackup(Error error, const fs::path& copy, const fs::path& from) {
+  const std::string name = copy.string();
+  if (error.message.rfind(from.string() + ": ", 0) == 0)
+    if (const std::size_t at = error.message.find(name + ": "); at != std::string::npos)
+      error.message.erase(at, name.size() + 2);
+  for (std::size_t at = 0; (at = error.message.find(name, at)) != std::string::npos;
+       at += from.string().size())
+    error.message.replace(at, name.size(), from.string());
+  return error;
+}
+
 /// The copy's contents, if it is intact and this program knows its schema.
 Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
   ASSIGN_OR_RETURN(auto opened, Connection::open(copy, {.mode = Connection::Mode::kReader}));
@@ -203,7 +215,10 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     if (auto done = migrateAndCheck(copy, from, database, now_unix_ns, *result); !done) result = done.error();
   if (!result) {
     drop();
-    return result;
+    // what cannot be written is the copy
+    const ErrorCode code = result.error().code;
+    const bool of_backup = code == ErrorCode::kCorrupt || code == ErrorCode::kVersion;
+    return of_backup ? ofBackup(result.error(), copy, from) : result.error();
   }
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore

@@ -400,14 +400,14 @@ Result<pb::Reply> setRetention(const Context& context, const pb::SetRetention& c
   policy.set_by(context.who.name);
   policy.set_changed_unix_ns(context.now_unix_ns);
   const std::string subject = policy.exercise_id().empty() ? "(default)" : policy.exercise_id();
-  RETURN_IF_ERROR(write(context, subject, call.as_default() ? "as the default" : textOfPolicy(policy),
-                        [&](Connection& writer) {
-                          RetentionStore store(writer);
-                          if (call.as_default()) return store.removePolicy(policy.exercise_id());
-                          // check in the policy's own transaction, before storing it makes its name known
-                          auto known = store.checkExercise(policy.exercise_id());
-                          return known ? store.setPolicy(policy) : known;
-                        }));
+  RETURN_IF_ERROR(write(
+      context, subject, call.as_default() ? "as the default" : textOfPolicy(policy), [&](Connection& writer) {
+        RetentionStore store(writer);
+        if (call.as_default()) return store.removePolicy(policy.exercise_id());
+        // check in the policy's own transaction, before storing it makes its name known
+        auto known = store.checkExercise(policy.exercise_id(), "retention policy, exercise_id");
+        return known ? store.setPolicy(policy) : known;
+      }));
   pb::Reply reply;
   reply.mutable_done();
   return reply;

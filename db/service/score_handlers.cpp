@@ -10,6 +10,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/result.h"
+#include "common/base/text.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/scoring/dtw.h"
@@ -18,6 +19,7 @@
 #include "db/assignments.h"
 #include "db/connection.h"
 #include "db/documents.h"
+#include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/reference_paths.h"
 #include "db/service/score_rows.h"
@@ -78,6 +80,19 @@ Result<ScoreKey> scoreKeyOf(const std::string& page) {
   return key;
 }
 
+/// Errors: kNotFound, with the courses that there are. Empty: all courses.
+Status checkCourse(Connection& reader, const std::string& id) {
+  if (id.empty()) return {};
+  ASSIGN_OR_RETURN(const auto courses, CurriculumStore(reader).list());
+  std::string names;
+  for (const StoredCurriculum& course : courses) {
+    if (course.id == id) return {};
+    names += (names.empty() ? "" : ", ") + course.id;
+  }
+  return Error{ErrorCode::kNotFound, "there is no course '" + printable(id) + "'; there are: " +
+                                         (names.empty() ? "none yet, import a curriculum first" : names)};
+}
+
 }  // namespace
 
 Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
@@ -95,6 +110,8 @@ Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
 Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call) {
   ASSIGN_OR_RETURN(const auto from, scoreKeyOf(call.page()));
   RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  RETURN_IF_ERROR(checkCourse(context.reader, call.course_id()));
+  if (!call.group_id().empty()) RETURN_IF_ERROR(GroupStore(context.reader).get(call.group_id()));
   // pages by key: rows added or removed meanwhile do not shift others
   auto rows = context.reader.query(
       "SELECT s.id, c.definition_version, s.number FROM scores c JOIN sessions s ON s.number = c.session "

@@ -14,6 +14,7 @@
 #include "db/credentials.h"
 #include "db/erasure.h"
 #include "db/people.h"
+#include "db/retention_store.h"
 #include "db/schema.h"
 #include "db/service/handlers.h"
 #include "db/service/rescoring.h"
@@ -165,6 +166,12 @@ Result<pb::RescoreReport> Service::rescoreAll(const std::string& by_whom, const 
                            [this] { return backup_running_.load(std::memory_order_relaxed); },
                            stop_retention_,
                            retention_pace_};
+  // a name that nothing has would end as "0 sessions"
+  {
+    ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+    if (auto known = RetentionStore(*reader).checkExercise(call.exercise_id(), "exercise"); !known)
+      return Error{ErrorCode::kNotFound, known.error().message};
+  }
   return runRescoring(tools, call.exercise_id(), by_whom, call.dry_run());
 }
 

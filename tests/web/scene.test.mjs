@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
+import { boneContacts, forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
 import {
   axisOf,
   cross,
@@ -348,4 +348,39 @@ test('the next due date of a course is the earliest among what is not passed', (
   assert.equal(nextDue(exercises, [cell('d', 9, { attempts: 0 }), cells[2]]), 9, 'd was not tried');
   assert.ok(!isDone({ time_limit_s: 60 }, { attempts: 2 }), 'a time limit is a requirement');
   assert.ok(!isDone({}, { attempts: 2, passed: false }), 'the server knows of a requirement');
+});
+
+test('contacts with bone are those of the measure', () => {
+  const profile = {
+    layers: [{ tissue: 'SKIN' }, { tissue: 'BONE' }],
+    hazards: [
+      { kind: 'BONE', a_m: v(0, 0, -0.02), b_m: v(0.01, 0, -0.02), radius_m: 0.002 },
+      { kind: 'NERVE', center_m: v(0, 0, -0.005), radius_m: 0.004 },
+    ],
+  };
+  const at = (t, layer, z, x = 0) => ({ t, layer, z, x });
+  const columnsOf = (moments) => ({
+    t_s: moments.map((m) => m.t),
+    layer: moments.map((m) => m.layer),
+    px_m: moments.map((m) => m.x),
+    py_m: moments.map(() => 0),
+    pz_m: moments.map((m) => m.z),
+  });
+  const gesture = [
+    at(0, -1, 0.01),
+    at(1, 0, -0.005), // in a nerve
+    at(2, 1, -0.03), // the layer of bone
+    at(2.1, 0, -0.005), // tremor: out of it for 0.1 s
+    at(2.2, 1, -0.03),
+    at(3, 0, -0.005),
+    at(3.2, 0, -0.019, 0.008), // the hazard of bone, 0.2 s later
+    at(4, -1, 0.01),
+    at(5, -1, -0.02), // outside, whatever the place
+  ];
+  assert.deepEqual(boneContacts(columnsOf(gesture), profile), [2, 3.2]);
+  // the same gesture at a limb that lies 10 cm aside
+  const aside = gesture.map((m) => ({ ...m, x: m.x + 0.1 }));
+  assert.deepEqual(boneContacts(columnsOf(aside), profile, [0.1, 0, 0, 0, 0, 0, 1]), [2, 3.2]);
+  assert.deepEqual(boneContacts(columnsOf(gesture), null), []);
+  assert.deepEqual(boneContacts({}, profile), []);
 });

@@ -8,6 +8,7 @@
 
 #include <fmt/core.h>
 
+#include "common/base/text.h"
 #include "common/scoring/dtw.h"
 
 namespace needlelab {
@@ -166,14 +167,15 @@ struct SeriesStyle {
   std::string_view word, unit;
   double shown_per_si;
   int decimals;
+  std::optional<GesturePlot> plot;  ///< the plot of a gesture that shows the same quantity
 };
 constexpr std::array<SeriesStyle, kComparedSeriesCount> kSeries = {
-    {{"force", "N", 1, 2},
-     {"speed", "mm/s", 1000, 1},
-     {"distance from own line", "mm", 1000, 2},
-     {"distance from planned line", "mm", 1000, 2},
-     {"inserted length", "mm", 1000, 2},
-     {"tilt from own line", "°", 57.29577951308232, 1}}};
+    {{"force", "N", 1, 2, GesturePlot::kForces},
+     {"speed", "mm/s", 1000, 1, GesturePlot::kSpeed},
+     {"distance from own line", "mm", 1000, 2, GesturePlot::kAlignment},
+     {"distance from planned line", "mm", 1000, 2, std::nullopt},
+     {"inserted length", "mm", 1000, 2, std::nullopt},
+     {"tilt from own line", "°", 57.29577951308232, 1, GesturePlot::kAngles}}};
 
 std::string whereText(Alignment alignment, const ComparedPoint& point) {
   switch (alignment) {
@@ -205,9 +207,10 @@ std::optional<std::string> sentenceOf(const GestureComparison& comparison, Compa
   }
   if (where == nullptr) return std::nullopt;
   const double k = style.shown_per_si;
-  return fmt::format("{}: the second differs by {:+.{}f} {} on average, by {:+.{}f} {} at most, {}",
-                     style.word, k * sum / static_cast<double>(n), style.decimals, style.unit, k * greatest,
-                     style.decimals, style.unit, whereText(comparison.alignment, *where));
+  const auto text = [&](double difference) { return fixedText(k * difference, style.decimals, Sign::kBoth); };
+  return fmt::format("{}: the second differs by {} {} on average, by {} {} at most, {}", style.word,
+                     text(sum / static_cast<double>(n)), style.unit, text(greatest), style.unit,
+                     whereText(comparison.alignment, *where));
 }
 
 void describeDifferences(GestureComparison& comparison) {
@@ -232,6 +235,13 @@ std::string_view nameOf(Alignment alignment) {
       break;
   }
   return "time";
+}
+
+void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const StoredGesture& b) {
+  if (a.info.description().exercise_id() != b.info.description().exercise_id()) return;
+  const auto& requirements = a.requirements.empty() ? b.requirements : a.requirements;
+  const SeriesStyle& style = kSeries[static_cast<std::size_t>(series)];
+  if (style.plot) addLimits(plot, *style.plot, requirements);
 }
 
 std::string_view nameOf(ComparedSeries series) {

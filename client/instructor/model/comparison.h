@@ -39,6 +39,9 @@ double shownPerSi(ComparedSeries series);        ///< 1000 for mm
 double valueOfA(ComparedSeries series, const ComparedPoint& point);
 double valueOfB(ComparedSeries series, const ComparedPoint& point);
 
+/// Adds what the exercise of both requires of the series' quantity; nothing where their exercises differ.
+void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const StoredGesture& b);
+
 struct GestureComparison {
   Alignment alignment = Alignment::kDepth;
   std::vector<ComparedPoint> points;   ///< `at` ascends

@@ -18,11 +18,29 @@ ScreenAction adviceAction(std::string label) {
   return {kActAdvice, std::move(label), ActionKey::kEnter, "", true};
 }
 
+std::vector<ScreenAction> searchActions(bool advised) {
+  return {{kActSearch, "Search", advised ? ActionKey::kNone : ActionKey::kEnter, "", true}};
+}
+
+std::vector<ScreenAction> stopActions(bool asking) {
+  if (!asking) return {{kActStop, "Stop lesson …", ActionKey::kNone, "", true}};
+  return {{kActStopNow, "■ Stop it now", ActionKey::kEnter, "", true},
+          {kActGoOn, "Do not", ActionKey::kEscape, "", true}};
+}
+
+std::vector<ScreenAction> linkActions(LinkPhase phase) {
+  if (phase != LinkPhase::kAway && phase != LinkPhase::kRefused) return {};
+  return {
+      {kActReconnect, phase == LinkPhase::kRefused ? "Log in again" : "Try now", ActionKey::kNone, "", true}};
+}
+
 LabState::LabState(ScenePreparer prepare, LabConnectionSettings settings)
     : connection_(std::move(settings)),
       prepare_(std::move(prepare)),
       commands(connection_, notices),
-      sessions(connection_),
+      sessions([this](pb::Request request, LabConnection::Answer answer) {
+        connection_.ask(std::move(request), std::move(answer));
+      }),
       analysis(connection_, notices, prepare_) {}
 
 LabState::~LabState() = default;
@@ -117,11 +135,13 @@ void LabState::readLists() {
     if (alive.expired() || !reply.ok()) return;
     exercises_.clear();
     exercise_aids_.clear();
+    exercise_requirements_.clear();
     for (const auto& row : reply->exercises().exercises()) {
       const auto exercise = parseExercise(row.json(), "exercise");
       if (!exercise.ok()) continue;
       exercises_.push_back({exercise->id(), printable(exercise->name())});
       exercise_aids_[exercise->id()] = aidsOfExercise(*exercise);
+      exercise_requirements_[exercise->id()] = requirementsOf(*exercise);
     }
   });
   pb::Request profiles;
@@ -166,6 +186,12 @@ AidList LabState::aidsNow() const {
   if (aids_ && aids_session_ == live_->sessionId()) return *aids_;
   const auto found = exercise_aids_.find(live_->info().description().exercise_id());
   return found == exercise_aids_.end() ? usualAids() : found->second;
+}
+
+std::vector<PlotRequirement> LabState::requirementsNow() const {
+  if (!live_) return {};
+  const auto found = exercise_requirements_.find(live_->info().description().exercise_id());
+  return found == exercise_requirements_.end() ? std::vector<PlotRequirement>() : found->second;
 }
 
 void LabState::setAids(const AidList& aids) {

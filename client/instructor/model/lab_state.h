@@ -35,10 +35,17 @@ struct ExerciseChoice {
 };
 
 /// What the screens offer, as tables: Enter is the highlighted button.
-enum LabAct : int { kActLogIn, kActAdvice };
+enum LabAct : int { kActLogIn, kActAdvice, kActSearch, kActStop, kActStopNow, kActGoOn, kActReconnect };
 std::vector<ScreenAction> loginActions(bool busy);
 /// The way out of an empty screen.
 ScreenAction adviceAction(std::string label);
+/// `advised`: the screen is empty, and Enter is its way out.
+std::vector<ScreenAction> searchActions(bool advised);
+/// "Stop lesson …", and then its question.
+std::vector<ScreenAction> stopActions(bool asking);
+/// The banner over every screen while the connection is away or refused: without a key, because Enter is the
+/// screen's own.
+std::vector<ScreenAction> linkActions(LinkPhase phase);
 
 /// Thread: one. No call blocks on the network or the disk.
 class LabState {
@@ -75,6 +82,8 @@ class LabState {
   void annotate(const std::string& text);
   /// Returns the watched trainee's aids: those set here in this session, otherwise the exercise's.
   [[nodiscard]] AidList aidsNow() const;
+  /// Returns what the exercise of the watched lesson requires; nothing where it is not known.
+  [[nodiscard]] std::vector<PlotRequirement> requirementsNow() const;
   void setAids(const AidList& aids);
   void resetAids();
 
@@ -102,6 +111,7 @@ class LabState {
   std::unique_ptr<LiveStation> live_;
   std::vector<ExerciseChoice> exercises_;
   std::map<std::string, AidList> exercise_aids_;
+  std::map<std::string, std::vector<PlotRequirement>> exercise_requirements_;
   std::optional<AidList> aids_;  // set here, for aids_session_
   std::string aids_session_;
   std::vector<std::string> profiles_;

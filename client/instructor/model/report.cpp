@@ -233,9 +233,10 @@ std::string eventsOf(const ReportData& data) {
         {gesture.timeOfTick(remark.tick()), "remark by " + remark.author() + ": " + remark.text()});
   for (const TraceEvent& event : gesture.trace.events()) {
     if (event.kind != TraceEvent::Kind::kFault && event.kind != TraceEvent::Kind::kEntry &&
-        event.kind != TraceEvent::Kind::kExit && event.kind != TraceEvent::Kind::kBoneContact)
+        event.kind != TraceEvent::Kind::kExit && event.kind != TraceEvent::Kind::kBoneContact &&
+        event.kind != TraceEvent::Kind::kGap)
       continue;
-    lines.push_back({event.time_s, std::string(nameOf(event.kind))});
+    lines.push_back({event.time_s, wordsOf(event)});
   }
   std::stable_sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.at_s < b.at_s; });
   if (lines.empty()) return "<p>Nothing.</p>\n";

@@ -7,6 +7,7 @@
 #include <fmt/core.h>
 
 #include "client/view/model/gesture_replica.h"
+#include "common/base/text.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -58,8 +59,9 @@ void describe(Rerun& run, const StoredGesture& gesture) {
   run.sentences.push_back(
       fmt::format("greatest force {:.2f} N, as recorded {:.2f} N", run.peak_force_N, run.felt_peak_N));
   run.sentences.push_back(
-      fmt::format("mean force in tissue {:.2f} N, as recorded {:.2f} N; it differs by {:+.2f} N on average",
-                  run.mean_force_in_tissue_N, run.felt_mean_in_tissue_N, run.mean_difference_N));
+      fmt::format("mean force in tissue {:.2f} N, as recorded {:.2f} N; it differs by {} N on average",
+                  run.mean_force_in_tissue_N, run.felt_mean_in_tissue_N,
+                  fixedText(run.mean_difference_N, 2, Sign::kBoth)));
   run.sentences.push_back(
       "the recorded hand did not feel this: with other forces it would have moved otherwise");
   if (gesture.thinned)
@@ -78,7 +80,7 @@ Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choi
   run.what = run.scene.profile.id() + ", " +
              std::string(kAxialModelNames[static_cast<std::size_t>(run.scene.model->axial_model)]);
   const double span_s = gesture.last_s() - gesture.first_s() + 1;
-  run.trace = GestureTrace(std::max(10.0, span_s), bonesOf(run.scene));
+  run.trace = GestureTrace(std::max(10.0, span_s), bonesOf(run.scene), gesture.ticks_per_sample);
 
   const SceneModel& model = *run.scene.model;
   const auto state = std::make_unique<SimState>();

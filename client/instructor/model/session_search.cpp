@@ -7,6 +7,8 @@
 #include <optional>
 #include <utility>
 
+#include <fmt/core.h>
+
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 
@@ -62,12 +64,14 @@ Result<pb::ListSessions> messageOf(const SessionQuery& query) {
   return list;
 }
 
-SessionSearch::SessionSearch(LabConnection& connection) : connection_(connection) {}
+SessionSearch::SessionSearch(SessionAsk ask) : ask_(std::move(ask)) {}
 
 void SessionSearch::search(const SessionQuery& query) {
   query_ = query;
   asked_ = true;
   trouble_.clear();
+  // a page token belongs to its own query
+  next_page_.clear();
   ++*asking_;
   ask({});
 }
@@ -79,8 +83,7 @@ void SessionSearch::more() {
 void SessionSearch::ask(const std::string& page) {
   auto list = messageOf(query_);
   if (!list.ok()) {
-    waiting_ = false;
-    trouble_ = list.error().message;
+    fail(list.error().message, page.empty());
     return;
   }
   waiting_ = true;
@@ -88,21 +91,36 @@ void SessionSearch::ask(const std::string& page) {
   pb::Request request;
   *request.mutable_list_sessions() = *list;
   // a later search or the destruction of this object invalidates the answer
-  connection_.ask(request, [this, meant = *asking_, alive = std::weak_ptr(asking_),
-                            first = page.empty()](Result<pb::Reply> reply) {
+  ask_(request, [this, meant = *asking_, alive = std::weak_ptr(asking_),
+                 first = page.empty()](Result<pb::Reply> reply) {
     const auto now = alive.lock();
     if (!now || *now != meant) return;
-    waiting_ = false;
     if (!reply.ok()) {
-      trouble_ = printable(reply.error().message);
+      fail(printable(reply.error().message), first);
       return;
     }
+    waiting_ = false;
+    trouble_.clear();
     if (first) rows_.clear();
     const auto& sessions = reply->sessions().sessions();
     rows_.insert(rows_.end(), sessions.begin(), sessions.end());
     next_page_ = reply->sessions().next_page();
     sort();
   });
+}
+
+void SessionSearch::fail(std::string trouble, bool first_page) {
+  waiting_ = false;
+  trouble_ = std::move(trouble);
+  // rows of another query would look like the answer; after a failed "More", the rows before stay
+  if (first_page) rows_.clear();
+}
+
+std::string SessionSearch::countText() const {
+  if (waiting_) return "looking …";
+  if (rows_.empty() && !trouble_.empty()) return {};
+  return fmt::format("{} session{}{}", rows_.size(), rows_.size() == 1 ? "" : "s",
+                     hasMore() ? " so far" : "");
 }
 
 void SessionSearch::order(SessionOrder order) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -23,12 +24,15 @@ Result<pb::ListSessions> messageOf(const SessionQuery& query);
 /// The order of the rows; the server sends the newest first.
 enum class SessionOrder : std::uint8_t { kNewest, kTrainee, kExercise, kPeakForce, kVerdict };
 
-/// Thread: the one that polls `connection`. Ignores answers after its destruction.
+/// Sends a request; the answer comes later, on the same thread. LabConnection::ask, or a test.
+using SessionAsk = std::function<void(pb::Request, LabConnection::Answer)>;
+
+/// Thread: the one that polls the connection behind `ask`. Ignores answers after its destruction.
 class SessionSearch {
  public:
-  explicit SessionSearch(LabConnection& connection);
+  explicit SessionSearch(SessionAsk ask);
 
-  /// Sends the query; keeps the old rows until the answer arrives.
+  /// Sends the query; keeps the old rows until the answer arrives. A search that fails has no rows.
   void search(const SessionQuery& query);
   void again() { search(query_); }
   /// Requests the next page, if any, and appends it to the rows.
@@ -40,14 +44,21 @@ class SessionSearch {
   [[nodiscard]] bool waiting() const { return waiting_; }
   [[nodiscard]] bool hasMore() const { return !next_page_.empty(); }
   [[nodiscard]] bool asked() const { return asked_; }
+  /// The server found no session for this query.
+  [[nodiscard]] bool nothingMatches() const {
+    return asked_ && !waiting_ && rows_.empty() && trouble_.empty();
+  }
+  /// "looking …", "1 session", "200 sessions so far"; empty after a search that failed.
+  [[nodiscard]] std::string countText() const;
   [[nodiscard]] const std::string& trouble() const {
     return trouble_;
   }  ///< error of the last search; empty: none
 
  private:
   void ask(const std::string& page);
+  void fail(std::string trouble, bool first_page);
   void sort();
-  LabConnection& connection_;
+  SessionAsk ask_;
   SessionQuery query_;
   SessionOrder order_ = SessionOrder::kNewest;
   std::vector<pb::SessionInfo> rows_;

@@ -11,6 +11,7 @@
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {
@@ -50,6 +51,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   double sample_rate_hz = gesture->rate_hz;
   if (gesture->thinned) {
     sample_rate_hz = std::clamp(removed.thinned_rate_hz(), 50.0, gesture->rate_hz);
+    gesture->ticks_per_sample = gesture->rate_hz / sample_rate_hz;
     description.set_rate_hz(sample_rate_hz);
     gesture->notes.push_back("thinned recording: " + printable(removed.reason()));
   }
@@ -58,7 +60,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   // ticks can be missing: reserve twice the time of these samples
   const double span_s =
       2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
-  gesture->trace = GestureTrace(std::max(10.0, span_s), bonesOf(gesture->scene));
+  gesture->trace = GestureTrace(std::max(10.0, span_s), bonesOf(gesture->scene), gesture->ticks_per_sample);
   return gesture;
 }
 
@@ -92,6 +94,7 @@ class Loader {
     RETURN_IF_ERROR(readAnnotations());
     RETURN_IF_ERROR(readEvents());
     readPlan();
+    readRequirements();
     addEvents(*gesture_);
     return std::shared_ptr<const StoredGesture>(std::move(gesture_));
   }
@@ -170,6 +173,17 @@ class Loader {
     const auto exercise = findExercise(call_, exercise_id);
     if (!exercise.ok()) return note("the exercise's plan: " + printable(exercise.error().message));
     if (*exercise) gesture_->plan_W = plannedLineOf(**exercise, gesture_->scene.X_WL);
+  }
+
+  /// Without a score the plots have no limits; the scores' screen says why there is none.
+  void readRequirements() {
+    if (gesture_->info.state() == pb::SESSION_OPEN) return;
+    pb::Request request;
+    request.mutable_get_score()->set_session_id(id_);
+    const auto reply = call_(request);
+    if (!reply.ok()) return;
+    const auto measures = parseScore(reply->score().measures_json());
+    if (measures.ok()) gesture_->requirements = requirementsOf(*measures);
   }
 
   void note(std::string text) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/instructor/model/session_scene.h"
+#include "client/view/model/gesture_plots.h"
 #include "client/view/model/gesture_trace.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
@@ -29,11 +30,13 @@ struct StoredGesture {
   std::optional<PlannedLine> plan_W;  ///< of the exercise as it is today, as for its score; in W
   double rate_hz = 1000;              ///< rate of the loop, not of a thinned recording's samples
   bool thinned = false;
+  double ticks_per_sample = 1;  ///< above 1 in a thinned recording
   std::vector<GestureSample> samples;
   GestureTrace trace;  ///< trace of the whole gesture
   std::vector<pb::SyringeEvent> events;
-  std::vector<pb::Annotation> annotations;  ///< by time
-  std::vector<std::string> notes;           ///< damage, thinning, missing parts: for the reader
+  std::vector<pb::Annotation> annotations;    ///< by time
+  std::vector<PlotRequirement> requirements;  ///< of the newest score, as they were then; empty: not scored
+  std::vector<std::string> notes;             ///< damage, thinning, missing parts: for the reader
 
   [[nodiscard]] double first_s() const { return trace.firstTime_s(); }
   [[nodiscard]] double last_s() const { return trace.lastTime_s(); }

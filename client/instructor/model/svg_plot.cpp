@@ -90,14 +90,19 @@ class CurvePath {
   std::string text_;
 };
 
-std::string drawnSeries(const PlotSeries& series, bool dashed, std::span<const PixelColumn> columns,
+std::string drawnSeries(const Plot& plot, std::size_t number, std::span<const PixelColumn> columns,
                         const SvgFrame& frame) {
-  CurvePath path;
+  const PlotSeries& series = plot.series[number];
+  std::vector<CurvePath> runs(1);  // a gap begins another one
+  std::optional<std::size_t> before;
   std::string out;
   const std::string ink = inkOf(series.colour);
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const PixelColumn& column = columns[i];
     if (column.empty()) continue;
+    if (before && isBroken(plot, *before, i, columns.size())) runs.emplace_back();
+    before = i;
+    CurvePath& path = runs.back();
     const double x = kLeft + static_cast<double>(i) + 0.5;
     const double a = frame.y(static_cast<double>(column.min)), b = frame.y(static_cast<double>(column.max));
     path.add(x, a);
@@ -107,15 +112,18 @@ std::string drawnSeries(const PlotSeries& series, bool dashed, std::span<const P
   }
   for (std::size_t i = 0; i < series.x.size() && i < series.y.size(); ++i) {
     const double x = frame.x(series.x[i]), y = frame.y(series.y[i]);
-    path.add(x, y);
+    runs.back().add(x, y);
     out += fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='3.5' fill='{}'/>", x, y, ink);
   }
-  const std::string curve = path.text();
-  if (series.filled)
-    out +=
-        fmt::format("<path d='{}{}' fill='{}' fill-opacity='.16'/>", curve, path.closedAt(frame.y(0)), ink);
+  std::string curve, area;
+  for (CurvePath& run : runs) {
+    const std::string text = run.text();
+    curve += text;
+    area += text + run.closedAt(frame.y(0));
+  }
+  if (series.filled) out += fmt::format("<path d='{}' fill='{}' fill-opacity='.16'/>", area, ink);
   return out + fmt::format("<path d='{}' stroke='{}'{} class='s'/>", curve, ink,
-                           dashed ? " stroke-dasharray='5 4'" : "");
+                           isDashed(plot, number) ? " stroke-dasharray='5 4'" : "");
 }
 
 std::string drawnBands(const Plot& plot, const SvgFrame& frame) {
@@ -253,8 +261,7 @@ std::string svgPlot(const Plot& plot, SvgSize size) {
   frame.high = ticks.high;
 
   std::string out = openSvg(size, plot.title) + drawnBands(plot, frame) + drawnAxes(plot, frame, ticks);
-  for (std::size_t i = plot.series.size(); i-- > 0;)
-    out += drawnSeries(plot.series[i], isDashed(plot, i), columns[i], frame);
+  for (std::size_t i = plot.series.size(); i-- > 0;) out += drawnSeries(plot, i, columns[i], frame);
   out += drawnLimits(plot, frame) + drawnMarks(plot, frame);
   const std::string heading = headingOf(plot);
   out += textAt(kLeft, 14, "start", heading, " class='h'");

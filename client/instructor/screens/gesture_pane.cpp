@@ -100,7 +100,7 @@ void choosePlots(PlotSet& set) {
 
 PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene,
                         double from_s, double to_s, std::optional<double> cursor_s, ImVec2 size_px,
-                        const std::vector<PlotMark>& extra) {
+                        std::span<const PlotRequirement> requirements) {
   std::vector<GesturePlot> which;
   switch (set) {
     case PlotSet::kForces:
@@ -116,9 +116,9 @@ PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, 
   std::vector<Plot> plots;
   for (const GesturePlot one : which) {
     plots.push_back(gesturePlot(one, trace, scene, from_s, to_s));
+    addLimits(plots.back(), one, requirements);
     plots.back().cursor = cursor_s;
   }
-  if (!plots.empty()) plots.front().marks.insert(plots.front().marks.end(), extra.begin(), extra.end());
   return plotStack(id, plots, size_px);
 }
 

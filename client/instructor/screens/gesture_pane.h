@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -47,11 +48,11 @@ enum class PlotSet : std::uint8_t {
 };
 /// Shows buttons for the plot set; changes `set`.
 void choosePlots(PlotSet& set);
-/// Plots [from_s, to_s] of a trace. `cursor_s`: position of a line with the values. `extra`: the caller's
-/// marks.
+/// Plots [from_s, to_s] of a trace, with the limits of `requirements`. `cursor_s`: position of a line with
+/// the values.
 PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene,
                         double from_s, double to_s, std::optional<double> cursor_s, ImVec2 size_px,
-                        const std::vector<PlotMark>& extra = {});
+                        std::span<const PlotRequirement> requirements);
 
 /// Returns the tip's path in the last `seconds` before `until_s`, for the scene.
 TipTrail trailOf(const GestureTrace& trace, double until_s, double seconds, Rgb colour);

@@ -12,6 +12,7 @@
 
 #include "client/view/plots.h"
 #include "client/view/theme.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -22,7 +23,7 @@ std::string depthWords(const StationTile& tile) {
   if (tile.layer < 0) return phase;
   const std::string where =
       tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
-  return fmt::format("{}, {:.1f} mm, ", phase, 1e3 * tile.insertion_m) + where;
+  return phase + ", " + fixedText(1e3 * tile.insertion_m, 1) + " mm, " + where;
 }
 
 /// Short state of loop and connection.
@@ -49,7 +50,7 @@ void tileLines(const StationTile& tile, float inner, float height_px) {
   }
   // present force against its limit, with the peak; the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
-    const std::string words = fmt::format("{:.1f} N  peak {:.1f}", tile.force_N, tile.peak_force_N);
+    const std::string words = fixedText(tile.force_N, 1) + " N  " + peakWords(tile);
     // wide enough for its text and the sign of excessive force
     const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
     const float bar = std::min(inner, std::max(inner * 0.58F, needed));

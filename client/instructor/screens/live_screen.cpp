@@ -9,6 +9,7 @@
 
 #include <fmt/core.h>
 
+#include "client/view/action_bar.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
@@ -71,23 +72,23 @@ void CommandPanel::showAids(LabState& lab) {
 }
 
 void CommandPanel::showStop(LabState& lab) {
+  const auto actions = stopActions(confirm_stop_);
   if (!confirm_stop_) {
-    if (ImGui::Button("Stop lesson …")) confirm_stop_ = true;
+    confirm_stop_ = actionLine(actions) == kActStop;
     return;
   }
   // asks for confirmation, within the panel
   ImGui::SetNextItemWidth(26 * space());
   ImGui::InputTextWithHint("##reason", "reason, for the trainee", &reason_);
   ImGui::SameLine();
-  ImGui::PushStyleColor(ImGuiCol_Button, colourOf(kVermillion));
-  if (ImGui::Button("■ Stop it now")) {
+  auto chosen = actionLine(actions, true);
+  if (!chosen) chosen = pressedAction(actions);
+  if (chosen == kActStopNow) {
     lab.commands.stopLesson(lab.live()->station(), lab.live()->sessionId(), reason_);
     confirm_stop_ = false;
     reason_.clear();
   }
-  ImGui::PopStyleColor();
-  ImGui::SameLine();
-  if (ImGui::Button("Do not")) confirm_stop_ = false;
+  if (chosen == kActGoOn) confirm_stop_ = false;
 }
 
 void CommandPanel::show(LabState& lab) {
@@ -140,14 +141,14 @@ void LiveScreen::showHead(LabState& lab) {
   ImGui::Checkbox("as the trainee sees it", &as_trainee_);
   ImGui::SameLine(0, 2 * space());
   const auto& stats = live.stats();
-  // a long line may be cut at its end
+  // a long line is cut at its end: what a reader must know of the picture comes first
   std::string words;
+  if (live.approximate()) words = "forces by effect: approximate   ";
   if (live.paused())
-    words = fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
-  words += fmt::format("latency {:.0f} ms to here, {:.0f} ms to the screen (p99 {:.0f})   ",
-                       stats.lastLatencyMs(), live.latency().last_ms(), live.latency().quantile_ms(0.99)) +
-           fmt::format("{} frames, {} dropped", stats.frames(), stats.dropped() + lab.link().frames_dropped);
-  if (live.approximate()) words += "   forces by effect are approximate until the needle is out";
+    words += fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
+  words += fmt::format("{} frames, {} dropped   latency {:.0f} ms, {:.0f} ms to the screen (p99 {:.0f})",
+                       stats.frames(), stats.dropped() + lab.link().frames_dropped, stats.lastLatencyMs(),
+                       live.latency().last_ms(), live.latency().quantile_ms(0.99));
   WithTextColour dim(live.paused() ? kYellow : kDimText);
   textLine(words);
 }
@@ -159,7 +160,7 @@ void LiveScreen::showScene(LiveStation& live, const AidSet& allowed, ImVec2 size
              std::move(trails));
 }
 
-void LiveScreen::showPlots(LiveStation& live, ImVec2 size_px) {
+void LiveScreen::showPlots(LiveStation& live, std::span<const PlotRequirement> requirements, ImVec2 size_px) {
   ImGui::BeginChild(
       "plots", size_px, false,
       ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
@@ -169,7 +170,7 @@ void LiveScreen::showPlots(LiveStation& live, ImVec2 size_px) {
   const double from_s = std::max(end_s - live.span_s(), live.trace().firstTime_s());
   const auto result =
       gesturePlots("live plots", plots, live.trace(), live.scene().view.get(), from_s, from_s + live.span_s(),
-                   live.paused() ? std::optional<double>(end_s) : std::nullopt, {0, 0});
+                   live.paused() ? std::optional<double>(end_s) : std::nullopt, {0, 0}, requirements);
   if (result.scrolled != 0) live.setSpan(live.span_s() * std::pow(1.25, -result.scrolled));
   if (result.dragged != 0) live.scrollTo(end_s - result.dragged);
   if (result.clicked_x) live.scrollTo(*result.clicked_x);
@@ -199,7 +200,7 @@ void LiveScreen::show(LabState& lab) {
   } else {
     showScene(live, AidSet(lab.aidsNow()), {room.x * 0.52F, height});
     ImGui::SameLine();
-    showPlots(live, {0, height});
+    showPlots(live, lab.requirementsNow(), {0, height});
   }
   commands.show(lab);
 }

@@ -33,8 +33,8 @@ std::vector<LineMark> marksOf(const StoredGesture& gesture, const std::vector<pb
       continue;
     const bool bad = event.kind == TraceEvent::Kind::kFault || event.kind == TraceEvent::Kind::kGap ||
                      event.kind == TraceEvent::Kind::kBoneContact;
-    marks.push_back({event.time_s, std::string(signOf(event.kind)), std::string(nameOf(event.kind)),
-                     bad ? kVermillion : kDimText});
+    marks.push_back(
+        {event.time_s, std::string(signOf(event.kind)), wordsOf(event), bad ? kVermillion : kDimText});
   }
   for (const pb::SyringeEvent& event : gesture.events)
     marks.push_back({gesture.timeOfTick(event.begin_tick()),
@@ -198,8 +198,8 @@ void ReplayScreen::show(LabState& lab) {
       ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
   choosePlots(plots);
   const double from_s = whole_ ? player.first_s() : at_s - 5, to_s = whole_ ? player.last_s() : at_s + 5;
-  const auto result =
-      gesturePlots("plots", plots, gesture.trace, gesture.scene.view.get(), from_s, to_s, at_s, {0, 0});
+  const auto result = gesturePlots("plots", plots, gesture.trace, gesture.scene.view.get(), from_s, to_s,
+                                   at_s, {0, 0}, gesture.requirements);
   if (result.clicked_x) player.seek(*result.clicked_x);
   ImGui::EndChild();
   showPlayer(lab);

@@ -92,7 +92,7 @@ void showLinkBanner(LabState& lab) {
   }
   ImGui::SameLine(ImGui::GetWindowWidth() - 18 * space());
   ImGui::SetCursorPosY(1.2F * space());
-  if (ImGui::Button(refused ? "Log in again" : "Try now")) {
+  if (actionLine(linkActions(link.phase)) == kActReconnect) {
     if (refused)
       lab.logOut();
     else
@@ -136,10 +136,15 @@ bool showEmpty(std::string_view headline, std::string_view advice, const char* a
   if (action != nullptr) actions = {adviceAction(action)};
   auto chosen = actionButtons(actions);
   ImGui::EndGroup();
+  if (!chosen) chosen = pressedAction(actions);
+  return chosen == kActAdvice;
+}
+
+std::optional<int> pressedAction(std::span<const ScreenAction> actions) {
   // in a field, Enter is the field's
   const ImGuiIO& io = ImGui::GetIO();
-  if (!chosen && !io.WantTextInput && !io.NavVisible) chosen = actionByKey(actions);
-  return chosen == kActAdvice;
+  if (io.WantTextInput || io.NavVisible) return std::nullopt;
+  return actionByKey(actions);
 }
 
 void showWork(const LabState& lab) {

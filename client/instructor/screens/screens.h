@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,6 +26,8 @@ void showNotices(LabState& lab);
 /// Explains in the middle of an empty screen what is missing and how to get it. `action`: a button's label,
 /// or null. Returns true if the button was pressed.
 bool showEmpty(std::string_view headline, std::string_view advice, const char* action = nullptr);
+/// The action whose key was pressed; none while a person types or walks by the keyboard's arrows.
+std::optional<int> pressedAction(std::span<const ScreenAction> actions);
 /// Shows the running job with a progress bar; draws nothing without a job.
 void showWork(const LabState& lab);
 
@@ -44,6 +47,8 @@ class CommandPanel {
   /// Puts the cursor there in the next frame.
   void focusMessage() { focus_message_ = true; }
   void focusRemark() { focus_remark_ = true; }
+  /// Whether it asks if the lesson is to be stopped; Esc is then the answer's.
+  [[nodiscard]] bool asking() const { return confirm_stop_; }
 
  private:
   void showTexts(LabState& lab);
@@ -66,7 +71,7 @@ class LiveScreen {
  private:
   void showHead(LabState& lab);
   void showScene(LiveStation& live, const AidSet& allowed, ImVec2 size_px);
-  void showPlots(LiveStation& live, ImVec2 size_px);
+  void showPlots(LiveStation& live, std::span<const PlotRequirement> requirements, ImVec2 size_px);
   ScenePane pane_;
   bool as_trainee_ = true;
 };

@@ -6,8 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include <fmt/core.h>
-
+#include "client/view/action_bar.h"
 #include "client/view/theme.h"
 #include "common/base/local_time.h"
 #include "common/base/text.h"
@@ -67,7 +66,9 @@ void SessionsScreen::showFilter(LabState& lab) {
     ImGui::EndCombo();
   }
   ImGui::SameLine();
-  go |= ImGui::Button("Search");
+  const auto actions = searchActions(lab.sessions.nothingMatches() && query != SessionQuery{});
+  go |= actionLine(actions) == kActSearch;
+  go |= pressedAction(actions) == kActSearch;
   if (go) lab.sessions.search(query);
   if (!lab.sessions.trouble().empty()) conditionLine(Condition::kAttention, lab.sessions.trouble());
 }
@@ -144,15 +145,14 @@ void SessionsScreen::showTable(LabState& lab) {
 void SessionsScreen::show(LabState& lab) {
   if (!lab.sessions.asked()) lab.sessions.search(query);
   showFilter(lab);
-  const std::size_t n = lab.sessions.rows().size();
   WithTextColour dim(kDimText);
-  ImGui::TextUnformatted(lab.sessions.waiting() ? "looking …" : fmt::format("{} sessions", n).c_str());
+  ImGui::TextUnformatted(lab.sessions.countText().c_str());
   if (lab.sessions.hasMore()) {
     ImGui::SameLine();
     if (ImGui::SmallButton("More")) lab.sessions.more();
   }
   WithTextColour text(kText);
-  if (n == 0 && !lab.sessions.waiting()) {
+  if (lab.sessions.nothingMatches()) {
     if (showEmpty("No session matches", "Widen the search: fewer letters, another time, any verdict.",
                   query == SessionQuery{} ? nullptr : "Search all")) {
       query = {};
@@ -160,7 +160,7 @@ void SessionsScreen::show(LabState& lab) {
     }
     return;
   }
-  showTable(lab);
+  if (!lab.sessions.rows().empty()) showTable(lab);
 }
 
 }  // namespace needlelab

@@ -88,7 +88,8 @@ std::string textLine(const Update& update) {
   else
     line += "  " + (update.layer_name.empty() ? fmt::format("layer {}", std::int64_t{update.layer} + 1)
                                               : printable(update.layer_name, 0));
-  line += fmt::format("  insertion {:7.2f} mm  |F| {:6.3f} N", 1e3 * update.insertion_m, update.force_n);
+  line += fmt::format("  insertion {:>7} mm  |F| {:6.3f} N", fixedText(1e3 * update.insertion_m, 2),
+                      update.force_n);
   if (update.plunger) line += fmt::format("  plunger {:3.0f} %", 100 * *update.plunger);
   if (!update.syringe.empty()) line += "  " + update.syringe;
   if (update.latency_ms) line += fmt::format("  latency {:6.1f} ms", *update.latency_ms);

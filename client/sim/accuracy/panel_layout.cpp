@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "client/sim/accuracy/report.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -235,8 +236,20 @@ void addPoints(const Panel& panel, const PanelFrame& frame, std::size_t number, 
 
 }  // namespace
 
+std::string newtonText(double force_N, int figures) {
+  if (force_N == 0 || !std::isfinite(force_N)) return fmt::format("{:g} N", std::abs(force_N));
+  const int before = static_cast<int>(std::floor(std::log10(std::abs(force_N)))) + 1;
+  std::string text = fixedText(force_N, std::max(0, figures - before));
+  if (text.find('.') != std::string::npos) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') text.pop_back();
+  }
+  return text + " N";
+}
+
 std::string siText(double value, const std::string& unit) {
   if (value == 0) return "0 " + unit;
+  if (unit == "N") return newtonText(value, 3);
   struct Prefix {
     double size;
     const char* name;

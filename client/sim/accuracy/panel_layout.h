@@ -40,7 +40,9 @@ struct PanelPlace {
 /// Adds a panel's frame, tics, texts and points to the picture's data. A panel without points adds nothing.
 void addPanel(const Panel& panel, const PanelPlace& place, std::size_t number, PlotBlocks& data);
 
-/// "20 ns", "1.5 mN", "300 kB/s": three figures at most with an SI prefix. 0 is "0".
+/// "2 N", "0.0015 N": newtons stay newtons, with so many figures and no power of ten.
+std::string newtonText(double force_N, int figures);
+/// "20 ns", "0.0015 N", "300 kB/s": three figures at most, with an SI prefix except for newtons. 0 is "0".
 std::string siText(double value, const std::string& unit);
 
 /// All in pixels; y grows upward, as gnuplot's does.

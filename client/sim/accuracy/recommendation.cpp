@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "client/sim/accuracy/panel_layout.h"
+
 namespace needlelab {
 namespace {
 
@@ -26,8 +28,7 @@ std::string timeText(double ns) {
 }
 
 std::string forceText(double force_N) {
-  if (force_N == 0) return "0 N";
-  return force_N < 0.01 ? sig(force_N * 1e3, 2) + " mN" : sig(force_N, 2) + " N";
+  return newtonText(force_N, 2);
 }
 
 bool fits(const AccuracyRow& row) {

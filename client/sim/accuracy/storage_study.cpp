@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "client/sim/accuracy/gesture.h"
+#include "client/sim/accuracy/panel_layout.h"
 #include "client/sim/accuracy/row.h"
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
@@ -69,9 +70,9 @@ AccuracyRow rowOf(const StudyLesson& lesson, double quantum_m, const Stored& sto
   row.p99_ns = stored.encode.p99_ns + stored.decode.p99_ns;
   row.cpu_share = *row.median_ns * lesson.model.rate_hz * 1e-9;
   row.fits_rate = *row.p99_ns <= 1e9 / lesson.model.rate_hz;
-  const std::string text = fmt::format("force {:.3g} mN; encode {:.0f} ns, decode {:.0f} ns a sample",
-                                       scaledResolution(quantum_m).force_N * 1e3, stored.encode.median_ns,
-                                       stored.decode.median_ns);
+  const std::string text = fmt::format("force {}; encode {:.0f} ns, decode {:.0f} ns a sample",
+                                       newtonText(scaledResolution(quantum_m).force_N, 3),
+                                       stored.encode.median_ns, stored.decode.median_ns);
   row.variant = quantum_m > 0 ? text : "lossless; " + text.substr(text.find(';') + 2);
   ErrorSum position;
   ErrorSum force;

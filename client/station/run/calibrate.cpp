@@ -21,6 +21,7 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -94,14 +95,15 @@ std::string resultText(const Calibration& found, const Pose& tool, const NeedleA
                        const StationOptions& options) {
   const PivotFit& fit = found.fit;
   const auto mm = [](double m) { return 1e3 * m; };
+  const auto place = [&](double m) { return fixedText(mm(m), 2); };
   const std::string swing =
       fmt::format("swing           {:.0f} % of what is needed\n", 100 * fit.spread / kLeastSpread);
   // a tip from too small a swing is meaningless
   if (fit.spread < kLeastSpread) return swing;
   std::string text;
-  text += fmt::format(
-      "tip             x {:.2f}  y {:.2f}  z {:.2f} mm in the handle's frame, {:.1f} mm from its origin\n",
-      mm(fit.p_HT_m.x), mm(fit.p_HT_m.y), mm(fit.p_HT_m.z), mm(norm(fit.p_HT_m)));
+  text +=
+      fmt::format("tip             x {}  y {}  z {} mm in the handle's frame, {:.1f} mm from its origin\n",
+                  place(fit.p_HT_m.x), place(fit.p_HT_m.y), place(fit.p_HT_m.z), mm(norm(fit.p_HT_m)));
   text += fmt::format("error to expect ±{:.2f} mm at the tip in use (2σ); of it the tool itself ±{:.3f} mm\n",
                       mm(expectedError_m(fit)), mm(2 * fit.worst_sigma_m));
   if (found.halves_apart_m)

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/sim_state.h"
@@ -35,7 +36,7 @@ std::string place(const LiveView& view) {
   add(view.aids.phase, phaseName(static_cast<Phase>(s.phase)));
   if (s.layer >= 0) {
     add(view.aids.layer, view.layer.empty() ? fmt::format("layer {}", s.layer + 1) : view.layer);
-    add(view.aids.depth, fmt::format("{:.1f} mm", 1e3 * s.insertion_m));
+    add(view.aids.depth, fixedText(1e3 * s.insertion_m, 1) + " mm");
   }
   add(view.aids.force, fmt::format("{:.2f} N", std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2])));
   return text;

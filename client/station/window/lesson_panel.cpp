@@ -14,6 +14,7 @@
 #include "client/view/model/scene_view.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 
@@ -117,7 +118,7 @@ namespace {
 constexpr double kPlotSpan_s = 20;
 
 std::string mm(double metres, int decimals = 1) {
-  return fmt::format("{:.{}f}", 1e3 * metres, decimals);
+  return fixedText(1e3 * metres, decimals);
 }
 
 void showFigures(const LessonFollow& lesson, const AidSet& aids, float width) {

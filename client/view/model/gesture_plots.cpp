@@ -16,9 +16,12 @@ struct JudgingMeasure {
   std::string_view measure;
   GesturePlot plot;
   TraceChannel channel;
+  std::string_view more = {};  ///< behind the limit's words
+  bool both_ways = false;      ///< also below zero
 };
 constexpr JudgingMeasure kJudgingMeasures[] = {
     {"peak_force_n", GesturePlot::kForces, TraceChannel::kForce},
+    {"peak_speed_m_s", GesturePlot::kSpeed, TraceChannel::kSpeed, ", in any direction", true},
     {"greatest_depth_m", GesturePlot::kDepth, TraceChannel::kDepth},
     {"largest_lateral_error_m", GesturePlot::kAlignment, TraceChannel::kLateralError},
 };
@@ -58,10 +61,9 @@ std::vector<PlotMark> marksOf(const GestureTrace& trace, const SceneView* scene,
     mark.x = event.time_s;
     mark.colour = eventColour(event.kind);
     mark.sign = signOf(event.kind);
-    mark.text = nameOf(event.kind);
+    mark.text = wordsOf(event);
     if (event.kind == TraceEvent::Kind::kLayerChange && scene != nullptr)
       mark.text = layerName(*scene, event.layer);
-    if (!event.text.empty()) mark.text = event.text;
     marks.push_back(std::move(mark));
   }
   return marks;
@@ -113,6 +115,8 @@ Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* 
   plot.from = from_s;
   plot.to = to_s;
   plot.marks = marksOf(trace, scene, from_s, to_s);
+  for (const PlotGap& gap : trace.gaps())
+    if (gap.to >= from_s && gap.from <= to_s) plot.gaps.push_back(gap);
   switch (which) {
     case GesturePlot::kForces: {
       plot.title = "force";
@@ -196,9 +200,16 @@ std::vector<PlotRequirement> requirementsOf(std::span<const Measure> measures) {
 void addLimits(Plot& plot, GesturePlot which, std::span<const PlotRequirement> requirements) {
   for (const JudgingMeasure& judging : kJudgingMeasures) {
     if (judging.plot != which) continue;
-    for (const PlotRequirement& requirement : requirements)
-      if (requirement.measure == judging.measure)
-        addLimits(plot, requirement, infoOf(judging.channel).shown_per_si);
+    for (const PlotRequirement& requirement : requirements) {
+      if (requirement.measure != judging.measure) continue;
+      const std::size_t before = plot.limits.size();
+      addLimits(plot, requirement, infoOf(judging.channel).shown_per_si);
+      const std::size_t added = plot.limits.size();
+      for (std::size_t i = before; i < added; ++i) {
+        plot.limits[i].text += judging.more;
+        if (judging.both_ways) plot.limits.push_back({-plot.limits[i].at, ""});
+      }
+    }
   }
 }
 

@@ -38,7 +38,8 @@ std::vector<PlotRequirement> requirementsOf(const pb::Exercise& exercise);
 /// Those of a score's rows that have one.
 std::vector<PlotRequirement> requirementsOf(std::span<const Measure> measures);
 /// Adds the limits of those measures that judge the plotted quantity, e.g. "at most 5 N" of peak_force_n to
-/// kForces. Speed and angles have no such measure: the peak speed is the smoothed track's.
+/// kForces. The peak speed is the tip's in any direction, and its line says so; kSpeed shows the part along
+/// the needle, so its line is on both sides of zero. No measure judges angles.
 void addLimits(Plot& plot, GesturePlot which, std::span<const PlotRequirement> requirements);
 /// Adds the limits of one measure, in shown units: SI times `shown_per_si`.
 void addLimits(Plot& plot, const PlotRequirement& requirement, double shown_per_si);

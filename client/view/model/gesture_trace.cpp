@@ -6,6 +6,8 @@
 #include <numbers>
 #include <utility>
 
+#include <fmt/core.h>
+
 namespace needlelab {
 namespace {
 
@@ -13,6 +15,7 @@ constexpr std::size_t kBlock = 1024, kPart = 32, kParts = kBlock / kPart;
 constexpr double kMomentPeriod_s = 0.01;
 constexpr std::size_t kMostEvents = 4000;
 constexpr double kSameTurn_s = 0.2;  // turns closer than this are one event
+constexpr double kSameGap_s = 0.2;   // and gaps
 constexpr double kDegrees = 180 / std::numbers::pi;
 
 float shortened(double value) {
@@ -121,13 +124,21 @@ std::string_view nameOf(TraceEvent::Kind kind) {
     case TraceEvent::Kind::kFault:
       return "FAULT";
     case TraceEvent::Kind::kGap:
-      return "samples lost";
+      return "samples missing";
     case TraceEvent::Kind::kRemark:
       return "remark";
     case TraceEvent::Kind::kBoneContact:
       return kBoneContactWords;
   }
   return "";
+}
+
+std::string wordsOf(const TraceEvent& event) {
+  if (!event.text.empty()) return event.text;
+  if (event.kind != TraceEvent::Kind::kGap || event.missing == 0) return std::string(nameOf(event.kind));
+  const std::string time = event.missing_s < 1 ? fmt::format("{:.0f} ms", 1e3 * event.missing_s)
+                                               : fmt::format("{:.1f} s", event.missing_s);
+  return fmt::format("{} sample{} missing ({})", event.missing, event.missing == 1 ? "" : "s", time);
 }
 
 std::string_view signOf(TraceEvent::Kind kind) {
@@ -168,15 +179,17 @@ struct GestureTrace::Store {
     void push(const Moment& moment);
   };
 
-  double span_s = 300;
+  double span_s = 300, ticks_per_sample = 1;
   std::deque<std::unique_ptr<Block>> blocks;
   std::deque<Moment> moments;
   std::deque<TraceEvent> events;
+  std::deque<PlotGap> gaps;
   Moment last;
   bool any = false;
-  double last_turn_s = 0;
+  double last_turn_s = 0, gap_until_s = 0;
   BoneContacts bones;
 
+  void findGap(const Moment& moment);
   void findEvents(const Moment& moment);
   void addEvent(TraceEvent event);
   void forgetOld();
@@ -197,8 +210,10 @@ void GestureTrace::Store::Block::push(const Moment& moment) {
   ++count;
 }
 
-GestureTrace::GestureTrace(double span_s, BoneContacts bones) : store_(std::make_unique<Store>()) {
+GestureTrace::GestureTrace(double span_s, BoneContacts bones, double ticks_per_sample)
+    : store_(std::make_unique<Store>()) {
   store_->span_s = span_s;
+  store_->ticks_per_sample = std::max(1.0, ticks_per_sample);
   store_->bones = std::move(bones);
 }
 GestureTrace::GestureTrace(GestureTrace&&) noexcept = default;
@@ -208,6 +223,7 @@ GestureTrace::~GestureTrace() = default;
 void GestureTrace::clear() {
   Store empty;
   empty.span_s = store_->span_s;
+  empty.ticks_per_sample = store_->ticks_per_sample;
   empty.bones = std::move(store_->bones);
   empty.bones.restart();
   *store_ = std::move(empty);
@@ -220,6 +236,7 @@ void GestureTrace::push(const Moment& moment) {
     store.blocks.push_back(std::make_unique<Store::Block>());
   store.blocks.back()->push(moment);
   const std::size_t events_before = store.events.size();
+  store.findGap(moment);
   store.findEvents(moment);
   // keep whole moments every hundredth of a second, and at events
   if (store.moments.empty() || moment.time_s >= store.moments.back().time_s + kMomentPeriod_s - 1e-9 ||
@@ -237,12 +254,38 @@ void GestureTrace::Store::forgetOld() {
   while (moments.size() > 1 && moments[1].time_s <= oldest_s) moments.pop_front();
   while (!events.empty() && (events.front().time_s < oldest_s || events.size() > kMostEvents))
     events.pop_front();
+  while (!gaps.empty() && (gaps.front().to < oldest_s || gaps.size() > kMostEvents)) gaps.pop_front();
 }
 
 void GestureTrace::Store::addEvent(TraceEvent event) {
   const auto after = std::upper_bound(events.begin(), events.end(), event.time_s,
                                       [](double time_s, const TraceEvent& e) { return time_s < e.time_s; });
   events.insert(after, std::move(event));
+}
+
+void GestureTrace::Store::findGap(const Moment& moment) {
+  if (!any || moment.tick <= last.tick) return;
+  const double ticks = static_cast<double>(moment.tick - last.tick);
+  // a thinned recording's steps differ by a tick; whole samples are missing from one and a half steps on
+  const double missing = std::floor(ticks / ticks_per_sample + 0.5) - 1;
+  if (missing < 1) return;
+  gaps.push_back({last.time_s, moment.time_s});
+  const double missing_s = (moment.time_s - last.time_s) * missing / (missing + 1);
+  const auto before = std::find_if(events.rbegin(), events.rend(), [](const TraceEvent& event) {
+    return event.kind == TraceEvent::Kind::kGap;
+  });
+  if (before != events.rend() && last.time_s <= gap_until_s + kSameGap_s) {
+    before->missing += static_cast<std::uint64_t>(missing);
+    before->missing_s += missing_s;
+  } else {
+    TraceEvent event;
+    event.kind = TraceEvent::Kind::kGap;
+    event.time_s = last.time_s;
+    event.missing = static_cast<std::uint64_t>(missing);
+    event.missing_s = missing_s;
+    addEvent(std::move(event));
+  }
+  gap_until_s = moment.time_s;
 }
 
 void GestureTrace::Store::findEvents(const Moment& moment) {
@@ -308,6 +351,10 @@ std::vector<Moment> GestureTrace::between(double from_s, double to_s) const {
 
 const std::deque<TraceEvent>& GestureTrace::events() const {
   return store_->events;
+}
+
+const std::deque<PlotGap>& GestureTrace::gaps() const {
+  return store_->gaps;
 }
 
 std::optional<float> GestureTrace::value(TraceChannel channel, double time_s) const {

@@ -74,8 +74,13 @@ struct TraceEvent {
   double time_s = 0;
   int layer = -1;  ///< the entered layer
   std::uint8_t fault = 0;
-  std::string text;  ///< of a remark
+  std::string text;           ///< of a remark
+  std::uint64_t missing = 0;  ///< samples that a kGap has lost
+  double missing_s = 0;       ///< the time of those samples
 };
+/// What is said of an event: a remark's text, the numbers of a gap ("20 samples missing (20 ms)"), else the
+/// kind's name.
+std::string wordsOf(const TraceEvent& event);
 /// A short text for people: "in", "out", "rupture", … and one glyph.
 std::string_view nameOf(TraceEvent::Kind kind);
 std::string_view signOf(TraceEvent::Kind kind);
@@ -85,15 +90,16 @@ std::string_view signOf(TraceEvent::Kind kind);
 /// 5 minutes at 1 kHz, allocated as it fills. Thread: one at a time.
 class GestureTrace {
  public:
-  /// `bones`: where the tip makes a contact with bone; none by default.
-  explicit GestureTrace(double span_s = 300, BoneContacts bones = {});
+  /// `bones`: where the tip makes a contact with bone; none by default. `ticks_per_sample`: above 1 where the
+  /// samples were thinned; more ticks from one sample to the next are a gap.
+  explicit GestureTrace(double span_s = 300, BoneContacts bones = {}, double ticks_per_sample = 1);
   GestureTrace(GestureTrace&&) noexcept;
   GestureTrace& operator=(GestureTrace&&) noexcept;
   ~GestureTrace();
 
   /// Times must ascend; an earlier one clears the trace (another session has begun).
   void push(const Moment& moment);
-  void add(TraceEvent event);  ///< such as a remark; `push` finds entries, exits, layers …
+  void add(TraceEvent event);  ///< such as a remark; `push` finds entries, exits, layers, gaps …
   void clear();
 
   [[nodiscard]] bool empty() const;
@@ -104,7 +110,10 @@ class GestureTrace {
   [[nodiscard]] const Moment& at(double time_s) const;
   /// Returns the kept Moments in [from, to], oldest first, e.g. for the tip's path.
   [[nodiscard]] std::vector<Moment> between(double from_s, double to_s) const;
+  /// Gaps that follow each other within 0.2 s are one event, with all that is missing.
   [[nodiscard]] const std::deque<TraceEvent>& events() const;
+  /// Where samples are missing, oldest first; a curve has no value there.
+  [[nodiscard]] const std::deque<PlotGap>& gaps() const;
   /// Returns the channel's value at the last tick at or before `time_s`, in SI; empty when nothing is kept or
   /// the channel has no value there.
   [[nodiscard]] std::optional<float> value(TraceChannel channel, double time_s) const;

@@ -6,6 +6,8 @@
 
 #include <fmt/core.h>
 
+#include "common/base/text.h"
+
 namespace needlelab {
 namespace {
 
@@ -118,12 +120,8 @@ AxisTicks axisTicks(double low, double high, int wanted, bool widen, double leas
 }
 
 std::string tickText(double value, int decimals) {
-  std::string text = fmt::format("{:.{}f}", value, std::clamp(decimals, 0, 9));
-  if (text.front() != '-') return text;
-  text.erase(0, 1);
-  // a value that rounds to zero has no sign
-  if (text.find_first_not_of("0.") == std::string::npos) return text;
-  return "\u2212" + text;
+  const std::string text = fixedText(value, std::clamp(decimals, 0, 9));
+  return text.front() == '-' ? "\u2212" + text.substr(1) : text;
 }
 
 std::string clockText(double seconds, int decimals) {
@@ -157,6 +155,17 @@ void fillColumns(std::span<const double> x, std::span<const double> y, double fr
 
 ColumnSource columnsOf(std::span<const double> x, std::span<const double> y) {
   return [x, y](double from, double to, std::span<PixelColumn> out) { fillColumns(x, y, from, to, out); };
+}
+
+bool isBroken(const Plot& plot, std::size_t left, std::size_t right, std::size_t count) {
+  const double width = (plot.to - plot.from) / static_cast<double>(count);
+  if (!(width > 0)) return false;
+  const auto columnOf = [&](double x) { return std::floor((x - plot.from) / width); };
+  // the first gap that ends in `right` or behind it
+  const auto gap = std::partition_point(plot.gaps.begin(), plot.gaps.end(), [&](const PlotGap& each) {
+    return columnOf(each.to) < static_cast<double>(right);
+  });
+  return gap != plot.gaps.end() && columnOf(gap->from) <= static_cast<double>(left);
 }
 
 std::string headingOf(const Plot& plot) {

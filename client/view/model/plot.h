@@ -84,6 +84,10 @@ struct PlotLimit {
   double at = 0;
   std::string text;  ///< beside the line: "at most 5 N"
 };
+/// Values are missing between these two x, which have some: a curve is not joined across it.
+struct PlotGap {
+  double from = 0, to = 0;
+};
 /// A vertical mark.
 struct PlotMark {
   double x = 0;
@@ -104,10 +108,15 @@ struct Plot {
   std::vector<PlotBand> bands;
   std::vector<PlotLimit> limits;  ///< always within the axis
   std::vector<PlotMark> marks;
+  std::vector<PlotGap> gaps;     ///< by x
   std::optional<double> cursor;  ///< a line at this x, with the values there in the legend
   bool legend = true;
   float share = 1;  ///< share of the height in a stack of plots
 };
+
+/// Whether a gap lies between the values of two columns, `left` < `right` of `count` in the plot's range. A
+/// gap within one column breaks nothing.
+bool isBroken(const Plot& plot, std::size_t left, std::size_t right, std::size_t count);
 
 /// "force, N"
 std::string headingOf(const Plot& plot);

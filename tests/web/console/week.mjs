@@ -271,6 +271,17 @@ export function week(t) {
     await page.getByRole('heading', { level: 1, name: 'ben.osei: autumn-knee' }).waitFor();
   });
 
+  it('asks for the score of a session once', async () => {
+    const asked = [];
+    const count = (request) => /\/sessions\/[^/]+\/score$/.test(request.url()) && asked.push(request.url());
+    page.on('request', count);
+    await page.reload();
+    await page.getByRole('region', { name: /^Measures that were required/ }).waitFor();
+    await page.getByRole('group', { name: 'Force over time' }).waitFor();
+    page.off('request', count);
+    assert.equal(asked.length, 1, asked.join(' '));
+  });
+
   it('reads the session: the score explains itself, plots, replay', async () => {
     await page.getByRole('heading', { name: 'Replay' }).waitFor();
     await page

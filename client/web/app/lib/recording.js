@@ -88,6 +88,54 @@ export function wayOf(columns, profile, placement) {
   };
 }
 
+/** The event's name for people. */
+export const kBoneContact = 'bone contact';
+/** Out of bone for so long, the tip can make another contact: common/scoring/bone_contacts.h. */
+const kBoneAway_s = 0.2;
+
+/** Distance of p from the segment a-b, which may be a point. */
+function segmentDistance(p, a, b) {
+  const d = { x: b.x - a.x, y: b.y - a.y, z: b.z - a.z };
+  const square = d.x * d.x + d.y * d.y + d.z * d.z;
+  const along = square > 0 ? ((p.x - a.x) * d.x + (p.y - a.y) * d.y + (p.z - a.z) * d.z) / square : 0;
+  const s = Math.max(0, Math.min(1, along));
+  return Math.hypot(p.x - a.x - s * d.x, p.y - a.y - s * d.y, p.z - a.z - s * d.z);
+}
+
+/**
+ * When the tip came into bone, a layer or a hazard, as the measure bone_contacts counts. Between two points of a
+ * decimated recording nothing is known.
+ * @param {Record<string, number[]>} columns
+ * @param {any} profile
+ * @param {number[]} [placement]
+ * @returns {number[]} s
+ */
+export function boneContacts(columns, profile, placement) {
+  const limb = intoLimb(placement),
+    bones = (profile?.hazards ?? []).filter((h) => h.kind === 'BONE');
+  const isIn = (i) => {
+    const layer = columns.layer[i];
+    if (!(layer >= 0)) return false;
+    if (profile.layers?.[layer]?.tissue === 'BONE') return true;
+    const p = limb({ x: columns.px_m?.[i], y: columns.py_m?.[i], z: columns.pz_m?.[i] });
+    return bones.some((h) => segmentDistance(p, h.a_m ?? h.center_m, h.b_m ?? h.center_m) <= h.radius_m);
+  };
+  const found = [];
+  let touching = false,
+    away_since_s = null;
+  for (let i = 0; profile && columns.layer && i < (columns.t_s?.length ?? 0); i++) {
+    const t = columns.t_s[i];
+    if (!isIn(i)) {
+      if (touching) away_since_s ??= t;
+      continue;
+    }
+    if (!touching || (away_since_s !== null && t - away_since_s >= kBoneAway_s * (1 - 1e-9))) found.push(t);
+    touching = true;
+    away_since_s = null;
+  }
+  return found;
+}
+
 /** Index of the sample at a moment. */
 export const sampleAt = (way, at_s) => indexAt(way.t_s, at_s);
 

@@ -1,5 +1,5 @@
 // One session: plots, replay, score, remarks, syringe.
-import { advance, atRest, columnsOf, seek, toggle } from '../lib/recording.js';
+import { advance, atRest, boneContacts, columnsOf, kBoneContact, seek, toggle } from '../lib/recording.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
@@ -13,7 +13,7 @@ import { Excuse } from '../session/excuse.js';
 import { Annotations, SyringeEvents } from '../session/notes.js';
 import { Plots } from '../session/plots.js';
 import { Replay } from '../session/replay.js';
-import { Score } from '../session/score.js';
+import { Score, useScore } from '../session/score.js';
 import { Verdict } from './sessions.js';
 
 const kPoints = 2000;
@@ -48,7 +48,7 @@ function usePlayback(from_s, to_s) {
   return [playback, act];
 }
 
-function Recording({ id, session, person }) {
+function Recording({ id, session, measures, person }) {
   const [window, zoom] = useState(null);
   const whole = useLoad((signal) => sessions.samples(id, { points: kPoints }, signal), [id]);
   const near = useLoad(
@@ -56,14 +56,19 @@ function Recording({ id, session, person }) {
     [id, window],
   );
   const notes = useLoad((signal) => sessions.annotations(id, signal), [id]);
-  // without a score the plots have no limits
-  const score = useLoad((signal) => sessions.score(id, signal).catch(() => null), [id]);
   const columns = useMemo(() => columnsOf(whole.data), [whole.data]);
   const shown = useMemo(() => (window && near.data ? columnsOf(near.data) : columns), [window, near.data, columns]);
-  const marks = useMemo(() => (notes.data ?? []).map((a) => ({ x: a.t_s, label: a.text })), [notes.data]);
   const t = columns.t_s ?? [];
   const [playback, act] = usePlayback(t[0] ?? 0, t.at(-1) ?? 0);
-  const { profile } = session.description;
+  const { profile, placement } = session.description;
+  const contacts = useMemo(() => boneContacts(columns, profile, placement), [columns, profile, placement]);
+  const marks = useMemo(
+    () => [
+      ...contacts.map((x) => ({ x, label: kBoneContact })),
+      ...(notes.data ?? []).map((a) => ({ x: a.t_s, label: a.text })),
+    ],
+    [contacts, notes.data],
+  );
   return html`
     <${Loaded} load=${whole}>${() =>
       t.length === 0
@@ -73,7 +78,13 @@ function Recording({ id, session, person }) {
               <h2 id="replay-title">Replay</h2>
               ${
                 profile
-                  ? html`<${Replay} columns=${columns} session=${session} playback=${playback} act=${act} />`
+                  ? html`<${Replay}
+                      columns=${columns}
+                      session=${session}
+                      contacts=${contacts}
+                      playback=${playback}
+                      act=${act}
+                    />`
                   : html`<p class="help">Without its profile the session cannot be drawn.</p>`
               }
             </section>
@@ -83,7 +94,7 @@ function Recording({ id, session, person }) {
               <${Plots}
                 columns=${shown}
                 profile=${profile}
-                requirements=${score.data?.measures}
+                requirements=${measures}
                 marks=${marks}
                 at=${playback.at_s}
                 seek=${act.seek}
@@ -95,6 +106,15 @@ function Recording({ id, session, person }) {
           `}<//>
     <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} />
     <${SyringeEvents} id=${id} seek=${act.seek} />
+  `;
+}
+
+/** Score and recording: the plots draw the limits of the same score. */
+function Judged({ id, session, person }) {
+  const load = useScore(session.description);
+  return html`
+    <${Score} session=${session} load=${load} person=${person} />
+    <${Recording} id=${id} session=${session} measures=${load.data?.score?.measures} person=${person} />
   `;
 }
 
@@ -169,8 +189,7 @@ export function SessionPage({ params, person }) {
           <p>This session is still being recorded: what is below is what has come so far.</p>
         </div>`
       }
-      <${Score} session=${session} person=${person} />
-      <${Recording} id=${id} session=${session} person=${person} />
+      <${Judged} id=${id} session=${session} person=${person} />
     `}<//>
   `;
 }

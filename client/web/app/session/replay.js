@@ -1,6 +1,6 @@
 // The replay of the tip in two views: from the side, in the plane of the insertion, and from above.
 import { minMax } from '../lib/decimate.js';
-import { forceOf, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
+import { forceOf, kBoneContact, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
 import { clock } from '../lib/time.js';
 import { layerNames } from '../lib/tissue.js';
 import { quantity } from '../lib/units.js';
@@ -32,8 +32,8 @@ function Tip({ way, at_s, x, y, second, length_m }) {
   `;
 }
 
-/** @param {{columns: any, session: any, playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
-export function Replay({ columns, session, playback, act }) {
+/** @param {{columns: any, session: any, contacts: number[], playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
+export function Replay({ columns, session, contacts, playback, act }) {
   const id = useId();
   const { profile, placement } = session.description;
   const way = useMemo(() => wayOf(columns, profile, placement), [columns, profile, placement]);
@@ -104,8 +104,10 @@ export function Replay({ columns, session, playback, act }) {
         step="0.01"
         value=${playback.at_s}
         aria-valuetext=${place}
+        list=${`${id}-marks`}
         onInput=${(event) => act.seek(Number(event.target.value))}
       />
+      <datalist id=${`${id}-marks`}>${contacts.map((t) => html`<option value=${t.toFixed(2)}>${kBoneContact}</option>`)}</datalist>
       <${SelectField}
         label="Speed"
         value=${String(playback.speed)}
@@ -114,5 +116,22 @@ export function Replay({ columns, session, playback, act }) {
       />
     </div>
     <p class="replay-now">${place}</p>
+    ${
+      contacts.length > 0 &&
+      html`<div class="actions">
+        <span>✗ ${contacts.length === 1 ? kBoneContact : `${contacts.length} contacts with bone`}:</span>
+        ${contacts.map(
+          (t) =>
+            html`<button
+              type="button"
+              class="small"
+              aria-label=${`Go to the ${kBoneContact} at ${clock(t)}`}
+              onClick=${() => act.seek(t)}
+            >
+              ${clock(t)}
+            </button>`,
+        )}
+      </div>`
+    }
   </div>`;
 }

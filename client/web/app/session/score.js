@@ -72,9 +72,9 @@ export function Row({ row, band, beside }) {
   </tr>`;
 }
 
-export function Score({ session, person }) {
-  const { session_id, exercise_id } = session.description;
-  const load = useLoad(
+/** The score of a session and its exercise's reference, null where there is none. */
+export function useScore({ session_id, exercise_id }) {
+  return useLoad(
     async (signal) => {
       const orNone = (error) => {
         if (error.kind !== 'not_found') throw error;
@@ -88,6 +88,11 @@ export function Score({ session, person }) {
     },
     [session_id],
   );
+}
+
+/** @param {{session: any, load: any, person: any}} props `load`: of useScore */
+export function Score({ session, load, person }) {
+  const { session_id, exercise_id } = session.description;
   const action = useAction();
   const rescore = async () => {
     const score = await action.run(() => sessions.rescore(session_id));

@@ -149,6 +149,57 @@ TEST_F(Admin, wrongInputOnAFolderIsTwoAndNamed) {
   }
 }
 
+TEST_F(Admin, aFileInAMissingFolderIsTwoForEachCommandThatWritesOne) {
+  good({"user", "add", "anna", "--role", "trainee"});
+  const std::string id = uuidText(addSession(1));
+  const std::string none = file("none/x");
+  for (const Arguments& command : std::vector<Arguments>{{"profile", "export", "knee-adult"},
+                                                         {"curriculum", "export", "rheumatology-basics"},
+                                                         {"session", "export", id},
+                                                         {"scores", "export"},
+                                                         {"person", "export", "anna"},
+                                                         {"study", "export", "s"},
+                                                         {"export-all"},
+                                                         {"station", "add", "x"},
+                                                         {"backup"}}) {
+    Arguments all = command;
+    all.insert(all.end(), {"--out", none});
+    const Run result = onData(all);
+    EXPECT_EQ(result.code, 2) << command[0] << ": " << result.err;
+    EXPECT_NE(result.err.find("none"), std::string::npos) << command[0] << ": " << result.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(file("none")));
+}
+
+TEST_F(Admin, aCommandThatFailsLeavesNoNewFolder) {
+  const auto empty = folder.write("empty", "\n").string(), brief = folder.write("brief", "short\n").string();
+  const auto table = folder.write("people.csv", "name,role\nzoe,boss\n").string();
+  const std::vector<Arguments> commands = {
+      {"user", "add", "ada", "--role", "administrator", "--new-password-file", file("none")},
+      {"user", "add", "ada", "--role", "administrator", "--new-password-file", empty},
+      {"user", "add", "ada", "--role", "administrator", "--new-password-file", brief},
+      {"station", "add", "a/b", "--out", file("k")},
+      {"station", "enrol", "a/b", "--server-name", "lab", "--out", file("k")},
+      {"user", "import", table}};
+  for (const Arguments& command : commands) {
+    EXPECT_EQ(onData(command).code, 2) << command[0] << " " << command[1];
+    EXPECT_FALSE(std::filesystem::exists(data())) << command[0] << " " << command[1];
+  }
+  // a folder that was there stays, with what is in it
+  std::filesystem::create_directory(data());
+  folder.write("data/notes.txt", "mine");
+  for (const Arguments& command : commands) EXPECT_EQ(onData(command).code, 2);
+  std::vector<std::string> left;
+  for (const auto& entry : std::filesystem::directory_iterator(data()))
+    left.push_back(entry.path().filename());
+  EXPECT_EQ(left, std::vector<std::string>{"notes.txt"});
+  // and so does a database, whatever fails afterwards
+  good({"user", "add", "tom", "--role", "trainee"});
+  for (const Arguments& command : commands) EXPECT_EQ(onData(command).code, 2);
+  EXPECT_EQ(good({"user", "list", "--json"}).rows().size(), 1u);
+  EXPECT_FALSE(std::filesystem::exists(data() + "/tls")) << "no certificate for a station that was refused";
+}
+
 TEST_F(Admin, whatIsRefusedOrMissingIsOne) {
   good({"user", "add", "tom", "--role", "trainee"});
   const auto password = folder.write("pw", "correct horse").string();
@@ -162,6 +213,9 @@ TEST_F(Admin, whatIsRefusedOrMissingIsOne) {
       {"curriculum", "export", "nothing"},
       {"assign", "tom", "nothing"},
       {"assign", "nobody", "knee-recess"},
+      {"scores", "export", "--course", "nothing", "--out", file("x.csv")},
+      {"scores", "export", "--group", "nothing", "--out", file("x.csv")},
+      {"scores", "rescore", "--exercise", "nothing"},
       {"session", "show", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab"},
       {"session", "verify", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab"},
       {"session", "export", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab", "--out", file("x.csv")},
@@ -295,7 +349,7 @@ TEST_F(Admin, jsonGoesToAFileWholly) {
   EXPECT_EQ(whole.at("version"), NEEDLELAB_VERSION);
   EXPECT_TRUE(whole.contains("machine"));
   EXPECT_EQ(whole.at("rows")[0].at("name"), "tom");
-  EXPECT_EQ(onData({"user", "list", "--json", file("none/users.json")}).code, 1);
+  EXPECT_EQ(onData({"user", "list", "--json", file("none/users.json")}).code, 2);
 }
 
 TEST_F(Admin, helpAndVersionAreZero) {

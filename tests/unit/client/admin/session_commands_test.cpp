@@ -252,7 +252,11 @@ TEST_F(SessionCommands, aScoreThatCannotBeReadIsNamedAndTheFileOfBeforeStays) {
 TEST_F(SessionCommands, aSessionThatCannotBeScoredIsLeftAloneAndNamed) {
   const std::string id = uuidText(addSession(3));  // its profile has no layers
   EXPECT_THAT(good({"scores", "rescore", "--dry-run"}).out, HasSubstr("would be scored: 1 sessions"));
-  EXPECT_THAT(good({"scores", "rescore", "--exercise", "hip-1"}).out, HasSubstr("scored: 0 sessions"));
+  EXPECT_THAT(good({"scores", "rescore", "--exercise", "knee-recess"}).out, HasSubstr("scored: 0 sessions"));
+  const Run unknown = onData({"scores", "rescore", "--exercise", "hip-1"});
+  EXPECT_EQ(unknown.code, 1);
+  EXPECT_THAT(unknown.err, HasSubstr("'hip-1' is no exercise of a curriculum and no session's; there are: "));
+  EXPECT_THAT(unknown.err, HasSubstr("knee-recess"));
   const Run again = good({"scores", "rescore", "--json"});
   ASSERT_EQ(again.rows().size(), 1u);
   EXPECT_EQ(again.rows()[0].at("session_id"), id);

@@ -218,10 +218,20 @@ TEST(ParetoFront, theFinestMeshIsTheComparatorNotAChoice) {
 
 TEST(SiText, keepsThreeFiguresAndNeverAThousand) {
   EXPECT_EQ(siText(2e-8, "s"), "20 ns");
-  EXPECT_EQ(siText(0.00123456, "N"), "1.23 mN");
+  EXPECT_EQ(siText(0.00123456, "N"), "0.00123 N");
   EXPECT_EQ(siText(9.999e-7, "s"), "1 µs");
   EXPECT_EQ(siText(3e5, "B/s"), "300 kB/s");
   EXPECT_EQ(siText(0, "N"), "0 N");
+}
+
+TEST(NewtonText, staysInNewtonsWithoutPowersOfTen) {
+  EXPECT_EQ(newtonText(0.0087, 2), "0.0087 N");
+  EXPECT_EQ(newtonText(1.234e-6, 2), "0.0000012 N");
+  EXPECT_EQ(newtonText(9.999e-4, 3), "0.001 N");
+  EXPECT_EQ(newtonText(12.34, 2), "12 N");
+  EXPECT_EQ(newtonText(123.4, 2), "123 N");
+  EXPECT_EQ(newtonText(0.5, 2), "0.5 N");
+  EXPECT_EQ(newtonText(0, 2), "0 N");
 }
 
 TEST(LabelLayout, namesCoverNeitherEachOtherNorAPoint) {

@@ -27,6 +27,25 @@ Status drawScript(std::string_view script, const std::filesystem::path& png,
   return drawPlot(files, "script", png, variables);
 }
 
+// The picture of the demonstration's session, deploy/session.gp.
+TEST(Gnuplot, aSessionOfNoiseSpansWhatTheWindowsPlotsSpan) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  const test::TempFolder folder;
+  std::string csv = "t_s,px_m,py_m,pz_m,fx_n,fy_n,fz_n,insertion_m,lateral_error_m,wz_m\n";
+  // 0.03 mm of encoder noise about a tip 400 mm from the origin
+  for (int i = 0; i < 100; ++i)
+    csv += std::to_string(0.01 * i) + "," + (i % 2 == 0 ? "0.40000" : "0.40003") + ",0.4,0.4,0,0,0,0,0,0.4\n";
+  const std::string data = folder.write("session.csv", csv).string();
+  const std::string png = (folder.path() / "session.png").string(),
+                    range = (folder.path() / "range").string();
+  const std::string command = "gnuplot -e \"csv='" + data + "'; png='" + png +
+                              "'\" '" NEEDLELAB_SESSION_PLOT "' -e \"set print '" + range +
+                              "'; print GPVAL_Y_MAX - GPVAL_Y_MIN\"";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_GE(std::stod(*readWholeFile(range)), 10) << "mm, of the last plot: the tip";
+  EXPECT_GT(std::filesystem::file_size(png), 1000u);
+}
+
 TEST(Gnuplot, drawsAPictureOfTheAskedSize) {
   if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
   const test::TempFolder folder;

@@ -91,6 +91,46 @@ TEST_F(PlotsTest, aLineStandsWhereItsNumbersSay) {
   }
 }
 
+TEST_F(PlotsTest, aLineIsBrokenWhereSamplesAreMissingAndOnlyThere) {
+  // 0.16 of 10 are some 8 columns, which a slow stream's line bridges
+  std::vector<double> x, y;
+  for (int i = 0; i <= 5000; ++i) {
+    const double at = i * 0.002;
+    if (at > 4.92 && at < 5.08) continue;
+    x.push_back(at);
+    y.push_back(2);
+  }
+  Plot spec = specFrom(0, 10);
+  const auto rowInTheMiddle = [&] {
+    const RgbaImage picture = drawn(spec, {seriesThrough(x, y, kYellow)});
+    return rowsOf(picture, static_cast<int>(0.5F * (field_.low_px.x + field_.high_px.x)), kYellow).first;
+  };
+  EXPECT_GE(rowInTheMiddle(), 0);
+  spec.gaps = {{4.92, 5.08}};
+  EXPECT_LT(rowInTheMiddle(), 0);
+}
+
+TEST(PlotLabels, standWithinTheFieldAndAtItsLeftEndWhereTheyAreWider) {
+  const PlotField field{{100, 0}, {300, 50}};
+  EXPECT_EQ(labelLeftAt(field, 200, 40), 180) << "centred";
+  EXPECT_EQ(labelLeftAt(field, 100, 40), 92);
+  EXPECT_EQ(labelLeftAt(field, 300, 40), 268);
+  for (const float x_px : {100.0F, 200.0F, 300.0F}) EXPECT_EQ(labelLeftAt(field, x_px, 400), 92);
+}
+
+TEST_F(PlotsTest, aPlotNarrowerThanALabelIsDrawn) {
+  Plot plot = specFrom(0, 3);
+  plot.clock_axis = false;
+  plot.x_unit = "millimetres inserted along the needle's own line";
+  const RgbaImage picture = draw([&] {
+    beginScreen("s");
+    ImGui::SetCursorScreenPos(kCorner);
+    result_ = linePlot("plot", plot, {100, 100});
+    endScreen();
+  });
+  EXPECT_EQ(picture.width, 600);
+}
+
 TEST_F(PlotsTest, aSpikeOfOneSampleReachesItsHeight) {
   std::vector<double> x, y;
   for (int i = 0; i < 60000; ++i) {

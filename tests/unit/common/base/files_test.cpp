@@ -60,6 +60,7 @@ TEST(AtomicFile, missingFolderIsAnErrorWithThePath) {
   const auto path = folder.path() / "no" / "file";
   const Status status = writeFileAtomically(path, viewOf("x"));
   ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kInvalidInput);
   EXPECT_THAT(status.error().message, ::testing::HasSubstr(path.string()));
   EXPECT_FALSE(syncFolder(folder.path() / "no").ok());
 }

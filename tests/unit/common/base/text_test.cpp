@@ -14,6 +14,21 @@ TEST(TextRules, utf8IsToldFromOtherBytes) {
   for (const std::string& text : bad) EXPECT_FALSE(isUtf8(text));
 }
 
+TEST(FixedText, whatRoundsToZeroHasNoSign) {
+  struct Row {
+    double value;
+    int decimals;
+    const char *minus, *both;
+  };
+  for (const Row& row :
+       {Row{-0.004, 2, "0.00", "0.00"}, Row{0.004, 2, "0.00", "0.00"}, Row{-0.0, 0, "0", "0"},
+        Row{-0.006, 2, "-0.01", "-0.01"}, Row{0.006, 2, "0.01", "+0.01"}, Row{-0.4, 0, "0", "0"},
+        Row{-10, 0, "-10", "-10"}, Row{3, 1, "3.0", "+3.0"}}) {
+    EXPECT_EQ(fixedText(row.value, row.decimals), row.minus);
+    EXPECT_EQ(fixedText(row.value, row.decimals, Sign::kBoth), row.both);
+  }
+}
+
 TEST(TextRules, namesHaveLengthAndNoControlCharacters) {
   EXPECT_TRUE(checkName("name", "Anna-Lena Müller").ok());
   EXPECT_TRUE(checkName("name", "10 \u00b5m, caf\u00e9").ok());  // U+00A0 and above are letters and signs

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "common/profile/profile.h"
+#include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 #include "tests/unit/common/scoring/gestures.h"
 
@@ -21,6 +22,12 @@ std::vector<Measure> sampleScore() {
   unknown.set_measure("target_distance_m");
   unknown.set_max(0.002);
   return scoreGesture(inAndOut(1000), 1000, halfSpace(), {}, &exercise);
+}
+
+TEST(ValueText, zeroHasNoSign) {
+  for (const double zero : {0.0, -0.0}) EXPECT_EQ(valueText(zero, "N"), "0 N");
+  EXPECT_EQ(valueText(-1e-7, "m"), "0 mm");
+  EXPECT_EQ(valueText(-0.0125, "m"), "-12.5 mm");
 }
 
 TEST(ScoreJson, isAListOfRows) {

@@ -120,6 +120,39 @@ std::shared_ptr<const StoredGesture> straightIn(double force_N, double peak_N, d
   return gestureOf(test::lessonInfo("{}"), std::move(samples));
 }
 
+TEST(Comparison, theCurvesHaveTheLimitsOfTheExerciseOfBoth) {
+  auto a = std::make_shared<StoredGesture>(), b = std::make_shared<StoredGesture>();
+  a->info.mutable_description()->set_exercise_id("knee");
+  b->info.mutable_description()->set_exercise_id("knee");
+  a->requirements = {
+      {"peak_force_n", {}, 5}, {"largest_lateral_error_m", {}, 0.002}, {"peak_speed_m_s", {}, 0.1}};
+  const auto limitsOf = [&](ComparedSeries series) {
+    Plot plot;
+    addLimits(plot, series, *a, *b);
+    std::vector<double> at;
+    for (const PlotLimit& limit : plot.limits) at.push_back(limit.at);
+    return at;
+  };
+  EXPECT_EQ(limitsOf(ComparedSeries::kTotalForce), std::vector<double>{5});
+  EXPECT_EQ(limitsOf(ComparedSeries::kLateral), std::vector<double>{2});
+  EXPECT_EQ(limitsOf(ComparedSeries::kSpeed), (std::vector<double>{100, -100}));
+  EXPECT_TRUE(limitsOf(ComparedSeries::kTilt).empty());
+  b->info.mutable_description()->set_exercise_id("hip");
+  EXPECT_TRUE(limitsOf(ComparedSeries::kTotalForce).empty()) << "whose limit would it be?";
+}
+
+TEST(Comparison, aDifferenceThatRoundsToZeroHasNoSign) {
+  const auto first = straightIn(1, 1, 0.010, 0.001);
+  auto lighter = first->samples;
+  // 1 mN less, of the newtons' two decimals
+  for (GestureSample& sample : lighter) sample.force_W_N[1] -= 0.001;
+  const auto both = compareGestures(*first, *gestureOf(first->info, lighter), Alignment::kDepth);
+  ASSERT_TRUE(both.ok()) << both.error().message;
+  EXPECT_EQ(both->sentences.at(0).find("force: the second differs by 0.00 N on average, by 0.00 N at most"),
+            0u)
+      << both->sentences.at(0);
+}
+
 TEST(Comparison, theSentencesSayTheMeanAndTheGreatestDifferenceAndWhere) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto first = straightIn(1, 1, 0.010, 0.001), second = straightIn(1.5, 4, 0.008, nan);

@@ -19,6 +19,30 @@ TEST(LabActions, theHighlightedButtonIsEnterAndWaitsWhileTheProgramConnects) {
   EXPECT_TRUE(adviceAction("To the lab").isDefault());
 }
 
+TEST(LabActions, enterIsTheSearchUnlessAnEmptyScreenHasItsOwnWayOut) {
+  EXPECT_EQ(actionOf(searchActions(false), ActionKey::kEnter), kActSearch);
+  EXPECT_EQ(actionOf(searchActions(true), ActionKey::kEnter), std::nullopt);
+}
+
+TEST(LabActions, aLessonIsStoppedByAQuestionWithTheKeysOfAQuestion) {
+  const auto before = stopActions(false), question = stopActions(true);
+  ASSERT_EQ(before.size(), 1u);
+  EXPECT_EQ(before[0].key, ActionKey::kNone) << "no single key stops somebody's lesson";
+  EXPECT_EQ(actionOf(question, ActionKey::kEnter), kActStopNow);
+  EXPECT_EQ(actionOf(question, ActionKey::kEscape), kActGoOn);
+}
+
+TEST(LabActions, theBannerOfTheConnectionTakesNoKeyFromTheScreen) {
+  EXPECT_TRUE(linkActions(LinkPhase::kOnline).empty());
+  EXPECT_TRUE(linkActions(LinkPhase::kConnecting).empty());
+  for (const LinkPhase phase : {LinkPhase::kAway, LinkPhase::kRefused}) {
+    ASSERT_EQ(linkActions(phase).size(), 1u);
+    EXPECT_EQ(linkActions(phase)[0].id, kActReconnect);
+    EXPECT_EQ(linkActions(phase)[0].key, ActionKey::kNone);
+  }
+  EXPECT_NE(linkActions(LinkPhase::kAway)[0].label, linkActions(LinkPhase::kRefused)[0].label);
+}
+
 TEST(LoginMemory, everythingButThePasswordComesBack) {
   const test::TempFolder folder;
   const auto file = folder.path() / "login.json";

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "common/gesture/chunk.h"
@@ -83,6 +84,10 @@ TEST_F(LiveStationTest, gapsAreCountedAndFlagged) {
   feed(800, 840);  // five frames were lost, in tissue
   EXPECT_EQ(live_.stats().dropped(), 5u);
   EXPECT_TRUE(live_.approximate());
+  std::vector<std::string> gaps;
+  for (const TraceEvent& event : live_.trace().events())
+    if (event.kind == TraceEvent::Kind::kGap) gaps.push_back(wordsOf(event));
+  EXPECT_EQ(gaps, std::vector<std::string>{"100 samples missing (100 ms)"});
   feed(840, samples_.size() / 20 * 20);  // out again
   EXPECT_FALSE(live_.approximate());
 }

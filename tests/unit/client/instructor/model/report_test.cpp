@@ -93,6 +93,16 @@ TEST(Report, listsContactsWithBone) {
   EXPECT_LT(html.find("<td>bone contact</td>"), html.find("<td>out</td>"));
 }
 
+TEST(Report, listsMissingSamples) {
+  const std::string json = test::sampleProfile("shoulder-adult");
+  auto samples = test::lessonSamples(json, {});
+  samples.erase(samples.begin() + 1000, samples.begin() + 1250);
+  ReportData data = dataOf();
+  EXPECT_THAT(reportHtml(data), Not(HasSubstr("missing")));
+  data.gesture = gestureOf(test::lessonInfo(json), std::move(samples));
+  EXPECT_THAT(reportHtml(data), HasSubstr("</td><td>250 samples missing (250 ms)</td>"));
+}
+
 TEST(Report, whatWasRequiredIsALineInThePlotsOfTheGestureAndOfTheProgress) {
   const std::string html = reportHtml(dataOf());
   std::size_t lines = 0;

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace needlelab {
 namespace {
@@ -56,6 +59,74 @@ TEST(SessionQuery, whatIsNoDayIsNamed) {
   query.from = "2026-11-21";
   query.to = "2026-11-20";
   EXPECT_FALSE(messageOf(query).ok());
+}
+
+/// A search whose requests wait until the test answers them.
+struct AskedSearch {
+  struct Asked {
+    pb::Request request;
+    LabConnection::Answer answer;
+  };
+  std::vector<Asked> asked;
+  SessionSearch search{[this](pb::Request request, LabConnection::Answer answer) {
+    asked.push_back({std::move(request), std::move(answer)});
+  }};
+  void answer(int rows, const std::string& next_page = {}) {
+    pb::Reply reply;
+    for (int i = 0; i < rows; ++i) reply.mutable_sessions()->add_sessions();
+    reply.mutable_sessions()->set_next_page(next_page);
+    asked.back().answer(std::move(reply));
+  }
+};
+
+TEST(SessionSearch, anInvalidDayIsNoSearchWithoutAMatch) {
+  AskedSearch asked;
+  asked.search.search({});
+  EXPECT_EQ(asked.search.countText(), "looking …");
+  asked.answer(2, "p2");
+  EXPECT_EQ(asked.search.countText(), "2 sessions so far");
+  SessionQuery wrong;
+  wrong.from = "yesterday";
+  asked.search.search(wrong);
+  EXPECT_EQ(asked.asked.size(), 1u) << "the server is not asked";
+  EXPECT_NE(asked.search.trouble().find("yesterday"), std::string::npos);
+  EXPECT_FALSE(asked.search.nothingMatches());
+  EXPECT_TRUE(asked.search.rows().empty()) << "the rows of another search are no answer";
+  EXPECT_EQ(asked.search.countText(), "");
+  asked.search.search({});
+  asked.answer(0);
+  EXPECT_TRUE(asked.search.nothingMatches());
+  EXPECT_EQ(asked.search.countText(), "0 sessions");
+}
+
+TEST(SessionSearch, thePageTokenOfASearchDoesNotGoWithAnother) {
+  AskedSearch asked;
+  asked.search.search({});
+  asked.answer(3, "of the first query");
+  SessionQuery next;
+  next.search = "tina";
+  asked.search.search(next);
+  EXPECT_FALSE(asked.search.hasMore());
+  asked.asked.back().answer(Error{ErrorCode::kFailed, "the disk is full"});
+  EXPECT_EQ(asked.search.trouble(), "the disk is full");
+  const std::size_t before = asked.asked.size();
+  asked.search.more();
+  EXPECT_EQ(asked.asked.size(), before);
+}
+
+TEST(SessionSearch, aPageThatFailsCanBeAskedForAgain) {
+  AskedSearch asked;
+  asked.search.search({});
+  asked.answer(1, "p2");
+  asked.search.more();
+  asked.asked.back().answer(Error{ErrorCode::kFailed, "away"});
+  EXPECT_EQ(asked.search.rows().size(), 1u);
+  EXPECT_EQ(asked.search.countText(), "1 session so far");
+  asked.search.more();
+  EXPECT_EQ(asked.asked.back().request.list_sessions().page(), "p2");
+  asked.answer(0);
+  EXPECT_EQ(asked.search.trouble(), "");
+  EXPECT_EQ(asked.search.countText(), "1 session");
 }
 
 TEST(SessionRow, figuresByName) {

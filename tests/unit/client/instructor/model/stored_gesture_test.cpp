@@ -3,9 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <string>
+
 #include "client/instructor/model/lab_connection.h"
 #include "client/instructor/model/report.h"
 #include "common/base/local_time.h"
+#include "common/profile/profile.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
@@ -75,6 +81,31 @@ TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
   EXPECT_TRUE(std::any_of(events.begin(), events.end(), [](const TraceEvent& e) {
     return e.kind == TraceEvent::Kind::kRemark && e.text == "anna: slower here";
   }));
+}
+
+TEST_F(StoredGestureTest, hasTheRequirementsOfItsScore) {
+  pb::Request list;
+  list.mutable_list_exercises();
+  const auto exercises = instructor_->call(list);
+  ASSERT_TRUE(exercises.ok());
+  std::map<std::string, std::optional<double>> expected;  // the greatest allowed value by measure
+  for (const auto& row : exercises->exercises().exercises()) {
+    const auto exercise = parseExercise(row.json(), "exercise");
+    ASSERT_TRUE(exercise.ok());
+    if (exercise->id() != info_.description().exercise_id()) continue;
+    for (const auto& requirement : exercise->requirements())
+      if (requirement.has_max()) expected[requirement.measure()] = requirement.max();
+  }
+  ASSERT_FALSE(expected.empty());
+  const auto gesture = loadGesture(call(), info_.description().session_id());
+  ASSERT_TRUE(gesture.ok());
+  for (const auto& [measure, max] : expected) {
+    const auto& all = (*gesture)->requirements;
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.measure == measure; });
+    ASSERT_NE(found, all.end()) << measure;
+    EXPECT_EQ(found->max, max) << measure;
+  }
 }
 
 TEST_F(StoredGestureTest, becomesAReport) {

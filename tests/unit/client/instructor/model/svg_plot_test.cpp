@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace needlelab {
@@ -64,6 +65,18 @@ TEST(SvgPlot, theGreatestValueIsNearTheTopAndDepthGrowsDownward) {
   const double down = yOfLast(svgPlot(one));
   EXPECT_LT(up, 60);
   EXPECT_GT(down, 120);
+}
+
+TEST(SvgPlot, aGapBeginsAnotherPieceOfTheCurve) {
+  const auto piecesOf = [](const std::string& svg) {
+    const std::size_t path = svg.rfind("<path d='"), end = svg.find("' stroke", path);
+    const std::string d = svg.substr(path + 9, end - path - 9);
+    return std::count(d.begin(), d.end(), 'M');
+  };
+  Plot one = plot();
+  EXPECT_EQ(piecesOf(svgPlot(one)), 1) << "a value that is not finite is no gap";
+  one.gaps = {{1, 2}};
+  EXPECT_EQ(piecesOf(svgPlot(one)), 2);
 }
 
 TEST(SvgPlot, nothingAtAllIsAPictureToo) {

@@ -1,6 +1,8 @@
 // Compares each screen with a reference picture that a person has checked.
 #include "tests/unit/client/instructor/screens/window_lab.h"
 
+#include <algorithm>
+
 #include "tests/support/pictures/picture_check.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 
@@ -63,6 +65,7 @@ TEST_F(Pictures, lab) {
     status.set_wakeup_p99_us(43);
     for (int n = 0; n < 40; ++n) {
       status.set_force_n(2 + std::sin(0.3 * n + i));
+      status.set_peak_force_n(std::max(status.peak_force_n(), status.force_n()));
       if (change) change(status);
       lab_->overview.onStatus(status, lab_->now_s());
     }

@@ -3,6 +3,8 @@
 
 #include <GLFW/glfw3.h>
 
+#include <algorithm>
+
 #include "common/base/files.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 
@@ -64,6 +66,10 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   ASSERT_TRUE(untilText("bench-6 · trainee 6")) << window_->text();
   ASSERT_TRUE(
       until([&] { return lab_->live()->trace().lastTime_s() > lab_->live()->trace().firstTime_s() + 1; }));
+  const auto limits = lab_->requirementsNow();
+  EXPECT_TRUE(std::any_of(limits.begin(), limits.end(), [](const PlotRequirement& each) {
+    return each.measure == "peak_force_n" && each.max;
+  })) << "the plots draw what the exercise requires";
   // Pause: the picture stops, the stream continues.
   press(GLFW_KEY_SPACE);
   EXPECT_TRUE(lab_->live()->paused());

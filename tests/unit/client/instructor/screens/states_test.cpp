@@ -281,7 +281,10 @@ TEST_F(LiveStates, lossesAreCounted) {
   lab_->live()->setSession(info_);
   EXPECT_THAT(shown(), HasSubstr("35 frames, 0 dropped"));
   feed(800, 840);
-  EXPECT_THAT(shown(), HasSubstr("37 frames, 5 dropped"));
+  // both fit into the line of a window of 1280 pixels
+  EXPECT_THAT(shown(), AllOf(HasSubstr("forces by effect: approximate"), HasSubstr("37 frames, 5 dropped")));
+  lab_->live()->pause();
+  EXPECT_THAT(shown(), AllOf(HasSubstr("forces by effect: approximate"), HasSubstr("PAUSED 0.0 s behind")));
 }
 
 TEST_F(LiveStates, aLessonWithoutAReadableProfileSaysSo) {

@@ -1,6 +1,8 @@
 // The window shows the engine's own data of a lesson.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "client/station/run/options.h"
 #include "client/station/window/end_screen.h"
 #include "client/station/window/lesson_follow.h"
@@ -95,6 +97,9 @@ TEST(LessonFollow, aGapIsCountedAndSaidUntilTheNeedleIsOutside) {
   follow->feed(part(700, 800), 200);
   EXPECT_EQ(follow->dropped(), 200u);
   EXPECT_TRUE(follow->now().approximate);
+  EXPECT_TRUE(std::any_of(
+      follow->trace().events().begin(), follow->trace().events().end(),
+      [](const TraceEvent& event) { return event.kind == TraceEvent::Kind::kGap && event.missing == 200; }));
 }
 
 TEST(LayerLadder, reachesAFifthBeyondTheTarget) {

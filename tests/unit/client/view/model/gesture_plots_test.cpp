@@ -196,7 +196,7 @@ TEST(GesturePlots, eachEventIsAMarkWithASignAndWords) {
       {Kind::kTurn, 1, "", kReddishPurple, "change of trajectory"},
       {Kind::kStop, 1, "", kDimText, "at rest"},
       {Kind::kFault, 1, "", styleOf(Condition::kTrouble).colour, "FAULT"},
-      {Kind::kGap, 1, "", styleOf(Condition::kAttention).colour, "samples lost"},
+      {Kind::kGap, 1, "", styleOf(Condition::kAttention).colour, "samples missing"},
       {Kind::kBoneContact, 1, "", styleOf(Condition::kTrouble).colour, "bone contact"},
       {Kind::kRemark, -1, "anna: slower", kSkyBlue, "anna: slower"}};
   GestureTrace trace;
@@ -219,6 +219,21 @@ TEST(GesturePlots, eachEventIsAMarkWithASignAndWords) {
   }
   // without a scene a layer has no name
   EXPECT_EQ(gesturePlot(GesturePlot::kSpeed, trace, nullptr, 2, 2).marks.at(0).text, "layer");
+}
+
+TEST(GesturePlots, aGapIsAMarkWithItsNumberAndBreaksTheCurve) {
+  GestureTrace trace;
+  for (int i = 0; i < 1000; ++i)
+    if (i < 300 || i >= 350) trace.push(momentAtDepth(i * 0.001, 0.01));
+  const Plot plot = gesturePlot(GesturePlot::kForces, trace, nullptr, 0, 1);
+  ASSERT_EQ(plot.marks.size(), 1u);
+  EXPECT_EQ(plot.marks[0].text, "50 samples missing (50 ms)");
+  EXPECT_EQ(plot.marks[0].sign, signOf(TraceEvent::Kind::kGap));
+  // 200 columns of 5 ms: the last value before is in column 59, the first one behind in column 70
+  EXPECT_TRUE(isBroken(plot, 59, 70, 200));
+  EXPECT_FALSE(isBroken(plot, 58, 59, 200));
+  EXPECT_FALSE(isBroken(plot, 70, 71, 200));
+  EXPECT_TRUE(gesturePlot(GesturePlot::kForces, trace, nullptr, 0.5, 1).gaps.empty());
 }
 
 TEST(GesturePlots, noiseFillsNoPlot) {
@@ -261,6 +276,7 @@ TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
   require("peak_force_n", {}, 5);
   require("largest_lateral_error_m", {}, 0.003);
   require("greatest_depth_m", 0.02, 0.03);
+  require("peak_speed_m_s", {}, 0.1);
   require("entries", {}, 2);
   struct Row {
     GesturePlot which;
@@ -271,7 +287,8 @@ TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
   for (const Row& row :
        {Row{GesturePlot::kForces, {{5, "at most 5 N"}}}, Row{GesturePlot::kAlignment, {{3, "at most 3 mm"}}},
         Row{GesturePlot::kDepth, {{20, "at least 20 mm"}, {30, "at most 30 mm"}}},
-        Row{GesturePlot::kSpeed, {}}, Row{GesturePlot::kAngles, {}}}) {
+        Row{GesturePlot::kSpeed, {{100, "at most 100 mm/s, in any direction"}, {-100, ""}}},
+        Row{GesturePlot::kAngles, {}}}) {
     Plot plot = gesturePlot(row.which, trace, &scene, 0, 2);
     addLimits(plot, row.which, requirementsOf(exercise));
     ASSERT_EQ(plot.limits.size(), row.limits.size()) << plot.title;
@@ -280,6 +297,7 @@ TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
       EXPECT_NEAR(plot.limits[i].at, row.limits[i].first, 1e-9);
       EXPECT_EQ(plot.limits[i].text, row.limits[i].second);
       EXPECT_LE(plot.limits[i].at, span.high) << "within the axis";
+      EXPECT_GE(plot.limits[i].at, span.low) << "within the axis";
     }
   }
 }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -106,6 +107,63 @@ TEST(GestureTrace, findsEntryLayersRuptureStopFaultAndExit) {
   EXPECT_EQ(expected[TraceEvent::Kind::kRupture], 1);
 }
 
+std::vector<TraceEvent> gapsOf(const GestureTrace& trace) {
+  std::vector<TraceEvent> found;
+  for (const TraceEvent& event : trace.events())
+    if (event.kind == TraceEvent::Kind::kGap) found.push_back(event);
+  return found;
+}
+
+TEST(GestureTrace, missingTicksAreAnEventThatSaysHowMany) {
+  GestureTrace trace;
+  for (int i = 0; i < 4000; ++i) {
+    const bool lost = (i >= 100 && i < 120) || i == 500 || (i >= 1000 && i < 2234);
+    if (!lost) trace.push(momentAt(i * 0.001, 1));
+  }
+  const auto events = gapsOf(trace);
+  ASSERT_EQ(events.size(), 3u);
+  const char* const words[] = {"20 samples missing (20 ms)", "1 sample missing (1 ms)",
+                               "1234 samples missing (1.2 s)"};
+  const double last_before_s[] = {0.099, 0.499, 0.999}, first_behind_s[] = {0.120, 0.501, 2.234};
+  ASSERT_EQ(trace.gaps().size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(wordsOf(events[i]), words[i]);
+    EXPECT_DOUBLE_EQ(events[i].time_s, last_before_s[i]);
+    EXPECT_DOUBLE_EQ(trace.gaps()[i].from, last_before_s[i]);
+    EXPECT_DOUBLE_EQ(trace.gaps()[i].to, first_behind_s[i]);
+  }
+  trace.clear();
+  EXPECT_TRUE(trace.gaps().empty());
+}
+
+TEST(GestureTrace, gapsCloseToEachOtherAreOneEventWithAllThatIsMissing) {
+  GestureTrace trace;
+  // every 20th tick of half a second is missing: 25 of them
+  for (int i = 0; i < 2000; ++i)
+    if (i < 500 || i >= 1000 || i % 20 != 10) trace.push(momentAt(i * 0.001, 1));
+  ASSERT_EQ(gapsOf(trace).size(), 1u);
+  EXPECT_EQ(gapsOf(trace)[0].missing, 25u);
+  EXPECT_NEAR(gapsOf(trace)[0].missing_s, 0.025, 1e-9);
+  EXPECT_DOUBLE_EQ(gapsOf(trace)[0].time_s, 0.509);
+  EXPECT_EQ(trace.gaps().size(), 25u) << "each one breaks the curve";
+}
+
+TEST(GestureTrace, aThinnedRecordingHasGapsOnlyWhereItsSamplesAreMissing) {
+  // 300 of 1000 a second: steps of 3 and 4 ticks
+  const auto gapsAt = [&](std::vector<int> lost) {
+    GestureTrace trace(300, {}, 1000.0 / 300);
+    for (int i = 0; i < 600; ++i)
+      if (std::find(lost.begin(), lost.end(), i) == lost.end())
+        trace.push(momentAt(std::ceil(i * 1000.0 / 300) * 0.001, 1));
+    return gapsOf(trace);
+  };
+  EXPECT_TRUE(gapsAt({}).empty());
+  ASSERT_EQ(gapsAt({200}).size(), 1u);
+  EXPECT_EQ(gapsAt({200})[0].missing, 1u);
+  EXPECT_EQ(gapsAt({200, 201, 202})[0].missing, 3u);
+  EXPECT_NEAR(gapsAt({200, 201, 202})[0].missing_s, 0.010, 1e-3);
+}
+
 TEST(GestureTrace, findsContactsWithBone) {
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
   const BoneContacts bones(lesson.profile, anatomyOf(lesson.profile, {}));
@@ -134,7 +192,7 @@ TEST(GestureTrace, findsContactsWithBone) {
 
 TEST(GestureTrace, aRemarkStandsWhereItBelongsAndAnEarlierTimeBeginsAnew) {
   GestureTrace trace;
-  trace.push(momentAt(1, 0));
+  trace.push(momentAt(1.999, 0));
   trace.push(momentAt(2, 0, 1));
   TraceEvent remark;
   remark.kind = TraceEvent::Kind::kRemark;

@@ -305,6 +305,20 @@ TEST(PlotQuantity, isKnownOfEachUnitThatMeasuresHave) {
   EXPECT_EQ(quantityOfUnit("kg"), PlotQuantity::kOther);
 }
 
+TEST(PlotGaps, aCurveIsBrokenWhereAGapLiesBetweenItsColumns) {
+  Plot plot;
+  plot.from = 100;
+  plot.to = 110;
+  // ten columns of 1: gaps from column 1 to 4, within column 6, from column 7 to its neighbour
+  plot.gaps = {{101.5, 104.5}, {106.2, 106.4}, {107.9, 108.1}};
+  for (std::size_t left = 0; left + 1 < 10; ++left)
+    EXPECT_EQ(isBroken(plot, left, left + 1, 10), (left >= 1 && left <= 3) || left == 7) << left;
+  EXPECT_TRUE(isBroken(plot, 1, 4, 10));
+  EXPECT_FALSE(isBroken(plot, 4, 7, 10)) << "what a column holds is not split";
+  plot.gaps.clear();
+  EXPECT_FALSE(isBroken(plot, 0, 9, 10));
+}
+
 TEST(PlotHeading, namesQuantityAndUnitAndNothingThatIsNotThere) {
   const auto heading = [](const char* title, const char* unit) {
     Plot plot;
