@@ -105,7 +105,7 @@ void CompareScreen::showCurves(LabState& lab, ImVec2 size_px) {
     plot.clock_axis = comparison.alignment == Alignment::kTime;
     plot.x_unit = comparison.alignment == Alignment::kDepth ? "mm inserted" : "% of the way";
     plot.cursor = at_;
-    addLimits(plot, kShown[i], *lab.analysis.first(), *lab.analysis.second());
+    addLimits(plot, plotted_[i], *lab.analysis.first(), *lab.analysis.second());
     plot.series.push_back({"first", kFirstGesture, columnsOf(x_, curves_[i].a), false, false});
     plot.series.push_back({"second", kSecondGesture, columnsOf(x_, curves_[i].b), true, false});
     plot.series.push_back(
