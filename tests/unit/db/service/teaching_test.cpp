@@ -410,7 +410,7 @@ TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
   list.mutable_list_scores()->set_course_id("course");
   EXPECT_EQ(get(instructor, list).scores().scores_size(), 6);
   list.mutable_list_scores()->set_group_id("nobody");
-  EXPECT_EQ(get(instructor, list).scores().scores_size(), 0);
+  EXPECT_EQ(refusal(instructor, list), ErrorCode::kNotFound) << "a mistyped group";
   pb::Request measures;
   measures.mutable_list_measures();
   EXPECT_GT(get(researcher, measures).measures().measures_size(), 20);

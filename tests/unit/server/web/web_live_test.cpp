@@ -86,11 +86,14 @@ TEST(WebLive, theLayerHasTheNameOfTheSessionsProfile) {
     ASSERT_TRUE(station->send(envelope).ok());
     (void)station->receive(milliseconds(50));  // it sends while it waits
     json tile;
-    for (int i = 0; i < 50 && (tile.is_null() || tile["force_n"] != layer + 10); ++i) {
+    // a tile comes without a name until the board has read the session's profile
+    for (int i = 0; i < 50 && (tile.is_null() || tile["force_n"] != layer + 10 || tile["layer"] != name);
+         ++i) {
       const auto text = viewer->readText();
       ASSERT_TRUE(text.has_value());
       tile = tileOf(*text, "bench");
     }
+    EXPECT_EQ(tile["force_n"], layer + 10);
     EXPECT_EQ(tile["layer"], name) << layer;
   }
 }

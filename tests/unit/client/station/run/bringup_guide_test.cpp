@@ -50,7 +50,7 @@ TEST(BringupGuide, namesNoOptionThatDoesNotExist) {
   static_cast<void>(parseStationOptions(2, arguments));
   const std::string help = testing::internal::GetCapturedStdout();
   // options of other programs in the same text
-  const std::set<std::string> others = {"--preset", "--build", "--remove", "--demo"};
+  const std::set<std::string> others = {"--preset", "--build", "--remove", "--demo", "--role"};
   const std::string text = guide();
   constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz";
   std::set<std::string> named;
