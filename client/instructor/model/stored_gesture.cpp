@@ -50,9 +50,10 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   gesture->thinned = removed.fate() == pb::RemovedOriginal::THINNED;
   double sample_rate_hz = gesture->rate_hz;
   if (gesture->thinned) {
-    sample_rate_hz = std::clamp(removed.thinned_rate_hz(), 50.0, gesture->rate_hz);
+    if (removed.thinned_rate_hz() > 0) sample_rate_hz = std::min(removed.thinned_rate_hz(), gesture->rate_hz);
     gesture->ticks_per_sample = gesture->rate_hz / sample_rate_hz;
-    description.set_rate_hz(sample_rate_hz);
+    // the engine does not step slower
+    description.set_rate_hz(std::max(50.0, sample_rate_hz));
     gesture->notes.push_back("thinned recording: " + printable(removed.reason()));
   }
   gesture->scene = sceneOfSession(description, prepare);
@@ -168,8 +169,9 @@ class Loader {
   }
 
   void readPlan() {
+    // without a scene the plan has no place in W; a note says why there is none
     const std::string& exercise_id = gesture_->info.description().exercise_id();
-    if (exercise_id.empty()) return;
+    if (exercise_id.empty() || !gesture_->scene.view) return;
     const auto exercise = findExercise(call_, exercise_id);
     if (!exercise.ok()) return note("the exercise's plan: " + printable(exercise.error().message));
     if (*exercise) gesture_->plan_W = plannedLineOf(**exercise, gesture_->scene.X_WL);
@@ -256,7 +258,8 @@ Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, co
 std::shared_ptr<const StoredGesture> gestureOf(pb::SessionInfo info, std::vector<GestureSample> samples,
                                                const ScenePreparer& prepare, const pb::Exercise* exercise) {
   auto gesture = beginGesture(std::move(info), prepare, samples.size());
-  if (exercise != nullptr) gesture->plan_W = plannedLineOf(*exercise, gesture->scene.X_WL);
+  if (exercise != nullptr && gesture->scene.view)
+    gesture->plan_W = plannedLineOf(*exercise, gesture->scene.X_WL);
   gesture->samples = std::move(samples);
   TraceMaker maker(*gesture);
   for (const GestureSample& sample : gesture->samples) maker.feed(sample);

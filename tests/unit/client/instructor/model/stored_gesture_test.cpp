@@ -55,6 +55,57 @@ TEST(StoredGesture, isTitledByTheLocalTimeOfItsBeginning) {
   EXPECT_EQ(gesture.title(), "tina, knee, 2026-06-30 22:30");
 }
 
+TEST(StoredGesture, aThinnedRecordingIsWholeAtEachRateThatAPolicyMayHave) {
+  const std::string profile = sampleProfile("shoulder-adult");
+  for (const double left_hz : {0.1, 10.0, 50.0, 800.0, 10'000.0}) {
+    pb::SessionInfo info = lessonInfo(profile);
+    info.mutable_removed_original()->set_fate(pb::RemovedOriginal::THINNED);
+    info.mutable_removed_original()->set_thinned_rate_hz(left_hz);
+    const double step_ticks = std::max(1.0, 1000 / left_hz);
+    std::vector<GestureSample> samples;
+    for (int i = 0; i < 100; ++i) {
+      GestureSample sample;
+      sample.tick = static_cast<std::uint64_t>(std::ceil(i * step_ticks));
+      sample.q_WT[3] = 1;
+      sample.p_WT_m[2] = 0.1;
+      sample.layer = -1;
+      samples.push_back(sample);
+    }
+    const double last_s = 1e-3 * static_cast<double>(samples.back().tick);
+    const auto gesture = gestureOf(std::move(info), std::move(samples));
+    EXPECT_TRUE(gesture->scene.model) << left_hz << ": " << gesture->scene.why;
+    EXPECT_TRUE(gesture->trace.gaps().empty()) << left_hz;
+    EXPECT_TRUE(gesture->trace.events().empty()) << left_hz;
+    EXPECT_DOUBLE_EQ(gesture->first_s(), 0) << left_hz << ": nothing is forgotten";
+    EXPECT_DOUBLE_EQ(gesture->last_s(), last_s) << left_hz;
+    EXPECT_EQ(gesture->trace.between(0, last_s).front().time_s, 0) << left_hz;
+  }
+}
+
+/// A line straight down through the origin of the limb's frame.
+pb::Exercise straightDown() {
+  pb::Exercise exercise;
+  auto& plan = *exercise.mutable_plan();
+  plan.set_frame(pb::Exercise::Plan::LIMB);
+  plan.mutable_entry_m();
+  plan.mutable_direction()->set_z(-1);
+  return exercise;
+}
+
+TEST(StoredGesture, hasAPlanOnlyWhereTheLimbsPlaceIsKnown) {
+  const pb::Exercise exercise = straightDown();
+  pb::SessionInfo info = lessonInfo(sampleProfile("shoulder-adult"));
+  for (const double v : {0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0}) info.mutable_description()->add_placement(v);
+  const auto placed = gestureOf(info, {}, {}, &exercise);
+  ASSERT_TRUE(placed->plan_W);
+  EXPECT_EQ(placed->plan_W->entry_m, (Vec3{0.1, 0.2, 0.3}));
+  pb::SessionInfo unreadable = info;
+  unreadable.mutable_description()->set_profile_json("{}");
+  EXPECT_FALSE(gestureOf(unreadable, {}, {}, &exercise)->plan_W);
+  info.mutable_description()->mutable_placement()->RemoveLast();
+  EXPECT_FALSE(gestureOf(info, {}, {}, &exercise)->plan_W) << "six numbers are not a pose";
+}
+
 TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
   pb::Request remark;
   remark.mutable_annotate()->set_session_id(info_.description().session_id());
@@ -167,6 +218,23 @@ TEST_F(StoredGestureTest, hasItsExercisesPlanAsItIsToday) {
     }
   }
   EXPECT_TRUE(changed) << "a sample course has this exercise";
+}
+
+TEST_F(StoredGestureTest, isReadWithoutAPlanWhereItsProfileIsNotReadable) {
+  bool readable = true;
+  const LabCall garbling = [&](const pb::Request& request) -> Result<pb::Reply> {
+    auto reply = instructor_->call(request);
+    if (reply.ok() && request.has_get_session() && !readable)
+      reply->mutable_session()->mutable_description()->set_profile_json("{}");
+    return reply;
+  };
+  for (const bool each : {true, false}) {
+    readable = each;
+    const auto gesture = loadGesture(garbling, info_.description().session_id());
+    ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+    EXPECT_EQ((*gesture)->plan_W.has_value(), readable) << "the sample's exercise has a plan";
+    EXPECT_EQ((*gesture)->notes.empty(), readable);
+  }
 }
 
 TEST_F(StoredGestureTest, withoutAnAnswerAboutThePlanTheGestureIsReadAllTheSame) {
