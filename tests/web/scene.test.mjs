@@ -1,6 +1,13 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { boneContacts, forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
+import {
+  boneContacts,
+  boneContactWords,
+  forceOf,
+  intoLimb,
+  layerSpans,
+  wayOf,
+} from '../../client/web/app/lib/recording.js';
 import {
   axisOf,
   cross,
@@ -383,4 +390,36 @@ test('contacts with bone are those of the measure', () => {
   assert.deepEqual(boneContacts(columnsOf(aside), profile, [0.1, 0, 0, 0, 0, 0, 1]), [2, 3.2]);
   assert.deepEqual(boneContacts(columnsOf(gesture), null), []);
   assert.deepEqual(boneContacts({}, profile), []);
+});
+
+test('the number of contacts with bone is that of the score, not that of the points', () => {
+  // 5 s at 1 kHz; bone for 0.5 s from 1 s on, and for 3 ms from 3.001 s on
+  const profile = { layers: [{ tissue: 'SKIN' }, { tissue: 'BONE' }] };
+  const ticks = Array.from({ length: 5000 }, (_, i) => i);
+  const inBone = (i) => (i >= 1000 && i < 1500) || (i >= 3001 && i < 3004);
+  const columns = (kept) => ({ t_s: kept.map((i) => i / 1000), layer: kept.map((i) => (inBone(i) ? 1 : 0)) });
+  const all = boneContacts(columns(ticks), profile),
+    few = boneContacts(columns(ticks.filter((i) => i % 10 === 0)), profile);
+  assert.deepEqual(all, [1, 3.001]);
+  assert.deepEqual(few, [1]);
+  const scored = (value) => [
+    { measure: 'peak_force_n', value: 7 },
+    { measure: 'bone_contacts', value },
+  ];
+  assert.deepEqual(boneContactWords(scored(2), few.length), {
+    many: '2 contacts with bone',
+    moments: 'moments that are shown, 1 too short for the plot',
+  });
+  assert.deepEqual(boneContactWords(scored(2), all.length), {
+    many: '2 contacts with bone',
+    moments: 'moments that are shown',
+  });
+  assert.deepEqual(boneContactWords(scored(1), 0), { many: '1 bone contact', moments: 'too short for the plot' });
+  // the way back between two points is not seen: the score's number stays
+  assert.equal(boneContactWords(scored(1), 2).many, '1 bone contact');
+  // without a score no number is said
+  for (const unscored of [undefined, [], scored(null)])
+    assert.deepEqual(boneContactWords(unscored, 1), { many: '', moments: 'moments of bone contact that are shown' });
+  assert.equal(boneContactWords(scored(0), 0), null);
+  assert.equal(boneContactWords(undefined, 0), null);
 });
