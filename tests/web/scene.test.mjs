@@ -292,10 +292,12 @@ test('a plan is a line, or says where it is not', () => {
   assert.deepEqual(faults({ ...good, entry_m: { x: NaN, y: 0 } }), ['plan.entry_m.x', 'plan.entry_m.z']);
   assert.deepEqual(faults({ ...good, entry_m: undefined }), ['plan.entry_m.x', 'plan.entry_m.y', 'plan.entry_m.z']);
   assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: 0 } }), ['plan.direction']);
+  assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: -5e-7 } }), []);
   assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: Infinity } }), ['plan.direction.z']);
   assert.deepEqual(faults({ ...good, direction: undefined }), ['plan']);
   assert.deepEqual(faults({ ...good, target_m: { x: 0, y: 0, z: -0.03 } }), ['plan']);
   assert.deepEqual(faults(to({ ...good.entry_m })), ['plan.target_m']);
+  assert.deepEqual(faults(to({ x: 0.01, y: 0, z: -5e-7 })), ['plan.target_m']);
   // only a plan makes its measures
   const requirements = [
     { measure: 'planned_entry_error_m', max: 0.003 },
@@ -317,10 +319,29 @@ test('a plan keeps its line when it is given in the other way', () => {
   const back = planGivenBy(by_point, 'direction');
   assert.deepEqual(back.direction, { x: 0, y: 0.6, z: -0.8 });
   assert.equal(back.target_m, undefined);
-  assert.equal(planGivenBy(slanted, 'direction'), slanted);
+  assert.deepEqual(planGivenBy(slanted, 'direction'), slanted);
+  // a direction is a ratio of its numbers, whatever their size
+  const tiny = { ...slanted, direction: { x: 0, y: 3e-9, z: -4e-9 } };
+  assert.deepEqual(planGivenBy(tiny, 'target_m').target_m, { x: 0.01, y: 0.018, z: -0.022 });
   // no line yet: straight down
   const none = planGivenBy({ ...slanted, direction: { x: 0, y: 0, z: 0 } }, 'target_m');
   assert.deepEqual(none.target_m, { x: 0.01, y: 0, z: -0.028 });
+});
+
+test('of a plan that is given in both ways the chosen one stays', () => {
+  const both = {
+    frame: 'LIMB',
+    entry_m: { x: 0.01, y: 0, z: 0 },
+    direction: { x: 0, y: 0, z: -2 },
+    target_m: { x: 0, y: 0, z: -0.03 },
+  };
+  const faults = (plan) => courseFaults({ ...course, exercises: [{ ...course.exercises[0], plan }] });
+  assert.equal(faults(both).length, 1);
+  for (const by of ['direction', 'target_m']) {
+    const one = planGivenBy(both, by);
+    assert.deepEqual(one, { frame: 'LIMB', entry_m: both.entry_m, [by]: both[by] });
+    assert.deepEqual(faults(one), []);
+  }
 });
 
 test('an exercise has its number once', () => {
