@@ -1,6 +1,7 @@
 #include "client/instructor/model/stored_gesture.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/track.h"
 
 namespace needlelab {
 namespace {
@@ -76,6 +78,24 @@ void addEvents(StoredGesture& gesture) {
   }
 }
 
+/// Whether the score's greatest distance from the planned line is not that from today's plan. No: unknown,
+/// because the score is of more samples than these.
+bool isScoredByAnotherPlan(const StoredGesture& gesture, const std::vector<Measure>& measures) {
+  constexpr double kSame_m = 1e-4;
+  const auto scored = std::find_if(measures.begin(), measures.end(), [](const Measure& row) {
+    return row.measured && row.name == "largest_planned_line_error_m";
+  });
+  const bool whole = !gesture.thinned && gesture.samples.size() == gesture.info.samples();
+  if (scored == measures.end() || !gesture.plan_W || !whole) return false;
+  std::vector<GestureSample> storage;
+  double largest_m = 0;
+  for (const GestureSample& s : cleaned(gesture.samples, storage)) {
+    if (isInside(s))
+      largest_m = std::max(largest_m, distanceFrom(*gesture.plan_W, {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}));
+  }
+  return std::abs(largest_m - scored->value) > kSame_m;
+}
+
 class Loader {
  public:
   Loader(const LabCall& call, std::string id, LoadProgress* progress)
@@ -95,7 +115,7 @@ class Loader {
     RETURN_IF_ERROR(readAnnotations());
     RETURN_IF_ERROR(readEvents());
     readPlan();
-    readRequirements();
+    readScore();
     addEvents(*gesture_);
     return std::shared_ptr<const StoredGesture>(std::move(gesture_));
   }
@@ -178,14 +198,17 @@ class Loader {
   }
 
   /// Without a score the plots have no limits; the scores' screen says why there is none.
-  void readRequirements() {
+  void readScore() {
     if (gesture_->info.state() == pb::SESSION_OPEN) return;
     pb::Request request;
     request.mutable_get_score()->set_session_id(id_);
     const auto reply = call_(request);
     if (!reply.ok()) return;
     const auto measures = parseScore(reply->score().measures_json());
-    if (measures.ok()) gesture_->requirements = requirementsOf(*measures);
+    if (!measures.ok()) return;
+    gesture_->requirements = requirementsOf(*measures);
+    if (isScoredByAnotherPlan(*gesture_, *measures))
+      note("the exercise's plan was changed after this session was scored: score it again");
   }
 
   void note(std::string text) {

@@ -37,7 +37,8 @@ struct StoredGesture {
   std::vector<pb::SyringeEvent> events;
   std::vector<pb::Annotation> annotations;    ///< by time
   std::vector<PlotRequirement> requirements;  ///< of the newest score, as they were then; empty: not scored
-  std::vector<std::string> notes;             ///< damage, thinning, missing parts: for the reader
+  std::vector<std::string>
+      notes;  ///< damage, thinning, missing parts, a score by another plan: for the reader
 
   [[nodiscard]] double first_s() const { return trace.firstTime_s(); }
   [[nodiscard]] double last_s() const { return trace.lastTime_s(); }
