@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "client/admin/command.h"
 #include "client/net/credentials.h"
@@ -29,11 +31,16 @@ Status checkWritable(const std::filesystem::path& file) {
   return {};
 }
 
-Status addStation(CommandContext& context, const std::string& name, const std::string& file) {
+Result<std::string> makeKey(CommandContext& context, const std::string& name) {
   pb::Request request;
   request.mutable_add_station()->set_name(name);
   ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
-  std::string line = name + ":" + hexText(reply.station_key().key()) + "\n";
+  return reply.station_key().key();
+}
+
+Status addStation(CommandContext& context, const std::string& name, const std::string& file) {
+  ASSIGN_OR_RETURN(const auto key, makeKey(context, name));
+  std::string line = name + ":" + hexText(key) + "\n";
   const WipeAtEnd wiped(line);
   if (auto done = writeFileAtomically(file, viewOf(line), 0600); !done) {
     return Error{done.error().code, done.error().message + "; station '" + name +
@@ -45,8 +52,9 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   return {};
 }
 
-/// Asks whether the station may be added, before anything is made for it. Errors: as AddStation has them.
-Status mayBeAdded(CommandContext& context, const std::string& name) {
+/// Asks whether the station may be added, before anything is made for it. Returns its key if asking made one,
+/// which happens where somebody revokes the station meanwhile. Errors: as AddStation has them.
+Result<std::optional<std::string>> mayBeAdded(CommandContext& context, const std::string& name) {
   bool known = false, active = false;
   RETURN_IF_ERROR(eachPage(
       context.backend,
@@ -59,15 +67,13 @@ Status mayBeAdded(CommandContext& context, const std::string& name) {
         }
         return known ? std::string() : reply.stations().next_page();
       }));
-  if (!known) return checkNewName("station name", name);
-  if (!active) return {};
-  // its key is never shown again: the server refuses, with its own words
-  pb::Request request;
-  request.mutable_add_station()->set_name(name);
-  RETURN_IF_ERROR(context.backend.call(request));
-  return Error{ErrorCode::kFailed,
-               "station '" + name +
-                   "' was revoked by somebody meanwhile; its new key is lost: revoke it and enrol it again"};
+  if (!known) {
+    RETURN_IF_ERROR(checkNewName("station name", name));
+  }
+  if (!active) return std::optional<std::string>();
+  // the server refuses, with its own words
+  ASSIGN_OR_RETURN(auto key, makeKey(context, name));
+  return std::optional(std::move(key));
 }
 
 /// Returns the certificate authority for the station to trust: the folder's, made with the server's
@@ -90,17 +96,20 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   enrolment.server = *parseEndpoint(server);
   // do everything that can fail before making the key, because it is shown only once; a refused name makes no
   // TLS files
-  RETURN_IF_ERROR(mayBeAdded(context, name));
-  ASSIGN_OR_RETURN(auto ca, authorityFor(context, enrolment.server));
-  enrolment.ca_pem = std::move(ca);
-  pb::Request request;
-  request.mutable_add_station()->set_name(name);
-  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
-  enrolment.key = reply.station_key().key();
-  if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done) {
-    return Error{done.error().code, done.error().message + "; station '" + name +
-                                        "' was added, but its key is lost: revoke it and enrol it again"};
+  ASSIGN_OR_RETURN(auto key, mayBeAdded(context, name));
+  const auto lost = [&name](const Error& error) {
+    return Error{error.code, error.message + "; station '" + name +
+                                 "' was added, but its key is lost: revoke it and enrol it again"};
+  };
+  auto ca = authorityFor(context, enrolment.server);
+  if (!ca.ok()) return key ? lost(ca.error()) : ca.error();
+  enrolment.ca_pem = *std::move(ca);
+  if (!key) {
+    ASSIGN_OR_RETURN(key, makeKey(context, name));
   }
+  enrolment.key = *std::move(key);
+  if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done)
+    return lost(done.error());
   context.output.done("added station '" + name + "'; move " + std::filesystem::absolute(file).string() +
                       " to it, keep it secret, and say there: needlelab-station --enrol " +
                       std::filesystem::path(file).filename().string());

@@ -15,7 +15,7 @@ namespace needlelab {
 namespace {
 
 /// Two points nearer than this give no direction; the same bound as for segments of hazards.
-constexpr double kLeastLength = 1e-6;
+constexpr double kLeastLength_m = 1e-6;
 constexpr double kDegrees = 180 / std::numbers::pi;
 
 Vec3 pointOf(const pb::Vector3& v) {
@@ -26,6 +26,13 @@ Vec3 pointOf(const pb::Vector3& v) {
 Vec3 alongOf(const pb::Exercise::Plan& plan) {
   return plan.has_direction() ? pointOf(plan.direction())
                               : pointOf(plan.target_m()) - pointOf(plan.entry_m());
+}
+
+/// The length of `alongOf`; 0 if it is too short to have a direction.
+double lengthOf(const pb::Exercise::Plan& plan) {
+  const Vec3 along = alongOf(plan);
+  const double length = std::hypot(along.x, along.y, along.z);  // squares of small numbers would vanish
+  return !plan.has_direction() && length < kLeastLength_m ? 0 : length;
 }
 
 std::string millimetres(Vec3 p_m) {
@@ -39,8 +46,8 @@ std::optional<PlannedLine> plannedLineOf(const pb::Exercise& exercise, const Pos
   if (!exercise.has_plan()) return std::nullopt;
   const pb::Exercise::Plan& plan = exercise.plan();
   const Vec3 entry_m = pointOf(plan.entry_m()), along = alongOf(plan);
-  const double length = norm(along);
-  if (!isFinite(entry_m) || !std::isfinite(length) || !(length >= kLeastLength)) return std::nullopt;
+  const double length = lengthOf(plan);
+  if (!isFinite(entry_m) || !std::isfinite(length) || length == 0) return std::nullopt;
   const Pose X{X_AL.p, normalized(X_AL.q)};
   return PlannedLine{X * entry_m, rotate(X.q, along / length)};
 }
@@ -58,7 +65,7 @@ Status checkPlanFields(const pb::Exercise::Plan& plan, const std::string& path) 
   if (plan.has_direction() == plan.has_target_m())
     return fieldError(path, std::string("give either direction or target_m; found ") +
                                 (plan.has_direction() ? "both" : "neither"));
-  if (norm(alongOf(plan)) >= kLeastLength) return {};
+  if (lengthOf(plan) > 0) return {};
   if (plan.has_direction())
     return fieldError(path + ".direction", "has the length 0: give any vector that points into the tissue");
   return fieldError(path + ".target_m", "is the same point as entry_m: give a point further along the line");
@@ -88,7 +95,7 @@ Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const
   if (slope_rad < kLeastPlanSlope_rad)
     return fieldError(
         where, fmt::format("the line {} at {:.3g}° to the skin of profile '{}': it has to go in "
-                           "at {:g}° or steeper",
+                           "at {:g}° to the skin or more",
                            slope_rad < 0 ? "comes out of the tissue" : "goes in",
                            kDegrees * std::abs(slope_rad), profile.id(), kDegrees * kLeastPlanSlope_rad));
   const double needle_m = (exercise.has_needle() ? exercise.needle() : profile.needle()).length_m();

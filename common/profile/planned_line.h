@@ -39,9 +39,9 @@ double angleTo(const PlannedLine& line, Vec3 axis);
 Status checkPlanFields(const pb::Exercise::Plan& plan, const std::string& path);
 
 /// Checks an exercise's plan with its profile: the entry is on the skin (within kPlanOffSkin_m), the line
-/// goes into the tissue at kLeastPlanSlope_rad or steeper, and the needle reaches the plan's target. An
-/// exercise without a plan is right. Errors: kInvalidInput, `PATH.plan.entry_m: …`, with what would be right;
-/// `path` is the exercise's, empty for one that stands alone.
+/// goes into the tissue at kLeastPlanSlope_rad to the skin or more, and the needle reaches the plan's target.
+/// An exercise without a plan is right. Errors: kInvalidInput, `PATH.plan.entry_m: …`, with what would be
+/// right; `path` is the exercise's, empty for one that stands alone.
 Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const std::string& path);
 
 }  // namespace needlelab

@@ -1,6 +1,13 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { boneContacts, forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
+import {
+  boneContacts,
+  boneContactWords,
+  forceOf,
+  intoLimb,
+  layerSpans,
+  wayOf,
+} from '../../client/web/app/lib/recording.js';
 import {
   axisOf,
   cross,
@@ -285,10 +292,12 @@ test('a plan is a line, or says where it is not', () => {
   assert.deepEqual(faults({ ...good, entry_m: { x: NaN, y: 0 } }), ['plan.entry_m.x', 'plan.entry_m.z']);
   assert.deepEqual(faults({ ...good, entry_m: undefined }), ['plan.entry_m.x', 'plan.entry_m.y', 'plan.entry_m.z']);
   assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: 0 } }), ['plan.direction']);
+  assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: -5e-7 } }), []);
   assert.deepEqual(faults({ ...good, direction: { x: 0, y: 0, z: Infinity } }), ['plan.direction.z']);
   assert.deepEqual(faults({ ...good, direction: undefined }), ['plan']);
   assert.deepEqual(faults({ ...good, target_m: { x: 0, y: 0, z: -0.03 } }), ['plan']);
   assert.deepEqual(faults(to({ ...good.entry_m })), ['plan.target_m']);
+  assert.deepEqual(faults(to({ x: 0.01, y: 0, z: -5e-7 })), ['plan.target_m']);
   // only a plan makes its measures
   const requirements = [
     { measure: 'planned_entry_error_m', max: 0.003 },
@@ -310,10 +319,29 @@ test('a plan keeps its line when it is given in the other way', () => {
   const back = planGivenBy(by_point, 'direction');
   assert.deepEqual(back.direction, { x: 0, y: 0.6, z: -0.8 });
   assert.equal(back.target_m, undefined);
-  assert.equal(planGivenBy(slanted, 'direction'), slanted);
+  assert.deepEqual(planGivenBy(slanted, 'direction'), slanted);
+  // a direction is a ratio of its numbers, whatever their size
+  const tiny = { ...slanted, direction: { x: 0, y: 3e-9, z: -4e-9 } };
+  assert.deepEqual(planGivenBy(tiny, 'target_m').target_m, { x: 0.01, y: 0.018, z: -0.022 });
   // no line yet: straight down
   const none = planGivenBy({ ...slanted, direction: { x: 0, y: 0, z: 0 } }, 'target_m');
   assert.deepEqual(none.target_m, { x: 0.01, y: 0, z: -0.028 });
+});
+
+test('of a plan that is given in both ways the chosen one stays', () => {
+  const both = {
+    frame: 'LIMB',
+    entry_m: { x: 0.01, y: 0, z: 0 },
+    direction: { x: 0, y: 0, z: -2 },
+    target_m: { x: 0, y: 0, z: -0.03 },
+  };
+  const faults = (plan) => courseFaults({ ...course, exercises: [{ ...course.exercises[0], plan }] });
+  assert.equal(faults(both).length, 1);
+  for (const by of ['direction', 'target_m']) {
+    const one = planGivenBy(both, by);
+    assert.deepEqual(one, { frame: 'LIMB', entry_m: both.entry_m, [by]: both[by] });
+    assert.deepEqual(faults(one), []);
+  }
 });
 
 test('an exercise has its number once', () => {
@@ -383,4 +411,36 @@ test('contacts with bone are those of the measure', () => {
   assert.deepEqual(boneContacts(columnsOf(aside), profile, [0.1, 0, 0, 0, 0, 0, 1]), [2, 3.2]);
   assert.deepEqual(boneContacts(columnsOf(gesture), null), []);
   assert.deepEqual(boneContacts({}, profile), []);
+});
+
+test('the number of contacts with bone is that of the score, not that of the points', () => {
+  // 5 s at 1 kHz; bone for 0.5 s from 1 s on, and for 3 ms from 3.001 s on
+  const profile = { layers: [{ tissue: 'SKIN' }, { tissue: 'BONE' }] };
+  const ticks = Array.from({ length: 5000 }, (_, i) => i);
+  const inBone = (i) => (i >= 1000 && i < 1500) || (i >= 3001 && i < 3004);
+  const columns = (kept) => ({ t_s: kept.map((i) => i / 1000), layer: kept.map((i) => (inBone(i) ? 1 : 0)) });
+  const all = boneContacts(columns(ticks), profile),
+    few = boneContacts(columns(ticks.filter((i) => i % 10 === 0)), profile);
+  assert.deepEqual(all, [1, 3.001]);
+  assert.deepEqual(few, [1]);
+  const scored = (value) => [
+    { measure: 'peak_force_n', value: 7 },
+    { measure: 'bone_contacts', value },
+  ];
+  assert.deepEqual(boneContactWords(scored(2), few.length), {
+    many: '2 contacts with bone',
+    moments: 'moments that are shown, 1 too short for the plot',
+  });
+  assert.deepEqual(boneContactWords(scored(2), all.length), {
+    many: '2 contacts with bone',
+    moments: 'moments that are shown',
+  });
+  assert.deepEqual(boneContactWords(scored(1), 0), { many: '1 bone contact', moments: 'too short for the plot' });
+  // the way back between two points is not seen: the score's number stays
+  assert.equal(boneContactWords(scored(1), 2).many, '1 bone contact');
+  // without a score no number is said
+  for (const unscored of [undefined, [], scored(null)])
+    assert.deepEqual(boneContactWords(unscored, 1), { many: '', moments: 'moments of bone contact that are shown' });
+  assert.equal(boneContactWords(scored(0), 0), null);
+  assert.equal(boneContactWords(undefined, 0), null);
 });

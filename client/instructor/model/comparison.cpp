@@ -242,6 +242,11 @@ void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const 
   const auto& requirements = a.requirements.empty() ? b.requirements : a.requirements;
   const SeriesStyle& style = kSeries[static_cast<std::size_t>(series)];
   if (style.plot) addLimits(plot, *style.plot, requirements);
+  // no plot of one gesture shows the distance from the planned line
+  if (series != ComparedSeries::kPlanned) return;
+  for (const PlotRequirement& requirement : requirements)
+    if (requirement.measure == "largest_planned_line_error_m")
+      addLimits(plot, requirement, style.shown_per_si);
 }
 
 std::string_view nameOf(ComparedSeries series) {

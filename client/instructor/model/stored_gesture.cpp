@@ -1,6 +1,7 @@
 #include "client/instructor/model/stored_gesture.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/track.h"
 
 namespace needlelab {
 namespace {
@@ -50,9 +52,10 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   gesture->thinned = removed.fate() == pb::RemovedOriginal::THINNED;
   double sample_rate_hz = gesture->rate_hz;
   if (gesture->thinned) {
-    sample_rate_hz = std::clamp(removed.thinned_rate_hz(), 50.0, gesture->rate_hz);
+    if (removed.thinned_rate_hz() > 0) sample_rate_hz = std::min(removed.thinned_rate_hz(), gesture->rate_hz);
     gesture->ticks_per_sample = gesture->rate_hz / sample_rate_hz;
-    description.set_rate_hz(sample_rate_hz);
+    // the engine does not step slower
+    description.set_rate_hz(std::max(50.0, sample_rate_hz));
     gesture->notes.push_back("thinned recording: " + printable(removed.reason()));
   }
   gesture->scene = sceneOfSession(description, prepare);
@@ -75,6 +78,24 @@ void addEvents(StoredGesture& gesture) {
   }
 }
 
+/// Whether the score's greatest distance from the planned line is not that from today's plan. No: unknown,
+/// because the score is of more samples than these.
+bool isScoredByAnotherPlan(const StoredGesture& gesture, const std::vector<Measure>& measures) {
+  constexpr double kSame_m = 1e-4;
+  const auto scored = std::find_if(measures.begin(), measures.end(), [](const Measure& row) {
+    return row.measured && row.name == "largest_planned_line_error_m";
+  });
+  const bool whole = !gesture.thinned && gesture.samples.size() == gesture.info.samples();
+  if (scored == measures.end() || !gesture.plan_W || !whole) return false;
+  std::vector<GestureSample> storage;
+  double largest_m = 0;
+  for (const GestureSample& s : cleaned(gesture.samples, storage)) {
+    if (isInside(s))
+      largest_m = std::max(largest_m, distanceFrom(*gesture.plan_W, {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}));
+  }
+  return std::abs(largest_m - scored->value) > kSame_m;
+}
+
 class Loader {
  public:
   Loader(const LabCall& call, std::string id, LoadProgress* progress)
@@ -94,7 +115,7 @@ class Loader {
     RETURN_IF_ERROR(readAnnotations());
     RETURN_IF_ERROR(readEvents());
     readPlan();
-    readRequirements();
+    readScore();
     addEvents(*gesture_);
     return std::shared_ptr<const StoredGesture>(std::move(gesture_));
   }
@@ -168,22 +189,26 @@ class Loader {
   }
 
   void readPlan() {
+    // without a scene the plan has no place in W; a note says why there is none
     const std::string& exercise_id = gesture_->info.description().exercise_id();
-    if (exercise_id.empty()) return;
+    if (exercise_id.empty() || !gesture_->scene.view) return;
     const auto exercise = findExercise(call_, exercise_id);
     if (!exercise.ok()) return note("the exercise's plan: " + printable(exercise.error().message));
     if (*exercise) gesture_->plan_W = plannedLineOf(**exercise, gesture_->scene.X_WL);
   }
 
   /// Without a score the plots have no limits; the scores' screen says why there is none.
-  void readRequirements() {
+  void readScore() {
     if (gesture_->info.state() == pb::SESSION_OPEN) return;
     pb::Request request;
     request.mutable_get_score()->set_session_id(id_);
     const auto reply = call_(request);
     if (!reply.ok()) return;
     const auto measures = parseScore(reply->score().measures_json());
-    if (measures.ok()) gesture_->requirements = requirementsOf(*measures);
+    if (!measures.ok()) return;
+    gesture_->requirements = requirementsOf(*measures);
+    if (isScoredByAnotherPlan(*gesture_, *measures))
+      note("the exercise's plan was changed after this session was scored: score it again");
   }
 
   void note(std::string text) {
@@ -256,7 +281,8 @@ Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, co
 std::shared_ptr<const StoredGesture> gestureOf(pb::SessionInfo info, std::vector<GestureSample> samples,
                                                const ScenePreparer& prepare, const pb::Exercise* exercise) {
   auto gesture = beginGesture(std::move(info), prepare, samples.size());
-  if (exercise != nullptr) gesture->plan_W = plannedLineOf(*exercise, gesture->scene.X_WL);
+  if (exercise != nullptr && gesture->scene.view)
+    gesture->plan_W = plannedLineOf(*exercise, gesture->scene.X_WL);
   gesture->samples = std::move(samples);
   TraceMaker maker(*gesture);
   for (const GestureSample& sample : gesture->samples) maker.feed(sample);

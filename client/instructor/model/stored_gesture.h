@@ -27,8 +27,9 @@ struct StoredGesture {
   std::string id;  ///< as text
   pb::SessionInfo info;
   SessionScene scene;
-  std::optional<PlannedLine> plan_W;  ///< of the exercise as it is today, as for its score; in W
-  double rate_hz = 1000;              ///< rate of the loop, not of a thinned recording's samples
+  /// Of the exercise as it is today, as for its score; in W. Nothing without a scene, whose pose is unknown.
+  std::optional<PlannedLine> plan_W;
+  double rate_hz = 1000;  ///< rate of the loop, not of a thinned recording's samples
   bool thinned = false;
   double ticks_per_sample = 1;  ///< above 1 in a thinned recording
   std::vector<GestureSample> samples;
@@ -36,7 +37,8 @@ struct StoredGesture {
   std::vector<pb::SyringeEvent> events;
   std::vector<pb::Annotation> annotations;    ///< by time
   std::vector<PlotRequirement> requirements;  ///< of the newest score, as they were then; empty: not scored
-  std::vector<std::string> notes;             ///< damage, thinning, missing parts: for the reader
+  std::vector<std::string>
+      notes;  ///< damage, thinning, missing parts, a score by another plan: for the reader
 
   [[nodiscard]] double first_s() const { return trace.firstTime_s(); }
   [[nodiscard]] double last_s() const { return trace.lastTime_s(); }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "common/gesture/chunk.h"
@@ -18,6 +19,10 @@ double forceIn(const GestureSample& s) {
   return std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]);
 }
 
+Vec3 tipOf(const GestureSample& s) {
+  return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
+}
+
 bool isFinitePoint(const GestureSample& s) {
   return std::isfinite(s.p_WT_m[0] + s.p_WT_m[1] + s.p_WT_m[2] + forceIn(s) + s.insertion_m +
                        s.lateral_error_m + s.speed_mps);
@@ -29,24 +34,28 @@ constexpr std::uint64_t kMostSamples = 2'000'000;  // half an hour at 1 kHz, hal
 
 GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W, std::size_t most_points,
                           const std::optional<PlannedLine>& plan_W) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   GestureCurve curve;
   if (samples.empty() || most_points == 0) return curve;
   const std::size_t group = (samples.size() + most_points - 1) / most_points;
   curve.reserve((samples.size() + group - 1) / group);
   for (std::size_t begin = 0; begin < samples.size(); begin += group) {
     const GestureSample* strongest = nullptr;
-    for (const GestureSample& s : samples.subspan(begin, std::min(group, samples.size() - begin)))
-      if (isFinitePoint(s) && (strongest == nullptr || forceIn(s) > forceIn(*strongest))) strongest = &s;
+    double lateral_m = nan, planned_m = nan;  // the greatest in tissue, where the measures are taken
+    for (const GestureSample& s : samples.subspan(begin, std::min(group, samples.size() - begin))) {
+      if (!isFinitePoint(s)) continue;
+      if (strongest == nullptr || forceIn(s) > forceIn(*strongest)) strongest = &s;
+      if (s.layer < 0) continue;
+      lateral_m = std::fmax(lateral_m, s.lateral_error_m);
+      if (plan_W) planned_m = std::fmax(planned_m, distanceFrom(*plan_W, tipOf(s)));
+    }
     if (strongest == nullptr) continue;
     const GestureSample& s = *strongest;
-    const Vec3 tip_W_m{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
-    const double depth = signedDepth(limb_W, tip_W_m);
     curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
-                     static_cast<float>(depth), static_cast<float>(s.insertion_m),
-                     static_cast<float>(forceIn(s)), static_cast<float>(s.lateral_error_m),
-                     static_cast<float>(s.speed_mps)});
-    if (plan_W && s.layer >= 0)
-      curve.back().planned_error_m = static_cast<float>(distanceFrom(*plan_W, tip_W_m));
+                     static_cast<float>(signedDepth(limb_W, tipOf(s))), static_cast<float>(s.insertion_m),
+                     static_cast<float>(forceIn(s)),
+                     static_cast<float>(std::isnan(lateral_m) ? s.lateral_error_m : lateral_m),
+                     static_cast<float>(s.speed_mps), static_cast<float>(planned_m)});
   }
   return curve;
 }

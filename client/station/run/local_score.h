@@ -19,16 +19,17 @@
 
 namespace needlelab {
 
-/// One point for several consecutive ticks: the tick with the greatest force, so that no peak is lost.
+/// One point for several consecutive ticks: the tick with the greatest force, so that no peak is lost, and
+/// the greatest distances from the lines, so that none of them hides behind its limit.
 struct CurvePoint {
   float time_s = 0;   ///< since the first sample
   float depth_m = 0;  ///< δ, negative outside
   float insertion_m = 0;
   float force_N = 0;          ///< |force| on the hand
-  float lateral_error_m = 0;  ///< from the line of the needle's own entry
+  float lateral_error_m = 0;  ///< from the line of the needle's own entry; the ticks' greatest in tissue
   float speed_mps = 0;
-  float planned_error_m =
-      std::numeric_limits<float>::quiet_NaN();  ///< from the plan; NaN: outside, or no plan
+  float planned_error_m = std::numeric_limits<float>::quiet_NaN();  ///< from the plan, the ticks' greatest in
+                                                                    ///< tissue; NaN: outside, or no plan
 };
 using GestureCurve = std::vector<CurvePoint>;
 inline constexpr std::size_t kCurvePoints = 4000;

@@ -210,14 +210,18 @@ Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral
   plot.low = 0;
   plot.legend = false;
   plot.series = {{"from own line", kBluishGreen, columnsOf(time_s, lateral_mm), false, true}};
-  addLimits(plot, GesturePlot::kAlignment, requirementsOf(measures));
+  const auto requirements = requirementsOf(measures);
+  addLimits(plot, GesturePlot::kAlignment, requirements);
   if (planned_mm.empty()) return plot;
   plot.title = "distance from a line";
   plot.legend = true;
   plot.series.push_back({"from planned line", kOrange, columnsOf(time_s, planned_mm), true, false});
-  for (const Measure& measure : measures)
-    if (measure.name == "largest_planned_line_error_m" && measure.max)
-      plot.limits.push_back({1e3 * *measure.max, "planned: at most " + valueText(*measure.max, "m")});
+  // each limit says which of the two lines it is for
+  for (PlotLimit& limit : plot.limits) limit.text.insert(0, "own line: ");
+  const std::size_t own = plot.limits.size();
+  for (const PlotRequirement& requirement : requirements)
+    if (requirement.measure == "largest_planned_line_error_m") addLimits(plot, requirement, 1e3);
+  for (std::size_t i = own; i < plot.limits.size(); ++i) plot.limits[i].text.insert(0, "planned line: ");
   return plot;
 }
 

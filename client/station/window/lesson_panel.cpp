@@ -165,8 +165,11 @@ void showAlignment(const LessonFollow& lesson) {
   };
   const auto degrees = [](double rad) { return fmt::format("{:.0f}°", rad * 180 / 3.14159265358979); };
   if (!ImGui::BeginTable("alignment", 4, ImGuiTableFlags_SizingStretchSame)) return;
+  // by the length of the captions, of the last by its values
+  for (const float weight : {12.0F, 16.0F, 8.0F, 10.0F})
+    ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthStretch, weight);
   cell("from own line", now.inside ? mm(now.lateral_error_m) + " mm" : "–");
-  cell("tilt to it", now.inside ? degrees(now.tilt_rad) : "–");
+  cell("tilt from own line", now.inside ? degrees(now.tilt_rad) : "–");
   cell("limit α", degrees(now.alpha_rad));
   cell("speed", now.inside ? fmt::format("{:.0f} mm/s", 1e3 * std::abs(now.speed_mps)) : "–");
   ImGui::EndTable();

@@ -266,8 +266,9 @@ void GestureTrace::Store::addEvent(TraceEvent event) {
 void GestureTrace::Store::findGap(const Moment& moment) {
   if (!any || moment.tick <= last.tick) return;
   const double ticks = static_cast<double>(moment.tick - last.tick);
-  // a thinned recording's steps differ by a tick; whole samples are missing from one and a half steps on
-  const double missing = std::floor(ticks / ticks_per_sample + 0.5) - 1;
+  // the thinner keeps the first tick at or behind each point of its grid: two neighbours are less than a step
+  // and a tick apart
+  const double missing = std::floor((ticks - 1) / ticks_per_sample);
   if (missing < 1) return;
   gaps.push_back({last.time_s, moment.time_s});
   const double missing_s = (moment.time_s - last.time_s) * missing / (missing + 1);

@@ -20,7 +20,8 @@ function leadsTo(exercises, from, to) {
 
 /** Measures that only an exercise with a plan has, as in common/scoring/measure_table.cpp. */
 const needsPlan = (measure) => /^planned_|_planned_line_/.test(measure);
-const kLeastLength = 1e-6; // of a direction; in m, of the way to a point on the line
+/** The way to a point on the line has to be so long, in m; a direction only has to have one, whatever its unit. */
+const leastLength = (direction) => (direction ? Number.MIN_VALUE : 1e-6);
 
 /** What of a plan can be seen without the patient; the server holds it against the skin. */
 function planFaults(plan, at, say) {
@@ -37,7 +38,10 @@ function planFaults(plan, at, say) {
   if (!whole(name)) return;
   const to = plan[name],
     from = plan.direction ? { x: 0, y: 0, z: 0 } : plan.entry_m;
-  if ((plan.direction || has_entry) && Math.hypot(...axes.map((axis) => to[axis] - from[axis])) < kLeastLength)
+  if (
+    (plan.direction || has_entry) &&
+    Math.hypot(...axes.map((axis) => to[axis] - from[axis])) < leastLength(plan.direction)
+  )
     say(
       `${at}.${name}`,
       plan.direction
@@ -123,10 +127,13 @@ export function nextDue(exercises, cells) {
   return open.length > 0 ? Math.min(...open.map(({ cell }) => cell.due_unix_ms)) : undefined;
 }
 
-/** A plan's other way to give the same line: `by` is 'direction' or 'target_m'; a point is put 30 mm along it. */
+/**
+ * A plan's other way to give the same line: `by` is 'direction' or 'target_m'; a point is put 30 mm along it. Of a plan
+ * that has both, the chosen one stays.
+ */
 export function planGivenBy(plan, by) {
   const { direction, target_m, ...rest } = plan;
-  if (plan[by]) return plan;
+  if (plan[by]) return { ...rest, [by]: plan[by] };
   const at = (v, axis) => Number(v?.[axis]) || 0;
   const along = ['x', 'y', 'z'].map((axis) =>
     direction ? at(direction, axis) : at(target_m, axis) - at(rest.entry_m, axis),
@@ -135,7 +142,7 @@ export function planGivenBy(plan, by) {
   // 12 digits, as the fields have them
   const rounded = (value) => Number(value.toPrecision(12)) || 0;
   const vector = (of) => ({ x: rounded(of('x', 0)), y: rounded(of('y', 1)), z: rounded(of('z', 2)) });
-  const one = size < kLeastLength ? [0, 0, -1] : along.map((v) => v / size);
+  const one = size < leastLength(direction) ? [0, 0, -1] : along.map((v) => v / size);
   return {
     ...rest,
     [by]: by === 'direction' ? vector((_, i) => one[i]) : vector((axis, i) => at(rest.entry_m, axis) + 0.03 * one[i]),

@@ -103,8 +103,8 @@ function segmentDistance(p, a, b) {
 }
 
 /**
- * When the tip came into bone, a layer or a hazard, as the measure bone_contacts counts. Between two points of a
- * decimated recording nothing is known.
+ * When the tip came into bone, a layer or a hazard, by the rule of the measure bone_contacts. Between two points of a
+ * decimated recording nothing is known: the score's row has the number of contacts.
  * @param {Record<string, number[]>} columns
  * @param {any} profile
  * @param {number[]} [placement]
@@ -134,6 +134,23 @@ export function boneContacts(columns, profile, placement) {
     away_since_s = null;
   }
   return found;
+}
+
+/**
+ * What is said of the contacts with bone. The score counts them over all samples; moments are known only where the
+ * points of the plot show them, which can be fewer.
+ * @param {any[]|undefined} measures of the score, if there is one
+ * @param {number} shown how many moments the points show
+ * @returns {{many: string, moments: string}|null} `many`: how many there were, empty without a score; null: none
+ */
+export function boneContactWords(measures, shown) {
+  const counted = measures?.find((row) => row.measure === 'bone_contacts')?.value;
+  const known = Number.isFinite(counted);
+  if (shown === 0 && !(known && counted > 0)) return null;
+  const many = known ? (counted === 1 ? `1 ${kBoneContact}` : `${counted} contacts with bone`) : '';
+  if (known && shown === 0) return { many, moments: 'too short for the plot' };
+  const short = known && counted > shown ? `, ${counted - shown} too short for the plot` : '';
+  return { many, moments: `${known ? 'moments' : `moments of ${kBoneContact}`} that are shown${short}` };
 }
 
 /** Index of the sample at a moment. */

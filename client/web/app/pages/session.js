@@ -82,6 +82,7 @@ function Recording({ id, session, measures, person }) {
                       columns=${columns}
                       session=${session}
                       contacts=${contacts}
+                      measures=${measures}
                       playback=${playback}
                       act=${act}
                     />`

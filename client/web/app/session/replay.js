@@ -1,6 +1,6 @@
 // The replay of the tip in two views: from the side, in the plane of the insertion, and from above.
 import { minMax } from '../lib/decimate.js';
-import { forceOf, kBoneContact, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
+import { boneContactWords, forceOf, kBoneContact, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
 import { clock } from '../lib/time.js';
 import { layerNames } from '../lib/tissue.js';
 import { quantity } from '../lib/units.js';
@@ -32,8 +32,8 @@ function Tip({ way, at_s, x, y, second, length_m }) {
   `;
 }
 
-/** @param {{columns: any, session: any, contacts: number[], playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
-export function Replay({ columns, session, contacts, playback, act }) {
+/** @param {{columns: any, session: any, contacts: number[], measures: any[]|undefined, playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
+export function Replay({ columns, session, contacts, measures, playback, act }) {
   const id = useId();
   const { profile, placement } = session.description;
   const way = useMemo(() => wayOf(columns, profile, placement), [columns, profile, placement]);
@@ -64,6 +64,7 @@ export function Replay({ columns, session, contacts, playback, act }) {
   const name = layerNames(profile)[layer] ?? `layer ${layer + 1}`;
   const where = layer >= 0 ? `in ${name}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
   const place = `${clock(playback.at_s)}: ${where}, ${quantity(force[i], 'N')}`;
+  const said = boneContactWords(measures, contacts.length);
   const tip =
     (second) =>
     ({ x, y }) =>
@@ -117,9 +118,9 @@ export function Replay({ columns, session, contacts, playback, act }) {
     </div>
     <p class="replay-now">${place}</p>
     ${
-      contacts.length > 0 &&
+      said &&
       html`<div class="actions">
-        <span>✗ ${contacts.length === 1 ? kBoneContact : `${contacts.length} contacts with bone`}:</span>
+        <span>✗ ${[said.many, said.moments].filter(Boolean).join('; ')}${contacts.length > 0 && ':'}</span>
         ${contacts.map(
           (t) =>
             html`<button

@@ -79,7 +79,6 @@ TEST(Plan, whatIsNoLineIsRefusedByField) {
       {"/entry_m/x", "1001", "plan.entry_m.x: 1001 is out of range [-1000, 1000]"},
       {"/direction/z", "null", "plan.direction.z: must be a number, found null"},
       {"/direction/z", "0", "plan.direction: has the length 0: give any vector that points into the tissue"},
-      {"/direction/z", "1e-9", "plan.direction: has the length 0"},
       {"/direction", "", "plan: give either direction or target_m; found neither"},
       {"/target_m", R"({"x": 0, "y": 0, "z": -0.03})", "plan: give either direction or target_m; found both"},
       {"/angle_rad", "1", "plan: unknown field \"angle_rad\"; known are frame, entry_m, direction, target_m"},
@@ -96,6 +95,9 @@ TEST(Plan, whatIsNoLineIsRefusedByField) {
   ASSERT_FALSE(on_entry.ok());
   EXPECT_THAT(on_entry.error().message,
               StartsWith("e.json: plan.target_m: is the same point as entry_m: give a point further along"));
+  EXPECT_FALSE(
+      withPlan(mutated(planWith("/direction", ""), "/target_m", R"({"x": 0, "y": 0, "z": -5e-7})")).ok())
+      << "too near to give a direction";
   // JSON has no NaN at all
   EXPECT_FALSE(parseExercise(R"({"plan": {"entry_m": {"x": NaN}}})", "e.json").ok());
   // in a course the path says which exercise
@@ -144,7 +146,7 @@ TEST(Plan, mustGoIntoTheTissue) {
   EXPECT_EQ(faultOn(plane, at(10.1)), "");
   EXPECT_EQ(faultOn(plane, at(9)),
             "exercises[3].plan.direction: the line goes in at 9° to the skin of profile 'shoulder-adult': it "
-            "has to go in at 10° or steeper");
+            "has to go in at 10° to the skin or more");
   EXPECT_THAT(faultOn(plane, at(-90)), HasSubstr("plan.direction: the line comes out of the tissue at 90°"));
   // to a target: above the skin, and further than the needle of 60 mm
   const auto to = [](const std::string& point) {
@@ -178,6 +180,16 @@ TEST(PlannedLine, isPlacedAndNormalised) {
                                           "/target_m", R"({"x": 0.01, "y": 0, "z": -0.04})"));
   ASSERT_TRUE(by_target.ok());
   EXPECT_NEAR(norm(plannedLineOf(*by_target, X)->direction - line->direction), 0, 1e-15);
+}
+
+TEST(PlannedLine, itsDirectionMayHaveAnyLengthButNone) {
+  for (const char* const z : {"-5e-7", "-1e-200", "-1000"}) {
+    const auto exercise = withPlan(planWith("/direction/z", z));
+    ASSERT_TRUE(exercise.ok()) << exercise.error().message;
+    const auto line = plannedLineOf(*exercise);
+    ASSERT_TRUE(line) << z;
+    EXPECT_EQ(line->direction, (Vec3{0, 0, -1})) << z;
+  }
 }
 
 TEST(PlannedLine, isNoneWithoutALine) {

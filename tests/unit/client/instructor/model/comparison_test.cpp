@@ -124,8 +124,11 @@ TEST(Comparison, theCurvesHaveTheLimitsOfTheExerciseOfBoth) {
   auto a = std::make_shared<StoredGesture>(), b = std::make_shared<StoredGesture>();
   a->info.mutable_description()->set_exercise_id("knee");
   b->info.mutable_description()->set_exercise_id("knee");
-  a->requirements = {
-      {"peak_force_n", {}, 5}, {"largest_lateral_error_m", {}, 0.002}, {"peak_speed_m_s", {}, 0.1}};
+  a->requirements = {{"peak_force_n", {}, 5},
+                     {"largest_lateral_error_m", {}, 0.002},
+                     {"largest_planned_line_error_m", {}, 0.004},
+                     {"mean_planned_line_error_m", {}, 0.003},
+                     {"peak_speed_m_s", {}, 0.1}};
   const auto limitsOf = [&](ComparedSeries series) {
     Plot plot;
     addLimits(plot, series, *a, *b);
@@ -135,6 +138,7 @@ TEST(Comparison, theCurvesHaveTheLimitsOfTheExerciseOfBoth) {
   };
   EXPECT_EQ(limitsOf(ComparedSeries::kTotalForce), std::vector<double>{5});
   EXPECT_EQ(limitsOf(ComparedSeries::kLateral), std::vector<double>{2});
+  EXPECT_EQ(limitsOf(ComparedSeries::kPlanned), std::vector<double>{4}) << "the mean's limit is not a line";
   EXPECT_EQ(limitsOf(ComparedSeries::kSpeed), (std::vector<double>{100, -100}));
   EXPECT_TRUE(limitsOf(ComparedSeries::kTilt).empty());
   b->info.mutable_description()->set_exercise_id("hip");

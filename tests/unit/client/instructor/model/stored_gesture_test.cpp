@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -35,6 +37,7 @@ class StoredGestureTest : public testing::Test {
 
   void SetUp() override {
     server_.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+    server_.addUser("mia", pb::CURRICULUM_MANAGER, "battery horse correct");
     ASSERT_NO_FATAL_FAILURE(uploadLesson(server_, key_, info_, samples_));
     auto instructor = server_.connect(personLogin("anna", "correct horse battery"));
     ASSERT_TRUE(instructor.ok());
@@ -42,6 +45,36 @@ class StoredGestureTest : public testing::Test {
   }
   LabCall call() {
     return [this](const pb::Request& request) { return instructor_->call(request); };
+  }
+  /// Changes the lesson's exercise in the course that has it.
+  void changeExercise(const std::function<void(pb::Exercise&)>& change) {
+    auto manager = server_.connect(personLogin("mia", "battery horse correct"));
+    ASSERT_TRUE(manager.ok());
+    pb::Request list;
+    list.mutable_list_curricula();
+    const auto courses = instructor_->call(list);
+    ASSERT_TRUE(courses.ok());
+    bool changed = false;
+    for (const auto& row : courses->curricula().curricula()) {
+      pb::Request read;
+      read.mutable_get_curriculum()->set_id(row.id());
+      const auto course = instructor_->call(read);
+      ASSERT_TRUE(course.ok());
+      auto parsed = parseCurriculum(course->curriculum().json(), "course");
+      ASSERT_TRUE(parsed.ok());
+      auto& exercises = *parsed->mutable_exercises();
+      const auto found = std::find_if(exercises.begin(), exercises.end(), [&](const pb::Exercise& exercise) {
+        return exercise.id() == info_.description().exercise_id();
+      });
+      if (found == exercises.end()) continue;
+      change(*found);
+      pb::Request put;
+      put.mutable_import_curriculum()->set_json(curriculumJson(*parsed));
+      const auto stored = manager->call(put);
+      ASSERT_TRUE(stored.ok()) << stored.error().message;
+      changed = true;
+    }
+    ASSERT_TRUE(changed) << "a sample course has this exercise";
   }
 };
 
@@ -53,6 +86,57 @@ TEST(StoredGesture, isTitledByTheLocalTimeOfItsBeginning) {
   d.set_exercise_id("knee");
   d.set_started_unix_ns((20'635 * 86'400LL + 3600) * 1'000'000'000);  // 2026-07-01 01:00 UTC
   EXPECT_EQ(gesture.title(), "tina, knee, 2026-06-30 22:30");
+}
+
+TEST(StoredGesture, aThinnedRecordingIsWholeAtEachRateThatAPolicyMayHave) {
+  const std::string profile = sampleProfile("shoulder-adult");
+  for (const double left_hz : {0.1, 10.0, 50.0, 800.0, 10'000.0}) {
+    pb::SessionInfo info = lessonInfo(profile);
+    info.mutable_removed_original()->set_fate(pb::RemovedOriginal::THINNED);
+    info.mutable_removed_original()->set_thinned_rate_hz(left_hz);
+    const double step_ticks = std::max(1.0, 1000 / left_hz);
+    std::vector<GestureSample> samples;
+    for (int i = 0; i < 100; ++i) {
+      GestureSample sample;
+      sample.tick = static_cast<std::uint64_t>(std::ceil(i * step_ticks));
+      sample.q_WT[3] = 1;
+      sample.p_WT_m[2] = 0.1;
+      sample.layer = -1;
+      samples.push_back(sample);
+    }
+    const double last_s = 1e-3 * static_cast<double>(samples.back().tick);
+    const auto gesture = gestureOf(std::move(info), std::move(samples));
+    EXPECT_TRUE(gesture->scene.model) << left_hz << ": " << gesture->scene.why;
+    EXPECT_TRUE(gesture->trace.gaps().empty()) << left_hz;
+    EXPECT_TRUE(gesture->trace.events().empty()) << left_hz;
+    EXPECT_DOUBLE_EQ(gesture->first_s(), 0) << left_hz << ": nothing is forgotten";
+    EXPECT_DOUBLE_EQ(gesture->last_s(), last_s) << left_hz;
+    EXPECT_EQ(gesture->trace.between(0, last_s).front().time_s, 0) << left_hz;
+  }
+}
+
+/// A line straight down through the origin of the limb's frame.
+pb::Exercise straightDown() {
+  pb::Exercise exercise;
+  auto& plan = *exercise.mutable_plan();
+  plan.set_frame(pb::Exercise::Plan::LIMB);
+  plan.mutable_entry_m();
+  plan.mutable_direction()->set_z(-1);
+  return exercise;
+}
+
+TEST(StoredGesture, hasAPlanOnlyWhereTheLimbsPlaceIsKnown) {
+  const pb::Exercise exercise = straightDown();
+  pb::SessionInfo info = lessonInfo(sampleProfile("shoulder-adult"));
+  for (const double v : {0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0}) info.mutable_description()->add_placement(v);
+  const auto placed = gestureOf(info, {}, {}, &exercise);
+  ASSERT_TRUE(placed->plan_W);
+  EXPECT_EQ(placed->plan_W->entry_m, (Vec3{0.1, 0.2, 0.3}));
+  pb::SessionInfo unreadable = info;
+  unreadable.mutable_description()->set_profile_json("{}");
+  EXPECT_FALSE(gestureOf(unreadable, {}, {}, &exercise)->plan_W);
+  info.mutable_description()->mutable_placement()->RemoveLast();
+  EXPECT_FALSE(gestureOf(info, {}, {}, &exercise)->plan_W) << "six numbers are not a pose";
 }
 
 TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
@@ -119,54 +203,74 @@ TEST_F(StoredGestureTest, becomesAReport) {
 }
 
 TEST_F(StoredGestureTest, hasItsExercisesPlanAsItIsToday) {
-  const auto load = [&] { return loadGesture(call(), info_.description().session_id()); };
-  // the courses as they are, without a plan in the exercise
-  pb::Request list;
-  list.mutable_list_curricula();
-  const auto courses = instructor_->call(list);
-  ASSERT_TRUE(courses.ok());
-  server_.addUser("mia", pb::CURRICULUM_MANAGER, "battery horse correct");
-  auto manager = server_.connect(personLogin("mia", "battery horse correct"));
-  ASSERT_TRUE(manager.ok());
-  bool changed = false;
-  for (const auto& row : courses->curricula().curricula()) {
-    pb::Request read;
-    read.mutable_get_curriculum()->set_id(row.id());
-    const auto course = instructor_->call(read);
-    ASSERT_TRUE(course.ok());
-    auto parsed = parseCurriculum(course->curriculum().json(), "course");
-    ASSERT_TRUE(parsed.ok());
-    for (const bool with_plan : {false, true}) {
-      bool here = false;
-      for (auto& exercise : *parsed->mutable_exercises()) {
-        if (exercise.id() != info_.description().exercise_id()) continue;
-        here = true;
-        exercise.clear_plan();
-        if (!with_plan) continue;
-        auto& plan = *exercise.mutable_plan();
-        plan.set_frame(pb::Exercise::Plan::LIMB);
-        for (auto* vector : {plan.mutable_entry_m(), plan.mutable_direction()}) {
-          vector->set_x(0);
-          vector->set_y(0);
-          vector->set_z(vector == plan.mutable_entry_m() ? 0 : -2);
-        }
-      }
-      if (!here) break;
-      changed = true;
-      pb::Request put;
-      put.mutable_import_curriculum()->set_json(curriculumJson(*parsed));
-      const auto stored = manager->call(put);
-      ASSERT_TRUE(stored.ok()) << stored.error().message;
-      const auto gesture = load();
-      ASSERT_TRUE(gesture.ok()) << gesture.error().message;
-      ASSERT_EQ((*gesture)->plan_W.has_value(), with_plan);
-      if (with_plan) {
-        EXPECT_EQ((*gesture)->plan_W->direction, (Vec3{0, 0, -1}));
-      }
-      EXPECT_TRUE((*gesture)->notes.empty());
+  for (const bool with_plan : {false, true}) {
+    changeExercise([&](pb::Exercise& exercise) {
+      exercise.clear_plan();
+      if (with_plan) *exercise.mutable_plan() = straightDown().plan();
+    });
+    const auto gesture = loadGesture(call(), info_.description().session_id());
+    ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+    ASSERT_EQ((*gesture)->plan_W.has_value(), with_plan);
+    if (with_plan) {
+      EXPECT_EQ((*gesture)->plan_W->direction, (Vec3{0, 0, -1}));
     }
+    EXPECT_TRUE((*gesture)->notes.empty());
   }
-  EXPECT_TRUE(changed) << "a sample course has this exercise";
+}
+
+TEST_F(StoredGestureTest, saysThatThePlanWasChangedBehindTheScore) {
+  pb::SessionInfo shown;  // what the server tells of the session, where it differs
+  const LabCall changed = [&](const pb::Request& request) -> Result<pb::Reply> {
+    auto reply = instructor_->call(request);
+    if (reply.ok() && request.has_get_session()) reply->mutable_session()->MergeFrom(shown);
+    return reply;
+  };
+  const std::string words = "the exercise's plan was changed after this session was scored: score it again";
+  const auto isSaid = [&] {
+    const auto gesture = loadGesture(changed, info_.description().session_id());
+    EXPECT_TRUE(gesture.ok());
+    if (!gesture.ok()) return false;
+    EXPECT_TRUE((*gesture)->plan_W);
+    const auto& notes = (*gesture)->notes;
+    return std::find(notes.begin(), notes.end(), words) != notes.end();
+  };
+  EXPECT_FALSE(isSaid());
+  changeExercise([](pb::Exercise& exercise) { exercise.mutable_plan()->mutable_entry_m()->set_x(5e-5); });
+  EXPECT_FALSE(isSaid()) << "moved by less than 0.1 mm";
+  changeExercise([](pb::Exercise& exercise) {
+    *exercise.mutable_plan() = straightDown().plan();
+    exercise.mutable_plan()->mutable_entry_m()->set_x(0.003);
+  });
+  EXPECT_TRUE(isSaid());
+  // the score is of more samples than can be read: nothing can be said
+  shown.set_samples(samples_.size() + 1);
+  EXPECT_FALSE(isSaid());
+  shown.Clear();
+  shown.mutable_removed_original()->set_fate(pb::RemovedOriginal::THINNED);
+  shown.mutable_removed_original()->set_thinned_rate_hz(1000);
+  EXPECT_FALSE(isSaid());
+  shown.Clear();
+  pb::Request rescore;
+  rescore.mutable_rescore_session()->set_session_id(info_.description().session_id());
+  ASSERT_TRUE(instructor_->call(rescore).ok());
+  EXPECT_FALSE(isSaid()) << "scored again";
+}
+
+TEST_F(StoredGestureTest, isReadWithoutAPlanWhereItsProfileIsNotReadable) {
+  bool readable = true;
+  const LabCall garbling = [&](const pb::Request& request) -> Result<pb::Reply> {
+    auto reply = instructor_->call(request);
+    if (reply.ok() && request.has_get_session() && !readable)
+      reply->mutable_session()->mutable_description()->set_profile_json("{}");
+    return reply;
+  };
+  for (const bool each : {true, false}) {
+    readable = each;
+    const auto gesture = loadGesture(garbling, info_.description().session_id());
+    ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+    EXPECT_EQ((*gesture)->plan_W.has_value(), readable) << "the sample's exercise has a plan";
+    EXPECT_EQ((*gesture)->notes.empty(), readable);
+  }
 }
 
 TEST_F(StoredGestureTest, withoutAnAnswerAboutThePlanTheGestureIsReadAllTheSame) {

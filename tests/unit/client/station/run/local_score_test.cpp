@@ -64,6 +64,38 @@ TEST(GestureCurve, hasTheDistanceFromThePlanInTissue) {
     EXPECT_TRUE(std::isnan(point.planned_error_m)) << "no plan";
 }
 
+TEST(GestureCurve, keepsTheGreatestDistancesOfEachGroupInTissue) {
+  // of each ten ticks the first is the strongest, and the eighth the furthest aside
+  auto samples = goingDown(100, 0);
+  const PlannedLine plan{{0.001, 0, 0}, {0, 0, -1}};
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    GestureSample& s = samples[i];
+    s.layer = i < 50 ? -1 : 0;
+    s.force_W_N[2] = i % 10 == 0 ? 4 : 1;
+    s.lateral_error_m = i % 10 == 7 ? 0.003 : 0.0005;
+    s.p_WT_m[0] = i % 10 == 7 ? 0.006 : 0.001;
+  }
+  // further aside still, but out of tissue, or not finite
+  samples[79].layer = -1;
+  samples[79].lateral_error_m = 0.5;
+  samples[79].p_WT_m[0] = 0.5;
+  samples[89].lateral_error_m = 0.5;
+  samples[89].force_W_N[0] = std::numeric_limits<double>::infinity();
+  const GestureCurve curve = gestureCurve(samples, kFlat, 10, plan);
+  ASSERT_EQ(curve.size(), 10u);
+  for (std::size_t i = 0; i < curve.size(); ++i) {
+    EXPECT_FLOAT_EQ(curve[i].force_N, 4) << i;
+    EXPECT_FLOAT_EQ(curve[i].insertion_m, 0.01F * static_cast<float>(i)) << "of the strongest tick";
+    if (i < 5) {
+      EXPECT_FLOAT_EQ(curve[i].lateral_error_m, 0.0005F) << i;
+      EXPECT_TRUE(std::isnan(curve[i].planned_error_m)) << i;
+    } else {
+      EXPECT_FLOAT_EQ(curve[i].lateral_error_m, 0.003F) << i;
+      EXPECT_FLOAT_EQ(curve[i].planned_error_m, 0.005F) << i;
+    }
+  }
+}
+
 TEST(GestureCurve, leavesOutWhatIsNoNumber) {
   auto samples = goingDown(3, 0);
   samples[1].p_WT_m[0] = std::numeric_limits<double>::quiet_NaN();

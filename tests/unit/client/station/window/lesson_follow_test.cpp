@@ -146,17 +146,24 @@ TEST(LateralPlot, hasTheExercisesLimit) {
 
 TEST(LateralPlot, showsTheWayFromThePlanBesideTheOwnLine) {
   const std::vector<double> time_s = {0, 1}, lateral_mm = {0, 0.03}, planned_mm = {2, 3};
-  std::vector<Measure> measures(1);
-  measures[0].name = "largest_planned_line_error_m";
-  measures[0].max = 0.004;
+  std::vector<Measure> measures(2);
+  measures[0].name = "largest_lateral_error_m";
+  measures[0].max = 0.003;
+  measures[1].name = "largest_planned_line_error_m";
+  measures[1].min = 0.001;
+  measures[1].max = 0.004;
   const Plot plot = lateralPlot(time_s, lateral_mm, planned_mm, measures);
   ASSERT_EQ(plot.series.size(), 2u);
   EXPECT_EQ(plot.series[0].name, "from own line");
   EXPECT_EQ(plot.series[1].name, "from planned line");
   EXPECT_TRUE(plot.legend);
-  ASSERT_EQ(plot.limits.size(), 1u);
-  EXPECT_EQ(plot.limits[0].at, 4);
-  EXPECT_EQ(plot.limits[0].text, "planned: at most 4 mm");
+  ASSERT_EQ(plot.limits.size(), 3u);
+  EXPECT_EQ(plot.limits[0].at, 3);
+  EXPECT_EQ(plot.limits[0].text, "own line: at most 3 mm");
+  EXPECT_EQ(plot.limits[1].at, 1);
+  EXPECT_EQ(plot.limits[1].text, "planned line: at least 1 mm");
+  EXPECT_EQ(plot.limits[2].at, 4);
+  EXPECT_EQ(plot.limits[2].text, "planned line: at most 4 mm");
 }
 
 }  // namespace
