@@ -29,11 +29,17 @@ Status checkWritable(const std::filesystem::path& file) {
   return {};
 }
 
-Status addStation(CommandContext& context, const std::string& name, const std::string& file) {
+/// Adds the station and returns its key, which is shown only once.
+Result<std::string> newKeyOf(CommandContext& context, const std::string& name) {
   pb::Request request;
   request.mutable_add_station()->set_name(name);
   ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
-  std::string line = name + ":" + hexText(reply.station_key().key()) + "\n";
+  return reply.station_key().key();
+}
+
+Status addStation(CommandContext& context, const std::string& name, const std::string& file) {
+  ASSIGN_OR_RETURN(const auto key, newKeyOf(context, name));
+  std::string line = name + ":" + hexText(key) + "\n";
   const WipeAtEnd wiped(line);
   if (auto done = writeFileAtomically(file, viewOf(line), 0600); !done) {
     return Error{done.error().code, done.error().message + "; station '" + name +
@@ -45,8 +51,9 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   return {};
 }
 
-/// Asks whether the station may be added, before anything is made for it. Errors: as AddStation has them.
-Status mayBeAdded(CommandContext& context, const std::string& name) {
+/// Asks whether the station may be added, before anything is made for it. Returns its key if it had to be
+/// added for that; empty: it is still to be added. Errors: as AddStation has them.
+Result<std::string> mayBeAdded(CommandContext& context, const std::string& name) {
   bool known = false, active = false;
   RETURN_IF_ERROR(eachPage(
       context.backend,
@@ -59,15 +66,10 @@ Status mayBeAdded(CommandContext& context, const std::string& name) {
         }
         return known ? std::string() : reply.stations().next_page();
       }));
-  if (!known) return checkNewName("station name", name);
-  if (!active) return {};
-  // its key is never shown again: the server refuses, with its own words
-  pb::Request request;
-  request.mutable_add_station()->set_name(name);
-  RETURN_IF_ERROR(context.backend.call(request));
-  return Error{ErrorCode::kFailed,
-               "station '" + name +
-                   "' was revoked by somebody meanwhile; its new key is lost: revoke it and enrol it again"};
+  if (!known) RETURN_IF_ERROR(checkNewName("station name", name));
+  if (!active) return std::string();
+  // the server refuses, with its own words; if somebody revoked the station meanwhile, it gives a key
+  return newKeyOf(context, name);
 }
 
 /// Returns the certificate authority for the station to trust: the folder's, made with the server's
@@ -90,17 +92,19 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   enrolment.server = *parseEndpoint(server);
   // do everything that can fail before making the key, because it is shown only once; a refused name makes no
   // TLS files
-  RETURN_IF_ERROR(mayBeAdded(context, name));
-  ASSIGN_OR_RETURN(auto ca, authorityFor(context, enrolment.server));
-  enrolment.ca_pem = std::move(ca);
-  pb::Request request;
-  request.mutable_add_station()->set_name(name);
-  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
-  enrolment.key = reply.station_key().key();
-  if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done) {
-    return Error{done.error().code, done.error().message + "; station '" + name +
-                                        "' was added, but its key is lost: revoke it and enrol it again"};
+  ASSIGN_OR_RETURN(enrolment.key, mayBeAdded(context, name));
+  const auto lost = [&](const Error& error) {
+    return Error{error.code, error.message + "; station '" + name +
+                                 "' was added, but its key is lost: revoke it and enrol it again"};
+  };
+  auto ca = authorityFor(context, enrolment.server);
+  if (!ca) return enrolment.key.empty() ? ca.error() : lost(ca.error());
+  enrolment.ca_pem = std::move(*ca);
+  if (enrolment.key.empty()) {
+    ASSIGN_OR_RETURN(enrolment.key, newKeyOf(context, name));
   }
+  if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done)
+    return lost(done.error());
   context.output.done("added station '" + name + "'; move " + std::filesystem::absolute(file).string() +
                       " to it, keep it secret, and say there: needlelab-station --enrol " +
                       std::filesystem::path(file).filename().string());
