@@ -36,6 +36,22 @@ Result<std::unique_ptr<Backend>> openBackend(const GlobalOptions& global, const 
   return connectServer({endpoint, global.ca, global.user, password});
 }
 
+/// Removes a new data folder after a command that failed, with an error or an exception.
+struct DiscardUnlessDone {
+  explicit DiscardUnlessDone(Backend& of) : backend(of) {}
+  DiscardUnlessDone(const DiscardUnlessDone&) = delete;
+  DiscardUnlessDone& operator=(const DiscardUnlessDone&) = delete;
+  ~DiscardUnlessDone() {
+    try {
+      if (!done) backend.discardIfNew();
+    } catch (const std::exception&) {
+      // the command's own failure is what is reported
+    }
+  }
+  Backend& backend;
+  bool done = false;
+};
+
 int fail(std::ostream& err, const Error& error) {
   err << "needlelab-admin: " << error.message << "\n";
   return exitCodeOf(error);
@@ -104,11 +120,10 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   }
   auto backend = openBackend(global, chosen);
   if (!backend) return fail(err, backend.error());
+  DiscardUnlessDone discard(**backend);
   CommandContext context{**backend, output, global};
-  if (const auto done = chosen.run(context); !done) {
-    (*backend)->discardIfNew();
-    return fail(err, done.error());
-  }
+  if (const auto done = chosen.run(context); !done) return fail(err, done.error());
+  discard.done = true;
   return kExitDone;
 } catch (const std::exception& e) {
   // out of memory, or a file system error: report it in one line, without a trace

@@ -1,14 +1,18 @@
 #include "client/admin/backend.h"
 
+#include <fcntl.h>
 #include <pwd.h>
+#include <sys/file.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
-#include <optional>
-#include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "client/net/blocking_client.h"
+#include "common/wire/certificates.h"
 #include "common/wire/protocol.h"
 #include "db/service/bootstrap.h"
 
@@ -22,25 +26,62 @@ std::string localName() {
                                                                    : std::to_string(::getuid()));
 }
 
-/// What a folder holds; nothing if it does not exist.
-struct FolderState {
-  bool exists = false;
-  std::set<std::filesystem::path> entries;
-};
+/// What is missing of a data folder before a command that may make it, and how to take that away again. Names
+/// that are not this program's, and what was there before, always stay.
+class NewFolder {
+ public:
+  explicit NewFolder(const std::filesystem::path& given) {
+    // DIR/ means DIR
+    const auto folder = given.has_filename() ? given : given.parent_path();
+    std::error_code error;
+    for (auto part = folder; !part.empty() && !std::filesystem::exists(part, error);
+         part = part.parent_path())
+      folders_.push_back(part);
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+      // a database, the rest of one, or a restore that Store::open completes
+      const std::string name = entry.path().filename();
+      has_data_ |= name.starts_with("needlelab.db") || name == "restore.pending";
+    }
+    database_ = folder / "needlelab.db";
+    lock_ = folder / "lock";
+    const TlsFiles tls = tlsFilesIn(folder / "tls");
+    for (const auto& file : {database_, std::filesystem::path(database_.string() + "-wal"),
+                             std::filesystem::path(database_.string() + "-shm"),
+                             std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate,
+                             tls.ca_key, tls.certificate, tls.key, folder / "tls", lock_})
+      if (!std::filesystem::exists(file, error)) files_.push_back(file);
+  }
+  [[nodiscard]] bool hasData() const { return has_data_; }
+  /// Call it while the lock is held, and where nothing was stored.
+  void remove() const {
+    if (has_data_) return;
+    // a folder is removed only if it is empty
+    std::error_code error;
+    for (const auto& file : files_) std::filesystem::remove(file, error);
+    for (const auto& part : folders_) std::filesystem::remove(part, error);
+  }
+  /// After Store::open failed: another program may have the folder by now.
+  void removeUnopened() const {
+    std::error_code error;
+    const int fd = ::open(lock_.c_str(), O_RDWR | O_CLOEXEC);
+    // less than a page is no database; what has one is completed by the next command
+    const bool is_free =
+        fd < 0 ? errno == ENOENT || errno == ENAMETOOLONG : ::flock(fd, LOCK_EX | LOCK_NB) == 0;
+    const auto bytes = std::filesystem::file_size(database_, error);
+    if (is_free && (error || bytes < 512)) remove();
+    if (fd >= 0) ::close(fd);
+  }
 
-FolderState stateOf(const std::filesystem::path& folder) {
-  FolderState state;
-  std::error_code error;
-  state.exists = std::filesystem::is_directory(folder, error);
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-    state.entries.insert(entry.path().filename());
-  return state;
-}
+ private:
+  bool has_data_ = false;
+  std::filesystem::path database_, lock_;
+  std::vector<std::filesystem::path> files_, folders_;  // that are missing; folders: the deepest first
+};
 
 class FolderBackend : public Backend {
  public:
-  FolderBackend(std::unique_ptr<Store> store, std::filesystem::path folder, FolderState before)
-      : store_(std::move(store)), folder_(std::move(folder)), before_(std::move(before)) {}
+  FolderBackend(std::unique_ptr<Store> store, NewFolder made)
+      : store_(std::move(store)), made_(std::move(made)) {}
   Result<pb::Reply> call(const pb::Request& request) override {
     Outcome outcome = store_->service().execute(who_, request);
     if (outcome.error) return *outcome.error;
@@ -48,23 +89,18 @@ class FolderBackend : public Backend {
   }
   [[nodiscard]] bool local() const override { return true; }
   void discardIfNew() override {
-    if (before_.entries.contains("needlelab.db")) return;
+    if (made_.hasData()) return;
     // each change has a line in the audit log
     pb::Request request;
     request.mutable_list_audit()->set_limit(1);
     const auto audit = call(request);
     if (!audit.ok() || audit->audit().entries_size() > 0) return;
-    // while the lock is still held
-    std::error_code error;
-    for (const auto& name : stateOf(folder_).entries)
-      if (!before_.entries.contains(name)) std::filesystem::remove_all(folder_ / name, error);
-    if (!before_.exists) std::filesystem::remove(folder_, error);
+    made_.remove();
   }
 
  private:
   std::unique_ptr<Store> store_;
-  const std::filesystem::path folder_;
-  const FolderState before_;
+  const NewFolder made_;
   const Principal who_{localName(), pb::ADMINISTRATOR};
 };
 
@@ -86,7 +122,10 @@ class ServerBackend : public Backend {
 }  // namespace
 
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create) {
-  FolderState before = stateOf(folder);
+  const NewFolder made(folder);
+  // also when an exception leaves this function
+  const auto clean = [](const NewFolder* of) { of->removeUnopened(); };
+  std::unique_ptr<const NewFolder, decltype(clean)> guard(create ? &made : nullptr, clean);
   Store::Options options;
   options.holder = "needlelab-admin";
   options.create = create;
@@ -97,8 +136,8 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
     const bool missing = store.error().code == ErrorCode::kNotFound;
     return Error{missing ? ErrorCode::kInvalidInput : store.error().code, store.error().message};
   }
-  return std::unique_ptr<Backend>(
-      std::make_unique<FolderBackend>(std::move(*store), folder, std::move(before)));
+  static_cast<void>(guard.release());
+  return std::unique_ptr<Backend>(std::make_unique<FolderBackend>(std::move(*store), made));
 }
 
 Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address) {

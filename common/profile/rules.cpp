@@ -101,6 +101,13 @@ Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
   return {};
 }
 
+/// A name as it is compared: 'A' to 'Z' count as small letters, because screens begin a line with a capital.
+std::string withoutCapitals(std::string name) {
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  return name;
+}
+
 /// Checks that each name can be shown, and that no two layers are called alike.
 Status checkLayerNames(const pb::Profile& profile) {
   const std::vector<std::string> names = layerNames(profile);
@@ -112,14 +119,17 @@ Status checkLayerNames(const pb::Profile& profile) {
     if (isNamed(i)) {
       RETURN_IF_ERROR(checkName(field(i), name));
     }
-    const auto [found, is_new] = called.try_emplace(name, i);
+    const auto [found, is_new] = called.try_emplace(withoutCapitals(name), i);
     if (is_new) continue;
+    const bool exact = names[static_cast<std::size_t>(found->second)] == name;
     // one of them has this name; the other has it, too, or is called so because it has none
     const int named = isNamed(i) ? i : found->second, other = isNamed(i) ? found->second : i;
     const std::string why = isNamed(other)
                                 ? fmt::format(" is the name of layers[{}], too", other)
                                 : fmt::format(" is what layers[{}] is called, which has no name", other);
-    return fieldError(field(named), quotedText(name) + why + ": give each layer a name of its own");
+    return fieldError(field(named), quotedText(names[static_cast<std::size_t>(named)]) + why +
+                                        (exact ? "" : "; capitals do not tell names apart") +
+                                        ": give each layer a name of its own");
   }
   return {};
 }

@@ -5,6 +5,7 @@ import math
 
 from facts import ROLES, STATES, local, size_text
 from gesture import measures_of
+from held import last_quantity
 from lab import pairs, run, table
 
 # Asia/Kolkata and America/St_Johns: half hours, and daylight saving (POSIX's form needs no tz data on the machine)
@@ -97,11 +98,10 @@ def words(held, screen, where, m, text):
     head, _, verdict = text.partition(": ")
     if m["measure"] == "hazards_touched":
         head = f"Hazards touched {head.rsplit(' ', 1)[1]}"
-    shown = head.rsplit(" ", 2 if m["unit"] else 1)[1:]
-    held.shown(screen, "the value in words", where, m["value"], m["unit"], " ".join(shown))
+    held.shown(screen, "the value in words", where, m["value"], m["unit"], last_quantity(head))
     for key, mark in (("max", "above the "), ("min", "below the "), ("max", "within the "), ("min", "at least the ")):
         if mark in verdict and not (m.get("min") is not None and m.get("max") is not None):
-            limit = verdict.partition(mark)[2].rsplit(" ", 1)[0] if verdict.endswith("allowed") else verdict.partition(mark)[2].rsplit(" ", 2)[0]
+            limit = verdict.partition(mark)[2].removesuffix(" allowed").removesuffix(" asked for")
             held.shown(screen, "the limit in words", where, float(m[key]), m["unit"], limit)
             met = m["value"] <= m[key] if key == "max" else m["value"] >= m[key]
             held.same(screen, "within, above or below", where, met, mark in ("within the ", "at least the "))
@@ -159,9 +159,8 @@ def compare(held, facts, lab, s, newest):
             held.same(screen, "z: its side", where, distance > 0, c["z"] > 0 if distance else distance > 0)
             held.same(screen, "z: not beyond value, mean and sd", where, True, abs(c["z"]) * band["sd"] <= abs(distance) * (1 + 1e-9) + 1e-12)
             held.same(screen, "'far from the experts' is beyond 3 sd", where, abs(c["z"]) > 3, "far from the experts" in c["words"])
-        text = c["words"].split(": ")[0].rsplit(" ", 2 if c["unit"] else 1)[1:]
         if c["measure"] not in ("target_reached", "aspirated_before_injection"):
-            held.shown(screen, "the value in words", where, c["value"], c["unit"], " ".join(text))
+            held.shown(screen, "the value in words", where, c["value"], c["unit"], last_quantity(c["words"].split(": ")[0]))
     for ident in facts.reference(s["exercise_id"]):
         held.same(screen, "a reference session was passed", ident, True, facts.by_id[ident]["verdict"])
 

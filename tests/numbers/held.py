@@ -4,7 +4,7 @@ import re
 
 # of a shown number's unit: what it is in SI
 UNITS = {"": 1, "s": 1, "N": 1, "mm": 1e-3, "m": 1, "mm/s": 1e-3, "m/s": 1, "mJ": 1e-3, "J": 1, "cm²": 1e-4, "%": 1e-2, "ms": 1e-3,
-         "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9}
+         "°": math.pi / 180, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9}
 
 
 def differs(expected, seen, within):
@@ -34,6 +34,12 @@ def spoilt(seen, within):
     if isinstance(seen, (list, tuple)):
         return list(seen) + ["x"]
     return "x"
+
+
+def last_quantity(text):
+    """"Peak force 3.03 N" -> "3.03 N"; "Angle to the planned line 6.38°" -> "6.38°"; without one, the text itself."""
+    found = re.search(r"-?\d+(?:\.\d+)?(?: ?[^\d\s]+)?$", text)
+    return found[0] if found else text
 
 
 class Held:
@@ -72,7 +78,7 @@ class Held:
             self.same(screen, number, where, f"a number in {unit or 'nothing'}", text)
             return
         name = found[2] or ""
-        if name.replace("mm", "m").replace("mJ", "J").replace("cm²", "m^2") != unit:
+        if name.replace("mm", "m").replace("mJ", "J").replace("cm²", "m^2").replace("°", "rad") != unit:
             self.same(screen, number, where, f"a number in {unit}", text)
             return
         scaled = value / UNITS[name]

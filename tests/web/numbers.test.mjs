@@ -111,7 +111,17 @@ test('layers are called as the programs in C++ call them', () => {
   // while one types: a name that was emptied, a layer without a tissue, no profile
   assert.deepEqual(layerNames({ layers: [{ tissue: 'FAT', name: '' }, {}] }), ['fat', 'layer 2']);
   assert.deepEqual(layerNames(null), []);
+  // and values of any type, in the JSON of a profile
+  assert.deepEqual(layerNames({ layers: [{ tissue: 5 }, { tissue: 'FAT', name: 5 }, null, 7] }), [
+    'layer 1',
+    'fat',
+    'layer 3',
+    'layer 4',
+  ]);
+  for (const layers of [5, 'SKIN', {}, null]) assert.deepEqual(layerNames({ layers }), []);
   assert.equal(atStart('epidural space'), 'Epidural space');
+  assert.equal(atStart(5), '5');
+  assert.equal(atStart(null), '');
 });
 
 test('a measure is called by its words without value and verdict', () => {
@@ -124,6 +134,12 @@ test('a measure is called by its words without value and verdict', () => {
     'Peak force in root C5: left 2 N: just above the 2 N allowed': 'Peak force in root C5: left',
     'Peak force in root C5: left 2 N': 'Peak force in root C5: left',
     'Peak force in tendon 2 2.14 N': 'Peak force in tendon 2',
+    'Peak force in C5: above the root 2.14 N': 'Peak force in C5: above the root',
+    'Peak force in C5: within the sheath 2.14 N: above the 2 N allowed': 'Peak force in C5: within the sheath',
+    'Peak force in C5: at least 3 mm 2.14 N: just below the 2.14 N asked for': 'Peak force in C5: at least 3 mm',
+    'Peak force in fat 2.14 N: within 1 N to 3 N': 'Peak force in fat',
+    'Target not reached: it had to be': 'Target not reached',
+    'Aspirated before the injection: it was not to be done': 'Aspirated before the injection',
     'Mean force in layer 4 0 N': 'Mean force in layer 4',
     'Mean speed 11.6 mm/s': 'Mean speed',
     'Entries 1: within the 2 allowed': 'Entries',

@@ -34,6 +34,21 @@ std::vector<ScreenAction> linkActions(LinkPhase phase) {
       {kActReconnect, phase == LinkPhase::kRefused ? "Log in again" : "Try now", ActionKey::kNone, "", true}};
 }
 
+void StopQuestion::ask(const LiveStation& live) {
+  asking_ = true;
+  station_ = live.station();
+  session_ = live.sessionId();
+}
+
+void StopQuestion::keepOnlyFor(const LiveStation* live) {
+  if (!asking_) return;
+  if (live == nullptr || live->station() != station_ || live->sessionId() != session_) withdraw();
+}
+
+void StopQuestion::withdraw() {
+  *this = StopQuestion();
+}
+
 LabState::LabState(ScenePreparer prepare, LabConnectionSettings settings)
     : connection_(std::move(settings)),
       prepare_(std::move(prepare)),
@@ -67,6 +82,7 @@ void LabState::logOut() {
   connection_.logOut();
   if (live_) connection_.unwatch(live_->station());
   live_.reset();
+  stop_question.keepOnlyFor(nullptr);
   overview = {};
   inside_ = false;
   form.password.clear();
@@ -99,6 +115,7 @@ void LabState::update(double now_s) {
     for (const LiveArrival& arrival : news.frames) live_->feed(arrival);
     askForScene();
   }
+  stop_question.keepOnlyFor(live_.get());
   analysis.poll();
   analysis.player.advance(now_s - last_s_);
 }
@@ -158,6 +175,7 @@ void LabState::open(const std::string& station) {
   if (live_ && live_->station() == station) return;
   if (live_) connection_.unwatch(live_->station());
   live_ = std::make_unique<LiveStation>(station);
+  stop_question.keepOnlyFor(live_.get());
   aids_.reset();
   connection_.watch(station);
 }

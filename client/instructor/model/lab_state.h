@@ -47,6 +47,21 @@ std::vector<ScreenAction> stopActions(bool asking);
 /// screen's own.
 std::vector<ScreenAction> linkActions(LinkPhase phase);
 
+/// The question whether to stop a lesson. It is about one lesson: an answer never reaches another one.
+class StopQuestion {
+ public:
+  void ask(const LiveStation& live);
+  /// Withdraws the question unless this station's present lesson is the one that it is about.
+  void keepOnlyFor(const LiveStation* live);
+  void withdraw();
+  [[nodiscard]] bool asking() const { return asking_; }
+  std::string reason;  ///< for the trainee, as typed
+
+ private:
+  bool asking_ = false;
+  std::string station_, session_;
+};
+
 /// Thread: one. No call blocks on the network or the disk.
 class LabState {
  public:
@@ -86,6 +101,7 @@ class LabState {
   [[nodiscard]] std::vector<PlotRequirement> requirementsNow() const;
   void setAids(const AidList& aids);
   void resetAids();
+  StopQuestion stop_question;  ///< always about the watched lesson
 
   WindowScreen screen = WindowScreen::kLogin;
   Notices notices;

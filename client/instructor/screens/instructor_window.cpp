@@ -141,7 +141,8 @@ void actOnKeys(InstructorWindow& window) {
   if (actEverywhere(window)) return;
   if (ImGui::GetIO().WantTextInput || !lab.inside()) return;
   if (pressed(GLFW_KEY_SLASH) && ImGui::GetIO().KeyShift) window.show_help = !window.show_help;
-  const bool asking = lab.screen == WindowScreen::kLive && window.live_screen.commands.asking();
+  // Esc is then the question's
+  const bool asking = lab.screen == WindowScreen::kLive && lab.stop_question.asking();
   if (pressed(GLFW_KEY_ESCAPE) && !asking) {
     if (window.show_help)
       window.show_help = false;

@@ -72,23 +72,21 @@ void CommandPanel::showAids(LabState& lab) {
 }
 
 void CommandPanel::showStop(LabState& lab) {
-  const auto actions = stopActions(confirm_stop_);
-  if (!confirm_stop_) {
-    confirm_stop_ = actionLine(actions) == kActStop;
+  StopQuestion& question = lab.stop_question;
+  const auto actions = stopActions(question.asking());
+  if (!question.asking()) {
+    if (actionLine(actions) == kActStop) question.ask(*lab.live());
     return;
   }
   // asks for confirmation, within the panel
   ImGui::SetNextItemWidth(26 * space());
-  ImGui::InputTextWithHint("##reason", "reason, for the trainee", &reason_);
+  ImGui::InputTextWithHint("##reason", "reason, for the trainee", &question.reason);
   ImGui::SameLine();
   auto chosen = actionLine(actions, true);
   if (!chosen) chosen = pressedAction(actions);
-  if (chosen == kActStopNow) {
-    lab.commands.stopLesson(lab.live()->station(), lab.live()->sessionId(), reason_);
-    confirm_stop_ = false;
-    reason_.clear();
-  }
-  if (chosen == kActGoOn) confirm_stop_ = false;
+  if (chosen == kActStopNow)
+    lab.commands.stopLesson(lab.live()->station(), lab.live()->sessionId(), question.reason);
+  if (chosen) question.withdraw();
 }
 
 void CommandPanel::show(LabState& lab) {

@@ -141,9 +141,10 @@ bool showEmpty(std::string_view headline, std::string_view advice, const char* a
 }
 
 std::optional<int> pressedAction(std::span<const ScreenAction> actions) {
-  // in a field, Enter is the field's
+  // in a field, Enter is the field's; in an open list, the list's
   const ImGuiIO& io = ImGui::GetIO();
-  if (io.WantTextInput || io.NavVisible) return std::nullopt;
+  if (io.WantTextInput || io.NavVisible || ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopup))
+    return std::nullopt;
   return actionByKey(actions);
 }
 

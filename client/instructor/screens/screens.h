@@ -47,16 +47,14 @@ class CommandPanel {
   /// Puts the cursor there in the next frame.
   void focusMessage() { focus_message_ = true; }
   void focusRemark() { focus_remark_ = true; }
-  /// Whether it asks if the lesson is to be stopped; Esc is then the answer's.
-  [[nodiscard]] bool asking() const { return confirm_stop_; }
 
  private:
   void showTexts(LabState& lab);
   void showExercise(LabState& lab);
   void showAids(LabState& lab);
   void showStop(LabState& lab);
-  std::string message_, remark_, reason_;  // as typed
-  bool focus_message_ = false, focus_remark_ = false, confirm_stop_ = false;
+  std::string message_, remark_;  // as typed
+  bool focus_message_ = false, focus_remark_ = false;
 };
 
 /// Live view of one trainee: scene, plots, commands to the station.

@@ -176,8 +176,19 @@ export function upkeep(t) {
     assert.equal(await next.ended, 0, next.said);
 
     const page = await t.browser.as('mara');
+    // without the people nobody can be chosen: the page says so
+    page.expected.add(500);
+    const people = /\/api\/v1\/people(\?|$)/;
+    const body = JSON.stringify({ error: { code: 'FAILED', message: 'the disk is full' } });
+    await page.route(people, (route) => route.fulfill({ status: 500, contentType: 'application/json', body }));
     await open(page, t.lab, '#/unknown-trainees', 'Unknown trainees');
-    await page.getByRole('button', { name: 'Give the session of tino to …' }).click();
+    await page.getByText('Nobody can be chosen: the people could not be loaded').waitFor();
+    const give = page.getByRole('button', { name: 'Give the session of tino to …' });
+    assert.ok(await give.isDisabled());
+    await page.unroute(people);
+    await page.getByRole('button', { name: 'Try again' }).click();
+    await page.getByText('Nobody can be chosen').waitFor({ state: 'detached' });
+    await give.click();
     const dialog = page.getByRole('dialog', { name: 'Who is tino?' });
     await dialog.getByLabel('Person').selectOption('tina');
     await dialog.getByLabel('Reason').fill('A typing error.');

@@ -18,12 +18,16 @@ export const tissueColor = (tissue) => kColors[tissue] ?? kColors.OTHER;
 
 /**
  * What people call each layer, from the skin inwards, as common/profile/layer_names.h says it (the cases of both:
- * tests/data/profile/layer_names.json). A profile in the editor may lack a tissue.
+ * tests/data/profile/layer_names.json). While one types a profile, a tissue may be missing, and a value of any type.
  * @param {{layers?: {tissue?: string, name?: string}[]}|null|undefined} profile
  * @returns {string[]}
  */
 export function layerNames(profile) {
-  const layers = profile?.layers ?? [],
+  const text = (value) => (typeof value === 'string' ? value : '');
+  const layers = (Array.isArray(profile?.layers) ? profile.layers : []).map((l) => ({
+      name: text(l?.name),
+      tissue: text(l?.tissue),
+    })),
     seen = new Map();
   return layers.map(({ name, tissue }, i) => {
     if (name) return name;

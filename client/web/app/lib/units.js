@@ -126,7 +126,7 @@ export function bytes(value, locale = undefined) {
 }
 
 /** "epidural space" at the beginning of a line: "Epidural space" */
-export const atStart = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+export const atStart = (text) => String(text ?? '').replace(/^./u, (first) => first.toUpperCase());
 
 /** "PUNCTURE_FORCE" or "curriculum-manager" as words: "Puncture force" */
 export function words(name) {
@@ -137,15 +137,22 @@ export function words(name) {
   );
 }
 
+// a value in a sentence: "2.52 N", "6.38°", "-16.6", "3.2e-05 m"
+const kValue = String.raw`[-−]?\d[\d.]*(?:e[-+]?\d+)?(?:\s?(?:%|[^\s\d(]{1,5}))?`;
+// the whole of a verdict, as common/scoring/score_report.cpp writes it: a layer's own name may have the same words
+const kVerdict = new RegExp(
+  `: (?:(?:within|(?:just )?above) the ${kValue} allowed|(?:at least|(?:just )?below) the ${kValue} asked for|` +
+    `within ${kValue} to ${kValue}|it had to be|it was not to be done|it was to be left alone)$`,
+  'u',
+);
+const kValueAtEnd = new RegExp(String.raw`\s${kValue}$`, 'u');
+
 /**
  * The title of a row of a score: its sentence is "Peak force 2.52 N: within the 5 N allowed", and plots and tables
  * need "Peak force".
  * @param {{measure: string, words?: string}} row
  */
 export function measureTitle(row) {
-  const name = (row.words ?? '')
-    .replace(/: (just )?(within|above|below|at least|it had|it was) [^:]*$/, '')
-    .replace(/\s[-−]?\d[\d.]*(e[-+]?\d+)?(\s?(%|[^\s\d(]{1,5}))?$/u, '')
-    .trim();
+  const name = (row.words ?? '').replace(kVerdict, '').replace(kValueAtEnd, '').trim();
   return name || row.measure;
 }

@@ -24,7 +24,10 @@ function Assign({ session, everybody, close, done }) {
   };
   const whom = [
     ['', 'Choose …'],
-    ...everybody.map((p) => [p.name, p.full_name ? `${p.full_name} (${p.name})` : p.name]),
+    ...everybody.map((p) => [
+      p.name,
+      (p.full_name ? `${p.full_name} (${p.name})` : p.name) + (p.disabled ? ', disabled' : ''),
+    ]),
     [kGuest, 'Nobody in particular (guest)'],
   ];
   return html`<${Dialog} title=${`Who is ${trainee}?`} close=${close}>
@@ -57,12 +60,17 @@ export function UnknownTraineesPage() {
       A station without the server takes any name. Nobody had the names of these sessions when they came: give each to the
       right person.
     </p>
+    <${Problem}
+      error=${everybody.error}
+      retry=${everybody.reload}
+      title="Nobody can be chosen: the people could not be loaded"
+    />
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
-        ? html`<${Empty} title="No session waits">Every recorded session is of somebody whom the server knows.<//>`
+        ? html`<${Empty} title="No session waits">No session has a name that nobody had when it came.<//>`
         : html`
             <${Table}
-              caption=${`${pages.items.length} sessions, newest first`}
+              caption=${`${pages.items.length} ${pages.items.length === 1 ? 'session' : 'sessions'}, newest first`}
               head=${[
                 'Begun',
                 'Name given',
@@ -83,15 +91,19 @@ export function UnknownTraineesPage() {
                 <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
                 <td><${Verdict} passed=${s.passed} /></td>
                 <td>
-                  <button
-                    type="button"
-                    class="small"
-                    disabled=${s.state === 'SESSION_OPEN' || !everybody.data}
-                    aria-label=${`Give the session of ${s.description.trainee} to …`}
-                    onClick=${() => setAsked(s)}
-                  >
-                    Give to …
-                  </button>
+                  ${
+                    s.state === 'SESSION_OPEN'
+                      ? 'still open'
+                      : html`<button
+                          type="button"
+                          class="small"
+                          disabled=${!everybody.data}
+                          aria-label=${`Give the session of ${s.description.trainee} to …`}
+                          onClick=${() => setAsked(s)}
+                        >
+                          Give to …
+                        </button>`
+                  }
                 </td>
               </tr>`,
             )}<//>

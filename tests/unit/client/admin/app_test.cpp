@@ -1,6 +1,8 @@
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <gtest/gtest.h>
+#include <csignal>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -8,6 +10,7 @@
 #include <thread>
 
 #include "client/admin/app.h"
+#include "client/admin/backend.h"
 #include "client/admin/command.h"
 #include "client/admin/output.h"
 #include "common/base/files.h"
@@ -198,6 +201,71 @@ TEST_F(Admin, aCommandThatFailsLeavesNoNewFolder) {
   for (const Arguments& command : commands) EXPECT_EQ(onData(command).code, 2);
   EXPECT_EQ(good({"user", "list", "--json"}).rows().size(), 1u);
   EXPECT_FALSE(std::filesystem::exists(data() + "/tls")) << "no certificate for a station that was refused";
+}
+
+TEST_F(Admin, aCommandThatFailsLeavesNoNewParentFolders) {
+  const auto fails = [&](const std::string& data_folder) {
+    return run({"--data", data_folder, "user", "add", "ada", "--role", "administrator", "--new-password-file",
+                file("none")})
+        .code;
+  };
+  EXPECT_EQ(fails(file("a/b/c")), 2);
+  EXPECT_FALSE(std::filesystem::exists(file("a")));
+  EXPECT_EQ(fails(file("a/b/c/")), 2);
+  EXPECT_FALSE(std::filesystem::exists(file("a")));
+  // the parents can be made, the folder cannot
+  EXPECT_NE(fails(file("a/b/" + std::string(300, 'x'))), 0);
+  EXPECT_FALSE(std::filesystem::exists(file("a")));
+  // what somebody else put there keeps its folder
+  std::filesystem::create_directories(file("a"));
+  EXPECT_EQ(fails(file("a/b/c")), 2);
+  EXPECT_TRUE(std::filesystem::exists(file("a")));
+  EXPECT_FALSE(std::filesystem::exists(file("a/b")));
+}
+
+TEST_F(Admin, aDatabaseThatCannotBeWrittenLeavesNoNewFolder) {
+  rlimit usual{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &usual), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  // no room for the name in the lock file; room for that, but for no page of the database
+  for (const rlim_t bytes : {rlim_t{0}, rlim_t{200}}) {
+    const rlimit least{bytes, usual.rlim_max};
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &least), 0);
+    const Run result = onData({"user", "add", "tom", "--role", "trainee"});
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &usual), 0);
+    EXPECT_NE(result.code, 0) << bytes;
+    EXPECT_FALSE(std::filesystem::exists(data())) << bytes;
+  }
+  std::signal(SIGXFSZ, handler);
+  good({"user", "add", "tom", "--role", "trainee"});
+}
+
+TEST_F(Admin, filesOfOthersInANewFolderAreNeverRemoved) {
+  auto backend = openFolder(data(), true);
+  ASSERT_TRUE(backend.ok()) << backend.error().message;
+  std::filesystem::create_directories(data() + "/tls");
+  folder.write("data/notes.txt", "mine");
+  folder.write("data/tls/of-the-house.pem", "mine");
+  folder.write("data/needlelab.db.copy", "mine");
+  (*backend)->discardIfNew();
+  backend->reset();
+  for (const char* name : {"/notes.txt", "/tls/of-the-house.pem", "/needlelab.db.copy"})
+    EXPECT_TRUE(std::filesystem::exists(data() + name)) << name;
+  EXPECT_FALSE(std::filesystem::exists(data() + "/needlelab.db"));
+}
+
+TEST_F(Admin, aDatabaseOfAPendingRestoreIsNeverRemoved) {
+  { const auto store = test::TestDb::must(Store::open(file("other"), {})); }
+  std::filesystem::create_directory(data());
+  std::filesystem::copy_file(file("other/needlelab.db"), data() + "/needlelab.db.restoring");
+  folder.write("data/restore.pending", "needlelab.db.replaced-20260101");
+  {
+    // completes the restore; nothing is in the restored database's audit log
+    const auto backend = openFolder(data(), true);
+    ASSERT_TRUE(backend.ok()) << backend.error().message;
+    (*backend)->discardIfNew();
+  }
+  EXPECT_TRUE(std::filesystem::exists(data() + "/needlelab.db"));
 }
 
 TEST_F(Admin, whatIsRefusedOrMissingIsOne) {

@@ -6,6 +6,8 @@
 #include <map>
 #include <sstream>
 
+#include "client/admin/command.h"
+#include "client/net/credentials.h"
 #include "common/base/files.h"
 #include "tests/unit/client/admin/run_admin.h"
 
@@ -392,6 +394,46 @@ TEST_F(StationCommands, wrongNamesAddressesAndFilesAreNamedAndMakeNoKey) {
   EXPECT_FALSE(std::filesystem::exists(file("k")));
   EXPECT_EQ(*readWholeFile(file("taken")), "mine");
   EXPECT_TRUE(good({"station", "list", "--json"}).rows().empty());
+}
+
+/// A server that lists a station as active, and then adds it: somebody revoked it in between.
+class RevokedMeanwhile : public Backend {
+ public:
+  Result<pb::Reply> call(const pb::Request& request) override {
+    pb::Reply reply;
+    if (request.has_list_stations()) reply.mutable_stations()->add_stations()->set_name("lab-1");
+    if (request.has_add_station())
+      reply.mutable_station_key()->set_key(std::string(32, static_cast<char>('0' + ++keys)));
+    return reply;
+  }
+  [[nodiscard]] bool local() const override { return false; }
+  int keys = 0;
+};
+
+TEST_F(StationCommands, theKeyOfAStationThatWasRevokedMeanwhileIsKept) {
+  RevokedMeanwhile server;
+  GlobalOptions global;
+  global.ca = folder.write("ca.crt", "-----BEGIN CERTIFICATE-----\n").string();
+  std::ostringstream out, err;
+  Output output(out, err, std::nullopt);
+  CommandContext context{server, output, global};
+  const auto enrolled = [&](const std::string& to) {
+    CLI::App app;
+    ChosenCommand chosen;
+    addStationCommands(app, chosen);
+    app.parse("station enrol lab-1 --server-name lab --out " + to);
+    return chosen.run(context);
+  };
+  EXPECT_OK(enrolled(file("s.enrol")));
+  EXPECT_EQ(server.keys, 1) << "each new key makes the one before useless";
+  const auto bundle = parseBundle(*readWholeFile(file("s.enrol")), "s.enrol");
+  ASSERT_TRUE(bundle.ok()) << bundle.error().message;
+  EXPECT_EQ(bundle->key, std::string(32, '1'));
+  // if the file cannot be made, the message says that the key is gone
+  global.ca = file("none");
+  const auto lost = enrolled(file("t.enrol"));
+  ASSERT_FALSE(lost.ok());
+  EXPECT_THAT(lost.error().message, HasSubstr("its key is lost: revoke it and enrol it again"));
 }
 
 TEST_F(StationCommands, aNameInUseKeepsItsKeyAndARevokedOneGetsANewOne) {

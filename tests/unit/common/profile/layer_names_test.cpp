@@ -72,6 +72,11 @@ TEST(LayerNames, twoLayersAreNeverCalledAlike) {
       {{{"FAT", "tendon 2"}, {"TENDON", ""}, {"TENDON", ""}},
        "p: layers[0].name: \"tendon 2\" is what layers[2] is called"},
       {{{"OTHER", ""}, {"SKIN", "layer 1"}}, "p: layers[1].name: \"layer 1\" is what layers[0] is called"},
+      // a screen that begins a line with a capital would show both alike
+      {{{"SKIN", ""}, {"TENDON", "dura"}, {"OTHER", "Dura"}},
+       "p: layers[2].name: \"Dura\" is the name of layers[1], too; capitals do not tell names apart: give "
+       "each"},
+      {{{"FAT", "Fat"}, {"FAT", ""}}, "p: layers[0].name: \"Fat\" is what layers[1] is called"},
   };
   for (const auto& c : cases) {
     const auto profile = parseProfile(withLayers(c.layers), "p");
@@ -79,11 +84,9 @@ TEST(LayerNames, twoLayersAreNeverCalledAlike) {
     EXPECT_EQ(profile.error().code, ErrorCode::kInvalidInput);
     EXPECT_THAT(profile.error().message, HasSubstr(c.fault));
   }
-  // the second fat is "fat", not "fat 2"; upper and lower case tell layers apart
+  // the second fat is "fat", not "fat 2"
   for (const auto& layers : std::vector<std::vector<std::pair<const char*, std::string>>>{
-           {{"FAT", "subcutaneous fat"}, {"FAT", ""}},
-           {{"FAT", "fat 2"}, {"FAT", ""}},
-           {{"FAT", "Fat"}, {"FAT", ""}}})
+           {{"FAT", "subcutaneous fat"}, {"FAT", ""}}, {{"FAT", "fat 2"}, {"FAT", ""}}})
     EXPECT_TRUE(parseProfile(withLayers(layers), "p").ok());
 }
 

@@ -32,6 +32,50 @@ TEST(LabActions, aLessonIsStoppedByAQuestionWithTheKeysOfAQuestion) {
   EXPECT_EQ(actionOf(question, ActionKey::kEscape), kActGoOn);
 }
 
+/// A station with a lesson of this session.
+LiveStation withLesson(const std::string& station, const std::string& session) {
+  LiveStation live(station);
+  LiveArrival arrival;
+  arrival.frame.set_station(station);
+  arrival.frame.set_session_id(session);
+  live.feed(arrival);
+  return live;
+}
+
+TEST(StopQuestion, isAboutOneLessonAndEndsWithIt) {
+  const LiveStation asked = withLesson("bench-1", "s1"), next_lesson = withLesson("bench-1", "s2"),
+                    other_station = withLesson("bench-2", "s1");
+  StopQuestion question;
+  EXPECT_FALSE(question.asking());
+  question.keepOnlyFor(nullptr);
+  const LiveStation* const others[] = {&next_lesson, &other_station, nullptr};
+  for (const LiveStation* const other : others) {
+    question.ask(asked);
+    question.reason = "too deep";
+    question.keepOnlyFor(&asked);
+    ASSERT_TRUE(question.asking()) << "nothing has changed";
+    EXPECT_EQ(question.reason, "too deep");
+    question.keepOnlyFor(other);
+    EXPECT_FALSE(question.asking()) << "Enter would stop somebody else";
+    EXPECT_EQ(question.reason, "") << "a reason is not somebody else's";
+    question.keepOnlyFor(&asked);
+    EXPECT_FALSE(question.asking()) << "it does not come back by itself";
+  }
+}
+
+TEST(LabState, aQuestionToStopIsDroppedWhenAnotherStationIsOpenedOrOneLogsOut) {
+  LabState lab;
+  lab.open("bench-1");
+  lab.stop_question.ask(*lab.live());
+  lab.open("bench-1");
+  EXPECT_TRUE(lab.stop_question.asking()) << "the same station";
+  lab.open("bench-2");
+  EXPECT_FALSE(lab.stop_question.asking());
+  lab.stop_question.ask(*lab.live());
+  lab.logOut();
+  EXPECT_FALSE(lab.stop_question.asking()) << "Esc would be the answer to a question that nobody sees";
+}
+
 TEST(LabActions, theBannerOfTheConnectionTakesNoKeyFromTheScreen) {
   EXPECT_TRUE(linkActions(LinkPhase::kOnline).empty());
   EXPECT_TRUE(linkActions(LinkPhase::kConnecting).empty());
