@@ -59,7 +59,9 @@ Result<Uuid> sessionId(const std::string& bytes) {
 Result<pb::SessionInfo> visibleSession(const Context& context, const std::string& bytes) {
   ASSIGN_OR_RETURN(const auto id, sessionId(bytes));
   auto info = SessionStore(context.reader).info(id);
-  if (info && context.who.role == pb::TRAINEE && info->description().trainee() != context.who.name) {
+  // one that waits for a manager may be of somebody else who had this name
+  if (info && context.who.role == pb::TRAINEE &&
+      (info->description().trainee() != context.who.name || info->unknown_trainee())) {
     return Error{ErrorCode::kNotFound, "there is no session " + uuidText(id)};
   }
   return info;
@@ -78,7 +80,7 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   }
   pb::ListSessions wanted = call;
   if (own) wanted.set_trainee(context.who.name);
-  ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader).list(wanted, after));
+  ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader).list(wanted, after, own));
   pb::Reply reply;
   auto* list = reply.mutable_sessions();
   PageRoom room;

@@ -115,6 +115,7 @@ TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) 
   // an account of that name comes too late: it may be another person
   addNamed("tmo");
   EXPECT_EQ(waiting(manager).size(), 1u);
+  EXPECT_EQ(attemptsOf("tmo"), 0u) << "of whoever had the name before";
   EXPECT_TRUE(lesson("second", "tom").has_value()) << "not passed";
   EXPECT_EQ(attemptsOf("tom"), 1u);
 
@@ -159,6 +160,46 @@ TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) 
   EXPECT_EQ(lines.entries(2).who(), "mia");
   EXPECT_EQ(lines.entries(2).subject(), uuidText(ghosts));
   EXPECT_EQ(lines.entries(2).detail(), "to tom: a slip of the pen");
+}
+
+TEST_F(UnknownTrainees, keepTheirSessionsFromWhoeverGetsTheirNameLater) {
+  const Uuid ghosts = attempt("tmo", "first", true);
+  EXPECT_EQ(attemptsOf("tmo"), 1u) << "staff sees what nobody's account claims";
+  addNamed("tmo");
+  const Principal tmo{"tmo", pb::TRAINEE};
+  pb::Request list, show, read, score, own;
+  list.mutable_list_sessions();
+  show.mutable_get_session()->set_session_id(test::bytesOfId(ghosts));
+  read.mutable_read_chunks()->set_session_id(test::bytesOfId(ghosts));
+  score.mutable_get_score()->set_session_id(test::bytesOfId(ghosts));
+  own.mutable_export_person()->set_name("tmo");
+  const auto of_kind = [&](const std::string& kind) {
+    std::size_t found = 0;
+    const auto records = get(tmo, own).records();
+    for (const std::string& record : records.records())
+      found += nlohmann::json::parse(record)["kind"] == kind ? 1 : 0;
+    return found;
+  };
+  EXPECT_EQ(get(tmo, list).sessions().sessions_size(), 0);
+  for (const auto& request : {show, read, score}) EXPECT_EQ(refusal(tmo, request), ErrorCode::kNotFound);
+  EXPECT_EQ(of_kind("person"), 1u);
+  EXPECT_EQ(of_kind("session") + of_kind("score") + of_kind("unknown_trainee"), 0u);
+  EXPECT_TRUE(lesson("second", "tmo").has_value()) << "a stranger's attempt unlocks nothing";
+  EXPECT_EQ(results(tmo).rows(0).cells(0).attempts(), 0u);
+  // staff goes on seeing it, with its number as if it were tmo's
+  EXPECT_EQ(get(instructor, list).sessions().sessions_size(), 1);
+  get(instructor, show);
+  pb::Request scores;
+  scores.mutable_list_scores();
+  EXPECT_EQ(get(instructor, scores).scores().scores(0).attempt().number(), 1u);
+
+  // it was this person's after all
+  get(manager, assignTo(ghosts, "tmo"));
+  EXPECT_EQ(attemptsOf("tmo"), 1u);
+  get(tmo, show);
+  EXPECT_EQ(get(tmo, list).sessions().sessions_size(), 1);
+  EXPECT_EQ(of_kind("session"), 1u);
+  EXPECT_FALSE(lesson("second", "tmo").has_value());
 }
 
 TEST_F(UnknownTrainees, onlyTheirClosedSessionsAreAssignedAndOnlyToPeople) {
