@@ -122,7 +122,7 @@ Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession&
 
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call) {
   // one view, so that the session's row matches the chunks
-  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
   constexpr std::uint32_t kMostChunks = 4096;
   // texts about damaged chunks take space in the reply: read fewer chunks
