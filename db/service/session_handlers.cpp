@@ -108,12 +108,14 @@ Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession&
   ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
   RETURN_IF_ERROR(checkName("trainee", call.trainee()));
   RETURN_IF_ERROR(checkNote("reason", call.reason(), 0, kMaxNoteBytes));
-  // the name that the station gave stands with the session, and goes when the person is erased
-  RETURN_IF_ERROR(write(
-      context, uuidText(id), "to " + call.trainee() + (call.reason().empty() ? "" : ": " + call.reason()),
-      [&](Connection& writer) {
-        return UnknownTraineeStore(writer).assign(id, call.trainee(), context.who.name, context.now_unix_ns);
-      }));
+  const auto seen = call.has_was() ? std::optional(call.was()) : std::nullopt;
+  std::string detail;
+  RETURN_IF_ERROR(write(context, uuidText(id), detail, [&](Connection& writer) -> Status {
+    ASSIGN_OR_RETURN(const auto was, UnknownTraineeStore(writer).assign(
+                                         id, call.trainee(), seen, context.who.name, context.now_unix_ns));
+    detail = "from " + was + " to " + call.trainee() + (call.reason().empty() ? "" : ": " + call.reason());
+    return {};
+  }));
   ASSIGN_OR_RETURN(auto info, SessionStore(context.reader).info(id));
   pb::Reply reply;
   *reply.mutable_session() = std::move(info);

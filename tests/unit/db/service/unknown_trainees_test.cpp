@@ -164,7 +164,42 @@ TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) 
   ASSERT_EQ(lines.entries_size(), 3);
   EXPECT_EQ(lines.entries(2).who(), "mia");
   EXPECT_EQ(lines.entries(2).subject(), uuidText(ghosts));
-  EXPECT_EQ(lines.entries(2).detail(), "to tom: a slip of the pen");
+  EXPECT_EQ(lines.entries(2).detail(), "from tmo to tom: a slip of the pen");
+  EXPECT_EQ(lines.entries(1).detail(), "from tom to tmo: a slip of the pen");
+}
+
+TEST_F(UnknownTrainees, areAssignedByTheFirstOfTwoManagersWhoSawTheSameName) {
+  for (const char* name : {"tom", "tim"}) addNamed(name);
+  const Uuid ghosts = attempt("tmo", "first", true);
+  auto first = assignTo(ghosts, "tom"), second = assignTo(ghosts, "tim");
+  for (auto* request : {&first, &second}) request->mutable_assign_session()->set_was("tmo");
+  get(manager, first);
+  const auto late = ask(manager, second).error;
+  ASSERT_TRUE(late.has_value());
+  EXPECT_EQ(late->code, ErrorCode::kConflict);
+  EXPECT_THAT(late->message, HasSubstr("was given to 'tom' meanwhile, not 'tmo'"));
+  EXPECT_EQ(attemptsOf("tom"), 1u);
+  EXPECT_EQ(attemptsOf("tim"), 0u);
+  // who saw that may correct it
+  second.mutable_assign_session()->set_was("tom");
+  EXPECT_EQ(get(manager, second).session().description().trainee(), "tim");
+}
+
+TEST_F(UnknownTrainees, areNotAssignedToWhoeverHasTheNameOfAnErasedPerson) {
+  addNamed("tom");
+  addPerson("ada", pb::ADMINISTRATOR);
+  const Uuid ghosts = attempt("tmo", "first", true, 5);
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tom");
+  erase.mutable_erase_person()->set_confirm("tom");
+  get(admin, erase);
+  addNamed("tom");
+  const auto refused = ask(manager, assignTo(ghosts, "tom")).error;
+  ASSERT_TRUE(refused.has_value());
+  EXPECT_EQ(refused->code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(refused->message, HasSubstr("before a person named 'tom' was erased"));
+  EXPECT_THAT(refused->message, HasSubstr("give it to 'guest', or erase 'tmo'"));
+  get(manager, assignTo(ghosts, "guest"));
 }
 
 TEST_F(UnknownTrainees, keepTheirSessionsFromWhoeverGetsTheirNameLater) {
