@@ -48,6 +48,7 @@ class AssignmentStore {
 };
 
 /// A trainee's result in an exercise. Attempts are the trainee's sessions in it, numbered by start time.
+/// Sessions that came before anybody had the name are not among them, until a manager assigns them.
 struct AttemptStanding {
   std::uint32_t counted = 0;  ///< attempts that are not excused
   std::uint32_t all = 0;

@@ -201,6 +201,7 @@ class Connection {
 };
 
 /// BEGIN … COMMIT. Rolls back on destruction unless commit() returned success.
+/// Keep it in a variable for as long as it is needed: ASSIGN_OR_RETURN, never RETURN_IF_ERROR.
 /// Thread: as its Connection, which must outlive it.
 class Transaction {
  public:

@@ -105,7 +105,8 @@ class SessionConditions {
   std::vector<std::variant<std::int64_t, std::string, Uuid>> values_;
 };
 
-Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std::optional<Uuid>& after) {
+Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std::optional<Uuid>& after,
+                                       bool without_waiting) {
   SessionConditions conditions;
   conditions.add("s.station = ?", wanted.station());
   conditions.add("s.trainee = ?", wanted.trainee());
@@ -130,6 +131,8 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
   }
   if (wanted.unknown_trainee())
     conditions.push("s.number IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)");
+  if (without_waiting)
+    conditions.push("s.number NOT IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)");
   if (!wanted.search().empty()) {
     RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));
     // a name that is not in `people` may still have sessions, from a station that was offline
@@ -299,8 +302,9 @@ Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
 }
 
 Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& wanted,
-                                                        const std::optional<Uuid>& after) {
-  ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, after));
+                                                        const std::optional<Uuid>& after,
+                                                        bool without_waiting) {
+  ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, after, without_waiting));
   const std::uint32_t most = wanted.limit() == 0 ? kMaxListed : std::min(wanted.limit(), kMaxListed);
   auto rows = connection_.query(std::string(kInfoColumns) + conditions.text() +
                                 " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?");

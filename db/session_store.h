@@ -155,9 +155,11 @@ class SessionStore {
   Result<pb::SessionInfo> info(const Uuid& session);
   /// Newest first, without profile JSON but with score and verdict. Ignores `wanted.page`; `after`: returns
   /// the sessions behind this one, for the next page. At most `limit` and kMaxListed; 0 means kMaxListed.
-  /// kInvalidInput: an unknown verdict, a search text that is not UTF-8.
+  /// `without_waiting`: without sessions of unknown trainees that wait for a manager. kInvalidInput: an
+  /// unknown verdict, a search text that is not UTF-8.
   Result<std::vector<pb::SessionInfo>> list(const pb::ListSessions& wanted,
-                                            const std::optional<Uuid>& after = {});
+                                            const std::optional<Uuid>& after = {},
+                                            bool without_waiting = false);
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Checks every CRC:
   /// kCorrupt names the first damaged chunk. Reads the stored recording, original or thinned; kNotFound gives

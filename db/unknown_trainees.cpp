@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "common/base/text.h"
+#include "db/erasure.h"
 #include "db/people.h"
 #include "db/session_rows.h"
 #include "needlelab/types.pb.h"
@@ -16,23 +17,30 @@ Status UnknownTraineeStore::flag(const Uuid& session) {
       ByteView(session), kGuestName);
 }
 
-Status UnknownTraineeStore::assign(const Uuid& session, const std::string& trainee, const std::string& by,
-                                   std::int64_t now_unix_ns) {
+Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::string& trainee,
+                                                const std::optional<std::string>& was, const std::string& by,
+                                                std::int64_t now_unix_ns) {
   struct Row {
-    std::int64_t number = 0;
+    std::int64_t number = 0, started_unix_ns = 0;
     bool open = false, erased = false, flagged = false;
-    std::string trainee, description;
+    std::string trainee, given, description;
   };
   ASSIGN_OR_RETURN(const auto row,
                    connection_
                        .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL, s.trainee,"
-                              " s.description FROM sessions s LEFT JOIN unknown_trainees u"
+                              " s.description, s.started_unix_ns, coalesce(u.given, '') FROM sessions s LEFT "
+                              "JOIN unknown_trainees u"
                               " ON u.session = s.number WHERE s.id = ?",
                               ByteView(session))
                        .first([](const Statement& found) {
-                         return Row{found.integer(0),      found.integer(1) == pb::SESSION_OPEN,
-                                    found.integer(2) != 0, found.integer(3) != 0,
-                                    found.text(4),         std::string(textOf(found.bytes(5)))};
+                         return Row{found.integer(0),
+                                    found.integer(6),
+                                    found.integer(1) == pb::SESSION_OPEN,
+                                    found.integer(2) != 0,
+                                    found.integer(3) != 0,
+                                    found.text(4),
+                                    found.text(7),
+                                    std::string(textOf(found.bytes(5)))};
                        }));
   if (!row) return unknownSession(session);
   const std::string name = "session " + uuidText(session);
@@ -42,6 +50,9 @@ Status UnknownTraineeStore::assign(const Uuid& session, const std::string& train
     return Error{ErrorCode::kInvalidInput,
                  name + " is of '" + row->trainee +
                      "', whom the server knew when it came: only sessions of unknown trainees are assigned"};
+  if (was && *was != row->trainee)
+    return Error{ErrorCode::kConflict, name + " was given to '" + row->trainee + "' meanwhile, not '" + *was +
+                                           "': look at it, and assign it again if that is wrong"};
   if (row->open)
     return Error{ErrorCode::kInvalidInput, name + " is still open: assign it once its station has closed it"};
   if (trainee != kGuestName) {
@@ -49,6 +60,13 @@ Status UnknownTraineeStore::assign(const Uuid& session, const std::string& train
     if (!person)
       return Error{ErrorCode::kNotFound,
                    "there is no person named '" + trainee + "': add the person first, or give another name"};
+    // that name's person of then was erased; whoever has the name now came later
+    ASSIGN_OR_RETURN(const auto erased, ErasureStore(connection_).pseudonymOf(trainee, row->started_unix_ns));
+    if (erased)
+      return Error{ErrorCode::kInvalidInput,
+                   name + " began before a person named '" + trainee +
+                       "' was erased, and cannot be another's of that name: give it to '" +
+                       std::string(kGuestName) + "', or erase '" + row->given + "'"};
   }
   pb::SessionDescription description;
   if (!description.ParseFromString(row->description))
@@ -56,8 +74,10 @@ Status UnknownTraineeStore::assign(const Uuid& session, const std::string& train
   description.set_trainee(trainee);
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET trainee = ?, description = ? WHERE number = ?",
                                   trainee, viewOf(description.SerializeAsString()), row->number));
-  return connection_.run("UPDATE unknown_trainees SET by_whom = ?, assigned_unix_ns = ? WHERE session = ?",
-                         by, now_unix_ns, row->number);
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE unknown_trainees SET by_whom = ?, assigned_unix_ns = ? WHERE session = ?", by,
+                      now_unix_ns, row->number));
+  return row->trainee;
 }
 
 }  // namespace needlelab

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "common/base/result.h"
@@ -20,10 +21,13 @@ class UnknownTraineeStore {
   /// nobody's.
   Status flag(const Uuid& session);
   /// Gives a flagged session to `trainee`, a person or kGuestName; it counts as that person's from now on. A
-  /// session that was assigned before may be assigned again. kNotFound: session, person; kInvalidInput: still
-  /// open, erased, or its trainee was known when it came.
-  Status assign(const Uuid& session, const std::string& trainee, const std::string& by,
-                std::int64_t now_unix_ns);
+  /// session that was assigned before may be assigned again. `was`: whose it is now, as the manager saw it;
+  /// nothing: whoever's. Returns whose it was. kNotFound: session, person; kConflict: not `was`'s any more;
+  /// kInvalidInput: still open, erased, its trainee was known when it came, or it began before the erasure of
+  /// a person with that name.
+  Result<std::string> assign(const Uuid& session, const std::string& trainee,
+                             const std::optional<std::string>& was, const std::string& by,
+                             std::int64_t now_unix_ns);
 
  private:
   Connection& connection_;

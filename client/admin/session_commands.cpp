@@ -248,12 +248,15 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   assign->add_option("--to", values->to_whom, "the person, or guest: nobody")->required()->type_name("NAME");
   assign->add_option("--reason", values->reason, "for the audit log");
   with_id(assign, [values](CommandContext& context, const Uuid& id) -> Status {
-    pb::Request request;
+    pb::Request show, request;
+    show.mutable_get_session()->set_session_id(id.data(), id.size());
+    ASSIGN_OR_RETURN(const auto seen, context.backend.call(show));
     request.mutable_assign_session()->set_session_id(id.data(), id.size());
+    request.mutable_assign_session()->set_was(seen.session().description().trainee());
     request.mutable_assign_session()->set_trainee(values->to_whom);
     request.mutable_assign_session()->set_reason(values->reason);
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
-    context.output.done(fmt::format("the session of '{}' is that of '{}' now",
+    context.output.done(fmt::format("the session that its station gave as '{}' is {}'s now",
                                     reply.session().given_trainee(),
                                     reply.session().description().trainee()));
     return {};

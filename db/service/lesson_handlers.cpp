@@ -144,6 +144,7 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   if (!call.trainee().empty()) {
     RETURN_IF_ERROR(ownOnly(context, call.trainee(), "lessons"));
   }
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));
   RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
   ASSIGN_OR_RETURN(const auto parsed, exerciseOf(exercise));

@@ -87,7 +87,7 @@ std::string conditionOf(const RecordTable& table, const RecordPage& page) {
 Result<pb::Reply> recordsReply(const Context& context, const std::string& what, const std::string& given,
                                const std::string* person, bool secrets) {
   ASSIGN_OR_RETURN(const auto place, context.exports.open(context.who, what, given));
-  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   RecordPage page;
   if (place.empty()) {
     ASSIGN_OR_RETURN(auto first, firstPage(context.reader));

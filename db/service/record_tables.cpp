@@ -148,6 +148,12 @@ constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
                                       RecordColumn{"subject"},
                                       RecordColumn{"detail"}};
 
+// A person's sessions: not those that wait for a manager, if the person got the name after they came. A
+// macro, because conditions are put together when this is compiled.
+#define NEEDLELAB_OWN                                                                            \
+  "trainee = ?1 AND (number NOT IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)" \
+  " OR NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))"
+
 constexpr std::array kRecordTables = {
     RecordTable{"person", "people", kPersonColumns, "", "name = ?1"},
     RecordTable{"group", "groups", kGroupColumns, "", ""},
@@ -158,18 +164,18 @@ constexpr std::array kRecordTables = {
     RecordTable{"course", "curricula", kCourseColumns, "", ""},
     RecordTable{"assignment", "assignments", kAssignmentColumns, "", "trainee = ?1"},
     RecordTable{"retention_policy", "retention_policies", kPolicyColumns, "", ""},
-    RecordTable{"session", "sessions", kSessionColumns, "state <> 1", "trainee = ?1"},
+    RecordTable{"session", "sessions", kSessionColumns, "state <> 1", NEEDLELAB_OWN},
     RecordTable{"unknown_trainee", "unknown_trainees", kUnknownTraineeColumns,
                 "session IN (SELECT number FROM sessions WHERE state <> 1)",
-                "session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
+                "session IN (SELECT number FROM sessions WHERE " NEEDLELAB_OWN ")"},
     RecordTable{"score", "scores", kScoreColumns, "session IN (SELECT number FROM sessions WHERE state <> 1)",
-                "session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
+                "session IN (SELECT number FROM sessions WHERE " NEEDLELAB_OWN ")"},
     RecordTable{"event", "session_events", kEventColumns,
                 "session IN (SELECT number FROM sessions WHERE state <> 1)",
-                "session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
+                "session IN (SELECT number FROM sessions WHERE " NEEDLELAB_OWN ")"},
     RecordTable{"annotation", "annotations", kAnnotationColumns,
                 "session IN (SELECT number FROM sessions WHERE state <> 1)",
-                "author = ?1 OR session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
+                "author = ?1 OR session IN (SELECT number FROM sessions WHERE " NEEDLELAB_OWN ")"},
     RecordTable{"reference", "exercise_references", kReferenceColumns, "", ""},
     RecordTable{"erasure", "erasures", kErasureColumns, "", ""},
     RecordTable{"audit", "audit", kAuditColumns, "",

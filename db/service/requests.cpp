@@ -175,7 +175,7 @@ constexpr RequestRow kRows[] = {
   // --- sessions, recordings, remarks
   {Call::kListSessions,            "session list",         kPeople,               to<listSessions>,              Reply::kSessions, kWorkers,
    {{"GET /sessions?trainee&station&exercise&from_ms&to_ms&verdict&search&limit&page", "Recorded sessions, newest first"},
-     {"GET /unknown-trainees?page", "Sessions of trainees whom nobody knows: they wait to be assigned"}}},
+     {"GET /unknown-trainees?page", "Sessions of trainees whom nobody knew when they came: they wait to be assigned"}}},
   {Call::kGetSession,              "session show",         kPeople,               to<getSession>,                Reply::kSession, kWorkers,
    {{"GET /sessions/{id}", "One session"}}},
   {Call::kAssignSession,           "session assign",       kManagers,             to<assignSession>,             Reply::kSession, kWorkers,

@@ -95,7 +95,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   // a station shows one trainee's standing, and a list of names to choose from
   const bool by_station = context.who.role == pb::STATION;
   const bool names_only = by_station && call.trainee().empty();
-  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   const auto course = CurriculumStore(context.reader).get(call.course_id());
   if (!course) return course.error();
   pb::Reply reply;
@@ -144,7 +144,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
 
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call) {
   RETURN_IF_ERROR(ownOnly(context, call.trainee(), "progress"));
-  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(auto attempts,
                    AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), true));
   // a page begins after an attempt, wherever that is now: late sessions from an offline station may move it

@@ -109,7 +109,7 @@ Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
 
 Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call) {
   ASSIGN_OR_RETURN(const auto from, scoreKeyOf(call.page()));
-  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   RETURN_IF_ERROR(checkCourse(context.reader, call.course_id()));
   if (!call.group_id().empty()) RETURN_IF_ERROR(GroupStore(context.reader).get(call.group_id()));
   // pages by key: rows added or removed meanwhile do not shift others

@@ -59,7 +59,9 @@ Result<Uuid> sessionId(const std::string& bytes) {
 Result<pb::SessionInfo> visibleSession(const Context& context, const std::string& bytes) {
   ASSIGN_OR_RETURN(const auto id, sessionId(bytes));
   auto info = SessionStore(context.reader).info(id);
-  if (info && context.who.role == pb::TRAINEE && info->description().trainee() != context.who.name) {
+  // one that waits for a manager may be of somebody else who had this name
+  if (info && context.who.role == pb::TRAINEE &&
+      (info->description().trainee() != context.who.name || info->unknown_trainee())) {
     return Error{ErrorCode::kNotFound, "there is no session " + uuidText(id)};
   }
   return info;
@@ -78,7 +80,7 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   }
   pb::ListSessions wanted = call;
   if (own) wanted.set_trainee(context.who.name);
-  ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader).list(wanted, after));
+  ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader).list(wanted, after, own));
   pb::Reply reply;
   auto* list = reply.mutable_sessions();
   PageRoom room;
@@ -106,12 +108,14 @@ Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession&
   ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
   RETURN_IF_ERROR(checkName("trainee", call.trainee()));
   RETURN_IF_ERROR(checkNote("reason", call.reason(), 0, kMaxNoteBytes));
-  // the name that the station gave stands with the session, and goes when the person is erased
-  RETURN_IF_ERROR(write(
-      context, uuidText(id), "to " + call.trainee() + (call.reason().empty() ? "" : ": " + call.reason()),
-      [&](Connection& writer) {
-        return UnknownTraineeStore(writer).assign(id, call.trainee(), context.who.name, context.now_unix_ns);
-      }));
+  const auto seen = call.has_was() ? std::optional(call.was()) : std::nullopt;
+  std::string detail;
+  RETURN_IF_ERROR(write(context, uuidText(id), detail, [&](Connection& writer) -> Status {
+    ASSIGN_OR_RETURN(const auto was, UnknownTraineeStore(writer).assign(
+                                         id, call.trainee(), seen, context.who.name, context.now_unix_ns));
+    detail = "from " + was + " to " + call.trainee() + (call.reason().empty() ? "" : ": " + call.reason());
+    return {};
+  }));
   ASSIGN_OR_RETURN(auto info, SessionStore(context.reader).info(id));
   pb::Reply reply;
   *reply.mutable_session() = std::move(info);
@@ -120,7 +124,7 @@ Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession&
 
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call) {
   // one view, so that the session's row matches the chunks
-  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
   constexpr std::uint32_t kMostChunks = 4096;
   // texts about damaged chunks take space in the reply: read fewer chunks

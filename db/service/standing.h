@@ -49,8 +49,9 @@ Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& 
 /// Whether a list of names for a station has `name`: neither people whose access has ended nor names that
 /// nobody has (`person` is nothing then), except kGuestName.
 bool stationMayList(const std::optional<Person>& person, const std::string& name);
-/// Whether a lesson of `name` may begin. kDenied: disabled; kNotFound, to a station: nobody has this name;
-/// the text gives similar names that a station may list. Staff may look at the lesson of any name.
+/// Whether a lesson of `name` may begin; several reads: call it within one view. kDenied: disabled;
+/// kNotFound, to a station: nobody has this name; the text gives similar names that a station may list. Staff
+/// may look at the lesson of any name.
 Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_by);
 
 }  // namespace needlelab

@@ -213,7 +213,7 @@ Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& cal
   pb::Reply reply;
   auto* list = reply.mutable_records();
   {
-    RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+    ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
     auto study = Study::open(context.reader, call.study());
     if (!study) return study.error();
     const auto sessions = study->sessions(call.exercise_id());

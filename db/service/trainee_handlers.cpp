@@ -9,6 +9,7 @@
 #include "common/base/near_names.h"
 #include "common/base/text.h"
 #include "db/assignments.h"
+#include "db/connection.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/service/handlers.h"
@@ -71,11 +72,11 @@ bool stationMayList(const std::optional<Person>& person, const std::string& name
 }
 
 Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_by) {
-  if (name.empty() || name == kGuestName) return {};
+  if (name.empty()) return {};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(reader).find(name));
   if (person && person->disabled)
     return Error{ErrorCode::kDenied, "'" + name + "' is disabled: ask an administrator"};
-  if (person || asked_by != pb::STATION) return {};
+  if (person || name == kGuestName || asked_by != pb::STATION) return {};
   RETURN_IF_ERROR(checkName("trainee", name));
   ASSIGN_OR_RETURN(const auto people, listedPeople(reader));
   const auto near = nearNames(name, people);
@@ -88,6 +89,7 @@ Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_b
 namespace handlers {
 
 Result<pb::Reply> checkTrainee(const Context& context, const pb::CheckTrainee& call) {
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
   return doneReply();
 }

@@ -34,6 +34,8 @@ class Lab {
   std::string listen_host = "127.0.0.1";
   void startServer();
   void killServer();
+  /// SIGSTOP: the server is silent, SIGCONT: it goes on.
+  void signalServer(int number) { server_->signal(number); }
   /// SIGTERM; the exit code.
   int stopServer();
   /// Command line for a station of this lab, plus these arguments; `spool` replaces the lab's own.

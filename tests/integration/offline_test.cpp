@@ -125,6 +125,36 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
   EXPECT_EQ(lab_.stored(id).info.given_trainee(), "tmo");
 }
 
+TEST_F(OfflineTest, aDisabledPersonIsRefusedWithAProfileFromAFileToo) {
+  ASSERT_EQ(lab_.admin({"user", "disable", "tom"}), kExitDone);
+  const std::vector<std::string> lesson = {"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--seconds",
+                                           "0.3"};
+  lab_.startServer();
+  auto refused = lab_.startStation("refused", lesson);
+  EXPECT_EQ(refused->wait(60s), kExitFailed) << refused->said();
+  EXPECT_THAT(refused->said(), HasSubstr("'tom' is disabled"));
+  EXPECT_TRUE(lab_.sessions().empty());
+}
+
+TEST_F(OfflineTest, aSilentServerHoldsUpAProfileFromAFileForThreeSecondsOnly) {
+  lab_.startServer();
+  lab_.signalServer(SIGSTOP);
+  const auto began = std::chrono::steady_clock::now();
+  auto station = lab_.startStation(
+      "station", {"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--seconds", "60", "--drain", "0"});
+  const auto says = [&](const std::string& text, std::chrono::seconds limit) {
+    const auto end = began + limit;
+    while (station->said().find(text) == std::string::npos && std::chrono::steady_clock::now() < end)
+      std::this_thread::sleep_for(20ms);
+    return station->said().find(text) != std::string::npos;
+  };
+  // before the ten seconds that a lesson from the server may take
+  EXPECT_TRUE(says("the server did not say in time whether it knows 'tom'", 9s)) << station->said();
+  lab_.signalServer(SIGCONT);
+  station->signal(SIGTERM);
+  EXPECT_TRUE(station->wait(60s).has_value()) << station->said();
+}
+
 TEST_F(OfflineTest, aServerThatIsAwayIsNotWaitedForAtTheEnd) {
   fillCacheAndStopServer();
   const auto began = std::chrono::steady_clock::now();

@@ -39,6 +39,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kLessonPatience = 10s;  // time limit for a lesson from the server
+constexpr auto kCheckPatience = 3s;    // for its word on the trainee alone, which a lesson does not need
 
 constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stability/README.md)
 
@@ -99,10 +100,17 @@ Status StationRun::checkTrainee() {
   if (uplink == nullptr) return {};
   pb::Request request;
   request.mutable_check_trainee()->set_trainee(options_.trainee);
-  const auto reply = uplink->ask(std::move(request), kLessonPatience, true, [this] { return isStopped(); });
-  const bool refused =
-      !reply.ok() && (reply.error().code == ErrorCode::kNotFound || interrupted_ || stopped_);
-  return refused ? Status(reply.error()) : Status();
+  const auto reply = uplink->ask(std::move(request), kCheckPatience, true, [this] { return isStopped(); });
+  if (reply.ok()) return {};
+  if (interrupted_ || stopped_) return reply.error();
+  const ErrorCode code = reply.error().code;
+  if (code == ErrorCode::kUnavailable)
+    logMessage(fmt::format("the server did not say in time whether it knows '{}' ({})", options_.trainee,
+                           reply.error().message));
+  // kDenied also comes when the server refuses the station itself, whose lesson goes on without it
+  const bool said_no =
+      code == ErrorCode::kNotFound || (code == ErrorCode::kDenied && !uplink->state().denied);
+  return said_no ? Status(reply.error()) : Status();
 }
 
 Status StationRun::getLesson() {

@@ -89,7 +89,8 @@ export const sessions = {
   page: (query, signal) => get(['sessions'], { signal, query }),
   /** Those whose trainee nobody knew when they came; they wait to be assigned. */
   unknown: (query, signal) => get(['unknown-trainees'], { signal, query }),
-  assign: (id, trainee, reason) => post(['sessions', id, 'trainee'], { trainee, reason }),
+  /** `was`: whose it is, as the page shows it; refused if somebody gave it to another meanwhile. */
+  assign: (id, trainee, reason, was) => post(['sessions', id, 'trainee'], { trainee, reason, was }),
   one: (id, signal) => get(['sessions', id], { signal }),
   score: (id, signal) => get(['sessions', id, 'score'], { signal }),
   rescore: (id) => post(['sessions', id, 'rescore'], {}),

@@ -18,7 +18,7 @@ function Assign({ session, everybody, close, done }) {
   const action = useAction();
   const save = async (event) => {
     event.preventDefault();
-    if (!(await action.run(() => sessions.assign(session_id, to, reason.trim())))) return;
+    if (!(await action.run(() => sessions.assign(session_id, to, reason.trim(), trainee)))) return;
     announce(`The session of ${trainee} was given to ${to}.`);
     done();
   };

@@ -92,7 +92,8 @@ TEST_F(SessionCommands, aSessionOfAnUnknownTraineeIsListedAndAssigned) {
   const auto refused = onData({"session", "assign", id, "--to", "nobody"});
   EXPECT_NE(refused.code, 0);
   EXPECT_THAT(refused.err, HasSubstr("there is no person named 'nobody'"));
-  good({"session", "assign", id, "--to", "tom", "--reason", "a typing error"});
+  EXPECT_THAT(good({"session", "assign", id, "--to", "tom", "--reason", "a typing error"}).out,
+              HasSubstr("the session that its station gave as 'tmo' is tom's now"));
   EXPECT_TRUE(waiting().empty());
   const auto row = good({"session", "show", id, "--json"}).rows().at(0);
   EXPECT_EQ(row.at("trainee"), "tom");
@@ -102,7 +103,7 @@ TEST_F(SessionCommands, aSessionOfAnUnknownTraineeIsListedAndAssigned) {
   const auto audit = good({"audit", "--json"}).rows();
   EXPECT_TRUE(std::any_of(audit.begin(), audit.end(), [&](const json& line) {
     return line.at("action") == "session assign" && line.at("subject") == id &&
-           line.at("detail") == "to tom: a typing error";
+           line.at("detail") == "from tmo to tom: a typing error";
   }));
 }
 

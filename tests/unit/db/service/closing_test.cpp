@@ -93,6 +93,7 @@ class ClosedWithEvents : public Closing {
  protected:
   void SetUp() override {
     Closing::SetUp();
+    addPerson("anna", pb::TRAINEE);
     id = makeUuidV7();
     chunk = withPlunger();
     auto d = test::describe(id);

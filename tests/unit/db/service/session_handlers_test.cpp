@@ -14,6 +14,7 @@ class SessionHandlers : public test::ServiceTest {
 };
 
 TEST_F(SessionHandlers, aTraineeSeesOwnSessionsOnly) {
+  addPerson("anna", pb::TRAINEE);
   const Uuid own = addSession("anna", 1), other = addSession("ben", 1);
   pb::Request list;
   list.mutable_list_sessions();
@@ -110,6 +111,7 @@ TEST_F(SessionHandlers, verifyReportsDamageAsAResult) {
 }
 
 TEST_F(SessionHandlers, annotationsAreKeptWithTheirAuthor) {
+  addPerson("anna", pb::TRAINEE);
   const Uuid id = addSession("anna", 1);
   pb::Request request;
   request.mutable_annotate()->set_session_id(test::bytesOfId(id));

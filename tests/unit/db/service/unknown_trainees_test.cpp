@@ -88,6 +88,11 @@ TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
   EXPECT_EQ(begin("tum")->code, ErrorCode::kDenied);
   // who is known, whether the station lists them or not, and nobody in particular
   for (const char* good : {"tom", "tam", "guest", ""}) EXPECT_FALSE(begin(good).has_value()) << good;
+  // an account may have guest's name, and be disabled like any other
+  addNamed("guest");
+  EXPECT_FALSE(begin("guest").has_value());
+  ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("guest", true); }));
+  EXPECT_EQ(begin("guest")->code, ErrorCode::kDenied);
   // staff looks at a lesson for any name
   pb::Request look;
   look.mutable_get_lesson()->set_exercise_id("first");
@@ -116,6 +121,7 @@ TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) 
   // an account of that name comes too late: it may be another person
   addNamed("tmo");
   EXPECT_EQ(waiting(manager).size(), 1u);
+  EXPECT_EQ(attemptsOf("tmo"), 0u) << "of whoever had the name before";
   EXPECT_TRUE(lesson("second", "tom").has_value()) << "not passed";
   EXPECT_EQ(attemptsOf("tom"), 1u);
 
@@ -159,7 +165,82 @@ TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) 
   ASSERT_EQ(lines.entries_size(), 3);
   EXPECT_EQ(lines.entries(2).who(), "mia");
   EXPECT_EQ(lines.entries(2).subject(), uuidText(ghosts));
-  EXPECT_EQ(lines.entries(2).detail(), "to tom: a slip of the pen");
+  EXPECT_EQ(lines.entries(2).detail(), "from tmo to tom: a slip of the pen");
+  EXPECT_EQ(lines.entries(1).detail(), "from tom to tmo: a slip of the pen");
+}
+
+TEST_F(UnknownTrainees, areAssignedByTheFirstOfTwoManagersWhoSawTheSameName) {
+  for (const char* name : {"tom", "tim"}) addNamed(name);
+  const Uuid ghosts = attempt("tmo", "first", true);
+  auto first = assignTo(ghosts, "tom"), second = assignTo(ghosts, "tim");
+  for (auto* request : {&first, &second}) request->mutable_assign_session()->set_was("tmo");
+  get(manager, first);
+  const auto late = ask(manager, second).error;
+  ASSERT_TRUE(late.has_value());
+  EXPECT_EQ(late->code, ErrorCode::kConflict);
+  EXPECT_THAT(late->message, HasSubstr("was given to 'tom' meanwhile, not 'tmo'"));
+  EXPECT_EQ(attemptsOf("tom"), 1u);
+  EXPECT_EQ(attemptsOf("tim"), 0u);
+  // who saw that may correct it
+  second.mutable_assign_session()->set_was("tom");
+  EXPECT_EQ(get(manager, second).session().description().trainee(), "tim");
+}
+
+TEST_F(UnknownTrainees, areNotAssignedToWhoeverHasTheNameOfAnErasedPerson) {
+  addNamed("tom");
+  addPerson("ada", pb::ADMINISTRATOR);
+  const Uuid ghosts = attempt("tmo", "first", true, 5);
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tom");
+  erase.mutable_erase_person()->set_confirm("tom");
+  get(admin, erase);
+  addNamed("tom");
+  const auto refused = ask(manager, assignTo(ghosts, "tom")).error;
+  ASSERT_TRUE(refused.has_value());
+  EXPECT_EQ(refused->code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(refused->message, HasSubstr("before a person named 'tom' was erased"));
+  EXPECT_THAT(refused->message, HasSubstr("give it to 'guest', or erase 'tmo'"));
+  get(manager, assignTo(ghosts, "guest"));
+}
+
+TEST_F(UnknownTrainees, keepTheirSessionsFromWhoeverGetsTheirNameLater) {
+  const Uuid ghosts = attempt("tmo", "first", true);
+  EXPECT_EQ(attemptsOf("tmo"), 1u) << "staff sees what nobody's account claims";
+  addNamed("tmo");
+  const Principal tmo{"tmo", pb::TRAINEE};
+  pb::Request list, show, read, score, own;
+  list.mutable_list_sessions();
+  show.mutable_get_session()->set_session_id(test::bytesOfId(ghosts));
+  read.mutable_read_chunks()->set_session_id(test::bytesOfId(ghosts));
+  score.mutable_get_score()->set_session_id(test::bytesOfId(ghosts));
+  own.mutable_export_person()->set_name("tmo");
+  const auto of_kind = [&](const std::string& kind) {
+    std::size_t found = 0;
+    const auto records = get(tmo, own).records();
+    for (const std::string& record : records.records())
+      found += nlohmann::json::parse(record)["kind"] == kind ? 1 : 0;
+    return found;
+  };
+  EXPECT_EQ(get(tmo, list).sessions().sessions_size(), 0);
+  for (const auto& request : {show, read, score}) EXPECT_EQ(refusal(tmo, request), ErrorCode::kNotFound);
+  EXPECT_EQ(of_kind("person"), 1u);
+  EXPECT_EQ(of_kind("session") + of_kind("score") + of_kind("unknown_trainee"), 0u);
+  EXPECT_TRUE(lesson("second", "tmo").has_value()) << "a stranger's attempt unlocks nothing";
+  EXPECT_EQ(results(tmo).rows(0).cells(0).attempts(), 0u);
+  // staff goes on seeing it, with its number as if it were tmo's
+  EXPECT_EQ(get(instructor, list).sessions().sessions_size(), 1);
+  get(instructor, show);
+  pb::Request scores;
+  scores.mutable_list_scores();
+  EXPECT_EQ(get(instructor, scores).scores().scores(0).attempt().number(), 1u);
+
+  // it was this person's after all
+  get(manager, assignTo(ghosts, "tmo"));
+  EXPECT_EQ(attemptsOf("tmo"), 1u);
+  get(tmo, show);
+  EXPECT_EQ(get(tmo, list).sessions().sessions_size(), 1);
+  EXPECT_EQ(of_kind("session"), 1u);
+  EXPECT_FALSE(lesson("second", "tmo").has_value());
 }
 
 TEST_F(UnknownTrainees, onlyTheirClosedSessionsAreAssignedAndOnlyToPeople) {

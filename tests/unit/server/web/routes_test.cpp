@@ -130,9 +130,10 @@ TEST(Routes, plainOnesFillTheirCallFromAddressQueryBodyAndIfMatch) {
   EXPECT_EQ(built("POST", "/sessions/" + id + "/excuse", call).error().code, ErrorCode::kInvalidInput);
 
   call = {};
-  call.body = {{"trainee", "tom"}, {"reason", "a typing error"}};
+  call.body = {{"trainee", "tom"}, {"reason", "a typing error"}, {"was", "tmo"}};
   const auto assign = built("POST", "/sessions/" + id + "/trainee", call);
   EXPECT_EQ(assign->assign_session().trainee(), "tom");
+  EXPECT_EQ(assign->assign_session().was(), "tmo");
   EXPECT_EQ(assign->assign_session().session_id(), score->get_score().session_id());
   call = {};
   call.target.query = {{"page", "AQI"}};
