@@ -70,7 +70,10 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
                                         std::int64_t now_unix_ns) {
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(name));
   if (!person) {
-    auto some = connection_.query("SELECT 1 FROM sessions WHERE trainee = ? LIMIT 1", name);
+    auto some = connection_.query(
+        "SELECT 1 FROM sessions WHERE trainee = ?1 UNION ALL SELECT 1 FROM unknown_trainees WHERE given = ?1"
+        " LIMIT 1",
+        name);
     ASSIGN_OR_RETURN(const bool found, some.step());
     if (!found)
       return Error{ErrorCode::kNotFound, "there is no person named '" + name + "', and no session of one"};
@@ -78,13 +81,23 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
              !last) {
     return last.error();  // the last administrator
   }
-  ErasedNames names{name, {}, {}, line.pseudonym};
+  ErasedNames names{name, {}, {}, line.pseudonym, {}};
   ASSIGN_OR_RETURN(auto earlier, loggedFullNames(connection_, name));
   names.full_names = std::move(earlier);
   if (person && !person->full_name.empty()) {
     std::erase(names.full_names, person->full_name);
     names.full_names.push_back(person->full_name);
   }
+  // names that its stations gave for this person: a misspelt one names it in remarks and the audit log too,
+  // unless somebody has it by now
+  ASSIGN_OR_RETURN(auto given, connection_
+                                   .query("SELECT DISTINCT u.given FROM unknown_trainees u JOIN sessions s"
+                                          " ON s.number = u.session WHERE s.trainee = ?1 AND u.given <> ?1"
+                                          " AND u.given NOT IN (SELECT name FROM people)"
+                                          " ORDER BY length(u.given) DESC, u.given",
+                                          name)
+                                   .all(firstText));
+  names.given = std::move(given);
   RETURN_IF_ERROR(addOthers(connection_, names));
   pb::Erasure erasure;
   erasure.set_pseudonym(line.pseudonym);
@@ -290,7 +303,9 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   ASSIGN_OR_RETURN(const auto key, this->key());
   auto names = connection_.prepare(
       "SELECT name, min(made) FROM (SELECT name, created_unix_ns AS made FROM people"
-      " UNION ALL SELECT trainee, started_unix_ns FROM sessions WHERE erased = 0)"
+      " UNION ALL SELECT trainee, started_unix_ns FROM sessions WHERE erased = 0"
+      " UNION ALL SELECT u.given, s.started_unix_ns FROM unknown_trainees u"
+      " JOIN sessions s ON s.number = u.session)"
       " GROUP BY name");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, names.step());

@@ -155,6 +155,9 @@ std::string withoutNames(const std::string& text, const ErasedNames& names, bool
   std::string without = text;
   for (const std::string& full_name : names.full_names)
     replaceWord(without, full_name, names.in_its_place, Case::kEither, names.others);
+  // before the name, which may be a word of one
+  for (const std::string& given : names.given)
+    replaceWord(without, given, names.in_its_place, Case::kEither, names.others);
   replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
   if (!parts) return without;
   for (const std::string& full_name : names.full_names) {
@@ -198,6 +201,7 @@ Status addOthers(Connection& connection, ErasedNames& names) {
       " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises");
   std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
   own.push_back(names.name);
+  own.insert(own.end(), names.given.begin(), names.given.end());
   for (const std::string& full_name : names.full_names)
     eachPart(full_name, [&](std::string_view part) { own.push_back(part); });
   for (;;) {

@@ -60,10 +60,12 @@ struct ErasedNames {
   std::vector<std::string> full_names;  ///< current and earlier ones
   std::vector<std::string> others;      ///< names and ids of others that contain one of these
   std::string in_its_place;             ///< the pseudonym
+  std::vector<std::string> given;       ///< other names that stations gave for this person; never in parts
 };
 
-/// Replaces name and full names as a whole, case-insensitively, except within one of `others`. `parts`: also
-/// replaces, case-sensitively, each word of a full name longer than two letters; for texts about this person.
+/// Replaces name, given and full names as a whole, case-insensitively, except within one of `others`.
+/// `parts`: also replaces, case-sensitively, each word of a full name longer than two letters; for texts
+/// about this person.
 std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts);
 
 /// Full names of this person in the audit log, oldest first. "user change" writes them at the end of its

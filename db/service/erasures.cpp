@@ -162,7 +162,7 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
   if (table.kind == "person") {
     const auto pseudonym = owner("name", "created_unix_ns");
     if (!pseudonym) return false;
-    ErasedNames names{textOfField(record, "name"), {}, {}, *pseudonym};
+    ErasedNames names{textOfField(record, "name"), {}, {}, *pseudonym, {}};
     if (const std::string full_name = textOfField(record, "full_name"); !full_name.empty())
       names.full_names.push_back(full_name);
     RETURN_IF_ERROR(addOthers(writer_, names));
@@ -182,10 +182,17 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
     if (!erased && timeOfField(record, "erased") != 0) return false;  // an exported pseudonym
     if (erased) {
       sessions_[id] = true;
+      owners_[id] = textOfField(record, "trainee");
       if (const auto bytes = bytesOfHex(id)) session_texts_.insert(sessionText(*bytes));
       return true;
     }
     return isOfErasedSession(id);
+  }
+  if (table.kind == "unknown_trainee") {
+    if (const auto owner_of = owners_.find(textOfField(record, "session")); owner_of != owners_.end()) {
+      for (ErasedNames& names : met_)
+        if (names.name == owner_of->second) names.given.push_back(textOfField(record, "given"));
+    }
   }
   if (record.contains("session") && (table.kind == "score" || table.kind == "event" ||
                                      table.kind == "annotation" || table.kind == "unknown_trainee"))
@@ -199,11 +206,29 @@ void ImportErasures::replaceDoer(RecordJson& record, const char* doer, const cha
     record[doer] = *pseudonym;
 }
 
+Status ImportErasures::replaceGiven(RecordJson& record) {
+  const auto bytes = bytesOfHex(textOfField(record, "session"));
+  if (!bytes) return {};
+  ASSIGN_OR_RETURN(const auto started_unix_ns,
+                   writer_.query("SELECT started_unix_ns FROM sessions WHERE id = ?", viewOf(*bytes))
+                       .first([](const Statement& row) { return row.integer(0); }));
+  if (!started_unix_ns) return {};  // the import says that it is not there
+  const auto pseudonym = pseudonymOf(textOfField(record, "given"), *started_unix_ns);
+  if (!pseudonym) return {};
+  // remarks and lines of the audit log, which come later, may have it too
+  ErasedNames names{textOfField(record, "given"), {}, {}, *pseudonym, {}};
+  RETURN_IF_ERROR(addOthers(writer_, names));
+  met_.push_back(std::move(names));
+  record["given"] = *pseudonym;
+  return {};
+}
+
 Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, RecordJson& record) {
   if (!key_) return Verdict::kTake;
   ASSIGN_OR_RETURN(const auto left_out, isOfErased(table, record));
   if (left_out) return Verdict::kLeftOut;
   for (const DoerField& field : kDoerFields) replaceDoer(record, field.doer, field.when);
+  if (table.kind == "unknown_trainee") RETURN_IF_ERROR(replaceGiven(record));
   if (table.kind == "annotation") {
     for (const ErasedNames& names : met_)
       record["text"] = withoutNames(textOfField(record, "text"), names, false);
@@ -222,7 +247,7 @@ Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, R
     for (std::string* name : {&line.who, &line.subject}) {
       const auto pseudonym = pseudonymOf(*name, line.unix_ns);
       if (!pseudonym) continue;
-      const ErasedNames names{*name, {}, {}, *pseudonym};
+      const ErasedNames names{*name, {}, {}, *pseudonym, {}};
       line = withoutNames(line, names, session_texts_);
     }
     record["who"] = line.who;
@@ -241,6 +266,8 @@ bool ImportErasures::isErasuresWork(const RecordTable& table, const RecordJson& 
     a["revision"] = b["revision"];
   if (table.kind == "annotation" && textOfField(a, "text").find("erased-") != std::string::npos)
     a["text"] = b["text"];
+  if (table.kind == "unknown_trainee" && textOfField(a, "given").starts_with("erased-"))
+    a["given"] = b["given"];
   return a == b;
 }
 

@@ -40,14 +40,17 @@ class ImportErasures {
   std::optional<std::string> pseudonymOf(const std::string& name, std::int64_t made_unix_ns) const;
   Result<bool> isOfErased(const RecordTable& table, const RecordJson& record);
   Result<bool> isOfErasedSession(const std::string& id_digits);
+  /// In a record of a session of an unknown trainee: the name that the station gave.
+  Status replaceGiven(RecordJson& record);
   void replaceDoer(RecordJson& record, const char* doer, const char* when) const;
 
   Connection& writer_;
   std::optional<PseudonymKey> key_;
   std::vector<ErasureLine> lines_;
-  std::vector<ErasedNames> met_;          ///< found in this import
-  std::map<std::string, bool> sessions_;  ///< by id in digits: true when it belongs to an erased person
-  std::set<std::string> session_texts_;   ///< ids of those that do, in the audit log's form
+  std::vector<ErasedNames> met_;               ///< found in this import
+  std::map<std::string, bool> sessions_;       ///< by id in digits: true when it belongs to an erased person
+  std::map<std::string, std::string> owners_;  ///< by id in digits: the erased person whose session it is
+  std::set<std::string> session_texts_;        ///< ids of those that do, in the audit log's form
 };
 
 }  // namespace needlelab

@@ -75,6 +75,40 @@ TEST_F(ErasedPeople, doNotComeBackWithAnOlderExport) {
   EXPECT_NE(everything().find("better than " + pseudonym), std::string::npos);
 }
 
+TEST_F(ErasedPeople, areNotNamedByWhatStationsGaveInAnOlderExport) {
+  addStation();
+  addPerson("ada", pb::ADMINISTRATOR);
+  const Uuid id = closedSession("Mona Ghost", 1'700'000'000'000'000'000, "");
+  pb::Request assign;
+  assign.mutable_assign_session()->set_session_id(test::bytesOfId(id));
+  assign.mutable_assign_session()->set_trainee("guest");
+  get(manager, assign);
+  const auto records = exportAll(*store);
+  const auto pseudonym = get(admin, erase("Mona Ghost")).erasure().pseudonym();
+  const auto again = importAll(*store, records, 100);
+  EXPECT_TRUE(again.done()) << again.DebugString();
+  ASSERT_OK(change([](Connection& c) { return c.run("DELETE FROM unknown_trainees"); }));
+  EXPECT_TRUE(importAll(*store, records, 100).done());
+  EXPECT_EQ(everything().find("Mona Ghost"), std::string::npos);
+  EXPECT_NE(everything().find("'" + pseudonym + "' | '" + manager.name + "'"), std::string::npos)
+      << "the row is there, under the pseudonym";
+}
+
+TEST_F(ErasedPeople, areNotNamedByTheirMisspeltNameInTheAuditLogOfAnOlderExport) {
+  addStation();
+  addPerson("ada", pb::ADMINISTRATOR);
+  addNamed("anna", "");
+  const Uuid id = closedSession("Annuschka", 1'700'000'000'000'000'000, "");
+  pb::Request assign;
+  assign.mutable_assign_session()->set_session_id(test::bytesOfId(id));
+  assign.mutable_assign_session()->set_trainee("anna");
+  get(manager, assign);
+  const auto records = exportAll(*store);
+  get(admin, erase("anna"));
+  EXPECT_TRUE(importAll(*store, records, 100).done());
+  EXPECT_EQ(everything().find("Annuschka"), std::string::npos);
+}
+
 TEST_F(ErasedPeople, areSaidByCheckWhenTheyAreHereAgain) {
   addNamed("anna", "");
   get(admin, erase("anna"));

@@ -2,6 +2,10 @@
 // assigned to the right person.
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <cctype>
+
+#include "db/pseudonyms.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/service/teaching_fixture.h"
 
@@ -57,6 +61,23 @@ class UnknownTrainees : public test::TeachingTest {
       ids.push_back(session.description().session_id());
     }
     return ids;
+  }
+  pb::Request erase(const std::string& name) {
+    pb::Request request;
+    request.mutable_erase_person()->set_name(name);
+    request.mutable_erase_person()->set_confirm(name);
+    return request;
+  }
+  /// Whether anything in the database holds this text; bytes are written as hexadecimal digits there.
+  bool names(const std::string& text) {
+    std::string all, digits = hexDigitsOf(text);
+    std::transform(digits.begin(), digits.end(), digits.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      all = test::dump(c);
+      return {};
+    }));
+    return all.find(text) != std::string::npos || all.find(digits) != std::string::npos;
   }
   std::uint32_t attemptsOf(const std::string& who) {
     pb::Request request;
@@ -190,10 +211,7 @@ TEST_F(UnknownTrainees, areNotAssignedToWhoeverHasTheNameOfAnErasedPerson) {
   addNamed("tom");
   addPerson("ada", pb::ADMINISTRATOR);
   const Uuid ghosts = attempt("tmo", "first", true, 5);
-  pb::Request erase;
-  erase.mutable_erase_person()->set_name("tom");
-  erase.mutable_erase_person()->set_confirm("tom");
-  get(admin, erase);
+  get(admin, erase("tom"));
   addNamed("tom");
   const auto refused = ask(manager, assignTo(ghosts, "tom")).error;
   ASSERT_TRUE(refused.has_value());
@@ -266,18 +284,36 @@ TEST_F(UnknownTrainees, leaveNoNameBehindWhenThePersonIsErased) {
   addNamed("tom");
   addPerson("ada", pb::ADMINISTRATOR);
   addPerson("mia", pb::CURRICULUM_MANAGER);
-  const Uuid ghosts = attempt("tom smyth", "first", true);
-  get(manager, assignTo(ghosts, "tom"));
-  pb::Request erase;
-  erase.mutable_erase_person()->set_name("tom");
-  erase.mutable_erase_person()->set_confirm("tom");
-  get(admin, erase);
-  std::string all;
-  ASSERT_OK(change([&](Connection& c) -> Status {
-    all = test::dump(c);
-    return {};
-  }));
-  for (const char* name : {"tom smyth", "'tom'", "to tom"}) EXPECT_THAT(all, Not(HasSubstr(name)));
+  const Uuid ghosts = attempt("tom smyth", "first", true), others = attempt("guest", "first", true);
+  auto assign = assignTo(ghosts, "tom");
+  assign.mutable_assign_session()->set_reason("Tom Smyth, says the list, is tom");
+  get(manager, assign);
+  for (const Uuid& session : {ghosts, others}) {
+    pb::Request remark;
+    remark.mutable_annotate()->set_session_id(test::bytesOfId(session));
+    remark.mutable_annotate()->set_text("tom smyth again");
+    get(instructor, remark);
+  }
+  EXPECT_TRUE(names("tom smyth"));
+  get(admin, erase("tom"));
+  for (const char* name : {"tom smyth", "Tom Smyth", "smyth", "Smyth", "'tom'", "to tom", "is tom"})
+    EXPECT_FALSE(names(name)) << name;
+}
+
+TEST_F(UnknownTrainees, areErasedByTheNameThatTheirStationGaveToo) {
+  addNamed("tom");
+  addPerson("ada", pb::ADMINISTRATOR);
+  const Uuid ghosts = attempt("Mona Ghost", "first", true, 5);
+  get(manager, assignTo(ghosts, "guest"));
+  EXPECT_TRUE(names("Mona Ghost"));
+  EXPECT_EQ(get(admin, erase("Mona Ghost")).erasure().sessions(), 0u) << "it is guest's";
+  EXPECT_FALSE(names("Mona Ghost"));
+  pb::Request check;
+  check.mutable_check();
+  EXPECT_THAT(get(admin, check).check_report().DebugString(), Not(HasSubstr("was erased on")));
+  // as a restored backup has it
+  ASSERT_OK(change([](Connection& c) { return c.run("UPDATE unknown_trainees SET given = 'Mona Ghost'"); }));
+  EXPECT_THAT(get(admin, check).check_report().DebugString(), HasSubstr("Mona Ghost\\' was erased on"));
 }
 
 }  // namespace
