@@ -183,6 +183,7 @@ TEST_F(TeachingCommands, aRecordingOfAStudyIsFoundByItsPseudonymAndBeginsWithZer
   const std::string id = uuidText(addSession(3));
   const std::string trainee = good({"session", "show", id, "--json"}).rows()[0].at("trainee");
   good({"user", "add", trainee, "--role", "trainee"});
+  good({"session", "assign", id, "--to", trainee, "--reason", "the account came later"});
   good({"consent", "give", trainee, "--note", "paper"});
   good({"study", "export", "s1", "--out", file("study.jsonl")});
   std::string session;

@@ -112,6 +112,7 @@ TEST_F(Talk, whatIsNoAidAndWhatIsNoLessonIsRefusedAndLeavesNoLine) {
 }
 
 TEST_F(Talk, aRemarkOnALessonThatGoesOnIsKeptWhenItEnds) {
+  addPerson("anna", pb::TRAINEE);
   const Uuid id = addSession("anna", 3);
   pb::Request annotate;
   annotate.mutable_annotate()->set_session_id(test::bytesOfId(id));

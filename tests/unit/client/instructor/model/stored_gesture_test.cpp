@@ -120,8 +120,14 @@ pb::Exercise straightDown() {
   pb::Exercise exercise;
   auto& plan = *exercise.mutable_plan();
   plan.set_frame(pb::Exercise::Plan::LIMB);
-  plan.mutable_entry_m();
-  plan.mutable_direction()->set_z(-1);
+  auto& entry = *plan.mutable_entry_m();
+  auto& direction = *plan.mutable_direction();
+  for (auto* const vector : {&entry, &direction}) {
+    vector->set_x(0);
+    vector->set_y(0);
+    vector->set_z(0);
+  }
+  direction.set_z(-1);
   return exercise;
 }
 
