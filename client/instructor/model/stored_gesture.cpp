@@ -208,7 +208,9 @@ class Loader {
     if (!measures.ok()) return;
     gesture_->requirements = requirementsOf(*measures);
     if (isScoredByAnotherPlan(*gesture_, *measures))
-      note("the exercise's plan was changed after this session was scored: score it again");
+      note(
+          "the exercise's plan was changed after this session was scored: its score is against the plan of "
+          "that time");
   }
 
   void note(std::string text) {
