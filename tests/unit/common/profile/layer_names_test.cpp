@@ -108,8 +108,8 @@ TEST(LayerNames, aNameIsWrittenAfterItsTissueAndReadBack) {
 TEST(LayerNames, aProfileOfBeforeIsWrittenAsBefore) {
   const auto profile = parseProfile(kGoodProfile, "p");
   ASSERT_TRUE(profile.ok());
-  for (const auto& layer : nlohmann::json::parse(profileJson(*profile))["layers"])
-    EXPECT_FALSE(layer.contains("name")) << layer;
+  const auto written = nlohmann::json::parse(profileJson(*profile));
+  for (const auto& layer : written["layers"]) EXPECT_FALSE(layer.contains("name")) << layer;
   EXPECT_EQ(layerNames(*profile), (std::vector<std::string>{"skin", "muscle"}));
 }
 
