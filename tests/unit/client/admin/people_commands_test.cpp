@@ -212,7 +212,7 @@ TEST_F(PeopleCommands, aFileThatIsNoTableOfPeopleIsRefusedWithItsName) {
       {"", "is empty"},
       {"name\n", "has a header and no rows"},
       {"full_name\nAnna\n", "there is no column 'name'"},
-      {"name,colour\nanna,red\n", "column 'colour' is none of name, full_name, role, group, password"},
+      {"name,colour\nanna,red\n", "column 'colour' is none of name, full_name, role, group, password, code"},
       {"name,name\nanna,anna\n", "column 'name' is there twice"},
       {"name\n\"anna\n", "line 2: a quote is not closed"},
       {"name\nZo\xeb\n", "is not UTF-8"},
