@@ -183,7 +183,7 @@ export function upkeep(t) {
     await page.route(people, (route) => route.fulfill({ status: 500, contentType: 'application/json', body }));
     await open(page, t.lab, '#/unknown-trainees', 'Unknown trainees');
     await page.getByText('Nobody can be chosen: the people could not be loaded').waitFor();
-    const give = page.getByRole('button', { name: 'Give the session of tino to …' });
+    const give = page.getByRole('button', { name: 'Give to … the session of tino' });
     assert.ok(await give.isDisabled());
     await page.unroute(people);
     await page.getByRole('button', { name: 'Try again' }).click();
@@ -230,7 +230,7 @@ export function upkeep(t) {
     const counted = async () => (await api(page, 'people/tina/progress')).items.length;
     const before = await counted();
     await open(page, t.lab, '#/unknown-trainees', 'Unknown trainees');
-    await page.getByText('its code was not given').waitFor();
+    await page.getByText('nobody gave the code').waitFor();
     await accessible(page, 'a session without a code');
     await page.getByRole('button', { name: 'Confirm the session of tina' }).click();
     await page.getByText('No session waits').waitFor();

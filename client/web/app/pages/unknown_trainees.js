@@ -95,7 +95,7 @@ export function UnknownTraineesPage() {
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
                 <td>${s.description.trainee}</td>
-                <td>${s.code_unchecked ? 'its code was not given' : 'nobody had the name'}</td>
+                <td>${s.code_unchecked ? 'nobody gave the code' : 'nobody had the name'}</td>
                 <td>${s.description.exercise_id}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
@@ -121,7 +121,7 @@ export function UnknownTraineesPage() {
                             type="button"
                             class="small"
                             disabled=${!everybody.data}
-                            aria-label=${`Give the session of ${s.description.trainee} to …`}
+                            aria-label=${`Give to … the session of ${s.description.trainee}`}
                             onClick=${() => setAsked(s)}
                           >
                             Give to …
