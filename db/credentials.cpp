@@ -73,7 +73,7 @@ Result<std::string> hashPassword(std::string_view password) {
   return hashedText(password);
 }
 
-Status checkCode(std::string_view code) {
+Status checkNewCode(std::string_view code) {
   if (code.size() < kMinCodeBytes || code.size() > kMaxCodeBytes) {
     return Error{ErrorCode::kInvalidInput, fmt::format("code: has {} characters, allowed are {} to {}",
                                                        code.size(), kMinCodeBytes, kMaxCodeBytes)};
@@ -88,7 +88,7 @@ Status checkCode(std::string_view code) {
 
 Result<std::string> hashCode(std::string_view code) {
   initialise();
-  RETURN_IF_ERROR(checkCode(code));
+  RETURN_IF_ERROR(checkNewCode(code));
   return hashedText(code);
 }
 

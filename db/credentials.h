@@ -29,8 +29,8 @@ inline constexpr std::size_t kMaxCodeBytes = 64;
 
 /// kInvalidInput unless the code has kMinCodeBytes to kMaxCodeBytes printable ASCII characters. Never repeats
 /// it.
-Status checkCode(std::string_view code);
-/// As hashPassword, for a code. Errors: of checkCode(), kFailed (no memory).
+Status checkNewCode(std::string_view code);
+/// As hashPassword, for a code. Errors: of checkNewCode(), kFailed (no memory).
 Result<std::string> hashCode(std::string_view code);
 /// Six random decimal digits, each number equally likely.
 std::string makePin();

@@ -310,18 +310,16 @@ TEST_F(Codes, comeWithATableOfPeopleForNewOnesOnly) {
 TEST_F(Codes, thatNobodyCheckedMakeASessionWait) {
   get(manager, code("tom", "2468"));
   const Uuid unchecked = record("tom", false), checked = record("tom", true), tims = record("tim", false),
-             guests = record("guest", false), nobodys = record("", false), ghosts = record("ghost", false);
+             guests = record("guest", false), ghosts = record("ghost", false);
   EXPECT_EQ(stateOf(unchecked), "waits: code");
   EXPECT_EQ(stateOf(checked), "counts");
   EXPECT_EQ(stateOf(tims), "counts") << "no code";
   EXPECT_EQ(stateOf(guests), "counts");
-  EXPECT_EQ(stateOf(nobodys), "counts");
   EXPECT_EQ(stateOf(ghosts), "waits: no such name");
   require(true);
   EXPECT_EQ(stateOf(record("tim", false)), "waits: code");
   EXPECT_EQ(stateOf(record("tim", true)), "counts") << "checked before the code was taken away";
   EXPECT_EQ(stateOf(record("guest", false)), "counts");
-  EXPECT_EQ(stateOf(record("", false)), "counts");
   EXPECT_EQ(stateOf(record("ghost", true)), "waits: no such name");
 }
 
