@@ -199,6 +199,13 @@ test('changes, and what comes of those that are too late', async () => {
   await one('ines', 'POST', '/sessions/{id}/trainee', assign('anna.bauer'), 403);
   await one('mara', 'POST', '/sessions/{id}/trainee', assign('nobody'), 404);
   assert.equal((await one('mara', 'POST', '/sessions/{id}/trainee', assign('anna.bauer'))).given_trainee, 'ana');
+  await one('mara', 'PUT', '/retention', { body: { policy: { exercise_id: '', delete_after_days: 3650 } } });
+  await one('mara', 'GET', '/retention', {});
+  await one('mara', 'POST', '/retention/run', { body: { dry_run: true } });
+  await one('root', 'POST', '/scores/rescore', { body: { dry_run: true } });
+  await one('rhea', 'GET', '/studies/{study}', { path: '/studies/s1' });
+  await one('root', 'POST', '/backup', { body: {} });
+  await one('root', 'POST', '/check', { body: {} });
   Object.assign(lab.sessions[1], { trainee: 'anna.bauer', unknown_trainee: true, code_unchecked: true });
   const [waits] = (await one('mara', 'GET', '/unknown-trainees', {})).items;
   assert.equal(waits.code_unchecked, true);
@@ -207,13 +214,6 @@ test('changes, and what comes of those that are too late', async () => {
     body: { trainee: 'anna.bauer', was: 'anna.bauer' },
   });
   assert.deepEqual([confirmed.unknown_trainee, confirmed.code_unchecked], [undefined, false]);
-  await one('mara', 'PUT', '/retention', { body: { policy: { exercise_id: '', delete_after_days: 3650 } } });
-  await one('mara', 'GET', '/retention', {});
-  await one('mara', 'POST', '/retention/run', { body: { dry_run: true } });
-  await one('root', 'POST', '/scores/rescore', { body: { dry_run: true } });
-  await one('rhea', 'GET', '/studies/{study}', { path: '/studies/s1' });
-  await one('root', 'POST', '/backup', { body: {} });
-  await one('root', 'POST', '/check', { body: {} });
   await one('root', 'DELETE', '/people/{name}/data', { path: '/people/new.one/data', body: { confirm: 'new.one' } });
 });
 
