@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-using std::chrono::seconds;
+using Seconds = std::chrono::seconds;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
 TEST(CodeGuard, letsFiveTriesPassAndThenOneAfterEachWait) {
@@ -17,20 +17,20 @@ TEST(CodeGuard, letsFiveTriesPassAndThenOneAfterEachWait) {
   CodeGuard guard(time);
   for (unsigned left = 4; left > 0; --left) {
     const auto begun = guard.begin("tom");
-    EXPECT_EQ(begun.must_wait, seconds(0));
+    EXPECT_EQ(begun.must_wait, Seconds(0));
     EXPECT_EQ(begun.left, left);
-    EXPECT_EQ(begun.then_wait, seconds(0));
+    EXPECT_EQ(begun.then_wait, Seconds(0));
   }
   // the fifth and each further one begin a wait: 1, 2, 4, 8, at most 15 minutes
   for (const int minutes : {1, 2, 4, 8, 15, 15, 15}) {
     const auto begun = guard.begin("tom");
-    EXPECT_EQ(begun.must_wait, seconds(0)) << minutes;
+    EXPECT_EQ(begun.must_wait, Seconds(0)) << minutes;
     EXPECT_EQ(begun.left, 0u);
-    EXPECT_EQ(begun.then_wait, seconds(60 * minutes));
-    EXPECT_EQ(guard.begin("tom").must_wait, seconds(60 * minutes));
+    EXPECT_EQ(begun.then_wait, Seconds(60 * minutes));
+    EXPECT_EQ(guard.begin("tom").must_wait, Seconds(60 * minutes));
     time.advance(60 * minutes * kSecond_ns - 1);
-    EXPECT_EQ(guard.begin("tom").must_wait, seconds(1)) << "rounded up";
-    EXPECT_EQ(guard.begin("tim").must_wait, seconds(0)) << "another person";
+    EXPECT_EQ(guard.begin("tom").must_wait, Seconds(1)) << "rounded up";
+    EXPECT_EQ(guard.begin("tim").must_wait, Seconds(0)) << "another person";
     guard.forget("tim");
     time.advance(1);
   }
@@ -49,11 +49,11 @@ TEST(CodeGuard, countsATryFromItsBeginning) {
   test::FakeTime time;
   CodeGuard guard(time);
   // of six at once, before one is checked, the sixth is not tried
-  for (int i = 0; i < 5; ++i) EXPECT_EQ(guard.begin("tom").must_wait, seconds(0));
-  EXPECT_EQ(guard.begin("tom").must_wait, seconds(60));
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(guard.begin("tom").must_wait, Seconds(0));
+  EXPECT_EQ(guard.begin("tom").must_wait, Seconds(60));
   // one of them was right
   guard.forget("tom");
-  EXPECT_EQ(guard.begin("tom").must_wait, seconds(0));
+  EXPECT_EQ(guard.begin("tom").must_wait, Seconds(0));
 }
 
 TEST(CodeGuard, forgetsWhoWasIdleForLongestWhenItIsFull) {
@@ -89,11 +89,11 @@ TEST(CodeGuard, aGuesserHasSomeHundredTriesADay) {
 }
 
 TEST(WaitText, roundsMinutesUp) {
-  EXPECT_EQ(waitText(seconds(1)), "1 s");
-  EXPECT_EQ(waitText(seconds(59)), "59 s");
-  EXPECT_EQ(waitText(seconds(60)), "1 min");
-  EXPECT_EQ(waitText(seconds(61)), "2 min");
-  EXPECT_EQ(waitText(seconds(900)), "15 min");
+  EXPECT_EQ(waitText(Seconds(1)), "1 s");
+  EXPECT_EQ(waitText(Seconds(59)), "59 s");
+  EXPECT_EQ(waitText(Seconds(60)), "1 min");
+  EXPECT_EQ(waitText(Seconds(61)), "2 min");
+  EXPECT_EQ(waitText(Seconds(900)), "15 min");
 }
 
 }  // namespace
