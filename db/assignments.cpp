@@ -36,16 +36,15 @@ Status checkTrainee(Connection& connection, const std::string& name) {
   return {};
 }
 
-/// A session that waits for a manager is not the attempt of a person who got its name later; ?3 may name one
-/// that is wanted all the same.
+/// Without sessions that count for nobody (migrations/0007_trainee_codes.sql); ?3 may name one that is wanted
+/// all the same.
 constexpr std::string_view kAttempt =
     "SELECT id, trainee, exercise_id, place, started_unix_ns, passed, state,"
     " excused, profile_revision, engine_version, score_json"
     " FROM (SELECT *, row_number() OVER (PARTITION BY trainee, exercise_id"
     " ORDER BY started_unix_ns, number) AS place FROM sessions WHERE trainee = ?1"
     " AND (?2 = '' OR exercise_id = ?2) AND trainee <> ''"
-    " AND (id = ?3 OR number NOT IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)"
-    " OR NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))) ";
+    " AND (id = ?3 OR number NOT IN uncounted_sessions)) ";
 
 pb::Attempt attemptOf(const Statement& row, bool with_score) {
   pb::Attempt attempt;
@@ -171,8 +170,7 @@ Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::st
   auto row = connection_.query(
       "SELECT count(*), coalesce(sum(excused = 0), 0),"
       " max(CASE excused WHEN 0 THEN passed END) FROM sessions WHERE trainee = ?1 AND exercise_id = ?2"
-      " AND (number NOT IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)"
-      " OR NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))",
+      " AND number NOT IN uncounted_sessions",
       trainee, exercise_id);
   RETURN_IF_ERROR(row.step());
   standing.all = row.natural32(0);

@@ -30,6 +30,15 @@ std::string hashOf(std::string_view secret) {
   return text;
 }
 
+/// kFailed: no memory.
+Result<std::string> hashedText(std::string_view secret) {
+  std::string hash = hashOf(secret);
+  if (hash.empty())
+    return Error{ErrorCode::kFailed, "cannot hash a password or code: not enough memory (64 MiB are needed)"};
+  hash.resize(std::strlen(hash.c_str()));
+  return hash;
+}
+
 /// A hash of discarded random bytes, used in place of an empty hash.
 const std::string& decoyHash() {
   static const std::string hash = [] {
@@ -61,11 +70,31 @@ Result<std::string> hashPassword(std::string_view password) {
                  fmt::format("password: has {} bytes, allowed are {} to {}", password.size(),
                              kMinPasswordBytes, kMaxPasswordBytes)};
   }
-  std::string hash = hashOf(password);
-  if (hash.empty())
-    return Error{ErrorCode::kFailed, "cannot hash a password: not enough memory (64 MiB are needed)"};
-  hash.resize(std::strlen(hash.c_str()));
-  return hash;
+  return hashedText(password);
+}
+
+Status checkNewCode(std::string_view code) {
+  if (code.size() < kMinCodeBytes || code.size() > kMaxCodeBytes) {
+    return Error{ErrorCode::kInvalidInput, fmt::format("code: has {} characters, allowed are {} to {}",
+                                                       code.size(), kMinCodeBytes, kMaxCodeBytes)};
+  }
+  if (!std::all_of(code.begin(), code.end(), [](char c) { return c >= ' ' && c <= '~'; })) {
+    return Error{ErrorCode::kInvalidInput,
+                 "code: has a character that is no printable ASCII: allowed are letters without accents, "
+                 "digits, and signs"};
+  }
+  return {};
+}
+
+Result<std::string> hashCode(std::string_view code) {
+  initialise();
+  RETURN_IF_ERROR(checkNewCode(code));
+  return hashedText(code);
+}
+
+std::string makePin() {
+  initialise();
+  return fmt::format("{:06}", randombytes_uniform(1'000'000));
 }
 
 bool verifyPassword(std::string_view hash, std::string_view password) {

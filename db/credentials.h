@@ -1,4 +1,5 @@
-/// Hashed passwords of people (argon2id), hashed keys of stations, and the stations themselves. Never logged.
+/// Hashed passwords of people and codes of trainees (argon2id), hashed keys of stations, and the stations
+/// themselves. Never logged.
 #pragma once
 
 #include <array>
@@ -21,8 +22,21 @@ inline constexpr std::size_t kMaxPasswordBytes = 256;
 /// long), kFailed (no memory).
 Result<std::string> hashPassword(std::string_view password);
 
-/// True when the password matches the hash; takes as long as hashing. An empty hash never matches but takes
-/// the same time, so that an attacker cannot tell an unknown name from a wrong password.
+// A trainee's code: a PIN, or what a badge reader types. Easy to guess: service/code_guard.h bounds the
+// tries.
+inline constexpr std::size_t kMinCodeBytes = 4;
+inline constexpr std::size_t kMaxCodeBytes = 64;
+
+/// kInvalidInput unless the code has kMinCodeBytes to kMaxCodeBytes printable ASCII characters. Never repeats
+/// it.
+Status checkNewCode(std::string_view code);
+/// As hashPassword, for a code. Errors: of checkNewCode(), kFailed (no memory).
+Result<std::string> hashCode(std::string_view code);
+/// Six random decimal digits, each number equally likely.
+std::string makePin();
+
+/// True when the password, or code, matches the hash; takes as long as hashing. An empty hash never matches
+/// but takes the same time, so that an attacker cannot tell an unknown name from a wrong password.
 bool verifyPassword(std::string_view hash, std::string_view password);
 
 using StationKeyBytes = std::array<std::uint8_t, 32>;

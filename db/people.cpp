@@ -12,14 +12,14 @@ namespace {
 
 constexpr std::string_view kSelectPeople =
     "SELECT name, role, password_hash, disabled, created_unix_ns, full_name,"
-    " revision, changed_unix_ns, changed_by FROM people ";
+    " revision, changed_unix_ns, changed_by, code_hash FROM people ";
 
 Person personOf(const Statement& row) {
   return {row.text(0),      static_cast<pb::Role>(row.integer(1)),
           row.text(2),      row.integer(3) != 0,
           row.integer(4),   row.text(5),
           row.natural32(6), row.integer(7),
-          row.text(8)};
+          row.text(8),      row.text(9)};
 }
 
 Status checkRoleOfPerson(pb::Role role) {
@@ -81,17 +81,21 @@ Status PeopleStore::add(const Person& person) {
   RETURN_IF_ERROR(checkText("full_name", person.full_name, 0, 200));
   ASSIGN_OR_RETURN(const auto known, find(person.name));
   if (known) return Error{ErrorCode::kAlreadyExists, "there is already a person named '" + person.name + "'"};
-  const std::optional<std::string> hash =
-      person.password_hash.empty() ? std::nullopt : std::optional(person.password_hash);
   return connection_.run(
       "INSERT INTO people (name, role, password_hash, disabled, created_unix_ns,"
-      " full_name, changed_unix_ns) VALUES (?,?,?,?,?,?,?)",
-      person.name, static_cast<int>(person.role), hash, person.disabled, person.created_unix_ns,
-      person.full_name, person.created_unix_ns);
+      " full_name, changed_unix_ns, code_hash) VALUES (?,?,nullif(?, ''),?,?,?,?,nullif(?, ''))",
+      person.name, static_cast<int>(person.role), person.password_hash, person.disabled,
+      person.created_unix_ns, person.full_name, person.created_unix_ns, person.code_hash);
 }
 
 Status PeopleStore::setPasswordHash(std::string_view name, std::string_view hash) {
   RETURN_IF_ERROR(connection_.run("UPDATE people SET password_hash = ? WHERE name = ?", hash, name));
+  if (connection_.changes() == 0) return unknown(name);
+  return {};
+}
+
+Status PeopleStore::setCodeHash(std::string_view name, std::string_view hash) {
+  RETURN_IF_ERROR(connection_.run("UPDATE people SET code_hash = nullif(?, '') WHERE name = ?", hash, name));
   if (connection_.changes() == 0) return unknown(name);
   return {};
 }

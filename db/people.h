@@ -15,8 +15,8 @@
 
 namespace needlelab {
 
-/// Name, role, password hash. A person is disabled, not deleted, because sessions and the audit log refer to
-/// the name; to delete a person's data, erase the person (erasure.h).
+/// Name, role, hashes of password and code. A person is disabled, not deleted, because sessions and the audit
+/// log refer to the name; to delete a person's data, erase the person (erasure.h).
 struct Person {
   std::string name;
   pb::Role role = pb::ROLE_UNSPECIFIED;
@@ -27,6 +27,7 @@ struct Person {
   std::uint32_t revision = 1;        ///< of role, disabled and full_name; set by the store
   std::int64_t changed_unix_ns = 0;  ///< set by the store
   std::string changed_by = {};       ///< empty: never changed
+  std::string code_hash = {};        ///< of a trainee's code; empty: none
 };
 
 /// The fields to change; the others stay.
@@ -45,6 +46,8 @@ class PeopleStore {
   Status add(const Person& person);
   /// kNotFound.
   Status setPasswordHash(std::string_view name, std::string_view hash);
+  /// Of the code that a station asks for (credentials.h); empty: none. kNotFound.
+  Status setCodeHash(std::string_view name, std::string_view hash);
   /// Returns the changed person. `base`: the revision that the change was made from, or none: any. kNotFound;
   /// kConflict; kInvalidInput; kDenied: it would disable, or change the role of, the last administrator who
   /// can log in.

@@ -17,9 +17,9 @@ namespace {
 constexpr std::string_view kFullNameWords = "full name: '";
 
 /// Actions whose subject is always a person. For "assign" the detail decides.
-constexpr std::array<std::string_view, 10> kAboutPeople = {
-    "user add", "user passwd",   "user disable", "user change",  "user import",
-    "consent",  "person export", "person erase", "access ended", "access valid again"};
+constexpr std::array<std::string_view, 12> kAboutPeople = {
+    "user add",      "user passwd",  "user disable", "user change",        "user import", "consent",
+    "person export", "person erase", "access ended", "access valid again", "user code",   "code locked"};
 
 char lowered(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;

@@ -21,7 +21,7 @@ constexpr std::string_view kInfoColumns =
     " s.chunks), coalesce(p.samples, s.samples), coalesce(p.stored_bytes,"
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
-    " s.profile_json, s.score_json, s.passed, u.given, u.by_whom FROM sessions s"
+    " s.profile_json, s.score_json, s.passed, u.given, u.by_whom, u.code_unchecked FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN unknown_trainees u ON u.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
@@ -68,6 +68,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
     info.set_given_trainee(row.text(23));
   } else if (!row.isNull(23)) {
     info.set_unknown_trainee(true);
+    info.set_code_unchecked(row.integer(25) != 0);
   }
   return info;
 }
@@ -106,7 +107,7 @@ class SessionConditions {
 };
 
 Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std::optional<Uuid>& after,
-                                       bool without_waiting) {
+                                       bool only_counted) {
   SessionConditions conditions;
   conditions.add("s.station = ?", wanted.station());
   conditions.add("s.trainee = ?", wanted.trainee());
@@ -131,8 +132,7 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
   }
   if (wanted.unknown_trainee())
     conditions.push("s.number IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)");
-  if (without_waiting)
-    conditions.push("s.number NOT IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)");
+  if (only_counted) conditions.push("s.number NOT IN uncounted_sessions");
   if (!wanted.search().empty()) {
     RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));
     // a name that is not in `people` may still have sessions, from a station that was offline
@@ -302,9 +302,8 @@ Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
 }
 
 Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& wanted,
-                                                        const std::optional<Uuid>& after,
-                                                        bool without_waiting) {
-  ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, after, without_waiting));
+                                                        const std::optional<Uuid>& after, bool only_counted) {
+  ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, after, only_counted));
   const std::uint32_t most = wanted.limit() == 0 ? kMaxListed : std::min(wanted.limit(), kMaxListed);
   auto rows = connection_.query(std::string(kInfoColumns) + conditions.text() +
                                 " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?");

@@ -125,7 +125,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns));
   const auto id = uuidOf(description.session_id());
   RETURN_IF_ERROR(pseudonym ? ErasureStore(connection_).emptySession(*id, now_unix_ns)
-                            : UnknownTraineeStore(connection_).flag(*id));
+                            : UnknownTraineeStore(connection_).flag(*id, description.code_checked()));
   return std::uint64_t{0};
 }
 

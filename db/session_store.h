@@ -124,7 +124,8 @@ class SessionStore {
 
   /// Returns the next seq: 0 for a new session. Repeating a known description is not an error. When the
   /// trainee was erased after the session began, stores the session under the pseudonym; its chunks are
-  /// acknowledged but not kept. An unknown trainee's session is taken, and flagged (unknown_trainees.h).
+  /// acknowledged but not kept. A session of an unknown trainee, or without its trainee's code, is taken, and
+  /// flagged (unknown_trainees.h).
   /// Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known
   /// with another description), kNotFound (no such station).
   Result<std::uint64_t> open(const pb::SessionDescription& description, std::int64_t now_unix_ns);
@@ -155,11 +156,10 @@ class SessionStore {
   Result<pb::SessionInfo> info(const Uuid& session);
   /// Newest first, without profile JSON but with score and verdict. Ignores `wanted.page`; `after`: returns
   /// the sessions behind this one, for the next page. At most `limit` and kMaxListed; 0 means kMaxListed.
-  /// `without_waiting`: without sessions of unknown trainees that wait for a manager. kInvalidInput: an
-  /// unknown verdict, a search text that is not UTF-8.
+  /// `only_counted`: without sessions that count for nobody (unknown_trainees.h). kInvalidInput: an unknown
+  /// verdict, a search text that is not UTF-8.
   Result<std::vector<pb::SessionInfo>> list(const pb::ListSessions& wanted,
-                                            const std::optional<Uuid>& after = {},
-                                            bool without_waiting = false);
+                                            const std::optional<Uuid>& after = {}, bool only_counted = false);
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Checks every CRC:
   /// kCorrupt names the first damaged chunk. Reads the stored recording, original or thinned; kNotFound gives

@@ -4,17 +4,22 @@
 
 #include "common/base/text.h"
 #include "db/erasure.h"
+#include "db/lab_settings.h"
 #include "db/people.h"
 #include "db/session_rows.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
 
-Status UnknownTraineeStore::flag(const Uuid& session) {
+Status UnknownTraineeStore::flag(const Uuid& session, bool code_checked) {
+  ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection_).codesRequired());
   return connection_.run(
-      "INSERT INTO unknown_trainees (session, given) SELECT number, trainee FROM sessions WHERE id = ?"
-      " AND trainee NOT IN ('', ?) AND NOT EXISTS (SELECT 1 FROM people WHERE name = trainee)",
-      ByteView(session), kGuestName);
+      "INSERT INTO unknown_trainees (session, given, code_unchecked)"
+      " SELECT s.number, s.trainee, p.name IS NOT NULL"
+      " FROM sessions s LEFT JOIN people p ON p.name = s.trainee"
+      " WHERE s.id = ?1 AND s.trainee NOT IN ('', ?2)"
+      " AND (p.name IS NULL OR (?3 = 0 AND (?4 = 1 OR p.code_hash IS NOT NULL)))",
+      ByteView(session), kGuestName, code_checked, required);
 }
 
 Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::string& trainee,
@@ -49,7 +54,7 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
   if (!row->flagged)
     return Error{ErrorCode::kInvalidInput,
                  name + " is of '" + row->trainee +
-                     "', whom the server knew when it came: only sessions of unknown trainees are assigned"};
+                     "', whom the server knew when it came: only sessions that wait are assigned"};
   if (was && *was != row->trainee)
     return Error{ErrorCode::kConflict, name + " was given to '" + row->trainee + "' meanwhile, not '" + *was +
                                            "': look at it, and assign it again if that is wrong"};

@@ -1,5 +1,5 @@
-/// Sessions whose trainee the server did not know when they came, until a manager assigns them to the right
-/// person (migrations/0006_unknown_trainees.sql).
+/// Sessions whose trainee the server did not know when they came, or whose trainee's code nobody gave, until
+/// a manager assigns them to the right person (migrations/0006_unknown_trainees.sql, 0007_trainee_codes.sql).
 #pragma once
 
 #include <cstdint>
@@ -17,14 +17,14 @@ class UnknownTraineeStore {
  public:
   explicit UnknownTraineeStore(Connection& connection) : connection_(connection) {}
 
-  /// Flags a new session if nobody has its trainee's name. Sessions without a name or of kGuestName are
-  /// nobody's.
-  Status flag(const Uuid& session);
-  /// Gives a flagged session to `trainee`, a person or kGuestName; it counts as that person's from now on. A
-  /// session that was assigned before may be assigned again. `was`: whose it is now, as the manager saw it;
-  /// nothing: whoever's. Returns whose it was. kNotFound: session, person; kConflict: not `was`'s any more;
-  /// kInvalidInput: still open, erased, its trainee was known when it came, or it began before the erasure of
-  /// a person with that name.
+  /// Flags a new session if nobody has its trainee's name; or if the trainee has a code, or the lab requires
+  /// codes, and not `code_checked`. Sessions without a name or of kGuestName are nobody's.
+  Status flag(const Uuid& session, bool code_checked);
+  /// Gives a flagged session to `trainee`, a person or kGuestName; it counts as that person's from now on,
+  /// also if it had that person's name already. A session that was assigned before may be assigned again.
+  /// `was`: whose it is now, as the manager saw it; nothing: whoever's. Returns whose it was. kNotFound:
+  /// session, person; kConflict: not `was`'s any more; kInvalidInput: still open, erased, it was never
+  /// flagged, or it began before the erasure of a person with that name.
   Result<std::string> assign(const Uuid& session, const std::string& trainee,
                              const std::optional<std::string>& was, const std::string& by,
                              std::int64_t now_unix_ns);

@@ -192,14 +192,14 @@ Result<std::int64_t> momentOf(const std::string& field, const std::string& text)
   return (static_cast<std::int64_t>(seconds) - offset_s) * 1'000'000'000;
 }
 
-Result<std::string> passwordFromFile(const std::filesystem::path& file) {
+Result<std::string> passwordFromFile(const std::filesystem::path& file, const std::string& what) {
   ASSIGN_OR_RETURN(auto text, readWholeFile(file, kMaxPasswordFileBytes));
   const WipeAtEnd wiped(text);
   warnWhenOthersMayRead(file);
   std::string line = text.substr(0, text.find('\n'));
   if (!line.empty() && line.back() == '\r') line.pop_back();
   if (line.empty())
-    return Error{ErrorCode::kInvalidInput, file.string() + ": its first line, the password, is empty"};
+    return Error{ErrorCode::kInvalidInput, file.string() + ": its first line, the " + what + ", is empty"};
   return line;
 }
 
@@ -208,13 +208,14 @@ Result<std::string> askPassword(const std::string& prompt, const std::string& op
                               prompt + ": there is no terminal to ask on; give " + option + " FILE");
 }
 
-Result<std::string> askNewPassword(const std::string& name, const std::string& option) {
-  auto first = askPassword("new password of " + name, option);
+Result<std::string> askNewSecret(const std::string& what, const std::string& name,
+                                 const std::string& option) {
+  auto first = askPassword("new " + what + " of " + name, option);
   if (!first) return first;
   const auto second = askPassword("the same again", option);
   if (!second) return second;
   if (*first != *second)
-    return Error{ErrorCode::kInvalidInput, "the two passwords differ: nothing was changed"};
+    return Error{ErrorCode::kInvalidInput, "the two " + what + "s differ: nothing was changed"};
   return first;
 }
 

@@ -75,16 +75,18 @@ Status writeText(Output& output, const std::string& file, const std::string& tex
 /// Refuses a text without a zone, because a bare time is ambiguous. Errors: kInvalidInput.
 Result<std::int64_t> momentOf(const std::string& field, const std::string& text);
 
-// Passwords come from a file or the terminal, never from an argument: all users of the machine can see those.
+// Passwords and codes come from a file or the terminal, never from an argument: all users of the machine can
+// see those.
 
-/// Returns the first line of a file. Errors: kInvalidInput (missing, empty, too long).
-Result<std::string> passwordFromFile(const std::filesystem::path& file);
+/// Returns the first line of a file. `what` is its name in messages. Errors: kInvalidInput (missing, empty,
+/// too long).
+Result<std::string> passwordFromFile(const std::filesystem::path& file, const std::string& what = "password");
 
 /// Asks on the terminal without echo. Errors: kInvalidInput without a terminal; the message suggests
 /// `option`.
 Result<std::string> askPassword(const std::string& prompt, const std::string& option);
 
-/// Asks twice for a new password.
-Result<std::string> askNewPassword(const std::string& name, const std::string& option);
+/// Asks twice for a new secret; `what`: "password" or "code".
+Result<std::string> askNewSecret(const std::string& what, const std::string& name, const std::string& option);
 
 }  // namespace needlelab

@@ -6,6 +6,7 @@
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
 #include "common/base/files.h"
+#include "common/base/secret.h"
 #include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "db/service/requests.h"
@@ -29,7 +30,7 @@ Result<pb::Role> parseRole(std::string text) {
 }
 
 Result<std::string> newPassword(const std::string& name, const std::string& file) {
-  return file.empty() ? askNewPassword(name, "--new-password-file") : passwordFromFile(file);
+  return file.empty() ? askNewSecret("password", name, "--new-password-file") : passwordFromFile(file);
 }
 
 Status listUsers(CommandContext& context) {
@@ -49,6 +50,7 @@ Status listUsers(CommandContext& context) {
                           {"role", roleName(user.role())},
                           {"disabled", user.disabled()},
                           {"has_password", user.has_password()},
+                          {"has_code", user.has_code()},
                           {"created_unix_ns", user.created_unix_ns()}});
         }
         return reply.users().next_page();
@@ -61,6 +63,7 @@ Status listUsers(CommandContext& context) {
                               {"consents", "CONSENTS"},
                               {"disabled", "DISABLED"},
                               {"has_password", "PASSWORD"},
+                              {"has_code", "CODE"},
                               {"created_unix_ns", "SINCE", Column::Kind::kTime}},
                              rows, "nobody yet");
 }
@@ -183,6 +186,30 @@ Status importAll(CommandContext& context, const std::string& file, const std::st
   return {};
 }
 
+Status setCode(CommandContext& context, const std::string& name, const std::string& file, bool make,
+               bool remove) {
+  pb::Request request;
+  auto* call = request.mutable_set_code();
+  call->set_name(name);
+  call->set_make(make);
+  if (!make && !remove) {
+    ASSIGN_OR_RETURN(const auto code, file.empty() ? askNewSecret("code", name, "--code-file")
+                                                   : passwordFromFile(file, "code"));
+    call->set_code(code);
+  }
+  const auto reply = context.backend.call(request);
+  wipe(*call->mutable_code());
+  if (!reply) return reply.error();
+  if (!make) {
+    context.output.done("code of '" + name + (remove ? "' removed" : "' set"));
+    return {};
+  }
+  RETURN_IF_ERROR(context.output.one({{"name", "name"}, {"code", "code"}},
+                                     {{"name", name}, {"code", reply->new_code().code()}}));
+  context.output.text("shown this once: only its hash is kept");
+  return {};
+}
+
 void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
     std::string name, note;
@@ -289,7 +316,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
 
   struct Values {
     std::string name, role, full_name, file, text;
-    bool dry_run = false;
+    bool dry_run = false, make = false, remove = false;
   };
   const auto values = std::make_shared<Values>();
   const auto add_password_options = [&chosen](CLI::App* command) {
@@ -334,7 +361,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   auto* import_people = user->add_subcommand("import", "people from a table: all rows or none");
   import_people
       ->add_option("file", values->file,
-                   "columns name, full_name, role, group, password; only name must be there")
+                   "columns name, full_name, role, group, password, code; only name must be there")
       ->required()
       ->type_name("FILE.csv");
   import_people->add_flag("--dry-run", values->dry_run, "only say what would happen");
@@ -394,7 +421,18 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     context.output.done("password of '" + values->name + "' set");
     return {};
   });
-}  // namespace needlelab
+
+  auto* code = user->add_subcommand("code", "the PIN or badge code that stations ask for before a lesson");
+  code->add_option("name", values->name)->required();
+  auto* make = code->add_flag("--make", values->make, "the server makes a PIN of six digits, shown once");
+  auto* file = code->add_option("--code-file", values->file, "first line: the code; else it is asked for")
+                   ->type_name("FILE");
+  code->add_flag("--remove", values->remove, "no code any more")->excludes(make)->excludes(file);
+  make->excludes(file);
+  runs(code, chosen, [values](CommandContext& context) {
+    return setCode(context, values->name, values->file, values->make, values->remove);
+  });
+}
 
 // A person's data, consent, studies, and the export of all records.
 

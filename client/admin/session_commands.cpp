@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <tuple>
+#include <vector>
 
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
@@ -22,22 +23,78 @@ Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
         call->set_page(page);
       },
       [&](const pb::Reply& reply) {
-        for (const auto& session : reply.sessions().sessions()) rows.push_back(sessionRow(session));
+        for (const auto& session : reply.sessions().sessions()) {
+          rows.push_back(sessionRow(session));
+          if (filter.unknown_trainee())
+            rows.back()["why"] = session.code_unchecked() ? "code not checked" : "no such name";
+        }
         return filter.limit() != 0 && rows.size() >= filter.limit() ? std::string()
                                                                     : reply.sessions().next_page();
       });
   if (!done) return done;
-  return context.output.list({{"session_id", "SESSION"},
-                              {"started_unix_ns", "STARTED", Column::Kind::kTime},
-                              {"station", "STATION"},
-                              {"trainee", "TRAINEE"},
-                              {"exercise_id", "EXERCISE"},
-                              {"state", "STATE"},
-                              {"verdict", "VERDICT", Column::Kind::kVerdict},
-                              {"recording", "RECORDING"},
-                              {"samples", "SAMPLES"},
-                              {"stored_bytes", "SIZE", Column::Kind::kBytes}},
-                             rows, "no sessions");
+  std::vector<Column> columns = {{"session_id", "SESSION"},
+                                 {"started_unix_ns", "STARTED", Column::Kind::kTime},
+                                 {"station", "STATION"},
+                                 {"trainee", "TRAINEE"},
+                                 {"exercise_id", "EXERCISE"},
+                                 {"state", "STATE"},
+                                 {"verdict", "VERDICT", Column::Kind::kVerdict},
+                                 {"recording", "RECORDING"},
+                                 {"samples", "SAMPLES"},
+                                 {"stored_bytes", "SIZE", Column::Kind::kBytes}};
+  if (filter.unknown_trainee()) columns.push_back({"why", "WAITS BECAUSE"});
+  return context.output.list(columns, rows, "no sessions");
+}
+
+/// Gives each closed session that waits for its trainee's code to the person whose name it came with.
+Status confirmSessions(CommandContext& context, const std::string& station, const std::string& trainee) {
+  // all of them first: a session that is confirmed leaves the list
+  std::vector<pb::SessionInfo> waiting;
+  RETURN_IF_ERROR(eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        auto* call = request.mutable_list_sessions();
+        call->set_station(station);
+        call->set_trainee(trainee);
+        call->set_unknown_trainee(true);
+        call->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        for (const auto& session : reply.sessions().sessions())
+          if (session.code_unchecked()) waiting.push_back(session);
+        return reply.sessions().next_page();
+      }));
+  std::size_t confirmed = 0, open = 0;
+  Json rows = Json::array();
+  for (const pb::SessionInfo& session : waiting) {
+    rows.push_back(sessionRow(session));
+    std::string outcome = "still open";
+    if (session.state() == pb::SESSION_OPEN) {
+      ++open;
+    } else {
+      pb::Request request;
+      auto* call = request.mutable_assign_session();
+      call->set_session_id(session.description().session_id());
+      call->set_trainee(session.description().trainee());
+      call->set_was(session.description().trainee());
+      call->set_reason("confirmed without a code");
+      const auto reply = context.backend.call(request);
+      outcome = reply ? "confirmed" : reply.error().message;
+      confirmed += reply ? 1 : 0;
+    }
+    rows.back()["outcome"] = outcome;
+  }
+  RETURN_IF_ERROR(context.output.list({{"session_id", "SESSION"},
+                                       {"started_unix_ns", "STARTED", Column::Kind::kTime},
+                                       {"station", "STATION"},
+                                       {"trainee", "TRAINEE"},
+                                       {"exercise_id", "EXERCISE"},
+                                       {"outcome", "OUTCOME"}},
+                                      rows, "no session waits for a code"));
+  context.output.done(fmt::format("{} of {} confirmed, {} still open", confirmed, waiting.size(), open));
+  const std::size_t failed = waiting.size() - confirmed - open;
+  if (failed == 0) return {};
+  return Error{ErrorCode::kFailed, fmt::format("{} sessions could not be confirmed: see above", failed)};
 }
 
 /// The syringe's events as rows of JSON; null while the session is open, or if they cannot be computed.
@@ -124,7 +181,12 @@ Status showSession(CommandContext& context, const Uuid& id) {
       !done || context.output.json()) {
     return done;
   }
-  if (session.unknown_trainee())
+  if (session.code_unchecked())
+    context.output.text(
+        fmt::format("\nnobody gave the code of '{}': session confirm says that it is theirs, session assign "
+                    "gives it to another person",
+                    session.description().trainee()));
+  else if (session.unknown_trainee())
     context.output.text(
         fmt::format("\nnobody was named '{}' when it came: session assign gives it to the right "
                     "person",
@@ -206,8 +268,8 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   list->add_option("--search", values->search, "whose trainee's name or full name has this in it");
   list->add_flag(
       "--unknown-trainee", values->unknown,
-      "only those whose trainee nobody knew when they came: session assign gives them to the right "
-      "person");
+      "only those whose trainee nobody knew when they came, or whose code nobody gave: session assign gives "
+      "them to the right person");
   list->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
   list->callback([&chosen, values] {
     const auto filter = std::make_shared<pb::ListSessions>();
@@ -244,7 +306,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   };
   with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
   auto* assign = session->add_subcommand(
-      "assign", "give a session of an unknown trainee to the right person, whose attempt it is from then on");
+      "assign", "give a session that waits to the right person, whose attempt it is from then on");
   assign->add_option("--to", values->to_whom, "the person, or guest: nobody")->required()->type_name("NAME");
   assign->add_option("--reason", values->reason, "for the audit log");
   with_id(assign, [values](CommandContext& context, const Uuid& id) -> Status {
@@ -260,6 +322,13 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
                                     reply.session().given_trainee(),
                                     reply.session().description().trainee()));
     return {};
+  });
+  auto* confirm = session->add_subcommand(
+      "confirm", "all sessions that wait only because nobody gave the code: they are of whom they say");
+  confirm->add_option("--station", values->station, "of this station only");
+  confirm->add_option("--trainee", values->trainee, "of this trainee only");
+  runs(confirm, chosen, [values](CommandContext& context) {
+    return confirmSessions(context, values->station, values->trainee);
   });
   with_id(session->add_subcommand("verify", "read it again: every chunk, the hash"), verifySession);
   with_id(session->add_subcommand("events", "aspirations and injections, with place and time"), listEvents);

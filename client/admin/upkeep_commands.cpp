@@ -108,6 +108,13 @@ Status check(CommandContext& context) {
   return {};
 }
 
+/// The settings after `request`, which reads or changes them.
+Status showLab(CommandContext& context, const pb::Request& request) {
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  return context.output.one({{"codes", "codes of trainees"}},
+                            {{"codes", reply.lab_settings().codes_required() ? "required" : "optional"}});
+}
+
 Status audit(CommandContext& context, std::uint32_t limit) {
   Json rows = Json::array();
   const auto done = eachPage(
@@ -285,7 +292,7 @@ Status renew(const std::filesystem::path& folder, Output& output, const std::vec
 
 void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
-    std::string path, folder, from;
+    std::string path, folder, from, codes;
     std::uint32_t limit = 100, keep = 14;
   };
   const auto values = std::make_shared<Values>();
@@ -327,6 +334,25 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
     chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
       return restore(folder, output, values->from);
     };
+  });
+
+  auto* lab = app.add_subcommand("lab", "what holds for the whole lab");
+  lab->require_subcommand(1);
+  lab->add_subcommand("show", "whether trainees must have codes")->callback([&chosen] {
+    chosen.run = [](CommandContext& context) {
+      pb::Request request;
+      request.mutable_get_lab_settings();
+      return showLab(context, request);
+    };
+  });
+  auto* lab_set = lab->add_subcommand("set", "change it");
+  lab_set->add_option("--codes", values->codes, "required: who has no code cannot practise, except as guest")
+      ->required()
+      ->check(CLI::IsMember({"required", "optional"}));
+  runs(lab_set, chosen, [values](CommandContext& context) {
+    pb::Request request;
+    request.mutable_change_lab_settings()->set_codes_required(values->codes == "required");
+    return showLab(context, request);
   });
 
   app.add_subcommand("check", "read the whole database again: structure, every chunk, every hash")

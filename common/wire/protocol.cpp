@@ -138,6 +138,8 @@ pb::Refusal refusalOf(const Error& error) {
         return pb::Refusal::REVISION_CONFLICT;
       case ErrorCode::kDenied:
         return pb::Refusal::ROLE;
+      case ErrorCode::kCode:
+        return pb::Refusal::CODE;
       case ErrorCode::kVersion:
         return pb::Refusal::VERSION;
       case ErrorCode::kUnavailable:
@@ -160,6 +162,8 @@ Error errorOf(const pb::Refusal& refusal) {
       case pb::Refusal::LOGIN:
       case pb::Refusal::ROLE:
         return ErrorCode::kDenied;
+      case pb::Refusal::CODE:
+        return ErrorCode::kCode;
       case pb::Refusal::INVALID:
       case pb::Refusal::TOO_LARGE:
         return ErrorCode::kInvalidInput;

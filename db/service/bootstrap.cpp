@@ -125,7 +125,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   std::unique_ptr<Store> store(new Store(std::move(lock)));
   store->readers_ = std::make_unique<ReaderPool>(path);
   store->writer_ = std::make_unique<DbWriter>(std::move(connection), options.writer, options.on_fatal);
-  store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_);
+  store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
   return store;
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/service/service.h"
@@ -37,6 +38,7 @@ class Store {
     bool create = true;                       ///< false: kNotFound when DIR has no database
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
+    TimeSource* time = &machineTime();  ///< the service's; must outlive the store
   };
   /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
   /// profiles and curriculum into a new database. Errors: kUnavailable (locked), kVersion (newer schema),

@@ -20,8 +20,9 @@
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
+class CodeGuard;
 class ExportLedger;
-}
+}  // namespace needlelab
 
 namespace needlelab::handlers {
 
@@ -33,6 +34,7 @@ struct Context {
   std::int64_t now_unix_ns;
   std::string_view action;  ///< for the audit log
   ExportLedger& exports;
+  CodeGuard& codes;
   const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: cancels long reads
   ReferencePaths* paths = nullptr;               ///< of reference sessions
 };
@@ -110,6 +112,16 @@ Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt&
 
 Result<pb::Reply> checkTrainee(const Context& context,
                                const pb::CheckTrainee& call);  ///< trainee_handlers.cpp
+
+// codes of trainees: code_handlers.cpp
+Result<pb::Reply> setCode(const Context& context, const pb::SetCode& call);
+Result<pb::Reply> getLabSettings(const Context& context, const pb::GetLabSettings& call);
+Result<pb::Reply> changeLabSettings(const Context& context, const pb::ChangeLabSettings& call);
+/// Whether a station may begin a lesson of `name`, who may practise (mayPractise, standing.h), with this
+/// code. kCode, with a text for the trainee: the code is missing or wrong, or has to wait; kDenied: no code,
+/// and the lab requires one. Nobody but stations is asked. Hashes a code that is given: call it where
+/// threadsOf() puts such requests.
+Status checkCodeOf(const Context& context, const std::string& name, const std::string& code);
 
 // score_handlers.cpp; rescoring: Service::rescore()
 Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call);

@@ -147,6 +147,7 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));
   RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
+  RETURN_IF_ERROR(checkCodeOf(context, call.trainee(), call.code()));
   ASSIGN_OR_RETURN(const auto parsed, exerciseOf(exercise));
   pb::Reply reply;
   auto* lesson = reply.mutable_lesson();

@@ -26,6 +26,7 @@ Result<pb::User> userOf(Connection& connection, const Person& person) {
   user.set_disabled(person.disabled);
   user.set_created_unix_ns(person.created_unix_ns);
   user.set_has_password(!person.password_hash.empty());
+  user.set_has_code(!person.code_hash.empty());
   user.set_full_name(person.full_name);
   user.set_revision(person.revision);
   user.set_changed_unix_ns(person.changed_unix_ns);

@@ -38,18 +38,18 @@ namespace needlelab::handlers {
 namespace {
 
 constexpr std::size_t kMostImportRows = 5000;
-constexpr std::size_t kMostImportPasswords = 200;  // each takes 0.1 s
+constexpr std::size_t kMostImportSecrets = 200;  // passwords and codes; each takes 0.1 s
 constexpr int kMostRowsTold = 2000;
 
 /// A row to import.
 struct ImportRow {
   std::uint32_t line = 0;
   Person person;
-  std::string password;
+  std::string password, code;
   std::vector<std::string> groups;
   pb::PeopleImport::What what = pb::PeopleImport::ADD;
   std::string text, column;  ///< the problem and its column
-  bool role_given = false, full_name_given = false, has_password = false;
+  bool role_given = false, full_name_given = false, has_password = false, has_code = false;
   bool role_changes = false;
 
   void fault(const std::string& in_column, const std::string& words) {
@@ -79,7 +79,7 @@ class PeopleTable {
   explicit PeopleTable(const Context& context) : context_(context) {}
   PeopleTable(const PeopleTable&) = delete;
   PeopleTable& operator=(const PeopleTable&) = delete;
-  ~PeopleTable() { wipePasswords(); }
+  ~PeopleTable() { wipeSecrets(); }
 
   /// kInvalidInput: a fault of the table as a whole.
   Status read(const std::string& csv) {
@@ -88,17 +88,18 @@ class PeopleTable {
     RETURN_IF_ERROR(readHeader(*rows));
     for (std::size_t i = 1; i < rows->size(); ++i) {
       add((*rows)[i]);
-      // a cell may hold a password
+      // a cell may hold a password or a code
       for (std::string& cell : (*rows)[i].cells) wipe(cell);
     }
     if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
-    if (const auto with =
-            std::count_if(rows_.begin(), rows_.end(), [](const auto& row) { return !row.password.empty(); });
-        static_cast<std::size_t>(with) > kMostImportPasswords)
+    std::size_t secrets = 0;
+    for (const ImportRow& row : rows_) secrets += (row.password.empty() ? 0 : 1) + (row.code.empty() ? 0 : 1);
+    if (secrets > kMostImportSecrets)
       return Error{ErrorCode::kInvalidInput,
-                   fmt::format("csv: has {} passwords, at most {} are taken at once (each takes a tenth of a "
-                               "second): split the table; trainees who only practise need none",
-                               with, kMostImportPasswords)};
+                   fmt::format("csv: has {} passwords and codes, at most {} are taken at once (each takes a "
+                               "tenth of a second): split the table; trainees who only practise need no "
+                               "password",
+                               secrets, kMostImportSecrets)};
     return {};
   }
 
@@ -116,14 +117,18 @@ class PeopleTable {
                        [](const auto& row) { return row.what == pb::PeopleImport::FAULT; });
   }
 
-  /// Hashes the passwords, which is slow, before anything is stored.
-  Status hashPasswords() {
+  /// Hashes the passwords and codes, which is slow, before anything is stored.
+  Status hashSecrets() {
     for (ImportRow& row : rows_) {
-      if (row.what != pb::PeopleImport::ADD || row.password.empty()) continue;
-      ASSIGN_OR_RETURN(auto hash, hashPassword(row.password));
-      row.person.password_hash = std::move(hash);
+      if (row.what != pb::PeopleImport::ADD) continue;
+      if (!row.password.empty()) {
+        ASSIGN_OR_RETURN(row.person.password_hash, hashPassword(row.password));
+      }
+      if (!row.code.empty()) {
+        ASSIGN_OR_RETURN(row.person.code_hash, hashCode(row.code));
+      }
     }
-    wipePasswords();
+    wipeSecrets();
     return {};
   }
 
@@ -200,8 +205,11 @@ class PeopleTable {
     return AuditStore(writer).add({0, context_.now_unix_ns, context_.who.name, action, subject, detail});
   }
 
-  void wipePasswords() {
-    for (ImportRow& row : rows_) wipe(row.password);
+  void wipeSecrets() {
+    for (ImportRow& row : rows_) {
+      wipe(row.password);
+      wipe(row.code);
+    }
   }
 
   static Error at(const ImportRow& row, const Error& error) {
@@ -214,11 +222,12 @@ class PeopleTable {
       return Error{ErrorCode::kInvalidInput, "csv: is empty; the first line names the columns"};
     for (std::size_t i = 0; i < rows[0].cells.size(); ++i) {
       const std::string& name = rows[0].cells[i];
-      const bool known =
-          name == "name" || name == "full_name" || name == "role" || name == "group" || name == "password";
+      const bool known = name == "name" || name == "full_name" || name == "role" || name == "group" ||
+                         name == "password" || name == "code";
       if (!known)
-        return Error{ErrorCode::kInvalidInput, "csv: column '" + printable(name) +
-                                                   "' is none of name, full_name, role, group, password"};
+        return Error{
+            ErrorCode::kInvalidInput,
+            "csv: column '" + printable(name) + "' is none of name, full_name, role, group, password, code"};
       if (!columns_.emplace(name, i).second)
         return Error{ErrorCode::kInvalidInput, "csv: column '" + name + "' is there twice"};
     }
@@ -241,6 +250,8 @@ class PeopleTable {
     row.full_name_given = !row.person.full_name.empty();
     row.password = cell("password");
     row.has_password = !row.password.empty();
+    row.code = cell("code");
+    row.has_code = !row.code.empty();
     row.groups = idsOf(cell("group"));
     row.person.created_unix_ns = context_.now_unix_ns;
     row.person.role = pb::TRAINEE;
@@ -266,6 +277,7 @@ class PeopleTable {
         (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))
       row.fault("password", fmt::format("has {} bytes, allowed are {} to {}", row.password.size(),
                                         kMinPasswordBytes, kMaxPasswordBytes));
+    if (row.has_code) check("code", checkNewCode(row.code));
     if (row.what != pb::PeopleImport::FAULT) {
       const auto [first, is_new] = lines_.emplace(row.person.name, row.line);
       if (!is_new) row.fault("name", fmt::format("stands in line {} already", first->second));
@@ -284,7 +296,8 @@ class PeopleTable {
     }
     if (!*there) {
       row.what = pb::PeopleImport::ADD;
-      row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins);
+      row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
+                 (row.has_code ? ", with a code" : "");
       if (auto valid = checkNewName("name", row.person.name); !valid)
         row.fault("name", valid.error().message);
       if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
@@ -319,6 +332,7 @@ class PeopleTable {
     row.what = row.text.empty() ? pb::PeopleImport::NOTHING : pb::PeopleImport::CHANGE;
     if (row.text.empty()) row.text = "is there already";
     if (row.has_password) row.text += "; the password is left as it is";
+    if (row.has_code) row.text += "; the code is left as it is";
     return {};
   }
 
@@ -340,10 +354,10 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
     table.report(*report);
     return reply;
   }
-  RETURN_IF_ERROR(table.hashPasswords());
+  RETURN_IF_ERROR(table.hashSecrets());
   std::string detail;
   const Status written = write(context, "", detail, [&](Connection& writer) -> Status {
-    // compare again: people may have changed while the passwords were hashed
+    // compare again: people may have changed while passwords and codes were hashed
     RETURN_IF_ERROR(table.compare(writer));
     if (table.hasFaults()) return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
     pb::PeopleImport counts;

@@ -7,6 +7,7 @@
 #include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/scoring/measures.h"
+#include "db/lab_settings.h"
 #include "db/pseudonyms.h"
 #include "db/service/lesson_texts.h"
 #include "proto/session_rules.h"
@@ -137,6 +138,15 @@ Status checkReferenceRecord(const RecordJson& record) {
   return {};
 }
 
+/// Other rows of `meta` are facts about this database.
+Status checkSettingRecord(const RecordJson& record) {
+  if (textIn(record, "key") != kCodesRequiredKey)
+    return wrongField(
+        "key", fmt::format("is '{}', allowed is {}", printable(textIn(record, "key")), kCodesRequiredKey));
+  const std::string value = textIn(record, "value");
+  return value == "0" || value == "1" ? Status() : Status(wrongField("value", "allowed are 0 and 1"));
+}
+
 }  // namespace
 
 Status checkFields(const RecordTable& table, const RecordJson& record) {
@@ -152,12 +162,14 @@ Status checkRecord(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "person") {
     RETURN_IF_ERROR(checkText("full_name", textIn(record, "full_name"), 0, 200));
     RETURN_IF_ERROR(checkText("password_hash", textIn(record, "password_hash"), 0, 200));
+    RETURN_IF_ERROR(checkText("code_hash", textIn(record, "code_hash"), 0, 200));
   }
   if (table.kind == "person" || table.kind == "station") return checkName("name", textIn(record, "name"));
   if (table.kind == "group") {
     RETURN_IF_ERROR(checkName("id", textIn(record, "id")));
     return checkText("name", textIn(record, "name"), 1, 200);
   }
+  if (table.kind == "lab_setting") return checkSettingRecord(record);
   if (table.kind == "consent") return checkText("note", textIn(record, "note"), 0, 1000);
   if (table.kind == "profile") return checkProfileRecord(record);
   if (table.kind == "course") return checkCourseRecord(record);

@@ -74,7 +74,8 @@ Status sameAsBefore(Connection& reader, const RecordPage& page) {
 
 /// A condition on a table's rows, for an export of the whole store.
 std::string conditionOf(const RecordTable& table, const RecordPage& page) {
-  if (table.only.empty()) return {};
+  // settings are not of sessions
+  if (table.only.empty() || table.kind == "lab_setting") return std::string(table.only);
   std::string open;
   for (const std::int64_t number : page.open) open += (open.empty() ? "" : ",") + std::to_string(number);
   const std::string then = fmt::format("number <= {} AND number NOT IN ({})", page.last_session, open);
@@ -174,6 +175,8 @@ class Import {
   Status store(const RecordTable& table, RecordJson record) {
     // first: later code relies on the fields' types
     RETURN_IF_ERROR(checkFields(table, record));
+    const bool secrets = record.contains("password_hash") || record.contains("key_hash");
+    fillOlder(table, record, secrets);
     ASSIGN_OR_RETURN(const auto verdict, erasures_->look(table, record));
     if (verdict == ImportErasures::Verdict::kLeftOut) {
       count(table.kind).set_erased(count(table.kind).erased() + 1);
@@ -182,7 +185,6 @@ class Import {
     if (table.kind == "audit") return storeLine(table, std::move(record));
     if (table.kind == "course" && record.contains("id") && record["id"].is_string())
       courses_.insert(record["id"].get<std::string>());
-    const bool secrets = record.contains("password_hash") || record.contains("key_hash");
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, secrets));
     if (!there.is_null()) {
       const bool same = there == record || erasures_->isErasuresWork(table, there, record);

@@ -21,7 +21,8 @@ constexpr std::array kPersonColumns = {RecordColumn{"name", K::kText, true},
                                        RecordColumn{"full_name"},
                                        RecordColumn{"revision", K::kInteger},
                                        RecordColumn{"changed_unix_ns", K::kInteger},
-                                       RecordColumn{"changed_by"}};
+                                       RecordColumn{"changed_by"},
+                                       RecordColumn{"code_hash", K::kText, false, true, "null"}};
 constexpr std::array kGroupColumns = {
     RecordColumn{"id", K::kText, true},           RecordColumn{"name"},
     RecordColumn{"revision", K::kInteger},        RecordColumn{"changed_by"},
@@ -87,9 +88,11 @@ constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
                                         RecordColumn{"passed", K::kInteger},
                                         RecordColumn{"excused", K::kInteger},
                                         RecordColumn{"erased", K::kInteger}};
-constexpr std::array kUnknownTraineeColumns = {RecordColumn{"session", K::kSession, true},
-                                               RecordColumn{"given"}, RecordColumn{"by_whom"},
-                                               RecordColumn{"assigned_unix_ns", K::kInteger}};
+constexpr std::array kUnknownTraineeColumns = {
+    RecordColumn{"session", K::kSession, true}, RecordColumn{"given"}, RecordColumn{"by_whom"},
+    RecordColumn{"assigned_unix_ns", K::kInteger},
+    RecordColumn{"code_unchecked", K::kInteger, false, false, "0"}};
+constexpr std::array kSettingColumns = {RecordColumn{"key", K::kText, true}, RecordColumn{"value"}};
 constexpr std::array kScoreColumns = {RecordColumn{"session", K::kSession, true},
                                       RecordColumn{"definition_version", K::kInteger, true},
                                       RecordColumn{"measures"},
@@ -148,11 +151,9 @@ constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
                                       RecordColumn{"subject"},
                                       RecordColumn{"detail"}};
 
-// A person's sessions: not those that wait for a manager, if the person got the name after they came. A
-// macro, because conditions are put together when this is compiled.
-#define NEEDLELAB_OWN                                                                            \
-  "trainee = ?1 AND (number NOT IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)" \
-  " OR NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))"
+// A person's sessions: not those that count for nobody. A macro, because conditions are put together when
+// this is compiled.
+#define NEEDLELAB_OWN "trainee = ?1 AND number NOT IN uncounted_sessions"
 
 constexpr std::array kRecordTables = {
     RecordTable{"person", "people", kPersonColumns, "", "name = ?1"},
@@ -164,6 +165,7 @@ constexpr std::array kRecordTables = {
     RecordTable{"course", "curricula", kCourseColumns, "", ""},
     RecordTable{"assignment", "assignments", kAssignmentColumns, "", "trainee = ?1"},
     RecordTable{"retention_policy", "retention_policies", kPolicyColumns, "", ""},
+    RecordTable{"lab_setting", "meta", kSettingColumns, "key = 'codes_required'", ""},
     RecordTable{"session", "sessions", kSessionColumns, "state <> 1", NEEDLELAB_OWN},
     RecordTable{"unknown_trainee", "unknown_trainees", kUnknownTraineeColumns,
                 "session IN (SELECT number FROM sessions WHERE state <> 1)",
@@ -179,7 +181,8 @@ constexpr std::array kRecordTables = {
     RecordTable{"reference", "exercise_references", kReferenceColumns, "", ""},
     RecordTable{"erasure", "erasures", kErasureColumns, "", ""},
     RecordTable{"audit", "audit", kAuditColumns, "",
-                "who = ?1 OR (subject = ?1 AND action IN ('user add', 'user passwd', 'user disable', 'user "
+                "who = ?1 OR (subject = ?1 AND action IN ('user add', 'user passwd', 'user code', 'code "
+                "locked', 'user disable', 'user "
                 "change', 'user import', 'consent', 'person export', 'access ended', 'access valid again', "
                 "'log-in locked', 'assign', 'assign remove'))"},
 };
@@ -337,6 +340,14 @@ Result<Statement> recordsAfter(Connection& connection, const RecordTable& table,
     RETURN_IF_ERROR(bindKeys(connection, rows, table, keys));
   }
   return rows;
+}
+
+void fillOlder(const RecordTable& table, RecordJson& record, bool secrets) {
+  for (const RecordColumn& column : table.columns) {
+    const std::string field(fieldOf(column));
+    if (!column.of_older.empty() && isWritten(column, secrets) && !record.contains(field))
+      record[field] = RecordJson::parse(column.of_older);
+  }
 }
 
 RecordJson keysOf(const RecordTable& table, const RecordJson& record) {

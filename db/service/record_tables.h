@@ -29,7 +29,10 @@ struct RecordColumn {
   std::string_view name;
   RecordColumnKind kind = RecordColumnKind::kText;
   bool is_key = false;
-  bool secret = false;  ///< hashes of passwords and keys: exported only on request
+  bool secret = false;  ///< hashes of passwords, codes and keys: exported only on request
+  /// For a column that the first exports did not have, at the end of its table: what such a record means, as
+  /// JSON.
+  std::string_view of_older = {};
 };
 
 /// A column's name in a record. The record's "kind" names the table.
@@ -54,6 +57,9 @@ std::string selectRecords(const RecordTable& table, std::string_view where, bool
 /// `keys` (null: all), in the form of keysOf(). kInvalidInput.
 Result<Statement> recordsAfter(Connection& connection, const RecordTable& table, const std::string& where,
                                const std::string* person, const RecordJson& keys, bool secrets);
+/// Adds the columns that exports of older programs did not have. A record with a secret must have the table's
+/// other secrets too: `secrets`.
+void fillOlder(const RecordTable& table, RecordJson& record, bool secrets);
 /// The record's key fields.
 RecordJson keysOf(const RecordTable& table, const RecordJson& record);
 /// The current row of such a statement, as a record.

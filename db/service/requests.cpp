@@ -84,7 +84,7 @@ constexpr RequestRow kRows[] = {
   {Call::kAddUser,                 "user add",             kManagers,             to<addUser>,                   Reply::kDone, kPasswords,
    {{"POST /people", "A new person"}}},
   {Call::kImportPeople,            "user import",          kManagers,             to<importPeople>,              Reply::kPeopleImport, kSlow,
-   {{"POST /people/import", "A class from CSV: name, full_name, role, group, password"}}},
+   {{"POST /people/import", "A class from CSV: name, full_name, role, group, password, code"}}},
   {Call::kGetUser,                 "user show",            kPeople | kResearcher, to<getUser>,                   Reply::kUser, kWorkers,
    {{"GET /people/{name}", "One person"}}},
   // ChangeUser has the same HTTP line; its role is checked afterwards
@@ -94,6 +94,9 @@ constexpr RequestRow kRows[] = {
   // one's own; managers: those of lower roles
   {Call::kSetPassword,             "user passwd",          kPeople | kResearcher, to<setPassword>,               Reply::kDone, kPasswords,
    {{"POST /people/{name}/password", "A new password; ends the person's sessions"}}},
+  // one's own; managers: those of the people whom they manage
+  {Call::kSetCode,                 "user code",            kPeople | kResearcher, to<setCode>,                   Reply::kNewCode, kPasswords,
+   {{"POST /people/{name}/code", "A code that stations ask for: given, or made, or (empty) removed"}}},
   {Call::kDisableUser,             "user disable",         kManagers,             to<disableUser>,               Reply::kDone},
   {Call::kListConsents,            "consent list",         kPeople,               to<listConsents>,              Reply::kConsents, kWorkers,
    {{"GET /people/{name}/consents", "All words on studies"}}},
@@ -209,6 +212,12 @@ constexpr RequestRow kRows[] = {
   {Call::kExportAll,               "export-all",           kAdmin,                to<exportAll>,                 Reply::kRecords},
   {Call::kImportAll,               "import-all",           kAdmin,                to<importAll>,                 Reply::kImportReport, kSlow},
 
+  // --- the lab
+  {Call::kGetLabSettings,          "lab show",             kReaders,              to<getLabSettings>,            Reply::kLabSettings, kWorkers,
+   {{"GET /lab/settings", "What holds for the whole lab"}}},
+  {Call::kChangeLabSettings,       "lab set",              kAdmin,                to<changeLabSettings>,         Reply::kLabSettings, kWorkers,
+   {{"PATCH /lab/settings", "Changes it; what is left out stays"}}},
+
   // --- the database itself
   {Call::kListAudit,               "audit",                kAdmin,                to<listAudit>,                 Reply::kAudit, kWorkers,
    {{"GET /audit?who&action&page", "Who changed what; newest first"}}},
@@ -249,6 +258,13 @@ const RequestRow* requestRow(pb::Request::CallCase call) {
     if (row.call == call) return &row;
   }
   return nullptr;
+}
+
+RequestThreads threadsOf(const pb::Request& request) {
+  const bool has_code = !request.get_lesson().code().empty() || !request.check_trainee().code().empty();
+  if (has_code) return kPasswords;
+  const RequestRow* row = requestRow(request.call_case());
+  return row == nullptr ? kWorkers : row->threads;
 }
 
 std::string_view callName(pb::Request::CallCase call) {

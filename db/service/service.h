@@ -10,9 +10,11 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 #include "db/audit.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
+#include "db/service/code_guard.h"
 #include "db/service/export_ledger.h"
 #include "db/service/reference_paths.h"
 #include "db/service/requests.h"
@@ -47,7 +49,9 @@ struct CloseOutcome {
 /// them on worker threads, never on the network's. Does not own writer and readers, which must outlive it.
 class Service {
  public:
-  Service(DbWriter& writer, ReaderPool& readers) : writer_(writer), readers_(readers) {}
+  /// `time`: by which wrong codes wait; it must outlive the service.
+  Service(DbWriter& writer, ReaderPool& readers, TimeSource& time = machineTime())
+      : writer_(writer), readers_(readers), codes_(time) {}
 
   /// Checks the role (requests.h), executes the request and writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
@@ -130,6 +134,7 @@ class Service {
   DbWriter& writer_;
   ReaderPool& readers_;
   ExportLedger exports_;
+  CodeGuard codes_;
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
   std::atomic<bool> backup_running_ = false;

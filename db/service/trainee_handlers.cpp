@@ -91,6 +91,7 @@ namespace handlers {
 Result<pb::Reply> checkTrainee(const Context& context, const pb::CheckTrainee& call) {
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
+  RETURN_IF_ERROR(checkCodeOf(context, call.trainee(), call.code()));
   return doneReply();
 }
 

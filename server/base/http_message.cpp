@@ -38,6 +38,8 @@ HttpAnswer errorAnswer(const Error& error) {
     }
     case ErrorCode::kDenied:
       return errorAnswer(403, "denied", error.message);
+    case ErrorCode::kCode:
+      return errorAnswer(403, "code", error.message);
     case ErrorCode::kUnavailable: {
       HttpAnswer answer = errorAnswer(503, "unavailable", error.message);
       answer.headers.emplace_back("Retry-After", "5");

@@ -98,8 +98,7 @@ asio::thread_pool& poolFor(ServerContext& context, RequestThreads threads) {
 
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request) {
-  const RequestRow* row = requestRow(request->call_case());
-  const RequestThreads threads = row == nullptr ? RequestThreads::kWorkers : row->threads;
+  const RequestThreads threads = threadsOf(*request);
   std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), who, request,
                                                     threads] {
     if (threads == RequestThreads::kHours) yieldToOthers();
@@ -113,6 +112,9 @@ std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {
             if (held->has_add_user()) wipe(*held->mutable_add_user()->mutable_password());
             if (held->has_import_people()) wipe(*held->mutable_import_people()->mutable_csv());
             if (held->has_set_password()) wipe(*held->mutable_set_password()->mutable_password());
+            if (held->has_set_code()) wipe(*held->mutable_set_code()->mutable_code());
+            if (held->has_get_lesson()) wipe(*held->mutable_get_lesson()->mutable_code());
+            if (held->has_check_trainee()) wipe(*held->mutable_check_trainee()->mutable_code());
             delete held;
           }};
 }

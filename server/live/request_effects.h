@@ -11,10 +11,10 @@
 
 namespace needlelab {
 
-/// Shares the request; wipes a password in it when the last owner releases it.
+/// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
-/// Executes a request on the thread pool of its row (db/service/requests.cpp). Thread: the network's.
+/// Executes a request on its thread pool (threadsOf in db/service/requests.h). Thread: the network's.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request);
 

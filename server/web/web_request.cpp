@@ -138,10 +138,10 @@ Status placeBackup(const ServerContext& context, pb::Request& request) {
   return {};
 }
 
-/// Wipes the passwords in a body that became a request; the request wipes its own copy.
+/// Wipes the passwords and codes in a body that became a request; the request wipes its own copy.
 void wipeSecrets(nlohmann::json& body) {
   if (!body.is_object()) return;
-  for (const char* name : {"password", "csv"}) {
+  for (const char* name : {"password", "code", "csv"}) {
     if (const auto found = body.find(name); found != body.end() && found->is_string())
       wipe(found->get_ref<std::string&>());
   }

@@ -318,9 +318,10 @@ def lists(held, facts, lab):
     for row in rows:
         p = facts.people[row["NAME"]]
         said = facts.rows("SELECT given FROM consents WHERE person = ? ORDER BY id DESC LIMIT 1", p["name"])
-        held.same("admin user list", "role, groups, consent, SINCE in local time", p["name"],
+        held.same("admin user list", "role, groups, consent, code, SINCE in local time", p["name"],
                   [ROLES[p["role"]], ", ".join(facts.groups_of(p["name"])) or "-", ("yes" if said[0]["given"] else "no") if said else "-",
-                   local(p["created_unix_ns"], zone)], [row["ROLE"], row["GROUPS"], row["CONSENTS"], row["SINCE"]])
+                   "yes" if p["code_hash"] else "no", local(p["created_unix_ns"], zone)],
+                  [row["ROLE"], row["GROUPS"], row["CONSENTS"], row["CODE"], row["SINCE"]])
         rows_of = lab.admin_rows("consent", "list", p["name"]) if said else []
         held.same("admin consent list", "statements and their times", p["name"],
                   [c["unix_ns"] for c in facts.rows("SELECT unix_ns FROM consents WHERE person = ? ORDER BY id", p["name"])],

@@ -131,6 +131,7 @@ def over_the_network(held, facts, lab, chosen, gestures):
 def walk(options, held):
     with tempfile.TemporaryDirectory(prefix="needlelab-numbers-") as folder:
         lab = Lab(newest_class(options.class_folder), options.bin, folder)
+        lab.admin("user", "code", "ines", "--make")  # somebody has a code
         lab.settle()
         facts = Facts(lab.database())
         scored = [s for s in facts.sessions if s["score"] and s["state"] != OPEN]

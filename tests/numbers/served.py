@@ -210,8 +210,9 @@ def lists(held, facts, browsers):
     held.same("GET /people", "names", "", sorted(facts.people), [p["name"] for p in people])
     for row in people:
         p = facts.people[row["name"]]
-        held.same("GET /people", "role, groups", p["name"], [ROLES[p["role"]].upper().replace("-", "_"), facts.groups_of(p["name"])],
-                  [row["role"], row["groups"]])
+        held.same("GET /people", "role, groups, code", p["name"],
+                  [ROLES[p["role"]].upper().replace("-", "_"), facts.groups_of(p["name"]), p["code_hash"] is not None],
+                  [row["role"], row["groups"], row["has_code"]])
         same_ms(held, "GET /people", "created_unix_ms", p["name"], p["created_unix_ns"], row["created_unix_ms"])
     lines = {line["id"]: line for line in facts.rows("SELECT * FROM audit")}
     for row in browsers["admin"].items("/audit"):

@@ -141,6 +141,8 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
       remote("add", chief, {"user", "add", "bert", "--role", "instructor", "--new-password-file", other})
           ->wait(60s),
       0);
+  const auto badge = planted("badge", "Planted-6-Badge");
+  EXPECT_EQ(remote("code", chief, {"user", "code", "bert", "--code-file", badge})->wait(60s), 0);
   EXPECT_EQ(remote("passwd", chief, {"user", "passwd", "bert", "--new-password-file", chief})->wait(60s), 0);
   EXPECT_EQ(remote("short", chief, {"user", "passwd", "bert", "--new-password-file", other})->wait(60s), 0);
   EXPECT_EQ(

@@ -76,6 +76,7 @@ test('every page of every list, and what is below it', async () => {
     '/unknown-trainees',
     '/stations',
     '/session',
+    '/lab/settings',
   ];
   for (const pattern of lists) assert.equal((await ask('ines', 'GET', pattern)).status, 200, pattern);
   const below = {
@@ -130,6 +131,18 @@ test('changes, and what comes of those that are too late', async () => {
     path: '/people/new.one/password',
     body: { password: 'another horse' },
   });
+  const code = (body) => ({ path: '/people/new.one/code', body });
+  assert.match((await one('mara', 'POST', '/people/{name}/code', code({ make: true }))).code, /^\d{6}$/);
+  assert.equal((await one('mara', 'GET', '/people/{name}', { path: '/people/new.one' })).has_code, true);
+  assert.equal((await one('mara', 'POST', '/people/{name}/code', code({ code: '123' }), 400)).error.field, 'code');
+  await one('ines', 'POST', '/people/{name}/code', code({ make: true }), 403);
+  assert.equal((await one('mara', 'POST', '/people/{name}/code', code({ code: '' }))).code, '');
+  assert.equal((await one('mara', 'GET', '/people/{name}', { path: '/people/new.one' })).has_code, false);
+  await one('mara', 'PATCH', '/lab/settings', { body: { codes_required: true } }, 403);
+  assert.deepEqual(await one('root', 'PATCH', '/lab/settings', { body: { codes_required: true } }), {
+    codes_required: true,
+  });
+  assert.deepEqual(await one('ines', 'GET', '/lab/settings', {}), { codes_required: true });
   await one('mara', 'POST', '/people/import', { body: { csv: 'name,role\nzoe,trainee\n', dry_run: true } });
   await one('mara', 'POST', '/groups', { body: { id: 'g', name: 'G', members: ['new.one'] } }, 201);
   await one('mara', 'POST', '/groups', { body: { id: 'g', name: 'G', members: [] } }, 409);
@@ -193,6 +206,14 @@ test('changes, and what comes of those that are too late', async () => {
   await one('rhea', 'GET', '/studies/{study}', { path: '/studies/s1' });
   await one('root', 'POST', '/backup', { body: {} });
   await one('root', 'POST', '/check', { body: {} });
+  Object.assign(lab.sessions[1], { trainee: 'anna.bauer', unknown_trainee: true, code_unchecked: true });
+  const [waits] = (await one('mara', 'GET', '/unknown-trainees', {})).items;
+  assert.equal(waits.code_unchecked, true);
+  const confirmed = await one('mara', 'POST', '/sessions/{id}/trainee', {
+    path: `/sessions/${waits.description.session_id}/trainee`,
+    body: { trainee: 'anna.bauer', was: 'anna.bauer' },
+  });
+  assert.deepEqual([confirmed.unknown_trainee, confirmed.code_unchecked], [undefined, false]);
   await one('root', 'DELETE', '/people/{name}/data', { path: '/people/new.one/data', body: { confirm: 'new.one' } });
 });
 

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <ctime>
+#include <set>
 
 #include "db/credentials.h"
 #include "tests/support/password_cost.h"
@@ -49,6 +50,49 @@ TEST(Password, anUnknownNameIsAsMuchWorkAsAWrongPassword) {
   };
   (void)verifyPassword("", "wrong password");  // makes the decoy
   EXPECT_GT(work_ns("") * 4, work_ns(*hash));
+}
+
+TEST(Code, isHashedAsAPasswordButMayBeShort) {
+  const auto hash = hashCode("2468");
+  ASSERT_TRUE(hash.ok()) << hash.error().message;
+  EXPECT_EQ(hash->rfind("$argon2id$", 0), 0u) << *hash;
+  EXPECT_TRUE(verifyPassword(*hash, "2468"));
+  EXPECT_FALSE(verifyPassword(*hash, "2469"));
+  EXPECT_FALSE(verifyPassword(*hash, ""));
+  EXPECT_TRUE(hashCode(std::string(64, '~')).ok());
+  EXPECT_TRUE(hashCode("A b 1").ok());
+}
+
+TEST(Code, hasFourTo64PrintableCharactersAndIsNeverRepeatedInAMessage) {
+  for (const std::string& wrong :
+       {std::string(), std::string("123"), std::string(65, '7'), std::string("12\n45"),
+        std::string("12\x7f"
+                    "45"),
+        std::string("gr\xc3\xb6\xc3\x9f"
+                    "er"),
+        std::string("12\0"
+                    "45",
+                    5)}) {
+    const auto refused = hashCode(wrong);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+    EXPECT_EQ(refused.error().message.rfind("code: ", 0), 0u) << refused.error().message;
+    if (wrong.size() > 3) {
+      EXPECT_EQ(refused.error().message.find(wrong), std::string::npos);
+    }
+  }
+}
+
+TEST(Code, aMadeOneIsSixDigitsWithAllFirstDigits) {
+  std::set<char> first;
+  for (int i = 0; i < 1000; ++i) {
+    const std::string pin = makePin();
+    EXPECT_EQ(pin.size(), 6u);
+    EXPECT_EQ(pin.find_first_not_of("0123456789"), std::string::npos) << pin;
+    first.insert(pin[0]);
+  }
+  // one of ten is missing once in 10^44 runs
+  EXPECT_EQ(first.size(), 10u);
 }
 
 TEST(StationKey, isRandomAndItsHashIsAnother) {

@@ -53,6 +53,24 @@ TEST(PeopleStore, setsPasswordsAndDisables) {
   EXPECT_EQ(people.setDisabled("nobody", true).error().code, ErrorCode::kNotFound);
 }
 
+TEST(PeopleStore, setsAndRemovesCodesBesideThePassword) {
+  test::TestDb db;
+  PeopleStore people(db.writer);
+  Person anna{"anna", pb::TRAINEE, "h", false, 1};
+  anna.code_hash = "c";
+  ASSERT_OK(people.add(anna));
+  ASSERT_OK(people.add({"ben", pb::TRAINEE, "", false, 1}));
+  EXPECT_EQ(people.find("anna")->value().code_hash, "c");
+  EXPECT_EQ(people.find("ben")->value().code_hash, "");
+  ASSERT_OK(people.setCodeHash("ben", "d"));
+  ASSERT_OK(people.setCodeHash("anna", ""));
+  EXPECT_EQ(people.find("ben")->value().code_hash, "d");
+  EXPECT_EQ(people.find("anna")->value().code_hash, "");
+  EXPECT_EQ(people.find("anna")->value().password_hash, "h");
+  EXPECT_EQ(people.find("ben")->value().revision, 1u) << "as with passwords, no edit";
+  EXPECT_EQ(people.setCodeHash("nobody", "c").error().code, ErrorCode::kNotFound);
+}
+
 TEST(PeopleStore, theLastAdministratorWhoCanLogInStays) {
   test::TestDb db;
   PeopleStore people(db.writer);

@@ -131,6 +131,33 @@ TEST(Migrate, sessionsOfUnknownTraineesWaitFromThenOn) {
   EXPECT_FALSE(*rows.step());
 }
 
+/// Sessions that wait from before version 7 had names that nobody had; who got the name later has none of
+/// them.
+TEST(Migrate, sessionsThatWaitedBeforeCodesHadNamesThatNobodyHad) {
+  const auto sql = readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / "v6.sql");
+  ASSERT_OK(sql);
+  const test::TempFolder temporary;
+  auto connection = fresh(temporary);
+  ASSERT_OK(connection.script(*sql));
+  ASSERT_OK(migrate(connection));
+  const auto numbers = [&](const std::string& query) {
+    std::vector<std::int64_t> found;
+    auto rows = connection.prepare(query);
+    while (*rows.step()) found.push_back(rows.integer(0));
+    return found;
+  };
+  using Numbers = std::vector<std::int64_t>;
+  EXPECT_EQ(numbers("SELECT count(*) FROM unknown_trainees WHERE code_unchecked <> 0"), Numbers{0});
+  // session 2 waits, its name has an account by now; 3 was assigned
+  EXPECT_EQ(numbers("SELECT session FROM uncounted_sessions"), Numbers{2});
+  // without that account it is listed under its name; without its code it is nobody's in any case
+  ASSERT_OK(connection.script("PRAGMA foreign_keys=OFF; DELETE FROM people WHERE name = 'anna'"));
+  EXPECT_EQ(numbers("SELECT session FROM uncounted_sessions"), Numbers{});
+  ASSERT_OK(connection.script("UPDATE unknown_trainees SET code_unchecked = 1"));
+  EXPECT_EQ(numbers("SELECT session FROM uncounted_sessions"), Numbers{2});
+  EXPECT_EQ(numbers("SELECT count(*) FROM people WHERE code_hash IS NOT NULL"), Numbers{0});
+}
+
 TEST(MetaStore, keepsTheNewestValue) {
   test::TestDb db;
   MetaStore meta(db.writer);

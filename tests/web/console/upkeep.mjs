@@ -183,7 +183,7 @@ export function upkeep(t) {
     await page.route(people, (route) => route.fulfill({ status: 500, contentType: 'application/json', body }));
     await open(page, t.lab, '#/unknown-trainees', 'Unknown trainees');
     await page.getByText('Nobody can be chosen: the people could not be loaded').waitFor();
-    const give = page.getByRole('button', { name: 'Give the session of tino to …' });
+    const give = page.getByRole('button', { name: 'Give to … the session of tino' });
     assert.ok(await give.isDisabled());
     await page.unroute(people);
     await page.getByRole('button', { name: 'Try again' }).click();
@@ -198,6 +198,63 @@ export function upkeep(t) {
     const { items } = await api(page, 'sessions?trainee=tina');
     assert.ok(items.some((s) => s.given_trainee === 'tino'));
     await done(page);
+  });
+
+  it('a code is given and shown once; a session for which nobody gave it is confirmed', async () => {
+    const page = await t.browser.as('mara');
+    await open(page, t.lab, '#/people/tina', 'tina');
+    await page.getByRole('button', { name: 'Give a code' }).click();
+    const dialog = page.getByRole('dialog', { name: 'A new code' });
+    assert.match(await dialog.getByLabel('PIN of tina').innerText(), /^\d{6}$/);
+    await accessible(page, 'a new code');
+    await dialog.getByRole('button', { name: 'Close' }).click();
+    await page.getByText('has a code').waitFor();
+    await open(page, t.lab, '#/people', 'People');
+    assert.match(await page.getByRole('row', { name: /^tina/ }).innerText(), /has one/);
+
+    // with the server no lesson begins without it; without the server one does, and waits
+    const refused = t.lab.practise('station-2', 'tina', 'knee-recess', ['--seconds', '1']);
+    assert.equal(await refused.ended, 2, refused.said);
+    assert.match(refused.said, /tina has a code/);
+    const alone = t.lab.start(
+      'needlelab-station',
+      [
+        ...['--key', t.lab.path('station-2.key'), '--spool', t.lab.path('spool-station-2')],
+        ...['--trainee', 'tina', '--exercise', 'knee-recess', '--device', 'simulated', '--headless', '--seconds', '1'],
+      ],
+      'alone-with-code.log',
+    );
+    assert.equal(await alone.ended, 0, alone.said);
+    const next = t.lab.practise('station-2', 'guest', 'knee-recess', ['--seconds', '1', '--drain', '60']);
+    assert.equal(await next.ended, 0, next.said);
+    const counted = async () => (await api(page, 'people/tina/progress')).items.length;
+    const before = await counted();
+    await open(page, t.lab, '#/unknown-trainees', 'Unknown trainees');
+    await page.getByText('nobody gave the code').waitFor();
+    await accessible(page, 'a session without a code');
+    await page.getByRole('button', { name: 'Confirm the session of tina' }).click();
+    await page.getByText('No session waits').waitFor();
+    assert.equal(await counted(), before + 1);
+
+    await open(page, t.lab, '#/people/tina', 'tina');
+    await page.getByLabel('Badge or PIN').fill('0007');
+    await page.getByRole('button', { name: 'Set the code' }).click();
+    await page.getByText('The code of tina was set.').waitFor();
+    await page.getByRole('button', { name: 'Remove code' }).click();
+    await page.getByText('tina has no code any more.').waitFor();
+    assert.equal((await api(page, 'people/tina')).has_code, false);
+    await done(page);
+
+    const ada = await t.browser.as('ada');
+    await open(ada, t.lab, '#/upkeep', 'Upkeep');
+    const required = ada.getByLabel('Codes are required');
+    await required.check();
+    await ada.getByText('Codes are required now.').waitFor();
+    assert.deepEqual(await api(ada, 'lab/settings'), { codes_required: true });
+    await required.uncheck();
+    await ada.getByText('Codes are optional now.').waitFor();
+    assert.deepEqual(await api(ada, 'lab/settings'), { codes_required: false });
+    await done(ada);
   });
 
   it('backup and check while the lab goes on; scores anew; all of it in the audit', async () => {
@@ -227,7 +284,7 @@ export function upkeep(t) {
       .waitFor();
     await page.getByRole('link', { name: 'Show all' }).click();
     await settled(page);
-    for (const action of ['profile import', 'curriculum import', 'user import'])
+    for (const action of ['profile import', 'curriculum import', 'user import', 'user code', 'lab set'])
       await page.getByRole('cell', { name: action }).first().waitFor();
     await done(page);
   });

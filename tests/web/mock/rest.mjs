@@ -21,8 +21,9 @@ const found = (map, key, what) =>
     throw missing(`${what} '${key}'`);
   })();
 
-const withoutPassword = (lab, { password, ...person }) => ({
+const withoutPassword = (lab, { password, code, ...person }) => ({
   ...person,
+  has_code: !!code,
   groups: [...lab.groups.values()].filter((g) => g.members.includes(person.name)).map((g) => g.id),
 });
 
@@ -115,6 +116,7 @@ const infoOf = (lab, s) => ({
     placement: [],
     tool: [],
     device_notes: [],
+    code_checked: false,
     device: 'Virtuose 6D Desktop (simulated)',
     axial_model: 'ENHANCED_TRACKING_WALL',
     live_effects: ['CUTTING', 'ATTRACTED', 'CLAMPING', 'PUNCTURE'],
@@ -132,6 +134,7 @@ const infoOf = (lab, s) => ({
   passed: passedOf(scored(lab, s)),
   figures: [],
   ...(s.unknown_trainee ? { unknown_trainee: true } : {}),
+  code_unchecked: !!s.code_unchecked,
   ...(s.given_trainee ? { given_trainee: s.given_trainee } : {}),
 });
 /** A session as lists have it: the main figures in place of the score. */
@@ -251,6 +254,7 @@ function importPeople(lab, { csv, dry_run }) {
           created_unix_ms: Date.now(),
           has_password: !!v.password,
           password: v.password,
+          code: v.code,
         }),
         full_name: v.full_name ?? '',
         role,
@@ -369,6 +373,23 @@ export const kTable = [
   post('people/:name/password', kAll, ({ lab, params, body }) => {
     Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true });
     return {};
+  }),
+  post('people/:name/code', kAll, ({ lab, params, body, who }) => {
+    if (!kManagers.includes(who.role) && params.name !== who.name)
+      throw new Refusal(403, 'denied', 'only curriculum managers and administrators set the codes of other people');
+    const person = found(lab.people, params.name, 'person');
+    const code = body.make ? String(Math.floor(Math.random() * 1e6)).padStart(6, '0') : (body.code ?? '');
+    if (code && !/^[ -~]{4,64}$/.test(code))
+      throw new Refusal(400, 'invalid_input', `code: has ${code.length} characters, allowed are 4 to 64`, {
+        field: 'code',
+      });
+    person.code = code;
+    return { name: params.name, code: body.make ? code : '' };
+  }),
+  get('lab/settings', kAll, ({ lab }) => ({ codes_required: false, ...lab.settings })),
+  patch('lab/settings', kAdmin, ({ lab, body }) => {
+    lab.settings = { codes_required: false, ...lab.settings, ...body };
+    return lab.settings;
   }),
   get('people/:name/export', kPeople, ({ lab, params }) => ({
     items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }],
@@ -533,7 +554,7 @@ export const kTable = [
       throw new Refusal(400, 'invalid_input', `session ${s.session_id} is of '${s.trainee}', whom the server knew`);
     if (body.trainee !== 'guest') found(lab.people, body.trainee, 'person');
     s.given_trainee ??= s.trainee;
-    s.unknown_trainee = false;
+    Object.assign(s, { unknown_trainee: false, code_unchecked: false });
     s.trainee = body.trainee;
     return infoOf(lab, s);
   }),

@@ -14,6 +14,8 @@ export const people = {
     return person(await patch(['people', p.name], body, { base_revision: p.revision }));
   },
   setPassword: (name, password) => post(['people', name, 'password'], { password }),
+  /** `change`: { make: true }, or { code }; an empty code removes it. @returns {Promise<{name: string, code: string}>} a made one */
+  setCode: (name, change) => post(['people', name, 'code'], change),
   importCsv: (csv, dry_run) => post(['people', 'import'], { csv, dry_run }),
   erase: (name, reason) => remove(['people', name, 'data'], { body: { confirm: name, reason } }),
   /** All stored data of one person, all pages. */
@@ -22,6 +24,12 @@ export const people = {
   trends: async (name, exercise, signal) =>
     (await get(['people', name, 'progress'], { signal, query: { exercise } })).measures,
   progress: (name, exercise, signal) => getAll(['people', name, 'progress'], { signal, query: { exercise } }),
+};
+
+/** What holds for the whole lab. */
+export const lab = {
+  settings: (signal) => get(['lab', 'settings'], { signal }),
+  change: (changes) => patch(['lab', 'settings'], changes),
 };
 
 export const groups = {
@@ -87,7 +95,7 @@ export async function results(course, group_id, signal) {
 
 export const sessions = {
   page: (query, signal) => get(['sessions'], { signal, query }),
-  /** Those whose trainee nobody knew when they came; they wait to be assigned. */
+  /** Those whose trainee nobody knew when they came, or whose code nobody gave; they wait to be assigned. */
   unknown: (query, signal) => get(['unknown-trainees'], { signal, query }),
   /** `was`: whose it is, as the page shows it; refused if somebody gave it to another meanwhile. */
   assign: (id, trainee, reason, was) => post(['sessions', id, 'trainee'], { trainee, reason, was }),

@@ -1,15 +1,21 @@
-// The logged-in person's own name, password and consent.
+// The logged-in person's own name, password, code and consent.
 import { words } from '../lib/units.js';
 import { moment } from '../lib/time.js';
 import { people } from '../net/requests.js';
 import { Heading, JsonDownload, Loaded } from '../ui/widgets.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
+import { CodeForm } from './codes.js';
 import { ConsentForm, PasswordForm } from './person.js';
 
 function OwnConsent({ name }) {
   const load = useLoad((signal) => people.one(name, signal), [name]);
   return html`<${Loaded} load=${load}>${(shown) => html`<${ConsentForm} shown=${shown} load=${load} />`}<//>`;
+}
+
+function OwnCode({ name }) {
+  const load = useLoad((signal) => people.one(name, signal), [name]);
+  return html`<${Loaded} load=${load}>${(shown) => html`<${CodeForm} shown=${shown} load=${load} />`}<//>`;
 }
 
 export function AccountPage({ person }) {
@@ -27,6 +33,7 @@ export function AccountPage({ person }) {
     </dl>
     ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}
     <${PasswordForm} name=${person.name} />
+    <${OwnCode} name=${person.name} />
     ${
       person.role !== 'researcher' &&
       html`<fieldset>

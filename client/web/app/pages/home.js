@@ -27,12 +27,12 @@ const kTasks = [
     'assign sessions',
     'Unknown trainees',
     '#/unknown-trainees',
-    'Sessions from stations without the server, of names that nobody has.',
+    'Sessions from stations without the server: names that nobody has, codes that nobody gave.',
   ],
   ['export', 'Exports', '#/exports', 'Scores and samples as CSV with units, for your own tools.'],
   ['retention', 'Retention', '#/retention', 'How long recordings are kept whole, and when they go.'],
   ['see audit', 'Audit', '#/audit', 'Who changed what, and when.'],
-  ['upkeep', 'Backup and check', '#/upkeep', 'A copy of the database, and whether all of it can be read.'],
+  ['upkeep', 'Backup and check', '#/upkeep', 'A copy of the database, whether all of it can be read, and codes.'],
 ];
 
 export function Home({ person }) {

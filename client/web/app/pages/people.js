@@ -84,7 +84,7 @@ export function PeoplePage({ person, query }) {
         }<//>`;
       return html`<${Table}
         caption=${`${shown.length} of ${all.length} people`}
-        head=${['Name', 'Full name', 'Role', 'Groups', 'State', 'Studies']}
+        head=${['Name', 'Full name', 'Role', 'Groups', 'State', 'Code', 'Studies']}
       >${shown.map(
         (p) => html`<tr key=${p.name}>
           <th scope="row"><a href=${href(['people', p.name])}>${p.name}</a></th>
@@ -98,6 +98,7 @@ export function PeoplePage({ person, query }) {
                 ? html`<${Mark} kind="good">active<//>`
                 : html`<${Mark} kind="open">no password<//>`
           }</td>
+          <td>${p.has_code ? html`<${Mark} kind="good">has one<//>` : html`<${Mark} kind="open">none<//>`}</td>
           <td>${
             p.consent?.given
               ? html`<${Mark} kind="good">consents<//>`

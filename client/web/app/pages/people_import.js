@@ -6,7 +6,7 @@ import { TextField } from '../ui/fields.js';
 import { useAction } from '../ui/hooks.js';
 import { html, useId, useState } from '../ui/html.js';
 
-const kColumns = ['name', 'full_name', 'role', 'group', 'password'];
+const kColumns = ['name', 'full_name', 'role', 'group', 'password', 'code'];
 const kWhat = {
   ADD: ['good', 'new'],
   CHANGE: ['warn', 'changes'],

@@ -1,4 +1,4 @@
-// One person: data, role, consent, password, export, erasure.
+// One person: data, role, consent, password, code, export, erasure.
 import { grantable, may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
@@ -8,6 +8,7 @@ import { announce, Confirm, Heading, JsonDownload, Loaded, Mark, Problem } from 
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
+import { CodeForm } from './codes.js';
 
 function Data({ shown, me, load }) {
   const [full_name, setName] = useState(shown.full_name);
@@ -245,7 +246,7 @@ export function PersonPage({ params, person: me }) {
       ${
         may(me.role, 'edit people') &&
         grantable(me.role).includes(shown.role) &&
-        html`<${PasswordForm} name=${shown.name} />`
+        html`<${PasswordForm} name=${shown.name} /><${CodeForm} shown=${shown} load=${load} />`
       }
       ${
         may(me.role, 'export person') &&

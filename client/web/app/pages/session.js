@@ -156,7 +156,10 @@ export function SessionPage({ params, person }) {
         ${
           session.unknown_trainee &&
           html`<dt>Trainee</dt>
-            <dd><${Mark} kind="warn">unknown<//> nobody was named ${d.trainee} when the session came</dd>`
+            <dd>
+              <${Mark} kind="warn">${session.code_unchecked ? 'no code' : 'unknown'}<//>
+              ${session.code_unchecked ? ` nobody gave the code of ${d.trainee}` : ` nobody was named ${d.trainee} when the session came`}
+            </dd>`
         }
         ${
           session.given_trainee &&

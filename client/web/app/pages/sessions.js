@@ -81,7 +81,7 @@ export function SessionsPage({ query, person }) {
                 <th scope="row">
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
-                <td>${s.description.trainee} ${s.unknown_trainee && html`<${Mark} kind="warn">unknown<//>`}</td>
+                <td>${s.description.trainee} ${s.unknown_trainee && html`<${Mark} kind="warn">${s.code_unchecked ? 'no code' : 'unknown'}<//>`}</td>
                 <td>${s.description.exercise_id}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>

@@ -1,4 +1,4 @@
-// Sessions whose trainee nobody knew when they came, each to be given to the right person.
+// Sessions whose trainee nobody knew when they came, or whose code nobody gave, each to be given to the right person.
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { people, sessions } from '../net/requests.js';
@@ -54,26 +54,35 @@ export function UnknownTraineesPage() {
   const pages = usePages((page, signal) => sessions.unknown({ page }, signal), []);
   const everybody = useLoad((signal) => people.all(signal), []);
   const [asked, setAsked] = useState(null);
+  const confirming = useAction();
+  const confirm = async ({ session_id, trainee }) => {
+    if (!(await confirming.run(() => sessions.assign(session_id, trainee, 'confirmed without a code', trainee))))
+      return;
+    announce(`The session is of ${trainee}.`);
+    pages.load.reload();
+  };
   return html`
     <${Heading} title="Unknown trainees" above=${html`<a href="#/sessions">Sessions</a>`} />
     <p>
-      A station without the server takes any name. Nobody had the names of these sessions when they came: give each to the
-      right person.
+      A station without the server takes any name and asks for no code. These sessions count for nobody: give each to the
+      right person, or confirm that it is of whom it says.
     </p>
     <${Problem}
       error=${everybody.error}
       retry=${everybody.reload}
       title="Nobody can be chosen: the people could not be loaded"
     />
+    <${Problem} error=${confirming.error} />
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
-        ? html`<${Empty} title="No session waits">No session has a name that nobody had when it came.<//>`
+        ? html`<${Empty} title="No session waits">All have a name that somebody had, and whose code was given.<//>`
         : html`
             <${Table}
               caption=${`${pages.items.length} ${pages.items.length === 1 ? 'session' : 'sessions'}, newest first`}
               head=${[
                 'Begun',
                 'Name given',
+                'Why it waits',
                 'Exercise',
                 'Station',
                 number('Length'),
@@ -86,6 +95,7 @@ export function UnknownTraineesPage() {
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
                 <td>${s.description.trainee}</td>
+                <td>${s.code_unchecked ? 'nobody gave the code' : 'nobody had the name'}</td>
                 <td>${s.description.exercise_id}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
@@ -94,15 +104,29 @@ export function UnknownTraineesPage() {
                   ${
                     s.state === 'SESSION_OPEN'
                       ? 'still open'
-                      : html`<button
-                          type="button"
-                          class="small"
-                          disabled=${!everybody.data}
-                          aria-label=${`Give the session of ${s.description.trainee} to …`}
-                          onClick=${() => setAsked(s)}
-                        >
-                          Give to …
-                        </button>`
+                      : html`<div class="actions">
+                          ${
+                            s.code_unchecked &&
+                            html`<button
+                              type="button"
+                              class="small"
+                              disabled=${confirming.busy}
+                              aria-label=${`Confirm the session of ${s.description.trainee}`}
+                              onClick=${() => confirm(s.description)}
+                            >
+                              Confirm
+                            </button>`
+                          }
+                          <button
+                            type="button"
+                            class="small"
+                            disabled=${!everybody.data}
+                            aria-label=${`Give to … the session of ${s.description.trainee}`}
+                            onClick=${() => setAsked(s)}
+                          >
+                            Give to …
+                          </button>
+                        </div>`
                   }
                 </td>
               </tr>`,

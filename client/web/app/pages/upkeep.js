@@ -1,4 +1,4 @@
-// A backup now, and whether everything can be read.
+// A backup now, whether everything can be read, scores anew, and what holds for the whole lab.
 import { moment } from '../lib/time.js';
 import { bytes } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
@@ -6,6 +6,7 @@ import { SelectField, TextField } from '../ui/fields.js';
 import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
 import { Heading, Mark, Problem } from '../ui/widgets.js';
+import { CodesRequired } from './codes.js';
 
 /** Shows that something long is under way: a moving bar, and how long it has taken so far. */
 function Working({ busy, children }) {
@@ -152,5 +153,5 @@ function Rescore() {
 }
 
 export function UpkeepPage() {
-  return html`<${Heading} title="Upkeep" /><${Backup} /><${Check} /><${Rescore} />`;
+  return html`<${Heading} title="Upkeep" /><${Backup} /><${Check} /><${Rescore} /><${CodesRequired} />`;
 }

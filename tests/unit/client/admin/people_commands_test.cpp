@@ -149,6 +149,47 @@ TEST_F(PeopleCommands, whoIsDisabledCannotLogInUntilEnabled) {
   }
 }
 
+TEST_F(PeopleCommands, aCodeIsMadeSetFromAFileAndRemoved) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  const auto practises = [&](const std::string& code) {
+    const auto store = test::TestDb::must(Store::open(data(), {}));
+    pb::Request check;
+    check.mutable_check_trainee()->set_trainee("tom");
+    check.mutable_check_trainee()->set_code(code);
+    return !store->service().execute({"station-1", pb::STATION}, check).error.has_value();
+  };
+  EXPECT_EQ(people().at("tom").at("has_code"), false);
+  const std::string pin = good({"user", "code", "tom", "--make", "--json"}).rows().at(0).at("code");
+  EXPECT_THAT(pin, testing::MatchesRegex("[0-9]{6}"));
+  EXPECT_EQ(people().at("tom").at("has_code"), true);
+  EXPECT_THAT(good({"user", "list"}).out, HasSubstr("  CODE  "));
+  EXPECT_TRUE(practises(pin));
+  EXPECT_FALSE(practises(""));
+  EXPECT_THAT(good({"user", "code", "tom", "--make"}).out, HasSubstr("only its hash is kept"));
+  EXPECT_FALSE(practises(pin)) << "another one";
+  EXPECT_EQ(good({"user", "code", "tom", "--code-file", secret("badge", "badge 0007\n")}).out,
+            "code of 'tom' set\n");
+  EXPECT_TRUE(practises("badge 0007"));
+
+  const std::tuple<Arguments, int, std::string> bad[] = {
+      {{"tom", "--code-file", secret("empty", "\n")}, 2, "its first line, the code, is empty"},
+      {{"tom", "--code-file", secret("short", "123")}, 2, "code: has 3 characters, allowed are 4 to 64"},
+      {{"tom", "--make", "--remove"}, 2, "excludes"},
+      {{"tom", "--make", "--code-file", secret("other", "1234")}, 2, "excludes"},
+      {{"nobody", "--make"}, 1, "there is no person named 'nobody'"},
+  };
+  for (const auto& [arguments, code, words] : bad) {
+    Arguments all = {"user", "code"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Run result = onData(all);
+    EXPECT_EQ(result.code, code) << words;
+    EXPECT_THAT(result.err, HasSubstr(words));
+    EXPECT_TRUE(practises("badge 0007")) << words;
+  }
+  EXPECT_EQ(good({"user", "code", "tom", "--remove"}).out, "code of 'tom' removed\n");
+  EXPECT_TRUE(practises(""));
+}
+
 TEST_F(PeopleCommands, aNewPasswordReplacesTheOldOneAndABadFileDoesNot) {
   good({"user", "add", "ines", "--role", "instructor", "--password-file", password_});
   const std::pair<std::string, std::string> bad[] = {
@@ -212,7 +253,7 @@ TEST_F(PeopleCommands, aFileThatIsNoTableOfPeopleIsRefusedWithItsName) {
       {"", "is empty"},
       {"name\n", "has a header and no rows"},
       {"full_name\nAnna\n", "there is no column 'name'"},
-      {"name,colour\nanna,red\n", "column 'colour' is none of name, full_name, role, group, password"},
+      {"name,colour\nanna,red\n", "column 'colour' is none of name, full_name, role, group, password, code"},
       {"name,name\nanna,anna\n", "column 'name' is there twice"},
       {"name\n\"anna\n", "line 2: a quote is not closed"},
       {"name\nZo\xeb\n", "is not UTF-8"},

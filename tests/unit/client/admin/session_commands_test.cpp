@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 
 #include "common/base/files.h"
 #include "common/scoring/measures.h"
@@ -105,6 +106,72 @@ TEST_F(SessionCommands, aSessionOfAnUnknownTraineeIsListedAndAssigned) {
     return line.at("action") == "session assign" && line.at("subject") == id &&
            line.at("detail") == "from tmo to tom: a typing error";
   }));
+}
+
+TEST_F(SessionCommands, sessionsThatWaitForACodeAreConfirmedAllAtOnce) {
+  for (const char* name : {"tom", "tim"}) {
+    good({"user", "add", name, "--role", "trainee"});
+    good({"user", "code", name, "--make"});
+  }
+  const std::string toms = attempt("tom", "knee-recess", ""), tims = attempt("tim", "knee-recess", ""),
+                    ghosts = attempt("tmo", "knee-recess", "");
+  // open, of a name that nobody has: its row says that it is tom's, without a code
+  addSession(1, true,
+             "UPDATE sessions SET trainee = 'tom' WHERE state = 1;"
+             "UPDATE unknown_trainees SET code_unchecked = 1 WHERE session IN (SELECT number FROM sessions"
+             " WHERE state = 1)");
+  const auto why = [&] {
+    std::map<std::string, std::string> found;
+    for (const auto& row : good({"session", "list", "--unknown-trainee", "--json"}).rows())
+      found[row.at("session_id")] = row.at("why");
+    return found;
+  };
+  auto reasons = why();
+  EXPECT_EQ(reasons.size(), 4u);
+  EXPECT_EQ(reasons.at(toms), "code not checked");
+  EXPECT_EQ(reasons.at(ghosts), "no such name");
+  EXPECT_THAT(good({"session", "list", "--unknown-trainee"}).out, HasSubstr("WAITS BECAUSE"));
+  EXPECT_THAT(good({"session", "list"}).out, testing::Not(HasSubstr("WAITS BECAUSE")));
+  EXPECT_THAT(good({"session", "show", toms}).out,
+              HasSubstr("nobody gave the code of 'tom': session confirm"));
+  EXPECT_EQ(good({"session", "show", toms, "--json"}).rows().at(0).at("code_unchecked"), true);
+
+  EXPECT_THAT(good({"session", "confirm", "--station", "station-2"}).out,
+              HasSubstr("no session waits for a code"));
+  const auto some = good({"session", "confirm", "--trainee", "tim"});
+  EXPECT_THAT(some.out, HasSubstr(tims));
+  EXPECT_THAT(some.out, HasSubstr("1 of 1 confirmed, 0 still open"));
+  const auto all = good({"session", "confirm"});
+  EXPECT_THAT(all.out, HasSubstr("1 of 2 confirmed, 1 still open"));
+  reasons = why();
+  EXPECT_EQ(reasons.size(), 2u) << "the open one, and the one of a name that nobody has";
+  EXPECT_TRUE(reasons.contains(ghosts));
+  EXPECT_EQ(good({"session", "show", toms, "--json"}).rows().at(0).at("given_trainee"), "tom");
+  const auto audit = good({"audit", "--json"}).rows();
+  EXPECT_EQ(std::count_if(audit.begin(), audit.end(),
+                          [](const json& line) {
+                            return line.at("action") == "session assign" &&
+                                   line.at("detail") == "from tom to tom: confirmed without a code";
+                          }),
+            1);
+}
+
+TEST_F(SessionCommands, aSessionThatCannotBeConfirmedIsNamedAndTheOthersAre) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  good({"user", "code", "tom", "--make"});
+  const std::string first = attempt("tom", "knee-recess", ""), second = attempt("tom", "knee-recess", "");
+  {
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    ASSERT_OK(store->writer().run([&](Connection& c) {
+      return c.run("UPDATE sessions SET erased = 1 WHERE id = ?", ByteView(*parseUuid(first)));
+    }));
+  }
+  const auto result = onData({"session", "confirm"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_THAT(result.out, HasSubstr("the data of its person was erased"));
+  EXPECT_THAT(result.out, HasSubstr("1 of 2 confirmed, 0 still open"));
+  EXPECT_THAT(result.err, HasSubstr("1 sessions could not be confirmed"));
+  EXPECT_EQ(good({"session", "show", second, "--json"}).rows().at(0).at("code_unchecked"), false);
 }
 
 TEST_F(SessionCommands, aNameOfQuotesAndCommasStaysWholeInTableAndJson) {

@@ -177,6 +177,17 @@ TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing
   EXPECT_THAT(on_server.err, HasSubstr("give --data DIR, on its machine"));
 }
 
+TEST_F(UpkeepCommands, theLabRequiresCodesUntilItDoesNot) {
+  EXPECT_THAT(good({"lab", "show"}).out, HasSubstr("optional"));
+  EXPECT_THAT(good({"lab", "set", "--codes", "required"}).out, HasSubstr("required"));
+  EXPECT_EQ(good({"lab", "show", "--json"}).rows().at(0).at("codes"), "required");
+  EXPECT_EQ(onData({"lab", "set", "--codes", "perhaps"}).code, 2);
+  EXPECT_EQ(onData({"lab", "set"}).code, 2);
+  EXPECT_EQ(good({"lab", "show", "--json"}).rows().at(0).at("codes"), "required");
+  good({"lab", "set", "--codes", "optional"});
+  EXPECT_EQ(good({"lab", "show", "--json"}).rows().at(0).at("codes"), "optional");
+}
+
 }  // namespace
 
 }  // namespace needlelab

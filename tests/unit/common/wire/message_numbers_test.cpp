@@ -51,6 +51,9 @@ constexpr NumberedName kRequestCalls[] = {
     {11, "set_password"},
     {12, "disable_user"},
     {13, "list_users"},
+    {14, "set_code"},
+    {15, "get_lab_settings"},
+    {16, "change_lab_settings"},
     {20, "add_station"},
     {21, "revoke_station"},
     {22, "list_stations"},
@@ -119,6 +122,8 @@ constexpr NumberedName kRequestCalls[] = {
 constexpr NumberedName kReplyResults[] = {
     {2, "done"},
     {10, "users"},
+    {14, "new_code"},
+    {15, "lab_settings"},
     {20, "station_key"},
     {21, "stations"},
     {30, "profile"},
@@ -181,6 +186,7 @@ constexpr NumberedName kRefusalReasons[] = {
     {15, "NOT_FOUND"},
     {16, "CONFLICT"},
     {17, "REVISION_CONFLICT"},
+    {18, "CODE"},
 };
 
 using Names = std::map<int, std::string>;

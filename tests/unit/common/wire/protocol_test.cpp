@@ -227,6 +227,11 @@ TEST(Refusal, theReasonDecidesWhetherTryingAgainMayHelp) {
   EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::VERSION, "")).code, ErrorCode::kVersion);
 }
 
+TEST(Refusal, aCodeThatIsMissingOrWrongIsNeitherARoleNorAnAbsentServer) {
+  EXPECT_EQ(refusalOf(Error{ErrorCode::kCode, "no"}).reason(), pb::Refusal::CODE);
+  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::CODE, "no")).code, ErrorCode::kCode);
+}
+
 TEST(Refusal, aVersionRefusalNamesBothVersions) {
   auto refusal = makeRefusal(pb::Refusal::VERSION, "no", true);
   refusal.mutable_ours()->set_major(2);

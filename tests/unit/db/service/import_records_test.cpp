@@ -75,6 +75,54 @@ TEST_F(Import, refusesRecordsOfAnyShapeAndNeverEndsTheServer) {
   }
 }
 
+/// Without code_hash and code_unchecked, which schema 7 added.
+TEST_F(Import, takesAnExportOfBeforeCodesTwice) {
+  addStation();
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    test::fillAtRandom(c, 8);
+    return {};
+  }));
+  for (const bool secrets : {false, true}) {
+    std::vector<std::string> older;
+    for (const std::string& text : exportAll(*store, secrets)) {
+      auto record = RecordJson::parse(text);
+      if (record["kind"] == "lab_setting") continue;
+      record.erase("code_hash");
+      record.erase("code_unchecked");
+      older.push_back(record.dump());
+    }
+    const test::TempFolder elsewhere;
+    const auto other = test::openStore(elsewhere.path() / "data");
+    const auto report = importAll(*other, older, 1000);
+    EXPECT_TRUE(report.done()) << report.ShortDebugString();
+    const auto twice = importAll(*other, older, 1000);
+    EXPECT_TRUE(twice.done()) << twice.ShortDebugString();
+    for (const auto& count : twice.counts()) EXPECT_EQ(count.added(), 0u) << count.kind();
+    ASSERT_OK(other->writer().run([](Connection& c) -> Status {
+      auto row = c.prepare(
+          "SELECT (SELECT count(*) FROM people WHERE code_hash IS NOT NULL), (SELECT sum(code_unchecked) "
+          "FROM "
+          "unknown_trainees)");
+      RETURN_IF_ERROR(row.step());
+      EXPECT_EQ(row.integer(0), 0);
+      EXPECT_EQ(row.integer(1), 0);
+      return {};
+    }));
+  }
+}
+
+TEST_F(Import, takesNoOtherFactsAboutADatabaseForSettings) {
+  const auto said = [&](const std::string& key, const std::string& value) {
+    const auto report =
+        importAll(*store, {RecordJson{{"kind", "lab_setting"}, {"key", key}, {"value", value}}.dump()}, 1);
+    return report.faults_size() == 0 ? std::string() : report.faults(0).message();
+  };
+  EXPECT_EQ(said("backup_path", "/elsewhere"), "key: is 'backup_path', allowed is codes_required");
+  EXPECT_EQ(said("codes_required", "yes"), "value: allowed are 0 and 1");
+  EXPECT_EQ(said("codes_required", "1"), "");
+  EXPECT_EQ(said("codes_required", "0").rfind("differs", 0), 0u);
+}
+
 TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
   addPerson("anna", pb::TRAINEE);
   consent("anna", true);

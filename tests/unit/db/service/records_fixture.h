@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "db/erasure.h"
+#include "db/lab_settings.h"
 #include "db/session_results.h"
 #include "tests/support/run_form.h"
 #include "tests/unit/db/dump.h"
@@ -176,11 +177,16 @@ inline void fillAtRandom(Connection& c, std::uint64_t seed) {
   // one that waits, one that was assigned
   ASSERT_OK(c.run(
       "INSERT INTO unknown_trainees (session, given) VALUES ((SELECT min(number) FROM sessions), 'ghost')"));
-  ASSERT_OK(c.run(
-      "INSERT INTO unknown_trainees VALUES ((SELECT min(number) + 1 FROM sessions), 'another ghost', ?, ?)",
-      text(), number(1ull << 62)));
+  ASSERT_OK(
+      c.run("INSERT INTO unknown_trainees VALUES ((SELECT min(number) + 1 FROM sessions), 'another ghost', "
+            "?, ?, 1)",
+            text(), number(1ull << 62)));
   ASSERT_OK(c.run("INSERT INTO retention_policies VALUES ('knee-recess', 30, ?, 1.0, 365, 0, ?, 1)",
                   static_cast<double>(random() % 100'000 + 1) / 3.0, text()));
+  // after the sessions: those of people with codes would wait
+  for (std::size_t i = 0; i < people.size(); i += 3)
+    ASSERT_OK(PeopleStore(c).setCodeHash(people[i], "$code" + text()));
+  ASSERT_OK(LabSettingsStore(c).setCodesRequired(number(2) == 0));
   ASSERT_OK(c.run("INSERT INTO exercise_references VALUES ('knee-recess', 1, '[]', ?, 1)", text()));
   ASSERT_OK(c.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1,?,?,?,?)", text(),
                   text(), text(), text()));

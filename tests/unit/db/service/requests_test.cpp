@@ -98,6 +98,20 @@ TEST(Requests, theRowsSayWhatTheTablesOfBeforeSaid) {
   EXPECT_EQ(rows, 65u);
 }
 
+TEST(Requests, aLessonWithACodeGoesWherePasswordsAreHashedAndNoOtherLesson) {
+  pb::Request lesson, check, other;
+  lesson.mutable_get_lesson()->set_trainee("tom");
+  check.mutable_check_trainee()->set_trainee("tom");
+  other.mutable_list_users();
+  for (const auto& request : {lesson, check, other, pb::Request()})
+    EXPECT_EQ(threadsOf(request), RequestThreads::kWorkers);
+  lesson.mutable_get_lesson()->set_code("1234");
+  check.mutable_check_trainee()->set_code("1234");
+  for (const auto& request : {lesson, check}) EXPECT_EQ(threadsOf(request), RequestThreads::kPasswords);
+  other.mutable_get_results();
+  EXPECT_EQ(threadsOf(other), RequestThreads::kViews);
+}
+
 TEST(Requests, eachCallHasOneRowWhoseHandlerTakesItsMessage) {
   const auto* calls = pb::Request::descriptor()->FindOneofByName("call");
   const auto* results = pb::Reply::descriptor()->FindOneofByName("result");

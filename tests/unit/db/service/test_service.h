@@ -10,8 +10,10 @@
 
 namespace needlelab::test {
 
-inline std::unique_ptr<Store> openStore(const std::filesystem::path& folder) {
+inline std::unique_ptr<Store> openStore(const std::filesystem::path& folder,
+                                        TimeSource& time = machineTime()) {
   Store::Options options;
+  options.time = &time;
   options.writer.window = std::chrono::milliseconds(1);
   auto store = Store::open(folder, options);
   if (!store) throw std::runtime_error(store.error().message);

@@ -40,6 +40,30 @@ TEST(Requests, stationsAreListedWithTheirStateNow) {
   EXPECT_FALSE(reply->stations().stations(1).online());
 }
 
+TEST(Requests, aLessonBeginsWithTheTraineesCodeOnly) {
+  Lab lab;
+  lab.server.addUser("tom", pb::TRAINEE, "");
+  pb::Request set, lesson;
+  set.mutable_set_code()->set_name("tom");
+  set.mutable_set_code()->set_make(true);
+  const std::string pin = lab.server.asAdmin(set).new_code().code();
+  ASSERT_EQ(pin.size(), 6u);
+  lesson.mutable_get_lesson()->set_exercise_id("ball-free-practice");
+  lesson.mutable_get_lesson()->set_trainee("tom");
+  for (const std::string& wrong : {std::string(), pin + "0"}) {
+    lesson.mutable_get_lesson()->set_code(wrong);
+    const auto refused = lab.station.call(lesson);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kCode) << refused.error().message;
+    EXPECT_THAT(refused.error().message,
+                HasSubstr(wrong.empty() ? "tom has a code" : "this is not the code of tom; 4 tries left"));
+  }
+  lesson.mutable_get_lesson()->set_code(pin);
+  const auto begun = lab.station.call(lesson);
+  ASSERT_TRUE(begun.ok()) << begun.error().message;
+  EXPECT_TRUE(begun->has_lesson());
+}
+
 TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
   Lab lab;
   pb::Request request;

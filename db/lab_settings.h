@@ -1,0 +1,27 @@
+/// What holds for the whole lab.
+#pragma once
+
+#include <string_view>
+
+#include "common/base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+/// Keys of `meta` that are settings: "1" or "0"; absent: "0". Exports hold them.
+inline constexpr std::string_view kCodesRequiredKey = "codes_required";
+
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
+class LabSettingsStore {
+ public:
+  explicit LabSettingsStore(Connection& connection) : connection_(connection) {}
+
+  /// Whether trainees without a code may practise only as kGuestName.
+  Result<bool> codesRequired();
+  Status setCodesRequired(bool required);
+
+ private:
+  Connection& connection_;
+};
+
+}  // namespace needlelab

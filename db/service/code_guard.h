@@ -1,0 +1,59 @@
+/// Limits guessing of trainees' codes: a PIN of six digits has a million values.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <unordered_map>
+
+#include "common/base/time_source.h"
+
+namespace needlelab {
+
+/// Counts wrong codes in a row for each person, at all stations together: after `allowed` that person's codes
+/// wait, at first for `first_wait`, twice as long after each further wrong one, at most for `longest_wait`.
+/// So a guesser has some 100 tries a day. The price: whoever stands at a station can make a trainee wait. A
+/// try counts as wrong from its beginning until right(), so that many at once have no more than `allowed`. In
+/// memory: a restart forgets. Thread: any.
+class CodeGuard {
+ public:
+  struct Settings {
+    unsigned allowed = 5;
+    std::chrono::seconds first_wait{60};
+    std::chrono::seconds longest_wait{15 * 60};
+    /// Above this limit the entry idle for longest is dropped.
+    std::size_t max_entries = 10'000;
+  };
+  /// `time` must outlive it.
+  explicit CodeGuard(TimeSource& time) : CodeGuard(time, Settings{}) {}
+  CodeGuard(TimeSource& time, Settings settings) : time_(time), settings_(settings) {}
+
+  struct Try {
+    std::chrono::seconds must_wait{0};  ///< above 0: this try is not allowed and does not count
+    unsigned left = 0;                  ///< further tries at once, if this one is wrong
+    std::chrono::seconds then_wait{0};  ///< how long the next one waits, if this one is wrong
+  };
+  /// Begins a try of this person's code.
+  Try begin(const std::string& name);
+  /// The code was right, or is another one now: the person begins anew.
+  void forget(const std::string& name);
+  [[nodiscard]] std::size_t entries() const;
+
+ private:
+  struct Entry {
+    unsigned wrong = 0;
+    std::int64_t at_ns = 0, wait_until_ns = 0;
+  };
+
+  TimeSource& time_;
+  const Settings settings_;
+  mutable std::mutex mutex_;
+  std::unordered_map<std::string, Entry> entries_;  ///< by name; guarded by mutex_
+};
+
+/// "40 s", "2 min"; minutes are rounded up.
+std::string waitText(std::chrono::seconds wait);
+
+}  // namespace needlelab

@@ -1,0 +1,106 @@
+// Codes of trainees: who may set them, the check before a lesson, and whether the lab requires them.
+#include <fmt/core.h>
+#include <optional>
+
+#include "common/base/secret.h"
+#include "common/base/text.h"
+#include "db/audit.h"
+#include "db/connection.h"
+#include "db/credentials.h"
+#include "db/lab_settings.h"
+#include "db/people.h"
+#include "db/service/code_guard.h"
+#include "db/service/handlers.h"
+
+namespace needlelab::handlers {
+namespace {
+
+/// People may set their own code; a manager, those of the people whom it manages.
+Status maySetCode(const Context& context, Connection& connection, const std::string& name) {
+  const bool manages = context.who.role == pb::CURRICULUM_MANAGER || context.who.role == pb::ADMINISTRATOR;
+  if (!manages && context.who.name != name)
+    return Error{ErrorCode::kDenied,
+                 "only curriculum managers and administrators set the codes of other people"};
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(name));
+  if (!person) return Error{ErrorCode::kNotFound, "there is no person named '" + printable(name) + "'"};
+  return context.who.name == name ? Status() : mayManage(context, person->role);
+}
+
+Result<pb::Reply> settingsReply(Connection& connection) {
+  ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection).codesRequired());
+  pb::Reply reply;
+  reply.mutable_lab_settings()->set_codes_required(required);
+  return reply;
+}
+
+}  // namespace
+
+Result<pb::Reply> setCode(const Context& context, const pb::SetCode& call) {
+  if (call.make() && !call.code().empty())
+    return Error{ErrorCode::kInvalidInput, "code: give either a code or make, which makes one"};
+  RETURN_IF_ERROR(maySetCode(context, context.reader, call.name()));
+  std::string code = call.make() ? makePin() : call.code();
+  const WipeAtEnd wiped(code);
+  std::string hash;
+  if (!code.empty()) {
+    ASSIGN_OR_RETURN(hash, hashCode(code));
+  }
+  const std::string_view detail = code.empty() ? "removed" : call.make() ? "made" : "set";
+  const Status written = write(context, call.name(), std::string(detail), [&](Connection& writer) -> Status {
+    // check again: hashing took a while
+    RETURN_IF_ERROR(maySetCode(context, writer, call.name()));
+    return PeopleStore(writer).setCodeHash(call.name(), hash);
+  });
+  if (!written) return written.error();
+  context.codes.forget(call.name());
+  pb::Reply reply;
+  reply.mutable_new_code()->set_name(call.name());
+  if (call.make()) reply.mutable_new_code()->set_code(code);
+  return reply;
+}
+
+Result<pb::Reply> getLabSettings(const Context& context, const pb::GetLabSettings&) {
+  return settingsReply(context.reader);
+}
+
+Result<pb::Reply> changeLabSettings(const Context& context, const pb::ChangeLabSettings& call) {
+  if (!call.has_codes_required()) return settingsReply(context.reader);
+  const std::string detail = call.codes_required() ? "codes required" : "codes optional";
+  RETURN_IF_ERROR(write(context, "", detail, [&](Connection& writer) {
+    return LabSettingsStore(writer).setCodesRequired(call.codes_required());
+  }));
+  return settingsReply(context.reader);
+}
+
+Status checkCodeOf(const Context& context, const std::string& name, const std::string& code) {
+  if (context.who.role != pb::STATION || name.empty() || name == kGuestName) return {};
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
+  if (!person || person->code_hash.empty()) {
+    ASSIGN_OR_RETURN(const bool required, LabSettingsStore(context.reader).codesRequired());
+    if (!required) return {};
+    return Error{ErrorCode::kDenied, name + " has no code yet: ask a manager for one"};
+  }
+  if (code.empty())
+    return Error{ErrorCode::kCode, name + " has a code: type the PIN or hold the badge to the reader"};
+  const CodeGuard::Try begun = context.codes.begin(name);
+  // kCode, too: on kUnavailable a station would begin the lesson from its cache
+  if (begun.must_wait.count() > 0)
+    return Error{ErrorCode::kCode,
+                 fmt::format("too many wrong codes of {}: try again in {}", name, waitText(begun.must_wait))};
+  if (verifyPassword(person->code_hash, code)) {
+    context.codes.forget(name);
+    return {};
+  }
+  const std::string wrong = "this is not the code of " + name + "; ";
+  if (begun.left > 0)
+    return Error{ErrorCode::kCode,
+                 wrong + fmt::format("{} {} left", begun.left, begun.left == 1 ? "try" : "tries")};
+  const std::string wait = waitText(begun.then_wait);
+  RETURN_IF_ERROR(context.writer.run([&](Connection& writer) {
+    return AuditStore(writer).add({0, context.now_unix_ns, context.who.name, "code locked", name,
+                                   "too many wrong codes: waits " + wait});
+  }));
+  return Error{ErrorCode::kCode, wrong + "try again in " + wait};
+}
+
+}  // namespace needlelab::handlers
