@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "client/station/run/options.h"
 #include "client/station/window/end_screen.h"
@@ -100,6 +101,25 @@ TEST(LessonFollow, aGapIsCountedAndSaidUntilTheNeedleIsOutside) {
   EXPECT_TRUE(std::any_of(
       follow->trace().events().begin(), follow->trace().events().end(),
       [](const TraceEvent& event) { return event.kind == TraceEvent::Kind::kGap && event.missing == 200; }));
+}
+
+TEST(LessonFollow, thePlannedLineStandsWhereTheLimbStands) {
+  const auto file = shoulder();
+  EXPECT_FALSE((*LessonFollow::make(file))->plan_W()) << "a profile from a file has no exercise";
+  auto beginning = std::make_shared<LessonBeginning>(*file);
+  pb::Exercise exercise;
+  beginning->lesson.exercise = exercise;
+  EXPECT_FALSE((*LessonFollow::make(beginning))->plan_W()) << "without a plan";
+  exercise.mutable_plan()->set_frame(pb::Exercise::Plan::LIMB);
+  exercise.mutable_plan()->mutable_entry_m()->set_x(0.01);
+  exercise.mutable_plan()->mutable_direction()->set_z(-2);
+  beginning->lesson.exercise = exercise;
+  // a quarter turn about y: the limb's z is W's x
+  beginning->X_WL = {{0.1, 0.2, 0.3}, {0, std::sqrt(0.5), 0, std::sqrt(0.5)}};
+  const auto line = (*LessonFollow::make(beginning))->plan_W();
+  ASSERT_TRUE(line);
+  EXPECT_NEAR(norm(line->entry_m - Vec3{0.1, 0.2, 0.29}), 0, 1e-12);
+  EXPECT_NEAR(norm(line->direction - Vec3{-1, 0, 0}), 0, 1e-12);
 }
 
 TEST(LayerLadder, reachesAFifthBeyondTheTarget) {
