@@ -129,6 +129,19 @@ TEST(LayerLadder, reachesAFifthBeyondTheTarget) {
   EXPECT_NEAR(ladderDepth_m(*(*scene)->scene()), 1.2 * 0.029, 1e-9);
 }
 
+TEST(CellColumns, giveEachCellItsWidthAndShareWhatIsLeft) {
+  using Widths = std::vector<float>;
+  // 40 + 60 + 20 + 50 and three gaps of 10: 200 are just enough
+  const Widths needed = {40, 60, 20, 50};
+  EXPECT_EQ(cellColumns(needed, 10, 200), needed);
+  EXPECT_EQ(cellColumns(needed, 10, 240), (Widths{50, 70, 30, 60}));
+  // larger letters: two rows of two, as wide as the wider of each column
+  EXPECT_EQ(cellColumns(needed, 10, 199), (Widths{84.5F, 104.5F}))
+      << "max(40, 20) + max(60, 50) + 10 = 110, and half of the 89 that are left for each";
+  EXPECT_EQ(cellColumns(needed, 10, 109), Widths{109}) << "one below the other";
+  EXPECT_EQ(cellColumns({}, 10, 109), Widths{109});
+}
+
 TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
   const auto follow = LessonFollow::make(shoulder());
   const SceneView& scene = *(*follow)->scene();
