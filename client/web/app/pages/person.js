@@ -207,7 +207,7 @@ function Erasure({ name }) {
         <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" />
         <${TextField} label="Reason" value=${reason} onValue=${setReason} />
         <${CheckField}
-          label="Sessions that wait under this name, too (they may be another person's)"
+          label="Sessions that wait for a manager, too (they may be another person's)"
           checked=${waiting}
           onValue=${setWaiting}
         />
