@@ -36,8 +36,18 @@ constexpr std::array kDoers = {
     NameColumn{"removed_originals", "by_whom"},
     NameColumn{"erasures", "by_whom"},
     NameColumn{"unknown_trainees", "by_whom"},
-    NameColumn{"unknown_trainees", "given"},
 };
+
+/// Sessions that wait for a manager.
+constexpr std::string_view kWaiting = "(SELECT session FROM unknown_trainees WHERE by_whom IS NULL)";
+
+/// SQL: whether an erasure of the name ?1 takes the session `s`; ?2: those that wait under an account's name,
+/// too.
+std::string isTaken() {
+  return fmt::format(
+      "s.trainee = ?1 AND (?2 OR s.number NOT IN {} OR NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))",
+      kWaiting);
+}
 
 struct TextRow {
   std::int64_t id = 0;
@@ -56,10 +66,11 @@ constexpr const char* kErasuresFile = "erasures";
 
 }  // namespace
 
-Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view name) {
+Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view name, bool with_waiting) {
   return connection_
-      .query("SELECT id, station FROM sessions WHERE trainee = ? AND state = ? ORDER BY number", name,
-             static_cast<int>(pb::SESSION_OPEN))
+      .query(
+          "SELECT s.id, s.station FROM sessions s WHERE " + isTaken() + " AND s.state = ?3 ORDER BY s.number",
+          name, with_waiting, static_cast<int>(pb::SESSION_OPEN))
       .all([](const Statement& row) {
         return sessionText(row.text(0)) + " at station '" + row.text(1) + "'";
       });
@@ -67,7 +78,7 @@ Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view nam
 
 Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLine& line,
                                         const std::string& by, const std::string& reason,
-                                        std::int64_t now_unix_ns) {
+                                        std::int64_t now_unix_ns, bool with_waiting) {
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(name));
   if (!person) {
     auto some = connection_.query(
@@ -102,7 +113,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   pb::Erasure erasure;
   erasure.set_pseudonym(line.pseudonym);
   std::set<std::string> sessions;
-  RETURN_IF_ERROR(eraseSessions(names, now_unix_ns, by, sessions, erasure));
+  RETURN_IF_ERROR(eraseSessions(names, with_waiting, now_unix_ns, by, sessions, erasure));
   RETURN_IF_ERROR(eraseRemarks(names));
   for (const std::string_view sql :
        {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
@@ -121,8 +132,8 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   return erasure;
 }
 
-Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_unix_ns, const std::string& by,
-                                   std::set<std::string>& ids, pb::Erasure& erasure) {
+Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
+                                   const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure) {
   const std::string& name = names.name;
   const std::string& pseudonym = names.in_its_place;
   struct Session {
@@ -144,8 +155,9 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
                                             .query("SELECT s.number, s.state, s.recording, coalesce(p.chunks,"
                                                    " s.chunks), s.description, s.id FROM sessions s"
                                                    " LEFT JOIN session_progress p ON p.session = s.number"
-                                                   " WHERE s.trainee = ?",
-                                                   name)
+                                                   " WHERE " +
+                                                       isTaken(),
+                                                   name, with_waiting)
                                             .all(sessionOf));
   constexpr std::string_view kReason = "the data of its person was erased";
   for (const Session& session : sessions) {
@@ -190,6 +202,9 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
     erasure.set_remarks_kept(erasure.remarks_kept() + remarks.size());
   }
   erasure.set_sessions(sessions.size());
+  auto left = connection_.query("SELECT count(*) FROM sessions WHERE trainee = ?", name);
+  RETURN_IF_ERROR(left.step());
+  erasure.set_waiting_sessions(left.natural(0));
   return {};
 }
 
@@ -219,6 +234,10 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
                                         " = ? WHERE " + std::string(column) + " = ?",
                                     names.in_its_place, names.name));
   }
+  // what the stations gave for sessions that were assigned; those that wait keep it
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE unknown_trainees SET given = ? WHERE given = ? AND by_whom IS NOT NULL",
+                      names.in_its_place, names.name));
   // the audit log keeps its lines and their order; only the name changes
   ASSIGN_OR_RETURN(const auto lines,
                    textRows(connection_.prepare("SELECT id, who, action, subject, detail FROM audit"), 4));
@@ -301,19 +320,24 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   }
   if (lines.empty()) return repeat;
   ASSIGN_OR_RETURN(const auto key, this->key());
+  // the first trace of each name; and the first that is not a session that waits
   auto names = connection_.prepare(
-      "SELECT name, min(made) FROM (SELECT name, created_unix_ns AS made FROM people"
-      " UNION ALL SELECT trainee, started_unix_ns FROM sessions WHERE erased = 0"
-      " UNION ALL SELECT u.given, s.started_unix_ns FROM unknown_trainees u"
-      " JOIN sessions s ON s.number = u.session)"
-      " GROUP BY name");
+      fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
+                  " (SELECT name, created_unix_ns AS made, 0 AS waits FROM people"
+                  " UNION ALL SELECT trainee, started_unix_ns, number IN {} FROM sessions WHERE erased = 0"
+                  " UNION ALL SELECT u.given, s.started_unix_ns, u.by_whom IS NULL FROM unknown_trainees u"
+                  " JOIN sessions s ON s.number = u.session)"
+                  " GROUP BY name",
+                  kWaiting));
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, names.step());
     if (!more) return repeat;
     const auto hash = key.nameHash(names.text(0));
     for (const ErasureLine& line : lines) {
-      // a person created later with the same name is another person
-      const bool before = !known.contains(line.pseudonym) || names.integer(1) <= line.unix_ns;
+      // a person created later with the same name is another person; an erasure that this database knows left
+      // sessions that wait
+      const bool before =
+          !known.contains(line.pseudonym) || (!names.isNull(2) && names.integer(2) <= line.unix_ns);
       if (line.name_hash == hash && before) repeat.push_back({names.text(0), line.pseudonym, line.unix_ns});
     }
   }

@@ -45,14 +45,15 @@ class ErasureStore {
   /// The key beside the database; created when missing. kCorrupt: the key is missing although people were
   /// erased. A new key could not identify them.
   Result<PseudonymKey> key();
-  /// Open sessions of this trainee, as "… at station …".
-  Result<std::vector<std::string>> openSessions(std::string_view name);
+  /// Open sessions that `erase` would take, as "… at station …".
+  Result<std::vector<std::string>> openSessions(std::string_view name, bool with_waiting = false);
   /// In one transaction (db/README.md, "An erasure"). Sessions keep their rows, closed, under the pseudonym,
   /// without score, events and attempts' verdicts. Retention removes their chunks later
-  /// (RetentionStore::leftovers). kNotFound: the name has neither a person nor sessions; kDenied: the last
-  /// administrator who can log in.
+  /// (RetentionStore::leftovers). Sessions that wait for a manager under the name of an account stay as they
+  /// are, unless `with_waiting`: they may be another person's. kNotFound: the name has neither a person nor
+  /// sessions; kDenied: the last administrator who can log in.
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
-                            const std::string& reason, std::int64_t now_unix_ns);
+                            const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
 
   /// The pseudonym of a trainee who was erased after `started_unix_ns`: a station that was offline may still
   /// deliver that trainee's sessions. Nothing when the key is missing: sessions are stored in any case, and
@@ -62,12 +63,13 @@ class ErasureStore {
   /// stays empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
   /// Erased people, by DIR/erasures or by this database, who are in the database again: from a restored
-  /// backup or from imported older records. Empty when all is well. kCorrupt: as key().
+  /// backup or from imported older records. Sessions that an erasure here left waiting are not theirs. Empty
+  /// when all is well. kCorrupt: as key().
   Result<std::vector<ErasureToRepeat>> toRepeat(const std::filesystem::path& folder);
 
  private:
-  Status eraseSessions(const ErasedNames& names, std::int64_t now_unix_ns, const std::string& by,
-                       std::set<std::string>& ids, pb::Erasure& erasure);
+  Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
+                       const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure);
   Status eraseRemarks(const ErasedNames& names);
   Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure);
   Connection& connection_;

@@ -95,8 +95,8 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased,"
       " u.session IS NOT NULL, s.trainee"
       " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number"
-      " LEFT JOIN unknown_trainees u ON u.session = s.number AND u.given = ?2 WHERE s.id = ?1",
-      viewOf(description.session_id()), description.trainee());
+      " LEFT JOIN unknown_trainees u ON u.session = s.number AND u.given IN (?2, ?3) WHERE s.id = ?1",
+      viewOf(description.session_id()), description.trainee(), given.trainee());
   ASSIGN_OR_RETURN(const bool found, known.step());
   if (found) {
     // its station goes on giving the name that a manager may have replaced

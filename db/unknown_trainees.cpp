@@ -22,6 +22,15 @@ Status UnknownTraineeStore::flag(const Uuid& session, bool code_checked) {
       ByteView(session), kGuestName, code_checked, required);
 }
 
+Result<bool> UnknownTraineeStore::flagImported(std::int64_t session_number) {
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO unknown_trainees (session, given) SELECT number, trainee FROM sessions"
+                      " WHERE number = ? AND erased = 0 AND trainee NOT IN ('', ?)"
+                      " ON CONFLICT (session) DO NOTHING",
+                      session_number, kGuestName));
+  return connection_.changes() > 0;
+}
+
 Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::string& trainee,
                                                 const std::optional<std::string>& was, const std::string& by,
                                                 std::int64_t now_unix_ns) {

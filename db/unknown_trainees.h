@@ -20,6 +20,9 @@ class UnknownTraineeStore {
   /// Flags a new session if nobody has its trainee's name; or if the trainee has a code, or the lab requires
   /// codes, and not `code_checked`. Sessions without a name or of kGuestName are nobody's.
   Status flag(const Uuid& session, bool code_checked);
+  /// Flags an imported session that has no flag, as migration 0006 did with those of before, and returns
+  /// whether it did: nobody of those that its records named had its trainee's name. Not an erased one.
+  Result<bool> flagImported(std::int64_t session_number);
   /// Gives a flagged session to `trainee`, a person or kGuestName; it counts as that person's from now on,
   /// also if it had that person's name already. A session that was assigned before may be assigned again.
   /// `was`: whose it is now, as the manager saw it; nothing: whoever's. Returns whose it was. kNotFound:

@@ -256,7 +256,7 @@ void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
 void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
     std::string name, out, confirm, reason;
-    bool with_open = false;
+    bool with_open = false, with_waiting = false;
   };
   const auto values = std::make_shared<Values>();
   auto* person = app.add_subcommand("person", "all of a person's data");
@@ -279,6 +279,8 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
   erase->add_option("--reason", values->reason, "for the record of erasures");
   erase->add_flag("--with-open-sessions", values->with_open,
                   "sessions that are open, too: what is still sent is not kept");
+  erase->add_flag("--with-waiting", values->with_waiting,
+                  "sessions that wait for a manager under this name, too: they may be another person's");
   runs(erase, chosen, [values](CommandContext& context) -> Status {
     pb::Request request;
     auto* call = request.mutable_erase_person();
@@ -286,6 +288,7 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
     call->set_confirm(values->confirm);
     call->set_reason(values->reason);
     call->set_with_open_sessions(values->with_open);
+    call->set_with_waiting_sessions(values->with_waiting);
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
     const auto& erasure = reply.erasure();
     if (auto done = context.output.one({{"pseudonym", "known as"},
@@ -293,13 +296,15 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
                                         {"recordings", "recordings removed"},
                                         {"scores", "scores removed"},
                                         {"remarks_kept", "remarks by others kept, without the name"},
-                                        {"audit_lines", "lines of the audit log with the name replaced"}},
+                                        {"audit_lines", "lines of the audit log with the name replaced"},
+                                        {"waiting_sessions", "sessions that wait under the name, left"}},
                                        {{"pseudonym", erasure.pseudonym()},
                                         {"sessions", erasure.sessions()},
                                         {"recordings", erasure.recordings()},
                                         {"scores", erasure.scores()},
                                         {"remarks_kept", erasure.remarks_kept()},
                                         {"audit_lines", erasure.audit_lines()},
+                                        {"waiting_sessions", erasure.waiting_sessions()},
                                         {"text", erasure.text()}});
         !done)
       return done;

@@ -24,6 +24,8 @@ Status importProfile(CommandContext& context, const std::string& file) {
   if (!reply) return Error{reply.error().code, file + ": " + reply.error().message};
   context.output.done(
       fmt::format("profile '{}' is revision {}", reply->profile().id(), reply->profile().revision()));
+  for (const std::string& warning : reply->profile().warnings())
+    context.output.remark(file + ": warning: " + warning);
   return {};
 }
 

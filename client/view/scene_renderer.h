@@ -34,6 +34,7 @@ struct SceneFrame {
   OrbitCamera camera;
   std::optional<Moment> second;       ///< another gesture as an overlay: a needle in kSecondGesture
   std::vector<TipTrail> trails;       ///< lines over the picture (sceneWidget only)
+  std::optional<PlannedLine> plan_W;  ///< the exercise's, with the aid PLANNED_LINE (sceneWidget only)
   bool cut_open = true;               ///< with the aid TISSUES: removes the half toward the eye
   double arrow_extents_per_N = 0.22;  ///< length of force arrows, in the scene's extents
 };
@@ -82,7 +83,7 @@ struct SceneWidgetResult {
 struct SceneWidgetOptions {
   bool mouse_moves_camera = true;
   bool labels = true;  ///< names of layers, target, hazards (as the aids allow)
-  bool legend = true;  ///< of the force arrows, with numbers
+  bool legend = true;  ///< of the planned line; of the force arrows, with numbers
 };
 /// Draws the scene and shows it in the current window, `size_px` large (0: the rest); labels and legend over
 /// it. Changes `frame.camera` with the mouse.

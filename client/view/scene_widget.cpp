@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <imgui/imgui.h>
 
@@ -125,9 +126,7 @@ void drawGuideLines(ImDrawList& list, const PictureFrame& picture, const SceneVi
                     const SceneFrame& frame) {
   if (!frame.show_needle || !frame.aids.has(pb::Exercise::GUIDES)) return;
   const Moment& moment = frame.moment;
-  double reach_m = 0.8 * scene.needle.length_m;
-  for (const TargetView& target : scene.targets)
-    reach_m = std::max(reach_m, 1.15 * depthAt(scene, target.center_W_m));
+  const double reach_m = lineReach_m(scene);
   if (moment.inside) {
     const double done_m = std::max(0.0, dot(moment.p_WT_m - moment.p_entry_W_m, moment.u_W));
     const auto entry = picture.at(moment.p_entry_W_m),
@@ -145,6 +144,28 @@ void drawGuideLines(ImDrawList& list, const PictureFrame& picture, const SceneVi
   const auto tip = picture.at(moment.p_WT_m),
              end = picture.at(moment.p_WT_m + axis_W * (to_skin_m + reach_m));
   if (tip && end) dashedLine(list, *tip, *end, packed(kYellow, 0.55F), 1.6F, 5);
+}
+
+bool showsPlan(const SceneFrame& frame) {
+  return frame.plan_W && frame.aids.has(pb::Exercise::PLANNED_LINE);
+}
+
+// thinner than the needle's own line; a dark seam keeps it visible on every tissue
+void drawPlan(ImDrawList& list, const PictureFrame& picture, const SceneView& scene,
+              const SceneFrame& frame) {
+  if (!showsPlan(frame)) return;
+  const PlanView plan = planViewOf(scene, *frame.plan_W);
+  std::vector<ImVec2> ring;
+  for (const Vec3 corner_W_m : plan.ring_W_m)
+    if (const auto at = picture.at(corner_W_m)) ring.push_back(*at);
+  const bool whole = ring.size() == plan.ring_W_m.size();  // else it is partly behind the eye
+  const auto from = picture.at(plan.from_W_m), to = picture.at(plan.to_W_m);
+  for (const auto& [colour, width_px] :
+       {std::pair{packed(kBlack, 0.55F), 3.5F}, std::pair{packed(kPlanColour), 1.5F}}) {
+    if (from && to) dashedLine(list, *from, *to, colour, width_px, 4);
+    if (whole)
+      list.AddPolyline(ring.data(), static_cast<int>(ring.size()), colour, ImDrawFlags_Closed, width_px);
+  }
 }
 
 void drawTrails(ImDrawList& list, const PictureFrame& picture, const SceneFrame& frame) {
@@ -195,24 +216,30 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneView& s
              bottom_px - std::max(margin_px, free_below_px));
 }
 
-float drawForceLegend(ImDrawList& list, const PictureFrame& picture, const SceneFrame& frame) {
+// the height that it takes, from the picture's lower edge
+float drawLegend(ImDrawList& list, const PictureFrame& picture, const SceneFrame& frame) {
   const Moment& moment = frame.moment;
-  if (!frame.show_needle || !frame.aids.has(pb::Exercise::ARROWS) || !moment.inside) return 0;
+  const bool arrows = frame.show_needle && frame.aids.has(pb::Exercise::ARROWS) && moment.inside;
+  if (!arrows && !showsPlan(frame)) return 0;
   WithFont font(Letters::kSmall);
   const float text_px = ImGui::GetFontSize(), row_px = text_px * 1.25F, pad_px = text_px * 0.5F;
   constexpr double kLeast = 0.005;
   struct Row {
     Rgb colour;
     std::string word, value;
+    bool dashed = false;  ///< a line, else an arrow
   };
   std::vector<Row> rows;
-  for (const EffectEntry* effect : effectsAsShown()) {
-    const double size = std::fabs(termOf(*effect, moment));
-    if (size < kLeast) continue;
-    rows.push_back({colourOf(*effect), std::string(effect->term),
-                    tickText(size, effect->unit == "N" ? 2 : 3) + " " + std::string(effect->unit)});
+  if (showsPlan(frame)) rows.push_back({kPlanColour, "planned line", {}, true});
+  if (arrows) {
+    for (const EffectEntry* effect : effectsAsShown()) {
+      const double size = std::fabs(termOf(*effect, moment));
+      if (size < kLeast) continue;
+      rows.push_back({colourOf(*effect), std::string(effect->term),
+                      tickText(size, effect->unit == "N" ? 2 : 3) + " " + std::string(effect->unit)});
+    }
+    rows.push_back({kWhite, "on the hand", tickText(forceOf(moment), 2) + " N"});
   }
-  rows.push_back({kWhite, "on the hand", tickText(forceOf(moment), 2) + " N"});
   float word_px = 0, value_px = 0;
   for (const Row& row : rows) {
     word_px = std::max(word_px, sizeOfLabel(row.word).x);
@@ -228,10 +255,14 @@ float drawForceLegend(ImDrawList& list, const PictureFrame& picture, const Scene
     const float middle_px = y_px + text_px * 0.5F;
     const ImU32 colour = packed(rows[i].colour);
     const float x_px = at.x + pad_px;
-    list.AddLine({x_px, middle_px}, {x_px + text_px * 0.8F, middle_px}, colour, 3);
-    list.AddTriangleFilled({x_px + text_px * 1.25F, middle_px},
-                           {x_px + text_px * 0.7F, middle_px - text_px * 0.3F},
-                           {x_px + text_px * 0.7F, middle_px + text_px * 0.3F}, colour);
+    if (rows[i].dashed) {
+      dashedLine(list, {x_px, middle_px}, {x_px + text_px * 1.25F, middle_px}, colour, 1.5F, text_px * 0.25F);
+    } else {
+      list.AddLine({x_px, middle_px}, {x_px + text_px * 0.8F, middle_px}, colour, 3);
+      list.AddTriangleFilled({x_px + text_px * 1.25F, middle_px},
+                             {x_px + text_px * 0.7F, middle_px - text_px * 0.3F},
+                             {x_px + text_px * 0.7F, middle_px + text_px * 0.3F}, colour);
+    }
     list.AddText({x_px + text_px * 1.6F, y_px}, packed(kText), rows[i].word.c_str());
     list.AddText({end.x - pad_px - sizeOfLabel(rows[i].value).x, y_px}, packed(kText), rows[i].value.c_str());
   }
@@ -300,8 +331,9 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
   renderer.show(list, result.corner_px);
   const PictureFrame picture{result.corner_px, size_px, &frame.camera};
   drawTrails(list, picture, frame);
+  drawPlan(list, picture, *scene, frame);
   drawGuideLines(list, picture, *scene, frame);
-  const float legend_px = options.legend ? drawForceLegend(list, picture, frame) : 0;
+  const float legend_px = options.legend ? drawLegend(list, picture, frame) : 0;
   if (options.labels) drawNames(list, picture, *scene, frame, legend_px);
   if (options.labels) drawScaleBar(list, picture);
   if (frame.show_needle && frame.moment.approximate) {

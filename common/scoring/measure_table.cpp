@@ -16,26 +16,30 @@ namespace {
 
 constexpr Better kLessIsBetter = Better::kLess, kMoreIsBetter = Better::kMore, kNeitherIs = Better::kNeither;
 
-// --- the least differences, with their sources
+// --- the least differences. The figures of the named sources are from their abstracts (looked up in 2026);
+// what has no source is set by hand.
 
-/// Forces: resolution of the hand 0.06 N, just-noticeable difference 7 % (Jones, Kinesthetic Sensing, 2000;
-/// Pang, Tan and Durlach 1991 found 5 to 10 %). Of the stated 7 to 10 % the least, so that it hides the
-/// least.
+/// Forces: the just-noticeable difference, roughly 7 % from 2.5 to 10 N between the fingers (Pang, Tan and
+/// Durlach, "Manual discrimination of force using active finger motion", 1991). 0.06 N, below 0.9 N: set by
+/// hand.
 constexpr LeastDifference kForceDifference{0.06, 0.07};
-/// Lengths, depths and distances: just-noticeable difference of a length of 10 to 20 mm held between the
-/// fingers, 1 mm (Durlach et al. 1989).
+/// Lengths, depths and distances: set by hand. Movements of a finger by 6 to 19 mm are told apart by 10 to
+/// 18 % (Rinker et al., J. Acoust. Soc. Am. 1998): 1 mm of 6 to 10 mm.
 constexpr LeastDifference kLengthDifference{1e-3, 0};
-/// Times: two simple reactions of a quarter of a second, one at the beginning and one at the end (Luce 1986);
-/// above 2 s, 10 % of the time (Grondin 2010).
+/// Times: set by hand. About two simple reactions of 0.22 s (Laming 1968), one at the beginning and one at
+/// the end; above 5 s, 10 % of the time, less than people tell apart (22 % of 3 s and of 6 s: Wackermann,
+/// "Asymmetry of the discrimination function for temporal durations in human subjects", 2006).
 constexpr LeastDifference kTimeDifference{0.5, 0.10};
-/// Speeds: the speed that `translational_actions` calls rest; above it 8 %, the just-noticeable difference of
-/// a limb's movement (Jones 2000).
+/// Speeds: the speed that `translational_actions` calls rest; above 19 mm/s, 8 %: set by hand after the
+/// just-noticeable size of a limb's movement (Jones et al., "Differential thresholds for limb movement
+/// measured using adaptive techniques", 1992); no source for its speed.
 constexpr LeastDifference kSpeedDifference{1.5e-3, 0.08};
 /// Swept area: a needle 20 mm deep that is 1 mm aside (kLengthDifference).
 constexpr LeastDifference kAreaDifference{2e-5, 0};
 /// Work: the least force over the least length, and the share of a force.
 constexpr LeastDifference kWorkDifference{6e-5, 0.07};
-/// Counts: rounding to whole numbers, a standard deviation of 1/√12 (Widrow and Kollár 2008).
+/// Counts: rounding to whole numbers, uniform within ±1/2: a standard deviation of 1/√12 (Widrow, Kollár and
+/// Liu, "Statistical theory of quantization", 1996).
 constexpr LeastDifference kCountDifference{0.2887, 0};
 /// Shares of the syringe: the least movement of the plunger that is a stroke (syringe_events.h).
 constexpr LeastDifference kStrokeDifference{0.02, 0};

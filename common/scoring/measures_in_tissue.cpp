@@ -296,15 +296,13 @@ void addAim(const Gesture& gesture, Rows& rows) {
 /// With the planned entry E and the planned direction d (unit, into the tissue), both in W; no rows without a
 /// plan, nor for a needle that was never in tissue.
 /// - `planned_entry_error_m`: |P − E|, P the point where the tip first came through the skin. The straight
-/// distance:
-///   on a limb of radius R it is shorter than the way along the skin by less than 0.2 % up to R/5.
-/// - `planned_angle_error_rad`: atan2(|a × d|, a · d), a the needle's axis (hub to tip) at the furthest point
-/// of the
-///   last insertion, the moment of `target_distance_m`. 0 along the plan, π for a needle that points back.
+///   distance: on a limb of radius R it is shorter than the way along the skin by less than 0.2 % up to R/5.
+/// - `planned_angle_error_rad`: atan2(|a × d|, a · d), a the needle's axis (hub to tip) at the furthest
+///   point of the last insertion, the moment of `target_distance_m`. 0 along the plan, π for a needle that
+///   points back.
 /// - `mean_planned_line_error_m`: Σ w |r − (r·d) d| / Σ w over the ticks in tissue, r = tip − E and w a
-/// tick's time;
-///   no row where that time is 0. `largest_planned_line_error_m`: the greatest |r − (r·d) d| in tissue. The
-///   line has no ends.
+///   tick's time; no row where that time is 0. `largest_planned_line_error_m`: the greatest |r − (r·d) d|
+///   in tissue. The line has no ends.
 void addPlan(const Gesture& gesture, Rows& rows) {
   std::size_t last = 0;
   const auto entry = gesture.plan_W ? firstEntryOf(gesture) : std::nullopt;

@@ -22,6 +22,16 @@ std::string newErasurePseudonym() {
   return "erased-" + hexDigitsOf(textOf(random));
 }
 
+/// What to do with sessions that wait under the name; empty: there are none.
+std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
+  if (sessions == 0) return {};
+  return fmt::format(
+      "Sessions that wait for a manager under the name '{0}', which were left because they may be another "
+      "person's: {1}. Give them to the right person (needlelab-admin session list --unknown-trainee, session "
+      "assign), or erase them, too: needlelab-admin person erase '{0}' --confirm '{0}'. ",
+      name, sessions);
+}
+
 }  // namespace
 
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call) {
@@ -31,7 +41,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                                                "'"};
   if (call.name() == context.who.name)
     return Error{ErrorCode::kDenied, "nobody erases itself: let another administrator do it"};
-  const auto open = ErasureStore(context.reader).openSessions(call.name());
+  const auto open = ErasureStore(context.reader).openSessions(call.name(), call.with_waiting_sessions());
   if (!open) return open.error();
   if (!open->empty() && !call.with_open_sessions())
     return Error{ErrorCode::kUnavailable,
@@ -60,11 +70,14 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
 
   pb::Erasure erasure;
   const auto status = context.writer.run([&](Connection& writer) -> Status {
-    ASSIGN_OR_RETURN(auto done, ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
-                                                           context.now_unix_ns));
+    ASSIGN_OR_RETURN(auto done,
+                     ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
+                                                context.now_unix_ns, call.with_waiting_sessions()));
     erasure = std::move(done);
-    const std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
-                                           erasure.recordings(), erasure.scores());
+    std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
+                                     erasure.recordings(), erasure.scores());
+    if (erasure.waiting_sessions() > 0)
+      detail += fmt::format("; {} sessions that wait were left", erasure.waiting_sessions());
     return AuditStore(writer).add(
         {0, context.now_unix_ns, context.who.name, std::string(context.action), line.pseudonym, detail});
   });
@@ -74,6 +87,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     return status.error();
   }
   erasure.set_text(
+      textOnWaiting(call.name(), erasure.waiting_sessions()) +
       "Backups made before now still hold this person's data: remove them, or erase again after a restore "
       "(the "
       "server's log and 'check' say so then). Freed pages of the database are overwritten now, those of the "

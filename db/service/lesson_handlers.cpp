@@ -1,5 +1,6 @@
 #include <fmt/core.h>
 #include <optional>
+#include <vector>
 
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
@@ -49,6 +50,22 @@ Status planFits(const StoredExercise& stored, const StoredProfile& profile, cons
   return checkPlan(exercise, parsed, path);
 }
 
+/// Exercises whose plan does not fit this profile, a sentence each: they go on with it, but their course is
+/// refused at its next change.
+Result<std::vector<std::string>> plansThatDoNotFit(Connection& reader, const StoredProfile& profile) {
+  ASSIGN_OR_RETURN(const auto courses, CurriculumStore(reader).list());
+  std::vector<std::string> warnings;
+  for (const StoredCurriculum& course : courses) {
+    for (const StoredExercise& exercise : course.exercises) {
+      if (exercise.profile_id != profile.id) continue;
+      if (const Status fits = planFits(exercise, profile, ""); !fits)
+        warnings.push_back(
+            fmt::format("exercise '{}' of course '{}': {}", exercise.id, course.id, fits.error().message));
+    }
+  }
+  return warnings;
+}
+
 /// An exercise's own needle and its plan must fit its profile. The store refuses an unknown profile.
 Status exercisesFit(const Context& context, const StoredCurriculum& curriculum) {
   for (std::size_t i = 0; i < curriculum.exercises.size(); ++i) {
@@ -69,6 +86,7 @@ Status exercisesFit(const Context& context, const StoredCurriculum& curriculum) 
 Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile& call) {
   ASSIGN_OR_RETURN(auto profile,
                    storedProfileOf(call.json(), "profile", context.who.name, context.now_unix_ns));
+  ASSIGN_OR_RETURN(const auto warnings, plansThatDoNotFit(context.reader, profile));
   std::string detail;
   RETURN_IF_ERROR(edit(context, profile.id, detail, [&](Connection& writer) {
     const auto before = ProfileStore(writer).get(profile.id, 0);
@@ -78,7 +96,9 @@ Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile&
     detail = fmt::format("revision {}{}", *revision, changedFields(before ? before->json : "", profile.json));
     return Status();
   }));
-  return profileReply(profile);
+  pb::Reply reply = profileReply(profile);
+  reply.mutable_profile()->mutable_warnings()->Assign(warnings.begin(), warnings.end());
+  return reply;
 }
 
 Result<pb::Reply> getProfile(const Context& context, const pb::GetProfile& call) {
@@ -244,10 +264,15 @@ Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
     }
   } else {
     const auto profile = parseProfile(call.json(), "profile");
+    const auto stored = storedProfileOf(call.json(), "profile", context.who.name, context.now_unix_ns);
     for (const Error& fault : profileFaults(call.json()))
       addProblem(*check, withoutSource(fault.message, "profile"));
     if (profile) {
       for (std::string& warning : profileWarnings(*profile)) check->add_warnings(std::move(warning));
+    }
+    if (stored) {
+      ASSIGN_OR_RETURN(const auto plans, plansThatDoNotFit(context.reader, *stored));
+      for (const std::string& warning : plans) check->add_warnings(warning);
     }
   }
   check->set_ok(check->problems().empty());

@@ -13,6 +13,7 @@
 #include "db/service/handlers.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/record_tables.h"
+#include "db/unknown_trainees.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -157,8 +158,9 @@ class Import {
     return {};
   }
 
-  /// Stores the exercises of the courses' newest revisions.
+  /// Stores the exercises of the courses' newest revisions; flags sessions of trainees whom nobody knew.
   Status finish() {
+    RETURN_IF_ERROR(flagUnknownTrainees());
     for (const std::string& id : courses_) {
       const auto course = CurriculumStore(writer_).get(id);
       if (!course) return course.error();
@@ -183,6 +185,8 @@ class Import {
       return {};
     }
     if (table.kind == "audit") return storeLine(table, std::move(record));
+    if (table.kind == "person" && record.contains("name") && record["name"].is_string())
+      people_.insert(record["name"].get<std::string>());
     if (table.kind == "course" && record.contains("id") && record["id"].is_string())
       courses_.insert(record["id"].get<std::string>());
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, secrets));
@@ -203,6 +207,7 @@ class Import {
     RETURN_IF_ERROR(checkRecord(table, record));
     RETURN_IF_ERROR(insertRecord(writer_, table, record));
     if (table.kind == "session") {
+      new_sessions_.push_back({writer_.lastRowId(), record["trainee"].get<std::string>()});
       RETURN_IF_ERROR(withoutRecording(record));
     }
     count(table.kind).set_added(count(table.kind).added() + 1);
@@ -243,6 +248,17 @@ class Import {
     }
   }
 
+  /// An export of schema 6 or later has a record for each session of an unknown trainee. For one of before,
+  /// the rule of migration 0006 holds with the export's people: an account here may be another person's.
+  Status flagUnknownTrainees() {
+    for (const NewSession& session : new_sessions_) {
+      if (people_.contains(session.trainee)) continue;
+      ASSIGN_OR_RETURN(const bool flagged, UnknownTraineeStore(writer_).flagImported(session.number));
+      if (flagged) count("unknown_trainee").set_added(count("unknown_trainee").added() + 1);
+    }
+    return {};
+  }
+
   /// Chunks are not imported: the session becomes one whose recording was removed.
   Status withoutRecording(const RecordJson& record) {
     RETURN_IF_ERROR(writer_.run("UPDATE sessions SET recording = 3 WHERE number = ?", writer_.lastRowId()));
@@ -253,6 +269,11 @@ class Import {
         "?3",
         now_unix_ns_, kNotHere, record["id"].get<std::string>());
   }
+
+  struct NewSession {
+    std::int64_t number = 0;
+    std::string trainee;
+  };
 
   pb::ImportReport::Count& count(std::string_view kind) {
     for (auto& one : *report_.mutable_counts()) {
@@ -276,7 +297,8 @@ class Import {
   pb::ImportReport& report_;
   const std::int64_t now_unix_ns_;
   std::uint64_t number_ = 0;
-  std::set<std::string> courses_;
+  std::set<std::string> courses_, people_;  ///< by id and by name: in these records
+  std::vector<NewSession> new_sessions_;
   std::optional<ImportErasures> erasures_;  ///< set by begin()
   /// Of the audit log; read for the first imported line.
   std::optional<std::unordered_set<std::string>> lines_;

@@ -151,14 +151,12 @@ void LabState::readLists() {
   connection_.ask(exercises, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
     if (alive.expired() || !reply.ok()) return;
     exercises_.clear();
-    exercise_aids_.clear();
-    exercise_requirements_.clear();
+    exercise_by_id_.clear();
     for (const auto& row : reply->exercises().exercises()) {
       const auto exercise = parseExercise(row.json(), "exercise");
       if (!exercise.ok()) continue;
       exercises_.push_back({exercise->id(), printable(exercise->name())});
-      exercise_aids_[exercise->id()] = aidsOfExercise(*exercise);
-      exercise_requirements_[exercise->id()] = requirementsOf(*exercise);
+      exercise_by_id_.insert_or_assign(exercise->id(), *exercise);
     }
   });
   pb::Request profiles;
@@ -202,14 +200,26 @@ void LabState::annotate(const std::string& text) {
 AidList LabState::aidsNow() const {
   if (!live_) return usualAids();
   if (aids_ && aids_session_ == live_->sessionId()) return *aids_;
-  const auto found = exercise_aids_.find(live_->info().description().exercise_id());
-  return found == exercise_aids_.end() ? usualAids() : found->second;
+  const pb::Exercise* const exercise = exerciseNow();
+  return exercise == nullptr ? usualAids() : aidsOfExercise(*exercise);
 }
 
 std::vector<PlotRequirement> LabState::requirementsNow() const {
-  if (!live_) return {};
-  const auto found = exercise_requirements_.find(live_->info().description().exercise_id());
-  return found == exercise_requirements_.end() ? std::vector<PlotRequirement>() : found->second;
+  const pb::Exercise* const exercise = exerciseNow();
+  return exercise == nullptr ? std::vector<PlotRequirement>() : requirementsOf(*exercise);
+}
+
+std::optional<PlannedLine> LabState::planNow() const {
+  const pb::Exercise* const exercise = exerciseNow();
+  // without a scene the plan has no place in W
+  if (exercise == nullptr || !live_->scene().view) return std::nullopt;
+  return plannedLineOf(*exercise, live_->scene().X_WL);
+}
+
+const pb::Exercise* LabState::exerciseNow() const {
+  if (!live_) return nullptr;
+  const auto found = exercise_by_id_.find(live_->info().description().exercise_id());
+  return found == exercise_by_id_.end() ? nullptr : &found->second;
 }
 
 void LabState::setAids(const AidList& aids) {

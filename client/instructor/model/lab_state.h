@@ -99,6 +99,8 @@ class LabState {
   [[nodiscard]] AidList aidsNow() const;
   /// Returns what the exercise of the watched lesson requires; nothing where it is not known.
   [[nodiscard]] std::vector<PlotRequirement> requirementsNow() const;
+  /// Returns that exercise's planned line in W; nothing without a plan, and until the scene is known.
+  [[nodiscard]] std::optional<PlannedLine> planNow() const;
   void setAids(const AidList& aids);
   void resetAids();
   StopQuestion stop_question;  ///< always about the watched lesson
@@ -119,6 +121,8 @@ class LabState {
 
  private:
   void readLists();
+  /// The watched lesson's; null where it is not known.
+  [[nodiscard]] const pb::Exercise* exerciseNow() const;
   void askForScene();
   LinkState link_;
   bool inside_ = false;
@@ -126,8 +130,7 @@ class LabState {
   double now_s_ = 0, last_s_ = 0;
   std::unique_ptr<LiveStation> live_;
   std::vector<ExerciseChoice> exercises_;
-  std::map<std::string, AidList> exercise_aids_;
-  std::map<std::string, std::vector<PlotRequirement>> exercise_requirements_;
+  std::map<std::string, pb::Exercise> exercise_by_id_;
   std::optional<AidList> aids_;  // set here, for aids_session_
   std::string aids_session_;
   std::vector<std::string> profiles_;

@@ -82,14 +82,14 @@ void CompareScreen::showScenes(LabState& lab, ImVec2 size_px) {
   TipTrail trail_a = trailOf(a.trace, point.time_a_s, 30, kFirstGesture);
   TipTrail trail_b = trailOf(b.trace, point.time_b_s, 30, kSecondGesture);
   if (overlaid_) {
-    first_.show("both", a.scene.view, now_a, allAidSet(), size_px, now_b,
+    first_.show("both", a.scene.view, now_a, a.plan_W, allAidSet(), size_px, now_b,
                 {std::move(trail_a), std::move(trail_b)});
     return;
   }
   const float half = (size_px.y - ImGui::GetStyle().ItemSpacing.y) * 0.5F;
   ImGui::BeginChild("pair", size_px, false, ImGuiWindowFlags_NoBackground);
-  first_.show("first", a.scene.view, now_a, allAidSet(), {0, half}, {}, {std::move(trail_a)});
-  second_.show("second", b.scene.view, now_b, allAidSet(), {0, half}, {}, {std::move(trail_b)});
+  first_.show("first", a.scene.view, now_a, a.plan_W, allAidSet(), {0, half}, {}, {std::move(trail_a)});
+  second_.show("second", b.scene.view, now_b, b.plan_W, allAidSet(), {0, half}, {}, {std::move(trail_b)});
   ImGui::EndChild();
 }
 

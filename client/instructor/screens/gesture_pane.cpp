@@ -68,8 +68,8 @@ void ScenePane::showLooks() {
 }
 
 void ScenePane::show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
-                     const AidSet& aids, ImVec2 size_px, const std::optional<Moment>& second,
-                     std::vector<TipTrail> trails) {
+                     const std::optional<PlannedLine>& plan_W, const AidSet& aids, ImVec2 size_px,
+                     const std::optional<Moment>& second, std::vector<TipTrail> trails) {
   ImGui::BeginChild(
       id, size_px, false,
       ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
@@ -86,6 +86,7 @@ void ScenePane::show(const char* id, const std::shared_ptr<const SceneView>& sce
   }
   frame_.moment = moment;
   frame_.show_needle = true;
+  frame_.plan_W = plan_W;
   frame_.aids = aids;
   frame_.second = second;
   frame_.trails = std::move(trails);

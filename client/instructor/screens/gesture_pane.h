@@ -24,11 +24,11 @@ class ScenePane {
 
   void look(Look look);
   [[nodiscard]] Look looking() const { return look_; }
-  /// Draws camera buttons and the picture; `size_px`: size of both together. `aids`: the visible parts.
-  /// `second`: a second needle.
+  /// Draws camera buttons and the picture; `size_px`: size of both together. `plan_W`: the exercise's planned
+  /// line. `aids`: the visible parts. `second`: a second needle.
   void show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
-            const AidSet& aids, ImVec2 size_px, const std::optional<Moment>& second = {},
-            std::vector<TipTrail> trails = {});
+            const std::optional<PlannedLine>& plan_W, const AidSet& aids, ImVec2 size_px,
+            const std::optional<Moment>& second = {}, std::vector<TipTrail> trails = {});
 
  private:
   explicit ScenePane(std::unique_ptr<SceneRenderer> renderer) : renderer_(std::move(renderer)) {}

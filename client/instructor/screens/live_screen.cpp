@@ -151,11 +151,12 @@ void LiveScreen::showHead(LabState& lab) {
   textLine(words);
 }
 
-void LiveScreen::showScene(LiveStation& live, const AidSet& allowed, ImVec2 size_px) {
+void LiveScreen::showScene(LabState& lab, ImVec2 size_px) {
+  const LiveStation& live = *lab.live();
   std::vector<TipTrail> trails;
   if (!as_trainee_) trails.push_back(trailOf(live.trace(), live.viewEnd_s(), kTrail_s, kSkyBlue));
-  pane_.show("live scene", live.scene().view, live.shown(), as_trainee_ ? allowed : allAidSet(), size_px, {},
-             std::move(trails));
+  pane_.show("live scene", live.scene().view, live.shown(), lab.planNow(),
+             as_trainee_ ? AidSet(lab.aidsNow()) : allAidSet(), size_px, {}, std::move(trails));
 }
 
 void LiveScreen::showPlots(LiveStation& live, std::span<const PlotRequirement> requirements, ImVec2 size_px) {
@@ -196,7 +197,7 @@ void LiveScreen::show(LabState& lab) {
                                        : "The station is not online. Its picture comes when it is back.");
     ImGui::EndChild();
   } else {
-    showScene(live, AidSet(lab.aidsNow()), {room.x * 0.52F, height});
+    showScene(lab, {room.x * 0.52F, height});
     ImGui::SameLine();
     showPlots(live, lab.requirementsNow(), {0, height});
   }

@@ -68,7 +68,7 @@ class LiveScreen {
 
  private:
   void showHead(LabState& lab);
-  void showScene(LiveStation& live, const AidSet& allowed, ImVec2 size_px);
+  void showScene(LabState& lab, ImVec2 size_px);
   void showPlots(LiveStation& live, std::span<const PlotRequirement> requirements, ImVec2 size_px);
   ScenePane pane_;
   bool as_trainee_ = true;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -113,6 +114,20 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
 
 // --- the panel ---
 
+std::vector<float> cellColumns(std::span<const float> needed_px, float gap_px, float room_px) {
+  for (std::size_t columns = needed_px.size(); columns > 1; columns = (columns + 1) / 2) {
+    std::vector<float> widths_px(columns, 0.0F);
+    for (std::size_t i = 0; i < needed_px.size(); ++i)
+      widths_px[i % columns] = std::max(widths_px[i % columns], needed_px[i]);
+    const float rest_px = room_px - std::accumulate(widths_px.begin(), widths_px.end(), 0.0F) -
+                          gap_px * static_cast<float>(columns - 1);
+    if (rest_px < 0) continue;
+    for (float& width_px : widths_px) width_px += rest_px / static_cast<float>(columns);
+    return widths_px;
+  }
+  return {room_px};
+}
+
 namespace {
 
 constexpr double kPlotSpan_s = 20;
@@ -154,25 +169,41 @@ void showPhase(const LessonFollow& lesson, const AidSet& aids) {
 
 void showAlignment(const LessonFollow& lesson) {
   const Moment& now = lesson.now();
-  const auto cell = [](const std::string& caption, const std::string& value) {
-    ImGui::TableNextColumn();
+  struct Cell {
+    std::string caption, value;
+    const char* widest;  ///< a usual value: the columns stand still below it
+  };
+  const auto degrees = [](double rad) { return fmt::format("{:.0f}°", rad * 180 / 3.14159265358979); };
+  const std::vector<Cell> cells = {
+      {"from own line", now.inside ? mm(now.lateral_error_m) + " mm" : "–", "10.0 mm"},
+      {"tilt from own line", now.inside ? degrees(now.tilt_rad) : "–", "90°"},
+      {"limit α", degrees(now.alpha_rad), "90°"},
+      {"speed", now.inside ? fmt::format("{:.0f} mm/s", 1e3 * std::abs(now.speed_mps)) : "–", "100 mm/s"}};
+  std::vector<float> needed_px;
+  for (const Cell& cell : cells) {
+    const float value_px =
+        std::max(ImGui::CalcTextSize(cell.value.c_str()).x, ImGui::CalcTextSize(cell.widest).x);
+    const WithFont small(Letters::kSmall);
+    needed_px.push_back(std::max(value_px, ImGui::CalcTextSize(cell.caption.c_str()).x));
+  }
+  const float gap_px = ImGui::GetStyle().ItemSpacing.x;
+  const std::vector<float> columns_px = cellColumns(needed_px, gap_px, ImGui::GetContentRegionAvail().x);
+  const float left_px = ImGui::GetCursorPosX();
+  float x_px = left_px;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const std::size_t column = i % columns_px.size();
+    if (column == 0) x_px = left_px;
+    if (column > 0) ImGui::SameLine(x_px);
+    ImGui::BeginGroup();
     {
       const WithFont small(Letters::kSmall);
       const WithTextColour dim(kDimText);
-      ImGui::TextUnformatted(caption.c_str());
+      ImGui::TextUnformatted(cells[i].caption.c_str());
     }
-    ImGui::TextUnformatted(value.c_str());
-  };
-  const auto degrees = [](double rad) { return fmt::format("{:.0f}°", rad * 180 / 3.14159265358979); };
-  if (!ImGui::BeginTable("alignment", 4, ImGuiTableFlags_SizingStretchSame)) return;
-  // by the length of the captions, of the last by its values
-  for (const float weight : {12.0F, 16.0F, 8.0F, 10.0F})
-    ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthStretch, weight);
-  cell("from own line", now.inside ? mm(now.lateral_error_m) + " mm" : "–");
-  cell("tilt from own line", now.inside ? degrees(now.tilt_rad) : "–");
-  cell("limit α", degrees(now.alpha_rad));
-  cell("speed", now.inside ? fmt::format("{:.0f} mm/s", 1e3 * std::abs(now.speed_mps)) : "–");
-  ImGui::EndTable();
+    ImGui::TextUnformatted(cells[i].value.c_str());
+    ImGui::EndGroup();
+    x_px += columns_px[column] + gap_px;
+  }
 }
 
 void showPlunger(const LessonFollow& lesson) {

@@ -1,6 +1,9 @@
 /// A lesson's side panel: figures, the ladder of layers, plots. Each appears only with its aid.
 #pragma once
 
+#include <span>
+#include <vector>
+
 #include <imgui/imgui.h>
 
 #include "client/station/window/lesson_board.h"
@@ -17,6 +20,11 @@ double ladderDepth_m(const SceneView& scene);
 
 /// Shows names with Aid LAYER, the tip with DEPTH, targets with ANATOMY. Draws nothing without these aids.
 void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px);
+
+/// Returns the widths of columns that hold cells of these widths, row by row, in `room_px`: all in one row,
+/// or in half as many columns until every cell has its width. What is left over is shared; a column is
+/// followed by `gap_px`. A single column takes all the room, also where a cell needs more.
+std::vector<float> cellColumns(std::span<const float> needed_px, float gap_px, float room_px);
 
 /// Draws figures, ladder, ultrasound and plots, each only with its aid.
 void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,

@@ -253,6 +253,7 @@ void LessonScreen::showScene(const BoardState& state, const LessonFollow& lesson
   frame_.moment = lesson.now();
   frame_.show_needle = lesson.begun();
   frame_.aids = AidSet(state.aids);
+  frame_.plan_W = lesson.plan_W();
   SceneWidgetOptions options;
   // steering a hand uses the mouse; with Alt it rotates the picture instead
   options.mouse_moves_camera = !steering_ || ImGui::GetIO().KeyAlt;

@@ -69,8 +69,8 @@ std::string_view phaseWord(Phase phase);
 
 /// Colours of the world's axes x y z, in plots of places and of the orientation mark.
 inline constexpr std::array<Rgb, 3> kAxisColours = {kVermillion, kBluishGreen, kSkyBlue};
-/// Colours of the tip, the wall, the target, and two compared gestures.
+/// Colours of the tip, the wall, the target, the planned line, and two compared gestures.
 inline constexpr Rgb kTipColour = kWhite, kWallColour = kYellow, kTargetColour = kBluishGreen,
-                     kFirstGesture = kSkyBlue, kSecondGesture = kOrange;
+                     kPlanColour = kReddishPurple, kFirstGesture = kSkyBlue, kSecondGesture = kOrange;
 
 }  // namespace needlelab

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include <fmt/core.h>
 
@@ -18,6 +19,8 @@ namespace {
 constexpr double kUsualDiameter_m = 0.0008;  // a 21G needle's
 constexpr double kInPlane_m = 0.001;         // nearer than this, a hazard counts as in the picture's plane
 constexpr double kHalved_m = 0.008;          // farther by this, a hazard is half as strong
+constexpr double kRingExtents = 0.045;       // radius of the ring at a planned entry, in the scene's extents
+constexpr int kRingCorners = 32;
 
 std::vector<LayerView> layersOf(const pb::Profile& profile) {
   const std::vector<std::string> names = layerNames(profile);
@@ -110,6 +113,29 @@ double drawnDiameter_m(const SceneView& scene) {
   return scene.needle.outer_diameter_m > 0 ? scene.needle.outer_diameter_m : kUsualDiameter_m;
 }
 
+double lineReach_m(const SceneView& scene) {
+  double reach_m = 0.8 * scene.needle.length_m;
+  for (const TargetView& target : scene.targets)
+    reach_m = std::max(reach_m, 1.15 * depthAt(scene, target.center_W_m));
+  return reach_m;
+}
+
+PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W) {
+  PlanView view{plan_W.entry_m - plan_W.direction * (0.5 * scene.needle.length_m),
+                plan_W.entry_m + plan_W.direction * lineReach_m(scene),
+                {}};
+  const Vec3 normal = surfaceNormal(scene.limb_W, plan_W.entry_m, plan_W.direction);
+  // any two directions across the normal
+  const Vec3 across = normalized(cross(normal, std::fabs(normal.x) < 0.7 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
+  const Vec3 along = cross(normal, across);
+  for (int i = 0; i < kRingCorners; ++i) {
+    const double angle_rad = 2 * std::numbers::pi * i / kRingCorners;
+    view.ring_W_m.push_back(plan_W.entry_m + (across * std::cos(angle_rad) + along * std::sin(angle_rad)) *
+                                                 (kRingExtents * scene.extent_m));
+  }
+  return view;
+}
+
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m) {
   return segmentDistance(tip_W_m, skin_W_m, hazard.a_W_m, hazard.b_W_m) - hazard.radius_m;
 }
@@ -179,6 +205,8 @@ std::string_view aidWord(pb::Exercise::Aid aid) {
       return "force arrows";
     case pb::Exercise::ALIGNMENT:
       return "alignment";
+    case pb::Exercise::PLANNED_LINE:
+      return "planned line";
     default:
       return "unknown aid";
   }

@@ -11,6 +11,7 @@
 #include "common/haptics/needle_spec.h"
 #include "common/haptics/scene_spec.h"
 #include "common/profile/aid_list.h"
+#include "common/profile/planned_line.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -70,6 +71,17 @@ double drawnDiameter_m(const SceneView& scene);
 /// Returns the distance from a hazard's or target's surface to the straight shaft between tip and `skin`;
 /// negative inside.
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
+
+/// Returns how far a picture's lines go on into the tissue: 0.8 of the needle's length, at least a little
+/// beyond every target.
+double lineReach_m(const SceneView& scene);
+
+/// What a picture shows of a planned line, in W.
+struct PlanView {
+  Vec3 from_W_m, to_W_m;       ///< half a needle's length before the entry, `lineReach_m` behind it
+  std::vector<Vec3> ring_W_m;  ///< corners of a circle on the skin about the entry; closed by the first
+};
+PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W);
 
 /// A plane that a picture shows: a cut, an ultrasound slice. `to_viewer_W` is its unit normal.
 struct PicturePlane {

@@ -86,6 +86,7 @@ export function upkeep(t) {
     assert.ok(await erase.isDisabled(), 'half a name is no confirmation');
     await dialog.getByLabel('Name').fill('gina.gone');
     await dialog.getByLabel('Reason').fill('asked for it');
+    await dialog.getByLabel(/^Sessions that wait for a manager/).check();
     await erase.click();
     await page.getByText('The data of gina.gone were erased.').waitFor();
     const { items } = await api(page, 'audit');

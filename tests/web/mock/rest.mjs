@@ -406,6 +406,7 @@ export const kTable = [
       scores: 3,
       remarks_kept: 1,
       audit_lines: 12,
+      waiting_sessions: body.with_waiting_sessions ? 0 : 1,
       text: 'Backups made before today still hold the data.',
     };
   }),

@@ -17,6 +17,7 @@ const kAids = [
   ['GUIDES', 'Insertion line, angle cone, wall'],
   ['ARROWS', 'Force arrows'],
   ['ALIGNMENT', 'Distance and tilt from own line, speed'],
+  ['PLANNED_LINE', 'Planned entry and line'],
 ];
 const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND');
 const kTips = [

@@ -17,7 +17,8 @@ export const people = {
   /** `change`: { make: true }, or { code }; an empty code removes it. @returns {Promise<{name: string, code: string}>} a made one */
   setCode: (name, change) => post(['people', name, 'code'], change),
   importCsv: (csv, dry_run) => post(['people', 'import'], { csv, dry_run }),
-  erase: (name, reason) => remove(['people', name, 'data'], { body: { confirm: name, reason } }),
+  erase: (name, reason, with_waiting_sessions) =>
+    remove(['people', name, 'data'], { body: { confirm: name, reason, with_waiting_sessions } }),
   /** All stored data of one person, all pages. */
   everything: (name) => getAll(['people', name, 'export'], {}, Infinity),
   /** The course of each measure of an exercise over the attempts; null where there are too few. */

@@ -171,10 +171,11 @@ function Erasure({ name }) {
   const [asking, setAsking] = useState(false);
   const [typed, setTyped] = useState('');
   const [reason, setReason] = useState('');
+  const [waiting, setWaiting] = useState(false);
   const [result, setResult] = useState(null);
   const action = useAction();
   const erase = async () => {
-    const report = await action.run(() => people.erase(name, reason));
+    const report = await action.run(() => people.erase(name, reason, waiting));
     if (report) {
       setAsking(false);
       setResult(report);
@@ -206,6 +207,11 @@ function Erasure({ name }) {
         <p>This cannot be undone. Type the name to confirm.</p>
         <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" />
         <${TextField} label="Reason" value=${reason} onValue=${setReason} />
+        <${CheckField}
+          label="Sessions that wait for a manager, too (they may be another person's)"
+          checked=${waiting}
+          onValue=${setWaiting}
+        />
       <//>`
     }
   </fieldset>`;

@@ -64,6 +64,17 @@ TEST_F(ProfileCommands, aBadProfileIsNamedByFileFieldAndRangeAndNoneOfTheFilesIs
   EXPECT_EQ(good({"profile", "import", fine}).out, "profile 'mine' is revision 1\n");
 }
 
+TEST_F(ProfileCommands, aProfileWhoseSkinLeavesAPlanIsImportedWithAWarning) {
+  auto shoulder = json::parse(*readWholeFile(NEEDLELAB_SAMPLES "/shoulder-adult.json"));
+  shoulder["limb"]["sphere"]["center_m"]["z"] = -0.063;  // its top was at the plan's entry
+  const auto file = write("sunk.json", shoulder);
+  const Run done = good({"profile", "import", file});
+  EXPECT_EQ(done.out, "profile 'shoulder-adult' is revision 2\n");
+  EXPECT_THAT(done.err,
+              HasSubstr(file + ": warning: exercise 'shoulder-bursa' of course 'rheumatology-basics': "
+                               "plan.entry_m: (0, 0, 0) mm is 3 mm above the skin"));
+}
+
 TEST_F(ProfileCommands, aProfileThatTheStoreRefusesIsNamedByItsFile) {
   profile_["name"] =
       "a\xc2\x9b"

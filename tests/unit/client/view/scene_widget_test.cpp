@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 #include <string>
 
@@ -128,6 +129,55 @@ TEST_F(SceneWidgetTest, looksAsItsReference) {
   for (const Moment& moment : momentsOf(lesson_.model, lesson_.samples, 40))
     if (moment.tick < 2700) frame_.trails.back().points_W_m.push_back(moment.p_WT_m);
   EXPECT_TRUE(test::looksLike(drawn(3), std::string(NEEDLELAB_REFERENCE) + "/widget-shoulder.png"));
+}
+
+TEST_F(SceneWidgetTest, thePlannedLineIsDashedWithARingAtItsEntryAndOnlyWithItsAid) {
+  widget_.labels = widget_.legend = false;
+  frame_.aids.set(pb::Exercise::GUIDES, false);
+  frame_.show_needle = false;
+  const SceneView& scene = *lesson_.scene;
+  // beside everything that lies in the middle
+  frame_.plan_W =
+      PlannedLine{scene.focus_W_m + frame_.camera.right_W() * (0.3 * scene.extent_m), -scene.focus_normal_W};
+  const PlanView plan = planViewOf(scene, *frame_.plan_W);
+  const RgbaImage with = drawn();
+  frame_.aids.set(pb::Exercise::PLANNED_LINE, false);
+  const RgbaImage without = drawn();
+  frame_.aids.set(pb::Exercise::PLANNED_LINE, true);
+  frame_.plan_W.reset();
+  EXPECT_EQ(drawn().pixels, without.pixels) << "an exercise without a plan";
+  EXPECT_GT(test::shareThatDiffers(with, without, 24), 0);
+
+  const auto differsAt = [&](Vec3 p_W_m) {
+    const auto at = frame_.camera.project(p_W_m, 700, 500);
+    EXPECT_TRUE(at);
+    const test::MeanColour a = test::meanAround(with, 30 + at->x_px, 20 + at->y_px, 0),
+                           b = test::meanAround(without, 30 + at->x_px, 20 + at->y_px, 0);
+    return std::fabs(a.red - b.red) + std::fabs(a.green - b.green) + std::fabs(a.blue - b.blue) > 24;
+  };
+  for (const Vec3 corner_W_m : plan.ring_W_m) EXPECT_TRUE(differsAt(corner_W_m));
+  int dashes = 0, gaps = 0;
+  for (int i = 0; i <= 400; ++i)
+    (differsAt(plan.from_W_m + (plan.to_W_m - plan.from_W_m) * (i / 400.0)) ? dashes : gaps) += 1;
+  EXPECT_GT(dashes, 100);
+  EXPECT_GT(gaps, 40) << "a whole line is the needle's own";
+}
+
+TEST_F(SceneWidgetTest, theLegendNamesThePlannedLineAlsoBeforeTheNeedleIsInside) {
+  widget_.labels = false;
+  frame_.show_needle = false;
+  frame_.plan_W = PlannedLine{lesson_.scene->focus_W_m, -lesson_.scene->focus_normal_W};
+  const RgbaImage with = drawn();
+  widget_.legend = false;
+  const RgbaImage without = drawn();
+  // at the lower right corner of the picture, and nowhere else
+  int at_corner = 0, elsewhere = 0;
+  for (int y = 20; y < 520; ++y)
+    for (int x = 30; x < 730; ++x)
+      if (test::pixelAt(with, x, y) != test::pixelAt(without, x, y))
+        (x > 730 - 260 && y > 520 - 80 ? at_corner : elsewhere) += 1;
+  EXPECT_GT(at_corner, 500);
+  EXPECT_EQ(elsewhere, 0);
 }
 
 TEST_F(SceneWidgetTest, withoutASceneItIsEmpty) {

@@ -16,9 +16,9 @@ AidList listOf(std::initializer_list<int> numbers) {
 TEST(AidList, knownAidsOnceEachAreValid) {
   EXPECT_TRUE(checkAids("aids", {}).ok());
   AidList all;
-  for (int aid = 1; aid <= 10; ++aid) all.Add(aid);
+  for (int aid = 1; aid <= 11; ++aid) all.Add(aid);
   EXPECT_TRUE(checkAids("aids", all).ok());
-  for (const int none : {0, -1, 11, 1'000'000}) {
+  for (const int none : {0, -1, 12, 1'000'000}) {
     const Status refused = checkAids("aids", listOf({1, none}));
     ASSERT_FALSE(refused.ok()) << none;
     EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
@@ -32,10 +32,11 @@ TEST(AidList, knownAidsOnceEachAreValid) {
 TEST(AidList, whereAnExerciseSaysNothingAllButTheSliceAreOn) {
   pb::Exercise exercise;
   const AidList usual = aidsOfExercise(exercise);
-  EXPECT_EQ(usual.size(), 9);
+  EXPECT_EQ(usual.size(), 10);
   EXPECT_FALSE(hasAid(usual, pb::Exercise::ULTRASOUND));
   EXPECT_TRUE(hasAid(usual, pb::Exercise::PHASE));
   EXPECT_TRUE(hasAid(usual, pb::Exercise::ALIGNMENT));
+  EXPECT_TRUE(hasAid(usual, pb::Exercise::PLANNED_LINE));
   (void)exercise.mutable_aids();
   EXPECT_EQ(aidsOfExercise(exercise).size(), 0) << "an empty list is a choice";
   exercise.mutable_aids()->add_allowed(pb::Exercise::ULTRASOUND);
@@ -52,7 +53,7 @@ TEST(AidList, wordsComeBackAsTheyWent) {
     EXPECT_EQ(aidsText(*aids), "DEPTH, FORCE");
   }
   EXPECT_EQ(parseAids("none")->size(), 0);
-  EXPECT_EQ(parseAids("ALL")->size(), 10);
+  EXPECT_EQ(parseAids("ALL")->size(), 11);
   for (const char* text : {"", ",", "depth,", "depth,depth", "aid_unspecified", "fish", "1", "all,depth"}) {
     const auto refused = parseAids(text);
     ASSERT_FALSE(refused.ok()) << text;

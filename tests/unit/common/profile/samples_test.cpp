@@ -241,6 +241,33 @@ TEST(Samples, theBursasPlanGoesToItsMiddle) {
   EXPECT_EQ(plans, 1);
 }
 
+TEST(Samples, smallJointsAreInjectedWithoutTouchingTheBoneBelowTheirTarget) {
+  std::set<std::string> required;
+  for (const auto& [file, patients] : kCourses) {
+    const auto course = loadCurriculum(kSamples / (file + ".json"));
+    ASSERT_TRUE(course.ok()) << course.error().message;
+    for (const auto& exercise : course->exercises()) {
+      for (const auto& requirement : exercise.requirements()) {
+        if (requirement.measure() != "bone_contacts") continue;
+        required.insert(exercise.id());
+        EXPECT_TRUE(requirement.has_max() && requirement.max() == 0 && !requirement.has_min());
+        const pb::Profile patient = sample(exercise.profile_id());
+        double bone_m = 0;
+        for (const auto& layer : patient.layers()) {
+          if (layer.tissue() == pb::Layer::BONE) break;
+          bone_m += layer.thickness_m();
+        }
+        // straight below the entry, at the origin
+        const auto& target = patient.targets(0);
+        EXPECT_EQ(target.center_m().x(), 0);
+        EXPECT_EQ(target.center_m().y(), 0);
+        EXPECT_LT(-target.center_m().z() + target.radius_m(), bone_m) << "who stays in the target passes";
+      }
+    }
+  }
+  EXPECT_EQ(required, (std::set<std::string>{"step-5-small", "wrist-joint"}));
+}
+
 // graded: the first with all aids and no conditions, the last without aids and only after the first was
 // passed
 TEST(Samples, theStepsAreGraded) {

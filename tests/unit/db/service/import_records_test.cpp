@@ -143,5 +143,41 @@ TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
   for (const char* own : {"x backup", "y backup", "z backup"}) EXPECT_EQ(lines[own], 1);
 }
 
+// Schema 5 had no records of unknown trainees. Its export is today's without them.
+TEST_F(Import, flagsTheUnknownTraineesOfAnExportFromBeforeSchema6) {
+  addStation();
+  addNamed("anna", "");
+  closedSession("anna", 5, "");
+  closedSession("guest", 6, "");
+  const Uuid ghosts = closedSession("tmo", 7, "");
+  std::vector<std::string> old = exportAll(*store);
+  EXPECT_EQ(std::erase_if(old,
+                          [](const std::string& record) {
+                            return record.find(R"("kind":"unknown_trainee")") != std::string::npos;
+                          }),
+            1u);
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  // an account here that has the name by chance
+  ASSERT_OK(other->writer().run([](Connection& c) {
+    return PeopleStore(c).add({"tmo", pb::TRAINEE, "", false, 1});
+  }));
+  const auto flagged = [&](const pb::ImportReport& report) {
+    EXPECT_TRUE(report.done()) << report.ShortDebugString();
+    for (const auto& count : report.counts())
+      if (count.kind() == "unknown_trainee") return count.added();
+    return std::uint64_t{0};
+  };
+  EXPECT_EQ(flagged(importAll(*other, old, 2)), 1u);
+  pb::Request list;
+  list.mutable_list_sessions()->set_unknown_trainee(true);
+  const auto waiting = other->service().execute(manager, list).reply.sessions();
+  ASSERT_EQ(waiting.sessions_size(), 1);
+  EXPECT_EQ(waiting.sessions(0).description().session_id(), test::bytesOfId(ghosts));
+  pb::Request progress;
+  progress.mutable_get_progress()->set_trainee("tmo");
+  EXPECT_EQ(other->service().execute(instructor, progress).reply.progress().attempts_size(), 0);
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "common/profile/profile.h"
@@ -152,6 +153,43 @@ TEST_F(LessonHandlers, aPlanLiesOnItsPatientsSkin) {
   const auto exercise = parseExercise(get(station, lesson).lesson().exercise_json(), "exercise");
   ASSERT_OK(exercise);
   EXPECT_TRUE(exercise->has_plan()) << "the station scores by it, too";
+}
+
+TEST_F(LessonHandlers, aProfileWhoseSkinLeavesAPlanIsStoredWithAWarning) {
+  auto json = nlohmann::json::parse(profileText("shoulder-adult"));
+  const auto moved = [&](double up_m) {
+    auto other = json;
+    auto& ball = other["limb"]["sphere"]["center_m"];
+    ball["z"] = double(ball["z"]) + up_m;
+    return other.dump();
+  };
+  const auto warned = [](const auto& warnings, const std::string& words) {
+    return std::count_if(warnings.begin(), warnings.end(),
+                         [&](const std::string& each) { return each.find(words) != std::string::npos; });
+  };
+  const auto checked = [&](const std::string& text) {
+    pb::Request request;
+    request.mutable_check_text()->set_kind("profile");
+    request.mutable_check_text()->set_json(text);
+    return get(manager, request).text_check();
+  };
+  // within a millimetre the plan still begins at the skin
+  EXPECT_EQ(get(manager, import(moved(0.0009))).profile().warnings_size(), 0);
+  const std::string sunk =
+      "exercise 'shoulder-bursa' of course 'rheumatology-basics': plan.entry_m: (0, 0, 0) mm is 3 mm above "
+      "the skin of profile 'shoulder-adult'";
+  // the editor says so before it saves
+  const auto check = checked(moved(-0.003));
+  EXPECT_TRUE(check.ok());
+  EXPECT_EQ(warned(check.warnings(), sunk), 1);
+  const auto stored = get(manager, import(moved(-0.003))).profile();
+  EXPECT_EQ(stored.revision(), 3u) << "a warning refuses nothing";
+  ASSERT_EQ(stored.warnings_size(), 1);
+  EXPECT_EQ(stored.warnings(0).find(sunk), 0u) << stored.warnings(0);
+  EXPECT_EQ(warned(get(manager, import(moved(0.0021))).profile().warnings(), "is 2.1 mm below the skin"), 1);
+  // of another profile nothing is said
+  EXPECT_EQ(get(manager, import(profileText("knee-adult"))).profile().warnings_size(), 0);
+  EXPECT_EQ(get(manager, import(json.dump())).profile().warnings_size(), 0) << "it is back";
 }
 
 TEST_F(LessonHandlers, assignmentsAreSeenByTheirTrainee) {

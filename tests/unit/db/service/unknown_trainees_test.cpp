@@ -300,6 +300,71 @@ TEST_F(UnknownTrainees, leaveNoNameBehindWhenThePersonIsErased) {
     EXPECT_FALSE(names(name)) << name;
 }
 
+TEST_F(UnknownTrainees, stayWhenTheAccountThatGotTheirNameIsErasedUntilTheirNameIs) {
+  addPerson("ada", pb::ADMINISTRATOR);
+  const Uuid ghosts = attempt("tom", "first", true, 5), still_open = addSession("tom", 1);
+  addNamed("tom");
+  attempt("tom", "first", true, 6);
+  const auto erasure = get(admin, erase("tom")).erasure();
+  EXPECT_EQ(erasure.sessions(), 1u) << "the account's own";
+  EXPECT_EQ(erasure.waiting_sessions(), 2u);
+  EXPECT_THAT(erasure.text(), HasSubstr("under the name 'tom'"));
+  EXPECT_THAT(erasure.text(), HasSubstr("another person's: 2. Give them to the right person"));
+  EXPECT_THAT(erasure.text(), HasSubstr("person erase 'tom' --confirm 'tom'"));
+  EXPECT_EQ(waiting(manager).size(), 2u);
+  pb::Request show;
+  show.mutable_get_session()->set_session_id(test::bytesOfId(ghosts));
+  const auto kept = get(instructor, show).session();
+  EXPECT_EQ(kept.description().trainee(), "tom");
+  EXPECT_TRUE(kept.passed()) << "with its verdict";
+  pb::Request check;
+  check.mutable_check();
+  EXPECT_THAT(get(admin, check).check_report().DebugString(), Not(HasSubstr("was erased on")));
+  // the station that records one of them still knows it by that name
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    auto again = test::describe(still_open);
+    again.set_trainee("tom");
+    const auto opened = SessionStore(c).open(again, 9);
+    if (!opened) return opened.error();
+    EXPECT_EQ(*opened, 1u) << "chunks";
+    const auto closed = SessionStore(c).close(test::closeOf(still_open, 1), 10);
+    return closed ? Status() : Status(closed.error());
+  }));
+
+  // nobody has the name: it is what is to be erased
+  const auto rest = get(admin, erase("tom")).erasure();
+  EXPECT_EQ(rest.sessions(), 2u);
+  EXPECT_EQ(rest.waiting_sessions(), 0u);
+  EXPECT_THAT(rest.text(), Not(HasSubstr("wait")));
+  EXPECT_TRUE(waiting(manager).empty());
+  EXPECT_FALSE(names("'tom'"));
+}
+
+TEST_F(UnknownTrainees, areErasedWithTheAccountWhereThatIsSaid) {
+  addPerson("ada", pb::ADMINISTRATOR);
+  attempt("tom", "first", true, 5);
+  addNamed("tom");
+  attempt("tom", "first", true, 6);
+  auto request = erase("tom");
+  request.mutable_erase_person()->set_with_waiting_sessions(true);
+  const auto erasure = get(admin, request).erasure();
+  EXPECT_EQ(erasure.sessions(), 2u);
+  EXPECT_EQ(erasure.waiting_sessions(), 0u);
+  EXPECT_TRUE(waiting(manager).empty());
+  EXPECT_FALSE(names("'tom'"));
+}
+
+TEST_F(UnknownTrainees, whoseSessionIsOpenHoldUpTheErasureOfThoseItTakes) {
+  addPerson("ada", pb::ADMINISTRATOR);
+  addSession("tom", 1);
+  EXPECT_EQ(refusal(admin, erase("tom")), ErrorCode::kUnavailable) << "nobody's account: it would be taken";
+  addNamed("tom");
+  auto request = erase("tom");
+  request.mutable_erase_person()->set_with_waiting_sessions(true);
+  EXPECT_EQ(refusal(admin, request), ErrorCode::kUnavailable);
+  EXPECT_EQ(get(admin, erase("tom")).erasure().waiting_sessions(), 1u);
+}
+
 TEST_F(UnknownTrainees, areErasedByTheNameThatTheirStationGaveToo) {
   addNamed("tom");
   addPerson("ada", pb::ADMINISTRATOR);

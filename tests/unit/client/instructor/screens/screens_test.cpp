@@ -70,6 +70,9 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   EXPECT_TRUE(std::any_of(limits.begin(), limits.end(), [](const PlotRequirement& each) {
     return each.measure == "peak_force_n" && each.max;
   })) << "the plots draw what the exercise requires";
+  const auto plan = lab_->planNow();
+  ASSERT_TRUE(plan) << "the sample course's exercise shoulder-bursa has one, straight down";
+  EXPECT_NEAR(norm(plan->entry_m) + norm(plan->direction - Vec3{0, 0, -1}), 0, 1e-12);
   // Pause: the picture stops, the stream continues.
   press(GLFW_KEY_SPACE);
   EXPECT_TRUE(lab_->live()->paused());

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "client/station/run/options.h"
 #include "client/station/window/end_screen.h"
@@ -102,11 +103,43 @@ TEST(LessonFollow, aGapIsCountedAndSaidUntilTheNeedleIsOutside) {
       [](const TraceEvent& event) { return event.kind == TraceEvent::Kind::kGap && event.missing == 200; }));
 }
 
+TEST(LessonFollow, thePlannedLineStandsWhereTheLimbStands) {
+  const auto file = shoulder();
+  EXPECT_FALSE((*LessonFollow::make(file))->plan_W()) << "a profile from a file has no exercise";
+  auto beginning = std::make_shared<LessonBeginning>(*file);
+  pb::Exercise exercise;
+  beginning->lesson.exercise = exercise;
+  EXPECT_FALSE((*LessonFollow::make(beginning))->plan_W()) << "without a plan";
+  exercise.mutable_plan()->set_frame(pb::Exercise::Plan::LIMB);
+  exercise.mutable_plan()->mutable_entry_m()->set_x(0.01);
+  exercise.mutable_plan()->mutable_direction()->set_z(-2);
+  beginning->lesson.exercise = exercise;
+  // a quarter turn about y: the limb's z is W's x
+  beginning->X_WL = {{0.1, 0.2, 0.3}, {0, std::sqrt(0.5), 0, std::sqrt(0.5)}};
+  const auto line = (*LessonFollow::make(beginning))->plan_W();
+  ASSERT_TRUE(line);
+  EXPECT_NEAR(norm(line->entry_m - Vec3{0.1, 0.2, 0.29}), 0, 1e-12);
+  EXPECT_NEAR(norm(line->direction - Vec3{-1, 0, 0}), 0, 1e-12);
+}
+
 TEST(LayerLadder, reachesAFifthBeyondTheTarget) {
   const auto scene = LessonFollow::make(shoulder());
   ASSERT_TRUE(scene.ok());
   // the bursa is 26 mm deep with a radius of 3
   EXPECT_NEAR(ladderDepth_m(*(*scene)->scene()), 1.2 * 0.029, 1e-9);
+}
+
+TEST(CellColumns, giveEachCellItsWidthAndShareWhatIsLeft) {
+  using Widths = std::vector<float>;
+  // 40 + 60 + 20 + 50 and three gaps of 10: 200 are just enough
+  const Widths needed = {40, 60, 20, 50};
+  EXPECT_EQ(cellColumns(needed, 10, 200), needed);
+  EXPECT_EQ(cellColumns(needed, 10, 240), (Widths{50, 70, 30, 60}));
+  // larger letters: two rows of two, as wide as the wider of each column
+  EXPECT_EQ(cellColumns(needed, 10, 199), (Widths{84.5F, 104.5F}))
+      << "max(40, 20) + max(60, 50) + 10 = 110, and half of the 89 that are left for each";
+  EXPECT_EQ(cellColumns(needed, 10, 109), Widths{109}) << "one below the other";
+  EXPECT_EQ(cellColumns({}, 10, 109), Widths{109});
 }
 
 TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {

@@ -145,7 +145,8 @@ TEST_F(TraineeScreens, lessonByFeel) {
 
 // Each aid hides the item that it names, at once.
 TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
-  for (int number = pb::Exercise::PHASE; number <= pb::Exercise::ALIGNMENT; ++number) {
+  with_plan_ = true;
+  for (int number = pb::Exercise::Aid_MIN + 1; number <= pb::Exercise::Aid_MAX; ++number) {
     AidList all = usualAids();
     all.Add(pb::Exercise::ULTRASOUND);
     showLesson(2.4, all);

@@ -111,6 +111,11 @@ class TraineeStage : public ViewStage {
     exercise.set_name("Shoulder: subacromial bursa");
     exercise.set_description("A thin target between muscle and tendon: stop when the resistance drops.");
     *exercise.mutable_aids()->mutable_allowed() = aids;
+    if (with_plan_) {
+      exercise.mutable_plan()->set_frame(pb::Exercise::Plan::LIMB);
+      exercise.mutable_plan()->mutable_entry_m()->set_x(0.004);
+      exercise.mutable_plan()->mutable_direction()->set_z(-1);
+    }
     beginning->lesson.exercise = exercise;
     beginning->lesson.attempt = 2;
     beginning->lesson.attempts_left = 3;
@@ -142,6 +147,7 @@ class TraineeStage : public ViewStage {
   LessonRequests requests_;
   std::unique_ptr<TraineeWindow> window_;
   SampleLesson sample_;
+  bool with_plan_ = false;  ///< the lesson's exercise has a planned line
   LessonStatus standing_;
   std::shared_ptr<HandSteering> steering_;
 };

@@ -132,6 +132,44 @@ TEST(SceneView, distancesToHazardsAreFromTheirSurfaceToTheShaft) {
   EXPECT_LT(distanceToHazard_m(hazard, {0, 0.01, -0.03}, {0, 0.01, 0}), 0);
 }
 
+TEST(PlanView, goesFromBeforeTheSkinToBeyondTheTargetAlongThePlan) {
+  for (const char* name : kProfiles) {
+    const test::SampleLesson lesson = test::sampleLesson(name);
+    const SceneView& scene = *lesson.scene;
+    const Vec3 oblique = normalized(-scene.focus_normal_W + Vec3{0.3, -0.2, 0.1});
+    const PlannedLine line{scene.focus_W_m, oblique};
+    const PlanView view = planViewOf(scene, line);
+    EXPECT_NEAR(distanceFrom(line, view.from_W_m), 0, 1e-12) << name;
+    EXPECT_NEAR(distanceFrom(line, view.to_W_m), 0, 1e-12) << name;
+    const double before_m = dot(line.entry_m - view.from_W_m, oblique),
+                 behind_m = dot(view.to_W_m - line.entry_m, oblique);
+    EXPECT_NEAR(before_m, 0.5 * scene.needle.length_m, 1e-12) << name;
+    EXPECT_NEAR(behind_m, lineReach_m(scene), 1e-12) << name;
+    EXPECT_GE(behind_m, 0.8 * scene.needle.length_m - 1e-12) << name;
+    for (const TargetView& target : scene.targets)
+      EXPECT_GT(behind_m, depthAt(scene, target.center_W_m)) << name;
+  }
+}
+
+TEST(PlanView, aRingLiesOnTheSkinAboutTheEntry) {
+  SceneView scene;
+  scene.extent_m = 0.1;
+  scene.needle.length_m = 0.05;
+  for (const Vec3 normal : {Vec3{0, 0, 1}, Vec3{1, 0, 0}, Vec3{0, -1, 0}, normalized(Vec3{1, 2, -3})}) {
+    scene.limb_W = PlaneLimb{{0.01, 0.02, 0.03}, normal};
+    const PlannedLine line{{0.01, 0.02, 0.03}, normalized(-normal + Vec3{0.1, 0.2, 0.05})};
+    const PlanView view = planViewOf(scene, line);
+    ASSERT_GE(view.ring_W_m.size(), 16u);
+    Vec3 sum;
+    for (const Vec3 corner_W_m : view.ring_W_m) {
+      EXPECT_NEAR(norm(corner_W_m - line.entry_m), 0.0045, 1e-12) << "0.045 of the scene's extent";
+      EXPECT_NEAR(depthAt(scene, corner_W_m), 0, 1e-12) << "in the skin's plane, not across the line";
+      sum = sum + (corner_W_m - line.entry_m);
+    }
+    EXPECT_NEAR(norm(sum), 0, 1e-12) << "all around";
+  }
+}
+
 TEST(SceneView, refusesWhatIsNoProfileAndNoPlacement) {
   EXPECT_FALSE(sceneViewOf(pb::Profile{}));
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
