@@ -17,6 +17,7 @@ enum class ErrorCode {
   kAlreadyExists,  ///< a named thing exists and differs
   kConflict,       ///< an edit is based on an old revision
   kDenied,         ///< not allowed: role, key, password
+  kCode,           ///< a trainee's code is missing or wrong, or has to wait after wrong ones (exit code 1)
   kUnavailable,    ///< a peer, device or file system does not answer now; trying again may help
   kCorrupt,        ///< stored or received bytes fail their check
   kVersion,        ///< a format, schema or protocol version that this program does not know
