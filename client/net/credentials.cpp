@@ -2,11 +2,13 @@
 
 #include <fcntl.h>
 #include <fmt/core.h>
+#include <poll.h>
 #include <termios.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
+#include <optional>
 #include <utility>
 
 #include "client/net/blocking_client.h"
@@ -40,6 +42,7 @@ std::string keyOf(std::string_view hex) {
 }
 
 constexpr std::size_t kMostPasswordBytes = 1024;
+constexpr int kStopLook_ms = 50;
 
 /// Turns off the terminal's echo, and restores it at the end.
 class SilentTerminal {
@@ -62,10 +65,16 @@ class SilentTerminal {
     // failing to show the prompt is not an error
     [[maybe_unused]] const auto written = ::write(fd_, text.data(), text.size());
   }
-  [[nodiscard]] std::string readLine(std::size_t most_bytes) const {
+  /// None: `stopped` said so before the line was there.
+  [[nodiscard]] std::optional<std::string> readLine(std::size_t most_bytes,
+                                                    const std::function<bool()>& stopped) const {
     std::string line;
+    line.reserve(most_bytes + 1);  // no copy of a part stays behind
     char c = 0;
     while (line.size() <= most_bytes) {
+      pollfd ready{fd_, POLLIN, 0};
+      while (stopped && ::poll(&ready, 1, kStopLook_ms) <= 0)
+        if (stopped()) return std::nullopt;
       const ssize_t count = ::read(fd_, &c, 1);
       if (count < 0 && errno == EINTR) continue;
       if (count <= 0 || c == '\n') break;
@@ -82,15 +91,19 @@ class SilentTerminal {
 
 }  // namespace
 
+Result<std::string> readSecretLine(const std::filesystem::path& file) {
+  // without ASSIGN_OR_RETURN, which would leave an unwiped copy
+  auto text = readWholeFile(file, 64u << 10);
+  if (!text.ok()) return text.error();
+  const WipeAtEnd wiped(*text);
+  warnWhenOthersMayRead(file);
+  return text->substr(0, text->find_first_of("\r\n"));
+}
+
 Result<std::string> readPassword(const std::filesystem::path& file, const std::string& prompt) {
   std::string password;
   if (!file.empty()) {
-    // without ASSIGN_OR_RETURN, which would leave an unwiped copy
-    auto text = readWholeFile(file, 64u << 10);
-    if (!text.ok()) return text.error();
-    const WipeAtEnd wiped(*text);
-    warnWhenOthersMayRead(file);
-    password = text->substr(0, text->find_first_of("\r\n"));
+    ASSIGN_OR_RETURN(password, readSecretLine(file));
   } else {
     ASSIGN_OR_RETURN(password,
                      passwordFromTerminal(prompt, kMostPasswordBytes,
@@ -105,13 +118,15 @@ Result<std::string> readPassword(const std::filesystem::path& file, const std::s
 }
 
 Result<std::string> passwordFromTerminal(const std::string& prompt, std::size_t most_bytes,
-                                         const std::string& no_terminal) {
+                                         const std::string& no_terminal,
+                                         const std::function<bool()>& stopped) {
   const SilentTerminal terminal;
   if (!terminal.ready()) return Error{ErrorCode::kInvalidInput, no_terminal};
   terminal.write(prompt);
-  std::string line = terminal.readLine(most_bytes);
+  auto line = terminal.readLine(most_bytes, stopped);
   terminal.write("\n");
-  return line;
+  if (!line) return Error{ErrorCode::kFailed, "stopped while waiting at the terminal"};
+  return std::move(*line);
 }
 
 std::string hexText(std::string_view bytes) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -11,15 +12,21 @@
 
 namespace needlelab {
 
+/// Returns the first line of a file that holds a secret, and warns when others may read the file. Errors:
+/// kInvalidInput (no such file).
+Result<std::string> readSecretLine(const std::filesystem::path& file);
+
 /// Returns the first line of `file`; without a file, asks on the terminal without echo. A password is never
 /// an argument: others could read it in the process list. Errors: kInvalidInput (no such file, empty, longer
 /// than 1024 bytes, no terminal to ask on).
 Result<std::string> readPassword(const std::filesystem::path& file, const std::string& prompt);
 
-/// Asks on the terminal without echo, for one line of at most about `most_bytes`. Errors: kInvalidInput with
-/// the text `no_terminal` when there is none.
+/// Asks on the terminal without echo, for one line of at most about `most_bytes`. Polls `stopped`, if given,
+/// about 20 times a second. Errors: kInvalidInput with the text `no_terminal` when there is none; kFailed
+/// (stopped).
 Result<std::string> passwordFromTerminal(const std::string& prompt, std::size_t most_bytes,
-                                         const std::string& no_terminal);
+                                         const std::string& no_terminal,
+                                         const std::function<bool()>& stopped = {});
 
 struct Enrolment {
   Endpoint server;

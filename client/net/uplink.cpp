@@ -101,10 +101,11 @@ void Uplink::noteTrouble(const std::string& source, const std::string& text) {
 
 Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::string& trainee,
                                      std::chrono::milliseconds patience, bool once,
-                                     const std::function<bool()>& stopped) {
+                                     const std::function<bool()>& stopped, const std::string& code) {
   pb::Request request;
   request.mutable_get_lesson()->set_exercise_id(exercise_id);
   request.mutable_get_lesson()->set_trainee(trainee);
+  request.mutable_get_lesson()->set_code(code);
   ASSIGN_OR_RETURN(auto reply, ask(std::move(request), patience, once, stopped));
   if (!reply.has_lesson()) return Error{ErrorCode::kFailed, "the server answered, but with no lesson"};
   return std::move(*reply.mutable_lesson());

@@ -95,11 +95,12 @@ class Uplink {
   void noteTrouble(const std::string& source, const std::string& text);
 
   /// Asks the server for a lesson. Waits up to `patience`; with `once`, only until the first attempt to
-  /// connect fails. Polls `stopped` about 20 times a second. Errors: kUnavailable (no server in time),
-  /// kFailed (stopped), kDenied, kVersion, kNotFound, kInvalidInput as the server says.
+  /// connect fails. Polls `stopped` about 20 times a second. `code`: the trainee's, if the server asked for
+  /// it. Errors: kUnavailable (no server in time), kFailed (stopped), kDenied, kVersion, kNotFound,
+  /// kInvalidInput, kCode as the server says.
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
                                std::chrono::milliseconds patience, bool once,
-                               const std::function<bool()>& stopped = {});
+                               const std::function<bool()>& stopped = {}, const std::string& code = {});
   /// The same for any request. Errors: as getLesson, and any other Refusal (errorOf).
   Result<pb::Reply> ask(pb::Request request, std::chrono::milliseconds patience, bool once,
                         const std::function<bool()>& stopped = {});

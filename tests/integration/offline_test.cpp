@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
 
 #include "common/base/files.h"
 #include "common/base/program.h"
@@ -123,6 +125,75 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
   EXPECT_THAT(last->said(), Not(HasSubstr("another description")));
   EXPECT_EQ(lab_.stored(id).info.description().trainee(), "tom");
   EXPECT_EQ(lab_.stored(id).info.given_trainee(), "tmo");
+}
+
+TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) {
+  fillCacheAndStopServer();
+  const auto code_file = [&](const std::string& name, const std::string& code) {
+    std::ofstream(lab_.path(name)) << code << "\n";
+    std::filesystem::permissions(lab_.path(name), std::filesystem::perms::owner_read);
+    return lab_.path(name).string();
+  };
+  const std::string right_file = code_file("right.code", "badge-of-tom-4711"),
+                    wrong_file = code_file("wrong.code", "badge-of-zoe-0815");
+  ASSERT_EQ(lab_.admin({"user", "code", "tom", "--code-file", right_file}), kExitDone);
+  const auto lesson = [&](const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain",
+                                          "30"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return lab_.startStation(name, arguments);
+  };
+
+  lab_.startServer();
+  auto unasked = lesson("unasked", {});
+  EXPECT_EQ(unasked->wait(60s), kExitInvalid) << unasked->said();
+  EXPECT_THAT(unasked->said(), HasSubstr("tom has a code"));
+  EXPECT_THAT(unasked->said(), HasSubstr("--code-file FILE"));
+  const std::vector<std::string> kinds[] = {{"--exercise", "ball-free-practice"},
+                                            {"--profile", NEEDLELAB_SAMPLES "/knee-adult.json"}};
+  for (const auto& kind : kinds) {
+    auto arguments = kind;
+    arguments.insert(arguments.end(), {"--code-file", wrong_file});
+    auto wrong = lab_.startStation("wrong", arguments);
+    EXPECT_EQ(wrong->wait(60s), kExitFailed) << wrong->said();
+    EXPECT_THAT(wrong->said(), HasSubstr("not the code of tom"));
+    EXPECT_THAT(wrong->said(), Not(HasSubstr("badge-of-zoe"))) << "no code is shown";
+  }
+  EXPECT_EQ(lab_.sessions().size(), 1u) << "only the lesson of before: nothing was recorded";
+  auto right = lesson("right", {"--code-file", right_file});
+  ASSERT_EQ(right->wait(60s), kExitDone) << right->said();
+  const StoredSession checked = lab_.stored(lab_.summary("right")["session_id"]);
+  EXPECT_TRUE(checked.info.description().code_checked());
+  EXPECT_FALSE(checked.info.unknown_trainee());
+  EXPECT_FALSE(checked.info.code_unchecked());
+
+  // without the server the lesson begins all the same, and the trainee learns what becomes of it
+  ASSERT_EQ(lab_.stopServer(), kExitDone);
+  auto away = lab_.startStation("away", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain",
+                                         "0.2", "--code-file", right_file});
+  ASSERT_EQ(away->wait(60s), kExitDone) << away->said();
+  EXPECT_THAT(away->said(), HasSubstr("your code was not checked. A manager confirms this session later."));
+  const std::string id = lab_.summary("away")["session_id"];
+  lab_.startServer();
+  auto next = lesson("next", {"--code-file", right_file});
+  ASSERT_EQ(next->wait(90s), kExitDone) << next->said();
+  const StoredSession unchecked = lab_.stored(id);
+  EXPECT_EQ(unchecked.info.state(), pb::SESSION_COMPLETE);
+  EXPECT_FALSE(unchecked.info.description().code_checked());
+  EXPECT_TRUE(unchecked.info.unknown_trainee());
+  EXPECT_TRUE(unchecked.info.code_unchecked());
+  EXPECT_FALSE(lab_.stored(lab_.summary("next")["session_id"]).info.unknown_trainee());
+
+  // the station keeps the code nowhere, and says it nowhere
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(lab_.path("spool")))
+    if (entry.is_regular_file()) {
+      EXPECT_EQ(readWholeFile(entry.path())->find("badge-of-tom"), std::string::npos) << entry.path();
+    }
+  for (const char* name : {"unasked", "wrong", "right", "away", "next"})
+    for (const char* kind : {".log", ".json"})
+      if (const auto text = readWholeFile(lab_.path(std::string(name) + kind)); text.ok()) {
+        EXPECT_EQ(text->find("badge-of-tom"), std::string::npos) << name << kind;
+      }
 }
 
 TEST_F(OfflineTest, aDisabledPersonIsRefusedWithAProfileFromAFileToo) {

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <thread>
 
 #include "common/base/program.h"
@@ -85,6 +87,42 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
   EXPECT_EQ(out["rows"][1]["exercise"], "knee-recess");
   EXPECT_EQ(out["rows"][1]["state"], "COMPLETE") << "what was recorded is sent before the end";
   for (const pb::SessionInfo& info : lab_.sessions()) EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
+}
+
+TEST_F(TraineeServerTest, aBadgeIsReadAtTheStartScreenAndNotAgainForTheNextTry) {
+  ASSERT_EQ(lab_.stopServer(), kExitDone);
+  std::ofstream(lab_.path("code")) << "badge-4711\n";
+  std::filesystem::permissions(lab_.path("code"), std::filesystem::perms::owner_read);
+  ASSERT_EQ(lab_.admin({"user", "code", "tom", "--code-file", lab_.path("code")}), kExitDone);
+  lab_.startServer();
+  auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest",
+                              "--hand-repeat", "0", "--seconds", "1"});
+  ASSERT_TRUE(says(*station, "tom has a code")) << station->said();
+  display_.moveTo(600, 400);
+  std::this_thread::sleep_for(1s);
+  // as a reader does: all of it at once, with Enter; a wrong one first
+  display_.tool({"type", "--delay", "1", "badge-0815\n"});
+  ASSERT_TRUE(says(*station, "not the code of tom")) << station->said();
+  EXPECT_TRUE(lab_.sessions().empty());
+  std::this_thread::sleep_for(1s);
+  display_.tool({"type", "--delay", "1", "badge-4711\n"});
+  ASSERT_TRUE(says(*station, "session COMPLETE")) << station->said();
+  std::this_thread::sleep_for(1s);
+  display_.key("Return");
+  ASSERT_TRUE(eventually(
+      [&] {
+        const auto sessions = lab_.sessions();
+        return sessions.size() == 2 && sessions.front().state() == pb::SESSION_COMPLETE;
+      },
+      60s))
+      << station->said();
+  for (const pb::SessionInfo& info : lab_.sessions()) {
+    EXPECT_TRUE(info.description().code_checked());
+    EXPECT_FALSE(info.unknown_trainee());
+  }
+  station->signal(SIGTERM);
+  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  EXPECT_EQ(station->said().find("badge-4711"), std::string::npos);
 }
 
 TEST_F(TraineeServerTest, theServerGoesAndComesBackInMidLesson) {

@@ -172,9 +172,55 @@ Status updateCurriculum(Curriculum& curriculum, const AskServer& ask, const std:
   return {};
 }
 
+// --- the cache
+
+namespace {
+
+// null: there is no file, or it is damaged
+CacheJson readCache(const std::filesystem::path& path) {
+  const auto file = readWholeFile(path, kMaxCacheBytes);
+  const std::size_t line = file.ok() ? file->find('\n') : std::string::npos;
+  if (line == std::string::npos) return {};
+  const std::string text = file->substr(line + 1);
+  SessionHash hash;
+  hash.update(viewOf(text));
+  if (hexOf(hash.digest()) != file->substr(0, line)) return {};
+  return CacheJson::parse(text, nullptr, false);
+}
+
+std::set<std::string> askedForCodes(const CacheJson& json) {
+  const std::vector<std::string> names = cachedTexts(json, "asks_code");
+  return {names.begin(), names.end()};
+}
+
+}  // namespace
+
 Status CurriculumCache::keep(const Curriculum& curriculum) const {
-  CacheJson json = {
-      {"exercises", CacheJson::array()}, {"trainees", CacheJson::array()}, {"standings", CacheJson::array()}};
+  std::set<std::string> asks_code = askedForCodes(readCache(file_));
+  // an empty list: the server gives none
+  if (!curriculum.trainees.empty())
+    std::erase_if(asks_code, [&](const std::string& name) {
+      return std::none_of(curriculum.trainees.begin(), curriculum.trainees.end(),
+                          [&](const KnownTrainee& known) { return known.name == name; });
+    });
+  return write(curriculum, asks_code);
+}
+
+Status CurriculumCache::keepAsksCode(const std::string& trainee, bool asks) const {
+  std::set<std::string> asks_code = askedForCodes(readCache(file_));
+  const bool changed = asks ? asks_code.insert(trainee).second : asks_code.erase(trainee) > 0;
+  return changed ? write(find(), asks_code) : Status();
+}
+
+bool CurriculumCache::asksCode(const std::string& trainee) const {
+  return askedForCodes(readCache(file_)).contains(trainee);
+}
+
+Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::string>& asks_code) const {
+  CacheJson json = {{"exercises", CacheJson::array()},
+                    {"trainees", CacheJson::array()},
+                    {"standings", CacheJson::array()},
+                    {"asks_code", asks_code}};
   for (const ServerExercise& exercise : curriculum.exercises)
     json["exercises"].push_back({{"id", exercise.exercise_id},
                                  {"name", exercise.name},
@@ -216,14 +262,7 @@ Status CurriculumCache::keep(const Curriculum& curriculum) const {
 
 Curriculum CurriculumCache::find() const {
   Curriculum curriculum;
-  const auto file = readWholeFile(file_, kMaxCacheBytes);
-  const std::size_t line = file.ok() ? file->find('\n') : std::string::npos;
-  if (line == std::string::npos) return curriculum;
-  const std::string text = file->substr(line + 1);
-  SessionHash hash;
-  hash.update(viewOf(text));
-  if (hexOf(hash.digest()) != file->substr(0, line)) return curriculum;
-  const CacheJson json = CacheJson::parse(text, nullptr, false);
+  const CacheJson json = readCache(file_);
   for (const CacheJson& exercise : cachedList(json, "exercises"))
     curriculum.exercises.push_back({cachedText(exercise, "id"), cachedText(exercise, "name"),
                                     cachedText(exercise, "profile_id"), cachedText(exercise, "description"),

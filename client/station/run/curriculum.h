@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -83,13 +84,19 @@ class CurriculumCache {
   explicit CurriculumCache(const std::filesystem::path& spool)
       : file_(spool / "lessons" / "curriculum.cache") {}
 
-  /// Keeps the standings of the newest 500. Errors: kUnavailable (disk, no folder).
+  /// Keeps the standings of the newest 500, and who is asked for a code, as far as the server lists them.
+  /// Errors: kUnavailable (disk, no folder).
   Status keep(const Curriculum& curriculum) const;
+  /// Keeps whether the server asks for a code of this trainee; never the code. Errors: as keep.
+  Status keepAsksCode(const std::string& trainee, bool asks) const;
+  /// Returns whether the server asked for a code of this trainee when it was last there.
+  [[nodiscard]] bool asksCode(const std::string& trainee) const;
   /// Returns what was kept; an empty curriculum if there is none, or if the file is damaged: the server gives
   /// it again.
   [[nodiscard]] Curriculum find() const;
 
  private:
+  Status write(const Curriculum& curriculum, const std::set<std::string>& asks_code) const;
   std::filesystem::path file_;
 };
 

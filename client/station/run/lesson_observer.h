@@ -22,6 +22,7 @@ namespace needlelab {
 /// The data of a lesson that stay constant while it runs.
 struct LessonBeginning {
   std::string session_id, trainee;
+  bool code_unchecked = false;  ///< the trainee is to know: kCodeUnchecked
   StationLesson lesson;
   Pose X_WL;
   double rate_hz = 1000;
@@ -50,7 +51,8 @@ struct LessonStatus {
 /// The outcome of a finished lesson so far; the server's score may come later.
 struct LessonOutcome {
   StationSummary summary;
-  Status stored;  ///< whether the recording is stored safely
+  Status stored;                ///< whether the recording is stored safely
+  bool code_unchecked = false;  ///< as in LessonBeginning
   GestureCurve curve;
 };
 

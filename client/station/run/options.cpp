@@ -71,6 +71,12 @@ void addLesson(CLI::App& app, StationOptions& o) {
       ->group(kLesson);
   app.add_option("--profile", o.profile_file, "practise with this profile (JSON) instead of an exercise")
       ->group(kLesson);
+  app.add_option(
+         "--code-file", o.code_file,
+         "with --headless: the first line is the trainee's code (PIN or badge), for a server that asks; "
+         "default: asks at the terminal")
+      ->type_name("FILE")
+      ->group(kLesson);
   app.add_option("--model", o.model,
                  "axial force model in place of the profile's, e.g. ENHANCED_TRACKING_WALL")
       ->group(kLesson);
@@ -310,6 +316,10 @@ Status complete(StationOptions& options, const RawOptions& raw) {
     return usage(
         "there is nothing to practise: give --exercise ID, or --profile FILE for a profile of your own" +
         std::string(options.headless ? "" : "; without --start the window asks"));
+  if (!options.code_file.empty() && !(options.mode == StationMode::kLesson && options.headless))
+    return usage("--code-file needs --headless: the window has a field for the code");
+  if (!options.code_file.empty() && server.empty())
+    return usage("--code-file needs a server, which asks for the code: give --server or --enrolled");
   options.trainee_given = !options.trainee.empty();
   if (!options.exercise.empty() && !options.profile_file.empty())
     return usage("--exercise and --profile exclude each other: an exercise has its own profile");
@@ -379,8 +389,11 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   if (!raw.on_fault.empty()) o.on_fault = raw.on_fault == "wait" ? FaultPolicy::kWait : FaultPolicy::kEnd;
   std::vector<NamedFile> outputs = {{"--json", o.json_file}, {"--out", o.tool_out}};
   for (const std::string& picture : raw.screenshots) outputs.push_back({"--screenshot", picture});
-  if (const Status status =
-          checkOutputs({{"--profile", o.profile_file}, {"--key", o.key_file}, {"--ca", o.ca_file}}, outputs);
+  if (const Status status = checkOutputs({{"--profile", o.profile_file},
+                                          {"--code-file", o.code_file},
+                                          {"--key", o.key_file},
+                                          {"--ca", o.ca_file}},
+                                         outputs);
       !status.ok()) {
     std::cerr << "needlelab-station: " << status.error().message << "\n";
     parsed.exit_code = exitCodeOf(status.error());

@@ -55,6 +55,7 @@ struct StationOptions {
   // the lesson
   std::string trainee, exercise;
   std::filesystem::path profile_file;  ///< --profile: a profile from a file
+  std::filesystem::path code_file;     ///< --code-file: the trainee's code; empty: asks at the terminal
   std::string model;                   ///< empty: the profile's
   // the device
   std::string device = "simulated";

@@ -7,6 +7,7 @@
 #include "client/station/run/station_key.h"
 #include "client/station/run/station_run.h"
 #include "client/station/run/terminal.h"
+#include "client/station/run/trainee_code.h"
 #include "common/base/clock.h"
 #include "common/base/program.h"
 #include "common/wire/protocol.h"
@@ -85,9 +86,11 @@ int runStation(const StationOptions& options, const sigset_t& stop_signals) {
     logMessage(status.error().message);
     return exitCodeOf(status.error());
   };
+  auto ask_for_code = askForCodeWithoutWindow(options);
+  if (!ask_for_code.ok()) return failed(ask_for_code.error());
   if (const Status status = home.openSpool(); !status.ok()) return failed(status);
   if (const Status status = home.connect(); !status.ok()) return failed(status);
-  StationRun run(home, options, stop_signals);
+  StationRun run(home, options, stop_signals, {"", std::move(*ask_for_code)});
   if (const Status status = run.prepare(); !status.ok()) return failed(status);
   static_cast<void>(run.practise());  // the outcome contains its status
   run.drain();

@@ -19,6 +19,7 @@
 #include "client/device/factory/device_factory.h"
 #include "client/net/lesson_cache.h"
 #include "client/net/uplink.h"
+#include "client/station/run/curriculum.h"
 #include "client/station/run/fault_watch.h"
 #include "client/station/run/lesson.h"
 #include "client/station/run/live_line.h"
@@ -29,6 +30,7 @@
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
+#include "common/base/secret.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/scoring/lesson_watch.h"
@@ -94,13 +96,45 @@ bool StationRun::isStopped() {
   return interrupted_ || stopped_;
 }
 
+// asks the server with the trainee's code, and again while it is missing or wrong and somebody gives another
+template <typename Ask>
+auto StationRun::askWithCode(Ask&& ask) {
+  for (;;) {
+    auto reply = ask(code_.code);
+    if (reply.ok()) {
+      code_checked_ = !code_.code.empty();
+      keepAsksCode(code_checked_);
+      return reply;
+    }
+    if (reply.error().code != ErrorCode::kCode) return reply;
+    code_asked_ = true;
+    keepAsksCode(true);
+    if (!code_.ask) return reply;
+    auto given = code_.ask(reply.error(), [this] { return isStopped(); });
+    if (!given.ok()) return decltype(reply)(given.error());
+    wipe(code_.code);
+    code_.code = std::move(*given);
+  }
+}
+
+// for the time without the server: it alone knows who has a code
+void StationRun::keepAsksCode(bool asks) {
+  if (const Status kept = CurriculumCache(options_.spool).keepAsksCode(options_.trainee, asks); !kept.ok())
+    logMessage("it is not kept whether a code is asked for: " + kept.error().message);
+}
+
 // a profile from a file needs no server; but one that is there says whether it knows the trainee
 Status StationRun::checkTrainee() {
   Uplink* const uplink = home_.uplink();
   if (uplink == nullptr) return {};
-  pb::Request request;
-  request.mutable_check_trainee()->set_trainee(options_.trainee);
-  const auto reply = uplink->ask(std::move(request), kCheckPatience, true, [this] { return isStopped(); });
+  const auto reply = askWithCode([&](const std::string& code) {
+    pb::Request request;
+    request.mutable_check_trainee()->set_trainee(options_.trainee);
+    request.mutable_check_trainee()->set_code(code);
+    // whoever typed a code waits for its check
+    const auto patience = code.empty() ? kCheckPatience : kLessonPatience;
+    return uplink->ask(std::move(request), patience, true, [this] { return isStopped(); });
+  });
   if (reply.ok()) return {};
   if (interrupted_ || stopped_) return reply.error();
   const ErrorCode code = reply.error().code;
@@ -108,8 +142,9 @@ Status StationRun::checkTrainee() {
     logMessage(fmt::format("the server did not say in time whether it knows '{}' ({})", options_.trainee,
                            reply.error().message));
   // kDenied also comes when the server refuses the station itself, whose lesson goes on without it
-  const bool said_no =
-      code == ErrorCode::kNotFound || (code == ErrorCode::kDenied && !uplink->state().denied);
+  const bool said_no = code == ErrorCode::kNotFound ||
+                       (code == ErrorCode::kDenied && !uplink->state().denied) ||
+                       (code_asked_ && code != ErrorCode::kUnavailable);
   return said_no ? Status(reply.error()) : Status();
 }
 
@@ -124,8 +159,11 @@ Status StationRun::getLesson() {
     if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)
       return cached.error();  // no id at all
     if (Uplink* uplink = home_.uplink()) {
-      auto fetched = uplink->getLesson(options_.exercise, options_.trainee, kLessonPatience, cached.ok(),
-                                       [this] { return isStopped(); });
+      const auto fetched = askWithCode([&](const std::string& code) {
+        return uplink->getLesson(
+            options_.exercise, options_.trainee, kLessonPatience, cached.ok(), [this] { return isStopped(); },
+            code);
+      });
       if (fetched.ok()) {
         if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())
           logMessage("the lesson is not cached: " + kept.error().message);
@@ -153,6 +191,11 @@ Status StationRun::getLesson() {
   lesson_ = std::move(*lesson);
   for (const std::string& warning : lesson_.warnings)
     logMessage("profile " + lesson_.profile.id() + ": " + warning);
+  // the lesson needs it no longer
+  wipe(code_.code);
+  code_.ask = nullptr;
+  code_unchecked_ = !code_checked_ && CurriculumCache(options_.spool).asksCode(options_.trainee);
+  if (code_unchecked_) logMessage(kCodeUnchecked);
   return {};
 }
 
@@ -200,6 +243,7 @@ Status StationRun::openSession() {
   d.set_station(home_.station());
   d.set_trainee(options_.trainee);
   d.set_exercise_id(options_.exercise);
+  d.set_code_checked(code_checked_);
   d.set_profile_id(lesson_.profile.id());
   d.set_profile_revision(lesson_.profile_revision);
   d.set_profile_json(profileJson(lesson_.profile));
@@ -224,6 +268,7 @@ void StationRun::announce() {
   auto beginning = std::make_shared<LessonBeginning>();
   beginning->session_id = session_->idText();
   beginning->trainee = options_.trainee;
+  beginning->code_unchecked = code_unchecked_;
   beginning->lesson = lesson_;
   beginning->X_WL = options_.X_WL;
   beginning->rate_hz = options_.rate_hz;
@@ -456,6 +501,7 @@ LessonOutcome StationRun::outcome() {
   LessonOutcome outcome;
   outcome.summary = summarise();
   outcome.stored = stored_;
+  outcome.code_unchecked = code_unchecked_;
   if (local_->ok()) outcome.curve = (*local_)->curve;
   return outcome;
 }

@@ -19,6 +19,7 @@
 #include "client/station/run/servo_loop.h"
 #include "client/station/run/station.h"
 #include "client/station/run/summary.h"
+#include "client/station/run/trainee_code.h"
 
 namespace needlelab {
 
@@ -26,11 +27,13 @@ namespace needlelab {
 /// times, and `report` once. Thread: one, which starts and joins all others.
 class StationRun {
  public:
-  /// `options` contains this lesson's trainee and exercise. `home` is open and connected and must outlive it.
-  StationRun(StationHome& home, StationOptions options, const sigset_t& stop_signals)
-      : home_(home), options_(std::move(options)), signals_(stop_signals) {}
+  /// `options` contains this lesson's trainee and exercise, `code` the trainee's. `home` is open and
+  /// connected and must outlive it.
+  StationRun(StationHome& home, StationOptions options, const sigset_t& stop_signals, GivenCode code = {})
+      : home_(home), options_(std::move(options)), signals_(stop_signals), code_(std::move(code)) {}
 
-  /// Prepares lesson, device and session. Errors include advice; after an error there is no recording.
+  /// Prepares lesson, device and session. Errors include advice; after an error there is no recording. kCode:
+  /// the server asks for the trainee's code, and nobody gave the right one.
   Status prepare();
   /// Runs the loop until the lesson ends. Errors: part of the recording is not stored safely.
   Status practise();
@@ -44,10 +47,15 @@ class StationRun {
 
   /// Returns whether a stop signal came: the program must end, not only the lesson.
   [[nodiscard]] bool interrupted() const { return interrupted_; }
+  /// After `prepare`: the server accepted the trainee's code for this lesson.
+  [[nodiscard]] bool codeChecked() const { return code_checked_; }
 
  private:
   bool isStopped();
   // steps of `prepare`
+  template <typename Ask>
+  auto askWithCode(Ask&& ask);
+  void keepAsksCode(bool asks);
   Status checkTrainee();
   Status getLesson();
   Status chooseDevice();
@@ -66,6 +74,10 @@ class StationRun {
   StationHome& home_;
   const StationOptions options_;
   const sigset_t& signals_;
+  GivenCode code_;
+  bool code_asked_ = false;                 // by the server, for this lesson
+  bool code_checked_ = false;               // it accepted it
+  bool code_unchecked_ = false;             // it asks for one otherwise, but is away
   std::shared_ptr<HandSteering> steering_;  // input of the simulated hand steered in the window
   SampleRing ring_;
   StationLesson lesson_;

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/station/run/trainee_code.h"
 #include "client/station/window/start_choice.h"
 #include "client/station/window/station_actions.h"
 #include "client/view/action_bar.h"
@@ -90,6 +91,7 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
   } else {
     verdict.kept = "the recording is safe in this station's spool; it is sent when a server is given";
   }
+  if (outcome.code_unchecked) verdict.waits = kCodeUnchecked;
   return verdict;
 }
 
@@ -352,8 +354,12 @@ void EndScreen::showVerdict() {
       textBlock("The lesson ended: " + verdict_.ended +
                 (verdict_.by.empty() ? "." : "; " + verdict_.by + "."));
     }
-    const WithTextColour colour(verdict_.kept_well ? kDimText : styleOf(Condition::kTrouble).colour);
-    textBlock(verdict_.kept);
+    {
+      const WithTextColour colour(verdict_.kept_well ? kDimText : styleOf(Condition::kTrouble).colour);
+      textBlock(verdict_.kept);
+    }
+    const WithTextColour attention(styleOf(Condition::kAttention).colour);
+    if (!verdict_.waits.empty()) textBlock(verdict_.waits);
   }
   ImGui::Spacing();
   for (const VerdictRow& row : verdict_.required) verdictRow(row);

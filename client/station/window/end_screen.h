@@ -33,6 +33,7 @@ struct LessonVerdict {
   std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"
   std::string kept;       ///< place of the recording: "with the server", "in this station's spool", …
   bool kept_well = true;  ///< false: part of it is lost or refused
+  std::string waits;      ///< why it does not count yet; empty: it does
   std::string by;         ///< "scored by the server"; empty without a score
 };
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "common/base/clock.h"
+#include "common/base/secret.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -43,6 +44,7 @@ void LessonBoard::ask(BoardRequest request) {
     // the window asks for a standing by itself: this must not take the place of what a person asked for
     const bool by_itself = request.kind == BoardRequest::Kind::kTrainee;
     if (by_itself && request_.kind != BoardRequest::Kind::kNothing && request_.kind != request.kind) return;
+    wipe(request_.code);
     request_ = std::move(request);
   }
   requested_.notify_all();
@@ -54,7 +56,10 @@ BoardRequest LessonBoard::waitForRequest(std::chrono::milliseconds patience) {
   time_.waitUntilNs(requested_, lock, due_ns,
                     [this] { return quit_ || request_.kind != BoardRequest::Kind::kNothing; });
   if (quit_) return {BoardRequest::Kind::kQuit, {}};
-  return std::exchange(request_, BoardRequest{});
+  BoardRequest request = request_;
+  wipe(request_.code);
+  request_ = {};
+  return request;
 }
 
 bool LessonBoard::requestWaits() const {

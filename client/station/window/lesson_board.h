@@ -69,6 +69,13 @@ struct SuggestedExercise {
   std::string from, exercise;
 };
 
+/// The server asks for a trainee's code.
+struct CodeQuestion {
+  std::string trainee, text;  ///< the text is the server's, for the trainee
+  bool wrong = false;         ///< false: no code was given yet
+  std::uint64_t number = 0;   ///< counts up: the same again is a new question
+};
+
 /// All visible state except the samples. A copy is cheap.
 struct BoardState {
   Stage stage = Stage::kOpening;
@@ -76,10 +83,11 @@ struct BoardState {
   DeviceReadiness device;
   std::string server;  ///< short state; empty without a server
   bool server_away = false;
-  LessonChoice choice;       ///< the preselection; in a lesson, its choice
-  std::string preparing;     ///< the step, for a person
-  std::string trouble;       ///< why the last attempt to begin failed
-  std::uint64_t lesson = 0;  ///< counts up; 0: none yet
+  LessonChoice choice;                        ///< the preselection; in a lesson, its choice
+  std::string preparing;                      ///< the step, for a person
+  std::string trouble;                        ///< why the last attempt to begin failed
+  std::optional<CodeQuestion> code_question;  ///< the last attempt to begin needs this answered
+  std::uint64_t lesson = 0;                   ///< counts up; 0: none yet
   std::shared_ptr<const LessonBeginning> beginning;
   LessonStatus status;
   AidList aids;                        ///< in effect now
@@ -93,7 +101,7 @@ struct BoardState {
 struct BoardRequest {
   enum class Kind : std::uint8_t {
     kNothing,
-    kBegin,    ///< `choice`
+    kBegin,    ///< `choice`, with `code`
     kStart,    ///< show the Start screen
     kLook,     ///< refresh exercises, trainees, device, and the standing of `choice.trainee`
     kTrainee,  ///< fetch the standing of `choice.trainee`
@@ -101,6 +109,7 @@ struct BoardRequest {
   };
   Kind kind = Kind::kNothing;
   LessonChoice choice;
+  std::string code = {};  ///< as typed; empty: the one that was accepted before
 };
 
 /// Thread: any but the haptic one. The window cannot block other threads: samples wait in a queue of

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "client/station/run/fault_watch.h"
+#include "client/station/run/trainee_code.h"
 #include "client/station/window/keys.h"
 #include "client/station/window/lesson_panel.h"
 #include "client/station/window/start_choice.h"
@@ -185,17 +186,22 @@ void showHead(const BoardState& state, const LessonFollow& lesson) {
     const WithTextColour colour(limit > 0 && limit - now < 10 ? kOrange : kText);
     ImGui::TextUnformatted(clock.c_str());
   }
+  const WithTextColour colour(beginning.code_unchecked ? styleOf(Condition::kAttention).colour : kDimText);
+  textLine(lessonLine(beginning));
+}
+
+}  // namespace
+
+std::string lessonLine(const LessonBeginning& beginning) {
   std::string who = beginning.trainee;
+  if (beginning.code_unchecked) return who + ": " + kCodeUnchecked;
   if (beginning.lesson.attempt > 0) who += fmt::format(", attempt {}", beginning.lesson.attempt);
   if (beginning.lesson.attempts_left)
     who += fmt::format(" ({} left, this one included)", *beginning.lesson.attempts_left);
   if (beginning.lesson.exercise && !beginning.lesson.exercise->description().empty())
     who += ": " + beginning.lesson.exercise->description();
-  const WithTextColour dim(kDimText);
-  textLine(who);
+  return who;
 }
-
-}  // namespace
 
 void LessonScreen::begin(const LessonFollow& lesson) {
   renderer_.setScene(lesson.scene());

@@ -28,6 +28,9 @@ struct Overlay {
 
 /// Pure.
 Overlay overlayOf(const LessonStatus& status);
+/// Who practises what: "tom, attempt 2 (3 left, this one included): Feel the capsule give way." Of a code
+/// that the server could not check it says so, in place of the attempt, which is not counted yet. Pure.
+std::string lessonLine(const LessonBeginning& beginning);
 
 /// A lesson's screen and its state between frames. Thread: the window's.
 class LessonScreen {

@@ -10,9 +10,11 @@
 #include "client/station/run/live_line.h"
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
+#include "client/station/run/trainee_code.h"
 #include "client/station/window/start_choice.h"
 #include "common/base/clock.h"
 #include "common/base/program.h"
+#include "common/base/secret.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -74,7 +76,9 @@ int LessonSequence::run() {
     if (signalWithin(signals_, 0ms) != 0) break;
     updateServer();
     if (last_) showOutcome();
-    handle(board_.waitForRequest(kLook));
+    BoardRequest request = board_.waitForRequest(kLook);
+    const WipeAtEnd wiped(request.code);
+    handle(request);
   }
   board_.change([](BoardState& state) { state.stage = Stage::kClosing; });
   if (last_) {
@@ -93,7 +97,7 @@ void LessonSequence::handle(const BoardRequest& request) {
     case BoardRequest::Kind::kNothing:
       return;
     case BoardRequest::Kind::kBegin:
-      return practise(request.choice);
+      return practise(request.choice, request.code);
     case BoardRequest::Kind::kStart:
       return showStart();
     case BoardRequest::Kind::kLook:
@@ -107,8 +111,14 @@ void LessonSequence::handle(const BoardRequest& request) {
   }
 }
 
+void LessonSequence::forgetCode() {
+  wipe(kept_code_);
+  kept_code_of_.clear();
+}
+
 void LessonSequence::showStart() {
   reportLast();
+  forgetCode();  // whoever comes to the Start screen may be somebody else
   StartLists lists = localLists(options_, home_.spool());
   std::string trainee;
   board_.change([&](BoardState& state) {
@@ -200,7 +210,7 @@ void LessonSequence::updateServer() {
   if (at_start && !device_ready_ && now_ns >= next_device_look_ns_) updateDevice();
 }
 
-void LessonSequence::practise(const LessonChoice& choice) {
+void LessonSequence::practise(const LessonChoice& choice, const std::string& typed_code) {
   reportLast();
   StationOptions options = options_;
   options.trainee = choice.trainee.empty() && !home_.uplink() ? std::string(kGuestName) : choice.trainee;
@@ -210,10 +220,14 @@ void LessonSequence::practise(const LessonChoice& choice) {
     state.stage = Stage::kPreparing;
     state.preparing.clear();
     state.trouble.clear();
+    state.code_question.reset();
     state.choice = choice;
     if (state.next && state.next->exercise == choice.exercise) state.next.reset();
   });
-  last_ = std::make_unique<StationRun>(home_, options, signals_);
+  if (options.trainee != kept_code_of_) forgetCode();
+  std::string code = typed_code.empty() ? kept_code_ : typed_code;
+  const WipeAtEnd wiped(code);
+  last_ = std::make_unique<StationRun>(home_, options, signals_, GivenCode{code, {}});
   const auto prepared = [&]() -> Status {
     RETURN_IF_ERROR(checkName("trainee", options.trainee));
     if (options.exercise.empty() && options.profile_file.empty())
@@ -223,10 +237,14 @@ void LessonSequence::practise(const LessonChoice& choice) {
   if (!prepared.ok()) {
     quit_ = last_->interrupted();
     last_.reset();
-    logMessage(prepared.error().message);
-    failed_to_begin_ = exitCodeOf(prepared.error());
-    board_.change([&](BoardState& state) { state.trouble = printable(prepared.error().message); });
+    cannotBegin(prepared.error(), choice, !typed_code.empty());
     return showStart();
+  }
+  // the server may be away: then what it accepted before still holds
+  if (last_->codeChecked()) {
+    forgetCode();
+    kept_code_ = code;
+    kept_code_of_ = options.trainee;
   }
   static_cast<void>(last_->practise());
   outcome_ = last_->outcome();
@@ -236,6 +254,17 @@ void LessonSequence::practise(const LessonChoice& choice) {
     state.stage = Stage::kEnd;
     state.outcome = std::make_shared<const LessonOutcome>(*outcome_);
   });
+}
+
+void LessonSequence::cannotBegin(const Error& error, const LessonChoice& choice, bool code_typed) {
+  logMessage(error.message);
+  // the window asks the person, who has done nothing wrong
+  if (error.code == ErrorCode::kCode && !alone_) {
+    const CodeQuestion question{choice.trainee, printable(refusalText(error)), code_typed, ++code_questions_};
+    return board_.change([&](BoardState& state) { state.code_question = question; });
+  }
+  failed_to_begin_ = exitCodeOf(error);
+  board_.change([&](BoardState& state) { state.trouble = printable(error.message); });
 }
 
 // until the server's verdict arrives or the wait ends

@@ -11,9 +11,13 @@
 #include "client/station/run/station.h"
 #include "client/station/run/station_run.h"
 #include "client/station/window/lesson_board.h"
+#include "common/base/secret.h"
 
 namespace needlelab {
 
+/// Keeps the code of a trainee, once the server accepted it, for the next lesson of the same trainee, until
+/// the Start screen comes or somebody else practises.
+///
 /// Thread: any thread constructs it; `run` on the lessons' thread, which is not the window's. All other
 /// communication uses the board and `requests`.
 class LessonSequence {
@@ -22,6 +26,9 @@ class LessonSequence {
   /// lesson begins at once.
   LessonSequence(const StationOptions& options, const sigset_t& stop_signals, LessonBoard& board, bool alone,
                  bool begins, TimeSource& time = machineTime());
+  ~LessonSequence() { forgetCode(); }
+  LessonSequence(const LessonSequence&) = delete;
+  LessonSequence& operator=(const LessonSequence&) = delete;
 
   /// Runs until a person quits or a stop signal comes. Returns the program's exit code: 1 if a lesson ended
   /// in FAULT or is not stored safely; if no lesson could begin, the error's code.
@@ -41,7 +48,9 @@ class LessonSequence {
   void updateDevice();
   void updateServer();
   void handle(const BoardRequest& request);
-  void practise(const LessonChoice& choice);
+  void practise(const LessonChoice& choice, const std::string& typed_code = {});
+  void cannotBegin(const Error& error, const LessonChoice& choice, bool code_typed);
+  void forgetCode();
   void showOutcome();
   void reportLast();
   [[nodiscard]] LessonChoice firstChoice() const;
@@ -55,6 +64,9 @@ class LessonSequence {
   std::unique_ptr<StationRun> last_;      // not reported yet
   std::optional<LessonOutcome> outcome_;  // its
   std::vector<StationSummary> earlier_;
+  std::string kept_code_;     // that the server accepted in the last lesson, for the next one of
+  std::string kept_code_of_;  // this trainee
+  std::uint64_t code_questions_ = 0;
   std::string lists_made_with_;  // the server's state when the lists were made
   std::int64_t next_device_look_ns_ = 0, next_server_look_ns_ = 0, drain_until_ns_ = 0;
   bool device_ready_ = false;

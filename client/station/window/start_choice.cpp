@@ -1,5 +1,7 @@
 #include "client/station/window/start_choice.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -9,7 +11,9 @@
 #include <utility>
 
 #include "client/station/run/list_devices.h"
+#include "client/station/run/trainee_code.h"
 #include "common/base/local_time.h"
+#include "common/base/secret.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -149,7 +153,36 @@ void StartChoice::update(const BoardState& state, std::int64_t now_unix_ns) {
     exercise_ = state.choice.exercise;
     by_person_ = by_profile_ || !exercise_.empty();
   }
+  takeQuestion(state.code_question);
   list();
+}
+
+void StartChoice::takeQuestion(const std::optional<CodeQuestion>& question) {
+  if (!question || (question_ && question_->trainee != trainee_)) forgetCode();
+  if (!question || question->number == questions_seen_) return;
+  questions_seen_ = question->number;
+  forgetCode();  // the answer to the question before
+  if (question->trainee == trainee_) question_ = question;
+}
+
+void StartChoice::forgetCode() {
+  question_.reset();
+  wipe(code_);
+}
+
+const CodeQuestion* StartChoice::codeQuestion() const {
+  return question_ && server_ && !server_away_ ? &*question_ : nullptr;
+}
+
+void StartChoice::typeCode(std::string code) {
+  wipe(code_);
+  code_ = std::move(code);
+}
+
+std::string StartChoice::takeCode() {
+  std::string code = code_;
+  wipe(code_);
+  return codeQuestion() != nullptr ? code : std::string();
 }
 
 const TraineeStanding* StartChoice::standing() const {
@@ -267,6 +300,7 @@ void StartChoice::chooseTrainee(const std::string& name) {
   if (account != trainee_) {
     if (!by_person_) exercise_.clear();
     by_person_ = by_profile_;
+    forgetCode();
   }
   trainee_ = account;
   list();
@@ -312,7 +346,11 @@ std::string StartChoice::missing() const {
   const int index = exercise();
   if (index < 0) return "What is to be practised? Choose an exercise.";
   const ExerciseRow& chosen = exercises_[static_cast<std::size_t>(index)];
-  return chosen.usable ? std::string() : chosen.name + ": " + chosen.note;
+  if (!chosen.usable) return chosen.name + ": " + chosen.note;
+  if (codeQuestion() == nullptr || checkCode(code_).ok()) return {};
+  return fmt::format(
+      "The server asks for a code: type it, {} characters or more, or hold the badge to the reader.",
+      kLeastCodeBytes);
 }
 
 }  // namespace needlelab

@@ -2,6 +2,7 @@
 /// lesson. No drawing.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -43,9 +44,15 @@ struct ExerciseRow {
   DueState due = DueState::kNone;
 };
 
-/// Lists and choice. The person's choice survives changes of the lists.
+/// Lists and choice. The person's choice survives changes of the lists. The server's question for the chosen
+/// trainee's code is gone once somebody else is chosen, and so is what was typed.
 class StartChoice {
  public:
+  StartChoice() = default;
+  ~StartChoice() { forgetCode(); }
+  StartChoice(const StartChoice&) = delete;
+  StartChoice& operator=(const StartChoice&) = delete;
+
   /// Takes new lists and the station's preselection. Keeps the person's choice if possible.
   void update(const BoardState& state, std::int64_t now_unix_ns = wallNowNs());
 
@@ -71,6 +78,15 @@ class StartChoice {
   /// The same for the list of trainees.
   void stepTrainee(int by);
 
+  /// Returns the server's question for the code of the chosen trainee; null: there is none, or the server is
+  /// away and nobody could check a code.
+  [[nodiscard]] const CodeQuestion* codeQuestion() const;
+  /// What is typed as the answer.
+  void typeCode(std::string code);
+  [[nodiscard]] const std::string& typedCode() const { return code_; }
+  /// Returns what was typed, for the request, and forgets it.
+  [[nodiscard]] std::string takeCode();
+
   /// Returns the lesson to begin; none while the choice is incomplete.
   [[nodiscard]] std::optional<LessonChoice> choice() const;
   /// Returns why no lesson can begin, for a person; empty if one can.
@@ -78,6 +94,8 @@ class StartChoice {
 
  private:
   void list();
+  void takeQuestion(const std::optional<CodeQuestion>& question);
+  void forgetCode();
   void addLadder();
   void addOthers();
   [[nodiscard]] const TraineeStanding* standing() const;
@@ -89,7 +107,10 @@ class StartChoice {
   std::string trainee_;
   std::string exercise_;  // id; empty: the profile or none
   bool by_profile_ = false;
-  bool by_person_ = false;  // chosen by a person, not the ladder's next step
+  bool by_person_ = false;                // chosen by a person, not the ladder's next step
+  std::optional<CodeQuestion> question_;  // of trainee_
+  std::uint64_t questions_seen_ = 0;
+  std::string code_;  // as typed
   std::vector<std::string> trainees_;
   std::vector<ExerciseRow> exercises_;
 };

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "client/station/run/lesson_requests.h"
+#include "client/station/run/trainee_code.h"
 #include "client/station/window/keys.h"
 #include "client/station/window/station_actions.h"
 #include "client/view/action_bar.h"
@@ -74,7 +75,8 @@ void StartScreen::show(const BoardState& state, bool changed, bool keys, LessonB
   actionHints(actions);
   endScreen();
 
-  if (keys && !ImGui::GetIO().WantTextInput) {
+  // the field of a name or code that was just entered is active a frame before ImGui says so
+  if (keys && !ImGui::GetIO().WantTextInput && !ImGui::IsAnyItemActive()) {
     if (ImGui::IsKeyPressed(GLFW_KEY_DOWN)) choice_.step(1);
     if (ImGui::IsKeyPressed(GLFW_KEY_UP)) choice_.step(-1);
     for (const auto& [key, by] : {std::pair(GLFW_KEY_LEFT, -1), std::pair(GLFW_KEY_RIGHT, 1)})
@@ -107,6 +109,7 @@ void StartScreen::showTrainees() {
     typed_ = text.data();
     choice_.chooseTrainee(typed_);
   }
+  showCode();
   ImGui::Spacing();
   for (const std::string& name : choice_.trainees()) {
     ImGui::PushID(name.c_str());
@@ -121,6 +124,37 @@ void StartScreen::showTrainees() {
     const WithTextColour dim(kDimText);
     textBlock("Write the name above. Names that the server has assigned something to are listed here.");
   }
+}
+
+// only while the server asks for a code of the chosen trainee; Enter begins, as everywhere on this screen
+void StartScreen::showCode() {
+  const CodeQuestion* const question = choice_.codeQuestion();
+  if (question == nullptr) {
+    code_question_ = 0;
+    return;
+  }
+  ImGui::Spacing();
+  {
+    const WithTextColour dim(kDimText);
+    ImGui::TextUnformatted("Code");
+  }
+  std::array<char, kMostCodeBytes + 1> text{};
+  std::memcpy(text.data(), choice_.typedCode().data(), std::min(choice_.typedCode().size(), kMostCodeBytes));
+  // a new question empties the field that the person may still be in
+  ImGui::PushID(static_cast<int>(question->number));
+  if (std::exchange(code_question_, question->number) != question->number) ImGui::SetKeyboardFocusHere();
+  ImGui::SetNextItemWidth(-1);
+  if (ImGui::InputTextWithHint("##code", "PIN or badge", text.data(), text.size(),
+                               ImGuiInputTextFlags_Password))
+    choice_.typeCode(text.data());
+  // Enter leaves the field, but what is too short begins nothing: the person types on
+  const bool entered = ImGui::IsKeyPressed(GLFW_KEY_ENTER) || ImGui::IsKeyPressed(GLFW_KEY_KP_ENTER);
+  if (ImGui::IsItemDeactivated() && entered && !checkCode(choice_.typedCode()).ok()) code_question_ = 0;
+  ImGui::PopID();
+  ::explicit_bzero(text.data(), text.size());
+  const WithFont small(Letters::kSmall);
+  const WithTextColour colour(question->wrong ? styleOf(Condition::kTrouble).colour : kText);
+  textBlock(question->text);
 }
 
 void StartScreen::showExercises() {
@@ -199,7 +233,8 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
 void StartScreen::act(std::optional<int> action, LessonBoard& board) {
   if (action == kActLook) board.ask({BoardRequest::Kind::kLook, {choice_.trainee(), "", false}});
   if (action != kActBegin) return;
-  if (const auto choice = choice_.choice()) board.ask({BoardRequest::Kind::kBegin, *choice});
+  if (const auto choice = choice_.choice())
+    board.ask({BoardRequest::Kind::kBegin, *choice, choice_.takeCode()});
 }
 
 namespace {

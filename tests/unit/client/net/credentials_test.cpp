@@ -27,5 +27,14 @@ TEST(Password, emptyLongAndMissingAreRefusedByName) {
   }
 }
 
+TEST(SecretLine, isTheFirstLineAndMayBeAnything) {
+  const test::TempFolder folder;
+  EXPECT_EQ(*readSecretLine(folder.write("a", "4711\r\nsecond line")), "4711");
+  EXPECT_EQ(*readSecretLine(folder.write("empty", "")), "");
+  const auto missing = readSecretLine(folder.path() / "none");
+  ASSERT_FALSE(missing.ok());
+  EXPECT_EQ(missing.error().code, ErrorCode::kInvalidInput);
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -89,6 +91,25 @@ class FakeServer {
       channels_.clear();
     });
   }
+  /// The certificate authority of `clientConfig`, for programs that read it from a file.
+  static std::filesystem::path caFile() { return tls().files.ca_certificate; }
+  /// What every known exercise gets.
+  void setLesson(const pb::Lesson& lesson) {
+    const std::scoped_lock lock(mutex_);
+    lesson_ = lesson;
+  }
+  /// GetLesson and CheckTrainee are refused while this trainee's code is missing or wrong, and altogether
+  /// after five wrong ones. Empty: the trainee has none.
+  void setCode(const std::string& trainee, const std::string& code) {
+    const std::scoped_lock lock(mutex_);
+    codes_[trainee] = code;
+    wrong_codes_[trainee] = 0;
+  }
+  /// Returns the codes that came with GetLesson and CheckTrainee, in order; empty where none came.
+  std::vector<std::string> givenCodes() {
+    const std::scoped_lock lock(mutex_);
+    return given_codes_;
+  }
   /// Acknowledges all stored chunks of every session (for use with `never_ack`).
   void ackNow() {
     asio::post(io_, [this] {
@@ -102,9 +123,9 @@ class FakeServer {
  private:
   struct Tls {
     TempFolder folder;
+    TlsFiles files = tlsFilesIn(folder.path() / "tls");
     TlsContext server, client;
     Tls() {
-      const TlsFiles files = tlsFilesIn(folder.path() / "tls");
       const auto made = ensureTlsFiles(files, {"127.0.0.1"});
       if (!made.ok()) throw std::runtime_error(made.error().message);
       server = *makeServerTls(files.certificate, files.key);
@@ -185,17 +206,56 @@ class FakeServer {
       const std::scoped_lock status_lock(status_mutex_);
       newest_status_ = envelope.station_status();
       ++status_lines_;
-    } else if (envelope.has_request() && envelope.request().has_get_lesson()) {
-      if (envelope.request().get_lesson().exercise_id() == "unknown") {
-        *answer.mutable_refusal() = makeRefusal(pb::Refusal::NOT_FOUND, "no such exercise");
-        answer.set_refused_request(envelope.request().id());
-      } else {
-        answer.mutable_reply()->set_id(envelope.request().id());
-        answer.mutable_reply()->mutable_lesson()->set_profile_json("{}");
-        answer.mutable_reply()->mutable_lesson()->set_profile_revision(7);
-      }
-      channel->send(answer);
+    } else if (envelope.has_request()) {
+      answerRequest(channel, envelope.request());
     }
+  }
+
+  void answerRequest(const std::shared_ptr<Channel>& channel, const pb::Request& request) {
+    pb::Envelope answer;
+    std::optional<pb::Refusal> refusal;
+    if (request.has_get_lesson()) {
+      const pb::GetLesson& call = request.get_lesson();
+      refusal = call.exercise_id() == "unknown" ? makeRefusal(pb::Refusal::NOT_FOUND, "no such exercise")
+                                                : refusalOfCode(call.trainee(), call.code());
+      *answer.mutable_reply()->mutable_lesson() = lesson_;
+    } else if (request.has_check_trainee()) {
+      refusal = refusalOfCode(request.check_trainee().trainee(), request.check_trainee().code());
+      answer.mutable_reply()->mutable_done();
+    } else {
+      return;  // is silent
+    }
+    answer.mutable_reply()->set_id(request.id());
+    if (refusal) {
+      answer = {};
+      *answer.mutable_refusal() = *refusal;
+      answer.set_refused_request(request.id());
+    }
+    channel->send(answer);
+  }
+
+  std::optional<pb::Refusal> refusalOfCode(const std::string& trainee, const std::string& given) {
+    given_codes_.push_back(given);
+    const std::string& code = codes_[trainee];
+    int& wrong = wrong_codes_[trainee];
+    constexpr int kTries = 5;
+    if (code.empty()) return std::nullopt;
+    if (given.empty())
+      return makeRefusal(pb::Refusal::CODE,
+                         trainee + " has a code: type the PIN or hold the badge to the reader");
+    if (wrong >= kTries)
+      return makeRefusal(pb::Refusal::CODE, "too many wrong codes of " + trainee + ": try again in a minute");
+    if (given == code) return std::nullopt;
+    const std::string no = "this is not the code of " + trainee + "; ";
+    if (++wrong == kTries) return makeRefusal(pb::Refusal::CODE, no + "try again in a minute");
+    return makeRefusal(pb::Refusal::CODE, no + std::to_string(kTries - wrong) + " tries left");
+  }
+
+  static pb::Lesson smallLesson() {
+    pb::Lesson lesson;
+    lesson.set_profile_json("{}");
+    lesson.set_profile_revision(7);
+    return lesson;
   }
 
   void takeChunk(const std::shared_ptr<Channel>& channel, const pb::Chunk& chunk) {
@@ -244,6 +304,10 @@ class FakeServer {
   std::uint64_t chunks_seen_ = 0;
   std::mutex mutex_;
   std::map<std::string, KeptSession> sessions_;
+  pb::Lesson lesson_ = smallLesson();
+  std::map<std::string, std::string> codes_;  // by trainee
+  std::map<std::string, int> wrong_codes_;
+  std::vector<std::string> given_codes_;
   std::atomic<std::uint64_t> live_frames_{0}, status_lines_{0}, most_chunks_{0};
   std::mutex status_mutex_;
   pb::StationStatus newest_status_;

@@ -382,6 +382,16 @@ TEST_F(UplinkTest, lessonsComeFromTheServerWithItsNoOrNotAtAll) {
   EXPECT_EQ(away.error().code, ErrorCode::kUnavailable);
 }
 
+TEST_F(UplinkTest, aTraineesCodeGoesWithTheRequest) {
+  FakeServer server;
+  server.setCode("tom", "4711");
+  auto uplink = connected(server.clientConfig());
+  EXPECT_EQ(uplink->getLesson("shoulder", "tom", 5s, false).error().code, ErrorCode::kCode);
+  EXPECT_EQ(uplink->getLesson("shoulder", "tom", 5s, false, {}, "0000").error().code, ErrorCode::kCode);
+  EXPECT_TRUE(uplink->getLesson("shoulder", "tom", 5s, false, {}, "4711").ok());
+  EXPECT_EQ(server.givenCodes(), (std::vector<std::string>{"", "0000", "4711"}));
+}
+
 TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
   FakeServer server;
   auto session = makeSession(0, false);

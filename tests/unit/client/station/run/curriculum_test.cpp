@@ -191,6 +191,35 @@ TEST_F(CurriculumTest, theCacheKeepsTheNewestStandings) {
   EXPECT_EQ(found.standings.count("t100"), 1u);
 }
 
+TEST_F(CurriculumTest, theCacheKnowsWhoIsAskedForACode) {
+  EXPECT_FALSE(cache_.asksCode("tom")) << "nothing is kept yet";
+  ASSERT_TRUE(cache_.keepAsksCode("tom", true).ok());
+  ASSERT_TRUE(cache_.keepAsksCode("guido", true).ok());
+  EXPECT_TRUE(cache_.asksCode("tom"));
+  EXPECT_FALSE(cache_.asksCode("zoe"));
+  EXPECT_TRUE(cache_.find().exercises.empty());
+  // what the server says of courses and trainees leaves it; who is not listed any more is forgotten
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  EXPECT_TRUE(cache_.asksCode("tom"));
+  EXPECT_FALSE(cache_.asksCode("guido"));
+  // and it leaves those
+  ASSERT_TRUE(cache_.keepAsksCode("zoe", true).ok());
+  EXPECT_EQ(cache_.find().trainees, curriculum_.trainees);
+  EXPECT_EQ(cache_.find().standings, curriculum_.standings);
+  ASSERT_TRUE(cache_.keepAsksCode("tom", false).ok());
+  EXPECT_FALSE(cache_.asksCode("tom"));
+  EXPECT_TRUE(cache_.asksCode("zoe"));
+}
+
+TEST_F(CurriculumTest, aServerThatListsNobodyForgetsNobodysCode) {
+  ASSERT_TRUE(cache_.keepAsksCode("tom", true).ok());
+  old_server_ = true;
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  EXPECT_TRUE(cache_.asksCode("tom"));
+}
+
 TEST(ShownName, isTheFullNameAndTheAccountWhereTwoShareIt) {
   const std::vector<KnownTrainee> trainees = {
       {"ann1", "Ann Bell"}, {"ann2", "Ann Bell"}, {"cem", "Cem Dal"}, {"eve", ""}};

@@ -147,6 +147,27 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
   }
 }
 
+TEST(StationOptions, theFileOfACodeIsForALessonWithoutAWindowAndWithAServer) {
+  const std::vector<const char*> lesson = {"--profile", "p", "--code-file", "code"};
+  const auto with = [&](std::vector<const char*> more) {
+    more.insert(more.end(), lesson.begin(), lesson.end());
+    return parse(more);
+  };
+  const std::vector<const char*> server = {"--server", "x", "--ca", "c", "--key", "k", "--trainee", "tom"};
+  auto headless = server;
+  headless.push_back("--headless");
+  const auto outcome = with(headless);
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_EQ(outcome.parsed.options.code_file, "code");
+  EXPECT_EQ(with(server).parsed.exit_code, kExitInvalid);
+  EXPECT_THAT(with(server).err, HasSubstr("the window has a field"));
+  EXPECT_EQ(with({"--headless"}).parsed.exit_code, kExitInvalid);
+  EXPECT_THAT(with({"--headless"}).err, HasSubstr("give --server or --enrolled"));
+  auto to_it = headless;
+  to_it.insert(to_it.end(), {"--json", "code"});
+  EXPECT_EQ(with(to_it).parsed.exit_code, kExitInvalid) << "the summary would take its place";
+}
+
 TEST(StationOptions, whatAFaultDoesIsChosenOrLeftToWhetherThereIsATerminal) {
   EXPECT_EQ(parse({"--profile", "p"}).parsed.options.on_fault, std::nullopt);
   EXPECT_EQ(parse({"--profile", "p", "--on-fault", "wait"}).parsed.options.on_fault, FaultPolicy::kWait);

@@ -89,6 +89,14 @@ TEST(Verdict, whereTheRecordingIs) {
   EXPECT_FALSE(verdictOf(outcome).kept_well);
 }
 
+TEST(Verdict, aCodeThatWasNotCheckedWaitsForAManager) {
+  LessonOutcome outcome = scored({plain("a")});
+  EXPECT_EQ(verdictOf(outcome).waits, "");
+  outcome.code_unchecked = true;
+  EXPECT_EQ(verdictOf(outcome).waits,
+            "The server is away: your code was not checked. A manager confirms this session later.");
+}
+
 TEST(Verdict, aServerThatRefusesIsSaid) {
   LessonOutcome outcome = scored({plain("a")});
   outcome.summary.has_server = true;

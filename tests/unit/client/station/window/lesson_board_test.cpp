@@ -92,6 +92,14 @@ TEST(LessonBoard, aWishIsTakenOnceAndTheNewestCounts) {
   EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing);
 }
 
+TEST(LessonBoard, aCodeIsTakenWithItsWishAndNotLeftBehind) {
+  LessonBoard board;
+  board.ask({BoardRequest::Kind::kBegin, {"tom", "ball", false}, "4711"});
+  EXPECT_EQ(board.waitForRequest(0ms).code, "4711");
+  board.ask({BoardRequest::Kind::kBegin, {"tom", "ball", false}});
+  EXPECT_EQ(board.waitForRequest(0ms).code, "");
+}
+
 TEST(LessonBoard, withoutAWishTheWaitEndsWithItsPatience) {
   test::FakeTime time;
   LessonBoard board(500, time);

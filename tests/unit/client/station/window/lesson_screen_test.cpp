@@ -15,6 +15,20 @@ LessonStatus faulted(Fault fault) {
   return status;
 }
 
+TEST(LessonLine, saysWhoAndWhichAttemptOrThatACodeWasNotChecked) {
+  LessonBeginning beginning;
+  beginning.trainee = "tom";
+  EXPECT_EQ(lessonLine(beginning), "tom");
+  beginning.lesson.attempt = 2;
+  beginning.lesson.attempts_left = 3;
+  beginning.lesson.exercise.emplace().set_description("Stop when the resistance drops.");
+  EXPECT_EQ(lessonLine(beginning),
+            "tom, attempt 2 (3 left, this one included): Stop when the resistance drops.");
+  beginning.code_unchecked = true;
+  EXPECT_EQ(lessonLine(beginning),
+            "tom: The server is away: your code was not checked. A manager confirms this session later.");
+}
+
 TEST(OverlayWords, calmIsNothing) {
   EXPECT_EQ(overlayOf({}).kind, Overlay::Kind::kNone);
 }

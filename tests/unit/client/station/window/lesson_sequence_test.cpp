@@ -1,5 +1,5 @@
-// Runs lesson after lesson on request of a window, with the simulated device in real time and without a
-// server.
+// Runs lesson after lesson on request of a window, with the simulated device in real time, without a server
+// or with one that asks for codes.
 #include <gmock/gmock.h>
 
 #include <filesystem>
@@ -10,9 +10,11 @@
 
 #include "client/device/hand_options.h"
 #include "client/station/window/lesson_sequence.h"
+#include "common/base/files.h"
 #include "common/base/program.h"
 #include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/client/net/fake_server.h"
 
 namespace needlelab::test {
 namespace {
@@ -253,6 +255,138 @@ TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
   }
   EXPECT_TRUE(there);
   EXPECT_EQ(quit(), kExitDone);
+}
+
+// --- a server that asks for codes
+
+class CodeSequenceTest : public ConductorTest {
+ protected:
+  CodeSequenceTest() {
+    options_.profile_file.clear();
+    options_.station = "station-1";
+    options_.server = Endpoint{"127.0.0.1", server_->port()};
+    options_.ca_file = FakeServer::caFile();
+    options_.key_file = folder_.write("station.key", "station-1:" + std::string(64, '0') + "\n");
+    std::filesystem::permissions(options_.key_file, std::filesystem::perms::owner_read);
+    options_.drain_s = 0.2;
+    pb::Lesson lesson;
+    lesson.set_exercise_json(R"({"id": "ball", "name": "Ball", "profile_id": "phantom-ball"})");
+    lesson.set_profile_json(*readWholeFile(NEEDLELAB_SAMPLES "/phantom-ball.json"));
+    lesson.set_profile_revision(1);
+    server_->setLesson(lesson);
+    server_->setCode("tom", "4711");
+  }
+  void begin(const std::string& trainee, const std::string& code = {}) {
+    board_.ask({BoardRequest::Kind::kBegin, {trainee, "ball", false}, code});
+  }
+  bool untilAsked(std::uint64_t number) {
+    return until([number](const BoardState& state) {
+      return state.stage == Stage::kStart && state.code_question && state.code_question->number == number;
+    });
+  }
+  bool untilEndOf(std::uint64_t lesson) {
+    return until(
+        [lesson](const BoardState& state) { return state.stage == Stage::kEnd && state.lesson == lesson; });
+  }
+  // tom's first lesson, to its end
+  void practiseAsTom() {
+    begin("tom");
+    ASSERT_TRUE(untilAsked(1)) << state_.trouble;
+    begin("tom", "4711");
+    ASSERT_TRUE(untilEndOf(1)) << state_.trouble;
+  }
+
+  std::unique_ptr<FakeServer> server_ = std::make_unique<FakeServer>();
+};
+
+TEST_F(CodeSequenceTest, aCodeIsAskedForAtTheStartAndUsedAgainForTheNextTry) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  begin("tom");
+  ASSERT_TRUE(untilAsked(1)) << state_.trouble;
+  EXPECT_EQ(state_.code_question->trainee, "tom");
+  EXPECT_EQ(state_.code_question->text, "tom has a code: type the PIN or hold the badge to the reader");
+  EXPECT_FALSE(state_.code_question->wrong);
+  EXPECT_EQ(state_.trouble, "") << "nothing is wrong yet";
+  begin("tom", "0000");
+  ASSERT_TRUE(untilAsked(2)) << state_.trouble;
+  EXPECT_EQ(state_.code_question->text, "this is not the code of tom; 4 tries left");
+  EXPECT_TRUE(state_.code_question->wrong);
+  begin("tom", "4711");
+  ASSERT_TRUE(untilEndOf(1)) << state_.trouble;
+  EXPECT_FALSE(state_.code_question);
+  EXPECT_FALSE(state_.outcome->code_unchecked);
+  begin("tom");
+  ASSERT_TRUE(untilEndOf(2)) << state_.trouble;
+  EXPECT_EQ(server_->givenCodes(), (std::vector<std::string>{"", "0000", "4711", "4711"}));
+  ASSERT_TRUE(until([&](const BoardState&) { return server_->sessions().size() == 2; }));
+  for (const auto& [id, session] : server_->sessions()) EXPECT_TRUE(session.description.code_checked());
+  EXPECT_EQ(quit(), kExitDone);
+}
+
+TEST_F(CodeSequenceTest, theStartScreenForgetsTheCode) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  practiseAsTom();
+  board_.ask({BoardRequest::Kind::kStart, {}});
+  ASSERT_TRUE(until(Stage::kStart));
+  EXPECT_FALSE(state_.code_question) << "nobody has asked yet";
+  begin("tom");
+  ASSERT_TRUE(untilAsked(2)) << state_.trouble;
+  EXPECT_FALSE(state_.code_question->wrong);
+  EXPECT_EQ(server_->givenCodes(), (std::vector<std::string>{"", "4711", ""}));
+  EXPECT_EQ(quit(), kExitDone) << "who is asked and leaves does nothing wrong";
+}
+
+TEST_F(CodeSequenceTest, somebodyElsesLessonForgetsTheCode) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  practiseAsTom();
+  begin("zoe");
+  ASSERT_TRUE(untilEndOf(2)) << state_.trouble;
+  begin("tom");
+  ASSERT_TRUE(untilAsked(2)) << state_.trouble;
+  EXPECT_EQ(server_->givenCodes(), (std::vector<std::string>{"", "4711", "", ""}))
+      << "zoe is not asked, and tom's code is not sent for zoe";
+  EXPECT_EQ(quit(), kExitDone);
+}
+
+TEST_F(CodeSequenceTest, afterTooManyWrongCodesTheServersTextSaysWhenToTryAgain) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  begin("tom");
+  for (std::uint64_t wrong = 1; wrong <= 5; ++wrong) {
+    ASSERT_TRUE(untilAsked(wrong)) << state_.trouble;
+    begin("tom", "0000");
+  }
+  ASSERT_TRUE(untilAsked(6)) << state_.trouble;
+  EXPECT_EQ(state_.code_question->text, "this is not the code of tom; try again in a minute");
+  begin("tom", "4711");
+  ASSERT_TRUE(untilAsked(7)) << state_.trouble;
+  EXPECT_EQ(state_.code_question->text, "too many wrong codes of tom: try again in a minute");
+  EXPECT_TRUE(state_.code_question->wrong);
+  EXPECT_EQ(quit(), kExitDone);
+}
+
+TEST_F(CodeSequenceTest, withoutTheServerTheLessonBeginsUnchecked) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  practiseAsTom();
+  server_.reset();
+  begin("tom");
+  ASSERT_TRUE(untilEndOf(2)) << state_.trouble;
+  EXPECT_TRUE(state_.beginning->code_unchecked);
+  EXPECT_TRUE(state_.outcome->code_unchecked);
+  EXPECT_EQ(quit(), kExitDone);
+}
+
+TEST_F(CodeSequenceTest, aloneNobodyCanBeAsked) {
+  options_.trainee = "tom";
+  options_.exercise = "ball";
+  start(true, true);
+  ASSERT_TRUE(until([](const BoardState& state) { return !state.trouble.empty(); }));
+  EXPECT_THAT(state_.trouble, HasSubstr("tom has a code"));
+  EXPECT_EQ(quit(), kExitFailed);
 }
 
 }  // namespace

@@ -20,6 +20,15 @@ class TraineeScreens : public TraineeStage {
     change();
     return shareThatDiffers(before, picture(), 28);
   }
+  /// The server asks for tom's code, or says that the one before was wrong.
+  void askForCode(bool wrong) {
+    board_.change([&](BoardState& state) {
+      state.code_question =
+          wrong
+              ? CodeQuestion{"tom", "this is not the code of tom; 4 tries left", true, 2}
+              : CodeQuestion{"tom", "tom has a code: type the PIN or hold the badge to the reader", false, 1};
+    });
+  }
   void showEnd(bool passed) {
     showLesson(6);
     picture(2);
@@ -107,6 +116,71 @@ TEST_F(TraineeScreens, startOffLineShowsTheLadderOfItsTime) {
     state.server_away = true;
   });
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_ladder_away")));
+}
+
+TEST_F(TraineeScreens, startAsksForTheCodeOfTheTraineeAndEnterBegins) {
+  showStart();
+  askForCode(false);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("start_code")));
+  surface_->typeText("badge-4711");
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  const BoardRequest request = board_.waitForRequest(0ms);
+  ASSERT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.choice, (LessonChoice{"tom", "shoulder-bursa", false}));
+  EXPECT_EQ(request.code, "badge-4711");
+}
+
+TEST_F(TraineeScreens, startSaysThatACodeWasWrongAndTheFieldIsEmptyAgain) {
+  showStart();
+  askForCode(false);
+  picture();
+  surface_->typeText("0000");
+  picture(2);
+  askForCode(true);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("start_code_wrong")));
+  surface_->typeText("4711");
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_EQ(board_.waitForRequest(0ms).code, "4711");
+}
+
+TEST_F(TraineeScreens, keysInTheFieldOfTheCodeDoNothingElse) {
+  showStart();
+  askForCode(false);
+  picture();
+  surface_->typeText("47");
+  picture(2);
+  for (const int key : {GLFW_KEY_DOWN, GLFW_KEY_UP, GLFW_KEY_UP, GLFW_KEY_RIGHT, GLFW_KEY_RIGHT, GLFW_KEY_O})
+    press(screen(), key);
+  EXPECT_FALSE(board_.requestWaits());
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_FALSE(board_.requestWaits()) << "too short to be a code";
+  picture();
+  surface_->typeText("11");
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  const BoardRequest request = board_.waitForRequest(0ms);
+  ASSERT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.code, "4711") << "the field goes on after the Enter that was too early";
+  EXPECT_EQ(request.choice, (LessonChoice{"tom", "shoulder-bursa", false})) << "neither of both was changed";
+}
+
+TEST_F(TraineeScreens, theFieldOfTheCodeIsGoneWithTheTrainee) {
+  showStart();
+  askForCode(false);
+  picture();
+  surface_->typeText("4711");
+  picture(2);
+  click(screen(), 1000, 712);  // at the foot: out of the field
+  press(screen(), GLFW_KEY_RIGHT);
+  const RgbaImage without = picture();
+  board_.change([](BoardState& state) { state.code_question.reset(); });
+  EXPECT_LT(shareThatDiffers(without, picture(), 28), 1e-4) << "there was no field any more";
+  press(screen(), GLFW_KEY_ENTER);
+  const BoardRequest request = board_.waitForRequest(0ms);
+  EXPECT_EQ(request.choice.trainee, "zoe");
+  EXPECT_EQ(request.code, "") << "what was typed was tom's";
 }
 
 TEST_F(TraineeScreens, preparingCanBeCalledOff) {

@@ -141,6 +141,105 @@ TEST(StartChoice, arrowsStayWithinTheList) {
   EXPECT_NE(empty.missing(), "");
 }
 
+// --- codes
+
+BoardState withQuestion(std::uint64_t number = 1) {
+  BoardState state = withServer();
+  state.choice = {"tom", "a", false};
+  state.code_question = CodeQuestion{"tom", "tom has a code", number > 1, number};
+  return state;
+}
+
+TEST(CodeOfTheChoice, withoutAQuestionThereIsNothingToType) {
+  StartChoice choice;
+  choice.update(withServer());
+  choice.chooseTrainee("tom");
+  choice.chooseExercise(0);
+  EXPECT_EQ(choice.codeQuestion(), nullptr);
+  EXPECT_EQ(choice.missing(), "");
+  EXPECT_EQ(choice.takeCode(), "");
+}
+
+TEST(CodeOfTheChoice, theLessonBeginsOnceACodeIsTyped) {
+  StartChoice choice;
+  choice.update(withQuestion());
+  ASSERT_NE(choice.codeQuestion(), nullptr);
+  EXPECT_EQ(choice.codeQuestion()->text, "tom has a code");
+  EXPECT_THAT(choice.missing(), HasSubstr("badge"));
+  EXPECT_FALSE(choice.choice());
+  choice.typeCode("471");
+  EXPECT_FALSE(choice.choice()) << "too short";
+  choice.typeCode("4711");
+  ASSERT_TRUE(choice.choice());
+  EXPECT_EQ(*choice.choice(), (LessonChoice{"tom", "a", false}));
+  EXPECT_EQ(choice.takeCode(), "4711");
+  EXPECT_EQ(choice.typedCode(), "") << "it is forgotten with the request";
+  EXPECT_FALSE(choice.choice()) << "and not sent twice";
+}
+
+TEST(CodeOfTheChoice, newListsKeepWhatIsTypedAndTheNextQuestionEmptiesIt) {
+  StartChoice choice;
+  choice.update(withQuestion());
+  choice.typeCode("47");
+  BoardState state = withQuestion();
+  state.lists.exercises.push_back(listed("z"));
+  choice.update(state);
+  EXPECT_EQ(choice.typedCode(), "47");
+  choice.chooseExercise(2);
+  EXPECT_EQ(choice.typedCode(), "47") << "the same trainee";
+  choice.update(withQuestion(2));
+  EXPECT_EQ(choice.typedCode(), "");
+  ASSERT_NE(choice.codeQuestion(), nullptr);
+  EXPECT_TRUE(choice.codeQuestion()->wrong);
+}
+
+TEST(CodeOfTheChoice, anotherTraineeClearsIt) {
+  StartChoice choice;
+  choice.update(withQuestion());
+  choice.typeCode("4711");
+  choice.chooseTrainee("zoe");
+  EXPECT_EQ(choice.codeQuestion(), nullptr);
+  EXPECT_EQ(choice.typedCode(), "");
+  EXPECT_EQ(choice.missing(), "");
+  choice.chooseTrainee("tom");
+  EXPECT_EQ(choice.codeQuestion(), nullptr) << "the server asks again when tom begins";
+  choice.update(withQuestion());
+  EXPECT_EQ(choice.codeQuestion(), nullptr) << "this question is over";
+  choice.update(withQuestion(2));
+  EXPECT_NE(choice.codeQuestion(), nullptr);
+}
+
+TEST(CodeOfTheChoice, choosingTheSameTraineeAgainKeepsIt) {
+  StartChoice choice;
+  choice.update(withQuestion());
+  choice.typeCode("4711");
+  choice.chooseTrainee("tom");
+  EXPECT_NE(choice.codeQuestion(), nullptr);
+  EXPECT_EQ(choice.typedCode(), "4711");
+}
+
+TEST(CodeOfTheChoice, aLessonThatBeganEndsTheQuestion) {
+  StartChoice choice;
+  choice.update(withQuestion());
+  choice.typeCode("4711");
+  BoardState state = withQuestion();
+  state.code_question.reset();
+  choice.update(state);
+  EXPECT_EQ(choice.codeQuestion(), nullptr);
+  EXPECT_EQ(choice.typedCode(), "");
+}
+
+TEST(CodeOfTheChoice, withoutTheServerNobodyIsAsked) {
+  StartChoice choice;
+  BoardState state = withQuestion();
+  state.server_away = true;
+  choice.update(state);
+  choice.typeCode("4711");
+  EXPECT_EQ(choice.codeQuestion(), nullptr);
+  EXPECT_TRUE(choice.choice());
+  EXPECT_EQ(choice.takeCode(), "") << "nobody could check it";
+}
+
 // --- with what the server says of courses and standings
 
 constexpr std::int64_t kNow_ns = 1'795'000'000'000'000'000;  // 2026-11-18 11:06:40 UTC

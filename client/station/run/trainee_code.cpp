@@ -1,0 +1,91 @@
+#include "client/station/run/trainee_code.h"
+
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "client/net/credentials.h"
+#include "client/station/run/curriculum.h"
+#include "client/station/run/terminal.h"
+
+namespace needlelab {
+namespace {
+
+// lives as long as the function that holds it
+struct FileCode {
+  std::string code;
+  ~FileCode() { wipe(code); }
+};
+
+AskForCode codeOfFile(std::shared_ptr<FileCode> file, const std::string& path) {
+  return [file = std::move(file), path](const Error& refused,
+                                        const std::function<bool()>&) -> Result<std::string> {
+    if (file->code.empty())
+      return Error{refused.code, refusalText(refused) + "; the code is that of --code-file " + path};
+    std::string code = file->code;
+    wipe(file->code);
+    return code;
+  };
+}
+
+Result<std::string> codeOfPerson(const std::string& who, const Error& refused, bool again,
+                                 const std::function<bool()>& stopped) {
+  const std::string no_terminal =
+      refusalText(refused) + "; without a terminal give the code in a file: --code-file FILE";
+  // as for Enter: without it a service that was started at a terminal would wait for somebody there
+  if (!EnterKey(STDIN_FILENO).isTerminal()) return Error{ErrorCode::kInvalidInput, no_terminal};
+  if (again) logMessage(refusalText(refused));
+  for (;;) {
+    auto code =
+        passwordFromTerminal("Code of " + who + " (PIN or badge): ", kMostCodeBytes, no_terminal, stopped);
+    if (!code.ok()) return code;
+    if (code->empty()) return Error{ErrorCode::kFailed, "no code was typed: the lesson does not begin"};
+    // what is no code at all costs no try
+    const Status valid = checkCode(*code);
+    if (valid.ok()) return code;
+    wipe(*code);
+    logMessage(valid.error().message);
+  }
+}
+
+}  // namespace
+
+Status checkCode(std::string_view code) {
+  const auto printable_ascii = [](char c) { return c >= ' ' && c <= '~'; };
+  if (code.size() >= kLeastCodeBytes && code.size() <= kMostCodeBytes &&
+      std::all_of(code.begin(), code.end(), printable_ascii))
+    return {};
+  return Error{ErrorCode::kInvalidInput,
+               fmt::format("this is no code: a code is {} to {} letters, digits and signs (ASCII)",
+                           kLeastCodeBytes, kMostCodeBytes)};
+}
+
+std::string refusalText(const Error& refused) {
+  constexpr std::string_view kBegin = "the peer refused (", kEnd = "): ";
+  const std::size_t end = refused.message.find(kEnd);
+  return refused.message.starts_with(kBegin) && end != std::string::npos
+             ? refused.message.substr(end + kEnd.size())
+             : refused.message;
+}
+
+Result<AskForCode> askForCodeWithoutWindow(const StationOptions& options) {
+  if (!options.code_file.empty()) {
+    const auto file = std::make_shared<FileCode>();
+    ASSIGN_OR_RETURN(file->code, readSecretLine(options.code_file));
+    if (const Status valid = checkCode(file->code); !valid.ok())
+      return Error{valid.error().code,
+                   "--code-file " + options.code_file.string() + ": " + valid.error().message};
+    return codeOfFile(file, options.code_file.string());
+  }
+  const auto asked = std::make_shared<bool>(false);
+  return AskForCode([options_spool = options.spool, trainee = options.trainee, asked](
+                        const Error& refused, const std::function<bool()>& stopped) {
+    const std::string who = shownName(CurriculumCache(options_spool).find().trainees, trainee);
+    return codeOfPerson(who, refused, std::exchange(*asked, true), stopped);
+  });
+}
+
+}  // namespace needlelab
