@@ -1,6 +1,7 @@
 // What every page is made of: heading, problem, table, dialog, notice, list in pages, download.
 import { html, useCallback, useEffect, useRef, useState } from './html.js';
 import { store } from '../lib/store.js';
+import { counted } from '../lib/units.js';
 import { useAction, useLoad } from './hooks.js';
 
 /** The page's heading: gets the focus when the page changes. */
@@ -159,7 +160,13 @@ export function usePages(ask, inputs) {
       </p>`
     }
   `;
-  return { load, items: [...(load.data ?? []), ...more.items], button };
+  const items = [...(load.data ?? []), ...more.items];
+  /** "25 sessions, newest first", or of how many only the newest are shown. */
+  const newest = (one, many) =>
+    more.next_page
+      ? `The newest ${counted(items.length, one, many)}`
+      : `${counted(items.length, one, many)}, newest first`;
+  return { load, items, button, newest };
 }
 
 export function saveAs(file, text, type) {
