@@ -7,7 +7,7 @@ import { toggled, withValue } from '../../client/web/app/lib/paths.js';
 import { layerBounds } from '../../client/web/app/lib/scene.js';
 import { documentOf, kCourseShape, kProfileShape, shownOf } from '../../client/web/app/lib/shape.js';
 import { clock, toInput } from '../../client/web/app/lib/time.js';
-import { counted, shown, typed } from '../../client/web/app/lib/units.js';
+import { counted, newest, shown, typed } from '../../client/web/app/lib/units.js';
 
 const skin = { tissue: 'SKIN', thickness_m: 0.003 };
 
@@ -167,6 +167,8 @@ test('one is one, all else are many', () => {
     ['0 sessions', '1 session', '2 sessions'],
   );
   assert.equal(counted(3, 'entry', 'entries'), '3 entries');
+  assert.equal(newest(1, false, 'session'), '1 session, newest first');
+  assert.equal(newest(25, true, 'entry', 'entries'), 'The newest 25 entries', 'of more');
 });
 
 const kinds = [

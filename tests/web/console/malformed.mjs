@@ -208,8 +208,16 @@ export function malformed(t) {
       layers: [whole.layers[0], null, 'fat'],
       effects: ['CUTTING', 'LATER'],
       needle: { length_m: 'NaN' },
+      axial_model: 'MAGIC',
     };
+    const drawing = page.getByRole('img', { name: /^Side view of/ });
+    await drawing.getByText(/φ/).first().waitFor();
     await json.fill(JSON.stringify(odd));
+    // what has no thickness has no size, and what cannot be rendered no fidelity
+    await drawing.getByText('Layer 2 –').waitFor();
+    await page.getByText('This is the last version that could be rendered.').waitFor();
+    assert.equal(await drawing.getByText(/φ/).count(), 0);
+    assert.equal(await page.getByLabel('Model along the needle').inputValue(), 'MAGIC');
     const now = async () => JSON.parse(await json.inputValue());
     await page.getByRole('button', { name: 'Move layer 1 down' }).click();
     assert.deepEqual(await now(), { ...odd, layers: [null, whole.layers[0], 'fat'] });
@@ -229,6 +237,21 @@ export function malformed(t) {
     await page.getByRole('button', { name: 'Discard changes' }).click();
     await page.getByText('✓ No problems found').waitFor();
     assert.deepEqual(await now(), whole);
+    await done(page);
+  });
+
+  it('a profile that calls itself another is not saved over that one', async () => {
+    const page = await t.browser.as('mara');
+    page.expected.add(400);
+    await open(page, t.lab, '#/profiles/knee-adult');
+    const others = await api(page, 'profiles/shoulder-adult');
+    await page.getByText('The whole as JSON').click();
+    const json = page.getByLabel('JSON', { exact: true });
+    await json.fill(JSON.stringify({ ...JSON.parse(await json.inputValue()), id: 'shoulder-adult' }));
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText("id: is not 'knee-adult', as in the address").first().waitFor();
+    assert.deepEqual(await api(page, 'profiles/shoulder-adult'), others);
+    await page.getByRole('button', { name: 'Discard changes' }).click();
     await done(page);
   });
 }

@@ -130,6 +130,10 @@ export function bytes(value, locale = undefined) {
 /** "1 session", "2 sessions", "0 entries" */
 export const counted = (n, one, many = `${one}s`) => `${n} ${n === 1 ? one : many}`;
 
+/** "25 sessions, newest first"; "The newest 25 sessions" of a list that has `more`. */
+export const newest = (n, more, one, many) =>
+  more ? `The newest ${counted(n, one, many)}` : `${counted(n, one, many)}, newest first`;
+
 /** "epidural space" at the beginning of a line: "Epidural space" */
 export const atStart = (text) => String(text ?? '').replace(/^./u, (first) => first.toUpperCase());
 

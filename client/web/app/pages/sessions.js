@@ -74,7 +74,7 @@ export function SessionsPage({ query, person }) {
           `
         : html`
             <${Table}
-              caption=${pages.newest('session')}
+              caption=${pages.caption('session')}
               head=${['Begun', 'Trainee', 'Exercise', 'Station', number('Length'), 'State', 'Verdict']}
             >${pages.items.map(
               (s) => html`<tr key=${s.description.session_id}>

@@ -1,7 +1,7 @@
 // What every page is made of: heading, problem, table, dialog, notice, list in pages, download.
 import { html, useCallback, useEffect, useRef, useState } from './html.js';
 import { store } from '../lib/store.js';
-import { counted } from '../lib/units.js';
+import { newest } from '../lib/units.js';
 import { useAction, useLoad } from './hooks.js';
 
 /** The page's heading: gets the focus when the page changes. */
@@ -161,12 +161,8 @@ export function usePages(ask, inputs) {
     }
   `;
   const items = [...(load.data ?? []), ...more.items];
-  /** "25 sessions, newest first", or of how many only the newest are shown. */
-  const newest = (one, many) =>
-    more.next_page
-      ? `The newest ${counted(items.length, one, many)}`
-      : `${counted(items.length, one, many)}, newest first`;
-  return { load, items, button, newest };
+  const caption = (one, many) => newest(items.length, !!more.next_page, one, many);
+  return { load, items, button, caption };
 }
 
 export function saveAs(file, text, type) {
