@@ -280,6 +280,9 @@ export function week(t) {
   });
 
   it('asks for the score of a session once', async () => {
+    // what the page asked when it was opened is answered: only the requests of the reload are counted
+    await page.getByRole('region', { name: /^Measures that were required/ }).waitFor();
+    await settled(page);
     const asked = [];
     const count = (request) => /\/sessions\/[^/]+\/score$/.test(request.url()) && asked.push(request.url());
     page.on('request', count);
