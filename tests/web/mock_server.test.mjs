@@ -192,13 +192,21 @@ test('changes, and what comes of those that are too late', async () => {
     path: `/sessions/${id}/excuse`,
     body: { excused: true, reason: 'the station failed' },
   });
-  const assign = (trainee) => ({ path: `/sessions/${id}/trainee`, body: { trainee, reason: 'a typing error' } });
+  const assign = (trainee, was) => ({
+    path: `/sessions/${id}/trainee`,
+    body: { trainee, reason: 'a typing error', was },
+  });
   await one('mara', 'POST', '/sessions/{id}/trainee', assign('ben.osei'), 400);
   Object.assign(lab.sessions[0], { trainee: 'ana', unknown_trainee: true });
   assert.equal((await one('mara', 'GET', '/unknown-trainees', {})).items.length, 1);
   await one('ines', 'POST', '/sessions/{id}/trainee', assign('anna.bauer'), 403);
   await one('mara', 'POST', '/sessions/{id}/trainee', assign('nobody'), 404);
-  assert.equal((await one('mara', 'POST', '/sessions/{id}/trainee', assign('anna.bauer'))).given_trainee, 'ana');
+  assert.equal((await one('mara', 'POST', '/sessions/{id}/trainee', assign('anna.bauer', 'ana'))).given_trainee, 'ana');
+  // another manager still sees it as ana's
+  const late = await one('mara', 'POST', '/sessions/{id}/trainee', assign('ben.osei', 'ana'), 409);
+  assert.match(late.error.message, /was given to 'anna\.bauer' meanwhile, not 'ana'/);
+  await one('mara', 'POST', '/sessions/{id}/trainee', assign('ben.osei', 'anna.bauer'));
+  await one('mara', 'POST', '/sessions/{id}/trainee', assign('anna.bauer'));
   await one('mara', 'PUT', '/retention', { body: { policy: { exercise_id: '', delete_after_days: 3650 } } });
   await one('mara', 'GET', '/retention', {});
   await one('mara', 'POST', '/retention/run', { body: { dry_run: true } });

@@ -10,6 +10,7 @@ import {
 } from '../../client/web/app/lib/recording.js';
 import {
   axisOf,
+  clearLabels,
   cross,
   depthOf,
   dot,
@@ -95,12 +96,24 @@ test('labels of a cut take the width of the longest, and a name is cut before it
   const plain = (texts) => texts.map((t) => t.replaceAll('\u00a0', ' '));
   const wide = layerLabels(layers, [0.4, null], 100, 1000);
   assert.deepEqual(plain(wide.texts), ['Skin 3 mm, φ 0.4 !', 'Interspinous ligament 25 mm']);
-  near(wide.width_px, 24 + 27 * 6.8);
+  near(wide.width_px, 24 + 27 * 7.5);
   near(layerLabels(layers, undefined, 300, 1000).width_px, 300);
-  const narrow = layerLabels(layers, [0.4, null], 100, 24 + 18 * 6.8);
+  const narrow = layerLabels(layers, [0.4, null], 100, 24 + 18 * 7.5);
   assert.deepEqual(plain(narrow.texts), ['Skin 3 mm, φ 0.4 !', 'Interspinou… 25 mm']);
   for (const text of narrow.texts) assert.ok(text.length <= 18);
   assert.deepEqual(layerLabels([], undefined, 185, 320), { texts: [], width_px: 185 });
+  // no thickness, or none that is a number
+  assert.deepEqual(layerLabels([{ name: 'fat', from_m: 0.25, to_m: 0.25 }], [null], 100, 1000).texts, ['Fat –']);
+});
+
+test('labels stand clear of each other: at their wish, or below those that they would cover', () => {
+  const at = (x, y, width = 100) => ({ x, y, width });
+  assert.deepEqual(clearLabels([], 13), []);
+  assert.deepEqual(clearLabels([at(0, 50), at(100, 52), at(0, 63)], 13), [50, 52, 63], 'beside and below, just clear');
+  assert.deepEqual(clearLabels([at(0, 54), at(99, 50)], 13), [63, 50]);
+  // the third goes below the second, which went below the first
+  assert.deepEqual(clearLabels([at(0, 50), at(10, 58), at(20, 59)], 13), [50, 63, 76]);
+  assert.deepEqual(clearLabels([at(0, 50), at(0, 50), at(0, 50)], 13), [50, 63, 76]);
 });
 
 test('layers add up; a thickness that is no number counts as none', () => {
@@ -352,7 +365,7 @@ test('an exercise has its number once', () => {
 });
 
 test('an exercise that goes is required by nobody any more; a new one has an id of its own', () => {
-  assert.deepEqual(withoutExercise(course, 0).exercises, [{ id: 'b', name: 'B', profile_id: 'p' }]);
+  assert.deepEqual(withoutExercise(course.exercises, 0), [{ id: 'b', name: 'B', profile_id: 'p' }]);
   assert.equal(freshId([{ id: 'exercise-3' }, { id: 'x' }]), 'exercise-4');
 });
 

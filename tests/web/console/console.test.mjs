@@ -4,6 +4,7 @@ import { after, before, describe, it } from 'node:test';
 import { access } from './access.mjs';
 import { Browser } from './browser.mjs';
 import { Lab } from './lab.mjs';
+import { malformed } from './malformed.mjs';
 import { roles } from './roles.mjs';
 import { trouble } from './trouble.mjs';
 import { upkeep } from './upkeep.mjs';
@@ -33,6 +34,7 @@ describe('the web console', { concurrency: false }, () => {
     });
     trouble(t);
   });
+  describe('malformed documents', () => malformed(t));
   describe('upkeep', () => upkeep(t));
   describe('roles', () => roles(t));
   describe('access', () => access(t));

@@ -194,8 +194,22 @@ export function upkeep(t) {
     await dialog.getByLabel('Person').selectOption('tina');
     await dialog.getByLabel('Reason').fill('A typing error.');
     await accessible(page, 'an unknown trainee');
+    // another manager looks at the same session meanwhile
+    const late = await t.browser.as('milo');
+    await open(late, t.lab, '#/unknown-trainees', 'Unknown trainees');
+    await late.getByRole('button', { name: /^Give .*session of tino/ }).click();
     await dialog.getByRole('button', { name: 'Give the session' }).click();
     await page.getByText('No session waits').waitFor();
+    // the late one is refused: the page says whose the session is now, and keeps what was entered
+    late.expected.add(409);
+    const too_late = late.getByRole('dialog', { name: 'Who is tino?' });
+    await too_late.getByLabel('Person').selectOption('mara');
+    await too_late.getByLabel('Reason').fill('A guess.');
+    await too_late.getByRole('button', { name: 'Give the session' }).click();
+    await too_late.getByRole('alert').getByText("was given to 'tina' meanwhile, not 'tino': look at it").waitFor();
+    assert.equal(await too_late.getByLabel('Reason').inputValue(), 'A guess.');
+    assert.deepEqual((await api(late, 'sessions?trainee=mara')).items, []);
+    await done(late);
     const { items } = await api(page, 'sessions?trainee=tina');
     assert.ok(items.some((s) => s.given_trainee === 'tino'));
     await done(page);

@@ -163,7 +163,15 @@ export function week(t) {
     }
     // the knee: at most 4 N, 3 attempts, and it comes first
     await page.getByRole('button', { name: 'Add a requirement' }).click();
-    await page.getByLabel('Measure').nth(1).selectOption('peak_force_n');
+    // a measure of each layer of this patient, by its name; none of a layer K
+    const choice = page.getByLabel('Measure').nth(1);
+    await choice.selectOption({ label: 'Peak force in femur (peak_force_layer_6_n)' });
+    await page
+      .getByLabel(/^At most \(N\)/)
+      .nth(0)
+      .waitFor();
+    assert.deepEqual((await choice.innerText()).match(/^.*(?:layer K|_K_).*$/gm), null);
+    await choice.selectOption('peak_force_n');
     await page
       .getByLabel(/^At most/)
       .nth(1)
@@ -226,7 +234,7 @@ export function week(t) {
     const tile = page.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
-    await page.getByText('2 of 2 stations are in use.').waitFor();
+    await page.getByText('2 of 2 stations in use').waitFor();
     // the hand goes in and out: the depth changes, and the layer at the tip is named; once to the end, so that the
     // target is reached
     const depths = new Set();
@@ -272,6 +280,9 @@ export function week(t) {
   });
 
   it('asks for the score of a session once', async () => {
+    // what the page asked when it was opened is answered: only the requests of the reload are counted
+    await page.getByRole('region', { name: /^Measures that were required/ }).waitFor();
+    await settled(page);
     const asked = [];
     const count = (request) => /\/sessions\/[^/]+\/score$/.test(request.url()) && asked.push(request.url());
     page.on('request', count);
@@ -373,6 +384,10 @@ export function week(t) {
         .first()
         .innerText(),
       /Peak force\s+peak_force_n\s+2\s/,
+    );
+    assert.match(
+      await bands.getByRole('row', { name: /peak_force_layer_5_n/ }).innerText(),
+      /Peak force in suprapatellar recess\s+peak_force_layer_5_n\s+2\s/,
     );
     await accessible(page, 'the reference');
     await page.goBack();

@@ -1,5 +1,6 @@
 // A small lab for the mock server: staff, twelve trainees, the sample profiles and course of db/samples, attempts.
 import { readFileSync, readdirSync } from 'node:fs';
+import { quantity } from '../../../client/web/app/lib/units.js';
 import { gesture, random } from './gesture.mjs';
 
 const kSamples = new URL('../../../db/samples/', import.meta.url);
@@ -45,6 +46,7 @@ const kMeasures = [
   ['sparc', '', 'Smoothness (SPARC)', (s) => -2 - 5 * (1 - s.skill)],
   ['greatest_depth_m', 'm', 'Greatest depth', (s) => s.depth_m + 0.002 * (1 - s.skill)],
   ['peak_force_n', 'N', 'Peak force', (s) => Math.max(...s.gesture.columns.fz_n)],
+  ['peak_force_layer_2_n', 'N', 'Peak force in layer 2', (s) => 0.8 + 0.5 * (1 - s.skill)],
   ['mean_force_in_tissue_n', 'N', 'Mean force in tissue', (s) => 1.1 + 0.6 * (1 - s.skill)],
   ['largest_lateral_error_m', 'm', "Largest distance from the needle's own line", (s) => 0.001 + 0.005 * (1 - s.skill)],
   ['entries', '', 'Entries', (s) => (s.skill < 0.4 ? 3 : 1)],
@@ -54,13 +56,16 @@ const kMeasures = [
 ];
 const kMore = ['target_reached', 'time_at_target_s', 'injected_in_target_share'];
 const betterOf = (name) => (kMore.includes(name) ? 'more' : 'less');
+// as the server lists them: a measure of a layer is one row, with a K for the layer's number
 export const measures = kMeasures.map(([name, unit, words]) => ({
-  name,
+  name: name.replace(/_layer_\d+_/, '_layer_K_'),
   unit,
-  words,
+  words: words.replace(/layer \d+/, 'layer K'),
   better: betterOf(name),
   definition: `${words}, as the mock makes it up`,
 }));
+
+const said = (value, unit) => quantity(value, unit).replaceAll('\u00a0', ' ');
 
 export function scoreOf(session, exercise) {
   return kMeasures.map(([measure, unit, words, value_of]) => {
@@ -71,7 +76,10 @@ export function scoreOf(session, exercise) {
       row.min = rule.min;
       row.max = rule.max;
       row.passed = (rule.min === undefined || value >= rule.min) && (rule.max === undefined || value <= rule.max);
-      row.words = `${words}: ${value.toPrecision(3)} ${unit}, wanted ${rule.min !== undefined ? `at least ${rule.min}` : `at most ${rule.max}`}${unit && ' ' + unit}: ${row.passed ? 'met' : 'not met'}`;
+      // as common/scoring/score_report.cpp says it
+      const asked = rule.min !== undefined;
+      const verdict = asked ? ['at least', 'below', 'asked for'] : ['within', 'above', 'allowed'];
+      row.words = `${words} ${said(value, unit)}: ${verdict[row.passed ? 0 : 1]} the ${said(rule.min ?? rule.max, unit)} ${verdict[2]}`;
     }
     return row;
   });
@@ -98,7 +106,7 @@ export function comparisonOf(rows, bands) {
       z,
       better: betterOf(band.measure),
       standing,
-      words: `${band.measure} ${value.toPrecision(3)}: experts ${band.mean.toPrecision(3)}`,
+      words: `${rows.find((row) => row.measure === band.measure).words}; experts ${said(band.mean, unit)}`,
     };
   });
 }
@@ -188,7 +196,7 @@ export function makeLab() {
     ],
   ]);
   const profiles = new Map();
-  for (const file of readdirSync(kSamples).filter((n) => n.endsWith('.json') && n !== 'curriculum.json')) {
+  for (const file of readdirSync(kSamples).filter((n) => n.endsWith('.json') && !n.endsWith('curriculum.json'))) {
     const profile = read(file);
     profiles.set(profile.id, [
       { revision: 1, created_unix_ms: kNow_ms - 60 * kDay_ms, author: 'sample', json: profile },

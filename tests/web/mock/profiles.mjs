@@ -1,14 +1,28 @@
 // A rough imitation of the engine's and common/profile's checks of a profile: enough to develop and test the editor.
+import { isWithin } from '../../../client/web/app/lib/paths.js';
+import { kCourseShape, kProfileShape, shownOf } from '../../../client/web/app/lib/shape.js';
 import { layerNames } from '../../../client/web/app/lib/tissue.js';
 
 /** @returns {{path: string, message: string, severity: string}[]} */
-export function problemsOf(profile) {
+export function courseProblemsOf(course) {
+  const { shown, faults } = shownOf(course, kCourseShape);
+  if (faults.length > 0 || shown.exercises?.length) return faults;
+  return [{ path: 'exercises', message: 'at least one exercise is needed', severity: 'ERROR' }];
+}
+
+/** @returns {{path: string, message: string, severity: string}[]} */
+export function problemsOf(document) {
+  const { shown, faults } = shownOf(document, kProfileShape);
+  return [...faults, ...profileProblems(shown).filter((p) => !faults.some((f) => isWithin(p.path, f.path)))];
+}
+
+function profileProblems(profile) {
   const problems = [];
   const say = (path, message, severity = 'ERROR') => problems.push({ path, message, severity });
   const range = (path, value, [min, max], open) => {
     if (value === undefined) say(path, 'is missing');
     else if (typeof value !== 'number' || !(open ? value > min : value >= min) || !(value <= max))
-      say(path, `${value} is outside ${open ? '(' : '['}${min}, ${max}]`);
+      say(path, `${value} is out of range ${open ? '(' : '['}${min}, ${max}]`);
   };
   for (const key of ['id', 'name']) if (!profile[key]) say(key, 'is missing');
   if (profile.id && !/^[A-Za-z0-9._-]{1,64}$/.test(profile.id))

@@ -1,6 +1,6 @@
 // The REST table of the server over the mock's lab: [method, path, roles, handler]. Replies as server/web writes them.
 import { bandOf, comparisonOf, kNow_ms, measures, scoreOf } from './data.mjs';
-import { preview, problemsOf } from './profiles.mjs';
+import { courseProblemsOf, preview, problemsOf } from './profiles.mjs';
 
 const kStaff = ['INSTRUCTOR', 'CURRICULUM_MANAGER', 'ADMINISTRATOR'],
   kManagers = kStaff.slice(1),
@@ -492,13 +492,14 @@ export const kTable = [
     next_page: '',
   })),
   post('courses/check', kStaff, ({ body }) => {
-    const problems = body.exercises?.length ? [] : [{ path: 'exercises', message: 'at least one exercise is needed' }];
+    const problems = courseProblemsOf(body).map(({ path, message }) => ({ path, message }));
     return { ok: problems.length === 0, problems, warnings: [] };
   }),
   get('courses/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.courses, params.id, query, 'course')),
   put('courses/:id', kManagers, ({ lab, params, body, base, who }) => {
-    if (!body.exercises?.length)
-      throw new Refusal(400, 'invalid_input', 'exercises: at least one is needed', { field: 'exercises' });
+    const [problem] = courseProblemsOf(body);
+    if (problem)
+      throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
     return putRevision(lab.courses, params.id, base, body, who.name);
   }),
   get('courses/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) =>
@@ -553,6 +554,12 @@ export const kTable = [
     const s = sessionOf(lab, params.id, who);
     if (!s.unknown_trainee && !s.given_trainee)
       throw new Refusal(400, 'invalid_input', `session ${s.session_id} is of '${s.trainee}', whom the server knew`);
+    if (body.was !== undefined && body.was !== s.trainee)
+      throw new Refusal(
+        409,
+        'conflict',
+        `session ${s.session_id} was given to '${s.trainee}' meanwhile, not '${body.was}': look at it, and assign it again if that is wrong`,
+      );
     if (body.trainee !== 'guest') found(lab.people, body.trainee, 'person');
     s.given_trainee ??= s.trainee;
     Object.assign(s, { unknown_trainee: false, code_unchecked: false });

@@ -1,10 +1,15 @@
 // One exercise: patient, needle, aids, attempts, time, what must be passed first, requirements.
 import { fromInput, toInput } from '../lib/time.js';
-import { numbered, planGivenBy } from '../lib/course_rules.js';
+import { exerciseName, numbered, planGivenBy, withExerciseId } from '../lib/course_rules.js';
+import { toggled } from '../lib/paths.js';
 import { href } from '../lib/routes.js';
-import { CheckField, SelectField, TextField, problemsAt } from '../ui/fields.js';
-import { html } from '../ui/html.js';
+import { Broken, CheckField, SelectField, TextField, problemsAt } from '../ui/fields.js';
+import { useLoad } from '../ui/hooks.js';
+import { html, useMemo } from '../ui/html.js';
+import { measureNamed, measuresOf } from '../lib/measures.js';
+import { layerNames } from '../lib/tissue.js';
 import { measureUnit } from '../lib/units.js';
+import { documents } from '../net/requests.js';
 
 const kAids = [
   ['PHASE', 'Phase of the insertion'],
@@ -32,19 +37,27 @@ function Aids({ f, at }) {
   const aids = f.at(`${at}.aids`);
   // no list means all aids but the slice, which takes time to draw
   const allowed = aids ? (aids.allowed ?? []) : kUsualAids;
-  const toggle = (aid) => (on) => {
-    const next = kAids.map(([name]) => name).filter((name) => (name === aid ? on : allowed.includes(name)));
-    f.set(`${at}.aids`)(next.join() === kUsualAids.join() ? undefined : { allowed: next });
-  };
+  const faults = [`${at}.aids`, `${at}.aids.allowed`].filter(f.faultAt);
+  const toggle = (aid) => (on) =>
+    f.edit(`${at}.aids`, (before) => {
+      const next = toggled(
+        kAids.map(([name]) => name),
+        before ? (before.allowed ?? []) : kUsualAids,
+        aid,
+        on,
+      );
+      return next.join() === kUsualAids.join() ? undefined : { ...before, allowed: next };
+    });
   return html`<fieldset>
     <legend>What the station may show while practising</legend>
+    ${faults.map((path) => html`<${Broken} f=${f} path=${path} />`)}
     ${kAids.map(
       ([aid, label]) =>
         html`<${CheckField}
           key=${aid}
           label=${label}
           checked=${allowed.includes(aid)}
-          disabled=${f.readonly}
+          disabled=${f.readonly || faults.length > 0}
           onValue=${toggle(aid)}
         />`,
     )}
@@ -105,7 +118,7 @@ function Plan({ f, at: exercise }) {
             value=${by}
             options=${kLines}
             disabled=${f.readonly}
-            onValue=${(next) => put(planGivenBy(plan, next))}
+            onValue=${(next) => f.edit(at, (whole) => planGivenBy(whole, next))}
           />
         </div>
         ${by === 'direction' ? f.vector(`${at}.direction`, 'Direction') : f.vector(`${at}.target_m`, 'Point')}
@@ -116,14 +129,15 @@ function Plan({ f, at: exercise }) {
 }
 
 function Prerequisites({ f, at, index }) {
-  const before = f.doc.exercises.slice(0, index),
-    chosen = f.at(`${at}.prerequisites`) ?? [];
+  const before = f.doc.exercises.slice(0, index).filter((e) => e.id),
+    chosen = (f.at(`${at}.prerequisites`) ?? []).filter((id) => id !== undefined);
   // a prerequisite that comes later in the course, or does not exist, can be removed
   const odd = chosen.filter((id) => !before.some((e) => e.id === id));
-  const toggle = (id) => (on) => {
-    const next = on ? [...chosen, id] : chosen.filter((c) => c !== id);
-    f.set(`${at}.prerequisites`)(next.length ? next : undefined);
-  };
+  const toggle = (id) => (on) =>
+    f.edit(`${at}.prerequisites`, (all = []) => {
+      const next = on ? [...all, id] : all.filter((other) => other !== id);
+      return next.length ? next : undefined;
+    });
   const problems = (f.problems ?? []).filter((p) => p.path.startsWith(`${at}.prerequisites`));
   return html`<fieldset>
     <legend>Must be passed first</legend>
@@ -136,7 +150,7 @@ function Prerequisites({ f, at, index }) {
           key=${e.id}
           label=${e.name || e.id}
           checked=${chosen.includes(e.id)}
-          disabled=${f.readonly}
+          disabled=${f.readonly || !!f.faultAt(`${at}.prerequisites`)}
           onValue=${toggle(e.id)}
         />`,
     )}
@@ -147,30 +161,32 @@ function Prerequisites({ f, at, index }) {
 /** @param {{f: any, index: number, profiles: {id: string, name: string}[], measures: any[]}} props */
 export function ExerciseForm({ f, index, profiles, measures }) {
   const at = `exercises[${index}]`,
-    exercise = f.doc.exercises[index];
-  const rename = (id) =>
-    f.change((before) => ({
-      ...before,
-      exercises: before.exercises.map((e, i) =>
-        i === index
-          ? { ...e, id }
-          : e.prerequisites?.includes(exercise.id)
-            ? { ...e, prerequisites: e.prerequisites.map((p) => (p === exercise.id ? id : p)) }
-            : e,
-      ),
-    }));
+    exercise = f.doc.exercises[index],
+    patient = profiles.some((p) => p.id === exercise.profile_id) ? exercise.profile_id : '';
+  const loaded = useLoad(
+    (signal) => (patient ? documents('profiles').one(patient, undefined, signal) : Promise.resolve(null)),
+    [patient],
+  );
+  const layers = useMemo(() => layerNames(loaded.data?.json), [loaded.data]);
+  const name = exerciseName(exercise, index);
+  const rename = (id) => f.edit('exercises', (all) => withExerciseId(all, index, id));
   const patients = [['', 'Choose …'], ...profiles.map((p) => [p.id, p.name])];
   if (exercise.profile_id && !profiles.some((p) => p.id === exercise.profile_id))
     patients.push([exercise.profile_id, `${exercise.profile_id} (not there)`]);
-  return html`<section class="card" aria-label=${`Exercise ${index + 1}: ${exercise.name || exercise.id}`}>
-    <h2>${numbered(index, exercise.name || exercise.id)}</h2>
+  if (f.faultAt(at))
+    return html`<section class="card" aria-label=${name}>
+      <h2>${numbered(index, name)}</h2>
+      <${Broken} f=${f} path=${at} />
+    </section>`;
+  return html`<section class="card" aria-label=${`Exercise ${index + 1}: ${name}`}>
+    <h2>${numbered(index, name)}</h2>
     <div class="fields">
       ${f.text(`${at}.id`, 'Exercise id', { required: true, onValue: rename })}
       ${f.text(`${at}.name`, 'Exercise name', { required: true })}
     </div>
     ${f.text(`${at}.description`, 'Exercise description', { rows: 2, wide: true })}
     <div class="fields">
-      ${f.select(`${at}.profile_id`, 'Patient', patients)}
+      ${f.select(`${at}.profile_id`, 'Patient', patients, { wide: true })}
       ${f.number(`${at}.attempts`, 'Attempts', { help: 'empty: as many as one likes' })}
       ${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
       <${TextField}
@@ -198,29 +214,35 @@ export function ExerciseForm({ f, index, profiles, measures }) {
     <${Plan} f=${f} at=${at} />
     <${Prerequisites} f=${f} at=${at} index=${index} />
     <${Aids} f=${f} at=${at} />
-    <${Requirements} f=${f} at=${at} measures=${measures} />
+    <${Requirements} f=${f} at=${at} measures=${measures} layers=${layers} />
   </section>`;
 }
 
-/** @param {{f: any, at: string, measures: {name: string, unit: string, words: string}[]}} props `at`: the exercise's path */
-export function Requirements({ f, at, measures }) {
+/**
+ * @param {{f: any, at: string, measures: import('../lib/measures.js').Kind[], layers: string[]}} props `at`: the
+ *   exercise's path; `layers`: names of the patient's
+ */
+export function Requirements({ f, at, measures, layers }) {
   const path = `${at}.requirements`;
   const rules = f.at(path) ?? [];
-  const put = f.set(path);
-  // measures of single layers are not in the list: keep them as they are
-  const options = (name) => [
-    ['', 'Choose …'],
-    ...measures.map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name]),
-    ...(name && !measures.some((m) => m.name === name) ? [[name, name]] : []),
-  ];
+  const edit = (next) => f.edit(path, (all = []) => next(all));
+  const named = (name) => measureNamed(measures, name, layers);
+  const options = (name) => {
+    const all = measuresOf(measures, layers),
+      // a layer that the patient does not have, or not yet: the patient is still being loaded
+      other = name && !all.some((m) => m.name === name) ? [named(name) ?? { name }] : [];
+    return [['', 'Choose …'], ...[...all, ...other].map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name])];
+  };
   return html`
     <h3>Requirements to pass</h3>
+    <${Broken} f=${f} path=${path} />
     ${
       rules.length === 0 &&
+      !f.faultAt(path) &&
       html`<p class="help">Without requirements every attempt is practice and gets no verdict.</p>`
     }
     <div>${rules.map((rule, i) => {
-      const known = measures.find((m) => m.name === rule.measure);
+      const known = named(rule.measure);
       const { factor, unit } = measureUnit(known?.unit ?? '');
       const name = known?.words ?? rule.measure ?? `requirement ${i + 1}`;
       return html`<div key=${i} class="requirement fields" role="group" aria-label=${`Requirement ${i + 1}: ${name}`}>
@@ -234,7 +256,7 @@ export function Requirements({ f, at, measures }) {
               type="button"
               class="small danger"
               aria-label=${`Remove requirement ${i + 1}`}
-              onClick=${() => put(rules.filter((_, k) => k !== i))}
+              onClick=${() => edit((all) => all.filter((_, k) => k !== i))}
             >
               Remove
             </button>
@@ -244,7 +266,8 @@ export function Requirements({ f, at, measures }) {
     })}</div>
     ${
       !f.readonly &&
-      html`<button type="button" onClick=${() => put([...rules, { measure: '' }])}>Add a requirement</button>`
+      !f.faultAt(path) &&
+      html`<button type="button" onClick=${() => edit((all) => [...all, { measure: '' }])}>Add a requirement</button>`
     }
   `;
 }

@@ -1,17 +1,18 @@
 // The row of exercises: click to choose one; buttons, Alt and arrows, or dragging change the order.
-import { numbered } from '../lib/course_rules.js';
+import { exerciseName, numbered } from '../lib/course_rules.js';
 import { moved } from '../lib/paths.js';
 import { announce } from '../ui/widgets.js';
+import { Broken } from '../ui/fields.js';
 import { html, useState } from '../ui/html.js';
 
 /** @param {{f: any, chosen: number, choose: (index: number) => void, add: () => void, remove: (index: number) => void, faulty: Set<number>}} props */
 export function ExerciseOrder({ f, chosen, choose, add, remove, faulty }) {
   const exercises = f.doc.exercises ?? [];
   const [dragged, setDragged] = useState(-1);
-  const nameOf = (i) => exercises[i].name || exercises[i].id;
+  const nameOf = (i) => exerciseName(exercises[i], i);
   const move = (from, to) => {
     if (to < 0 || to >= exercises.length || from === to) return;
-    f.set('exercises')(moved(exercises, from, to));
+    f.edit('exercises', (all) => moved(all, from, to));
     choose(to);
     announce(`${nameOf(from)} is number ${to + 1} of ${exercises.length} now.`);
     requestAnimationFrame(() => document.getElementById(`exercise-${to}`)?.focus());
@@ -40,8 +41,10 @@ export function ExerciseOrder({ f, chosen, choose, add, remove, faulty }) {
         };
   return html`<section aria-label="Exercises in order">
     <h2>Exercises</h2>
+    <${Broken} f=${f} path="exercises" />
     ${
       exercises.length === 0 &&
+      !f.faultAt('exercises') &&
       html`<div class="empty">
         <p><strong>No exercises yet</strong></p>
         <p>Add the first one: a patient to practise on, and what is needed to pass.</p>
@@ -94,6 +97,7 @@ export function ExerciseOrder({ f, chosen, choose, add, remove, faulty }) {
     )}</ol>
     ${
       !f.readonly &&
+      !f.faultAt('exercises') &&
       html`
         <button type="button" onClick=${add}>Add an exercise</button>
         <p class="help">Drag, or Alt + ↑ ↓ on a name, to change the order.</p>

@@ -1,4 +1,5 @@
 // Rules of a course beyond the ranges of single numbers, checked while one types.
+import { isObject } from './shape.js';
 
 /** @typedef {{path: string, message: string, severity: 'ERROR'}} Fault */
 
@@ -51,7 +52,7 @@ function planFaults(plan, at, say) {
 }
 
 /**
- * @param {any} course
+ * @param {any} course as a form shows it (lib/shape.js)
  * @param {{profiles?: string[], measures?: string[]}} known ids and names that exist; absent: not looked at
  * @returns {Fault[]}
  */
@@ -72,6 +73,7 @@ export function courseFaults(course, { profiles, measures } = {}) {
     else if (profiles && !profiles.includes(exercise.profile_id))
       say(`${at}.profile_id`, `there is no profile ${exercise.profile_id}`);
     (exercise.prerequisites ?? []).forEach((id, k) => {
+      if (id === undefined) return;
       const place = exercises.findIndex((e) => e.id === id);
       if (place < 0) say(`${at}.prerequisites[${k}]`, `there is no exercise ${id} in this course`);
       else if (leadsTo(exercises, id, exercise.id))
@@ -108,6 +110,9 @@ export function courseFaults(course, { profiles, measures } = {}) {
 /** "2. Knee"; a name that already has a number stays as it is. */
 export const numbered = (index, name) => (/^\d/.test(name) ? name : `${index + 1}. ${name}`);
 
+/** What an exercise is called while its name, or its id, may be missing. */
+export const exerciseName = (exercise, index) => exercise?.name || exercise?.id || `Exercise ${index + 1}`;
+
 /** Whether a trainee is done with an exercise, as the server sees it: passed; without requirements, tried. */
 export function isDone(exercise, cell) {
   const asks_nothing = !exercise.requirements?.length && (exercise.time_limit_s ?? null) === null;
@@ -132,8 +137,8 @@ export function nextDue(exercises, cells) {
  * that has both, the chosen one stays.
  */
 export function planGivenBy(plan, by) {
-  const { direction, target_m, ...rest } = plan;
-  if (plan[by]) return { ...rest, [by]: plan[by] };
+  const { direction, target_m, ...rest } = isObject(plan) ? plan : {};
+  if (plan?.[by]) return { ...rest, [by]: plan[by] };
   const at = (v, axis) => Number(v?.[axis]) || 0;
   const along = ['x', 'y', 'z'].map((axis) =>
     direction ? at(direction, axis) : at(target_m, axis) - at(rest.entry_m, axis),
@@ -151,22 +156,33 @@ export function planGivenBy(plan, by) {
 
 /** An unused id for a new exercise: "exercise-3". */
 export function freshId(exercises, stem = 'exercise') {
-  const taken = new Set(exercises.map((e) => e.id));
+  const taken = new Set(exercises.map((e) => e?.id));
   let n = exercises.length + 1;
   while (taken.has(`${stem}-${n}`)) n++;
   return `${stem}-${n}`;
 }
 
-/** The course without an exercise, which is also removed from the prerequisites of the others. */
-export function withoutExercise(course, index) {
-  const { id } = course.exercises[index];
-  const exercises = course.exercises
+const isPrerequisite = (id, e) => id !== undefined && Array.isArray(e?.prerequisites) && e.prerequisites.includes(id);
+
+/** The exercises without one, which is also removed from the prerequisites of the others. */
+export function withoutExercise(exercises, index) {
+  const id = exercises[index]?.id;
+  return exercises
     .filter((_, i) => i !== index)
     .map((e) => {
-      if (!e.prerequisites?.includes(id)) return e;
+      if (!isPrerequisite(id, e)) return e;
       const { prerequisites, ...rest } = e;
       const left = prerequisites.filter((p) => p !== id);
       return left.length ? { ...rest, prerequisites: left } : rest;
     });
-  return { ...course, exercises };
+}
+
+/** The exercises with another id for one, also where it is a prerequisite of others. */
+export function withExerciseId(exercises, index, id) {
+  const before = exercises[index]?.id;
+  return exercises.map((e, i) => {
+    if (i === index) return { ...e, id };
+    if (!isPrerequisite(before, e)) return e;
+    return { ...e, prerequisites: e.prerequisites.map((p) => (p === before ? id : p)) };
+  });
 }

@@ -1,11 +1,10 @@
 // Differences of two JSON documents, and the merge of two people's changes to one.
 import { joinedOrder, namingOf, samePlaces } from './list_merge.js';
 import { withValue, writePath } from './paths.js';
+import { isObject } from './shape.js';
 
 /** @typedef {{path: string, before: any, after: any}} Change undefined: not there */
 /** @typedef {{path: string, base: any, mine: any, theirs: any}} Clash */
-
-const isObject = (value) => value !== null && typeof value === 'object' && !Array.isArray(value);
 
 /** Whether two JSON values are the same; the order of keys does not count. */
 export function same(a, b) {

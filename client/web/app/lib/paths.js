@@ -1,4 +1,5 @@
 // Places in a JSON document, spelled as the server spells them: `layers[2].puncture.force_n`.
+import { isObject } from './shape.js';
 
 /**
  * @param {string} path
@@ -35,13 +36,8 @@ export function valueAt(document, path) {
 export function withValue(document, path, value) {
   const change = (at, [step, ...rest]) => {
     if (step === undefined) return value;
-    const copy = Array.isArray(at)
-      ? [...at]
-      : at === undefined || at === null
-        ? typeof step === 'number'
-          ? []
-          : {}
-        : { ...at };
+    // what cannot hold the step, such as a number, gives way to what can
+    const copy = typeof step === 'number' ? (Array.isArray(at) ? [...at] : []) : isObject(at) ? { ...at } : {};
     const next = change(copy[step], rest);
     if (next !== undefined) copy[step] = next;
     else if (Array.isArray(copy)) copy.splice(step, 1);
@@ -71,4 +67,16 @@ export function moved(items, from, to) {
   const copy = [...items];
   copy.splice(Math.max(0, Math.min(to, items.length - 1)), 0, ...copy.splice(from, 1));
   return copy;
+}
+
+/**
+ * A list of names with one of them put in or taken out. The known ones come in their order; others stay, at the end.
+ * @param {string[]} known
+ * @param {any[]} list
+ * @param {string} name
+ * @param {boolean} on
+ */
+export function toggled(known, list, name, on) {
+  const has = (other) => (other === name ? on : list.includes(other));
+  return [...known.filter(has), ...list.filter((other) => !known.includes(other) && has(other))];
 }

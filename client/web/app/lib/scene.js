@@ -162,7 +162,7 @@ export function layerBounds(profile) {
   });
 }
 
-const kLetter_px = 6.8, // the width of a letter of 13 px, on the safe side
+const kLetter_px = 7.5, // the width of a letter of 13 px, on the safe side: of those in "mm" in a wide font
   kLeader_px = 24;
 
 /**
@@ -176,13 +176,31 @@ export function layerLabels(layers, fidelity, least_px, most_px) {
   const names = layers.map((l) => atStart(l.name));
   const sizes = layers.map((l, i) => {
     const phi = fidelity?.[i];
-    return ` ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`;
+    // a thickness that is not given, or no number, has no size
+    return ` ${l.to_m > l.from_m ? quantity(l.to_m - l.from_m, 'm') : '–'}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`;
   });
   const longest = Math.max(0, ...names.map((name, i) => name.length + sizes[i].length));
   const width_px = Math.min(most_px, Math.max(least_px, kLeader_px + longest * kLetter_px));
   const letters = Math.floor((width_px - kLeader_px) / kLetter_px + 1e-6);
   const cut = (name, room) => (name.length <= room ? name : `${name.slice(0, Math.max(1, room - 1))}…`);
   return { texts: names.map((name, i) => cut(name, letters - sizes[i].length) + sizes[i]), width_px };
+}
+
+/**
+ * Heights at which labels stand clear of each other: each at its wish, or below those that it would cover.
+ * @param {{x: number, y: number, width: number}[]} labels x: of the middle
+ * @param {number} gap least distance of two lines
+ * @returns {number[]}
+ */
+export function clearLabels(labels, gap) {
+  const placed = [];
+  const covers = (a, b) => Math.abs(a.x - b.x) < (a.width + b.width) / 2 && Math.abs(a.y - b.y) < gap;
+  for (const label of [...labels].sort((a, b) => a.y - b.y)) {
+    const here = { ...label, of: label };
+    for (let other; (other = placed.find((p) => covers(p, here)));) here.y = other.y + gap;
+    placed.push(here);
+  }
+  return labels.map((label) => placed.find((p) => p.of === label).y);
 }
 
 /** The needle's axis, hub to tip (+z of the tip's frame), of a quaternion. */

@@ -25,16 +25,19 @@ export function since(unix_ms, locale = undefined) {
   return unix_ms ? ` since ${timeOfDay(unix_ms, locale)}` : '';
 }
 
-/** Seconds of a recording: "1:05.3". */
+/** Seconds of a recording: "1:05.3"; "–" where there are none, as of a recording without a rate. */
 export function clock(seconds) {
+  if (!Number.isFinite(seconds)) return '–';
   const tenths = Math.round(Math.max(0, seconds) * 10);
   const rest = (tenths % 600) / 10;
   return `${Math.floor(tenths / 600)}:${rest < 10 ? '0' : ''}${rest.toFixed(1)}`;
 }
 
-/** For <input type="datetime-local">, in local time. */
+const kLastInput_ms = Date.UTC(9999, 11, 30); // later years have more than four digits
+
+/** For <input type="datetime-local">, in local time; nothing for what that cannot show. */
 export function toInput(unix_ms) {
-  if (!unix_ms) return '';
+  if (!unix_ms || !(Math.abs(unix_ms) < kLastInput_ms)) return '';
   const local = new Date(unix_ms - new Date(unix_ms).getTimezoneOffset() * 60_000);
   return local.toISOString().slice(0, 16);
 }

@@ -95,12 +95,14 @@ export function measureUnit(unit) {
 }
 
 /**
- * The text of a field for an SI value, rounded to 12 digits so that 0.003 m is 3 mm and not 3.0000000000000004.
- * @param {number|null|undefined} value
+ * The text of a field for an SI value, rounded to 12 digits so that 0.003 m is 3 mm and not 3.0000000000000004. A value
+ * of a wrong type is shown as JSON, which is no number to `typed`.
+ * @param {any} value
  * @param {number} factor
  */
 export function shown(value, factor) {
-  return value === null || value === undefined ? '' : String(Number((value / factor).toPrecision(12)));
+  if (value === null || value === undefined) return '';
+  return typeof value === 'number' ? String(Number((value / factor).toPrecision(12))) : JSON.stringify(value);
 }
 
 /**
@@ -124,6 +126,13 @@ export function bytes(value, locale = undefined) {
   const [factor, prefix] = kPrefixes.find(([f]) => f >= 1 && value >= f) ?? [1, ''];
   return `${number(value / factor, 3, locale)}\u00a0${prefix}B`;
 }
+
+/** "1 session", "2 sessions", "0 entries" */
+export const counted = (n, one, many = `${one}s`) => `${n} ${n === 1 ? one : many}`;
+
+/** "25 sessions, newest first"; "The newest 25 sessions" of a list that has `more`. */
+export const newest = (n, more, one, many) =>
+  more ? `The newest ${counted(n, one, many)}` : `${counted(n, one, many)}, newest first`;
 
 /** "epidural space" at the beginning of a line: "Epidural space" */
 export const atStart = (text) => String(text ?? '').replace(/^./u, (first) => first.toUpperCase());

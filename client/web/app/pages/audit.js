@@ -41,7 +41,7 @@ export function AuditPage({ query }) {
           `
         : html`
             <${Table}
-              caption=${`${pages.items.length} entries, newest first`}
+              caption=${pages.caption('entry', 'entries')}
               head=${['When', 'Who', 'Action', 'Subject', 'Detail']}
             >${pages.items.map(
               (e) =>

@@ -1,11 +1,14 @@
 // Edits a course: its exercises in order, and one of them open.
-import { courseFaults, freshId, withoutExercise } from '../lib/course_rules.js';
+import { courseFaults, exerciseName, freshId, withoutExercise } from '../lib/course_rules.js';
 import { may } from '../lib/roles.js';
+import { isWithin } from '../lib/paths.js';
 import { href } from '../lib/routes.js';
+import { kCourseShape, shownOf } from '../lib/shape.js';
 import { checkCourse, documents, measures } from '../net/requests.js';
 import { announce, Heading, Problem } from '../ui/widgets.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
+import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useCallback, useMemo, useState } from '../ui/html.js';
@@ -31,9 +34,10 @@ export function CourseEditor({ params, person }) {
     [],
   );
   const { doc } = editing;
-  // measures of single layers (peak_force_layer_3_n) are not in the list: the server checks their names
+  // the server checks the names of measures
   const faults = useMemo(
-    () => (doc ? courseFaults(doc, { profiles: known.data?.profiles.map((p) => p.id) }) : []),
+    () =>
+      doc ? courseFaults(shownOf(doc, kCourseShape).shown, { profiles: known.data?.profiles.map((p) => p.id) }) : [],
     [doc, known.data],
   );
   const { problems: said } = useCheck(doc, checkCourse);
@@ -59,24 +63,25 @@ export function CourseEditor({ params, person }) {
     ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
     : [];
   // the server checks more: names of measures, bounds of numbers; a problem that is found here is not shown twice
-  const problems = [...faults, ...[...said, ...refused].filter((p) => !faults.some((f) => f.path.startsWith(p.path)))];
-  const f = formOf({ doc, change: editing.change, problems, onBad, readonly });
-  const faulty = new Set(problems.map((p) => Number(/^exercises\[(\d+)\]/.exec(p.path)?.[1] ?? -1)));
+  const problems = [...faults, ...[...said, ...refused].filter((p) => !faults.some((f) => isWithin(f.path, p.path)))];
+  const f = formOf({ doc, shape: kCourseShape, change: editing.change, problems, onBad, readonly });
+  const exercises = f.doc.exercises ?? [];
+  const faulty = new Set(f.problems.map((p) => Number(/^exercises\[(\d+)\]/.exec(p.path)?.[1] ?? -1)));
   const add = () => {
     const exercise = {
-      id: freshId(doc.exercises),
-      name: `Exercise ${doc.exercises.length + 1}`,
+      id: freshId(exercises),
+      name: `Exercise ${exercises.length + 1}`,
       profile_id: '',
       requirements: [{ measure: 'target_reached', min: 1 }],
     };
-    editing.change({ ...doc, exercises: [...doc.exercises, exercise] });
-    choose(doc.exercises.length);
-    announce(`Exercise ${doc.exercises.length + 1} was added.`);
+    f.edit('exercises', (all = []) => [...all, exercise]);
+    choose(exercises.length);
+    announce(`Exercise ${exercises.length + 1} was added.`);
   };
   const remove = (index) => {
-    editing.change(withoutExercise(doc, index));
-    choose(Math.max(0, Math.min(chosen, doc.exercises.length - 2)));
-    announce(`${doc.exercises[index].name} was removed.`);
+    f.edit('exercises', (all) => withoutExercise(all, index));
+    choose(Math.max(0, Math.min(chosen, exercises.length - 2)));
+    announce(`${exerciseName(exercises[index], index)} was removed.`);
   };
   return html`
     <${Heading} title=${title} above=${above}>${
@@ -103,10 +108,10 @@ export function CourseEditor({ params, person }) {
       <div class="course-columns">
         <div>
           <${ExerciseOrder} f=${f} chosen=${chosen} choose=${choose} add=${add} remove=${remove} faulty=${faulty} />
-          <${ProblemList} problems=${problems} />
+          <${ProblemList} problems=${f.problems} />
         </div>
         <div>${
-          doc.exercises?.[chosen] &&
+          exercises[chosen] &&
           html`<${ExerciseForm}
             key=${chosen}
             f=${f}
@@ -116,6 +121,7 @@ export function CourseEditor({ params, person }) {
           />`
         }</div>
       </div>
+      <${AsJson} whole=${doc} change=${editing.change} readonly=${readonly} />
     </form>
     ${
       editing.conflict &&

@@ -1,5 +1,6 @@
 // Data for other tools. A new format is one line in the list.
 import { may } from '../lib/roles.js';
+import { counted } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { documents, exercises, groups, studyRecords } from '../net/requests.js';
 import { Heading, Loaded, Problem, saveAs } from '../ui/widgets.js';
@@ -95,15 +96,13 @@ function Study({ all }) {
       <${Problem} error=${action.error} />
       <div class="actions">
         <button type="submit" class="main" disabled=${action.busy}>${
-          action.busy ? `Collecting … ${count} records` : 'Download the study'
+          action.busy ? `Collecting … ${counted(count, 'record')}` : 'Download the study'
         }</button>
       </div>
       <div role="status">${
         result &&
         html`<p>
-          ✓ ${result.people} ${result.people === 1 ? 'person' : 'people'}, ${result.sessions} ${
-            result.sessions === 1 ? 'session' : 'sessions'
-          }.${result.people === 0 ? ' Nobody consents yet.' : ''}
+          ✓ ${counted(result.people, 'person', 'people')}, ${counted(result.sessions, 'session')}.${result.people === 0 ? ' Nobody consents yet.' : ''}
         </p>`
       }</div>
     </fieldset>

@@ -2,6 +2,7 @@
 import { merge, resolved } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
+import { counted } from '../lib/units.js';
 import { groups, people } from '../net/requests.js';
 import { announce, Confirm, Dialog, Empty, Heading, Loaded, number, Problem, Table } from '../ui/widgets.js';
 import { ConflictDialog } from '../ui/conflict.js';
@@ -87,7 +88,7 @@ function Members({ group, all, load, edit }) {
       setConflict({ theirs: { ...theirs, author: theirs.changed_by }, ...merge(what(from), what(mine), what(theirs)) });
       return;
     }
-    announce(`${mine.name} was saved: ${mine.members.length} members.`);
+    announce(`${mine.name} was saved: ${counted(mine.members.length, 'member')}.`);
     load.reload();
   };
   const save = () => action.run(() => put({ name, members }, base));

@@ -1,7 +1,7 @@
 // The state of the lab now. The line reconnects by itself, and the page shows its state.
 import { href } from '../lib/routes.js';
 import { since } from '../lib/time.js';
-import { quantity, words } from '../lib/units.js';
+import { counted, quantity, words } from '../lib/units.js';
 import { may } from '../lib/roles.js';
 import { followLab } from '../net/live.js';
 import { html, useEffect, useRef, useState } from '../ui/html.js';
@@ -53,7 +53,7 @@ function Tile({ tile, person }) {
             <${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />
             <p class="help">
               Peak${since(tile.peak_since_unix_ms)} ${quantity(peak, 'N')}
-              ${tile.drops > 0 ? `; the loop missed ${tile.drops} ticks` : ''}
+              ${tile.drops > 0 ? `; the loop missed ${counted(tile.drops, 'tick')}` : ''}
             </p>
           `
         : html`<p class="help">${tile.online ? 'Nobody is practising here.' : 'The station is not connected.'}</p>`
@@ -121,7 +121,7 @@ export function LivePage({ person }) {
               An administrator adds one with “needlelab-admin station add”; it appears here when it connects.
             <//>`
           : html`
-              <p>${busy} of ${tiles.length} stations are in use.</p>
+              <p>${busy} of ${counted(tiles.length, 'station')} in use</p>
               <ul class=${'tiles' + (line.state === 'live' ? '' : ' live-old')}>${tiles.map(
                 (tile) => html`<${Tile} key=${tile.station} tile=${tile} person=${person} />`,
               )}</ul>

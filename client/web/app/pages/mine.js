@@ -2,6 +2,7 @@
 import { nextDue, numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
+import { counted } from '../lib/units.js';
 import { assignments, documents, exercises, results } from '../net/requests.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
@@ -49,7 +50,7 @@ function Course({ row, person }) {
       ${
         passed === list.length
           ? html`<${Mark} kind="good">all passed<//>`
-          : html`${passed} of ${list.length} exercises passed.`
+          : html`${passed} of ${counted(list.length, 'exercise')} passed.`
       } ${due && html`Next due ${moment(due)}.`} ${next && html`<strong>Next: ${next.name}.</strong>`}
     </p>
     <ol class="tiles">${list.map((e, i) => {

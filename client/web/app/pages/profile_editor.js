@@ -1,10 +1,13 @@
 // Edits a patient: the form on one side, the drawing and the force on the other.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { quantity } from '../lib/units.js';
+import { layerBounds } from '../lib/scene.js';
+import { kProfileShape } from '../lib/shape.js';
+import { counted, quantity } from '../lib/units.js';
 import { checkProfile, documents } from '../net/requests.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
+import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
 import { useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
@@ -13,7 +16,7 @@ import { Legend, SideView } from '../ui/section.js';
 import { Hazards, LimbFields, Targets } from '../profile/anatomy.js';
 import { Layers } from '../profile/layers.js';
 import { ForceOverDepth, usePreview } from '../profile/preview.js';
-import { AsJson, Force, Naming, NeedleFields } from '../profile/sections.js';
+import { Force, Naming, NeedleFields } from '../profile/sections.js';
 
 const kBlank = {
   id: '',
@@ -112,7 +115,6 @@ export function ProfileEditor({ params, query, person }) {
       setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))),
     [],
   );
-  const errors = problems.filter((p) => p.severity === 'ERROR');
   const bad = bad_fields.length > 0;
   const save = async () => {
     if (readonly || bad || !editing.dirty) return;
@@ -135,8 +137,10 @@ export function ProfileEditor({ params, query, person }) {
     ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
     : [];
   const all = [...problems, ...refused.filter((r) => !problems.some((p) => p.path === r.path))];
-  const f = formOf({ doc, change: editing.change, problems: all, onBad, readonly });
-  const fidelity = rendered.preview?.layers?.map((l) => l.fidelity);
+  const f = formOf({ doc, shape: kProfileShape, change: editing.change, problems: all, onBad, readonly });
+  const profile = f.doc;
+  // what cannot be rendered has no fidelity: that of the last version is another patient's
+  const fidelity = rendered.error ? undefined : rendered.preview?.layers?.map((l) => l.fidelity);
   return html`
     <${Heading} title=${title} above=${above}>${
       id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`
@@ -147,22 +151,22 @@ export function ProfileEditor({ params, query, person }) {
         <section>
           <h2>Side view, to scale</h2>
           <${SideView}
-            profile=${doc}
+            profile=${profile}
             fidelity=${fidelity}
-            label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity(
-              (doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0),
+            label=${`Side view of ${counted(profile.layers?.length ?? 0, 'layer')}, ${quantity(
+              layerBounds(profile).at(-1)?.to_m ?? 0,
               'm',
             )} deep in all`}
           />
-          <${Legend} profile=${doc} />
+          <${Legend} profile=${profile} />
           <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p>
         </section>
         <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
-        ${(checked || all.length > 0) && html`<${ProblemList} problems=${all} />`}
+        ${(checked || f.problems.length > 0) && html`<${ProblemList} problems=${f.problems} />`}
         ${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}
         ${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}
         ${
-          errors.length > 0 &&
+          f.problems.some((p) => p.severity === 'ERROR') &&
           html`<p class="help wide">The server will refuse this profile until these are mended.</p>`
         }
       </aside>
@@ -174,7 +178,7 @@ export function ProfileEditor({ params, query, person }) {
         <${Targets} f=${f} />
         <${Hazards} f=${f} />
         <${Force} f=${f} />
-        <${AsJson} f=${f} />
+        <${AsJson} whole=${doc} change=${editing.change} readonly=${readonly} />
       </form>
     </div>
     ${

@@ -2,6 +2,7 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
+import { counted } from '../lib/units.js';
 import { documents } from '../net/requests.js';
 import { TextField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
@@ -26,7 +27,7 @@ export function ProfilesPage({ person }) {
           all.length ? 'Change what is looked for above.' : 'Make one: layers of tissue, a target, hazards.'
         }<//>`;
       return html`<${Table}
-        caption=${`${shown.length} of ${all.length} profiles`}
+        caption=${`${shown.length} of ${counted(all.length, 'profile')}`}
         head=${['Profile', 'Id', number('Revision'), 'Changed', 'By', 'More']}
       >${shown.map(
         (p) => html`<tr key=${p.id}>

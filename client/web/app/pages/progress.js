@@ -2,7 +2,7 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { quantityOfUnit } from '../lib/axis.js';
-import { measureTitle, measureUnit, quantity } from '../lib/units.js';
+import { counted, measureTitle, measureUnit, quantity } from '../lib/units.js';
 import { moment } from '../lib/time.js';
 import { kCurves } from '../lib/tissue.js';
 import { exercises, people } from '../net/requests.js';
@@ -78,7 +78,7 @@ function Attempts({ name, attempts, exercise, measure, go, me, reload }) {
       `
     }
     <${Table}
-      caption=${`${attempts.length} attempts, oldest first`}
+      caption=${`${counted(attempts.length, 'attempt')}, oldest first`}
       head=${[
         'Attempt',
         'Begun',

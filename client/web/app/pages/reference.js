@@ -1,36 +1,32 @@
 // The experts of one exercise: their sessions, with which all others are compared, and the bands made from them.
+import { measureNamed } from '../lib/measures.js';
 import { href } from '../lib/routes.js';
+import { layerNames } from '../lib/tissue.js';
 import { clock, moment } from '../lib/time.js';
-import { number, quantity } from '../lib/units.js';
-import { measures, references, sessions } from '../net/requests.js';
+import { counted, number, quantity } from '../lib/units.js';
+import { documents, exercises, measures, references, sessions } from '../net/requests.js';
 import { announce, Empty, Heading, Loaded, number as right, Problem, Table, usePages } from '../ui/widgets.js';
 import { CheckField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { Verdict } from './sessions.js';
 
-/** Measures of single layers are not in the list. */
-const layerTitle = (name) =>
-  name.replace(
-    /^(peak|mean)_force_layer_(\d+)_n$/,
-    (_, what, layer) => `${what === 'peak' ? 'Peak' : 'Mean'} force in layer ${layer}`,
-  );
-
-function Bands({ reference, names }) {
+/** @param {{reference: any, title: (measure: string) => string}} props */
+function Bands({ reference, title }) {
   if (!reference.bands?.length)
     return html`<${Empty} title="No bands yet">
       Choose sessions of experts above: the bands are made of their scores.
     <//>`;
   const part = (v, unit) => (Number.isFinite(v) ? quantity(v, unit) : '–');
   return html`<${Table}
-    caption=${`Bands by definitions ${reference.definition_version}, of ${reference.session_ids.length} sessions; percentiles need five`}
+    caption=${`Bands by definitions ${reference.definition_version}, of ${counted(reference.session_ids.length, 'session')}; percentiles need five`}
     head=${[
       'Measure',
       ...['Sessions', 'Mean', 'Standard deviation', 'Least', '10 %', 'Median', '90 %', 'Greatest'].map(right),
     ]}
   >${reference.bands.map(
     (b) => html`<tr key=${b.measure}>
-      <th scope="row">${names.get(b.measure) ?? layerTitle(b.measure)}<br /><code>${b.measure}</code></th>
+      <th scope="row">${title(b.measure)}<br /><code>${b.measure}</code></th>
       <td class="number">${number(b.n)}</td>
       ${[b.mean, b.sd, b.least, b.p10, b.median, b.p90, b.greatest].map(
         (v) => html`<td class="number">${part(v, b.unit)}</td>`,
@@ -47,9 +43,7 @@ function Choice({ exercise, reference, reload }) {
   const toggle = (id) => (on) => setChosen(on ? [...chosen, id] : chosen.filter((c) => c !== id));
   const save = async () => {
     if (!(await action.run(() => references.put(exercise, chosen, reference.revision)))) return;
-    announce(
-      `${chosen.length} ${chosen.length === 1 ? 'session makes' : 'sessions make'} the reference of ${exercise} now.`,
-    );
+    announce(`${counted(chosen.length, 'session makes', 'sessions make')} the reference of ${exercise} now.`);
     reload();
   };
   // some may be further down than the list has been loaded
@@ -79,7 +73,7 @@ function Choice({ exercise, reference, reload }) {
                 <th scope="row">${d.trainee}</th>
                 <td><a href=${href(['sessions', d.session_id])}>${moment(d.started_unix_ms)}</a></td>
                 <td>${d.station}</td>
-                <td class="number">${d.rate_hz ? clock(s.samples / d.rate_hz) : '–'}</td>
+                <td class="number">${clock(s.samples / d.rate_hz)}</td>
                 <td><${Verdict} passed=${s.passed} /></td>
               </tr>`;
             })}<//>
@@ -124,8 +118,14 @@ export function ReferencePage({ params }) {
   const { exercise } = params;
   const load = useLoad(
     async (signal) => {
-      const [reference, all] = await Promise.all([references.one(exercise, signal), measures(signal)]);
-      return { reference, names: new Map(all.map((m) => [m.name, m.words])) };
+      const [reference, kinds, all] = await Promise.all([
+        references.one(exercise, signal),
+        measures(signal),
+        exercises(signal),
+      ]);
+      const patient = all.find((e) => e.id === exercise)?.profile_id;
+      const layers = patient ? layerNames((await documents('profiles').one(patient, undefined, signal)).json) : [];
+      return { reference, title: (measure) => measureNamed(kinds, measure, layers)?.words ?? measure };
     },
     [exercise],
   );
@@ -135,14 +135,14 @@ export function ReferencePage({ params }) {
       Every score of this exercise is compared with these sessions: value by value, and the path of the tip by its
       distance (DTW) from the nearest expert's.
     </p>
-    <${Loaded} load=${load}>${({ reference, names }) => html`
+    <${Loaded} load=${load}>${({ reference, title }) => html`
       <${Choice} key=${reference.revision} exercise=${exercise} reference=${reference} reload=${load.reload} />
       ${
         reference.changed_by &&
         html`<p class="help">Chosen by ${reference.changed_by}, ${moment(reference.changed_unix_ms)}.</p>`
       }
       <h2>Bands</h2>
-      <${Bands} reference=${reference} names=${names} />
+      <${Bands} reference=${reference} title=${title} />
     `}<//>
   `;
 }

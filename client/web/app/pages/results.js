@@ -3,6 +3,7 @@ import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { day } from '../lib/time.js';
 import { verdictOf } from '../lib/verdict.js';
+import { counted } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { documents, groups, results } from '../net/requests.js';
 import { SelectField } from '../ui/fields.js';
@@ -22,7 +23,7 @@ export function cellState(cell) {
 
 export function Cell({ cell, trainee, nameOf }) {
   const [kind, word] = cellState(cell);
-  const tried = `${cell.attempts} ${cell.attempts === 1 ? 'attempt' : 'attempts'}`;
+  const tried = counted(cell.attempts, 'attempt');
   return html`
     <${Mark} kind=${kind}>${word}<//>
     ${
@@ -68,7 +69,7 @@ function Matrix({ course, group }) {
     const passed = (id) => rows.filter((r) => r.cells.find((c) => c.exercise_id === id)?.passed === true).length;
     return html`<div class="table-frame matrix" role="region" aria-label="Results" tabindex="0">
       <table>
-        <caption>${rows.length} trainees, ${exercises.length} exercises</caption>
+        <caption>${counted(rows.length, 'trainee')}, ${counted(exercises.length, 'exercise')}</caption>
         <thead>
           <tr>
             <th scope="col">Trainee</th>

@@ -3,6 +3,7 @@ import { changes } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
+import { counted } from '../lib/units.js';
 import { documents } from '../net/requests.js';
 import { announce, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { valueText } from '../ui/conflict.js';
@@ -25,7 +26,7 @@ function Differences({ kind, id, from, to }) {
     all.length === 0
       ? html`<${Empty} title="No difference">Revisions ${from} and ${to} hold the same.<//>`
       : html`<${Table}
-          caption=${`${all.length} ${all.length === 1 ? 'change' : 'changes'} from revision ${from} to ${to}`}
+          caption=${`${counted(all.length, 'change')} from revision ${from} to ${to}`}
           head=${['Field', 'What', `Revision ${from}`, `Revision ${to}`]}
         >${all.map(
           (c) => html`<tr key=${c.path}>

@@ -2,7 +2,7 @@
 import { advance, atRest, boneContacts, columnsOf, kBoneContact, seek, toggle } from '../lib/recording.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
-import { words } from '../lib/units.js';
+import { counted, words } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { people, sessions } from '../net/requests.js';
 import { may } from '../lib/roles.js';
@@ -166,7 +166,7 @@ export function SessionPage({ params, person }) {
           html`<dt>Trainee</dt><dd>${d.trainee}; the station named ${session.given_trainee}, a manager assigned it</dd>`
         }
         <dt>Length</dt>
-        <dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
+        <dd>${clock(session.samples / d.rate_hz)} (${counted(session.samples, 'sample')} at ${d.rate_hz} Hz)</dd>
         <dt>Patient</dt>
         <dd>
           ${

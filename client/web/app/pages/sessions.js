@@ -74,7 +74,7 @@ export function SessionsPage({ query, person }) {
           `
         : html`
             <${Table}
-              caption=${`${pages.items.length} sessions, newest first`}
+              caption=${pages.caption('session')}
               head=${['Begun', 'Trainee', 'Exercise', 'Station', number('Length'), 'State', 'Verdict']}
             >${pages.items.map(
               (s) => html`<tr key=${s.description.session_id}>
@@ -84,7 +84,7 @@ export function SessionsPage({ query, person }) {
                 <td>${s.description.trainee} ${s.unknown_trainee && html`<${Mark} kind="warn">${s.code_unchecked ? 'no code' : 'unknown'}<//>`}</td>
                 <td>${s.description.exercise_id}</td>
                 <td>${s.description.station}</td>
-                <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
+                <td class="number">${clock(s.samples / s.description.rate_hz)}</td>
                 <td>${words(String(s.state).replace('SESSION_', ''))}</td>
                 <td><${Verdict} passed=${s.passed} /></td>
               </tr>`,

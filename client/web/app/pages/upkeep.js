@@ -1,6 +1,6 @@
 // A backup now, whether everything can be read, scores anew, and what holds for the whole lab.
 import { moment } from '../lib/time.js';
-import { bytes } from '../lib/units.js';
+import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { useAction, useEvery, useLoad } from '../ui/hooks.js';
@@ -58,7 +58,7 @@ function Backup() {
       <div role="status">${
         done &&
         html`<p>
-          <${Mark} kind="good">verified<//> ${done.path}: ${bytes(done.bytes)}, ${done.chunks_verified} pieces of recordings read back, ${moment(done.at)}.
+          <${Mark} kind="good">verified<//> ${done.path}: ${bytes(done.bytes)}, ${counted(done.chunks_verified, 'piece')} of recordings read back, ${moment(done.at)}.
         </p>`
       }</div>
       <${Problem} error=${action.error} title="There is no new backup" />
@@ -89,7 +89,7 @@ function Check() {
       html`
         <p>
           <${Mark} kind=${report.ok ? 'good' : 'bad'}>${report.ok ? 'all is well' : 'faults'}<//>
-          ${` ${report.sessions} sessions, ${report.chunks} pieces of recordings.`}
+          ${` ${counted(report.sessions, 'session')}, ${counted(report.chunks, 'piece')} of recordings.`}
         </p>
         ${report.faults?.length > 0 && html`<ul>${report.faults.map((fault) => html`<li>${fault}</li>`)}</ul>`}
       `

@@ -3,7 +3,7 @@ import { moved } from '../lib/paths.js';
 import { kTissues, layerNames, tissueColor } from '../lib/tissue.js';
 import { atStart, quantity, words } from '../lib/units.js';
 import { announce } from '../ui/widgets.js';
-import { CheckField } from '../ui/fields.js';
+import { Broken, CheckField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 
 const kNew = {
@@ -23,13 +23,58 @@ function Swatch({ tissue }) {
   </svg>`;
 }
 
+/** @param {{f: any, i: number, layer: any, name: string}} props `name`: what people call it */
+function LayerFields({ f, i, layer, name }) {
+  return html`
+    <div class="fields">
+      ${f.select(
+        `layers[${i}].tissue`,
+        'Tissue',
+        kTissues.map((t) => [t, words(t)]),
+      )}
+      ${f.text(`layers[${i}].name`, 'Name', { maxlength: 64, placeholder: layer.name ? '' : name })}
+      ${f.number(`layers[${i}].thickness_m`, 'Thickness')}
+      ${f.number(`layers[${i}].cutting_force_n`, 'Cutting force')}
+      ${f.number(`layers[${i}].attracted_force_n`, 'Attracted force')}
+      ${f.number(`layers[${i}].rejection_force_n`, 'Rejection force')}
+      ${f.number(`layers[${i}].lateral_stiffness_n_per_m2`, 'Lateral stiffness')}
+      ${f.number(`layers[${i}].friction_n_per_m`, 'Shaft friction')}
+    </div>
+    <${CheckField}
+      label="Membrane that gives way"
+      checked=${!!layer.puncture}
+      disabled=${f.readonly}
+      onValue=${(on) => f.set(`layers[${i}].puncture`)(on ? { ...kPuncture } : undefined)}
+    />
+    ${
+      layer.puncture &&
+      html`<div class="fields">
+        ${f.number(`layers[${i}].puncture.linear_n_per_m`, 'Stiffness')}
+        ${f.number(`layers[${i}].puncture.quadratic_n_per_m2`, 'Stiffening')}
+        ${f.number(`layers[${i}].puncture.force_n`, 'Gives way at')}
+      </div>`
+    }
+    ${
+      f.doc.axial_model === 'FIRST_ORDER' &&
+      html`<div class="fields">
+        ${f.number(`layers[${i}].first_order.stiffness_n_per_m`, 'Stiffness (first order)')}
+        ${f.number(`layers[${i}].first_order.puncture_force_n`, 'Puncture force (first order)')}
+        ${f.number(`layers[${i}].first_order.cutting_force_n`, 'Cutting force (first order)')}
+        ${f.number(`layers[${i}].first_order.friction_n_per_m`, 'Friction (first order)')}
+      </div>`
+    }
+  `;
+}
+
 export function Layers({ f }) {
   const layers = f.doc.layers ?? [];
   const names = layerNames(f.doc);
-  const put = f.set('layers');
+  // the document's own list: it keeps what the form cannot show
+  const edit = (next) => f.edit('layers', (all = []) => next(all));
+  const add = (at, layer) => edit((all) => [...all.slice(0, at), layer, ...all.slice(at)]);
   const move = (from, to) => {
     if (to < 0 || to >= layers.length) return;
-    put(moved(layers, from, to));
+    edit((all) => moved(all, from, to));
     announce(`${atStart(names[from])} is layer ${to + 1} of ${layers.length} now.`);
     requestAnimationFrame(() => document.getElementById(`layer-${to}`)?.focus());
   };
@@ -39,12 +84,13 @@ export function Layers({ f }) {
     move(i, i + (event.key === 'ArrowUp' ? -1 : 1));
   };
   const remove = (i) => {
-    put(layers.filter((_, k) => k !== i));
+    edit((all) => all.filter((_, k) => k !== i));
     announce(`Layer ${i + 1}, ${names[i]}, was removed.`);
   };
   return html`<fieldset>
     <legend>Layers, from the skin inwards</legend>
-    ${layers.length === 0 && html`<p>There are no layers yet. Add the skin first.</p>`}
+    <${Broken} f=${f} path="layers" />
+    ${layers.length === 0 && !f.faultAt('layers') && html`<p>There are no layers yet. Add the skin first.</p>`}
     <ol class="cards">${layers.map(
       (layer, i) => html`<li key=${i} class="card" id=${`layer-${i}`} tabindex="-1" onKeyDown=${keys(i)}>
         <div class="card-head">
@@ -79,7 +125,7 @@ export function Layers({ f }) {
                 type="button"
                 class="small"
                 aria-label=${`Add below layer ${i + 1}`}
-                onClick=${() => put([...layers.slice(0, i + 1), { ...kNew }, ...layers.slice(i + 1)])}
+                onClick=${() => add(i + 1, { ...kNew })}
               >
                 Add below
               </button>
@@ -94,50 +140,15 @@ export function Layers({ f }) {
             </div>`
           }
         </div>
-        <div class="fields">
-          ${f.select(
-            `layers[${i}].tissue`,
-            'Tissue',
-            kTissues.map((t) => [t, words(t)]),
-          )}
-          ${f.text(`layers[${i}].name`, 'Name', { maxlength: 64, placeholder: layer.name ? '' : names[i] })}
-          ${f.number(`layers[${i}].thickness_m`, 'Thickness')}
-          ${f.number(`layers[${i}].cutting_force_n`, 'Cutting force')}
-          ${f.number(`layers[${i}].attracted_force_n`, 'Attracted force')}
-          ${f.number(`layers[${i}].rejection_force_n`, 'Rejection force')}
-          ${f.number(`layers[${i}].lateral_stiffness_n_per_m2`, 'Lateral stiffness')}
-          ${f.number(`layers[${i}].friction_n_per_m`, 'Shaft friction')}
-        </div>
-        <${CheckField}
-          label="Membrane that gives way"
-          checked=${!!layer.puncture}
-          disabled=${f.readonly}
-          onValue=${(on) => f.set(`layers[${i}].puncture`)(on ? { ...kPuncture } : undefined)}
-        />
-        ${
-          layer.puncture &&
-          html`<div class="fields">
-            ${f.number(`layers[${i}].puncture.linear_n_per_m`, 'Stiffness')}
-            ${f.number(`layers[${i}].puncture.quadratic_n_per_m2`, 'Stiffening')}
-            ${f.number(`layers[${i}].puncture.force_n`, 'Gives way at')}
-          </div>`
-        }
-        ${
-          f.doc.axial_model === 'FIRST_ORDER' &&
-          html`<div class="fields">
-            ${f.number(`layers[${i}].first_order.stiffness_n_per_m`, 'Stiffness (first order)')}
-            ${f.number(`layers[${i}].first_order.puncture_force_n`, 'Puncture force (first order)')}
-            ${f.number(`layers[${i}].first_order.cutting_force_n`, 'Cutting force (first order)')}
-            ${f.number(`layers[${i}].first_order.friction_n_per_m`, 'Friction (first order)')}
-          </div>`
-        }
+        ${f.faultAt(`layers[${i}]`) ? html`<${Broken} f=${f} path=${`layers[${i}]`} />` : html`<${LayerFields} f=${f} i=${i} layer=${layer} name=${names[i]} />`}
       </li>`,
     )}</ol>
     ${
       !f.readonly &&
+      !f.faultAt('layers') &&
       html`<button
         type="button"
-        onClick=${() => put([...layers, { ...kNew, tissue: layers.length ? 'MUSCLE' : 'SKIN' }])}
+        onClick=${() => add(layers.length, { ...kNew, tissue: layers.length ? 'MUSCLE' : 'SKIN' })}
       >
         Add a layer at the bottom
       </button>`

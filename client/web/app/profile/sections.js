@@ -1,6 +1,7 @@
 // The parts of a profile besides layers and anatomy: name, needle, axial model, effects.
-import { CheckField, TextField } from '../ui/fields.js';
-import { html, useEffect, useState } from '../ui/html.js';
+import { Broken, CheckField } from '../ui/fields.js';
+import { html } from '../ui/html.js';
+import { toggled } from '../lib/paths.js';
 import { words } from '../lib/units.js';
 import { kEffects } from './effects.js';
 
@@ -49,6 +50,7 @@ export function Naming({ f, is_new }) {
 export function NeedleFields({ f }) {
   return html`<fieldset>
     <legend>Needle</legend>
+    <${Broken} f=${f} path="needle" />
     <div class="fields">
       ${f.number('needle.length_m', 'Length')}
       ${f.number('needle.gauge', 'Gauge', { help: '10–34, thicker to thinner' })}
@@ -64,14 +66,19 @@ export function Force({ f }) {
   const effects = f.doc.effects ?? [];
   const toggle =
     ({ name, section, begin }) =>
-    (on) =>
-      f.change((before) => {
-        const list = kEffects
-          .map((effect) => effect.name)
-          .filter((other) => (other === name ? on : before.effects?.includes(other)));
-        return { ...before, effects: list, ...(on && section && !before[section] ? { [section]: begin } : {}) };
-      });
+    (on) => {
+      f.edit('effects', (all = []) =>
+        toggled(
+          kEffects.map((effect) => effect.name),
+          all,
+          name,
+          on,
+        ),
+      );
+      if (on && section && f.at(section) === undefined) f.set(section)(begin);
+    };
   const numbersOf = ({ section, title, fields, choice }) => html`<h3>${title}</h3>
+    <${Broken} f=${f} path=${section} />
     <div class="fields">
       ${fields.map(([name, label]) => f.number(`${section}.${name}`, label))}
       ${choice && f.select(`${section}.${choice.name}`, choice.label, choice.options)}
@@ -79,7 +86,7 @@ export function Force({ f }) {
   return html`<fieldset>
     <legend>Force</legend>
     <div class="fields">
-      ${f.select('axial_model', 'Model along the needle', kModels)}
+      ${f.select('axial_model', 'Model along the needle', kModels, { value: model })}
       ${f.number('max_force_n', 'Greatest force')}
     </div>
     ${
@@ -96,15 +103,21 @@ export function Force({ f }) {
       )}</div>`
     }
     <h3>Tracking wall</h3>
+    <${Broken} f=${f} path="tracking_wall" />
     <div class="fields">
       ${f.number('tracking_wall.stiffness_n_per_m', 'Wall stiffness')}
       ${f.number('tracking_wall.stop_speed_m_s', 'Counts as stopped below')}
       ${f.number('tracking_wall.stop_dwell_s', 'After')}
       ${f.number('tracking_wall.stop_duration_s', 'Relaxes in')}
-      ${f.select('tracking_wall.stop_mode', 'Relaxation', [
-        ['RAMP', 'Ramp'],
-        ['EXPONENTIAL', 'Exponential'],
-      ])}
+      ${f.select(
+        'tracking_wall.stop_mode',
+        'Relaxation',
+        [
+          ['RAMP', 'Ramp'],
+          ['EXPONENTIAL', 'Exponential'],
+        ],
+        { value: f.at('tracking_wall.stop_mode') ?? 'RAMP' },
+      )}
       ${
         f.at('tracking_wall.stop_mode') === 'EXPONENTIAL' &&
         html`
@@ -114,50 +127,17 @@ export function Force({ f }) {
       }
     </div>
     <h3>Effects</h3>
+    <${Broken} f=${f} path="effects" />
     ${kEffects.map(
       (effect) =>
         html`<${CheckField}
           key=${effect.name}
           label=${effect.label}
           checked=${effects.includes(effect.name)}
-          disabled=${f.readonly}
+          disabled=${f.readonly || !!f.faultAt('effects')}
           onValue=${toggle(effect)}
         />`,
     )}
     ${kEffects.filter(({ name, section }) => section && effects.includes(name)).map(numbersOf)}
   </fieldset>`;
-}
-
-/** The whole document as text, for values without a field. */
-export function AsJson({ f }) {
-  const written = JSON.stringify(f.doc, null, 2);
-  const [text, setText] = useState(written);
-  const [problem, setProblem] = useState('');
-  useEffect(() => {
-    if (!problem) setText(written);
-  }, [written]);
-  const take = (next) => {
-    setText(next);
-    try {
-      f.change(JSON.parse(next));
-      setProblem('');
-    } catch (error) {
-      setProblem(`This is no JSON yet: ${error.message}`);
-    }
-  };
-  return html`<details>
-    <summary>The whole as JSON</summary>
-    <${TextField}
-      label="JSON"
-      rows="18"
-      value=${text}
-      onValue=${take}
-      spellcheck="false"
-      readonly=${f.readonly}
-      wide
-      path="json"
-      problems=${problem ? [{ path: 'json', message: problem }] : []}
-      class="mono"
-    />
-  </details>`;
 }

@@ -1,7 +1,7 @@
 // A score with its explanation: requirement, verdict in words, and the experts' range.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { measureTitle, quantity } from '../lib/units.js';
+import { counted, measureTitle, quantity } from '../lib/units.js';
 import { verdictOf } from '../lib/verdict.js';
 import { moment } from '../lib/time.js';
 import { references, sessions } from '../net/requests.js';
@@ -106,9 +106,7 @@ export function Score({ session, load, person }) {
     const reference = await action.run(() => references.put(exercise_id, next, load.data.reference?.revision ?? 0));
     if (!reference) return;
     load.reload();
-    announce(
-      `${next.length} ${next.length === 1 ? 'session makes' : 'sessions make'} the reference of ${exercise_id} now.`,
-    );
+    announce(`${counted(next.length, 'session makes', 'sessions make')} the reference of ${exercise_id} now.`);
   };
   return html`<section aria-labelledby="score-title">
     <h2 id="score-title">Score</h2>
@@ -122,9 +120,9 @@ export function Score({ session, load, person }) {
         judged.length === 0
           ? html`<${Mark} kind="open">no requirements<//>`
           : missed.length === 0
-            ? html`<${Mark} kind="good">${verdictOf(true)[1]}<//> all ${judged.length} requirements are met`
+            ? html`<${Mark} kind="good">${verdictOf(true)[1]}<//> ${judged.length === 1 ? 'the requirement is met' : `all ${judged.length} requirements are met`}`
             : html`
-                <${Mark} kind="bad">${verdictOf(false)[1]}<//> ${missed.length} of ${judged.length} requirements are not
+                <${Mark} kind="bad">${verdictOf(false)[1]}<//> ${missed.length} of ${counted(judged.length, 'requirement')} not
                 met: ${missed.map(measureTitle).join(', ')}
               `;
       // bands by other definitions do not apply to this score; the server compares by the same definitions
@@ -156,7 +154,7 @@ export function Score({ session, load, person }) {
         ${
           judged.length > 0 && others.length > 0
             ? html`<details>
-                <summary>${others.length} further measures</summary>
+                <summary>${counted(others.length, 'further measure')}</summary>
                 ${table(`Further measures${made}`, others)}
               </details>`
             : others.length > 0 && table(`Measures${made}`, others)

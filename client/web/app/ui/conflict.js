@@ -1,5 +1,6 @@
 // Two people changed the same document: both versions, field by field; nothing is lost.
 import { moment } from '../lib/time.js';
+import { counted } from '../lib/units.js';
 import { html, useState } from './html.js';
 import { Dialog, Table } from './widgets.js';
 
@@ -73,7 +74,7 @@ export function ConflictDialog({ conflict, settle, close }) {
         Take over and go on editing
       </button>
       <button type="button" onClick=${close}>Back, decide later</button>
-      ${open > 0 && html`<span class="help">${open} ${open === 1 ? 'choice' : 'choices'} left</span>`}
+      ${open > 0 && html`<span class="help">${counted(open, 'choice')} left</span>`}
     </div>
   <//>`;
 }

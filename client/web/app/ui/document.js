@@ -1,5 +1,6 @@
 // Editing a document with revisions: draft, saving, and the conflict when somebody else was faster.
 import { merge, resolved, same } from '../lib/diff.js';
+import { isObject } from '../lib/shape.js';
 import { documents } from '../net/requests.js';
 import { announce } from './widgets.js';
 import { draftOf, useAction } from './hooks.js';
@@ -27,7 +28,8 @@ export function useDocument(kind, id, begin) {
     load.then(
       (text) => {
         if (abort.signal.aborted) return;
-        const kept = draft.read();
+        const found = draft.read(),
+          kept = isObject(found?.doc) ? found : null;
         // a draft keeps the revision that it was made from: a newer one leads to a conflict when the draft is saved
         const base = kept?.base ?? { revision: text.revision, json: text.json };
         setState({ loading: false, error: null, base, doc: kept?.doc ?? text.json, restored: !!kept });
@@ -57,7 +59,8 @@ export function useDocument(kind, id, begin) {
 
   const put = async (json, revision) => {
     try {
-      const saved = await store.put(json.id, json, revision);
+      // the address is that of the document that was opened, whatever the JSON calls it: the server refuses another id
+      const saved = await store.put(id || json.id, json, revision);
       draft.drop();
       setConflict(null);
       setState({ loading: false, error: null, base: { revision: saved.revision, json }, doc: json, restored: false });

@@ -2,7 +2,8 @@
 // field.
 import { fieldUnit, shown, typed } from '../lib/units.js';
 import { html, useEffect, useId, useRef, useState } from './html.js';
-import { valueAt, withValue } from '../lib/paths.js';
+import { isWithin, valueAt, withValue } from '../lib/paths.js';
+import { shownOf } from '../lib/shape.js';
 
 /** @typedef {{path: string, message: string, severity?: string}} FieldProblem */
 
@@ -110,10 +111,17 @@ export function NumberField({
   <//>`;
 }
 
-/** @param {{label: string, value: any, options: [any, string][], onValue: (value: string) => void, [more: string]: any}} props */
+/**
+ * A value that is none of the options is shown as it is.
+ * @param {{label: string, value: any, options: [any, string][], onValue: (value: string) => void, [more: string]: any}} props
+ */
 export function SelectField({ label, value, options, onValue, path = '', problems, help, wide, ...more }) {
   const id = useId();
   const mine = problemsAt(problems, path);
+  const given = value ?? '';
+  const others = options.some(([key]) => key === given)
+    ? []
+    : [[given, given === '' ? 'not given' : `${given} (unknown)`]];
   return html`<${Frame} id=${id} label=${label} help=${help} problems=${mine} wide=${wide}>
     <select
       id=${id}
@@ -122,8 +130,8 @@ export function SelectField({ label, value, options, onValue, path = '', problem
       aria-invalid=${mine.length ? 'true' : undefined}
       onChange=${(event) => onValue(event.target.value)}
       ...${more}
-    >${options.map(
-      ([key, words]) => html`<option value=${key} selected=${key === (value ?? '')}>${words}</option>`,
+    >${[...others, ...options].map(
+      ([key, words]) => html`<option value=${key} selected=${key === given}>${words}</option>`,
     )}</select>
   <//>`;
 }
@@ -145,7 +153,14 @@ export function CheckField({ label, checked, onValue, help, ...more }) {
   </div>`;
 }
 
-/** All problems of a form in one list, each with a link to its field if it has one. */
+/** Opens the whole document as JSON (ui/as_json.js), for what no field can mend. */
+function focusJson() {
+  const json = document.querySelector('[data-path="json"]');
+  json?.closest('details')?.setAttribute('open', '');
+  json?.focus();
+}
+
+/** All problems of a form in one list, each with a link to its field, or to the JSON if it has none. */
 export function ProblemList({ problems }) {
   const errors = (problems ?? []).filter((p) => p.severity !== 'WARNING');
   const warnings = (problems ?? []).filter((p) => p.severity === 'WARNING');
@@ -158,7 +173,7 @@ export function ProblemList({ problems }) {
       const field = document.querySelector(`[data-path="${CSS.escape(parts.slice(0, n).join(''))}"]`);
       if (field) return field.focus();
     }
-    return undefined;
+    return focusJson();
   };
   const list = (items) =>
     html`<ul>${items.map(
@@ -186,11 +201,36 @@ export function ProblemList({ problems }) {
   </div>`;
 }
 
+/** By document, each of which has one shape: what is drawn of it is drawn again only when it changes. */
+const kShown = new WeakMap();
+function shownOnce(document, shape) {
+  if (!kShown.has(document)) kShown.set(document, shownOf(document, shape));
+  return kShown.get(document);
+}
+
 /**
- * @param {{doc: any, change: (next: any) => void, problems: FieldProblem[], onBad?: (path: string, bad: boolean) => void, readonly?: boolean}} given
+ * In place of fields that a document's value cannot have: what is wrong, and the way to mend it.
+ * @param {{f: ReturnType<typeof formOf>, path: string}} props nothing if the value is right
  */
-export function formOf({ doc, change, problems, onBad, readonly }) {
-  const set = (path) => (value) => change((before) => withValue(before, path, value));
+export function Broken({ f, path }) {
+  const fault = f.faultAt(path);
+  if (!fault) return null;
+  return html`<p class="error">
+    ✗ <code>${path}</code> ${fault.message}. <button type="button" class="link" onClick=${focusJson}>Mend it in the JSON</button>
+  </p>`;
+}
+
+/**
+ * @param {{doc: any, shape: import('../lib/shape.js').Shape, change: (next: any) => void, problems: FieldProblem[], onBad?: (path: string, bad: boolean) => void, readonly?: boolean}} given
+ * @returns `doc` and `at`: the document as far as its values are of the right types; `set` and `edit` change the
+ *   document itself, and only at their path; `problems`: with those of the shape
+ */
+export function formOf({ doc: whole, shape, change, problems: said, onBad, readonly }) {
+  const { shown: doc, faults } = shownOnce(whole, shape);
+  const problems = [...faults, ...said.filter((p) => !faults.some((fault) => isWithin(p.path, fault.path)))];
+  const faultAt = (path) => faults.find((fault) => fault.path === path);
+  const edit = (path, next) => change((before) => withValue(before, path, next(valueAt(before, path))));
+  const set = (path) => (value) => edit(path, () => value);
   const shared = (path) => ({ key: path, path, value: valueAt(doc, path), problems });
   const number = (path, label, more = {}) => {
     const name = path
@@ -199,6 +239,7 @@ export function formOf({ doc, change, problems, onBad, readonly }) {
       .at(-1);
     return html`<${NumberField}
       ...${shared(path)}
+      value=${valueAt(whole, path)}
       ...${fieldUnit(name)}
       label=${label}
       onValue=${set(path)}
@@ -228,5 +269,6 @@ export function formOf({ doc, change, problems, onBad, readonly }) {
     html`<div class="vector" role="group" aria-label=${label}>${['x', 'y', 'z'].map((axis) =>
       number(`${path}.${axis}`, `${label} ${axis}`, more),
     )}</div>`;
-  return { doc, change, number, text, select, vector, set, at: (path) => valueAt(doc, path), readonly, problems };
+  const at = (path) => valueAt(doc, path);
+  return { doc, change, number, text, select, vector, set, edit, at, faultAt, readonly, problems };
 }

@@ -1,5 +1,6 @@
 // A cut through the limb, to scale: layers with their names, targets, hazards. A page can draw over it.
 import {
+  clearLabels,
   depthOf,
   frameOf,
   inFrame,
@@ -20,7 +21,9 @@ const kWidth = 640,
   kLabels = 185,
   kTop_m = 0.012,
   kHeight = 440,
-  kGap = 18;
+  kGap = 18,
+  kLetter_px = 6.5, // of a label beside the plane: 11 px high
+  kLine_px = 13;
 
 /** Shapes of a profile as circles or rounded lines in the plane (u, second). */
 function shapes(profile, frame, second) {
@@ -47,11 +50,12 @@ function shapes(profile, frame, second) {
   return [...of('hazard', profile.hazards), ...of('target', profile.targets)];
 }
 
+const radius_px = (shape, scale) => Math.max(2, shape.radius_m * scale);
+
 function Shape({ shape, x, y, scale }) {
-  const label = offPlaneLabel(shape.name, shape.off_m);
-  const title = html`<title>${`${shape.kind}: ${label}`}</title>`;
-  const r = Math.max(2, shape.radius_m * scale);
-  const drawn = shape.b
+  const title = html`<title>${`${shape.kind}: ${offPlaneLabel(shape.name, shape.off_m)}`}</title>`;
+  const r = radius_px(shape, scale);
+  return shape.b
     ? html`<line
         class=${'shape-' + shape.kind + '-line'}
         x1=${x(shape.a.u)}
@@ -69,10 +73,24 @@ function Shape({ shape, x, y, scale }) {
         r=${r}
         opacity=${offPlaneOpacity(shape.off_m)}
       >${title}</circle>`;
-  if (label === shape.name) return drawn;
-  const u = shape.b ? (shape.a.u + shape.b.u) / 2 : shape.a.u,
-    w = shape.b ? (shape.a.w + shape.b.w) / 2 : shape.a.w;
-  return html`${drawn}<text class="shape-label" x=${x(u)} y=${y(w) + r + 12}>${label}</text>`;
+}
+
+/** Names of the shapes beside the plane, each below its shape. */
+function ShapeLabels({ shapes: all, x, y, scale }) {
+  const labels = all
+    .map((shape) => {
+      const text = offPlaneLabel(shape.name, shape.off_m),
+        end = shape.b ?? shape.a;
+      return {
+        x: x((shape.a.u + end.u) / 2),
+        y: y((shape.a.w + end.w) / 2) + radius_px(shape, scale) + 12,
+        width: text.length * kLetter_px,
+        text: text === shape.name ? '' : text,
+      };
+    })
+    .filter((label) => label.text);
+  const heights = clearLabels(labels, kLine_px);
+  return labels.map((label, i) => html`<text class="shape-label" x=${label.x} y=${heights[i]}>${label.text}</text>`);
 }
 
 /**
@@ -142,6 +160,7 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
           html`<polygon points=${area(line)} fill=${tissueColor(layers[i].tissue)} class="section-layer" />`,
       )}
       ${all.map((shape) => html`<${Shape} shape=${shape} x=${x} y=${y} scale=${scale} />`)}
+      <${ShapeLabels} shapes=${all} x=${x} y=${y} scale=${scale} />
       ${over?.({ x, y, scale })}
     </g>
     ${labels.map(

@@ -1,6 +1,7 @@
 // What every page is made of: heading, problem, table, dialog, notice, list in pages, download.
 import { html, useCallback, useEffect, useRef, useState } from './html.js';
 import { store } from '../lib/store.js';
+import { newest } from '../lib/units.js';
 import { useAction, useLoad } from './hooks.js';
 
 /** The page's heading: gets the focus when the page changes. */
@@ -159,7 +160,9 @@ export function usePages(ask, inputs) {
       </p>`
     }
   `;
-  return { load, items: [...(load.data ?? []), ...more.items], button };
+  const items = [...(load.data ?? []), ...more.items];
+  const caption = (one, many) => newest(items.length, !!more.next_page, one, many);
+  return { load, items, button, caption };
 }
 
 export function saveAs(file, text, type) {

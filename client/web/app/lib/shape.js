@@ -1,0 +1,131 @@
+// What a form can show of a document while its JSON is being typed: lists that are lists, objects that are objects,
+// texts that are texts. The rest of the document, and the document itself, stay as they are. Pure.
+
+/**
+ * @typedef {'text'|'number'|'length'|[any]|Record<string, any>} Shape 'length': a number that can be drawn; a list has
+ * the shape of its items; of an object's fields, those that are not named may hold anything
+ */
+
+const kVector = { x: 'length', y: 'length', z: 'length' };
+const kNeedle = { length_m: 'length', tip: 'text' };
+
+/** @type {Shape} of the fields that the editor reads; the server's check knows all (proto/needlelab/profile.proto) */
+export const kProfileShape = {
+  id: 'text',
+  name: 'text',
+  description: 'text',
+  sources: 'text',
+  axial_model: 'text',
+  needle: kNeedle,
+  limb: {
+    plane: { point_m: kVector, normal: kVector },
+    sphere: { center_m: kVector, radius_m: 'length' },
+    capsule: { a_m: kVector, b_m: kVector, radius_m: 'length' },
+  },
+  layers: [{ tissue: 'text', name: 'text', thickness_m: 'length', puncture: {}, first_order: {} }],
+  tracking_wall: { stop_mode: 'text' },
+  virtual_fixture: { mode: 'text' },
+  orientation_limit: {},
+  shaft_friction: {},
+  direct: {},
+  voigt: {},
+  god_object: {},
+  targets: [{ name: 'text', center_m: kVector, radius_m: 'length' }],
+  hazards: [{ name: 'text', kind: 'text', center_m: kVector, a_m: kVector, b_m: kVector, radius_m: 'length' }],
+  effects: ['text'],
+};
+
+/** @type {Shape} */
+export const kCourseShape = {
+  id: 'text',
+  name: 'text',
+  description: 'text',
+  exercises: [
+    {
+      id: 'text',
+      name: 'text',
+      description: 'text',
+      profile_id: 'text',
+      needle: kNeedle,
+      aids: { allowed: ['text'] },
+      plan: { frame: 'text', entry_m: kVector, direction: kVector, target_m: kVector },
+      prerequisites: ['text'],
+      requirements: [{ measure: 'text', min: 'number', max: 'number' }],
+      attempts: 'number',
+      time_limit_s: 'number',
+      due_unix_ms: 'number',
+    },
+  ],
+};
+
+const kDrawn_m = 1000; // the greatest coordinate that a profile may have
+
+export const isObject = (value) => value !== null && typeof value === 'object' && !Array.isArray(value);
+
+/** "found the number 5", as the server says it (common/profile/message_json.cpp). */
+function found(value) {
+  if (value === null) return 'found null';
+  if (Array.isArray(value)) return 'found a list';
+  if (typeof value === 'object') return 'found an object';
+  if (typeof value === 'string') return `found the text ${JSON.stringify(value.slice(0, 60))}`;
+  return typeof value === 'number' ? `found the number ${value}` : `found ${value}`;
+}
+
+/**
+ * The document as a form reads it: a value of a wrong type is missing, an object or list of a wrong type is empty; items
+ * of lists keep their places.
+ * @param {any} document
+ * @param {Shape} shape
+ * @returns {{shown: any, faults: {path: string, message: string, severity: 'ERROR'}[]}} `faults`: what `shown` leaves
+ *   out, but for numbers, whose fields show them
+ */
+export function shownOf(document, shape) {
+  const faults = [];
+  const wrong = (path, must, value, instead) => {
+    faults.push({ path, message: `must be ${must}, ${found(value)}`, severity: 'ERROR' });
+    return instead;
+  };
+  const visit = (value, kind, path) => {
+    if (value === undefined) return undefined;
+    if (kind === 'text') return typeof value === 'string' ? value : wrong(path, 'a text', value, undefined);
+    if (kind === 'number') return Number.isFinite(value) ? value : undefined;
+    if (kind === 'length') return Number.isFinite(value) && Math.abs(value) <= kDrawn_m ? value : undefined;
+    if (Array.isArray(kind))
+      return Array.isArray(value)
+        ? value.map((item, i) => visit(item, kind[0], `${path}[${i}]`))
+        : wrong(path, 'a list', value, []);
+    if (!isObject(value)) return wrong(path, 'an object', value, {});
+    const copy = { ...value };
+    for (const [name, of] of Object.entries(kind))
+      if (name in copy) copy[name] = visit(value[name], of, path ? `${path}.${name}` : name);
+    return copy;
+  };
+  return { shown: visit(document, shape, ''), faults };
+}
+
+const kDeepest = 32; // as the server reads (common/profile/strict_json.cpp)
+
+/**
+ * The document that a text holds.
+ * @param {string} text
+ * @returns {Record<string, any>} what can be written as JSON again without a change
+ * @throws {Error} with words for a person: the text is no JSON, or the server would not read it
+ */
+export function documentOf(text) {
+  let document;
+  try {
+    document = JSON.parse(text);
+  } catch (error) {
+    throw new Error(`This is no JSON yet: ${error.message}`);
+  }
+  if (!isObject(document)) throw new Error(`A document must be an object in braces, ${found(document)}`);
+  const visit = (value, path, depth) => {
+    if (typeof value === 'number' && !Number.isFinite(value)) throw new Error(`${path}: is too large for a number`);
+    if (value === null || typeof value !== 'object') return;
+    if (depth > kDeepest) throw new Error(`${path.slice(0, 60)}: is nested deeper than ${kDeepest}`);
+    if (Array.isArray(value)) value.forEach((item, i) => visit(item, `${path}[${i}]`, depth + 1));
+    else for (const [name, item] of Object.entries(value)) visit(item, path ? `${path}.${name}` : name, depth + 1);
+  };
+  visit(document, '', 1);
+  return document;
+}

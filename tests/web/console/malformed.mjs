@@ -1,0 +1,257 @@
+// Documents whose JSON has values of wrong types: the editors show what they can, name each fault, and write nothing.
+import assert from 'node:assert/strict';
+import { done, open, single } from './browser.mjs';
+import { api } from './week.mjs';
+
+/** What is done to a profile, and the faults that the editor names: field, and the beginning of what is said. */
+const kProfiles = [
+  ['layers: 5', (d) => ({ ...d, layers: 5 }), 'layers', 'must be a list, found the number 5'],
+  ['no layers', ({ layers, ...d }) => d, 'layers', 'is missing'],
+  ['a null layer', (d) => ({ ...d, layers: [d.layers[0], null] }), 'layers[1]', 'must be an object, found null'],
+  [
+    'a layer that is a text',
+    (d) => ({ ...d, layers: ['fat'] }),
+    'layers[0]',
+    'must be an object, found the text "fat"',
+  ],
+  [
+    'a layer that is a list',
+    (d) => ({ ...d, layers: [[], ...d.layers] }),
+    'layers[0]',
+    'must be an object, found a list',
+  ],
+  [
+    'a thickness that is a text',
+    (d) => ({ ...d, layers: [{ ...d.layers[0], thickness_m: 'NaN' }] }),
+    'layers[0].thickness_m',
+    'must be a number, found the text "NaN"',
+  ],
+  [
+    'a huge thickness',
+    (d) => ({ ...d, layers: [{ ...d.layers[0], thickness_m: 1e300 }] }),
+    'layers[0].thickness_m',
+    '1e+300 is out of range',
+  ],
+  [
+    'a membrane that is a number',
+    (d) => ({ ...d, layers: [{ ...d.layers[0], puncture: 7 }] }),
+    'layers[0].puncture',
+    'must be an object, found the number 7',
+  ],
+  ['targets: {}', (d) => ({ ...d, targets: {} }), 'targets', 'must be a list, found an object'],
+  ['a null target', (d) => ({ ...d, targets: [null] }), 'targets[0]', 'must be an object, found null'],
+  ['hazards: null', (d) => ({ ...d, hazards: null }), 'hazards', 'must be a list, found null'],
+  [
+    'a place of wrong types',
+    (d) => ({ ...d, hazards: [{ name: 'n', kind: 'NERVE', center_m: { x: {}, y: null, z: 1e300 }, radius_m: 0.1 }] }),
+    'hazards[0].center_m.x',
+    'must be a number, found an object',
+  ],
+  ['limb: []', (d) => ({ ...d, limb: [] }), 'limb', 'must be an object, found a list'],
+  [
+    'a plane that is a text',
+    (d) => ({ ...d, limb: { plane: 'flat' } }),
+    'limb.plane',
+    'must be an object, found the text "flat"',
+  ],
+  ['needle: 5', (d) => ({ ...d, needle: 5 }), 'needle', 'must be an object, found the number 5'],
+  ['tracking_wall: true', (d) => ({ ...d, tracking_wall: true }), 'tracking_wall', 'must be an object, found true'],
+  ['effects: {}', (d) => ({ ...d, effects: {} }), 'effects', 'must be a list, found an object'],
+  ['an effect that is null', (d) => ({ ...d, effects: [null] }), 'effects[0]', 'must be '],
+  ['a model that is unknown', (d) => ({ ...d, axial_model: 'MAGIC' }), 'axial_model', '"MAGIC" is not one of'],
+  ['a name that is a number', (d) => ({ ...d, name: 12 }), 'name', 'must be a text, found the number 12'],
+];
+
+const exercise = (d, changes) => ({ ...d, exercises: [{ ...d.exercises[0], ...changes }] });
+const kCourses = [
+  ['exercises: 7', (d) => ({ ...d, exercises: 7 }), 'exercises', 'must be a list, found the number 7'],
+  [
+    'a null exercise',
+    (d) => ({ ...d, exercises: [...d.exercises, null] }),
+    'exercises[1]',
+    'must be an object, found null',
+  ],
+  ['plan: []', (d) => exercise(d, { plan: [] }), 'exercises[0].plan', 'must be an object, found a list'],
+  [
+    'an entry that is a text',
+    (d) => exercise(d, { plan: { frame: 'LIMB', entry_m: 'here', direction: { x: 0, y: 0, z: -1 } } }),
+    'exercises[0].plan.entry_m',
+    'must be an object, found the text "here"',
+  ],
+  ['aids: 5', (d) => exercise(d, { aids: 5 }), 'exercises[0].aids', 'must be an object, found the number 5'],
+  [
+    'allowed: 5',
+    (d) => exercise(d, { aids: { allowed: 5 } }),
+    'exercises[0].aids.allowed',
+    'must be a list, found the number 5',
+  ],
+  [
+    'prerequisites: "x"',
+    (d) => exercise(d, { prerequisites: 'x' }),
+    'exercises[0].prerequisites',
+    'must be a list, found the text "x"',
+  ],
+  [
+    'a prerequisite that is null',
+    (d) => exercise(d, { prerequisites: [null] }),
+    'exercises[0].prerequisites[0]',
+    'must be a text, found null',
+  ],
+  [
+    'requirements: {}',
+    (d) => exercise(d, { requirements: {} }),
+    'exercises[0].requirements',
+    'must be a list, found an object',
+  ],
+  [
+    'a null requirement',
+    (d) => exercise(d, { requirements: [null] }),
+    'exercises[0].requirements[0]',
+    'must be an object, found null',
+  ],
+  [
+    'a due date beyond all time',
+    (d) => exercise(d, { due_unix_ms: 1e300 }),
+    'exercises[0].due_unix_ms',
+    '1e+300 is out of range',
+  ],
+  ['an id that is a number', (d) => exercise(d, { id: 5 }), 'exercises[0].id', 'must be a text, found the number 5'],
+  [
+    'a needle that is a list',
+    (d) => exercise(d, { needle: [] }),
+    'exercises[0].needle',
+    'must be an object, found a list',
+  ],
+];
+/** Texts that are no document: said under the text, and the document stays as it is. */
+const kTexts = [
+  ['NaN', 'This is no JSON yet'],
+  ['{"name": NaN}', 'This is no JSON yet'],
+  ['null', 'A document must be an object in braces, found null'],
+  ['5', 'A document must be an object in braces, found the number 5'],
+  ['[]', 'A document must be an object in braces, found a list'],
+  ['{"max_force_n": 1e999}', 'max_force_n: is too large for a number'],
+  [`{"a": ${'['.repeat(5000)}${']'.repeat(5000)}}`, 'is nested deeper than 32'],
+];
+
+/** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
+export function malformed(t) {
+  const it = single(t);
+  /** Types each case into the JSON of one document, then mends it there. */
+  const edits = async (kind, id, form, cases) => {
+    const page = await t.browser.as('mara');
+    // the force cannot be rendered
+    page.expected.add(400);
+    await open(page, t.lab, `#/${kind}/${id}`);
+    const before = await api(page, `${kind}/${id}`);
+    const problems = page.getByRole('status', { name: 'Problems of this form' });
+    await problems.getByText('✓ No problems found').waitFor();
+    await page.getByText('The whole as JSON').click();
+    const json = page.getByLabel('JSON', { exact: true });
+    const whole = JSON.parse(await json.inputValue());
+    for (const [what, change, path, words] of cases) {
+      await page.evaluate((name) => (document.body.dataset.case = name), what);
+      const wrong = JSON.stringify(change(whole));
+      await json.fill(wrong);
+      const line = problems
+        .getByRole('listitem')
+        .filter({ has: page.getByRole('button', { name: path, exact: true }) });
+      await line.getByText(words).first().waitFor();
+      assert.equal(await json.inputValue(), wrong, `${what}: what was typed is still there`);
+      assert.ok(await page.getByRole('form', { name: form }).isVisible(), what);
+      // to its field, or to the JSON where it has none
+      await line.getByRole('button', { name: path, exact: true }).click();
+      assert.ok(await page.evaluate(() => document.activeElement.hasAttribute('data-path')), `${what}: nowhere to go`);
+      assert.deepEqual(page.faults, [], what);
+    }
+    for (const [text, words] of kTexts) {
+      await json.fill(text);
+      await page.getByText(words).first().waitFor();
+      assert.deepEqual(page.faults, [], text.slice(0, 40));
+    }
+    await json.fill(JSON.stringify(whole, null, 2));
+    await problems.getByText('✓ No problems found').waitFor();
+    assert.ok(await page.getByRole('button', { name: 'Save', exact: true }).isDisabled(), 'nothing has changed');
+    assert.equal((await api(page, `${kind}/${id}`)).revision, before.revision, 'nothing was saved');
+    await done(page);
+  };
+
+  it('a profile of wrong types: each fault is named, and mended in the JSON', () =>
+    edits('profiles', 'knee-adult', 'Profile', kProfiles));
+
+  it('a course of wrong types: each fault is named, and mended in the JSON', async () => {
+    const page = await t.browser.as('mara');
+    const course = {
+      id: 'malformed',
+      name: 'Of one exercise',
+      exercises: [{ id: 'malformed-1', name: 'Knee', profile_id: 'knee-adult' }],
+    };
+    const status = await page.evaluate(async (body) => {
+      const { csrf_token } = await (await fetch('/api/v1/session')).json();
+      const headers = { 'Content-Type': 'application/json', 'X-CSRF-Token': csrf_token, 'If-Match': '"0"' };
+      return (await fetch(`/api/v1/courses/${body.id}`, { method: 'PUT', headers, body: JSON.stringify(body) })).status;
+    }, course);
+    assert.equal(status, 200);
+    await done(page);
+    await edits('courses', 'malformed', 'Course', kCourses);
+  });
+
+  it('the form changes only what it was told to: what it cannot show stays', async () => {
+    const page = await t.browser.as('mara');
+    page.expected.add(400);
+    await open(page, t.lab, '#/profiles/knee-adult');
+    await page.getByText('The whole as JSON').click();
+    const json = page.getByLabel('JSON', { exact: true });
+    const whole = JSON.parse(await json.inputValue());
+    const odd = {
+      ...whole,
+      layers: [whole.layers[0], null, 'fat'],
+      effects: ['CUTTING', 'LATER'],
+      needle: { length_m: 'NaN' },
+      axial_model: 'MAGIC',
+    };
+    const drawing = page.getByRole('img', { name: /^Side view of/ });
+    await drawing.getByText(/φ/).first().waitFor();
+    await json.fill(JSON.stringify(odd));
+    // what has no thickness has no size, and what cannot be rendered no fidelity
+    await drawing.getByText('Layer 2 –').waitFor();
+    await page.getByText('This is the last version that could be rendered.').waitFor();
+    assert.equal(await drawing.getByText(/φ/).count(), 0);
+    assert.equal(await page.getByLabel('Model along the needle').inputValue(), 'MAGIC');
+    const now = async () => JSON.parse(await json.inputValue());
+    await page.getByRole('button', { name: 'Move layer 1 down' }).click();
+    assert.deepEqual(await now(), { ...odd, layers: [null, whole.layers[0], 'fat'] });
+    await page.getByRole('button', { name: 'Remove layer 3' }).click();
+    assert.deepEqual(await now(), { ...odd, layers: [null, whole.layers[0]] });
+    await page.getByLabel(/^Shaft friction$/).check();
+    assert.deepEqual((await now()).effects, ['CUTTING', 'SHAFT_FRICTION', 'LATER']);
+    assert.deepEqual((await now()).needle, { length_m: 'NaN' });
+    assert.equal(
+      await page
+        .getByRole('group', { name: 'Needle' })
+        .getByLabel(/^Length/)
+        .inputValue(),
+      '"NaN"',
+    );
+    assert.ok(await page.getByRole('button', { name: 'Save', exact: true }).isDisabled(), 'a field holds no number');
+    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await page.getByText('✓ No problems found').waitFor();
+    assert.deepEqual(await now(), whole);
+    await done(page);
+  });
+
+  it('a profile that calls itself another is not saved over that one', async () => {
+    const page = await t.browser.as('mara');
+    page.expected.add(400);
+    await open(page, t.lab, '#/profiles/knee-adult');
+    const others = await api(page, 'profiles/shoulder-adult');
+    await page.getByText('The whole as JSON').click();
+    const json = page.getByLabel('JSON', { exact: true });
+    await json.fill(JSON.stringify({ ...JSON.parse(await json.inputValue()), id: 'shoulder-adult' }));
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText("id: is not 'knee-adult', as in the address").first().waitFor();
+    assert.deepEqual(await api(page, 'profiles/shoulder-adult'), others);
+    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await done(page);
+  });
+}

@@ -1,0 +1,43 @@
+// Draws the pictures of this folder, 1280 × 720: pages of the console of a lab that deploy/demo --class has filled.
+// usage: node tests/web/pictures/draw.mjs out/class/FOLDER     while deploy/demo --class runs
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { chromium } from 'playwright-core';
+
+const here = fileURLToPath(new URL('.', import.meta.url));
+const folder = process.argv[2];
+if (!folder) throw new Error('usage: node tests/web/pictures/draw.mjs out/class/FOLDER');
+const read = (name) => readFileSync(join(folder, name), 'utf8').trim();
+const base = `https://127.0.0.1:${read('web-port')}/`;
+
+const browser = await chromium.launch({
+  executablePath: process.env.NEEDLELAB_CHROMIUM ?? '/usr/bin/chromium',
+  args: ['--no-sandbox', '--disable-gpu'],
+});
+const page = await (
+  await browser.newContext({ viewport: { width: 1280, height: 720 }, locale: 'en-GB', ignoreHTTPSErrors: true })
+).newPage();
+await page.goto(base);
+await page.getByLabel('Name').fill('maria');
+await page.getByLabel('Password').fill(read('maria.password'));
+await page.getByRole('button', { name: 'Log in' }).click();
+await page.getByRole('button', { name: 'Log out' }).waitFor();
+
+/** @param {string} name of the file @param {string} hash of the page @param {import('playwright-core').Locator} shown when it is whole */
+async function draw(name, hash, shown) {
+  await page.goto(base + hash);
+  await shown.first().waitFor();
+  await page.waitForFunction(() => !document.querySelector('.loading'));
+  await page.screenshot({ path: join(here, name) });
+}
+const of = (address) => page.evaluate(async (at) => (await fetch(`/api/v1/${at}`)).json(), address);
+const { items } = await of('sessions?trainee=liam&exercise=step-4-deep&verdict=passed');
+await draw('profile.png', '#/profiles/hip-adult', page.getByText(/^Force against the needle over/));
+await draw(
+  'session.png',
+  `#/sessions/${items[0].description.session_id}`,
+  page.getByRole('heading', { name: 'Plots' }),
+);
+await draw('results.png', '#/results?course=injection-steps', page.getByRole('region', { name: 'Results' }));
+await browser.close();
