@@ -34,9 +34,10 @@ class FakeTime : public TimeSource {
   /// How often code slept or waited.
   [[nodiscard]] std::uint64_t sleeps() const noexcept { return sleeps_.load(); }
 
-  std::map<std::uint64_t, std::int64_t>
-      late_ns;                    ///< how much later than due a sleep ends, by its number from 0
-  std::int64_t read_cost_ns = 0;  ///< how long each reading of the clock takes
+  /// By the number of a sleep, from 0: how much later than due it ends.
+  std::map<std::uint64_t, std::int64_t> late_ns;
+  /// How long each reading of the clock takes.
+  std::int64_t read_cost_ns = 0;
 
  private:
   std::atomic<std::int64_t> now_ns_;
