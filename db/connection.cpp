@@ -105,7 +105,7 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
       SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | (writer && options.create ? SQLITE_OPEN_CREATE : 0);
   sqlite3* handle = nullptr;
   const int rc = sqlite3_open_v2(path.c_str(), &handle, flags, options.vfs);
-  Connection connection(path, handle);
+  Connection connection(path, options.copy_of.empty() ? path : options.copy_of, handle);
   if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, options.busy_timeout_ms);
@@ -139,11 +139,12 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   return connection;
 }
 
-Connection::Connection(std::filesystem::path path, sqlite3* handle)
-    : path_(std::move(path)), handle_(handle) {}
+Connection::Connection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle)
+    : path_(std::move(path)), origin_(std::move(origin)), handle_(handle) {}
 
 Connection::Connection(Connection&& other) noexcept
     : path_(std::move(other.path_)),
+      origin_(std::move(other.origin_)),
       handle_(std::exchange(other.handle_, nullptr)),
       damaged_(other.damaged_),
       idle_(std::move(other.idle_)) {}
@@ -152,6 +153,7 @@ Connection& Connection::operator=(Connection&& other) noexcept {
   if (this != &other) {
     close();
     path_ = std::move(other.path_);
+    origin_ = std::move(other.origin_);
     handle_ = std::exchange(other.handle_, nullptr);
     damaged_ = other.damaged_;
     idle_ = std::move(other.idle_);
@@ -240,11 +242,11 @@ std::uint64_t Connection::walBytes() {
 Error Connection::errorOf(int rc, std::string_view what) {
   if (isDamage(rc) && !planted(PlantedBug::kFsyncErrorIgnored)) damaged_ = true;
   constexpr std::size_t kShown = 120;
-  std::string text =
-      path_.string() + ": cannot " + std::string(what.substr(0, kShown)) + (what.size() > kShown ? "…" : "");
-  text += std::string(": ") + (handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc));
-  text += fmt::format(" (SQLite {})", rc);
+  const std::string why = handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc);
   const int error_number = systemErrorOf(rc, handle_, path_);
+  std::string text = (error_number != 0 ? path_ : origin_).string() + ": cannot " +
+                     std::string(what.substr(0, kShown)) + (what.size() > kShown ? "…" : "");
+  text += fmt::format(": {} (SQLite {})", why, rc);
   if (((rc & 0xff) == SQLITE_IOERR || (rc & 0xff) == SQLITE_CORRUPT) && error_number != 0)
     text += std::string(", ") + std::strerror(error_number);
   text += diskAdvice(error_number, path_);

@@ -134,6 +134,8 @@ class Connection {
     bool create = false;        ///< writer only: create a missing file
     const char* vfs = nullptr;  ///< a VFS registered by a test; null = the system's
     int busy_timeout_ms = 5000;
+    std::filesystem::path copy_of = {};  ///< the file that `path` is a copy of, which messages about its
+                                         ///< contents name; empty: none
   };
 
   /// Opens and configures the database. Errors: kNotFound (no file), kCorrupt (not a database), kFailed.
@@ -184,17 +186,19 @@ class Connection {
   [[nodiscard]] bool damaged() const { return damaged_; }
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  /// What messages about the contents name: Options::copy_of, or path(). A disk's fault names path().
+  [[nodiscard]] const std::filesystem::path& origin() const { return origin_; }
   [[nodiscard]] sqlite3* handle() { return handle_; }
 
  private:
   friend class Statement;
-  Connection(std::filesystem::path path, sqlite3* handle);
+  Connection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle);
   void close();
   void giveBack(sqlite3_stmt* statement);
   /// Converts the last call's error; sets `damaged_` for failures that put stored data in doubt.
   Error errorOf(int rc, std::string_view what);
 
-  std::filesystem::path path_;
+  std::filesystem::path path_, origin_;
   sqlite3* handle_ = nullptr;
   bool damaged_ = false;
   std::unordered_map<std::string, sqlite3_stmt*> idle_;  ///< prepared statements not in use, by their SQL

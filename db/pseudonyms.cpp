@@ -10,6 +10,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -21,17 +22,13 @@ constexpr std::array<std::string_view, 12> kAboutPeople = {
     "user add",      "user passwd",  "user disable", "user change",        "user import", "consent",
     "person export", "person erase", "access ended", "access valid again", "user code",   "code locked"};
 
-char lowered(char c) {
-  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-}
 bool sameLetter(char a, char b) {
-  return lowered(a) == lowered(b);
+  return lowerCase(a) == lowerCase(b);
 }
 
 /// Letters, digits, and all of UTF-8 beyond ASCII.
 bool isWordByte(char c) {
-  const auto byte = static_cast<unsigned char>(c);
-  return byte >= 0x80 || (byte >= '0' && byte <= '9') || (lowered(c) >= 'a' && lowered(c) <= 'z') || c == '_';
+  return static_cast<unsigned char>(c) >= 0x80 || isLetterOrDigit(c) || c == '_';
 }
 
 bool standsAlone(std::string_view text, std::size_t begin, std::size_t end) {

@@ -27,7 +27,7 @@ Error newerError(const Connection& connection, int found, int known) {
   return {ErrorCode::kVersion,
           fmt::format("{}: its schema has version {}, this program (needlelab " NEEDLELAB_VERSION
                       ") knows versions up to {}: use the newer program, or restore a backup",
-                      connection.path().string(), found, known)};
+                      connection.origin().string(), found, known)};
 }
 
 /// Marks a new file as a needlelab database; refuses another program's file.
@@ -39,7 +39,7 @@ Status claim(Connection& connection, int version) {
     return Error{
         ErrorCode::kCorrupt,
         fmt::format("{}: this is a database of another program (application_id {}): choose another folder",
-                    connection.path().string(), id)};
+                    connection.origin().string(), id)};
   }
   return connection.script(fmt::format("PRAGMA application_id={}", kApplicationId));
 }
@@ -89,9 +89,10 @@ Status requireNewestSchema(Connection& connection) {
   ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
   if (found < newestSchemaVersion()) {
-    return Error{ErrorCode::kVersion, fmt::format("{}: its schema has version {}, wanted is {}: start "
-                                                  "needlelab-server on it once, which migrates it",
-                                                  connection.path().string(), found, newestSchemaVersion())};
+    return Error{ErrorCode::kVersion,
+                 fmt::format("{}: its schema has version {}, wanted is {}: start "
+                             "needlelab-server on it once, which migrates it",
+                             connection.origin().string(), found, newestSchemaVersion())};
   }
   return {};
 }

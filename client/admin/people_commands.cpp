@@ -16,8 +16,8 @@ namespace {
 
 /// Parses trainee, instructor, curriculum-manager, administrator; also short forms and the protocol's names.
 Result<pb::Role> parseRole(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(c == '_' ? '-' : std::tolower(c)); });
+  text = lowerCase(text);
+  std::replace(text.begin(), text.end(), '_', '-');
   if (text == "admin") text = "administrator";
   if (text == "manager") text = "curriculum-manager";
   const pb::Role role = roleOfName(text);
@@ -78,12 +78,9 @@ Status importPeople(CommandContext& context, const std::string& file, const std:
   const auto& report = reply->people_import();
   Json rows = Json::array();
   for (const auto& row : report.rows()) {
-    std::string what = pb::PeopleImport::What_Name(row.what());
-    std::transform(what.begin(), what.end(), what.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     rows.push_back({{"line", row.line()},
                     {"name", row.name()},
-                    {"what", what},
+                    {"what", lowerCase(pb::PeopleImport::What_Name(row.what()))},
                     {"column", row.column()},
                     {"text", row.text()}});
   }

@@ -3,7 +3,6 @@
 
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <utility>
 
 #include "client/admin/command.h"
@@ -38,13 +37,18 @@ Result<std::string> makeKey(CommandContext& context, const std::string& name) {
   return reply.station_key().key();
 }
 
+/// The file of a new key could not be written: nobody has that key. `again`: the command that makes another.
+Error keyLost(const Error& error, const std::string& name, const std::string& again) {
+  return {error.code, error.message + "; station '" + name +
+                          "' was added, but its key is lost: revoke it and " + again + " it again"};
+}
+
 Status addStation(CommandContext& context, const std::string& name, const std::string& file) {
   ASSIGN_OR_RETURN(const auto key, makeKey(context, name));
   std::string line = name + ":" + hexText(key) + "\n";
   const WipeAtEnd wiped(line);
   if (auto done = writeFileAtomically(file, viewOf(line), 0600); !done) {
-    return Error{done.error().code, done.error().message + "; station '" + name +
-                                        "' was added, but its key is lost: revoke it and add it again"};
+    return keyLost(done.error(), name, "add");
   }
   context.output.done("added station '" + name + "'; its key is in " +
                       std::filesystem::absolute(file).string() +
@@ -52,9 +56,8 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   return {};
 }
 
-/// Asks whether the station may be added, before anything is made for it. Returns its key if asking made one,
-/// which happens where somebody revokes the station meanwhile. Errors: as AddStation has them.
-Result<std::optional<std::string>> mayBeAdded(CommandContext& context, const std::string& name) {
+/// Asks whether the station may be added, before anything is made for it. Errors: as AddStation has them.
+Status mayBeAdded(CommandContext& context, const std::string& name) {
   bool known = false, active = false;
   RETURN_IF_ERROR(eachPage(
       context.backend,
@@ -67,13 +70,10 @@ Result<std::optional<std::string>> mayBeAdded(CommandContext& context, const std
         }
         return known ? std::string() : reply.stations().next_page();
       }));
-  if (!known) {
-    RETURN_IF_ERROR(checkNewName("station name", name));
-  }
-  if (!active) return std::optional<std::string>();
-  // the server refuses, with its own words
-  ASSIGN_OR_RETURN(auto key, makeKey(context, name));
-  return std::optional(std::move(key));
+  if (active)
+    return Error{ErrorCode::kAlreadyExists,
+                 "there is already a station named '" + name + "': revoke it first to give it a new key"};
+  return known ? Status() : checkNewName("station name", name);
 }
 
 /// Returns the certificate authority for the station to trust: the folder's, made with the server's
@@ -96,20 +96,11 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   enrolment.server = *parseEndpoint(server);
   // do everything that can fail before making the key, because it is shown only once; a refused name makes no
   // TLS files
-  ASSIGN_OR_RETURN(auto key, mayBeAdded(context, name));
-  const auto lost = [&name](const Error& error) {
-    return Error{error.code, error.message + "; station '" + name +
-                                 "' was added, but its key is lost: revoke it and enrol it again"};
-  };
-  auto ca = authorityFor(context, enrolment.server);
-  if (!ca.ok()) return key ? lost(ca.error()) : ca.error();
-  enrolment.ca_pem = *std::move(ca);
-  if (!key) {
-    ASSIGN_OR_RETURN(key, makeKey(context, name));
-  }
-  enrolment.key = *std::move(key);
+  RETURN_IF_ERROR(mayBeAdded(context, name));
+  ASSIGN_OR_RETURN(enrolment.ca_pem, authorityFor(context, enrolment.server));
+  ASSIGN_OR_RETURN(enrolment.key, makeKey(context, name));
   if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done)
-    return lost(done.error());
+    return keyLost(done.error(), name, "enrol");
   context.output.done("added station '" + name + "'; move " + std::filesystem::absolute(file).string() +
                       " to it, keep it secret, and say there: needlelab-station --enrol " +
                       std::filesystem::path(file).filename().string());

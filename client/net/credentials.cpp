@@ -22,19 +22,12 @@ namespace {
 constexpr std::string_view kHead = "needlelab-enrolment 1";
 constexpr std::size_t kKeyBytes = 32;
 
-int digitOf(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
 /// Empty: no key.
 std::string keyOf(std::string_view hex) {
   std::string key;
   if (hex.size() != 2 * kKeyBytes) return key;
   for (std::size_t i = 0; i < hex.size(); i += 2) {
-    const int high = digitOf(hex[i]), low = digitOf(hex[i + 1]);
+    const int high = hexDigit(hex[i]), low = hexDigit(hex[i + 1]);
     if (high < 0 || low < 0) return {};
     key += static_cast<char>(high * 16 + low);
   }

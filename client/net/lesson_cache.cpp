@@ -86,10 +86,7 @@ Result<CacheFile> readCacheFile(const std::filesystem::path& path, const std::st
 }  // namespace
 
 Result<std::filesystem::path> LessonCache::fileOf(const std::string& exercise_id) const {
-  const auto allowed = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
-           c == '_' || c == '.';
-  };
+  const auto allowed = [](char c) { return isLetterOrDigit(c) || c == '-' || c == '_' || c == '.'; };
   // an id becomes a file name and must not lead out of the folder
   if (exercise_id.empty() || exercise_id.size() > 64 || exercise_id.front() == '.' ||
       !std::all_of(exercise_id.begin(), exercise_id.end(), allowed))

@@ -7,11 +7,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <thread>
 
 #include <imgui/backends/imgui_impl_glfw.h>
 #include <imgui/backends/imgui_impl_opengl3.h>
@@ -240,14 +238,13 @@ void Surface::Parts::waitForTurn() {
   if (context->window() != nullptr) glfwPollEvents();
   if (!(options.frames_per_s > 0)) return;
   const auto period_ns = static_cast<std::int64_t>(1e9 / options.frames_per_s);
-  std::int64_t now_ns = steadyNowNs();
+  std::int64_t now_ns = options.time->nowNs();
   while (now_ns < due_ns) {
-    const double left_s = static_cast<double>(due_ns - now_ns) * 1e-9;
     if (context->window() != nullptr)
-      glfwWaitEventsTimeout(left_s);
+      glfwWaitEventsTimeout(static_cast<double>(due_ns - now_ns) * 1e-9);
     else
-      std::this_thread::sleep_for(std::chrono::nanoseconds(due_ns - now_ns));
-    now_ns = steadyNowNs();
+      options.time->sleepUntilNs(due_ns);
+    now_ns = options.time->nowNs();
   }
   // after a late frame, do not hurry the next ones
   due_ns += period_ns;

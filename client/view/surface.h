@@ -10,6 +10,7 @@
 
 #include "client/view/model/image.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -27,6 +28,8 @@ struct SurfaceOptions {
   /// JSON: position, size and font scale of the window; read at the start, written at the end. Empty: no
   /// file. Unreadable files and positions off every monitor are ignored.
   std::filesystem::path state_file;
+  /// Decides when a frame is due. Must outlive the surface.
+  TimeSource* time = &machineTime();
   /// The window's close button only makes a wish (takeCloseWish); the program then asks the person.
   bool asks_before_closing = false;
 };

@@ -6,6 +6,8 @@
 #include <tuple>
 #include <utility>
 
+#include "common/base/text.h"
+
 namespace needlelab {
 namespace {
 
@@ -18,7 +20,7 @@ std::vector<std::uint32_t> charactersOf(std::string_view text) {
     if (continues) {
       characters.back() = characters.back() << 8U | byte;
     } else {
-      characters.push_back(byte >= 'A' && byte <= 'Z' ? byte + 32U : byte);
+      characters.push_back(static_cast<unsigned char>(lowerCase(c)));
     }
   }
   return characters;

@@ -78,6 +78,12 @@ std::string fixedText(double value, int decimals, Sign sign) {
   return text;
 }
 
+std::string lowerCase(std::string_view text) {
+  std::string small(text);
+  for (char& c : small) c = lowerCase(c);
+  return small;
+}
+
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
   return check(field, value, min, max, false);
 }

@@ -1,5 +1,5 @@
-/// Checks of names and notes (stations check before they record, servers before SQL), and text that is safe
-/// to print.
+/// Checks of names and notes (stations check before they record, servers before SQL), text that is safe to
+/// print, and the letters of ASCII.
 #pragma once
 
 #include <cstddef>
@@ -30,6 +30,26 @@ enum class Sign : std::uint8_t { kMinus, kBoth };
 /// A number for people with that many decimals; `kBoth` writes a plus too. What rounds to zero has no sign:
 /// "0.00", never "-0.00".
 std::string fixedText(double value, int decimals, Sign sign = Sign::kMinus);
+
+/// 'A' to 'Z' become small letters, in every locale; every other byte stays as it is, so UTF-8 does, too.
+constexpr char lowerCase(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+std::string lowerCase(std::string_view text);
+/// 'a' to 'z' become capitals; as lowerCase.
+constexpr char upperCase(char c) {
+  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+}
+/// True for the letters and digits of ASCII.
+constexpr bool isLetterOrDigit(char c) {
+  return (c >= '0' && c <= '9') || (lowerCase(c) >= 'a' && lowerCase(c) <= 'z');
+}
+/// 0 to 15, of '0' to '9', 'a' to 'f' and 'A' to 'F'; -1: `c` is no hexadecimal digit.
+constexpr int hexDigit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  const char small = lowerCase(c);
+  return small >= 'a' && small <= 'f' ? small - 'a' + 10 : -1;
+}
 
 /// `min` to `max` bytes of UTF-8 without control characters. kInvalidInput names field, length and allowed
 /// range.

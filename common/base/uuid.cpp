@@ -7,6 +7,7 @@
 #include <cstdlib>
 
 #include "common/base/clock.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 
@@ -50,18 +51,12 @@ Result<Uuid> parseUuid(std::string_view text) {
             "' is not a session id: 36 characters such as 019aa0c3-7c1e-7b3a-9d5e-0123456789ab are expected"};
   };
   if (text.size() != 36) return bad();
-  const auto nibble = [](char c) -> int {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-  };
   Uuid id{};
   std::size_t at = 0;
   for (std::size_t i = 0; i < id.size(); ++i) {
     if (i == 4 || i == 6 || i == 8 || i == 10)
       if (text[at++] != '-') return bad();
-    const int high = nibble(text[at]), low = nibble(text[at + 1]);
+    const int high = hexDigit(text[at]), low = hexDigit(text[at + 1]);
     if (high < 0 || low < 0) return bad();
     id[i] = static_cast<std::uint8_t>(high * 16 + low);
     at += 2;

@@ -1,5 +1,7 @@
 #include "common/gesture/session_hash.h"
 
+#include "common/base/text.h"
+
 namespace needlelab {
 
 SessionHash::SessionHash() {
@@ -29,16 +31,10 @@ std::string hexOf(const Digest& digest) {
 }
 
 Result<Digest> digestFromHex(std::string_view hex) {
-  const auto nibble = [](char c) {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-  };
   Digest digest{};
   bool good = hex.size() == 2 * digest.size();
   for (std::size_t i = 0; good && i < digest.size(); ++i) {
-    const int high = nibble(hex[2 * i]), low = nibble(hex[2 * i + 1]);
+    const int high = hexDigit(hex[2 * i]), low = hexDigit(hex[2 * i + 1]);
     good = high >= 0 && low >= 0;
     digest[i] = static_cast<std::uint8_t>((high << 4) | (low & 15));
   }

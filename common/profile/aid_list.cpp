@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cstddef>
 
 #include "common/base/text.h"
@@ -28,7 +27,7 @@ AidList allAids() {
 std::string aidWord(std::string_view text) {
   std::string word;
   for (const char c : text)
-    if (c != ' ' && c != '\t') word += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    if (c != ' ' && c != '\t') word += upperCase(c);
   return word;
 }
 

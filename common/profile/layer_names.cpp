@@ -2,9 +2,9 @@
 
 #include <fmt/core.h>
 
-#include <algorithm>
-#include <cctype>
 #include <map>
+
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -12,10 +12,7 @@ namespace {
 /// Empty for OTHER, which says nothing to a person, and for tissues that this version does not know.
 std::string tissueWord(pb::Layer::Tissue tissue) {
   if (tissue == pb::Layer::OTHER || tissue == pb::Layer::TISSUE_UNSPECIFIED) return {};
-  std::string word = pb::Layer::Tissue_Name(tissue);
-  std::transform(word.begin(), word.end(), word.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return word;
+  return lowerCase(pb::Layer::Tissue_Name(tissue));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <variant>
 
 #include "common/haptics/scene_model.h"
@@ -91,7 +92,7 @@ Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const
                     profile.id(), 1e3 * kPlanOffSkin_m, millimetres(line->entry_m + depth_m * normal)));
   const bool has_target = exercise.plan().has_target_m();
   const std::string where = plan + (has_target ? ".target_m" : ".direction");
-  const double slope_rad = std::asin(std::min(1.0, std::max(-1.0, -dot(normal, line->direction))));
+  const double slope_rad = std::asin(std::clamp(-dot(normal, line->direction), -1.0, 1.0));
   if (slope_rad < kLeastPlanSlope_rad)
     return fieldError(
         where, fmt::format("the line {} at {:.3g}° to the skin of profile '{}': it has to go in "

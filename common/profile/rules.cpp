@@ -101,13 +101,6 @@ Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
   return {};
 }
 
-/// A name as it is compared: 'A' to 'Z' count as small letters, because screens begin a line with a capital.
-std::string withoutCapitals(std::string name) {
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-  return name;
-}
-
 /// Checks that each name can be shown, and that no two layers are called alike.
 Status checkLayerNames(const pb::Profile& profile) {
   const std::vector<std::string> names = layerNames(profile);
@@ -119,7 +112,8 @@ Status checkLayerNames(const pb::Profile& profile) {
     if (isNamed(i)) {
       RETURN_IF_ERROR(checkName(field(i), name));
     }
-    const auto [found, is_new] = called.try_emplace(withoutCapitals(name), i);
+    // compared in small letters, because screens begin a line with a capital
+    const auto [found, is_new] = called.try_emplace(lowerCase(name), i);
     if (is_new) continue;
     const bool exact = names[static_cast<std::size_t>(found->second)] == name;
     // one of them has this name; the other has it, too, or is called so because it has none

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstdint>
 #include <ctime>
 #include <filesystem>
@@ -22,6 +21,7 @@
 
 #include "common/base/files.h"
 #include "common/base/local_time.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -256,13 +256,10 @@ Status checkHosts(const std::vector<std::string>& hosts) {
 
 /// Each name once: DNS names differ in more than case, and an address has one form ("::1").
 std::vector<std::string> eachOnce(const std::vector<std::string>& hosts) {
-  const auto formOf = [](std::string host) {
+  const auto formOf = [](const std::string& host) {
     boost::system::error_code error;
     const auto address = boost::asio::ip::make_address(host, error);
-    if (!error) return address.to_string();
-    std::transform(host.begin(), host.end(), host.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return host;
+    return error ? lowerCase(host) : address.to_string();
   };
   std::vector<std::string> once, forms;
   for (const std::string& host : hosts) {

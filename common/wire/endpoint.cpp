@@ -4,6 +4,8 @@
 
 #include <charconv>
 
+#include "common/base/text.h"
+
 namespace needlelab {
 
 Result<Endpoint> parseEndpoint(std::string_view text) {
@@ -33,10 +35,9 @@ Result<Endpoint> parseEndpoint(std::string_view text) {
   }
   if (host.empty()) return bad("no host");
   for (const char c : host) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
     // colons and a zone (%eth0) are allowed in brackets only
     const std::string_view others = text.front() == '[' ? "-._:%" : "-._";
-    if (!plain && others.find(c) == std::string_view::npos)
+    if (!isLetterOrDigit(c) && others.find(c) == std::string_view::npos)
       return bad("a host has letters, digits, '-', '.' and '_', an address in brackets colons and '%', too");
   }
   endpoint.host = host;

@@ -65,25 +65,12 @@ Status copyFile(const fs::path& from, const fs::path& to) {
   return status;
 }
 
-/// The same error with the backup's name where it names the copy, which is gone when a person reads it.
-Error ofBackup(Error error, const fs::path& copy, const fs::path& from) {
-  const std::string name = copy.string();
-  if (error.message.rfind(from.string() + ": ", 0) == 0)
-    if (const std::size_t at = error.message.find(name + ": "); at != std::string::npos)
-      error.message.erase(at, name.size() + 2);
-  for (std::size_t at = 0; (at = error.message.find(name, at)) != std::string::npos;
-       at += from.string().size())
-    error.message.replace(at, name.size(), from.string());
-  return error;
-}
-
 /// The copy's contents, if it is intact and this program knows its schema.
 Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
-  ASSIGN_OR_RETURN(auto opened, Connection::open(copy, {.mode = Connection::Mode::kReader}));
+  ASSIGN_OR_RETURN(auto opened, Connection::open(copy, {.mode = Connection::Mode::kReader, .copy_of = from}));
   auto id = opened.prepare("PRAGMA application_id");
-  const auto row = id.step();
-  if (!row) return Error{row.error().code, from.string() + ": this is no database: " + row.error().message};
-  if (!*row || id.integer(0) != kApplicationId)
+  ASSIGN_OR_RETURN(const bool row, id.step());
+  if (!row || id.integer(0) != kApplicationId)
     return Error{ErrorCode::kCorrupt, from.string() + ": this is no database of needlelab"};
   const auto version = schemaVersion(opened);
   if (!version) return version.error();
@@ -134,7 +121,8 @@ Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& 
 Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::path& replaced,
                        std::int64_t now_unix_ns, RestoreResult& result) {
   {
-    ASSIGN_OR_RETURN(auto writer, Connection::open(copy, {.mode = Connection::Mode::kWriter}));
+    ASSIGN_OR_RETURN(auto writer,
+                     Connection::open(copy, {.mode = Connection::Mode::kWriter, .copy_of = from}));
     RETURN_IF_ERROR(migrate(writer));
     ASSIGN_OR_RETURN(const auto checked, checkDatabase(writer));
     if (!checked.ok())
@@ -215,10 +203,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     if (auto done = migrateAndCheck(copy, from, database, now_unix_ns, *result); !done) result = done.error();
   if (!result) {
     drop();
-    // what cannot be written is the copy
-    const ErrorCode code = result.error().code;
-    const bool of_backup = code == ErrorCode::kCorrupt || code == ErrorCode::kVersion;
-    return of_backup ? ofBackup(result.error(), copy, from) : result.error();
+    return result;
   }
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore

@@ -15,6 +15,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/base/text.h"
+
 namespace needlelab {
 namespace {
 
@@ -70,8 +72,7 @@ bool journalReads() {
 
 bool isPlain(std::string_view text) {
   for (const char c : text) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                       std::string_view("-_.:/[]+@").find(c) != std::string_view::npos;
+    const bool plain = isLetterOrDigit(c) || std::string_view("-_.:/[]+@").find(c) != std::string_view::npos;
     if (!plain) return false;
   }
   return !text.empty();

@@ -21,9 +21,7 @@ namespace {
 [[maybe_unused]] bool isName(std::string_view name) {
   if (name.empty() || (name[0] >= '0' && name[0] <= '9')) return false;
   for (const char c : name) {
-    const bool legal =
-        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':';
-    if (!legal) return false;
+    if (!isLetterOrDigit(c) && c != '_' && c != ':') return false;
   }
   return true;
 }

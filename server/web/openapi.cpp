@@ -1,11 +1,11 @@
 #include "server/web/openapi.h"
 
 #include <algorithm>
-#include <cctype>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "common/base/text.h"
 #include "server/web/routes.h"
 
 namespace needlelab {
@@ -96,9 +96,7 @@ class Description {
   std::string text() {
     WebJson paths = WebJson::object();
     for (const WebRoute& route : webRoutes()) {
-      std::string method(route.method);
-      for (char& c : method) c = static_cast<char>(std::tolower(c));
-      paths[std::string(route.pattern)][method] = operation(route);
+      paths[std::string(route.pattern)][lowerCase(route.method)] = operation(route);
     }
     addComponents();
     WebJson document = WebJson::parse(R"json({

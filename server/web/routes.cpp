@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "common/base/text.h"
 #include "server/web/openapi.h"
 
 namespace needlelab {
@@ -229,9 +230,7 @@ Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Reque
 Result<WebStream> streamFromFirst(std::string type, std::string file_name,
                                   std::function<Result<std::string>()> next) {
   for (char& c : file_name) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                       c == '-' || c == '_' || c == '.';
-    if (!plain) c = '_';
+    if (!isLetterOrDigit(c) && c != '-' && c != '.') c = '_';
   }
   ASSIGN_OR_RETURN(auto piece, next());
   const auto first = std::make_shared<std::string>(std::move(piece));

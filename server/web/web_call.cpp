@@ -18,13 +18,6 @@ Error targetFault(const std::string& text) {
   return {ErrorCode::kInvalidInput, "the address " + text};
 }
 
-int hexDigit(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
 /// Decodes %XX to bytes; in a query '+' is a blank.
 Result<std::string> unescaped(std::string_view text, bool is_query) {
   std::string plain;
@@ -53,14 +46,10 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-char lowerAscii(char c) {
-  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-}
-
 bool equalIgnoringCase(std::string_view a, std::string_view b) {
   if (a.size() != b.size()) return false;
   for (std::size_t i = 0; i < a.size(); ++i) {
-    if (lowerAscii(a[i]) != lowerAscii(b[i])) return false;
+    if (lowerCase(a[i]) != lowerCase(b[i])) return false;
   }
   return true;
 }

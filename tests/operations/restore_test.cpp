@@ -17,6 +17,7 @@ namespace {
 using namespace test;
 namespace fs = std::filesystem;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr std::int64_t kNow = 1'790'000'000'000'000'000;
 
@@ -67,6 +68,8 @@ class RestoreTest : public testing::Test {
     ASSERT_FALSE(result.ok());
     EXPECT_EQ(result.error().code, code);
     EXPECT_THAT(result.error().message, HasSubstr(words));
+    EXPECT_THAT(result.error().message, HasSubstr(from.string()));
+    EXPECT_THAT(result.error().message, Not(HasSubstr("restoring"))) << "the copy is gone";
     EXPECT_EQ(*readWholeFile(data() / "needlelab.db"), before);
     EXPECT_FALSE(fs::exists(data() / "needlelab.db.restoring"));
     EXPECT_FALSE(fs::exists(data() / "restore.pending"));

@@ -30,7 +30,10 @@ class XDisplay {
     // A number of its own: servers that choose one themselves at the same time can choose the same, and the
     // second takes the first one's socket. It reports the number once it is up.
     const std::string own = ":" + std::to_string(100 + ::getpid() % 50'000);
-    pid_ = start({"Xvfb", own, "-displayfd", out, "-screen", "0", screen, "-nolisten", "tcp"}, ends[1]);
+    // -noreset: otherwise the server begins anew when its last client leaves, and drops whoever connects in
+    // that moment. An xdotool that looks for a window which is not there yet is such a last client.
+    pid_ = start({"Xvfb", own, "-displayfd", out, "-screen", "0", screen, "-nolisten", "tcp", "-noreset"},
+                 ends[1]);
     ::close(ends[1]);
     std::string number;
     char c = 0;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 
 #include <fmt/core.h>
@@ -28,17 +27,10 @@ constexpr std::array<NeedStyle, kNeedCount> kNeeds = {{{"FAULT", Condition::kTro
                                                        {"practising", Condition::kGood},
                                                        {"offline", Condition::kUnknown}}};
 
-std::string lowered(std::string_view text) {
-  std::string out(text);
-  std::transform(out.begin(), out.end(), out.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return out;
-}
-
 bool holds(const StationTile& tile, const std::string& part) {
-  return lowered(tile.station).find(part) != std::string::npos ||
-         lowered(tile.trainee).find(part) != std::string::npos ||
-         lowered(tile.exercise).find(part) != std::string::npos;
+  return lowerCase(tile.station).find(part) != std::string::npos ||
+         lowerCase(tile.trainee).find(part) != std::string::npos ||
+         lowerCase(tile.exercise).find(part) != std::string::npos;
 }
 
 /// Makes text from the network safe for display.
@@ -201,7 +193,7 @@ const StationTile* LabOverview::find(const std::string& station) const {
 
 std::vector<const StationTile*> LabOverview::tiles(TileOrder order, const TileFilter& filter) const {
   std::vector<const StationTile*> chosen;
-  const std::string part = lowered(filter.text);
+  const std::string part = lowerCase(filter.text);
   for (const auto& [name, entry] : entries_) {
     const StationTile& tile = entry.tile;
     if (filter.only_help && !needsHelp(tile.need)) continue;

@@ -10,16 +10,10 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
-
-int digitOf(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
 
 // advice if the server refused or did not answer
 std::string adviceFor(const Error& error, const Enrolment& enrolment) {
@@ -53,7 +47,7 @@ Result<StationKey> parseStationKey(std::string_view text, const std::string& sou
   const std::string_view hex = text.substr(colon + 1);
   if (hex.size() != 64) return fail(fmt::format("the key has {} digits", hex.size()));
   for (std::size_t i = 0; i < hex.size(); i += 2) {
-    const int high = digitOf(hex[i]), low = digitOf(hex[i + 1]);
+    const int high = hexDigit(hex[i]), low = hexDigit(hex[i + 1]);
     if (high < 0 || low < 0) return fail("the key has a character that is no hexadecimal digit");
     key.key.push_back(static_cast<char>(high * 16 + low));
   }

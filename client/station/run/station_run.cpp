@@ -139,8 +139,8 @@ Status StationRun::checkTrainee() {
   if (interrupted_ || stopped_) return reply.error();
   const ErrorCode code = reply.error().code;
   if (code == ErrorCode::kUnavailable)
-    logMessage(fmt::format("the server did not say in time whether it knows '{}' ({})", options_.trainee,
-                           reply.error().message));
+    logMessage(fmt::format("the server did not say within {} s whether it knows '{}' ({})",
+                           kCheckPatience.count(), options_.trainee, reply.error().message));
   // kDenied also comes when the server refuses the station itself, whose lesson goes on without it
   const bool said_no = code == ErrorCode::kNotFound ||
                        (code == ErrorCode::kDenied && !uplink->state().denied) ||

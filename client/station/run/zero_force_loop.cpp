@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <cmath>
-#include <ctime>
 #include <optional>
 #include <thread>
 
 #include "client/station/run/real_time.h"
+#include "client/station/run/signals.h"
 
 namespace needlelab {
 namespace {
@@ -17,12 +18,6 @@ constexpr auto kMaintain = std::chrono::milliseconds(50);
 
 bool isPose(const Pose& X) {
   return isFinite(X.p) && isFinite(X.q) && std::abs(std::sqrt(dot(X.q, X.q)) - 1) <= 1e-3;
-}
-
-// returns true if a stop signal came within `time`
-bool stopSignalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
-  const timespec timeout{time.count() / 1000, (time.count() % 1000) * 1'000'000};
-  return ::sigtimedwait(&signals, nullptr, &timeout) > 0;
 }
 
 }  // namespace
@@ -123,7 +118,7 @@ ZeroForceRun runZeroForceLoop(ZeroForceLoop& loop, Device& device, const RtOptio
   });
   bool goes_on = true;
   while (!done.load(std::memory_order_acquire)) {
-    const bool signal = stopSignalWithin(stop_signals, kMaintain);
+    const bool signal = signalWithin(stop_signals, kMaintain) != 0;
     run.stopped = run.stopped || signal;
     device.maintain();
     goes_on = goes_on && progress();

@@ -4,7 +4,6 @@
 #include <imgui/imgui.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <span>
 #include <string>
@@ -20,6 +19,7 @@
 #include "client/view/model/plot.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
+#include "common/base/text.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 
@@ -32,7 +32,7 @@ namespace {
 /// "Passed", "Not passed".
 std::string verdictTitle(bool passed) {
   std::string title = verdictName(passed);
-  title.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(title.front())));
+  title.front() = upperCase(title.front());
   return title;
 }
 

@@ -16,6 +16,7 @@
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
 #include "common/base/local_time.h"
+#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {
@@ -25,7 +26,7 @@ namespace needlelab {
 namespace {
 
 std::string sentence(std::string text) {
-  if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
+  if (!text.empty()) text.front() = upperCase(text.front());
   if (!text.empty() && text.back() != '.') text += '.';
   return text;
 }

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
+
+#include "common/base/text.h"
 
 namespace needlelab {
 
@@ -56,8 +57,7 @@ std::vector<std::string> effectNames(EffectMask effects) {
 
 std::string effectWords(const EffectEntry& entry, char between) {
   std::string words;
-  for (const char c : entry.name)
-    words += c == '_' ? between : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const char c : entry.name) words += c == '_' ? between : lowerCase(c);
   return words;
 }
 

@@ -1,6 +1,7 @@
 #include <fstream>
 
 #include "db/connection.h"
+#include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -63,6 +64,31 @@ TEST(Connection, aMissingDatabaseIsNamed) {
   ASSERT_FALSE(missing.ok());
   EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
   EXPECT_NE(missing.error().message.find("none.db"), std::string::npos);
+}
+
+TEST(Connection, ofACopyContentsAreNamedByItsOriginAndTheDiskByItsPath) {
+  const test::TempFolder folder;
+  const auto path = folder.write("copy.db", std::string(5'000, 'x'));
+  const auto refused =
+      Connection::open(path, {.mode = Connection::Mode::kWriter, .copy_of = "/backups/monday.db"});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+  EXPECT_EQ(refused.error().message.rfind("/backups/monday.db: cannot ", 0), 0u) << refused.error().message;
+  EXPECT_EQ(refused.error().message.find("copy.db"), std::string::npos) << refused.error().message;
+
+  std::filesystem::remove(path);
+  auto writer = test::TestDb::must(Connection::open(path, {.mode = Connection::Mode::kWriter,
+                                                           .create = true,
+                                                           .vfs = test::ShimVfs::name(),
+                                                           .copy_of = "/backups/monday.db"}));
+  auto& disk = test::ShimVfs::instance();
+  disk.setHook([](test::ShimVfs::Op op, const std::string&, std::int64_t, int) {
+    return op == test::ShimVfs::Op::kWrite ? SQLITE_FULL : SQLITE_OK;
+  });
+  const auto full = writer.script("CREATE TABLE t (a)");
+  disk.setHook({});
+  ASSERT_FALSE(full.ok());
+  EXPECT_EQ(full.error().message.rfind(path.string() + ": cannot ", 0), 0u) << full.error().message;
 }
 
 TEST(Connection, aFileThatIsNoDatabaseIsCorrupt) {

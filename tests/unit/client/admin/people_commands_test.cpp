@@ -437,44 +437,71 @@ TEST_F(StationCommands, wrongNamesAddressesAndFilesAreNamedAndMakeNoKey) {
   EXPECT_TRUE(good({"station", "list", "--json"}).rows().empty());
 }
 
-/// A server that lists a station as active, and then adds it: somebody revoked it in between.
-class RevokedMeanwhile : public Backend {
+/// Has one station, "lab-1"; counts the keys that it makes.
+class OneStation : public Backend {
  public:
+  explicit OneStation(bool revoked) : revoked_(revoked) {}
   Result<pb::Reply> call(const pb::Request& request) override {
     pb::Reply reply;
-    if (request.has_list_stations()) reply.mutable_stations()->add_stations()->set_name("lab-1");
+    if (request.has_list_stations()) {
+      auto* station = reply.mutable_stations()->add_stations();
+      station->set_name("lab-1");
+      station->set_revoked(revoked_);
+    }
     if (request.has_add_station())
       reply.mutable_station_key()->set_key(std::string(32, static_cast<char>('0' + ++keys)));
     return reply;
   }
   [[nodiscard]] bool local() const override { return false; }
   int keys = 0;
+
+ private:
+  bool revoked_;
 };
 
-TEST_F(StationCommands, theKeyOfAStationThatWasRevokedMeanwhileIsKept) {
-  RevokedMeanwhile server;
-  GlobalOptions global;
-  global.ca = folder.write("ca.crt", "-----BEGIN CERTIFICATE-----\n").string();
-  std::ostringstream out, err;
-  Output output(out, err, std::nullopt);
-  CommandContext context{server, output, global};
-  const auto enrolled = [&](const std::string& to) {
+TEST_F(StationCommands, anEnrolmentMakesItsKeyAfterAllElseThatCanFail) {
+  const std::string authority = "-----BEGIN CERTIFICATE-----\n";
+  const auto enrolled = [&](OneStation& server, const std::string& ca, const std::string& to) {
+    GlobalOptions global;
+    global.ca = ca;
+    std::ostringstream out, err;
+    Output output(out, err, std::nullopt);
+    CommandContext context{server, output, global};
     CLI::App app;
     ChosenCommand chosen;
     addStationCommands(app, chosen);
     app.parse("station enrol lab-1 --server-name lab --out " + to);
     return chosen.run(context);
   };
-  EXPECT_OK(enrolled(file("s.enrol")));
-  EXPECT_EQ(server.keys, 1) << "each new key makes the one before useless";
+  const auto ca = folder.write("ca.crt", authority).string();
+
+  OneStation active(false);
+  const auto taken = enrolled(active, ca, file("s.enrol"));
+  ASSERT_FALSE(taken.ok());
+  EXPECT_EQ(taken.error().code, ErrorCode::kAlreadyExists);
+  EXPECT_EQ(taken.error().message,
+            "there is already a station named 'lab-1': revoke it first to give it a new key");
+  EXPECT_EQ(active.keys, 0) << "a new key would make the station's own useless";
+
+  OneStation revoked(true);
+  const auto no_authority = enrolled(revoked, file("none.crt"), file("s.enrol"));
+  ASSERT_FALSE(no_authority.ok());
+  EXPECT_THAT(no_authority.error().message, HasSubstr("none.crt"));
+  EXPECT_EQ(revoked.keys, 0);
+  EXPECT_FALSE(std::filesystem::exists(file("s.enrol")));
+
+  const auto done = enrolled(revoked, ca, file("s.enrol"));
+  ASSERT_TRUE(done.ok()) << done.error().message;
   const auto bundle = parseBundle(*readWholeFile(file("s.enrol")), "s.enrol");
   ASSERT_TRUE(bundle.ok()) << bundle.error().message;
   EXPECT_EQ(bundle->key, std::string(32, '1'));
-  // if the file cannot be made, the message says that the key is gone
-  global.ca = file("none");
-  const auto lost = enrolled(file("t.enrol"));
+  EXPECT_EQ(bundle->ca_pem, authority);
+
+  // a folder that goes after the command's checks
+  const auto lost = enrolled(revoked, ca, file("gone/s.enrol"));
   ASSERT_FALSE(lost.ok());
-  EXPECT_THAT(lost.error().message, HasSubstr("its key is lost: revoke it and enrol it again"));
+  EXPECT_THAT(lost.error().message,
+              HasSubstr("station 'lab-1' was added, but its key is lost: revoke it and enrol it again"));
 }
 
 TEST_F(StationCommands, aNameInUseKeepsItsKeyAndARevokedOneGetsANewOne) {

@@ -8,11 +8,13 @@
 #include <GLFW/glfw3.h>
 
 #include <array>
-#include <chrono>
+#include <cstdint>
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "client/view/theme.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/pictures/picture_check.h"
 #include "tests/support/pictures/view_stage.h"
 #include "tests/support/temp_folder.h"
@@ -168,25 +170,25 @@ TEST_F(SurfaceTest, pngGoesOutAndComesInTheSame) {
   EXPECT_EQ(loadPng(folder.path() / "d.png").error().code, ErrorCode::kCorrupt);
 }
 
-TEST(SurfacePacing, framesComeAtTheirRateAndNoFaster) {
+TEST(SurfacePacing, framesComeAtTheirRateAndALateOneDoesNotHurryTheNext) {
+  test::FakeTime time;
+  const std::int64_t first_ns = time.nowNs();
   SurfaceOptions options;
+  options.time = &time;
   options.kind = SurfaceOptions::Kind::kOffScreen;
   options.frames_per_s = 50;
   options.width_px = options.height_px = 64;
   auto surface = Surface::open(options);
   if (!surface) GTEST_SKIP() << surface.error().message;
-  const auto beginsAt = [&] {
-    EXPECT_TRUE((*surface)->beginFrame());
-    const auto begins = std::chrono::steady_clock::now();
+  constexpr std::int64_t kMs = 1'000'000;
+  time.late_ns = {{1, 50 * kMs}, {3, 5 * kMs}};  // the third frame by more than a period, the fifth by less
+  std::vector<std::int64_t> begins_ms;
+  for (int i = 0; i < 7; ++i) {
+    ASSERT_TRUE((*surface)->beginFrame());
+    begins_ms.push_back((time.nowNs() - first_ns) / kMs);
     (*surface)->endFrame();
-    return begins;
-  };
-  beginsAt();  // loads the letters
-  const auto first = beginsAt();
-  for (int i = 0; i < 9; ++i) beginsAt();
-  // ten periods of 20 ms; a frame that came late shortens the way to the next one. A slow machine may take
-  // longer
-  EXPECT_GE(beginsAt() - first, std::chrono::milliseconds(120));
+  }
+  EXPECT_EQ(begins_ms, (std::vector<std::int64_t>{0, 20, 90, 110, 135, 150, 170}));
 }
 
 TEST(SurfaceWindow, withoutADisplaySaysWhatToDo) {

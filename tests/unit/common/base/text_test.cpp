@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -12,6 +14,27 @@ TEST(TextRules, utf8IsToldFromOtherBytes) {
                              "\xe0\x80\x80", "\xed\xa0\x80", "\xf5\x80\x80\x80",  "\xf4\x90\x80\x80",
                              "\xe2\x82",     "\xff",         std::string(1, '\0')};
   for (const std::string& text : bad) EXPECT_FALSE(isUtf8(text));
+}
+
+TEST(AsciiLetters, changeTheirCaseAndNoOtherByteDoes) {
+  EXPECT_EQ(lowerCase("CARTILAGE_2 Äß@[`{"), "cartilage_2 Äß@[`{");
+  EXPECT_EQ(lowerCase(""), "");
+  for (int byte = 0; byte < 256; ++byte) {
+    const char c = static_cast<char>(byte);
+    const bool capital = byte >= 65 && byte <= 90, small = byte >= 97 && byte <= 122;
+    EXPECT_EQ(lowerCase(c), static_cast<char>(capital ? byte + 32 : byte)) << byte;
+    EXPECT_EQ(upperCase(c), static_cast<char>(small ? byte - 32 : byte)) << byte;
+    EXPECT_EQ(isLetterOrDigit(c), capital || small || (byte >= 48 && byte <= 57)) << byte;
+  }
+}
+
+TEST(HexDigit, isReadInEitherCaseAndRefusesAllElse) {
+  const std::string_view small = "0123456789abcdef", capital = "0123456789ABCDEF";
+  for (int byte = 0; byte < 256; ++byte) {
+    const char c = static_cast<char>(byte);
+    const std::size_t value = std::min(small.find(c), capital.find(c));
+    EXPECT_EQ(hexDigit(c), value == std::string_view::npos ? -1 : static_cast<int>(value)) << byte;
+  }
 }
 
 TEST(FixedText, whatRoundsToZeroHasNoSign) {

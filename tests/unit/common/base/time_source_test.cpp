@@ -59,6 +59,20 @@ TEST(FakeTime, sleepsMoveItToTheDueTimeAndNeverBack) {
   EXPECT_EQ(time.sleeps(), 3u);
 }
 
+TEST(FakeTime, sleepsEndLateAndReadingsTakeTimeWhereATestWantsIt) {
+  FakeTime time(1000);
+  time.late_ns[1] = 7;
+  time.sleepUntilNs(2000);
+  EXPECT_EQ(time.nowNs(), 2000);
+  time.sleepUntilNs(3000);
+  EXPECT_EQ(time.nowNs(), 3007);
+  time.sleepUntilNs(4000);
+  time.read_cost_ns = 5;
+  EXPECT_EQ(time.nowNs(), 4005);
+  EXPECT_EQ(time.nowNs(), 4010);
+  EXPECT_EQ(time.peekNs(), 4010);
+}
+
 TEST(FakeTime, aWaitThatNothingEndsTakesItsWholeTime) {
   FakeTime time(1000);
   std::mutex mutex;

@@ -200,7 +200,7 @@ class BlackBoxWriterTest : public LoopFixture {
   }
   // Call it in each tick: the writer looks when it said that it would.
   void lookWhenDue(BlackBoxWriter& files) {
-    time_.advanceTo(clock_.now_ns);
+    time_.advanceTo(clock_.peekNs());
     if (time_.nowNs() < look_due_ns_) return;
     look_due_ns_ = files.pass();
     ++looks_;

@@ -1,17 +1,17 @@
-/// A clock that the test advances and a device that the test scripts, for the haptic loop on virtual time.
+/// A device that the test scripts, for the haptic loop on a FakeTime.
 #pragma once
 
 #include <cmath>
 #include <csignal>
 #include <functional>
 #include <limits>
-#include <map>
 #include <memory>
 #include <utility>
 
 #include "client/device/device.h"
 #include "client/net/spool_writer.h"
 #include "client/station/run/real_time.h"
+#include "tests/support/fake_time.h"
 
 namespace needlelab {
 
@@ -25,20 +25,6 @@ inline sigset_t noSignals() {
 }  // namespace needlelab
 
 namespace needlelab::test {
-
-/// Wakes exactly on time, except for the wake-ups (counted from 0) that a test makes late.
-class FakeClock final : public TimeSource {
- public:
-  std::int64_t nowNs() noexcept override { return now_ns += read_cost_ns; }
-  void sleepUntilNs(std::int64_t due_ns) noexcept override {
-    if (due_ns > now_ns) now_ns = due_ns;
-    if (const auto late = late_ns.find(wakeups++); late != late_ns.end()) now_ns += late->second;
-  }
-  std::int64_t now_ns = 1'000'000'000;
-  std::int64_t read_cost_ns = 0;  ///< duration of each clock read
-  std::uint64_t wakeups = 0;
-  std::map<std::uint64_t, std::int64_t> late_ns;  ///< filled before the loop runs
-};
 
 /// Returns the result of `script` for the n-th tick of the device's own count, including skipped ticks.
 class FakeDevice final : public Device {

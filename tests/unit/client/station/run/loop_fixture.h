@@ -30,7 +30,7 @@ class LoopFixture : public testing::Test {
     return loop_->stats();
   }
   SceneModel model_;
-  FakeClock clock_;
+  FakeTime clock_;
   std::unique_ptr<SampleRing> ring_ = std::make_unique<SampleRing>();
   std::unique_ptr<ServoLoop> loop_;
   std::vector<GestureSample> samples_;

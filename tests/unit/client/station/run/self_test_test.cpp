@@ -17,8 +17,8 @@
 namespace needlelab {
 namespace {
 
-using test::FakeClock;
 using test::FakeDevice;
+using test::FakeTime;
 using testing::HasSubstr;
 
 // A computer, a device and a server without faults.
@@ -231,23 +231,27 @@ TEST(RestNoise, aKnockDoesNotCount) {
 }
 
 TEST(SelfTestDevice, getsNothingButZeroForceWhateverItReports) {
-  // A device that becomes ready after 50 readings, then jumps around and reports faults.
+  // A device that becomes ready after 50 readings, then jumps around and reports a fault twice in 800.
   FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
     reading.condition = 0;
     if (tick < 50) reading.condition = kDeviceNotReady;
-    if (tick > 400 && tick < 420) reading.condition = kDeviceEmergencyStop;
+    if (tick >= 50 && tick % 400 < 20) reading.condition = kDeviceEmergencyStop;
     reading.X_WH.p = {0.4 + 0.1 * std::sin(0.3 * static_cast<double>(tick)), 0, 0};
     reading.speed_mps = 3;
     return tick % 7 == 0 ? DeviceRead::kNoUpdate : DeviceRead::kFresh;
   });
-  LoopTime clock;
+  FakeTime clock;
   bool stopped = true;
   const auto facts = measureDevice(
       device, clock, RtOptions{}, 0.8, noSignals(), [](const auto&) {}, stopped);
   EXPECT_FALSE(stopped);
   EXPECT_EQ(facts.trouble, "");
-  EXPECT_GT(facts.loop.ran, 100u);
-  EXPECT_EQ(facts.loop.condition_ticks[30], 0u);  // it waited for it
+  EXPECT_EQ(facts.loop.ran, 800u);
+  const auto ticksOf = [&](std::uint32_t bit) {
+    return facts.loop.condition_ticks[static_cast<std::size_t>(std::countr_zero(bit))];
+  };
+  EXPECT_EQ(ticksOf(kDeviceNotReady), 0u) << "it waited for it";
+  EXPECT_EQ(ticksOf(kDeviceEmergencyStop), 40u);
   EXPECT_NEAR(facts.moved_m, 0.1, 0.02);
   EXPECT_EQ(facts.loop.greatest_speed_mps, 3);
   EXPECT_GE(device.writes.size(), device.reads);

@@ -251,8 +251,8 @@ TEST_F(ServoLoopTest, theLoopNeverTouchesTheHeap) {
 TEST_F(ServoLoopTest, thePhasesOfATickAreTimedApartAndAddUpToIt) {
   FakeDevice device(goingDown(0.02, kRate));
   clock_.read_cost_ns = 1000;  // Each clock read costs 1 µs, and there is one after each phase.
-  device.read_cost = [&] { clock_.now_ns += 7'000; };
-  device.on_write = [&](std::uint64_t) { clock_.now_ns += 2'000; };
+  device.read_cost = [&] { clock_.advance(7'000); };
+  device.on_write = [&](std::uint64_t) { clock_.advance(2'000); };
   const ServoStats& stats = run(device, {kRate, {}, 50});
   EXPECT_EQ(samples_[10].engine_ns, 1000);
   EXPECT_EQ(samples_[10].device_ns, 8'000 + 3'000);

@@ -52,17 +52,13 @@ struct SharedSeen {
 
 // Simulated time for a loop beside real threads: every tick is exactly on time, however busy the machine is.
 // A short sleep between ticks lets the other threads run.
-class PacedTime final : public TimeSource {
+class PacedTime final : public FakeTime {
  public:
-  std::int64_t nowNs() noexcept override { return now_ns_; }
   void sleepUntilNs(std::int64_t due_ns) noexcept override {
-    now_ns_ = std::max(now_ns_, due_ns);
+    FakeTime::sleepUntilNs(due_ns);
     const timespec pause{0, 50'000};
     ::nanosleep(&pause, nullptr);
   }
-
- private:
-  std::int64_t now_ns_ = 1'000'000'000;
 };
 
 // slides in at 10 mm/s: 1 N from 2 mm on
@@ -305,7 +301,7 @@ TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
     if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
     const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
     FakeDevice device(goingDown(0.01, kGuardRate_hz));
-    FakeClock clock;
+    FakeTime clock;
     auto ring = std::make_unique<SampleRing>();
     ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 100});
     const CrashGuard guard(loop);  // no thread runs it
@@ -324,7 +320,7 @@ TEST(CrashGuard, afterwardsSignalsAreAsBefore) {
   {
     const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
     FakeDevice device(goingDown(0.01, kGuardRate_hz));
-    FakeClock clock;
+    FakeTime clock;
     auto ring = std::make_unique<SampleRing>();
     ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 100});
     const CrashGuard guard(loop);
