@@ -73,22 +73,9 @@ Result<std::string> hashPassword(std::string_view password) {
   return hashedText(password);
 }
 
-Status checkNewCode(std::string_view code) {
-  if (code.size() < kMinCodeBytes || code.size() > kMaxCodeBytes) {
-    return Error{ErrorCode::kInvalidInput, fmt::format("code: has {} characters, allowed are {} to {}",
-                                                       code.size(), kMinCodeBytes, kMaxCodeBytes)};
-  }
-  if (!std::all_of(code.begin(), code.end(), [](char c) { return c >= ' ' && c <= '~'; })) {
-    return Error{ErrorCode::kInvalidInput,
-                 "code: has a character that is no printable ASCII: allowed are letters without accents, "
-                 "digits, and signs"};
-  }
-  return {};
-}
-
 Result<std::string> hashCode(std::string_view code) {
   initialise();
-  RETURN_IF_ERROR(checkNewCode(code));
+  RETURN_IF_ERROR(checkCode(code));
   return hashedText(code);
 }
 

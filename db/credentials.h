@@ -24,13 +24,7 @@ Result<std::string> hashPassword(std::string_view password);
 
 // A trainee's code: a PIN, or what a badge reader types. Easy to guess: service/code_guard.h bounds the
 // tries.
-inline constexpr std::size_t kMinCodeBytes = 4;
-inline constexpr std::size_t kMaxCodeBytes = 64;
-
-/// kInvalidInput unless the code has kMinCodeBytes to kMaxCodeBytes printable ASCII characters. Never repeats
-/// it.
-Status checkNewCode(std::string_view code);
-/// As hashPassword, for a code. Errors: of checkNewCode(), kFailed (no memory).
+/// As hashPassword, for a code. Errors: of checkCode (common/base/text.h), kFailed (no memory).
 Result<std::string> hashCode(std::string_view code);
 /// Six random decimal digits, each number equally likely.
 std::string makePin();

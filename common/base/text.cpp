@@ -107,4 +107,16 @@ Status checkNote(std::string_view field, std::string_view value, std::size_t min
   return check(field, value, min, max, true);
 }
 
+Status checkCode(std::string_view code) {
+  if (code.size() < kMinCodeBytes || code.size() > kMaxCodeBytes)
+    return Error{ErrorCode::kInvalidInput, fmt::format("code: has {} characters, allowed are {} to {}",
+                                                       code.size(), kMinCodeBytes, kMaxCodeBytes)};
+  if (!std::all_of(code.begin(), code.end(), [](char c) { return c >= ' ' && c <= '~'; }))
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("code: has a character that is no printable ASCII: allowed are {} to {} letters "
+                             "without accents, digits, and signs",
+                             kMinCodeBytes, kMaxCodeBytes)};
+  return {};
+}
+
 }  // namespace needlelab

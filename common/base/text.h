@@ -13,6 +13,7 @@ namespace needlelab {
 
 inline constexpr std::size_t kMaxNameBytes = 64;    ///< people, stations, ids of profiles and exercises
 inline constexpr std::size_t kMaxNoteBytes = 4096;  ///< annotations, messages
+inline constexpr std::size_t kMinCodeBytes = 4, kMaxCodeBytes = 64;  ///< a trainee's code: PIN or badge
 inline constexpr std::size_t kMaxJsonBytes =
     900'000;  ///< a profile or curriculum must fit into a message of 1 MiB
 
@@ -61,5 +62,7 @@ Status checkName(std::string_view field, std::string_view value);
 Status checkNewName(std::string_view field, std::string_view value);
 /// As checkText, but line ends and tabs are allowed.
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
+/// A trainee's code: kMinCodeBytes to kMaxCodeBytes printable ASCII characters. No message contains it.
+Status checkCode(std::string_view code);
 
 }  // namespace needlelab

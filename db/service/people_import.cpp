@@ -277,7 +277,7 @@ class PeopleTable {
         (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))
       row.fault("password", fmt::format("has {} bytes, allowed are {} to {}", row.password.size(),
                                         kMinPasswordBytes, kMaxPasswordBytes));
-    if (row.has_code) check("code", checkNewCode(row.code));
+    if (row.has_code) check("code", checkCode(row.code));
     if (row.what != pb::PeopleImport::FAULT) {
       const auto [first, is_new] = lines_.emplace(row.person.name, row.line);
       if (!is_new) row.fault("name", fmt::format("stands in line {} already", first->second));

@@ -3,13 +3,13 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <memory>
 #include <utility>
 
 #include "client/net/credentials.h"
 #include "client/station/run/curriculum.h"
 #include "client/station/run/terminal.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -40,7 +40,7 @@ Result<std::string> codeOfPerson(const std::string& who, const Error& refused, b
   if (again) logMessage(refusalText(refused));
   for (;;) {
     auto code =
-        passwordFromTerminal("Code of " + who + " (PIN or badge): ", kMostCodeBytes, no_terminal, stopped);
+        passwordFromTerminal("Code of " + who + " (PIN or badge): ", kMaxCodeBytes, no_terminal, stopped);
     if (!code.ok()) return code;
     if (code->empty()) return Error{ErrorCode::kFailed, "no code was typed: the lesson does not begin"};
     // what is no code at all costs no try
@@ -52,16 +52,6 @@ Result<std::string> codeOfPerson(const std::string& who, const Error& refused, b
 }
 
 }  // namespace
-
-Status checkCode(std::string_view code) {
-  const auto printable_ascii = [](char c) { return c >= ' ' && c <= '~'; };
-  if (code.size() >= kLeastCodeBytes && code.size() <= kMostCodeBytes &&
-      std::all_of(code.begin(), code.end(), printable_ascii))
-    return {};
-  return Error{ErrorCode::kInvalidInput,
-               fmt::format("this is no code: a code is {} to {} letters, digits and signs (ASCII)",
-                           kLeastCodeBytes, kMostCodeBytes)};
-}
 
 std::string refusalText(const Error& refused) {
   constexpr std::string_view kBegin = "the peer refused (", kEnd = "): ";

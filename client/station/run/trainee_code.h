@@ -14,14 +14,9 @@
 
 namespace needlelab {
 
-inline constexpr std::size_t kLeastCodeBytes = 4, kMostCodeBytes = 64;
-
 /// For the trainee, of a session that begins without the server although it asks for a code otherwise.
 inline constexpr const char* kCodeUnchecked =
     "The server is away: your code was not checked. A manager confirms this session later.";
-
-/// A code is 4 to 64 printable ASCII characters. Errors: kInvalidInput; no message contains the code.
-Status checkCode(std::string_view code);
 
 /// Returns the server's own text of a refusal, without what `errorOf` says before it.
 std::string refusalText(const Error& refused);

@@ -82,14 +82,14 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
     verdict.kept = outcome.stored.error().message;
     verdict.kept_well = false;
   } else if (!s.uplink.current_trouble.empty() && !s.uplink.current_verdict) {
-    verdict.kept = "the server did not take it: " + s.uplink.current_trouble;
+    verdict.kept = "The server did not take the recording: " + s.uplink.current_trouble;
     verdict.kept_well = false;
   } else if (s.state == "COMPLETE" || s.state == "INTERRUPTED") {
-    verdict.kept = "the recording is in the server's database";
+    verdict.kept = "The recording is in the server's database.";
   } else if (s.has_server) {
-    verdict.kept = "the recording is safe here, and on its way to the server";
+    verdict.kept = "The recording is safe here, and on its way to the server.";
   } else {
-    verdict.kept = "the recording is safe in this station's spool; it is sent when a server is given";
+    verdict.kept = "The recording is safe in this station's spool; it is sent when a server is given.";
   }
   if (outcome.code_unchecked) verdict.waits = kCodeUnchecked;
   return verdict;
@@ -217,7 +217,9 @@ Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral
   if (planned_mm.empty()) return plot;
   plot.title = "distance from a line";
   plot.legend = true;
-  plot.series.push_back({"from planned line", kOrange, columnsOf(time_s, planned_mm), true, false});
+  // below the other one; dashes are for limits
+  plot.series.insert(plot.series.begin(),
+                     {"from planned line", kSkyBlue, columnsOf(time_s, planned_mm), false, false});
   // each limit says which of the two lines it is for
   for (PlotLimit& limit : plot.limits) limit.text.insert(0, "own line: ");
   const std::size_t own = plot.limits.size();

@@ -350,7 +350,7 @@ std::string StartChoice::missing() const {
   if (codeQuestion() == nullptr || checkCode(code_).ok()) return {};
   return fmt::format(
       "The server asks for a code: type it, {} characters or more, or hold the badge to the reader.",
-      kLeastCodeBytes);
+      kMinCodeBytes);
 }
 
 }  // namespace needlelab

@@ -138,8 +138,8 @@ void StartScreen::showCode() {
     const WithTextColour dim(kDimText);
     ImGui::TextUnformatted("Code");
   }
-  std::array<char, kMostCodeBytes + 1> text{};
-  std::memcpy(text.data(), choice_.typedCode().data(), std::min(choice_.typedCode().size(), kMostCodeBytes));
+  std::array<char, kMaxCodeBytes + 1> text{};
+  std::memcpy(text.data(), choice_.typedCode().data(), std::min(choice_.typedCode().size(), kMaxCodeBytes));
   // a new question empties the field that the person may still be in
   ImGui::PushID(static_cast<int>(question->number));
   if (std::exchange(code_question_, question->number) != question->number) ImGui::SetKeyboardFocusHere();

@@ -78,7 +78,7 @@ export function UnknownTraineesPage() {
         ? html`<${Empty} title="No session waits">All have a name that somebody had, and whose code was given.<//>`
         : html`
             <${Table}
-              caption=${`${pages.items.length} ${pages.items.length === 1 ? 'session' : 'sessions'}, newest first`}
+              caption=${pages.caption('session')}
               head=${[
                 'Begun',
                 'Name given',

@@ -85,5 +85,24 @@ TEST(TextRules, notesMayHaveLines) {
   EXPECT_FALSE(checkNote("text", "\x1b[2J", 1, 100).ok());
 }
 
+TEST(TextRules, aCodeIsFourTo64PrintableAsciiCharactersAndInNoMessage) {
+  for (const std::string& code : {std::string("0815"), std::string("badge 7/b~"), std::string(64, '~')})
+    EXPECT_TRUE(checkCode(code).ok()) << code;
+  for (const std::string& code : {std::string(), std::string("123"), std::string(65, '7'),
+                                  std::string("12\t4"), std::string("12\x7f") + "45", std::string("übel"),
+                                  std::string("12\0"
+                                              "45",
+                                              5)}) {
+    const Status refused = checkCode(code);
+    ASSERT_FALSE(refused.ok()) << code;
+    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+    EXPECT_EQ(refused.error().message.rfind("code: ", 0), 0u) << refused.error().message;
+    EXPECT_NE(refused.error().message.find("4 to 64"), std::string::npos) << refused.error().message;
+    if (code.size() > 3) {
+      EXPECT_EQ(refused.error().message.find(code), std::string::npos);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace needlelab

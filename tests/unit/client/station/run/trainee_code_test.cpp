@@ -30,21 +30,6 @@ Error refusal(const std::string& text) {
   return {ErrorCode::kCode, "the peer refused (CODE): " + text};
 }
 
-TEST(TraineeCode, hasFourTo64PrintableAsciiCharacters) {
-  for (const std::string& code : {std::string("0815"), std::string("badge 7/b~"), std::string(64, '~')})
-    EXPECT_TRUE(checkCode(code).ok()) << code;
-  for (const std::string& code :
-       {std::string(), std::string("123"), std::string(65, '1'), std::string("12\t4"), std::string("übel")}) {
-    const Status status = checkCode(code);
-    ASSERT_FALSE(status.ok()) << code;
-    EXPECT_EQ(status.error().code, ErrorCode::kInvalidInput);
-    EXPECT_THAT(status.error().message, HasSubstr("4 to 64"));
-    if (!code.empty()) {
-      EXPECT_THAT(status.error().message, Not(HasSubstr(code)));
-    }
-  }
-}
-
 TEST(TraineeCode, theServersTextStandsAlone) {
   EXPECT_EQ(refusalText(refusal("tom has a code: type it")), "tom has a code: type it");
   EXPECT_EQ(refusalText({ErrorCode::kFailed, "it was called off"}), "it was called off");

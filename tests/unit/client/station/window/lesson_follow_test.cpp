@@ -187,8 +187,9 @@ TEST(LateralPlot, showsTheWayFromThePlanBesideTheOwnLine) {
   measures[1].max = 0.004;
   const Plot plot = lateralPlot(time_s, lateral_mm, planned_mm, measures);
   ASSERT_EQ(plot.series.size(), 2u);
-  EXPECT_EQ(plot.series[0].name, "from own line");
-  EXPECT_EQ(plot.series[1].name, "from planned line");
+  EXPECT_EQ(plot.series[0].name, "from planned line");
+  EXPECT_EQ(plot.series[1].name, "from own line") << "it is drawn last: where they meet, it is seen";
+  EXPECT_FALSE(plot.series[0].dashed) << "dashes are for limits";
   EXPECT_TRUE(plot.legend);
   ASSERT_EQ(plot.limits.size(), 3u);
   EXPECT_EQ(plot.limits[0].at, 3);
