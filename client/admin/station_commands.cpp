@@ -56,24 +56,21 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   return {};
 }
 
-/// Asks whether the station may be added, before anything is made for it. Errors: as AddStation has them.
-Status mayBeAdded(CommandContext& context, const std::string& name) {
-  bool known = false, active = false;
+enum class StationState : std::uint8_t { kUnknown, kRevoked, kActive };
+
+Result<StationState> stateOf(CommandContext& context, const std::string& name) {
+  StationState state = StationState::kUnknown;
   RETURN_IF_ERROR(eachPage(
       context.backend,
       [](pb::Request& request, const std::string& page) { request.mutable_list_stations()->set_page(page); },
       [&](const pb::Reply& reply) {
         for (const auto& station : reply.stations().stations()) {
-          if (station.name() != name) continue;
-          known = true;
-          active = !station.revoked();
+          if (station.name() == name)
+            state = station.revoked() ? StationState::kRevoked : StationState::kActive;
         }
-        return known ? std::string() : reply.stations().next_page();
+        return state == StationState::kUnknown ? reply.stations().next_page() : std::string();
       }));
-  if (active)
-    return Error{ErrorCode::kAlreadyExists,
-                 "there is already a station named '" + name + "': revoke it first to give it a new key"};
-  return known ? Status() : checkNewName("station name", name);
+  return state;
 }
 
 /// Returns the certificate authority for the station to trust: the folder's, made with the server's
@@ -96,9 +93,18 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   enrolment.server = *parseEndpoint(server);
   // do everything that can fail before making the key, because it is shown only once; a refused name makes no
   // TLS files
-  RETURN_IF_ERROR(mayBeAdded(context, name));
-  ASSIGN_OR_RETURN(enrolment.ca_pem, authorityFor(context, enrolment.server));
-  ASSIGN_OR_RETURN(enrolment.key, makeKey(context, name));
+  ASSIGN_OR_RETURN(const auto state, stateOf(context, name));
+  if (state == StationState::kUnknown) RETURN_IF_ERROR(checkNewName("station name", name));
+  if (state == StationState::kActive) {
+    // the refusal is AddStation's own; it gives a key if somebody has just revoked the station
+    ASSIGN_OR_RETURN(enrolment.key, makeKey(context, name));
+  }
+  auto ca_pem = authorityFor(context, enrolment.server);
+  if (!ca_pem) return enrolment.key.empty() ? ca_pem.error() : keyLost(ca_pem.error(), name, "enrol");
+  enrolment.ca_pem = *std::move(ca_pem);
+  if (enrolment.key.empty()) {
+    ASSIGN_OR_RETURN(enrolment.key, makeKey(context, name));
+  }
   if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done)
     return keyLost(done.error(), name, "enrol");
   context.output.done("added station '" + name + "'; move " + std::filesystem::absolute(file).string() +

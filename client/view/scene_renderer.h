@@ -34,7 +34,7 @@ struct SceneFrame {
   OrbitCamera camera;
   std::optional<Moment> second;       ///< another gesture as an overlay: a needle in kSecondGesture
   std::vector<TipTrail> trails;       ///< lines over the picture (sceneWidget only)
-  std::optional<PlannedLine> plan_W;  ///< the exercise's, with the aid PLANNED_LINE (sceneWidget only)
+  std::optional<PlanView> plan_W;     ///< the exercise's, with the aid PLANNED_LINE (sceneWidget only)
   bool cut_open = true;               ///< with the aid TISSUES: removes the half toward the eye
   double arrow_extents_per_N = 0.22;  ///< length of force arrows, in the scene's extents
 };

@@ -18,6 +18,8 @@ struct PictureFrame {
   const OrbitCamera* camera = nullptr;
   /// Returns a point on the surface; empty behind the eye.
   [[nodiscard]] std::optional<ImVec2> at(Vec3 p_W_m) const;
+  /// Returns the ends of the part of a segment that the picture shows; empty: none.
+  [[nodiscard]] std::optional<std::pair<ImVec2, ImVec2>> partOf(Vec3 a_W_m, Vec3 b_W_m) const;
   [[nodiscard]] bool holds(ImVec2 point_px) const;
 };
 
@@ -30,10 +32,10 @@ void shadowedText(ImDrawList& list, ImVec2 at, ImU32 colour, const std::string& 
   list.AddText(at, colour, text.c_str());
 }
 
+// both ends within the picture: a line far beyond it would make ten thousand dashes
 void dashedLine(ImDrawList& list, ImVec2 a, ImVec2 b, ImU32 colour, float width_px, float dash_px) {
   const float length_px = std::hypot(b.x - a.x, b.y - a.y);
-  // a line far beyond the picture must not make ten thousand dashes
-  const int dashes = std::min(200, static_cast<int>(length_px / (2 * dash_px)) + 1);
+  const int dashes = static_cast<int>(length_px / (2 * dash_px)) + 1;
   for (int i = 0; i < dashes; ++i) {
     const float from = static_cast<float>(2 * i) * dash_px / std::max(length_px, 1.0F);
     const float to = std::min(1.0F, from + dash_px / std::max(length_px, 1.0F));
@@ -117,6 +119,16 @@ std::optional<ImVec2> PictureFrame::at(Vec3 p_W_m) const {
   return ImVec2{corner_px.x + static_cast<float>(point->x_px), corner_px.y + static_cast<float>(point->y_px)};
 }
 
+std::optional<std::pair<ImVec2, ImVec2>> PictureFrame::partOf(Vec3 a_W_m, Vec3 b_W_m) const {
+  const auto part =
+      camera->projectSegment(a_W_m, b_W_m, static_cast<double>(size_px.x), static_cast<double>(size_px.y));
+  if (!part) return std::nullopt;
+  const auto on = [&](const PicturePoint& p) {
+    return ImVec2{corner_px.x + static_cast<float>(p.x_px), corner_px.y + static_cast<float>(p.y_px)};
+  };
+  return std::pair{on(part->from), on(part->to)};
+}
+
 bool PictureFrame::holds(ImVec2 p) const {
   return p.x > corner_px.x && p.y > corner_px.y && p.x < corner_px.x + size_px.x &&
          p.y < corner_px.y + size_px.y;
@@ -126,24 +138,25 @@ void drawGuideLines(ImDrawList& list, const PictureFrame& picture, const SceneVi
                     const SceneFrame& frame) {
   if (!frame.show_needle || !frame.aids.has(pb::Exercise::GUIDES)) return;
   const Moment& moment = frame.moment;
-  const double reach_m = lineReach_m(scene);
   if (moment.inside) {
     const double done_m = std::max(0.0, dot(moment.p_WT_m - moment.p_entry_W_m, moment.u_W));
-    const auto entry = picture.at(moment.p_entry_W_m),
-               now = picture.at(moment.p_entry_W_m + moment.u_W * done_m);
-    const auto end = picture.at(moment.p_entry_W_m + moment.u_W * std::max(reach_m, done_m));
-    if (!entry || !now || !end) return;
-    list.AddLine(*entry, *now, packed(kYellow, 0.85F), 2);
-    dashedLine(list, *now, *end, packed(kYellow, 0.9F), 2, 6);
-    list.AddCircle(*entry, 5, packed(kYellow), 16, 2);
+    const double reach_m = std::max(done_m, lineReach_m(scene, moment.p_entry_W_m, moment.u_W));
+    const Vec3 now_W_m = moment.p_entry_W_m + moment.u_W * done_m,
+               end_W_m = moment.p_entry_W_m + moment.u_W * reach_m;
+    if (const auto done = picture.partOf(moment.p_entry_W_m, now_W_m))
+      list.AddLine(done->first, done->second, packed(kYellow, 0.85F), 2);
+    if (const auto rest = picture.partOf(now_W_m, end_W_m))
+      dashedLine(list, rest->first, rest->second, packed(kYellow, 0.9F), 2, 6);
+    if (const auto entry = picture.at(moment.p_entry_W_m)) list.AddCircle(*entry, 5, packed(kYellow), 16, 2);
     return;
   }
   // the needle's path straight ahead
   const Vec3 axis_W = normalized(zAxis(moment.q_WT));
   const double to_skin_m = std::max(0.0, -depthAt(scene, moment.p_WT_m));
-  const auto tip = picture.at(moment.p_WT_m),
-             end = picture.at(moment.p_WT_m + axis_W * (to_skin_m + reach_m));
-  if (tip && end) dashedLine(list, *tip, *end, packed(kYellow, 0.55F), 1.6F, 5);
+  const Vec3 skin_W_m = moment.p_WT_m + axis_W * to_skin_m;
+  const Vec3 end_W_m = skin_W_m + axis_W * lineReach_m(scene, skin_W_m, axis_W);
+  if (const auto path = picture.partOf(moment.p_WT_m, end_W_m))
+    dashedLine(list, path->first, path->second, packed(kYellow, 0.55F), 1.6F, 5);
 }
 
 bool showsPlan(const SceneFrame& frame) {
@@ -151,18 +164,17 @@ bool showsPlan(const SceneFrame& frame) {
 }
 
 // thinner than the needle's own line; a dark seam keeps it visible on every tissue
-void drawPlan(ImDrawList& list, const PictureFrame& picture, const SceneView& scene,
-              const SceneFrame& frame) {
+void drawPlan(ImDrawList& list, const PictureFrame& picture, const SceneFrame& frame) {
   if (!showsPlan(frame)) return;
-  const PlanView plan = planViewOf(scene, *frame.plan_W);
+  const PlanView& plan = *frame.plan_W;
   std::vector<ImVec2> ring;
   for (const Vec3 corner_W_m : plan.ring_W_m)
     if (const auto at = picture.at(corner_W_m)) ring.push_back(*at);
   const bool whole = ring.size() == plan.ring_W_m.size();  // else it is partly behind the eye
-  const auto from = picture.at(plan.from_W_m), to = picture.at(plan.to_W_m);
+  const auto line = picture.partOf(plan.from_W_m, plan.to_W_m);
   for (const auto& [colour, width_px] :
        {std::pair{packed(kBlack, 0.55F), 3.5F}, std::pair{packed(kPlanColour), 1.5F}}) {
-    if (from && to) dashedLine(list, *from, *to, colour, width_px, 4);
+    if (line) dashedLine(list, line->first, line->second, colour, width_px, 4);
     if (whole)
       list.AddPolyline(ring.data(), static_cast<int>(ring.size()), colour, ImDrawFlags_Closed, width_px);
   }
@@ -331,7 +343,7 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
   renderer.show(list, result.corner_px);
   const PictureFrame picture{result.corner_px, size_px, &frame.camera};
   drawTrails(list, picture, frame);
-  drawPlan(list, picture, *scene, frame);
+  drawPlan(list, picture, frame);
   drawGuideLines(list, picture, *scene, frame);
   const float legend_px = options.legend ? drawLegend(list, picture, frame) : 0;
   if (options.labels) drawNames(list, picture, *scene, frame, legend_px);

@@ -166,6 +166,9 @@ Result<std::unique_ptr<Surface>> Surface::open(const SurfaceOptions& options) {
 #if defined(__SANITIZE_ADDRESS__)
   a_surface_was_opened = true;
 #endif
+  if (options.time != &machineTime() && options.kind != SurfaceOptions::Kind::kOffScreen)
+    return Error{ErrorCode::kInvalidInput,
+                 "SurfaceOptions.time is not the machine's: only a surface of kind kOffScreen can have it"};
   // one worker, because a view beside a haptic loop has at most one core of its own
   ::setenv("LP_NUM_THREADS", "1", /*overwrite=*/0);
   const bool window = options.kind == SurfaceOptions::Kind::kWindow ||

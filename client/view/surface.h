@@ -28,7 +28,8 @@ struct SurfaceOptions {
   /// JSON: position, size and font scale of the window; read at the start, written at the end. Empty: no
   /// file. Unreadable files and positions off every monitor are ignored.
   std::filesystem::path state_file;
-  /// Decides when a frame is due. Must outlive the surface.
+  /// Decides when a frame is due. Must outlive the surface. Another than the machine's only off screen: a
+  /// window also waits for its events, by the machine's time.
   TimeSource* time = &machineTime();
   /// The window's close button only makes a wish (takeCloseWish); the program then asks the person.
   bool asks_before_closing = false;
@@ -49,7 +50,8 @@ struct SurfaceOptions {
 /// the view's own thread and one worker then share the cores of that affinity.
 class Surface {
  public:
-  /// Errors: kUnavailable; the message has advice (no display, no OpenGL 3.3, …).
+  /// Errors: kUnavailable; the message has advice (no display, no OpenGL 3.3, …). kInvalidInput: another time
+  /// than the machine's, and not kOffScreen.
   static Result<std::unique_ptr<Surface>> open(const SurfaceOptions& options);
   /// Writes the state file.
   ~Surface();

@@ -249,6 +249,20 @@ void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const 
       addLimits(plot, requirement, style.shown_per_si);
 }
 
+SharedPlan sharedPlanOf(const StoredGesture& a, const StoredGesture& b) {
+  // a placement is stored as doubles; a hundredth of a millimetre nobody sees
+  constexpr double kSame_m = 1e-5, kSame = 1e-4;
+  if (!a.plan_W && !b.plan_W) return {};
+  if (!a.plan_W || !b.plan_W)
+    return {
+        {},
+        fmt::format("Only the {} has a planned line; it is not drawn here.", a.plan_W ? "first" : "second")};
+  if (norm(a.plan_W->entry_m - b.plan_W->entry_m) > kSame_m ||
+      norm(a.plan_W->direction - b.plan_W->direction) > kSame)
+    return {{}, "The two have different planned lines; neither is drawn here."};
+  return {a.planView(), {}};
+}
+
 std::string_view nameOf(ComparedSeries series) {
   return kSeries[static_cast<std::size_t>(series)].word;
 }

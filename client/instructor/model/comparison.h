@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,14 @@ double valueOfB(ComparedSeries series, const ComparedPoint& point);
 
 /// Adds what the exercise of both requires of the series' quantity; nothing where their exercises differ.
 void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const StoredGesture& b);
+
+/// What a picture of both gestures shows of their plans.
+struct SharedPlan {
+  std::optional<PlanView> plan_W;  ///< only where both have this one
+  std::string why_none;            ///< a line for people where one has a plan and it is not shown; else empty
+};
+/// Both gestures' pictures are in W.
+SharedPlan sharedPlanOf(const StoredGesture& a, const StoredGesture& b);
 
 struct GestureComparison {
   Alignment alignment = Alignment::kDepth;

@@ -137,6 +137,29 @@ void LabState::askForScene() {
     // the server may not have the session yet: request it again later
     if (alive.expired() || !live_ || !reply.ok()) return;
     live_->setSession(reply->session(), prepare_);
+    // this lesson may be of an exercise that was changed or added since
+    readExercises();
+  });
+}
+
+void LabState::readExercises(std::string page, std::vector<pb::Exercise> read) {
+  pb::Request request;
+  request.mutable_list_exercises()->set_page(page);
+  connection_.ask(request, [this, alive = std::weak_ptr(alive_),
+                            read = std::move(read)](Result<pb::Reply> reply) mutable {
+    if (alive.expired() || !reply.ok()) return;
+    for (const auto& row : reply->exercises().exercises()) {
+      auto exercise = parseExercise(row.json(), "exercise");
+      if (exercise.ok()) read.push_back(*std::move(exercise));
+    }
+    const std::string& next = reply->exercises().next_page();
+    if (!next.empty()) return readExercises(next, std::move(read));
+    exercises_.clear();
+    exercise_by_id_.clear();
+    for (pb::Exercise& exercise : read) {
+      exercises_.push_back({exercise.id(), printable(exercise.name())});
+      exercise_by_id_.insert_or_assign(exercise.id(), std::move(exercise));
+    }
   });
 }
 
@@ -146,19 +169,7 @@ void LabState::readLists() {
   connection_.ask(stations, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
     if (!alive.expired() && reply.ok()) overview.setStations(reply->stations(), now_s_);
   });
-  pb::Request exercises;
-  exercises.mutable_list_exercises();
-  connection_.ask(exercises, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
-    if (alive.expired() || !reply.ok()) return;
-    exercises_.clear();
-    exercise_by_id_.clear();
-    for (const auto& row : reply->exercises().exercises()) {
-      const auto exercise = parseExercise(row.json(), "exercise");
-      if (!exercise.ok()) continue;
-      exercises_.push_back({exercise->id(), printable(exercise->name())});
-      exercise_by_id_.insert_or_assign(exercise->id(), *exercise);
-    }
-  });
+  readExercises();
   pb::Request profiles;
   profiles.mutable_list_profiles();
   connection_.ask(profiles, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
@@ -209,11 +220,11 @@ std::vector<PlotRequirement> LabState::requirementsNow() const {
   return exercise == nullptr ? std::vector<PlotRequirement>() : requirementsOf(*exercise);
 }
 
-std::optional<PlannedLine> LabState::planNow() const {
+std::optional<PlanView> LabState::planNow() const {
   const pb::Exercise* const exercise = exerciseNow();
   // without a scene the plan has no place in W
   if (exercise == nullptr || !live_->scene().view) return std::nullopt;
-  return plannedLineOf(*exercise, live_->scene().X_WL);
+  return planViewOf(*live_->scene().view, *exercise);
 }
 
 const pb::Exercise* LabState::exerciseNow() const {

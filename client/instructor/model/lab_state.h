@@ -100,7 +100,7 @@ class LabState {
   /// Returns what the exercise of the watched lesson requires; nothing where it is not known.
   [[nodiscard]] std::vector<PlotRequirement> requirementsNow() const;
   /// Returns that exercise's planned line in W; nothing without a plan, and until the scene is known.
-  [[nodiscard]] std::optional<PlannedLine> planNow() const;
+  [[nodiscard]] std::optional<PlanView> planNow() const;
   void setAids(const AidList& aids);
   void resetAids();
   StopQuestion stop_question;  ///< always about the watched lesson
@@ -121,6 +121,8 @@ class LabState {
 
  private:
   void readLists();
+  /// Reads all exercises page by page, and takes them in at the end; on an error keeps those of before.
+  void readExercises(std::string page = {}, std::vector<pb::Exercise> read = {});
   /// The watched lesson's; null where it is not known.
   [[nodiscard]] const pb::Exercise* exerciseNow() const;
   void askForScene();

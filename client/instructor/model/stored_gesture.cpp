@@ -78,22 +78,31 @@ void addEvents(StoredGesture& gesture) {
   }
 }
 
-/// Whether the score's greatest distance from the planned line is not that from today's plan. No: unknown,
-/// because the score is of more samples than these.
-bool isScoredByAnotherPlan(const StoredGesture& gesture, const std::vector<Measure>& measures) {
+/// What a score says of the plan of today.
+enum class PlanInScore : std::uint8_t {
+  kUnknown,  ///< nothing: the tip was never in tissue, or the score is of more samples than these
+  kSame,     ///< its greatest distance from the planned line is that from today's plan
+  kOther,    ///< it is not
+  kNone,     ///< the gesture was scored without a plan
+};
+
+PlanInScore planInScore(const StoredGesture& gesture, const std::vector<Measure>& measures) {
   constexpr double kSame_m = 1e-4;
-  const auto scored = std::find_if(measures.begin(), measures.end(), [](const Measure& row) {
-    return row.measured && row.name == "largest_planned_line_error_m";
-  });
-  const bool whole = !gesture.thinned && gesture.samples.size() == gesture.info.samples();
-  if (scored == measures.end() || !gesture.plan_W || !whole) return false;
   std::vector<GestureSample> storage;
-  double largest_m = 0;
+  std::optional<double> largest_m;
   for (const GestureSample& s : cleaned(gesture.samples, storage)) {
     if (isInside(s))
-      largest_m = std::max(largest_m, distanceFrom(*gesture.plan_W, {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}));
+      largest_m = std::max(largest_m.value_or(0),
+                           distanceFrom(*gesture.plan_W, {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}));
   }
-  return std::abs(largest_m - scored->value) > kSame_m;
+  if (!largest_m) return PlanInScore::kUnknown;
+  const auto scored = std::find_if(measures.begin(), measures.end(), [](const Measure& row) {
+    return row.name == "largest_planned_line_error_m";
+  });
+  if (scored == measures.end()) return PlanInScore::kNone;
+  const bool whole = !gesture.thinned && gesture.samples.size() == gesture.info.samples();
+  if (!scored->measured || !whole) return PlanInScore::kUnknown;
+  return std::abs(*largest_m - scored->value) > kSame_m ? PlanInScore::kOther : PlanInScore::kSame;
 }
 
 class Loader {
@@ -194,23 +203,44 @@ class Loader {
     if (exercise_id.empty() || !gesture_->scene.view) return;
     const auto exercise = findExercise(call_, exercise_id);
     if (!exercise.ok()) return note("the exercise's plan: " + printable(exercise.error().message));
-    if (*exercise) gesture_->plan_W = plannedLineOf(**exercise, gesture_->scene.X_WL);
+    if (!*exercise) return;
+    gesture_->plan_W = planOn(*gesture_->scene.view, **exercise);
+    if ((*exercise)->has_plan() && !gesture_->plan_W)
+      note("the exercise is for another patient today: no planned line is shown");
   }
 
   /// Without a score the plots have no limits; the scores' screen says why there is none.
   void readScore() {
-    if (gesture_->info.state() == pb::SESSION_OPEN) return;
+    const auto measures = scoredMeasures();
+    if (measures) gesture_->requirements = requirementsOf(*measures);
+    if (gesture_->plan_W) judgePlan(measures ? planInScore(*gesture_, *measures) : PlanInScore::kUnknown);
+  }
+
+  /// Of the newest score; nothing without one.
+  std::optional<std::vector<Measure>> scoredMeasures() {
+    if (gesture_->info.state() == pb::SESSION_OPEN) return std::nullopt;
     pb::Request request;
     request.mutable_get_score()->set_session_id(id_);
     const auto reply = call_(request);
-    if (!reply.ok()) return;
-    const auto measures = parseScore(reply->score().measures_json());
-    if (!measures.ok()) return;
-    gesture_->requirements = requirementsOf(*measures);
-    if (isScoredByAnotherPlan(*gesture_, *measures))
-      note(
-          "the exercise's plan was changed after this session was scored: its score is against the plan of "
-          "that time");
+    if (!reply.ok()) return std::nullopt;
+    auto measures = parseScore(reply->score().measures_json());
+    return measures.ok() ? std::optional(*std::move(measures)) : std::nullopt;
+  }
+
+  void judgePlan(PlanInScore judged) {
+    switch (judged) {
+      case PlanInScore::kSame:
+        return;
+      case PlanInScore::kUnknown:
+        return note("the planned line is the exercise's of today");
+      case PlanInScore::kOther:
+        return note(
+            "the exercise's plan was changed after this session was scored: its score is against the plan of "
+            "that time");
+      case PlanInScore::kNone:
+        gesture_->plan_W.reset();
+        return note("this session was scored without a plan: the exercise's of today is not shown");
+    }
   }
 
   void note(std::string text) {
@@ -231,6 +261,11 @@ std::size_t StoredGesture::sampleAt(double time_s) const {
       std::upper_bound(samples.begin(), samples.end(), time_s,
                        [&](double t, const GestureSample& s) { return t < timeOfTick(s.tick); });
   return after == samples.begin() ? 0 : static_cast<std::size_t>(after - samples.begin()) - 1;
+}
+
+std::optional<PlanView> StoredGesture::planView() const {
+  if (!plan_W || !scene.view) return std::nullopt;
+  return planViewOf(*scene.view, *plan_W);
 }
 
 std::string StoredGesture::title() const {
@@ -283,8 +318,7 @@ Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, co
 std::shared_ptr<const StoredGesture> gestureOf(pb::SessionInfo info, std::vector<GestureSample> samples,
                                                const ScenePreparer& prepare, const pb::Exercise* exercise) {
   auto gesture = beginGesture(std::move(info), prepare, samples.size());
-  if (exercise != nullptr && gesture->scene.view)
-    gesture->plan_W = plannedLineOf(*exercise, gesture->scene.X_WL);
+  if (exercise != nullptr && gesture->scene.view) gesture->plan_W = planOn(*gesture->scene.view, *exercise);
   gesture->samples = std::move(samples);
   TraceMaker maker(*gesture);
   for (const GestureSample& sample : gesture->samples) maker.feed(sample);

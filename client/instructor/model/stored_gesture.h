@@ -27,7 +27,8 @@ struct StoredGesture {
   std::string id;  ///< as text
   pb::SessionInfo info;
   SessionScene scene;
-  /// Of the exercise as it is today, as for its score; in W. Nothing without a scene, whose pose is unknown.
+  /// Of the exercise as it is today, in W; a note says so unless the score confirms it. Nothing without a
+  /// scene, whose pose is unknown, for another patient than the session's, and where the score knows no plan.
   std::optional<PlannedLine> plan_W;
   double rate_hz = 1000;  ///< rate of the loop, not of a thinned recording's samples
   bool thinned = false;
@@ -40,6 +41,8 @@ struct StoredGesture {
   std::vector<std::string>
       notes;  ///< damage, thinning, missing parts, a score by another plan: for the reader
 
+  /// Returns `plan_W` to be drawn; nothing without one.
+  [[nodiscard]] std::optional<PlanView> planView() const;
   [[nodiscard]] double first_s() const { return trace.firstTime_s(); }
   [[nodiscard]] double last_s() const { return trace.lastTime_s(); }
   [[nodiscard]] double timeOfTick(std::uint64_t tick) const { return static_cast<double>(tick) / rate_hz; }

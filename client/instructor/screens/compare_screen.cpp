@@ -82,14 +82,18 @@ void CompareScreen::showScenes(LabState& lab, ImVec2 size_px) {
   TipTrail trail_a = trailOf(a.trace, point.time_a_s, 30, kFirstGesture);
   TipTrail trail_b = trailOf(b.trace, point.time_b_s, 30, kSecondGesture);
   if (overlaid_) {
-    first_.show("both", a.scene.view, now_a, a.plan_W, allAidSet(), size_px, now_b,
+    const SharedPlan plan = sharedPlanOf(a, b);
+    ImGui::BeginChild("over", size_px, false, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoBackground);
+    if (!plan.why_none.empty()) textLine(plan.why_none);
+    first_.show("both", a.scene.view, now_a, plan.plan_W, allAidSet(), {0, 0}, now_b,
                 {std::move(trail_a), std::move(trail_b)});
+    ImGui::EndChild();
     return;
   }
   const float half = (size_px.y - ImGui::GetStyle().ItemSpacing.y) * 0.5F;
   ImGui::BeginChild("pair", size_px, false, ImGuiWindowFlags_NoBackground);
-  first_.show("first", a.scene.view, now_a, a.plan_W, allAidSet(), {0, half}, {}, {std::move(trail_a)});
-  second_.show("second", b.scene.view, now_b, b.plan_W, allAidSet(), {0, half}, {}, {std::move(trail_b)});
+  first_.show("first", a.scene.view, now_a, a.planView(), allAidSet(), {0, half}, {}, {std::move(trail_a)});
+  second_.show("second", b.scene.view, now_b, b.planView(), allAidSet(), {0, half}, {}, {std::move(trail_b)});
   ImGui::EndChild();
 }
 

@@ -68,7 +68,7 @@ void ScenePane::showLooks() {
 }
 
 void ScenePane::show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
-                     const std::optional<PlannedLine>& plan_W, const AidSet& aids, ImVec2 size_px,
+                     const std::optional<PlanView>& plan_W, const AidSet& aids, ImVec2 size_px,
                      const std::optional<Moment>& second, std::vector<TipTrail> trails) {
   ImGui::BeginChild(
       id, size_px, false,

@@ -27,7 +27,7 @@ class ScenePane {
   /// Draws camera buttons and the picture; `size_px`: size of both together. `plan_W`: the exercise's planned
   /// line. `aids`: the visible parts. `second`: a second needle.
   void show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
-            const std::optional<PlannedLine>& plan_W, const AidSet& aids, ImVec2 size_px,
+            const std::optional<PlanView>& plan_W, const AidSet& aids, ImVec2 size_px,
             const std::optional<Moment>& second = {}, std::vector<TipTrail> trails = {});
 
  private:

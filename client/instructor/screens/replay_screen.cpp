@@ -190,7 +190,7 @@ void ReplayScreen::show(LabState& lab) {
   const ImVec2 room = ImGui::GetContentRegionAvail();
   const float height = room.y - 11.5F * space();
   const double at_s = player.at_s();
-  pane_.show("replay scene", gesture.scene.view, gesture.trace.at(at_s), gesture.plan_W, allAidSet(),
+  pane_.show("replay scene", gesture.scene.view, gesture.trace.at(at_s), gesture.planView(), allAidSet(),
              {room.x * 0.48F, height}, {}, {trailOf(gesture.trace, at_s, 8, kFirstGesture)});
   ImGui::SameLine();
   ImGui::BeginChild(

@@ -59,8 +59,8 @@ void ScriptRunner::afterFrame(InstructorWindow& window) {
     return;
   }
   if (now_s - began_s_ > patience_s_ && action.verb != "wait")
-    fail(action, fmt::format("not so within {:.0f} s; the screen says: ", patience_s_) +
-                     window.text().substr(0, 600));
+    fail(action,
+         fmt::format("not so within {:g} s; the screen says: ", patience_s_) + window.text().substr(0, 600));
 }
 
 Result<bool> ScriptRunner::act(const ScriptAction& action, InstructorWindow& window, bool first) {

@@ -79,10 +79,10 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
                   : s.stopped                   ? stopText(s.stopped)
                                                 : servoEndText(s.servo.end);
   if (!outcome.stored.ok()) {
-    verdict.kept = outcome.stored.error().message;
+    verdict.kept = "Not all of the recording is stored: " + outcome.stored.error().message + ".";
     verdict.kept_well = false;
   } else if (!s.uplink.current_trouble.empty() && !s.uplink.current_verdict) {
-    verdict.kept = "The server did not take the recording: " + s.uplink.current_trouble;
+    verdict.kept = "The server did not take the recording: " + s.uplink.current_trouble + ".";
     verdict.kept_well = false;
   } else if (s.state == "COMPLETE" || s.state == "INTERRUPTED") {
     verdict.kept = "The recording is in the server's database.";
@@ -219,7 +219,7 @@ Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral
   plot.legend = true;
   // below the other one; dashes are for limits
   plot.series.insert(plot.series.begin(),
-                     {"from planned line", kSkyBlue, columnsOf(time_s, planned_mm), false, false});
+                     {"from planned line", kPlanColour, columnsOf(time_s, planned_mm), false, false});
   // each limit says which of the two lines it is for
   for (PlotLimit& limit : plot.limits) limit.text.insert(0, "own line: ");
   const std::size_t own = plot.limits.size();

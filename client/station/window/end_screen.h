@@ -31,10 +31,10 @@ struct LessonVerdict {
   std::vector<VerdictRow> required;  ///< unmet requirements come first
   std::vector<VerdictRow> others;    ///< all other measures
   std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"
-  std::string kept;       ///< place of the recording: "with the server", "in this station's spool", …
-  bool kept_well = true;  ///< false: part of it is lost or refused
-  std::string waits;      ///< why it does not count yet; empty: it does
-  std::string by;         ///< "scored by the server"; empty without a score
+  std::string kept;                  ///< where the recording is, or what is wrong with it, as a sentence
+  bool kept_well = true;             ///< false: part of it is lost or refused
+  std::string waits;                 ///< why it does not count yet; empty: it does
+  std::string by;                    ///< "scored by the server"; empty without a score
 };
 
 /// Pure.

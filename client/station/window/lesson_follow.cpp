@@ -12,8 +12,7 @@ constexpr double kTraceSpan_s = 180;
 LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, SceneView scene)
     : beginning_(std::move(beginning)),
       scene_(std::make_shared<const SceneView>(std::move(scene))),
-      plan_W_(beginning_->lesson.exercise ? plannedLineOf(*beginning_->lesson.exercise, beginning_->X_WL)
-                                          : std::nullopt),
+      plan_W_(beginning_->lesson.exercise ? planViewOf(*scene_, *beginning_->lesson.exercise) : std::nullopt),
       // the beginning owns the model and lives as long
       replica_(std::shared_ptr<const SceneModel>(beginning_, &beginning_->lesson.model)),
       trace_(kTraceSpan_s, BoneContacts(beginning_->lesson.profile,

@@ -25,7 +25,7 @@ class LessonFollow {
   [[nodiscard]] const LessonBeginning& beginning() const { return *beginning_; }
   [[nodiscard]] const std::shared_ptr<const SceneView>& scene() const { return scene_; }
   /// The exercise's planned line in W; nothing without a plan, and in a lesson from a profile file.
-  [[nodiscard]] const std::optional<PlannedLine>& plan_W() const { return plan_W_; }
+  [[nodiscard]] const std::optional<PlanView>& plan_W() const { return plan_W_; }
   [[nodiscard]] const Moment& now() const { return replica_.now(); }
   [[nodiscard]] const GestureTrace& trace() const { return trace_; }
   /// Number of samples that a slow window lost. The recording has them.
@@ -37,7 +37,7 @@ class LessonFollow {
 
   std::shared_ptr<const LessonBeginning> beginning_;
   std::shared_ptr<const SceneView> scene_;
-  std::optional<PlannedLine> plan_W_;
+  std::optional<PlanView> plan_W_;
   GestureReplica replica_;
   GestureTrace trace_;
   std::uint64_t dropped_ = 0;

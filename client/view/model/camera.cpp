@@ -100,6 +100,30 @@ std::optional<PicturePoint> OrbitCamera::project(Vec3 p_W_m, double width_px, do
   return point;
 }
 
+std::optional<PictureSegment> OrbitCamera::projectSegment(Vec3 a_W_m, Vec3 b_W_m, double width_px,
+                                                          double height_px) const {
+  // the planes through the eye: distances inside the picture are positive; slightly inside the near plane,
+  // where `project` begins
+  const Vec3 ahead = -outward(*this), eye = eye_W_m();
+  const double up_share = std::tan(field_of_view_rad / 2), right_share = up_share * width_px / height_px;
+  const std::array<Vec3, 4> edges = {ahead * right_share + right_W(), ahead * right_share - right_W(),
+                                     ahead * up_share + upward_W(), ahead * up_share - upward_W()};
+  double from = 0, to = 1;  // shares of the segment
+  const auto clip = [&](double inside_a, double inside_b) {
+    if (inside_a < 0 && inside_b > 0) from = std::max(from, inside_a / (inside_a - inside_b));
+    if (inside_a > 0 && inside_b < 0) to = std::min(to, inside_a / (inside_a - inside_b));
+    if (inside_a <= 0 && inside_b <= 0) to = -1;
+  };
+  const double near_m = distance_m * 0.1 * (1 + 1e-9);
+  clip(dot(ahead, a_W_m - eye) - near_m, dot(ahead, b_W_m - eye) - near_m);
+  for (const Vec3 edge : edges) clip(dot(edge, a_W_m - eye), dot(edge, b_W_m - eye));
+  if (!(from < to)) return std::nullopt;
+  const auto at = [&](double share) { return project(a_W_m + (b_W_m - a_W_m) * share, width_px, height_px); };
+  const auto begin = at(from), end = at(to);
+  if (!begin || !end) return std::nullopt;
+  return PictureSegment{*begin, *end};
+}
+
 Vec3 OrbitCamera::ray_W(double x_px, double y_px, double width_px, double height_px) const {
   const double share_per_px = 2 * std::tan(field_of_view_rad / 2) / height_px;
   return normalized(-outward(*this) + right_W() * ((x_px - width_px / 2) * share_per_px) +

@@ -17,6 +17,11 @@ struct PicturePoint {
   double x_px = 0, y_px = 0, depth = 0;
 };
 
+/// A segment within a picture.
+struct PictureSegment {
+  PicturePoint from, to;
+};
+
 /// Looks at `focus_W_m` from `distance_m`; `up_W` (unit) is the upright direction of the picture.
 struct OrbitCamera {
   Vec3 focus_W_m;
@@ -42,6 +47,9 @@ struct OrbitCamera {
   [[nodiscard]] Matrix4 projection(double width_px, double height_px) const;
   /// Returns a W point's place in the picture; empty behind the eye.
   [[nodiscard]] std::optional<PicturePoint> project(Vec3 p_W_m, double width_px, double height_px) const;
+  /// Returns the part of a segment that the picture shows, in the segment's order; empty if it shows none.
+  [[nodiscard]] std::optional<PictureSegment> projectSegment(Vec3 a_W_m, Vec3 b_W_m, double width_px,
+                                                             double height_px) const;
   /// Returns the unit vector from the eye through a pixel.
   [[nodiscard]] Vec3 ray_W(double x_px, double y_px, double width_px, double height_px) const;
   /// Returns metres per pixel at the focus.

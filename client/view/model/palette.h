@@ -69,8 +69,10 @@ std::string_view phaseWord(Phase phase);
 
 /// Colours of the world's axes x y z, in plots of places and of the orientation mark.
 inline constexpr std::array<Rgb, 3> kAxisColours = {kVermillion, kBluishGreen, kSkyBlue};
-/// Colours of the tip, the wall, the target, the planned line, and two compared gestures.
+/// Colours of the tip, the wall, the target, and two compared gestures.
 inline constexpr Rgb kTipColour = kWhite, kWallColour = kYellow, kTargetColour = kBluishGreen,
-                     kPlanColour = kReddishPurple, kFirstGesture = kSkyBlue, kSecondGesture = kOrange;
+                     kFirstGesture = kSkyBlue, kSecondGesture = kOrange;
+/// Colour of the planned line, and of nothing else: no effect, hazard, limit or own line has it.
+inline constexpr Rgb kPlanColour = rgbOf(0x7C6CFF);
 
 }  // namespace needlelab

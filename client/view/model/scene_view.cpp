@@ -113,16 +113,18 @@ double drawnDiameter_m(const SceneView& scene) {
   return scene.needle.outer_diameter_m > 0 ? scene.needle.outer_diameter_m : kUsualDiameter_m;
 }
 
-double lineReach_m(const SceneView& scene) {
-  double reach_m = 0.8 * scene.needle.length_m;
+double lineReach_m(const SceneView& scene, Vec3 entry_W_m, Vec3 direction_W) {
+  double reach_m = scene.needle.length_m;
   for (const TargetView& target : scene.targets)
-    reach_m = std::max(reach_m, 1.15 * depthAt(scene, target.center_W_m));
+    reach_m = std::max(reach_m, 1.15 * dot(target.center_W_m - entry_W_m, direction_W));
   return reach_m;
 }
 
 PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W) {
-  PlanView view{plan_W.entry_m - plan_W.direction * (0.5 * scene.needle.length_m),
-                plan_W.entry_m + plan_W.direction * lineReach_m(scene),
+  const double reach_m = lineReach_m(scene, plan_W.entry_m, plan_W.direction);
+  PlanView view{plan_W.entry_m,
+                plan_W.entry_m - plan_W.direction * (0.5 * scene.needle.length_m),
+                plan_W.entry_m + plan_W.direction * reach_m,
                 {}};
   const Vec3 normal = surfaceNormal(scene.limb_W, plan_W.entry_m, plan_W.direction);
   // any two directions across the normal
@@ -134,6 +136,16 @@ PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W) {
                                                  (kRingExtents * scene.extent_m));
   }
   return view;
+}
+
+std::optional<PlannedLine> planOn(const SceneView& scene, const pb::Exercise& exercise) {
+  if (exercise.profile_id() != scene.profile_id) return std::nullopt;
+  return plannedLineOf(exercise, scene.X_WL);
+}
+
+std::optional<PlanView> planViewOf(const SceneView& scene, const pb::Exercise& exercise) {
+  const auto plan_W = planOn(scene, exercise);
+  return plan_W ? std::optional(planViewOf(scene, *plan_W)) : std::nullopt;
 }
 
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -72,16 +73,22 @@ double drawnDiameter_m(const SceneView& scene);
 /// negative inside.
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
 
-/// Returns how far a picture's lines go on into the tissue: 0.8 of the needle's length, at least a little
-/// beyond every target.
-double lineReach_m(const SceneView& scene);
+/// Returns how far a picture's line goes on into the tissue from `entry_W_m` along the unit vector
+/// `direction_W`: the needle's length, at least a little beyond the foot of every target on the line.
+double lineReach_m(const SceneView& scene, Vec3 entry_W_m, Vec3 direction_W);
 
 /// What a picture shows of a planned line, in W.
 struct PlanView {
+  Vec3 entry_W_m;
   Vec3 from_W_m, to_W_m;       ///< half a needle's length before the entry, `lineReach_m` behind it
   std::vector<Vec3> ring_W_m;  ///< corners of a circle on the skin about the entry; closed by the first
 };
 PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W);
+/// Returns the exercise's planned line in W. Nothing without a plan, and where the exercise is for another
+/// patient than the scene's.
+std::optional<PlannedLine> planOn(const SceneView& scene, const pb::Exercise& exercise);
+/// As planOn, to be drawn.
+std::optional<PlanView> planViewOf(const SceneView& scene, const pb::Exercise& exercise);
 
 /// A plane that a picture shows: a cut, an ultrasound slice. `to_viewer_W` is its unit normal.
 struct PicturePlane {

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <sstream>
+#include <utility>
 
 #include "client/admin/command.h"
 #include "client/net/credentials.h"
@@ -437,10 +439,11 @@ TEST_F(StationCommands, wrongNamesAddressesAndFilesAreNamedAndMakeNoKey) {
   EXPECT_TRUE(good({"station", "list", "--json"}).rows().empty());
 }
 
-/// Has one station, "lab-1"; counts the keys that it makes.
+/// Has one station, "lab-1"; counts the keys that it makes, and makes none with a `refusal`.
 class OneStation : public Backend {
  public:
-  explicit OneStation(bool revoked) : revoked_(revoked) {}
+  explicit OneStation(bool revoked, std::optional<Error> refusal = {})
+      : revoked_(revoked), refusal_(std::move(refusal)) {}
   Result<pb::Reply> call(const pb::Request& request) override {
     pb::Reply reply;
     if (request.has_list_stations()) {
@@ -448,6 +451,7 @@ class OneStation : public Backend {
       station->set_name("lab-1");
       station->set_revoked(revoked_);
     }
+    if (request.has_add_station() && refusal_) return *refusal_;
     if (request.has_add_station())
       reply.mutable_station_key()->set_key(std::string(32, static_cast<char>('0' + ++keys)));
     return reply;
@@ -457,6 +461,7 @@ class OneStation : public Backend {
 
  private:
   bool revoked_;
+  std::optional<Error> refusal_;
 };
 
 TEST_F(StationCommands, anEnrolmentMakesItsKeyAfterAllElseThatCanFail) {
@@ -475,13 +480,26 @@ TEST_F(StationCommands, anEnrolmentMakesItsKeyAfterAllElseThatCanFail) {
   };
   const auto ca = folder.write("ca.crt", authority).string();
 
-  OneStation active(false);
-  const auto taken = enrolled(active, ca, file("s.enrol"));
-  ASSERT_FALSE(taken.ok());
-  EXPECT_EQ(taken.error().code, ErrorCode::kAlreadyExists);
-  EXPECT_EQ(taken.error().message,
-            "there is already a station named 'lab-1': revoke it first to give it a new key");
-  EXPECT_EQ(active.keys, 0) << "a new key would make the station's own useless";
+  // a name in use: the refusal is the server's, before anything else is looked at
+  for (const Error& refusal : {Error{ErrorCode::kAlreadyExists, "it is there"},
+                               Error{ErrorCode::kDenied, "not for an instructor"}}) {
+    OneStation active(false, refusal);
+    const auto taken = enrolled(active, file("none.crt"), file("s.enrol"));
+    ASSERT_FALSE(taken.ok());
+    EXPECT_EQ(taken.error().code, refusal.code);
+    EXPECT_EQ(taken.error().message, refusal.message);
+  }
+  EXPECT_FALSE(std::filesystem::exists(file("s.enrol")));
+
+  // revoked by somebody between the question and the answer: the key is not thrown away
+  OneStation just_revoked(false);
+  const auto keyless = enrolled(just_revoked, file("none.crt"), file("s.enrol"));
+  ASSERT_FALSE(keyless.ok());
+  EXPECT_THAT(keyless.error().message,
+              HasSubstr("station 'lab-1' was added, but its key is lost: revoke it and enrol it again"));
+  ASSERT_TRUE(enrolled(just_revoked, ca, file("late.enrol")).ok());
+  EXPECT_EQ(parseBundle(*readWholeFile(file("late.enrol")), "late.enrol")->key, std::string(32, '2'));
+  EXPECT_EQ(just_revoked.keys, 2);
 
   OneStation revoked(true);
   const auto no_authority = enrolled(revoked, file("none.crt"), file("s.enrol"));

@@ -137,9 +137,10 @@ TEST_F(SceneWidgetTest, thePlannedLineIsDashedWithARingAtItsEntryAndOnlyWithItsA
   frame_.show_needle = false;
   const SceneView& scene = *lesson_.scene;
   // beside everything that lies in the middle
-  frame_.plan_W =
-      PlannedLine{scene.focus_W_m + frame_.camera.right_W() * (0.3 * scene.extent_m), -scene.focus_normal_W};
-  const PlanView plan = planViewOf(scene, *frame_.plan_W);
+  const PlanView plan = planViewOf(
+      scene,
+      PlannedLine{scene.focus_W_m + frame_.camera.right_W() * (0.3 * scene.extent_m), -scene.focus_normal_W});
+  frame_.plan_W = plan;
   const RgbaImage with = drawn();
   frame_.aids.set(pb::Exercise::PLANNED_LINE, false);
   const RgbaImage without = drawn();
@@ -166,7 +167,8 @@ TEST_F(SceneWidgetTest, thePlannedLineIsDashedWithARingAtItsEntryAndOnlyWithItsA
 TEST_F(SceneWidgetTest, theLegendNamesThePlannedLineAlsoBeforeTheNeedleIsInside) {
   widget_.labels = false;
   frame_.show_needle = false;
-  frame_.plan_W = PlannedLine{lesson_.scene->focus_W_m, -lesson_.scene->focus_normal_W};
+  frame_.plan_W =
+      planViewOf(*lesson_.scene, PlannedLine{lesson_.scene->focus_W_m, -lesson_.scene->focus_normal_W});
   const RgbaImage with = drawn();
   widget_.legend = false;
   const RgbaImage without = drawn();

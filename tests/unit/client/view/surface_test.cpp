@@ -191,6 +191,19 @@ TEST(SurfacePacing, framesComeAtTheirRateAndALateOneDoesNotHurryTheNext) {
   EXPECT_EQ(begins_ms, (std::vector<std::int64_t>{0, 20, 90, 110, 135, 150, 170}));
 }
 
+TEST(SurfacePacing, onlyAPictureTakesAnotherTimeThanTheMachines) {
+  test::FakeTime time;
+  SurfaceOptions options;
+  options.time = &time;
+  for (const auto kind : {SurfaceOptions::Kind::kWindow, SurfaceOptions::Kind::kAny}) {
+    options.kind = kind;
+    const auto surface = Surface::open(options);
+    ASSERT_FALSE(surface) << "a window would wait for its events for ever";
+    EXPECT_EQ(surface.error().code, ErrorCode::kInvalidInput);
+    EXPECT_NE(surface.error().message.find("SurfaceOptions.time"), std::string::npos);
+  }
+}
+
 TEST(SurfaceWindow, withoutADisplaySaysWhatToDo) {
   const char* display = std::getenv("DISPLAY");
   const std::string before = display == nullptr ? "" : display;

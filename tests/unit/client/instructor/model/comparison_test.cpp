@@ -189,6 +189,7 @@ TEST(Comparison, theSentencesSayTheMeanAndTheGreatestDifferenceAndWhere) {
 /// The sample shoulder's exercise with a line through its top, `aside_m` towards +x, straight down.
 pb::Exercise plannedAside(double aside_m) {
   pb::Exercise exercise;
+  exercise.set_profile_id("shoulder-adult");
   auto& plan = *exercise.mutable_plan();
   plan.set_frame(pb::Exercise::Plan::LIMB);
   plan.mutable_entry_m()->set_x(aside_m);
@@ -228,6 +229,34 @@ TEST(Comparison, theDistanceFromThePlannedLineStandsBesideThatFromTheOwnLine) {
   EXPECT_EQ(nameOf(ComparedSeries::kLateral), "distance from own line");
   EXPECT_EQ(unitOf(ComparedSeries::kPlanned), "mm");
   EXPECT_EQ(shownPerSi(ComparedSeries::kPlanned), 1000);
+}
+
+TEST(Comparison, aPictureOfBothShowsAPlanOnlyIfBothHaveTheSame) {
+  const auto json = test::sampleProfile("shoulder-adult");
+  auto here = test::lessonInfo(json), moved = test::lessonInfo(json);
+  for (const double v : {0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0}) moved.mutable_description()->add_placement(v);
+  const auto one = plannedAside(0), other = plannedAside(0.002);
+  const auto none = gestureOf(here, {}), a = gestureOf(here, {}, {}, &one), b = gestureOf(here, {}, {}, &one),
+             c = gestureOf(here, {}, {}, &other), d = gestureOf(moved, {}, {}, &one);
+  const SharedPlan same = sharedPlanOf(*a, *b);
+  ASSERT_TRUE(same.plan_W);
+  EXPECT_NEAR(norm(same.plan_W->entry_W_m), 0, 1e-12);
+  EXPECT_EQ(same.why_none, "");
+  EXPECT_FALSE(sharedPlanOf(*none, *none).plan_W);
+  EXPECT_EQ(sharedPlanOf(*none, *none).why_none, "") << "there is nothing to draw";
+  const std::string differ = "The two have different planned lines; neither is drawn here.";
+  struct Row {
+    const StoredGesture *first, *second;
+    std::string why;
+  };
+  for (const Row& row :
+       {Row{a.get(), none.get(), "Only the first has a planned line; it is not drawn here."},
+        Row{none.get(), a.get(), "Only the second has a planned line; it is not drawn here."},
+        Row{a.get(), c.get(), differ}, Row{a.get(), d.get(), differ}}) {
+    const SharedPlan shared = sharedPlanOf(*row.first, *row.second);
+    EXPECT_FALSE(shared.plan_W) << row.why;
+    EXPECT_EQ(shared.why_none, row.why);
+  }
 }
 
 TEST(Comparison, withoutAPlanNothingIsSaidOfOne) {

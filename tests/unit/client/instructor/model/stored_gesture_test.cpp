@@ -9,12 +9,16 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
 
 #include "client/instructor/model/lab_connection.h"
 #include "client/instructor/model/report.h"
 #include "common/base/local_time.h"
 #include "common/profile/profile.h"
 #include "tests/support/time_zone.h"
+#include "tests/unit/client/instructor/model/change_course.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 #include "tests/unit/server/live/running_server.h"
@@ -50,31 +54,7 @@ class StoredGestureTest : public testing::Test {
   void changeExercise(const std::function<void(pb::Exercise&)>& change) {
     auto manager = server_.connect(personLogin("mia", "battery horse correct"));
     ASSERT_TRUE(manager.ok());
-    pb::Request list;
-    list.mutable_list_curricula();
-    const auto courses = instructor_->call(list);
-    ASSERT_TRUE(courses.ok());
-    bool changed = false;
-    for (const auto& row : courses->curricula().curricula()) {
-      pb::Request read;
-      read.mutable_get_curriculum()->set_id(row.id());
-      const auto course = instructor_->call(read);
-      ASSERT_TRUE(course.ok());
-      auto parsed = parseCurriculum(course->curriculum().json(), "course");
-      ASSERT_TRUE(parsed.ok());
-      auto& exercises = *parsed->mutable_exercises();
-      const auto found = std::find_if(exercises.begin(), exercises.end(), [&](const pb::Exercise& exercise) {
-        return exercise.id() == info_.description().exercise_id();
-      });
-      if (found == exercises.end()) continue;
-      change(*found);
-      pb::Request put;
-      put.mutable_import_curriculum()->set_json(curriculumJson(*parsed));
-      const auto stored = manager->call(put);
-      ASSERT_TRUE(stored.ok()) << stored.error().message;
-      changed = true;
-    }
-    ASSERT_TRUE(changed) << "a sample course has this exercise";
+    test::changeExercise(*manager, info_.description().exercise_id(), change);
   }
 };
 
@@ -115,9 +95,10 @@ TEST(StoredGesture, aThinnedRecordingIsWholeAtEachRateThatAPolicyMayHave) {
   }
 }
 
-/// A line straight down through the origin of the limb's frame.
+/// A line straight down through the origin of the sample shoulder's frame.
 pb::Exercise straightDown() {
   pb::Exercise exercise;
+  exercise.set_profile_id("shoulder-adult");
   auto& plan = *exercise.mutable_plan();
   plan.set_frame(pb::Exercise::Plan::LIMB);
   auto& entry = *plan.mutable_entry_m();
@@ -138,6 +119,13 @@ TEST(StoredGesture, hasAPlanOnlyWhereTheLimbsPlaceIsKnown) {
   const auto placed = gestureOf(info, {}, {}, &exercise);
   ASSERT_TRUE(placed->plan_W);
   EXPECT_EQ(placed->plan_W->entry_m, (Vec3{0.1, 0.2, 0.3}));
+  ASSERT_TRUE(placed->planView());
+  EXPECT_EQ(placed->planView()->entry_W_m, (Vec3{0.1, 0.2, 0.3}));
+  pb::Exercise other_patient = exercise;
+  other_patient.set_profile_id("knee-adult");
+  const auto without = gestureOf(info, {}, {}, &other_patient);
+  EXPECT_FALSE(without->plan_W) << "the line would lie in another limb";
+  EXPECT_FALSE(without->planView());
   pb::SessionInfo unreadable = info;
   unreadable.mutable_description()->set_profile_json("{}");
   EXPECT_FALSE(gestureOf(unreadable, {}, {}, &exercise)->plan_W);
@@ -221,6 +209,66 @@ TEST_F(StoredGestureTest, hasItsExercisesPlanAsItIsToday) {
       EXPECT_EQ((*gesture)->plan_W->direction, (Vec3{0, 0, -1}));
     }
     EXPECT_TRUE((*gesture)->notes.empty());
+  }
+}
+
+TEST_F(StoredGestureTest, hasNoPlanOfAnExerciseThatIsForAnotherPatientToday) {
+  const LabCall moved = [&](const pb::Request& request) -> Result<pb::Reply> {
+    auto reply = instructor_->call(request);
+    if (!reply.ok() || !request.has_list_exercises()) return reply;
+    for (auto& row : *reply->mutable_exercises()->mutable_exercises()) {
+      auto exercise = parseExercise(row.json(), "exercise");
+      if (!exercise.ok()) return exercise.error();
+      exercise->set_profile_id("knee-adult");
+      row.set_json(exerciseJson(*exercise));
+    }
+    return reply;
+  };
+  const auto gesture = loadGesture(moved, info_.description().session_id());
+  ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+  EXPECT_FALSE((*gesture)->plan_W);
+  EXPECT_EQ((*gesture)->notes,
+            std::vector<std::string>{"the exercise is for another patient today: no planned line is shown"});
+}
+
+/// `measures_json` without this measure's row.
+std::string withoutMeasure(const std::string& measures_json, const std::string& name) {
+  auto rows = nlohmann::json::parse(measures_json);
+  const auto end = std::remove_if(rows.begin(), rows.end(),
+                                  [&](const nlohmann::json& row) { return row.at("measure") == name; });
+  EXPECT_NE(end, rows.end());
+  rows.erase(end, rows.end());
+  return rows.dump();
+}
+
+TEST_F(StoredGestureTest, hasNoPlanWhereItsScoreKnowsNoneAndSaysWhatNoScoreConfirms) {
+  enum class Score { kWithPlan, kWithoutPlan, kNone };
+  Score score = Score::kWithPlan;
+  const LabCall changed = [&](const pb::Request& request) -> Result<pb::Reply> {
+    if (request.has_get_score() && score == Score::kNone)
+      return Error{ErrorCode::kNotFound, "there is no score yet"};
+    auto reply = instructor_->call(request);
+    if (reply.ok() && request.has_get_score() && score == Score::kWithoutPlan)
+      reply->mutable_score()->set_measures_json(
+          withoutMeasure(reply->score().measures_json(), "largest_planned_line_error_m"));
+    return reply;
+  };
+  struct Row {
+    Score score;
+    bool plan;
+    std::vector<std::string> notes;
+  };
+  const Row rows[] = {{Score::kWithPlan, true, {}},
+                      {Score::kWithoutPlan,
+                       false,
+                       {"this session was scored without a plan: the exercise's of today is not shown"}},
+                      {Score::kNone, true, {"the planned line is the exercise's of today"}}};
+  for (const Row& row : rows) {
+    score = row.score;
+    const auto gesture = loadGesture(changed, info_.description().session_id());
+    ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+    EXPECT_EQ((*gesture)->plan_W.has_value(), row.plan) << row.notes.size();
+    EXPECT_EQ((*gesture)->notes, row.notes);
   }
 }
 

@@ -15,13 +15,14 @@ namespace needlelab::test {
 /// A station with a running lesson that repeats the same hand motion. Keeps the instructor's messages.
 class BenchStation {
  public:
-  /// `change` modifies every status line.
+  /// `change` modifies every status line. `placement`: the limb's in W, as in a session's description.
   BenchStation(RunningServer& server, const std::string& name, std::string key, const std::string& trainee,
-               std::function<void(pb::StationStatus&)> change = {})
+               std::function<void(pb::StationStatus&)> change = {}, const std::vector<double>& placement = {})
       : change_(std::move(change)),
         info_(lessonInfo(sampleProfile("shoulder-adult"), trainee)),
         samples_(lessonSamples(info_.description().profile_json(), {.depth_m = 0.02, .seconds = 1.2})) {
     info_.mutable_description()->set_station(name);
+    for (const double number : placement) info_.mutable_description()->add_placement(number);
     info_.mutable_description()->set_started_unix_ns(wallNowNs());
     thread_ = std::thread([this, &server, key = std::move(key)] { run(server, key); });
   }

@@ -4,8 +4,10 @@
 #include <GLFW/glfw3.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/base/files.h"
+#include "tests/unit/client/instructor/model/change_course.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 
 namespace needlelab {
@@ -72,7 +74,8 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   })) << "the plots draw what the exercise requires";
   const auto plan = lab_->planNow();
   ASSERT_TRUE(plan) << "the sample course's exercise shoulder-bursa has one, straight down";
-  EXPECT_NEAR(norm(plan->entry_m) + norm(plan->direction - Vec3{0, 0, -1}), 0, 1e-12);
+  EXPECT_NEAR(norm(plan->entry_W_m), 0, 1e-12);
+  EXPECT_NEAR(norm(normalized(plan->to_W_m - plan->entry_W_m) - Vec3{0, 0, -1}), 0, 1e-12);
   // Pause: the picture stops, the stream continues.
   press(GLFW_KEY_SPACE);
   EXPECT_TRUE(lab_->live()->paused());
@@ -85,6 +88,57 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   press(GLFW_KEY_END);
   EXPECT_FALSE(lab_->live()->paused());
   EXPECT_GT(lab_->live()->latency().count(), 0u);
+}
+
+/// A course of so many and such long exercises that a page of them all does not hold the courses behind it.
+pb::Curriculum longCourse(const std::string& id) {
+  pb::Curriculum course;
+  course.set_id(id);
+  course.set_name(id);
+  for (int i = 0; i < 600; ++i) {
+    pb::Exercise& exercise = *course.add_exercises();
+    exercise.set_id(id + "-" + std::to_string(i));
+    exercise.set_name("long");
+    exercise.set_description(std::string(1000, 'x'));
+    exercise.set_profile_id("shoulder-adult");
+  }
+  return course;
+}
+
+TEST_F(Screens, theLivePlanIsThatOfTheLessonsBeginningFromAnyPageAndStandsWhereTheLimbStands) {
+  server_.addUser("mia", pb::CURRICULUM_MANAGER, "battery horse correct");
+  auto manager = server_.connect(personLogin("mia", "battery horse correct"));
+  ASSERT_TRUE(manager.ok()) << manager.error().message;
+  for (const char* const id : {"a-first", "a-second"})
+    ASSERT_NO_FATAL_FAILURE(putCourse(*manager, longCourse(id)));
+  pb::Request list;
+  list.mutable_list_exercises();
+  const auto first_page = manager->call(list);
+  ASSERT_TRUE(first_page.ok()) << first_page.error().message;
+  ASSERT_NE(first_page->exercises().next_page(), "") << "else this test shows nothing";
+  (void)server_.addStation("bench-0");
+  logIn();
+  ASSERT_TRUE(until([&] { return !lab_->exercises().empty(); }));
+  EXPECT_GT(lab_->exercises().size(), 1200u) << "those of all pages";
+
+  // changed after the log-in, before the lesson
+  ASSERT_NO_FATAL_FAILURE(changeExercise(*manager, "shoulder-bursa", [](pb::Exercise& exercise) {
+    exercise.mutable_plan()->mutable_entry_m()->set_x(0.001);
+    exercise.mutable_plan()->mutable_target_m()->set_x(0.001);
+    exercise.mutable_plan()->clear_direction();
+    exercise.mutable_plan()->mutable_target_m()->set_z(-0.02);
+  }));
+  // a quarter turn about y: the limb's z is W's x, and its x is W's −z
+  BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina", {},
+                     {0.1, 0.2, 0.3, 0, std::sqrt(0.5), 0, std::sqrt(0.5)});
+  lab_->open("bench-1");
+  ASSERT_TRUE(until([&] {
+    const auto plan = lab_->planNow();
+    return plan && norm(plan->entry_W_m - Vec3{0.1, 0.2, 0.3}) > 5e-4;
+  })) << "the plan of the log-in, or none";
+  const auto plan = lab_->planNow();
+  EXPECT_NEAR(norm(plan->entry_W_m - Vec3{0.1, 0.2, 0.299}), 0, 1e-9);
+  EXPECT_NEAR(norm(normalized(plan->to_W_m - plan->entry_W_m) - Vec3{-1, 0, 0}), 0, 1e-9);
 }
 
 TEST_F(Screens, whatTheInstructorSaysArrivesAndIsTold) {

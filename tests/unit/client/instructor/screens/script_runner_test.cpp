@@ -15,7 +15,8 @@ TEST_F(ScriptRunnerTest, theFailingLineIsNamed) {
   EXPECT_THAT(script("print hello\nexpect \"no such words\"").error().message,
               HasSubstr("script:2: expect \"no such words\": does not stand there"));
   EXPECT_EQ(printed_, std::vector<std::string>{"hello"});
-  EXPECT_THAT(script("timeout 0.2\nwait-station bench-9").error().message, HasSubstr("not so within 0 s"));
+  frame_s_ = 0.125;
+  EXPECT_THAT(script("timeout 0.2\nwait-station bench-9").error().message, HasSubstr("not so within 0.2 s"));
   EXPECT_THAT(script("pause").error().message, HasSubstr("open one first"));
   EXPECT_THAT(script("seek 1").error().message, HasSubstr("no session is loaded"));
   EXPECT_THAT(script("latency").error().message, HasSubstr("open one first"));
@@ -69,7 +70,8 @@ TEST_F(ScriptRunnerTest, openFirstLooksOverTheFirstTileThatIsShown) {
   EXPECT_EQ(lab_->live()->station(), "bench-2");
   EXPECT_EQ(lab_->screen, WindowScreen::kLive);
   // a station that is not there is waited for
-  EXPECT_THAT(script("timeout 0.2\nopen station bench-9").error().message, HasSubstr("not so within 0 s"));
+  frame_s_ = 0.125;
+  EXPECT_THAT(script("timeout 0.2\nopen station bench-9").error().message, HasSubstr("not so within 0.2 s"));
   EXPECT_EQ(lab_->live()->station(), "bench-2");
 }
 

@@ -85,7 +85,7 @@ TEST(Verdict, whereTheRecordingIs) {
   EXPECT_EQ(verdictOf(outcome).by, "scored by the server");
   EXPECT_TRUE(verdictOf(outcome).kept_well);
   outcome.stored = Error{ErrorCode::kUnavailable, "the disk is full"};
-  EXPECT_EQ(verdictOf(outcome).kept, "the disk is full");
+  EXPECT_EQ(verdictOf(outcome).kept, "Not all of the recording is stored: the disk is full.");
   EXPECT_FALSE(verdictOf(outcome).kept_well);
 }
 
@@ -102,7 +102,7 @@ TEST(Verdict, aServerThatRefusesIsSaid) {
   outcome.summary.has_server = true;
   outcome.summary.uplink.current_trouble = "no such trainee";
   const LessonVerdict verdict = verdictOf(outcome);
-  EXPECT_THAT(verdict.kept, HasSubstr("no such trainee"));
+  EXPECT_EQ(verdict.kept, "The server did not take the recording: no such trainee.");
   EXPECT_FALSE(verdict.kept_well);
 }
 

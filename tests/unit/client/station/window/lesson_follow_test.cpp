@@ -108,6 +108,7 @@ TEST(LessonFollow, thePlannedLineStandsWhereTheLimbStands) {
   EXPECT_FALSE((*LessonFollow::make(file))->plan_W()) << "a profile from a file has no exercise";
   auto beginning = std::make_shared<LessonBeginning>(*file);
   pb::Exercise exercise;
+  exercise.set_profile_id("shoulder-adult");
   beginning->lesson.exercise = exercise;
   EXPECT_FALSE((*LessonFollow::make(beginning))->plan_W()) << "without a plan";
   exercise.mutable_plan()->set_frame(pb::Exercise::Plan::LIMB);
@@ -118,8 +119,8 @@ TEST(LessonFollow, thePlannedLineStandsWhereTheLimbStands) {
   beginning->X_WL = {{0.1, 0.2, 0.3}, {0, std::sqrt(0.5), 0, std::sqrt(0.5)}};
   const auto line = (*LessonFollow::make(beginning))->plan_W();
   ASSERT_TRUE(line);
-  EXPECT_NEAR(norm(line->entry_m - Vec3{0.1, 0.2, 0.29}), 0, 1e-12);
-  EXPECT_NEAR(norm(line->direction - Vec3{-1, 0, 0}), 0, 1e-12);
+  EXPECT_NEAR(norm(line->entry_W_m - Vec3{0.1, 0.2, 0.29}), 0, 1e-12);
+  EXPECT_NEAR(norm(normalized(line->to_W_m - line->entry_W_m) - Vec3{-1, 0, 0}), 0, 1e-12);
 }
 
 TEST(LayerLadder, reachesAFifthBeyondTheTarget) {
@@ -188,6 +189,7 @@ TEST(LateralPlot, showsTheWayFromThePlanBesideTheOwnLine) {
   const Plot plot = lateralPlot(time_s, lateral_mm, planned_mm, measures);
   ASSERT_EQ(plot.series.size(), 2u);
   EXPECT_EQ(plot.series[0].name, "from planned line");
+  EXPECT_EQ(plot.series[0].colour, kPlanColour) << "as in the scenes";
   EXPECT_EQ(plot.series[1].name, "from own line") << "it is drawn last: where they meet, it is seen";
   EXPECT_FALSE(plot.series[0].dashed) << "dashes are for limits";
   EXPECT_TRUE(plot.legend);

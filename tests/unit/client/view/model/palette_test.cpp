@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <vector>
 
 namespace needlelab {
 namespace {
@@ -59,6 +60,32 @@ TEST(Palette, partsOfTheForceAreToldApartByDichromatsToo) {
                            seenBy(colourOf(effectEntry(static_cast<Effect>(j))), protanope)),
                   0.1)
             << i << " and " << j;
+}
+
+TEST(Palette, thePlannedLineHasAColourOfItsOwn) {
+  std::vector<Rgb> others = {kYellow,
+                             kBluishGreen,
+                             kReddishPurple,
+                             kSkyBlue,
+                             kOrange,
+                             kTipColour,
+                             kWallColour,
+                             kTargetColour,
+                             kPanelGrey,
+                             kWindowGrey,
+                             kFirstGesture,
+                             kSecondGesture,
+                             styleOf(Condition::kAttention).colour};
+  for (std::size_t i = 0; i < kEffectCount; ++i)
+    others.push_back(colourOf(effectEntry(static_cast<Effect>(i))));
+  for (const auto kind : {pb::Hazard::OTHER, pb::Hazard::BONE, pb::Hazard::NERVE, pb::Hazard::VESSEL})
+    others.push_back(hazardColour(kind));
+  for (const Rgb other : others) {
+    EXPECT_GT(distance(kPlanColour, other), 0.2) << hexText(other);
+    for (const bool protanope : {false, true})
+      EXPECT_GT(distance(seenBy(kPlanColour, protanope), seenBy(other, protanope)), 0.2) << hexText(other);
+  }
+  EXPECT_GT(contrast(kPlanColour, kPanelGrey), 3);
 }
 
 TEST(Palette, nothingIsSaidByColourAlone) {
