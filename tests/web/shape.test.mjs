@@ -1,11 +1,11 @@
-// What a form shows of a document of wrong types, and what may be typed as a document.
+// What a form shows of a document of wrong types.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { courseFaults, planGivenBy, withExerciseId, withoutExercise } from '../../client/web/app/lib/course_rules.js';
 import { measureNamed, measuresOf } from '../../client/web/app/lib/measures.js';
 import { toggled, withValue } from '../../client/web/app/lib/paths.js';
 import { layerBounds } from '../../client/web/app/lib/scene.js';
-import { documentOf, kCourseShape, kProfileShape, shownOf } from '../../client/web/app/lib/shape.js';
+import { kCourseShape, kProfileShape, shownOf } from '../../client/web/app/lib/shape.js';
 import { clock, toInput } from '../../client/web/app/lib/time.js';
 import { counted, newest, shown, typed } from '../../client/web/app/lib/units.js';
 
@@ -134,24 +134,6 @@ test('a field shows a value that is no number as it stands in the JSON, and does
     assert.equal(shown(value, 1e-3), JSON.stringify(value));
     assert.equal(typed(shown(value, 1e-3), 1e-3), null);
   }
-});
-
-test('a text is a document if the server could read it', () => {
-  assert.deepEqual(documentOf('{"a": [1, null, "x", {"b": -0.5}]}'), { a: [1, null, 'x', { b: -0.5 }] });
-  const refused = {
-    NaN: /^This is no JSON yet: /,
-    '{"a": NaN}': /^This is no JSON yet: /,
-    '{"a": Infinity}': /^This is no JSON yet: /,
-    null: /^A document must be an object in braces, found null$/,
-    5: /found the number 5$/,
-    '"x"': /found the text "x"$/,
-    '[{}]': /found a list$/,
-    '{"layers": [{"thickness_m": 1e999}]}': /^layers\[0\]\.thickness_m: is too large for a number$/,
-    [`{"a": ${'['.repeat(32)}${']'.repeat(32)}}`]: /is nested deeper than 32$/,
-    [`{"a": ${'['.repeat(1e5)}${']'.repeat(1e5)}}`]: /is nested deeper than 32$/,
-  };
-  for (const [text, words] of Object.entries(refused)) assert.throws(() => documentOf(text), { message: words });
-  assert.ok(documentOf(`{"a": ${'['.repeat(31)}${']'.repeat(31)}}`), '32 deep');
 });
 
 test('dates that a field for dates cannot show, and lengths that are none', () => {
