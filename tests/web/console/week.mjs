@@ -240,7 +240,7 @@ export function week(t) {
     const tile = page.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
-    await page.getByText('2 of 2 stations in use').waitFor();
+    await page.getByText('2 of 2 stations are in use').waitFor();
     // the hand goes in and out: the depth changes, and the layer at the tip is named; once to the end, so that the
     // target is reached
     const depths = new Set();
@@ -305,6 +305,7 @@ export function week(t) {
       .getByText(/not passed/)
       .first()
       .waitFor();
+    await page.getByText('1 of 2 requirements is not met: ').waitFor();
     const score = page.getByRole('region', { name: /^Measures that were required/ });
     await score
       .getByText(/Target not reached/i)
