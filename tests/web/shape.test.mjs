@@ -8,6 +8,7 @@ import { layerBounds } from '../../client/web/app/lib/scene.js';
 import { kCourseShape, kProfileShape, shownOf } from '../../client/web/app/lib/shape.js';
 import { clock, toInput } from '../../client/web/app/lib/time.js';
 import { counted, newest, shown, typed } from '../../client/web/app/lib/units.js';
+import { kTypes, typeFaultsOf } from './mock/document_types.mjs';
 
 const skin = { tissue: 'SKIN', thickness_m: 0.003 };
 
@@ -62,6 +63,49 @@ test('a value of a wrong type is left out, and named as the server names it; ite
       ['layer 4', 0.003],
     ],
   );
+});
+
+test('the shapes have the names and types of profile.proto, and name what is wrong as its reader does', () => {
+  const check = (shape, type, path) => {
+    for (const [name, kind] of Object.entries(shape)) {
+      const at = `${path}.${name}`,
+        field = kTypes.messages[type][name];
+      assert.ok(field, `${at}: ${type} has no such field`);
+      assert.equal(Array.isArray(kind), field.repeated, `${at}: a list`);
+      const of = Array.isArray(kind) ? kind[0] : kind;
+      if (of === 'text') assert.ok(field.type === 'string' || field.type in kTypes.enums, `${at}: ${field.type}`);
+      else if (typeof of === 'string') assert.match(field.type, /^(double|u?int32)$/, at);
+      else {
+        assert.ok(field.type in kTypes.messages, `${at}: ${field.type}`);
+        check(of, field.type, at);
+      }
+    }
+  };
+  check(kProfileShape, 'Profile', 'profile');
+  check(kCourseShape, 'Curriculum', 'course');
+
+  const wrongs = [5, 'x', true, null, [], {}, [null], [7], [{}]];
+  const compare = (document, shape, type) => {
+    const is_number = (f) => f.message.startsWith('must be a number');
+    // which names an enum has is left to the server
+    const brief = ({ path, message }) =>
+      `${path}: ${message.replace(/^must be one of [A-Z_, ]+; /, 'must be a text, ')}`;
+    assert.deepEqual(
+      shownOf(document, shape).faults.map(brief).sort(),
+      typeFaultsOf(document, type)
+        .filter((f) => !is_number(f))
+        .map(brief)
+        .sort(),
+      JSON.stringify(document),
+    );
+  };
+  for (const wrong of wrongs) {
+    for (const name of Object.keys(kProfileShape)) compare({ [name]: wrong }, kProfileShape, 'Profile');
+    for (const name of Object.keys(kProfileShape.layers[0]))
+      compare({ layers: [skin, { [name]: wrong }] }, kProfileShape, 'Profile');
+    for (const name of Object.keys(kCourseShape.exercises[0]))
+      compare({ exercises: [{ [name]: wrong }] }, kCourseShape, 'Curriculum');
+  }
 });
 
 test('lengths that cannot be drawn are left out', () => {
