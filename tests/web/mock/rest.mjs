@@ -473,12 +473,15 @@ export const kTable = [
       throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
     return preview(body);
   }),
-  get('profiles/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.profiles, params.id, query, 'profile')),
+  get('profiles/:id', kAll, ({ lab, params, query }) => ({
+    ...revisionAsked(lab.profiles, params.id, query, 'profile'),
+    warnings: [],
+  })),
   put('profiles/:id', kManagers, ({ lab, params, body, base, who }) => {
     const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
     if (problem)
       throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
-    return putRevision(lab.profiles, params.id, base, body, who.name);
+    return { ...putRevision(lab.profiles, params.id, base, body, who.name), warnings: [] };
   }),
   get('profiles/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) =>
     revisionList(lab.profiles, params.id, 'profile'),
