@@ -51,6 +51,7 @@ struct ImportRow {
   std::string text, column;  ///< the problem and its column
   bool role_given = false, full_name_given = false, has_password = false, has_code = false;
   bool role_changes = false;
+  bool code_taken = false;  ///< the code becomes the person's
 
   void fault(const std::string& in_column, const std::string& words) {
     if (what == pb::PeopleImport::FAULT) return;
@@ -120,16 +121,24 @@ class PeopleTable {
   /// Hashes the passwords and codes, which is slow, before anything is stored.
   Status hashSecrets() {
     for (ImportRow& row : rows_) {
-      if (row.what != pb::PeopleImport::ADD) continue;
-      if (!row.password.empty()) {
+      if (row.what == pb::PeopleImport::ADD && row.has_password) {
         ASSIGN_OR_RETURN(row.person.password_hash, hashPassword(row.password));
       }
-      if (!row.code.empty()) {
+      if (row.code_taken) {
         ASSIGN_OR_RETURN(row.person.code_hash, hashCode(row.code));
       }
     }
     wipeSecrets();
     return {};
+  }
+
+  /// Whether a password or code is to be stored that was not when the others were hashed.
+  [[nodiscard]] bool lacksHashes() const {
+    return std::any_of(rows_.begin(), rows_.end(), [](const ImportRow& row) {
+      const bool password_taken = row.what == pb::PeopleImport::ADD && row.has_password;
+      return (password_taken && row.person.password_hash.empty()) ||
+             (row.code_taken && row.person.code_hash.empty());
+    });
   }
 
   /// In the writer's transaction.
@@ -145,6 +154,9 @@ class PeopleTable {
         const auto done =
             PeopleStore(writer).change(row.person.name, {}, change, context_.who.name, context_.now_unix_ns);
         if (!done) return at(row, done.error());
+        if (row.code_taken) {
+          RETURN_IF_ERROR(PeopleStore(writer).setCodeHash(row.person.name, row.person.code_hash));
+        }
       }
       if (row.what != pb::PeopleImport::NOTHING) {
         RETURN_IF_ERROR(note(writer, row.person.name, "user import", row.text));
@@ -294,6 +306,7 @@ class PeopleTable {
       if (std::find(groups.begin(), groups.end(), group) != groups.end()) continue;
       joins += (joins.empty() ? "joins " : ", ") + group;
     }
+    row.code_taken = row.has_code && (!*there || (*there)->code_hash.empty());
     if (!*there) {
       row.what = pb::PeopleImport::ADD;
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
@@ -322,6 +335,12 @@ class PeopleTable {
                 std::string(roleName(row.person.role)));
     }
     if (!joins.empty()) addDetail(joins);
+    if (row.code_taken) {
+      if (auto may = mayManage(context_, before.role); !may)
+        row.fault("code", may.error().message);
+      else
+        addDetail("given the code");
+    }
     if (row.full_name_given && row.person.full_name != before.full_name) {
       if (auto may = mayManage(context_, before.role); !may) row.fault("full_name", may.error().message);
       // last, and in exactly these words: an erasure parses them to find earlier names (db/pseudonyms.h)
@@ -332,7 +351,7 @@ class PeopleTable {
     row.what = row.text.empty() ? pb::PeopleImport::NOTHING : pb::PeopleImport::CHANGE;
     if (row.text.empty()) row.text = "is there already";
     if (row.has_password) row.text += "; the password is left as it is";
-    if (row.has_code) row.text += "; the code is left as it is";
+    if (row.has_code && !row.code_taken) row.text += "; has a code, which is left as it is";
     return {};
   }
 
@@ -359,7 +378,8 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
   const Status written = write(context, "", detail, [&](Connection& writer) -> Status {
     // compare again: people may have changed while passwords and codes were hashed
     RETURN_IF_ERROR(table.compare(writer));
-    if (table.hasFaults()) return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
+    if (table.hasFaults() || table.lacksHashes())
+      return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
     pb::PeopleImport counts;
     table.report(counts);
     detail = fmt::format("{} added, {} changed, {} as they were", counts.added(), counts.changed(),

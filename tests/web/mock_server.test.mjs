@@ -144,6 +144,15 @@ test('changes, and what comes of those that are too late', async () => {
   });
   assert.deepEqual(await one('ines', 'GET', '/lab/settings', {}), { codes_required: true });
   await one('mara', 'POST', '/people/import', { body: { csv: 'name,role\nzoe,trainee\n', dry_run: true } });
+  // a code goes to who has none, and stays where there is one
+  for (const [code, what] of [
+    ['1234', 'CHANGE'],
+    ['5678', 'NOTHING'],
+  ]) {
+    const body = { csv: `name,code\nanna.bauer,${code}\n` };
+    assert.equal((await one('mara', 'POST', '/people/import', { body })).rows[0].what, what);
+    assert.equal(lab.people.get('anna.bauer').code, '1234');
+  }
   await one('mara', 'POST', '/groups', { body: { id: 'g', name: 'G', members: ['new.one'] } }, 201);
   await one('mara', 'POST', '/groups', { body: { id: 'g', name: 'G', members: [] } }, 409);
   await one('mara', 'PUT', '/groups/{id}', { path: '/groups/g', body: { id: 'g', name: 'G2', members: [] }, base: 1 });

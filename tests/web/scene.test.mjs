@@ -116,6 +116,16 @@ test('labels stand clear of each other: at their wish, or below those that they 
   assert.deepEqual(clearLabels([at(0, 50), at(0, 50), at(0, 50)], 13), [50, 63, 76]);
 });
 
+test('labels are placed at any height, also where height + gap − height is less than the gap', () => {
+  const y = 20.86195598618838;
+  assert.ok(y + 13 - y < 13, 'a height that rounds down');
+  const labels = (n, at_y) => Array.from({ length: n }, () => ({ x: 0, y: at_y, width: 100 }));
+  assert.deepEqual(clearLabels(labels(2, y), 13), [y, y + 13]);
+  assert.deepEqual(clearLabels(labels(3, y), 13), [y, y + 13, y + 13 + 13]);
+  // so large that a gap is lost in it
+  for (const huge of [1e300, Infinity]) assert.deepEqual(clearLabels(labels(3, huge), 13), [huge, huge, huge]);
+});
+
 test('layers add up; a thickness that is no number counts as none', () => {
   const bounds = layerBounds({
     layers: [{ tissue: 'SKIN', thickness_m: 0.25 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.5 }],

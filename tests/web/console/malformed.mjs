@@ -1,6 +1,6 @@
 // Documents whose JSON has values of wrong types: the editors show what they can, name each fault, and write nothing.
 import assert from 'node:assert/strict';
-import { done, open, single } from './browser.mjs';
+import { accessible, done, open, single } from './browser.mjs';
 import { api } from './week.mjs';
 
 /** What is done to a profile, and the faults that the editor names: field, and the beginning of what is said. */
@@ -237,6 +237,94 @@ export function malformed(t) {
     await page.getByRole('button', { name: 'Discard changes' }).click();
     await page.getByText('✓ No problems found').waitFor();
     assert.deepEqual(await now(), whole);
+    await done(page);
+  });
+
+  it('what is typed into the JSON and what the form changes meanwhile stay apart until somebody chooses', async () => {
+    const page = await t.browser.as('mara');
+    // the force cannot be rendered
+    page.expected.add(400);
+    await open(page, t.lab, '#/profiles/knee-adult');
+    const { revision } = await api(page, 'profiles/knee-adult');
+    await page.getByText('The whole as JSON').click();
+    const json = page.getByLabel('JSON', { exact: true }),
+      name = page.getByLabel('Name', { exact: true }).first(),
+      save = page.getByRole('button', { name: 'Save', exact: true });
+    const reason = page.getByText('The text of the JSON is not in the document'),
+      meanwhile = page.getByText('The form was changed meanwhile');
+    const whole = JSON.parse(await json.inputValue());
+    await name.fill('Knee A');
+    assert.ok(await save.isEnabled());
+
+    // a text that is no document: nothing is saved without it, and the page says why
+    await json.fill('{"name": ');
+    await reason.waitFor();
+    assert.ok(await save.isDisabled());
+    await page.keyboard.press('Control+s');
+    await name.fill('Knee B');
+    await meanwhile.waitFor();
+    assert.equal(await json.inputValue(), '{"name": ', 'what was typed stays');
+    assert.ok(await page.getByRole('button', { name: 'Take this text' }).isDisabled());
+    // a document again, but not the form's: neither replaces the other
+    const typed = JSON.stringify({ ...whole, description: 'typed' });
+    await json.fill(typed);
+    await page.getByText('This is no JSON yet').waitFor({ state: 'detached' });
+    assert.equal(await name.inputValue(), 'Knee B');
+    assert.ok(await save.isDisabled());
+    await accessible(page, 'a JSON beside another form');
+    await page.getByRole('button', { name: 'Take this text' }).click();
+    await reason.waitFor({ state: 'detached' });
+    assert.equal(await name.inputValue(), whole.name);
+    assert.equal(await json.inputValue(), typed);
+
+    await json.fill(`${typed.slice(0, -1)}, "id": "knee-adult"}`);
+    await page.getByText('id: is given twice').waitFor();
+    await name.fill('Knee C');
+    await meanwhile.waitFor();
+    await page.getByRole('button', { name: "Take the form's" }).click();
+    await reason.waitFor({ state: 'detached' });
+    assert.deepEqual(JSON.parse(await json.inputValue()), { ...whole, description: 'typed', name: 'Knee C' });
+    assert.ok(await save.isEnabled());
+
+    await json.fill('x');
+    await reason.waitFor();
+    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await reason.waitFor({ state: 'detached' });
+    await page.getByRole('heading', { level: 1, name: whole.name }).waitFor();
+    await page.getByText('not saved yet').waitFor({ state: 'detached' });
+    assert.deepEqual(JSON.parse(await json.inputValue()), whole);
+    assert.equal((await api(page, 'profiles/knee-adult')).revision, revision, 'nothing was saved');
+
+    await open(page, t.lab, '#/courses/malformed');
+    await name.fill('Of one');
+    await page.getByText('The whole as JSON').click();
+    await json.fill('{');
+    await reason.waitFor();
+    assert.ok(await save.isDisabled());
+    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await done(page);
+  });
+
+  it('a fidelity is that of the patient in the form: none while the engine is asked anew', async () => {
+    const page = await t.browser.as('mara');
+    await open(page, t.lab, '#/profiles/knee-adult');
+    const drawing = page.getByRole('img', { name: /^Side view of/ });
+    await drawing.getByText(/φ/).first().waitFor();
+    let answer;
+    const asked = new Promise((resolve) => (answer = resolve));
+    await page.route(/\/profiles\/preview$/, async (route) => {
+      await asked;
+      await route.continue();
+    });
+    await page
+      .getByLabel(/^Thickness/)
+      .first()
+      .fill('3.5');
+    await page.getByText('Rendering …').waitFor();
+    assert.equal(await drawing.getByText(/φ/).count(), 0);
+    answer();
+    await drawing.getByText(/φ/).first().waitFor();
+    await page.getByRole('button', { name: 'Discard changes' }).click();
     await done(page);
   });
 

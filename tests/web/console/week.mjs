@@ -161,6 +161,12 @@ export function week(t) {
       await page.getByLabel('Exercise id').fill(name === 'Knee' ? 'autumn-knee' : 'autumn-ball');
       await page.getByLabel('Patient', { exact: true }).selectOption(patient);
     }
+    // "target reached: at least 1" becomes a length: the field says what is stored, whatever the measures' unit
+    const measure = page.getByLabel('Measure').first();
+    await measure.selectOption('greatest_depth_m');
+    assert.equal(await page.getByLabel('At least (mm)').inputValue(), '1000', 'the 1 is a metre now');
+    await measure.selectOption('target_reached');
+    assert.equal(await page.getByLabel(/^At least/).inputValue(), '1');
     // the knee: at most 4 N, 3 attempts, and it comes first
     await page.getByRole('button', { name: 'Add a requirement' }).click();
     // a measure of each layer of this patient, by its name; none of a layer K
@@ -234,7 +240,7 @@ export function week(t) {
     const tile = page.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
-    await page.getByText('2 of 2 stations in use').waitFor();
+    await page.getByText('2 of 2 stations are in use').waitFor();
     // the hand goes in and out: the depth changes, and the layer at the tip is named; once to the end, so that the
     // target is reached
     const depths = new Set();
@@ -299,6 +305,7 @@ export function week(t) {
       .getByText(/not passed/)
       .first()
       .waitFor();
+    await page.getByText('1 of 2 requirements is not met: ').waitFor();
     const score = page.getByRole('region', { name: /^Measures that were required/ });
     await score
       .getByText(/Target not reached/i)

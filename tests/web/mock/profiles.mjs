@@ -1,19 +1,18 @@
 // A rough imitation of the engine's and common/profile's checks of a profile: enough to develop and test the editor.
-import { isWithin } from '../../../client/web/app/lib/paths.js';
-import { kCourseShape, kProfileShape, shownOf } from '../../../client/web/app/lib/shape.js';
 import { layerNames } from '../../../client/web/app/lib/tissue.js';
+import { typeFaultsOf } from './document_types.mjs';
 
 /** @returns {{path: string, message: string, severity: string}[]} */
 export function courseProblemsOf(course) {
-  const { shown, faults } = shownOf(course, kCourseShape);
-  if (faults.length > 0 || shown.exercises?.length) return faults;
+  const faults = typeFaultsOf(course, 'Curriculum');
+  if (faults.length > 0 || course.exercises?.length) return faults;
   return [{ path: 'exercises', message: 'at least one exercise is needed', severity: 'ERROR' }];
 }
 
 /** @returns {{path: string, message: string, severity: string}[]} */
 export function problemsOf(document) {
-  const { shown, faults } = shownOf(document, kProfileShape);
-  return [...faults, ...profileProblems(shown).filter((p) => !faults.some((f) => isWithin(p.path, f.path)))];
+  const faults = typeFaultsOf(document, 'Profile');
+  return faults.length > 0 ? faults : profileProblems(document);
 }
 
 function profileProblems(profile) {

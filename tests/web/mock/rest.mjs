@@ -239,7 +239,8 @@ function importPeople(lab, { csv, dry_run }) {
       return row('FAULT', `'${v.role}' is no role: trainee, instructor, curriculum-manager`, 'role');
     }
     const there = lab.people.get(v.name);
-    if (there && there.full_name === (v.full_name || there.full_name)) {
+    const code_taken = v.code && !there?.code;
+    if (there && !code_taken && there.full_name === (v.full_name || there.full_name)) {
       count.unchanged++;
       return row('NOTHING', 'is there already, with the same data');
     }
@@ -254,9 +255,9 @@ function importPeople(lab, { csv, dry_run }) {
           created_unix_ms: Date.now(),
           has_password: !!v.password,
           password: v.password,
-          code: v.code,
         }),
-        full_name: v.full_name ?? '',
+        ...(code_taken ? { code: v.code } : {}),
+        full_name: v.full_name || (there?.full_name ?? ''),
         role,
       });
       if (v.group && !lab.groups.has(v.group))
@@ -266,7 +267,9 @@ function importPeople(lab, { csv, dry_run }) {
     return row(
       there ? 'CHANGE' : 'ADD',
       there
-        ? `full_name '${there.full_name}' becomes '${v.full_name}'`
+        ? [code_taken && 'given the code', v.full_name && `full name: '${there.full_name}' to '${v.full_name}'`]
+            .filter(Boolean)
+            .join('; ')
         : `new ${role.toLowerCase()}${v.group ? `, joins ${v.group}` : ''}`,
     );
   });
@@ -470,12 +473,15 @@ export const kTable = [
       throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
     return preview(body);
   }),
-  get('profiles/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.profiles, params.id, query, 'profile')),
+  get('profiles/:id', kAll, ({ lab, params, query }) => ({
+    ...revisionAsked(lab.profiles, params.id, query, 'profile'),
+    warnings: [],
+  })),
   put('profiles/:id', kManagers, ({ lab, params, body, base, who }) => {
     const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
     if (problem)
       throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
-    return putRevision(lab.profiles, params.id, base, body, who.name);
+    return { ...putRevision(lab.profiles, params.id, base, body, who.name), warnings: [] };
   }),
   get('profiles/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) =>
     revisionList(lab.profiles, params.id, 'profile'),

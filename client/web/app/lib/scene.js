@@ -194,10 +194,16 @@ export function layerLabels(layers, fidelity, least_px, most_px) {
  */
 export function clearLabels(labels, gap) {
   const placed = [];
-  const covers = (a, b) => Math.abs(a.x - b.x) < (a.width + b.width) / 2 && Math.abs(a.y - b.y) < gap;
+  // a label that was just moved may be nearer than the gap by a rounding error
+  const covers = (a, b) => Math.abs(a.x - b.x) < (a.width + b.width) / 2 && Math.abs(a.y - b.y) < gap - 1e-6;
   for (const label of [...labels].sort((a, b) => a.y - b.y)) {
     const here = { ...label, of: label };
-    for (let other; (other = placed.find((p) => covers(p, here)));) here.y = other.y + gap;
+    // it only goes down, so it passes each placed label at most once
+    for (let turn = 0; turn < placed.length; turn++) {
+      const other = placed.find((p) => covers(p, here));
+      if (!other) break;
+      here.y = other.y + gap;
+    }
     placed.push(here);
   }
   return labels.map((label) => placed.find((p) => p.of === label).y);

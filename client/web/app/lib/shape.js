@@ -63,7 +63,7 @@ const kDrawn_m = 1000; // the greatest coordinate that a profile may have
 export const isObject = (value) => value !== null && typeof value === 'object' && !Array.isArray(value);
 
 /** "found the number 5", as the server says it (common/profile/message_json.cpp). */
-function found(value) {
+export function found(value) {
   if (value === null) return 'found null';
   if (Array.isArray(value)) return 'found a list';
   if (typeof value === 'object') return 'found an object';
@@ -101,31 +101,4 @@ export function shownOf(document, shape) {
     return copy;
   };
   return { shown: visit(document, shape, ''), faults };
-}
-
-const kDeepest = 32; // as the server reads (common/profile/strict_json.cpp)
-
-/**
- * The document that a text holds.
- * @param {string} text
- * @returns {Record<string, any>} what can be written as JSON again without a change
- * @throws {Error} with words for a person: the text is no JSON, or the server would not read it
- */
-export function documentOf(text) {
-  let document;
-  try {
-    document = JSON.parse(text);
-  } catch (error) {
-    throw new Error(`This is no JSON yet: ${error.message}`);
-  }
-  if (!isObject(document)) throw new Error(`A document must be an object in braces, ${found(document)}`);
-  const visit = (value, path, depth) => {
-    if (typeof value === 'number' && !Number.isFinite(value)) throw new Error(`${path}: is too large for a number`);
-    if (value === null || typeof value !== 'object') return;
-    if (depth > kDeepest) throw new Error(`${path.slice(0, 60)}: is nested deeper than ${kDeepest}`);
-    if (Array.isArray(value)) value.forEach((item, i) => visit(item, `${path}[${i}]`, depth + 1));
-    else for (const [name, item] of Object.entries(value)) visit(item, path ? `${path}.${name}` : name, depth + 1);
-  };
-  visit(document, '', 1);
-  return document;
 }

@@ -46,7 +46,7 @@ export function CodeForm({ shown, load }) {
         label="Badge or PIN"
         help="4 to 64 characters; hold the badge to a reader here"
         type="password"
-        autocomplete="off"
+        autocomplete="new-password"
         path="code"
         value=${code}
         onValue=${setCode}
@@ -100,7 +100,7 @@ export function CodesRequired() {
         checked=${settings.codes_required}
         disabled=${action.busy}
         onValue=${set}
-        help="Give everybody a code first: people, or a column code in a list that is imported."
+        help="Give everybody a code first: on each person’s page, or by a column “code” of a list that is imported. A code that is there stays."
       />`}<//>
     <${Problem} error=${action.error} />
   </fieldset>`;

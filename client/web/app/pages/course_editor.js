@@ -11,10 +11,10 @@ import { useDocument } from '../ui/document.js';
 import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
-import { html, useCallback, useMemo, useState } from '../ui/html.js';
+import { html, useMemo, useState } from '../ui/html.js';
 import { ExerciseForm } from '../course/exercise.js';
 import { ExerciseOrder } from '../course/order.js';
-import { SaveBar, useCheck, useSaveKey } from './profile_editor.js';
+import { SaveBar, useBadFields, useCheck, useSaveKey } from './profile_editor.js';
 
 const kBlank = { id: '', name: '', exercises: [] };
 
@@ -27,12 +27,7 @@ export function CourseEditor({ params, person }) {
     return { profiles, measures: all_measures };
   }, []);
   const [chosen, choose] = useState(0);
-  const [bad_fields, setBadFields] = useState([]);
-  const onBad = useCallback(
-    (path, bad) =>
-      setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))),
-    [],
-  );
+  const { why, onBad } = useBadFields();
   const { doc } = editing;
   // the server checks the names of measures
   const faults = useMemo(
@@ -41,9 +36,8 @@ export function CourseEditor({ params, person }) {
     [doc, known.data],
   );
   const { problems: said } = useCheck(doc, checkCourse);
-  const bad = bad_fields.length > 0 || faults.length > 0;
   const save = async () => {
-    if (readonly || bad || !editing.dirty) return;
+    if (readonly || why || faults.length > 0 || !editing.dirty) return;
     const saved = await editing.save();
     if (saved?.revision && !id) location.hash = href(['courses', doc.id]);
   };
@@ -91,7 +85,7 @@ export function CourseEditor({ params, person }) {
         <a class="button" href=${href(['results'], { course: id })}>Results</a>
       `
     }<//>
-    <${SaveBar} editing=${editing} save=${save} what="course" bad=${bad} readonly=${readonly} />
+    <${SaveBar} editing=${editing} save=${save} what="course" bad=${faults.length > 0} why=${why} readonly=${readonly} />
     <${Problem} error=${known.error} retry=${known.reload} />
     <form onSubmit=${(event) => event.preventDefault()} aria-label="Course">
       <fieldset>
@@ -121,7 +115,7 @@ export function CourseEditor({ params, person }) {
           />`
         }</div>
       </div>
-      <${AsJson} whole=${doc} change=${editing.change} readonly=${readonly} />
+      <${AsJson} whole=${doc} change=${editing.change} onBad=${onBad} turn=${editing.turn} readonly=${readonly} />
     </form>
     ${
       editing.conflict &&

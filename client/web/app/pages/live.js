@@ -121,7 +121,7 @@ export function LivePage({ person }) {
               An administrator adds one with “needlelab-admin station add”; it appears here when it connects.
             <//>`
           : html`
-              <p>${busy} of ${counted(tiles.length, 'station')} in use</p>
+              <p>${busy} of ${counted(tiles.length, 'station')} ${busy === 1 ? 'is' : 'are'} in use</p>
               <ul class=${'tiles' + (line.state === 'live' ? '' : ' live-old')}>${tiles.map(
                 (tile) => html`<${Tile} key=${tile.station} tile=${tile} person=${person} />`,
               )}</ul>

@@ -58,6 +58,22 @@ export function useCheck(doc, check) {
   return state;
 }
 
+/** Which fields hold what the document cannot: `why` nothing can be saved, '' if all is well; `onBad` tells it. */
+export function useBadFields() {
+  const [paths, setPaths] = useState([]);
+  const onBad = useCallback(
+    (path, bad) =>
+      setPaths((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))),
+    [],
+  );
+  const why = paths.includes('json')
+    ? 'The text of the JSON is not in the document: mend it, or take the form’s. Nothing is saved before.'
+    : paths.length > 0
+      ? 'A field holds no number: it is not saved.'
+      : '';
+  return { why, onBad };
+}
+
 /** Ctrl+S saves. */
 export function useSaveKey(save) {
   // use what was typed last: effects run later than the next key
@@ -74,15 +90,16 @@ export function useSaveKey(save) {
   }, []);
 }
 
-/** Whether there are unsaved changes, and the result of saving. */
-export function SaveBar({ editing, save, what, bad, readonly }) {
+/** Whether there are unsaved changes, and the result of saving; `why`: in words, what forbids it. */
+export function SaveBar({ editing, save, what, bad, why, readonly }) {
   if (readonly) return html`<p class="help">Your role may look at this, not change it.</p>`;
   const { saving, dirty, base, restored, discard } = editing;
   return html`<div class="save-bar">
     ${restored && html`<div class="hint"><p>Your unsaved changes are back.</p></div>`}
     <${Problem} error=${saving.error} title=${`The ${what} was not saved`} />
+    ${why && html`<p class="error">✗ ${why}</p>`}
     <div class="actions">
-      <button type="button" class="main" disabled=${!dirty || saving.busy || bad} onClick=${save}>${
+      <button type="button" class="main" disabled=${!dirty || saving.busy || bad || !!why} onClick=${save}>${
         saving.busy ? 'Saving …' : 'Save'
       }</button>
       <button type="button" disabled=${!dirty} onClick=${discard}>Discard changes</button>
@@ -109,15 +126,9 @@ export function ProfileEditor({ params, query, person }) {
   const { doc } = editing;
   const { problems, checked, error: unchecked } = useCheck(doc, checkProfile);
   const rendered = usePreview(doc);
-  const [bad_fields, setBadFields] = useState([]);
-  const onBad = useCallback(
-    (path, bad) =>
-      setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))),
-    [],
-  );
-  const bad = bad_fields.length > 0;
+  const { why, onBad } = useBadFields();
   const save = async () => {
-    if (readonly || bad || !editing.dirty) return;
+    if (readonly || why || !editing.dirty) return;
     const saved = await editing.save();
     if (saved?.revision && !id) location.hash = href(['profiles', doc.id]);
   };
@@ -139,13 +150,13 @@ export function ProfileEditor({ params, query, person }) {
   const all = [...problems, ...refused.filter((r) => !problems.some((p) => p.path === r.path))];
   const f = formOf({ doc, shape: kProfileShape, change: editing.change, problems: all, onBad, readonly });
   const profile = f.doc;
-  // what cannot be rendered has no fidelity: that of the last version is another patient's
-  const fidelity = rendered.error ? undefined : rendered.preview?.layers?.map((l) => l.fidelity);
+  // what is not rendered, or cannot be, has no fidelity: that of the last version is another patient's
+  const fidelity = rendered.error || rendered.stale ? undefined : rendered.preview?.layers?.map((l) => l.fidelity);
   return html`
     <${Heading} title=${title} above=${above}>${
       id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`
     }<//>
-    <${SaveBar} editing=${editing} save=${save} what="profile" bad=${bad} readonly=${readonly} />
+    <${SaveBar} editing=${editing} save=${save} what="profile" why=${why} readonly=${readonly} />
     <div class="editor-columns">
       <aside class="look" tabindex="0" aria-label="What it looks and feels like">
         <section>
@@ -164,7 +175,6 @@ export function ProfileEditor({ params, query, person }) {
         <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
         ${(checked || f.problems.length > 0) && html`<${ProblemList} problems=${f.problems} />`}
         ${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}
-        ${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}
         ${
           f.problems.some((p) => p.severity === 'ERROR') &&
           html`<p class="help wide">The server will refuse this profile until these are mended.</p>`
@@ -178,7 +188,7 @@ export function ProfileEditor({ params, query, person }) {
         <${Targets} f=${f} />
         <${Hazards} f=${f} />
         <${Force} f=${f} />
-        <${AsJson} whole=${doc} change=${editing.change} readonly=${readonly} />
+        <${AsJson} whole=${doc} change=${editing.change} onBad=${onBad} turn=${editing.turn} readonly=${readonly} />
       </form>
     </div>
     ${

@@ -163,7 +163,10 @@ export function SessionPage({ params, person }) {
         }
         ${
           session.given_trainee &&
-          html`<dt>Trainee</dt><dd>${d.trainee}; the station named ${session.given_trainee}, a manager assigned it</dd>`
+          html`<dt>Trainee</dt>
+            <dd>${d.trainee}; the station named ${session.given_trainee}, a manager ${
+              session.given_trainee === d.trainee ? 'confirmed' : 'assigned'
+            } it</dd>`
         }
         <dt>Length</dt>
         <dd>${clock(session.samples / d.rate_hz)} (${counted(session.samples, 'sample')} at ${d.rate_hz} Hz)</dd>

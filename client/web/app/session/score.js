@@ -122,7 +122,7 @@ export function Score({ session, load, person }) {
           : missed.length === 0
             ? html`<${Mark} kind="good">${verdictOf(true)[1]}<//> ${judged.length === 1 ? 'the requirement is met' : `all ${judged.length} requirements are met`}`
             : html`
-                <${Mark} kind="bad">${verdictOf(false)[1]}<//> ${missed.length} of ${counted(judged.length, 'requirement')} not
+                <${Mark} kind="bad">${verdictOf(false)[1]}<//> ${missed.length} of ${counted(judged.length, 'requirement')} ${missed.length === 1 ? 'is' : 'are'} not
                 met: ${missed.map(measureTitle).join(', ')}
               `;
       // bands by other definitions do not apply to this score; the server compares by the same definitions

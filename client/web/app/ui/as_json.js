@@ -1,46 +1,57 @@
 // The whole document as text: for values without a field, and for what no field can mend.
-import { documentOf } from '../lib/shape.js';
+import { textOf, withDocument, withOwnText, withText, written } from '../lib/json_text.js';
 import { TextField } from './fields.js';
-import { html, useEffect, useRef, useState } from './html.js';
+import { html, useLayoutEffect, useState } from './html.js';
 
-const written = (document) => JSON.stringify(document, null, 2);
-
-/** @param {{whole: any, change: (next: any) => void, readonly?: boolean}} props `whole`: the document itself */
-export function AsJson({ whole, change, readonly }) {
+/**
+ * @param {{whole: any, change: (next: any) => void, onBad: (path: string, bad: boolean) => void, turn: number, readonly?: boolean}} props
+ *   `whole`: the document itself; `onBad` is told while the text holds what the document does not; `turn`: a new one
+ *   drops what was typed
+ */
+export function AsJson({ whole, change, onBad, turn, readonly }) {
   const now = written(whole);
-  const [text, setText] = useState(now);
-  const [problem, setProblem] = useState('');
-  // the document that the text holds: what is typed here stays as it was typed
-  const held = useRef(now);
-  useEffect(() => {
-    if (problem || now === held.current) return;
-    held.current = now;
-    setText(now);
-  }, [now]);
-  const take = (next) => {
-    setText(next);
-    try {
-      const document = documentOf(next);
-      held.current = written(document);
-      change(document);
-      setProblem('');
-    } catch (error) {
-      setProblem(error.message);
-    }
+  const [state, setState] = useState(() => textOf(now));
+  const takeForms = () => setState(textOf(now));
+  // before the next key: it may save
+  useLayoutEffect(() => setState((before) => withDocument(before, now)), [now]);
+  useLayoutEffect(takeForms, [turn]);
+  const { text, problem, apart } = state;
+  const bad = problem !== '' || apart;
+  useLayoutEffect(() => {
+    onBad('json', bad);
+    return () => onBad('json', false);
+  }, [bad]);
+  const take = ([next, document]) => {
+    setState(next);
+    if (document) change(document);
   };
+  const meanwhile = 'The form was changed meanwhile, and this text has nothing of it: choose one of the two';
+  const problems = [problem, apart && meanwhile].filter(Boolean).map((message) => ({ path: 'json', message }));
   return html`<details>
     <summary>The whole as JSON</summary>
     <${TextField}
       label="JSON"
       rows="18"
       value=${text}
-      onValue=${take}
+      onValue=${(typed) => take(withText(state, typed))}
       spellcheck="false"
       readonly=${readonly}
       wide
       path="json"
-      problems=${problem ? [{ path: 'json', message: problem }] : []}
+      problems=${problems}
       class="mono"
     />
+    ${
+      bad &&
+      html`<div class="actions">
+        <button type="button" onClick=${takeForms}>Take the form's</button>
+        ${
+          apart &&
+          html`<button type="button" disabled=${problem !== ''} onClick=${() => take(withOwnText(state))}>
+            Take this text
+          </button>`
+        }
+      </div>`
+    }
   </details>`;
 }

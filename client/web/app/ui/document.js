@@ -101,5 +101,7 @@ export function useDocument(kind, id, begin) {
     discard,
     closeConflict: () => setConflict(null),
     reload: () => setTurn((t) => t + 1),
+    /** counts how often the document was loaded: what was typed before is dropped */
+    turn,
   };
 }

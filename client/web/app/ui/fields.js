@@ -1,7 +1,7 @@
 // Fields of forms, each with label, unit, help and problem. `path` finds the problems that the server reports for the
 // field.
 import { fieldUnit, shown, typed } from '../lib/units.js';
-import { html, useEffect, useId, useRef, useState } from './html.js';
+import { html, useEffect, useId, useLayoutEffect, useRef, useState } from './html.js';
 import { isWithin, valueAt, withValue } from '../lib/paths.js';
 import { shownOf } from '../lib/shape.js';
 
@@ -69,12 +69,14 @@ export function NumberField({
   const id = useId();
   const [text, setText] = useState(shown(value, factor));
   const sent = useRef(value);
-  // a value that changed elsewhere (undo, another revision) replaces the text; typing in this field does not
-  useEffect(() => {
-    if (!Object.is(value, sent.current)) {
-      setText(shown(value, factor));
-      sent.current = value;
-    }
+  const in_factor = useRef(factor);
+  // a value that changed elsewhere (undo, another revision) replaces the text, and so does another unit of the same
+  // value; typing in this field does not
+  useLayoutEffect(() => {
+    if (Object.is(value, sent.current) && factor === in_factor.current) return;
+    setText(shown(value, factor));
+    sent.current = value;
+    in_factor.current = factor;
   }, [value, factor]);
   const bad = typed(text, factor) === null;
   const said = problemsAt(problems, path);

@@ -293,18 +293,42 @@ TEST_F(Codes, mayBeRequiredByTheLab) {
   EXPECT_THAT(details("lab set"), testing::ElementsAre("ada  codes optional", "ada  codes required"));
 }
 
-TEST_F(Codes, comeWithATableOfPeopleForNewOnesOnly) {
+TEST_F(Codes, comeWithATableOfPeopleForThoseWhoHaveNone) {
+  get(manager, code("tim", "3333"));
   const auto wrong = importPeople("name,code\nanna,123\n");
   ASSERT_EQ(wrong.faults(), 1u);
   EXPECT_EQ(wrong.rows(0).column(), "code");
   EXPECT_EQ(wrong.rows(0).text(), "code: has 3 characters, allowed are 4 to 64");
-  const auto done = importPeople("name,code\nanna,1111\nben,\ntom,2222\n");
+  const std::string csv = "name,full_name,code\nanna,,1111\nben,,\ntom,Tom T,2222\ntim,,4444\n";
+  EXPECT_FALSE(importPeople(csv, true).done());
+  EXPECT_EQ(said(begin("tom", "")), "") << "a dry run";
+  const auto done = importPeople(csv);
   ASSERT_TRUE(done.done()) << done.DebugString();
   EXPECT_EQ(done.rows(0).text(), "added as trainee, with a code");
-  EXPECT_EQ(done.rows(2).text(), "is there already; the code is left as it is");
-  EXPECT_EQ(said(begin("anna", "1111")), "");
-  EXPECT_THAT(said(begin("anna", "")), HasSubstr("CODE"));
-  for (const char* without : {"ben", "tom"}) EXPECT_EQ(said(begin(without, "")), "") << without;
+  EXPECT_EQ(done.rows(2).what(), pb::PeopleImport::CHANGE);
+  EXPECT_EQ(done.rows(2).text(), "given the code; full name: '' to 'Tom T'");
+  EXPECT_EQ(done.rows(3).what(), pb::PeopleImport::NOTHING);
+  EXPECT_EQ(done.rows(3).text(), "is there already; has a code, which is left as it is");
+  for (const auto& [who, right] :
+       {std::pair("anna", "1111"), std::pair("tom", "2222"), std::pair("tim", "3333")}) {
+    EXPECT_EQ(said(begin(who, right)), "") << who;
+    EXPECT_THAT(said(begin(who, "")), HasSubstr("CODE")) << who;
+    EXPECT_THAT(said(begin(who, "4444")), HasSubstr("this is not the code of")) << who;
+  }
+  EXPECT_EQ(said(begin("ben", "")), "");
+  EXPECT_THAT(details("user import"), testing::Contains("mia tom given the code; full name: '' to 'Tom T'"));
+  // again: everybody has a code
+  EXPECT_EQ(importPeople(csv).unchanged(), 4u);
+}
+
+TEST_F(Codes, ofATableAreGivenOnlyByThoseWhoManageThePerson) {
+  addPerson("adam", pb::ADMINISTRATOR);
+  const auto refused = importPeople("name,code\nadam,1111\ntom,2222\n");
+  EXPECT_FALSE(refused.done());
+  ASSERT_EQ(refused.faults(), 1u);
+  EXPECT_EQ(refused.rows(0).column(), "code");
+  EXPECT_EQ(said(begin("tom", "")), "") << "all or nothing";
+  EXPECT_TRUE(importPeople("name,code\nadam,1111\n", false, &admin).done());
 }
 
 TEST_F(Codes, thatNobodyCheckedMakeASessionWait) {
