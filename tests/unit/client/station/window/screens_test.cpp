@@ -352,6 +352,17 @@ TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   EXPECT_EQ(request.kind, BoardRequest::Kind::kStart);
 }
 
+TEST_F(TraineeScreens, aBadgeAtTheEndLeadsToTheStartAndBeginsNothing) {
+  showEnd(true);
+  picture(30);
+  for (const char* piece : {"08", "154711"}) {
+    surface_->typeText(piece);
+    picture(1);
+  }
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kStart);
+}
+
 TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
   showLesson(1);
   picture();
