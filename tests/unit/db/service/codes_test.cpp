@@ -364,7 +364,13 @@ TEST_F(Codes, thatNobodyCheckedCountForNobodyUntilAManagerConfirmsThem) {
       found += nlohmann::json::parse(record)["kind"] == "session" ? 1 : 0;
     return found;
   };
+  const auto scores = [&] {
+    pb::Request request;
+    request.mutable_list_scores();
+    return get(instructor, request).scores().scores_size();
+  };
   EXPECT_EQ(attemptsOf("tom"), 0);
+  EXPECT_EQ(scores(), 0);
   EXPECT_EQ(get(tom, list).sessions().sessions_size(), 0);
   EXPECT_EQ(refusal(tom, show), ErrorCode::kNotFound);
   EXPECT_EQ(sessionsInOwnExport(), 0);
@@ -379,6 +385,7 @@ TEST_F(Codes, thatNobodyCheckedCountForNobodyUntilAManagerConfirmsThem) {
   EXPECT_FALSE(confirmed.unknown_trainee());
   EXPECT_FALSE(confirmed.code_unchecked());
   EXPECT_EQ(attemptsOf("tom"), 1);
+  EXPECT_EQ(scores(), 1);
   EXPECT_EQ(get(tom, list).sessions().sessions_size(), 1);
   EXPECT_EQ(sessionsInOwnExport(), 1);
   EXPECT_EQ(said(begin("tom", "2468", "second")), "");
@@ -395,6 +402,18 @@ TEST_F(Codes, thatNobodyCheckedMayBeOfSomebodyElse) {
   EXPECT_EQ(get(manager, assign).session().given_trainee(), "tom");
   EXPECT_EQ(attemptsOf("tom"), 0);
   EXPECT_EQ(attemptsOf("tim"), 1);
+}
+
+TEST_F(Codes, thatNobodyCheckedAreNoReasonToWaitOnceTheAccountIsErased) {
+  addPerson("ada", pb::ADMINISTRATOR);
+  get(manager, code("tom", "2468"));
+  const Uuid waits = record("tom", false);
+  EXPECT_EQ(stateOf(waits), "waits: code");
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tom");
+  erase.mutable_erase_person()->set_confirm("tom");
+  EXPECT_EQ(get(admin, erase).erasure().waiting_sessions(), 1u);
+  EXPECT_EQ(stateOf(waits), "waits: no such name") << "nobody could confirm it";
 }
 
 TEST_F(Codes, goWithAnErasure) {
