@@ -88,9 +88,12 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
   description.set_trainee(trainee);
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET trainee = ?, description = ? WHERE number = ?",
                                   trainee, viewOf(description.SerializeAsString()), row->number));
-  RETURN_IF_ERROR(
-      connection_.run("UPDATE unknown_trainees SET by_whom = ?, assigned_unix_ns = ? WHERE session = ?", by,
-                      now_unix_ns, row->number));
+  // an erasure left the name of its person with a session that waited, and with no other
+  ASSIGN_OR_RETURN(const auto pseudonym,
+                   ErasureStore(connection_).pseudonymOf(row->given, row->started_unix_ns));
+  RETURN_IF_ERROR(connection_.run(
+      "UPDATE unknown_trainees SET given = ?, by_whom = ?, assigned_unix_ns = ? WHERE session = ?",
+      pseudonym.value_or(row->given), by, now_unix_ns, row->number));
   return row->trainee;
 }
 

@@ -121,6 +121,17 @@ Status Output::list(const std::vector<Column>& columns, const Json& rows, std::s
 
 Status Output::one(const std::vector<Column>& columns, const Json& row) {
   if (json()) return writeJson(Json::array({row}));
+  lines(columns, row);
+  return {};
+}
+
+Status Output::oneSecret(const std::vector<Column>& columns, const Json& row) {
+  if (json()) return writeJson(Json::array({row}), 0600);
+  lines(columns, row);
+  return {};
+}
+
+void Output::lines(const std::vector<Column>& columns, const Json& row) {
   std::size_t width = 0;
   for (const Column& column : columns) width = std::max(width, widthOf(column.title));
   for (const Column& column : columns) {
@@ -128,7 +139,6 @@ Status Output::one(const std::vector<Column>& columns, const Json& row) {
     pad(line, width + 2);
     out_ << line << cellText(row, column) << "\n";
   }
-  return {};
 }
 
 void Output::text(std::string_view line) {
@@ -147,11 +157,11 @@ void Output::remark(std::string_view line) {
   err_ << line << "\n";
 }
 
-Status Output::writeJson(const Json& rows) {
+Status Output::writeJson(const Json& rows, unsigned mode) {
   const Json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
   // invalid UTF-8 (not expected) must not throw
   const std::string text = whole.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-  if (!json_file_->empty()) return writeFileAtomically(*json_file_, viewOf(text));
+  if (!json_file_->empty()) return writeFileAtomically(*json_file_, viewOf(text), mode);
   out_ << text;
   return {};
 }

@@ -40,6 +40,8 @@ class Output {
   Status list(const std::vector<Column>& columns, const Json& rows, std::string_view if_empty = "nothing");
   /// One object: "key value" lines for people (the given columns, in order), or JSON with one row.
   Status one(const std::vector<Column>& columns, const Json& row);
+  /// As `one`, for a row with a secret: only the file's owner may read it.
+  Status oneSecret(const std::vector<Column>& columns, const Json& row);
   /// Prints more text for people, e.g. after one(); nothing with JSON.
   void text(std::string_view line);
   /// Prints a document that was asked for, e.g. an export; with JSON, too.
@@ -51,7 +53,8 @@ class Output {
   [[nodiscard]] bool json() const { return json_file_.has_value(); }
 
  private:
-  Status writeJson(const Json& rows);
+  Status writeJson(const Json& rows, unsigned mode = 0644);
+  void lines(const std::vector<Column>& columns, const Json& row);
   std::ostream& out_;
   std::ostream& err_;
   std::optional<std::string> json_file_;

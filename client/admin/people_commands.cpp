@@ -201,8 +201,8 @@ Status setCode(CommandContext& context, const std::string& name, const std::stri
     context.output.done("code of '" + name + (remove ? "' removed" : "' set"));
     return {};
   }
-  RETURN_IF_ERROR(context.output.one({{"name", "name"}, {"code", "code"}},
-                                     {{"name", name}, {"code", reply->new_code().code()}}));
+  RETURN_IF_ERROR(context.output.oneSecret({{"name", "name"}, {"code", "code"}},
+                                           {{"name", name}, {"code", reply->new_code().code()}}));
   context.output.text("shown this once: only its hash is kept");
   return {};
 }

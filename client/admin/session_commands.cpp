@@ -193,7 +193,9 @@ Status showSession(CommandContext& context, const Uuid& id) {
                     session.description().trainee()));
   if (session.has_given_trainee())
     context.output.text(
-        fmt::format("\nits station named '{}'; a manager assigned it", session.given_trainee()));
+        session.given_trainee() == session.description().trainee()
+            ? "\na manager confirmed it"
+            : fmt::format("\nits station named '{}'; a manager assigned it", session.given_trainee()));
   if (session.has_removed_original()) {
     const auto& removed = session.removed_original();
     context.output.text(

@@ -125,6 +125,7 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
       call->result.emplace(std::move(reply));
       changed_.notify_all();
     };
+    // a wrong code that is asked again after a lost link counts twice: rare, and costs a try only
     call->id = link_.ask(std::move(request), answer, OnLoss::kAskAgain, ServerLink::kForever);
   });
   std::unique_lock lock(mutex_);

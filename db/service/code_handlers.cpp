@@ -1,6 +1,7 @@
 // Codes of trainees: who may set them, the check before a lesson, and whether the lab requires them.
 #include <fmt/core.h>
 #include <optional>
+#include <utility>
 
 #include "common/base/secret.h"
 #include "common/base/text.h"
@@ -24,6 +25,15 @@ Status maySetCode(const Context& context, Connection& connection, const std::str
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(name));
   if (!person) return Error{ErrorCode::kNotFound, "there is no person named '" + printable(name) + "'"};
   return context.who.name == name ? Status() : mayManage(context, person->role);
+}
+
+/// Does not wait for the line: the answer stays the same without it, and log-ins wait for this thread.
+void noteLocked(const Context& context, const std::string& name, const std::string& wait) {
+  AuditRow line{
+      0, context.now_unix_ns, context.who.name, "code locked", name, "too many wrong codes: waits " + wait};
+  static_cast<void>(context.writer.post(
+      [line = std::move(line)](Connection& writer) { return AuditStore(writer).add(line); },
+      [](const Status&) {}));
 }
 
 Result<pb::Reply> settingsReply(Connection& connection) {
@@ -72,12 +82,12 @@ Result<pb::Reply> changeLabSettings(const Context& context, const pb::ChangeLabS
   return settingsReply(context.reader);
 }
 
-Status checkCodeOf(const Context& context, const std::string& name, const std::string& code) {
-  if (context.who.role != pb::STATION || name.empty() || name == kGuestName) return {};
+Result<bool> checkCodeOf(const Context& context, const std::string& name, const std::string& code) {
+  if (context.who.role != pb::STATION || name.empty() || name == kGuestName) return false;
   ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
   if (!person || person->code_hash.empty()) {
     ASSIGN_OR_RETURN(const bool required, LabSettingsStore(context.reader).codesRequired());
-    if (!required) return {};
+    if (!required) return false;
     return Error{ErrorCode::kDenied, name + " has no code yet: ask a manager for one"};
   }
   if (code.empty())
@@ -89,17 +99,14 @@ Status checkCodeOf(const Context& context, const std::string& name, const std::s
                  fmt::format("too many wrong codes of {}: try again in {}", name, waitText(begun.must_wait))};
   if (verifyPassword(person->code_hash, code)) {
     context.codes.forget(name);
-    return {};
+    return true;
   }
   const std::string wrong = "this is not the code of " + name + "; ";
   if (begun.left > 0)
     return Error{ErrorCode::kCode,
                  wrong + fmt::format("{} {} left", begun.left, begun.left == 1 ? "try" : "tries")};
   const std::string wait = waitText(begun.then_wait);
-  RETURN_IF_ERROR(context.writer.run([&](Connection& writer) {
-    return AuditStore(writer).add({0, context.now_unix_ns, context.who.name, "code locked", name,
-                                   "too many wrong codes: waits " + wait});
-  }));
+  noteLocked(context, name, wait);
   return Error{ErrorCode::kCode, wrong + "try again in " + wait};
 }
 

@@ -146,6 +146,23 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
   return all;
 }
 
+void ImportErasures::foresee(const RecordJson& record) {
+  const auto text = [&](const char* field) {
+    const auto found = record.find(field);
+    return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
+  };
+  if (!key_ || !record.is_object()) return;
+  if (text("kind") == "unknown_trainee" && text("by_whom").empty()) waiting_.insert(text("session"));
+  if (text("kind") == "erasure") exported_.insert(text("pseudonym"));
+}
+
+bool ImportErasures::wasLeft(const std::string& id_digits, const std::string& name,
+                             const std::string& pseudonym) const {
+  const bool account =
+      std::any_of(met_.begin(), met_.end(), [&](const ErasedNames& names) { return names.name == name; });
+  return waiting_.contains(id_digits) && (account || exported_.contains(pseudonym));
+}
+
 std::optional<std::string> ImportErasures::pseudonymOf(const std::string& name,
                                                        std::int64_t made_unix_ns) const {
   if (!key_ || name.empty()) return std::nullopt;
@@ -192,7 +209,8 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
   }
   if (table.kind == "session") {
     const std::string id = textOfField(record, "id");
-    const bool erased = owner("trainee", "started_unix_ns").has_value();
+    const auto pseudonym = owner("trainee", "started_unix_ns");
+    const bool erased = pseudonym && !wasLeft(id, textOfField(record, "trainee"), *pseudonym);
     if (!erased && timeOfField(record, "erased") != 0) return false;  // an exported pseudonym
     if (erased) {
       sessions_[id] = true;
@@ -229,6 +247,7 @@ Status ImportErasures::replaceGiven(RecordJson& record) {
   if (!started_unix_ns) return {};  // the import says that it is not there
   const auto pseudonym = pseudonymOf(textOfField(record, "given"), *started_unix_ns);
   if (!pseudonym) return {};
+  if (wasLeft(textOfField(record, "session"), textOfField(record, "given"), *pseudonym)) return {};
   // remarks and lines of the audit log, which come later, may have it too
   ErasedNames names{textOfField(record, "given"), {}, {}, *pseudonym, {}};
   RETURN_IF_ERROR(addOthers(writer_, names));

@@ -27,6 +27,9 @@ class ImportErasures {
     kTake,     ///< perhaps with pseudonyms in place of names
     kLeftOut,  ///< belongs to an erased person
   };
+  /// For every record of the import, before the first look; it may have any shape. Tells which sessions an
+  /// erasure left on purpose, because they waited under the name and may be another person's.
+  void foresee(const RecordJson& record);
   /// `record` has its table's types. May replace names in it by pseudonyms.
   Result<Verdict> look(const RecordTable& table, RecordJson& record);
   /// True when `there` differs from `record` only through a later erasure.
@@ -40,6 +43,10 @@ class ImportErasures {
   std::optional<std::string> pseudonymOf(const std::string& name, std::int64_t made_unix_ns) const;
   Result<bool> isOfErased(const RecordTable& table, const RecordJson& record);
   Result<bool> isOfErasedSession(const std::string& id_digits);
+  /// True when the erasure left this session, which waits: the erasure was before the export, or the name was
+  /// an account's. A name that nobody had was erased with its sessions.
+  [[nodiscard]] bool wasLeft(const std::string& id_digits, const std::string& name,
+                             const std::string& pseudonym) const;
   /// In a record of a session of an unknown trainee: the name that the station gave.
   Status replaceGiven(RecordJson& record);
   void replaceDoer(RecordJson& record, const char* doer, const char* when) const;
@@ -47,6 +54,8 @@ class ImportErasures {
   Connection& writer_;
   std::optional<PseudonymKey> key_;
   std::vector<ErasureLine> lines_;
+  std::set<std::string> waiting_;              ///< ids in digits of the import's sessions that wait
+  std::set<std::string> exported_;             ///< pseudonyms of the import's erasures
   std::vector<ErasedNames> met_;               ///< found in this import
   std::map<std::string, bool> sessions_;       ///< by id in digits: true when it belongs to an erased person
   std::map<std::string, std::string> owners_;  ///< by id in digits: the erased person whose session it is

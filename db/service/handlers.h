@@ -118,10 +118,11 @@ Result<pb::Reply> setCode(const Context& context, const pb::SetCode& call);
 Result<pb::Reply> getLabSettings(const Context& context, const pb::GetLabSettings& call);
 Result<pb::Reply> changeLabSettings(const Context& context, const pb::ChangeLabSettings& call);
 /// Whether a station may begin a lesson of `name`, who may practise (mayPractise, standing.h), with this
-/// code. kCode, with a text for the trainee: the code is missing or wrong, or has to wait; kDenied: no code,
-/// and the lab requires one. Nobody but stations is asked. Hashes a code that is given: call it where
+/// code. Returns whether the code was compared; false: nobody is asked for one. kCode, with a text for the
+/// trainee: the code is missing or wrong, or has to wait; kDenied: no code, and the lab requires one. Nobody
+/// but stations is asked. Hashes a code that is given: call it where
 /// threadsOf() puts such requests.
-Status checkCodeOf(const Context& context, const std::string& name, const std::string& code);
+Result<bool> checkCodeOf(const Context& context, const std::string& name, const std::string& code);
 
 // score_handlers.cpp; rescoring: Service::rescore()
 Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call);

@@ -167,10 +167,11 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));
   RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
-  RETURN_IF_ERROR(checkCodeOf(context, call.trainee(), call.code()));
+  ASSIGN_OR_RETURN(const bool code_checked, checkCodeOf(context, call.trainee(), call.code()));
   ASSIGN_OR_RETURN(const auto parsed, exerciseOf(exercise));
   pb::Reply reply;
   auto* lesson = reply.mutable_lesson();
+  lesson->set_code_checked(code_checked);
   if (!call.trainee().empty()) {
     ASSIGN_OR_RETURN(const auto standing, standingOf(context.reader, call.trainee(), exercise, parsed));
     ASSIGN_OR_RETURN(const auto why_not, whyNot(context.reader, parsed, standing));

@@ -1,5 +1,6 @@
 // Exports a person's data, or the whole store, as records; imports records.
 #include <fmt/core.h>
+#include <functional>
 #include <optional>
 #include <set>
 #include <unordered_set>
@@ -158,6 +159,9 @@ class Import {
     return {};
   }
 
+  /// For every record, before the first is taken.
+  void foresee(const std::string& text) { erasures_->foresee(RecordJson::parse(text, nullptr, false)); }
+
   /// Stores the exercises of the courses' newest revisions; flags sessions of trainees whom nobody knew.
   Status finish() {
     RETURN_IF_ERROR(flagUnknownTrainees());
@@ -304,8 +308,9 @@ class Import {
   std::optional<std::unordered_set<std::string>> lines_;
 };
 
-/// Takes all pieces in order, one record per line.
-Status takePieces(Connection& writer, const std::string& import_id, Import& batch) {
+/// Calls `take` with each record of all pieces in order, one record per line.
+Status eachRecord(Connection& writer, const std::string& import_id,
+                  const std::function<Status(const std::string&)>& take) {
   auto pieces =
       writer.query("SELECT records FROM import_pieces WHERE import_id = ? ORDER BY position", import_id);
   for (;;) {
@@ -315,7 +320,7 @@ Status takePieces(Connection& writer, const std::string& import_id, Import& batc
     for (std::size_t at = 0; at < records.size();) {
       const std::size_t end = std::min(records.find('\n', at), records.size());
       if (end > at) {
-        RETURN_IF_ERROR(batch.take(records.substr(at, end - at)));
+        RETURN_IF_ERROR(take(records.substr(at, end - at)));
       }
       at = end + 1;
     }
@@ -381,7 +386,12 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
   const auto status = write(context, call.import_id(), detail, [&](Connection& writer) -> Status {
     Import batch(writer, *report, context.now_unix_ns);
     RETURN_IF_ERROR(batch.begin());
-    RETURN_IF_ERROR(takePieces(writer, call.import_id(), batch));
+    RETURN_IF_ERROR(eachRecord(writer, call.import_id(), [&](const std::string& text) {
+      batch.foresee(text);
+      return Status();
+    }));
+    RETURN_IF_ERROR(
+        eachRecord(writer, call.import_id(), [&](const std::string& text) { return batch.take(text); }));
     RETURN_IF_ERROR(batch.finish());
     // rollback: the writer undoes a failed item
     if (!report->faults().empty() || call.dry_run()) return Error{ErrorCode::kInvalidInput, "not done"};

@@ -166,7 +166,7 @@ constexpr RequestRow kRows[] = {
   {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment>,          Reply::kDone, kWorkers,
    {{"DELETE /assignments/{id}", "Takes it back"}}},
   {Call::kGetLesson,               "lesson",               kAll,                  to<getLesson>,                 Reply::kLesson},
-  {Call::kCheckTrainee,            "check trainee",        kStation,              to<checkTrainee>,              Reply::kDone},
+  {Call::kCheckTrainee,            "check trainee",        kStation,              to<checkTrainee>,              Reply::kTraineeChecked},
   // a station: names, and the cells of the trainee that it names; the handler checks that
   {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
    {{"GET /results?course&group&page", "Trainee by exercise"}}},
@@ -260,9 +260,9 @@ const RequestRow* requestRow(pb::Request::CallCase call) {
   return nullptr;
 }
 
-RequestThreads threadsOf(const pb::Request& request) {
+RequestThreads threadsOf(const pb::Request& request, pb::Role role) {
   const bool has_code = !request.get_lesson().code().empty() || !request.check_trainee().code().empty();
-  if (has_code) return kPasswords;
+  if (has_code && role == pb::STATION) return kPasswords;
   const RequestRow* row = requestRow(request.call_case());
   return row == nullptr ? kWorkers : row->threads;
 }

@@ -69,10 +69,10 @@ std::span<const RequestRow> requestRows();
 /// Null for CALL_NOT_SET and for calls unknown to this program.
 const RequestRow* requestRow(pb::Request::CallCase call);
 
-/// The thread pool of this request: its row's; or kPasswords, one at a time, for a lesson with a trainee's
-/// code, which is hashed. So a lesson without a code waits behind no hash, and the bound on argon2's memory
-/// holds.
-RequestThreads threadsOf(const pb::Request& request);
+/// The thread pool of this request of a peer with this role: its row's; or kPasswords, one at a time, for a
+/// station's lesson with a trainee's code, which is hashed. So a lesson without a code waits behind no hash,
+/// and the bound on argon2's memory holds.
+RequestThreads threadsOf(const pb::Request& request, pb::Role role);
 
 /// "user add", "session list", …; "?" for an unknown call.
 std::string_view callName(pb::Request::CallCase call);

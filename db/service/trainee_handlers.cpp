@@ -91,8 +91,10 @@ namespace handlers {
 Result<pb::Reply> checkTrainee(const Context& context, const pb::CheckTrainee& call) {
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
-  RETURN_IF_ERROR(checkCodeOf(context, call.trainee(), call.code()));
-  return doneReply();
+  ASSIGN_OR_RETURN(const bool code_checked, checkCodeOf(context, call.trainee(), call.code()));
+  pb::Reply reply;
+  reply.mutable_trainee_checked()->set_code_checked(code_checked);
+  return reply;
 }
 
 }  // namespace handlers

@@ -98,7 +98,7 @@ asio::thread_pool& poolFor(ServerContext& context, RequestThreads threads) {
 
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request) {
-  const RequestThreads threads = threadsOf(*request);
+  const RequestThreads threads = threadsOf(*request, who.role);
   std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), who, request,
                                                     threads] {
     if (threads == RequestThreads::kHours) yieldToOthers();

@@ -213,7 +213,11 @@ Status CurriculumCache::keepAsksCode(const std::string& trainee, bool asks) cons
 }
 
 bool CurriculumCache::asksCode(const std::string& trainee) const {
-  return askedForCodes(readCache(file_)).contains(trainee);
+  return allAskedForCodes().contains(trainee);
+}
+
+std::set<std::string> CurriculumCache::allAskedForCodes() const {
+  return askedForCodes(readCache(file_));
 }
 
 Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::string>& asks_code) const {

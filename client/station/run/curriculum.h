@@ -91,6 +91,8 @@ class CurriculumCache {
   Status keepAsksCode(const std::string& trainee, bool asks) const;
   /// Returns whether the server asked for a code of this trainee when it was last there.
   [[nodiscard]] bool asksCode(const std::string& trainee) const;
+  /// Returns all of whom asksCode is true.
+  [[nodiscard]] std::set<std::string> allAskedForCodes() const;
   /// Returns what was kept; an empty curriculum if there is none, or if the file is damaged: the server gives
   /// it again.
   [[nodiscard]] Curriculum find() const;

@@ -50,6 +50,13 @@ void putPose(google::protobuf::RepeatedField<double>& to, const Pose& pose) {
     to.Add(value);
 }
 
+bool codeWasChecked(const pb::Lesson& lesson) {
+  return lesson.code_checked();
+}
+bool codeWasChecked(const pb::Reply& reply) {
+  return reply.trainee_checked().code_checked();
+}
+
 LessonStatus statusOf(const WatchedState& state, const LiveView& view, bool waits, const std::string& room) {
   LessonStatus status;
   status.time_s = view.time_s;
@@ -96,16 +103,20 @@ bool StationRun::isStopped() {
   return interrupted_ || stopped_;
 }
 
-// asks the server with the trainee's code, and again while it is missing or wrong and somebody gives another
+// asks the server with the trainee's code, and again while it is missing or wrong and somebody gives another;
+// kCode, too, when a server that is there does not say in time whether it is right
 template <typename Ask>
 auto StationRun::askWithCode(Ask&& ask) {
   for (;;) {
     auto reply = ask(code_.code);
     if (reply.ok()) {
-      code_checked_ = !code_.code.empty();
+      code_checked_ = codeWasChecked(*reply);
       keepAsksCode(code_checked_);
       return reply;
     }
+    const bool silent = reply.error().code == ErrorCode::kUnavailable && home_.uplink()->state().connected;
+    if (silent && (code_asked_ || !code_.code.empty()) && !interrupted_ && !stopped_)
+      return decltype(reply)(Error{ErrorCode::kCode, "the server is busy: try again"});
     if (reply.error().code != ErrorCode::kCode) return reply;
     code_asked_ = true;
     keepAsksCode(true);
@@ -127,24 +138,27 @@ void StationRun::keepAsksCode(bool asks) {
 Status StationRun::checkTrainee() {
   Uplink* const uplink = home_.uplink();
   if (uplink == nullptr) return {};
+  bool code_sent = false;
+  std::chrono::seconds patience = kCheckPatience;
   const auto reply = askWithCode([&](const std::string& code) {
     pb::Request request;
     request.mutable_check_trainee()->set_trainee(options_.trainee);
     request.mutable_check_trainee()->set_code(code);
     // whoever typed a code waits for its check
-    const auto patience = code.empty() ? kCheckPatience : kLessonPatience;
+    code_sent = !code.empty();
+    patience = code_sent ? kLessonPatience : kCheckPatience;
     return uplink->ask(std::move(request), patience, true, [this] { return isStopped(); });
   });
   if (reply.ok()) return {};
   if (interrupted_ || stopped_) return reply.error();
   const ErrorCode code = reply.error().code;
   if (code == ErrorCode::kUnavailable)
-    logMessage(fmt::format("the server did not say within {} s whether it knows '{}' ({})",
-                           kCheckPatience.count(), options_.trainee, reply.error().message));
+    logMessage(fmt::format("the server did not say within {} s whether it knows '{}' ({})", patience.count(),
+                           options_.trainee, reply.error().message));
   // kDenied also comes when the server refuses the station itself, whose lesson goes on without it
   const bool said_no = code == ErrorCode::kNotFound ||
                        (code == ErrorCode::kDenied && !uplink->state().denied) ||
-                       (code_asked_ && code != ErrorCode::kUnavailable);
+                       ((code_asked_ || code_sent) && code != ErrorCode::kUnavailable);
   return said_no ? Status(reply.error()) : Status();
 }
 

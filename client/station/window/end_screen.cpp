@@ -293,8 +293,10 @@ void verdictRow(const VerdictRow& row) {
 }  // namespace
 
 void EndScreen::take(const LessonOutcome& outcome) {
-  if (outcome.summary.session_id != session_ || keys_from_s_ == 0)
+  if (outcome.summary.session_id != session_ || keys_from_s_ == 0) {
     keys_from_s_ = ImGui::GetTime() + kKeysAfter_s;
+    characters_typed_ = false;
+  }
   session_ = outcome.summary.session_id;
   verdict_ = verdictOf(outcome);
   measures_.clear();
@@ -394,7 +396,10 @@ bool EndScreen::showNext(const BoardState& state, bool keys, bool may_quit, Less
   const auto actions = endActions(state, may_quit);
   auto chosen = actionButtons(actions);
   actionHints(actions);
-  if (keys && !chosen && ImGui::GetTime() >= keys_from_s_) chosen = actionByKey(actions);
+  if (keys && !chosen && ImGui::GetTime() >= keys_from_s_) {
+    characters_typed_ = characters_typed_ || ImGui::GetIO().InputQueueCharacters.Size > 0;
+    if (const auto by_key = actionByKey(actions)) chosen = endActionByKey(*by_key, characters_typed_);
+  }
   if (chosen == kActNext) board.ask({BoardRequest::Kind::kBegin, next});
   if (chosen == kActAgain) board.ask({BoardRequest::Kind::kBegin, again});
   if (chosen == kActOther) board.ask({BoardRequest::Kind::kStart, {}});

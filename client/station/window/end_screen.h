@@ -70,8 +70,9 @@ class EndScreen {
   bool showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board);
 
   std::shared_ptr<const LessonOutcome> shown_;
-  std::string session_;     // session of shown_
-  double keys_from_s_ = 0;  // ignores earlier keys: they were meant for the lesson
+  std::string session_;            // session of shown_
+  double keys_from_s_ = 0;         // ignores earlier keys: they were meant for the lesson
+  bool characters_typed_ = false;  // since then: by a badge reader, since nothing here is written
   LessonVerdict verdict_;
   std::vector<double> time_s_, lateral_mm_, planned_mm_;
   std::vector<Measure> measures_;

@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -49,6 +50,7 @@ struct StartLists {
   std::vector<std::pair<std::string, std::string>> assigned;
   std::shared_ptr<const Curriculum> curriculum;  ///< null: the server never gave one
   std::string profile_file;                      ///< --profile; empty: none
+  std::set<std::string> asks_code;               ///< trainees of whom the server asked for a code before
 };
 
 /// The state of the chosen device before a lesson.

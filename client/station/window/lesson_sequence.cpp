@@ -25,6 +25,8 @@ using namespace std::chrono_literals;
 constexpr auto kLook = 100ms;
 constexpr std::int64_t kDeviceAgain_ns = 5'000'000'000, kServerAgain_ns = 500'000'000;
 constexpr auto kListsPatience = 5s;
+// whoever comes to the End screen later may be somebody else
+constexpr std::int64_t kKeepCode_ns = 120'000'000'000;
 
 }  // namespace
 
@@ -76,6 +78,7 @@ int LessonSequence::run() {
     if (signalWithin(signals_, 0ms) != 0) break;
     updateServer();
     if (last_) showOutcome();
+    if (!kept_code_of_.empty() && time_.nowNs() >= keep_code_until_ns_) forgetCode();
     BoardRequest request = board_.waitForRequest(kLook);
     const WipeAtEnd wiped(request.code);
     handle(request);
@@ -224,8 +227,9 @@ void LessonSequence::practise(const LessonChoice& choice, const std::string& typ
     state.choice = choice;
     if (state.next && state.next->exercise == choice.exercise) state.next.reset();
   });
-  if (options.trainee != kept_code_of_) forgetCode();
+  if (options.trainee != kept_code_of_ || time_.nowNs() >= keep_code_until_ns_) forgetCode();
   std::string code = typed_code.empty() ? kept_code_ : typed_code;
+  const bool code_kept = typed_code.empty() && !code.empty();
   const WipeAtEnd wiped(code);
   last_ = std::make_unique<StationRun>(home_, options, signals_, GivenCode{code, {}});
   const auto prepared = [&]() -> Status {
@@ -237,7 +241,7 @@ void LessonSequence::practise(const LessonChoice& choice, const std::string& typ
   if (!prepared.ok()) {
     quit_ = last_->interrupted();
     last_.reset();
-    cannotBegin(prepared.error(), choice, !typed_code.empty());
+    cannotBegin(prepared.error(), choice, !typed_code.empty(), code_kept);
     return showStart();
   }
   // the server may be away: then what it accepted before still holds
@@ -248,6 +252,7 @@ void LessonSequence::practise(const LessonChoice& choice, const std::string& typ
   }
   static_cast<void>(last_->practise());
   outcome_ = last_->outcome();
+  keep_code_until_ns_ = time_.nowNs() + kKeepCode_ns;
   drain_until_ns_ = time_.nowNs() + std::llround(options_.drain_s * 1e9);
   quit_ = last_->interrupted();
   board_.change([&](BoardState& state) {
@@ -256,11 +261,16 @@ void LessonSequence::practise(const LessonChoice& choice, const std::string& typ
   });
 }
 
-void LessonSequence::cannotBegin(const Error& error, const LessonChoice& choice, bool code_typed) {
+void LessonSequence::cannotBegin(const Error& error, const LessonChoice& choice, bool code_typed,
+                                 bool code_kept) {
   logMessage(error.message);
   // the window asks the person, who has done nothing wrong
   if (error.code == ErrorCode::kCode && !alone_) {
-    const CodeQuestion question{choice.trainee, printable(refusalText(error)), code_typed, ++code_questions_};
+    // nobody typed the refused code of the lesson before
+    const std::string before =
+        code_kept ? choice.trainee + "'s code of the last lesson is refused now; type the present one. " : "";
+    const CodeQuestion question{choice.trainee, printable(before + refusalText(error)), code_typed,
+                                ++code_questions_};
     return board_.change([&](BoardState& state) { state.code_question = question; });
   }
   failed_to_begin_ = exitCodeOf(error);

@@ -16,7 +16,7 @@
 namespace needlelab {
 
 /// Keeps the code of a trainee, once the server accepted it, for the next lesson of the same trainee, until
-/// the Start screen comes or somebody else practises.
+/// the Start screen comes, somebody else practises, or two minutes have passed since the lesson ended.
 ///
 /// Thread: any thread constructs it; `run` on the lessons' thread, which is not the window's. All other
 /// communication uses the board and `requests`.
@@ -49,7 +49,7 @@ class LessonSequence {
   void updateServer();
   void handle(const BoardRequest& request);
   void practise(const LessonChoice& choice, const std::string& typed_code = {});
-  void cannotBegin(const Error& error, const LessonChoice& choice, bool code_typed);
+  void cannotBegin(const Error& error, const LessonChoice& choice, bool code_typed, bool code_kept);
   void forgetCode();
   void showOutcome();
   void reportLast();
@@ -69,6 +69,7 @@ class LessonSequence {
   std::uint64_t code_questions_ = 0;
   std::string lists_made_with_;  // the server's state when the lists were made
   std::int64_t next_device_look_ns_ = 0, next_server_look_ns_ = 0, drain_until_ns_ = 0;
+  std::int64_t keep_code_until_ns_ = 0;
   bool device_ready_ = false;
   std::optional<int> code_;  // worst code so far
   int failed_to_begin_ = 0;

@@ -35,6 +35,8 @@ std::string kindOf(const std::string& spec) {
   return spec.substr(0, spec.find_first_of(":@"));
 }
 
+constexpr std::uint64_t kOwnQuestions = 1u << 30;  // the numbers of the station's own questions begin here
+
 const std::string kNeedsServer = "needs the server, which is away";
 
 bool isAssigned(const StartLists& lists, const std::string& trainee, const std::string& exercise) {
@@ -57,6 +59,7 @@ StartLists localLists(const StationOptions& options, const Spool& spool) {
   StartLists lists;
   lists.exercises = listExercises(LessonCache(options.spool).list(), std::nullopt);
   lists.profile_file = options.profile_file.string();
+  lists.asks_code = CurriculumCache(options.spool).allAskedForCodes();
   if (options.trainee_given) addName(lists.trainees, options.trainee);
   for (const auto& sessions : {spool.unfinished(), spool.closedButNotSafe()})
     for (const auto& session : sessions) addName(lists.trainees, session->description().trainee());
@@ -158,11 +161,26 @@ void StartChoice::update(const BoardState& state, std::int64_t now_unix_ns) {
 }
 
 void StartChoice::takeQuestion(const std::optional<CodeQuestion>& question) {
-  if (!question || (question_ && question_->trainee != trainee_)) forgetCode();
-  if (!question || question->number == questions_seen_) return;
-  questions_seen_ = question->number;
-  forgetCode();  // the answer to the question before
-  if (question->trainee == trainee_) question_ = question;
+  if ((!question && !asksItself()) || (question_ && question_->trainee != trainee_)) forgetCode();
+  if (question && question->number != questions_seen_) {
+    questions_seen_ = question->number;
+    forgetCode();  // the answer to the question before
+    if (question->trainee == trainee_) question_ = question;
+  }
+  askBeforeTheServer();
+}
+
+bool StartChoice::asksItself() const {
+  return question_ && question_->number >= kOwnQuestions;
+}
+
+// so that a badge that is held to the reader at once goes into the code's field
+void StartChoice::askBeforeTheServer() {
+  const bool asks = lists_.asks_code.contains(trainee_);
+  if (asksItself() && !asks) forgetCode();
+  if (!question_ && asks)
+    question_ = CodeQuestion{trainee_, "Type the PIN or hold the badge to the reader.", false,
+                             kOwnQuestions + ++own_questions_};
 }
 
 void StartChoice::forgetCode() {
@@ -180,9 +198,10 @@ void StartChoice::typeCode(std::string code) {
 }
 
 std::string StartChoice::takeCode() {
-  std::string code = code_;
+  std::string code = codeQuestion() != nullptr ? code_ : std::string();
   wipe(code_);
-  return codeQuestion() != nullptr ? code : std::string();
+  if (asksItself()) question_.reset();  // answered; whoever is at the Start screen next is asked anew
+  return code;
 }
 
 const TraineeStanding* StartChoice::standing() const {
@@ -303,6 +322,7 @@ void StartChoice::chooseTrainee(const std::string& name) {
     forgetCode();
   }
   trainee_ = account;
+  askBeforeTheServer();
   list();
 }
 
@@ -347,7 +367,11 @@ std::string StartChoice::missing() const {
   if (index < 0) return "What is to be practised? Choose an exercise.";
   const ExerciseRow& chosen = exercises_[static_cast<std::size_t>(index)];
   if (!chosen.usable) return chosen.name + ": " + chosen.note;
-  if (codeQuestion() == nullptr || checkCode(code_).ok()) return {};
+  // without an answer to the station's own question the server asks, if it still does
+  if (codeQuestion() == nullptr || (asksItself() && code_.empty())) return {};
+  const Status valid = checkCode(code_);
+  if (valid.ok()) return {};
+  if (code_.size() >= kMinCodeBytes) return valid.error().message;
   return fmt::format(
       "The server asks for a code: type it, {} characters or more, or hold the badge to the reader.",
       kMinCodeBytes);

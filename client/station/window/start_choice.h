@@ -44,8 +44,9 @@ struct ExerciseRow {
   DueState due = DueState::kNone;
 };
 
-/// Lists and choice. The person's choice survives changes of the lists. The server's question for the chosen
-/// trainee's code is gone once somebody else is chosen, and so is what was typed.
+/// Lists and choice. The person's choice survives changes of the lists. The question for the chosen trainee's
+/// code is the server's; or the station's own, as soon as a trainee is chosen of whom the server asked for a
+/// code before: it may be left empty. It is gone once somebody else is chosen, and so is what was typed.
 class StartChoice {
  public:
   StartChoice() = default;
@@ -78,8 +79,8 @@ class StartChoice {
   /// The same for the list of trainees.
   void stepTrainee(int by);
 
-  /// Returns the server's question for the code of the chosen trainee; null: there is none, or the server is
-  /// away and nobody could check a code.
+  /// Returns the question for the code of the chosen trainee; null: there is none, or the server is away and
+  /// nobody could check a code.
   [[nodiscard]] const CodeQuestion* codeQuestion() const;
   /// What is typed as the answer.
   void typeCode(std::string code);
@@ -95,6 +96,8 @@ class StartChoice {
  private:
   void list();
   void takeQuestion(const std::optional<CodeQuestion>& question);
+  void askBeforeTheServer();
+  [[nodiscard]] bool asksItself() const;
   void forgetCode();
   void addLadder();
   void addOthers();
@@ -110,6 +113,7 @@ class StartChoice {
   bool by_person_ = false;                // chosen by a person, not the ladder's next step
   std::optional<CodeQuestion> question_;  // of trainee_
   std::uint64_t questions_seen_ = 0;
+  std::uint64_t own_questions_ = 0;
   std::string code_;  // as typed
   std::vector<std::string> trainees_;
   std::vector<ExerciseRow> exercises_;

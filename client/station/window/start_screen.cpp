@@ -75,8 +75,9 @@ void StartScreen::show(const BoardState& state, bool changed, bool keys, LessonB
   actionHints(actions);
   endScreen();
 
-  // the field of a name or code that was just entered is active a frame before ImGui says so
-  if (keys && !ImGui::GetIO().WantTextInput && !ImGui::IsAnyItemActive()) {
+  // the field of a name or code that was just entered is active a frame before ImGui says so; the code's,
+  // which is entered by itself, leaves the arrows to the choice while it is empty
+  if (keys && (in_empty_code_ || (!ImGui::GetIO().WantTextInput && !ImGui::IsAnyItemActive()))) {
     if (ImGui::IsKeyPressed(GLFW_KEY_DOWN)) choice_.step(1);
     if (ImGui::IsKeyPressed(GLFW_KEY_UP)) choice_.step(-1);
     for (const auto& [key, by] : {std::pair(GLFW_KEY_LEFT, -1), std::pair(GLFW_KEY_RIGHT, 1)})
@@ -109,7 +110,7 @@ void StartScreen::showTrainees() {
     typed_ = text.data();
     choice_.chooseTrainee(typed_);
   }
-  showCode();
+  showCode(ImGui::IsItemActive());
   ImGui::Spacing();
   for (const std::string& name : choice_.trainees()) {
     ImGui::PushID(name.c_str());
@@ -126,9 +127,11 @@ void StartScreen::showTrainees() {
   }
 }
 
-// only while the server asks for a code of the chosen trainee; Enter begins, as everywhere on this screen
-void StartScreen::showCode() {
+// only while there is a question for the code of the chosen trainee; Enter begins, as everywhere on this
+// screen. `writes_name`: the person is still in the name's field, which may become a longer name
+void StartScreen::showCode(bool writes_name) {
   const CodeQuestion* const question = choice_.codeQuestion();
+  in_empty_code_ = false;
   if (question == nullptr) {
     code_question_ = 0;
     return;
@@ -138,15 +141,19 @@ void StartScreen::showCode() {
     const WithTextColour dim(kDimText);
     ImGui::TextUnformatted("Code");
   }
-  std::array<char, kMaxCodeBytes + 1> text{};
-  std::memcpy(text.data(), choice_.typedCode().data(), std::min(choice_.typedCode().size(), kMaxCodeBytes));
+  // one byte more than a code may have: it is seen and refused, not cut off
+  std::array<char, kMaxCodeBytes + 2> text{};
+  std::memcpy(text.data(), choice_.typedCode().data(),
+              std::min(choice_.typedCode().size(), kMaxCodeBytes + 1));
   // a new question empties the field that the person may still be in
   ImGui::PushID(static_cast<int>(question->number));
-  if (std::exchange(code_question_, question->number) != question->number) ImGui::SetKeyboardFocusHere();
+  if (!writes_name && std::exchange(code_question_, question->number) != question->number)
+    ImGui::SetKeyboardFocusHere();
   ImGui::SetNextItemWidth(-1);
   if (ImGui::InputTextWithHint("##code", "PIN or badge", text.data(), text.size(),
                                ImGuiInputTextFlags_Password))
     choice_.typeCode(text.data());
+  in_empty_code_ = ImGui::IsItemActive() && choice_.typedCode().empty();
   // Enter leaves the field, but what is too short begins nothing: the person types on
   const bool entered = ImGui::IsKeyPressed(GLFW_KEY_ENTER) || ImGui::IsKeyPressed(GLFW_KEY_KP_ENTER);
   if (ImGui::IsItemDeactivated() && entered && !checkCode(choice_.typedCode()).ok()) code_question_ = 0;

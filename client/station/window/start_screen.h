@@ -19,7 +19,7 @@ class StartScreen {
 
  private:
   void showTrainees();
-  void showCode();
+  void showCode(bool writes_name);
   void showExercises();
   void showStation(const BoardState& state, LessonBoard& board);
   void act(std::optional<int> action, LessonBoard& board);
@@ -30,6 +30,7 @@ class StartScreen {
   std::string asked_for_;  // the trainee of the last request for a standing, and its time
   std::int64_t asked_unix_ns_ = 0, updated_unix_ns_ = 0;
   std::uint64_t code_question_ = 0;  // that the code's field is open for; 0: none
+  bool in_empty_code_ = false;       // nothing is typed yet in the code's field, which has the keys
   bool fresh_ = true;
 };
 

@@ -22,6 +22,11 @@ std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit) {
   return actions;
 }
 
+int endActionByKey(int action, bool characters_typed) {
+  const bool begins = action == kActNext || action == kActAgain;
+  return characters_typed && begins ? kActOther : action;
+}
+
 std::vector<ScreenAction> failedActions(bool may_quit) {
   if (!may_quit) return {};
   return {{kActQuit, "Quit", ActionKey::kEnter, "", true}};

@@ -25,6 +25,10 @@ enum StationAct : int {
 std::vector<ScreenAction> startActions(bool can_begin);
 /// After a lesson. Enter is the suggested exercise, else the next try, however the lesson went.
 std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit);
+/// What a key's action does after a lesson. `characters_typed`: since the screen came, though nothing is
+/// written there; somebody, who may be the next trainee, holds a badge to the reader, which ends with Enter.
+/// Then it begins no lesson, which would be the last trainee's, but leads to the Start screen.
+int endActionByKey(int action, bool characters_typed);
 /// When the station cannot work.
 std::vector<ScreenAction> failedActions(bool may_quit);
 std::vector<ScreenAction> faultActions();

@@ -168,6 +168,12 @@ TEST_F(PeopleCommands, aCodeIsMadeSetFromAFileAndRemoved) {
   EXPECT_TRUE(practises(pin));
   EXPECT_FALSE(practises(""));
   EXPECT_THAT(good({"user", "code", "tom", "--make"}).out, HasSubstr("only its hash is kept"));
+  // a file that holds the PIN is its owner's only, also one that others could read before
+  const std::string kept = folder.write("code.json", "").string();
+  std::filesystem::permissions(kept, std::filesystem::perms(0644));
+  good({"user", "code", "tom", "--make", "--json=" + kept});
+  EXPECT_EQ(std::filesystem::status(kept).permissions(), std::filesystem::perms(0600));
+  EXPECT_THAT(*readWholeFile(kept), HasSubstr("\"code\": \""));
   EXPECT_FALSE(practises(pin)) << "another one";
   EXPECT_EQ(good({"user", "code", "tom", "--code-file", secret("badge", "badge 0007\n")}).out,
             "code of 'tom' set\n");

@@ -147,6 +147,8 @@ TEST_F(SessionCommands, sessionsThatWaitForACodeAreConfirmedAllAtOnce) {
   EXPECT_EQ(reasons.size(), 2u) << "the open one, and the one of a name that nobody has";
   EXPECT_TRUE(reasons.contains(ghosts));
   EXPECT_EQ(good({"session", "show", toms, "--json"}).rows().at(0).at("given_trainee"), "tom");
+  EXPECT_THAT(good({"session", "show", toms}).out, HasSubstr("\na manager confirmed it"));
+  EXPECT_THAT(good({"session", "show", toms}).out, testing::Not(HasSubstr("assigned")));
   const auto audit = good({"audit", "--json"}).rows();
   EXPECT_EQ(std::count_if(audit.begin(), audit.end(),
                           [](const json& line) {

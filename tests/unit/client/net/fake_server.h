@@ -29,6 +29,8 @@ struct ServerFaults {
   std::atomic<bool> deny_login{false};
   std::atomic<bool> never_ack{false};
   std::atomic<bool> contradict{false};      ///< reject every chunk as contradictory
+  std::atomic<bool> busy_for_codes{false};  ///< refuse a lesson with a code: the queue is full
+  std::atomic<bool> fail_codes{false};      ///< refuse a lesson with a code as INTERNAL
   std::atomic<bool> forget_session{false};  ///< once: reject a chunk with "unknown session"
 };
 
@@ -219,13 +221,19 @@ class FakeServer {
       refusal = call.exercise_id() == "unknown" ? makeRefusal(pb::Refusal::NOT_FOUND, "no such exercise")
                                                 : refusalOfCode(call.trainee(), call.code());
       *answer.mutable_reply()->mutable_lesson() = lesson_;
+      answer.mutable_reply()->mutable_lesson()->set_code_checked(!codes_[call.trainee()].empty());
     } else if (request.has_check_trainee()) {
       refusal = refusalOfCode(request.check_trainee().trainee(), request.check_trainee().code());
-      answer.mutable_reply()->mutable_done();
+      answer.mutable_reply()->mutable_trainee_checked()->set_code_checked(
+          !codes_[request.check_trainee().trainee()].empty());
     } else {
       return;  // is silent
     }
     answer.mutable_reply()->set_id(request.id());
+    const bool has_code = !request.get_lesson().code().empty() || !request.check_trainee().code().empty();
+    if (has_code && faults.busy_for_codes)
+      refusal = makeRefusal(pb::Refusal::QUEUE_OVERFLOW, "the test says so");
+    if (has_code && faults.fail_codes) refusal = makeRefusal(pb::Refusal::INTERNAL, "the test says so");
     if (refusal) {
       answer = {};
       *answer.mutable_refusal() = *refusal;

@@ -132,6 +132,7 @@ constexpr NumberedName kReplyResults[] = {
     {41, "curricula"},
     {42, "assignments"},
     {43, "lesson"},
+    {46, "trainee_checked"},
     {50, "sessions"},
     {51, "session"},
     {52, "chunks"},

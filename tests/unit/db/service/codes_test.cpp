@@ -173,9 +173,33 @@ TEST_F(Codes, waitAfterFiveWrongOnes) {
   time.advance(120 * kSecond_ns);
   EXPECT_EQ(said(begin("tom", "2468")), "");
   EXPECT_EQ(said(begin("tom", "0000")), wrong + "4 tries left") << "the right one ended the row";
+  // the lines come later than the answers
+  ASSERT_OK(change([](Connection&) { return Status(); }));
   EXPECT_THAT(details("code locked"),
               testing::ElementsAre("station-1 tom too many wrong codes: waits 2 min",
                                    "station-1 tom too many wrong codes: waits 1 min"));
+}
+
+TEST_F(Codes, areAnsweredTheSameWhenTheAuditLogCannotBeWritten) {
+  get(manager, code("tom", "2468"));
+  for (int i = 0; i < 4; ++i) (void)said(begin("tom", "0000"));
+  store->writer().stop();
+  EXPECT_EQ(said(begin("tom", "0000")), "CODE: this is not the code of tom; try again in 1 min");
+  EXPECT_EQ(said(begin("tom", "2468")), "CODE: too many wrong codes of tom: try again in 1 min");
+}
+
+TEST_F(Codes, areReportedAsCheckedOnlyIfTheyWereCompared) {
+  get(manager, code("tom", "2468"));
+  const auto checked = [&](const std::string& who, const std::string& given) {
+    const bool lesson = get(station, begin(who, given)).lesson().code_checked();
+    EXPECT_EQ(get(station, check(who, given)).trainee_checked().code_checked(), lesson);
+    return lesson;
+  };
+  EXPECT_TRUE(checked("tom", "2468"));
+  for (const char* who : {"tim", "guest", ""}) EXPECT_FALSE(checked(who, "2468")) << who;
+  EXPECT_FALSE(get(instructor, begin("tom", "2468")).lesson().code_checked());
+  get(manager, code("tom", ""));
+  EXPECT_FALSE(checked("tom", "2468")) << "removed meanwhile";
 }
 
 TEST_F(Codes, ofAPersonWhoGetsAnotherWaitNoLonger) {
@@ -388,7 +412,13 @@ TEST_F(Codes, thatNobodyCheckedCountForNobodyUntilAManagerConfirmsThem) {
       found += nlohmann::json::parse(record)["kind"] == "session" ? 1 : 0;
     return found;
   };
+  const auto scores = [&] {
+    pb::Request request;
+    request.mutable_list_scores();
+    return get(instructor, request).scores().scores_size();
+  };
   EXPECT_EQ(attemptsOf("tom"), 0);
+  EXPECT_EQ(scores(), 0);
   EXPECT_EQ(get(tom, list).sessions().sessions_size(), 0);
   EXPECT_EQ(refusal(tom, show), ErrorCode::kNotFound);
   EXPECT_EQ(sessionsInOwnExport(), 0);
@@ -403,6 +433,7 @@ TEST_F(Codes, thatNobodyCheckedCountForNobodyUntilAManagerConfirmsThem) {
   EXPECT_FALSE(confirmed.unknown_trainee());
   EXPECT_FALSE(confirmed.code_unchecked());
   EXPECT_EQ(attemptsOf("tom"), 1);
+  EXPECT_EQ(scores(), 1);
   EXPECT_EQ(get(tom, list).sessions().sessions_size(), 1);
   EXPECT_EQ(sessionsInOwnExport(), 1);
   EXPECT_EQ(said(begin("tom", "2468", "second")), "");
@@ -419,6 +450,18 @@ TEST_F(Codes, thatNobodyCheckedMayBeOfSomebodyElse) {
   EXPECT_EQ(get(manager, assign).session().given_trainee(), "tom");
   EXPECT_EQ(attemptsOf("tom"), 0);
   EXPECT_EQ(attemptsOf("tim"), 1);
+}
+
+TEST_F(Codes, thatNobodyCheckedAreNoReasonToWaitOnceTheAccountIsErased) {
+  addPerson("ada", pb::ADMINISTRATOR);
+  get(manager, code("tom", "2468"));
+  const Uuid waits = record("tom", false);
+  EXPECT_EQ(stateOf(waits), "waits: code");
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tom");
+  erase.mutable_erase_person()->set_confirm("tom");
+  EXPECT_EQ(get(admin, erase).erasure().waiting_sessions(), 1u);
+  EXPECT_EQ(stateOf(waits), "waits: no such name") << "nobody could confirm it";
 }
 
 TEST_F(Codes, goWithAnErasure) {

@@ -75,6 +75,44 @@ TEST_F(ErasedPeople, doNotComeBackWithAnOlderExport) {
   EXPECT_NE(everything().find("better than " + pseudonym), std::string::npos);
 }
 
+TEST_F(ErasedPeople, leaveSessionsThatWaitUnderTheirNameToAnImport) {
+  addStation();
+  addPerson("ada", pb::ADMINISTRATOR);
+  const Uuid waits = closedSession("anna", 1'700'000'000'000'000'000, "whose is it?");
+  addNamed("anna", "");
+  const Uuid own = closedSession("anna", 1'700'000'000'000'000'001, "");
+  const Uuid ghosts = closedSession("Mona Ghost", 1'700'000'000'000'000'002, "");
+  const auto before = exportAll(*store);
+  EXPECT_EQ(get(admin, erase("anna")).erasure().waiting_sessions(), 1u);
+  get(admin, erase("Mona Ghost"));
+  const auto after = exportAll(*store);
+  const auto shown = [&](const Uuid& id) {
+    pb::Request show;
+    show.mutable_get_session()->set_session_id(test::bytesOfId(id));
+    const auto outcome = ask(instructor, show);
+    return outcome.error ? std::string("none") : outcome.reply.session().description().trainee();
+  };
+  for (const auto& records : {after, before}) {
+    // the rows are gone, the folder knows of the erasures
+    ASSERT_OK(change([&](Connection& c) -> Status {
+      for (const char* sql :
+           {"DELETE FROM removed_originals", "DELETE FROM annotations", "DELETE FROM scores",
+            "DELETE FROM chunks", "DELETE FROM unknown_trainees", "DELETE FROM sessions"})
+        if (auto done = c.run(sql); !done) return done;
+      return {};
+    }));
+    const auto report = importAll(*store, records, 100);
+    EXPECT_TRUE(report.done()) << report.DebugString();
+    EXPECT_EQ(shown(waits), "anna");
+    EXPECT_NE(shown(own), "anna");
+    EXPECT_NE(shown(ghosts), "Mona Ghost") << "an erased name that no account had";
+    pb::Request list;
+    list.mutable_list_sessions()->set_unknown_trainee(true);
+    EXPECT_EQ(get(manager, list).sessions().sessions_size(), 1);
+    EXPECT_TRUE(importAll(*store, records, 100).done()) << "again";
+  }
+}
+
 TEST_F(ErasedPeople, areNotNamedByWhatStationsGaveInAnOlderExport) {
   addStation();
   addPerson("ada", pb::ADMINISTRATOR);

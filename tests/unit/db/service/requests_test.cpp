@@ -104,12 +104,15 @@ TEST(Requests, aLessonWithACodeGoesWherePasswordsAreHashedAndNoOtherLesson) {
   check.mutable_check_trainee()->set_trainee("tom");
   other.mutable_list_users();
   for (const auto& request : {lesson, check, other, pb::Request()})
-    EXPECT_EQ(threadsOf(request), RequestThreads::kWorkers);
+    EXPECT_EQ(threadsOf(request, pb::STATION), RequestThreads::kWorkers);
   lesson.mutable_get_lesson()->set_code("1234");
   check.mutable_check_trainee()->set_code("1234");
-  for (const auto& request : {lesson, check}) EXPECT_EQ(threadsOf(request), RequestThreads::kPasswords);
+  for (const auto& request : {lesson, check}) {
+    EXPECT_EQ(threadsOf(request, pb::STATION), RequestThreads::kPasswords);
+    EXPECT_EQ(threadsOf(request, pb::INSTRUCTOR), RequestThreads::kWorkers) << "nobody checks it";
+  }
   other.mutable_get_results();
-  EXPECT_EQ(threadsOf(other), RequestThreads::kViews);
+  EXPECT_EQ(threadsOf(other, pb::STATION), RequestThreads::kViews);
 }
 
 TEST(Requests, eachCallHasOneRowWhoseHandlerTakesItsMessage) {

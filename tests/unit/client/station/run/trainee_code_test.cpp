@@ -79,7 +79,7 @@ class LessonWithCode : public testing::Test {
     home_ = std::make_unique<StationHome>(options_, observer_);
     RETURN_IF_ERROR(home_->openSpool());
     RETURN_IF_ERROR(home_->connect());
-    run_ = std::make_unique<StationRun>(*home_, options_, signals_, GivenCode{"", *ask});
+    run_ = std::make_unique<StationRun>(*home_, options_, signals_, GivenCode{code_at_once_, *ask});
     return run_->prepare();
   }
   [[nodiscard]] pb::SessionDescription begun() const {
@@ -102,6 +102,7 @@ class LessonWithCode : public testing::Test {
   FakeServer server_;
   sigset_t signals_{};
   StationOptions options_;
+  std::string code_at_once_;  // as for a next try
   int stdin_ = -1;
   std::unique_ptr<StationHome> home_;
   std::unique_ptr<StationRun> run_;
@@ -198,6 +199,44 @@ TEST_F(LessonWithCode, whoseCodeWasTakenAwayIsToldNothingAnyMore) {
   takeServerAway();
   ASSERT_TRUE(prepare().ok());
   EXPECT_FALSE(observer_.beginning->code_unchecked);
+}
+
+TEST_F(LessonWithCode, aCodeThatTheServerDidNotCompareIsNotChecked) {
+  code_at_once_ = "4711-tom";
+  ASSERT_TRUE(prepare().ok()) << "the code was removed since the last try";
+  EXPECT_THAT(server_.givenCodes(), ElementsAre("4711-tom"));
+  EXPECT_FALSE(begun().code_checked());
+  EXPECT_FALSE(run_->codeChecked());
+  options_.exercise.clear();
+  options_.profile_file = NEEDLELAB_SAMPLES "/phantom-ball.json";
+  ASSERT_TRUE(prepare().ok());
+  EXPECT_FALSE(begun().code_checked());
+}
+
+TEST_F(LessonWithCode, aServerThatIsThereButSaysNothingAboutTheCodeLetsNothingBegin) {
+  giveFile("4711-tom");
+  ASSERT_TRUE(prepare().ok()) << "fills the cache";
+  server_.setCode("tom", "4711-tom");
+  server_.faults.busy_for_codes = true;
+  Status status = prepare();
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kCode);
+  EXPECT_EQ(status.error().message, "the server is busy: try again");
+  EXPECT_EQ(observer_.beginning, nullptr) << "nothing began from the cache";
+  server_.faults.busy_for_codes = false;
+  ASSERT_TRUE(prepare().ok());
+}
+
+TEST_F(LessonWithCode, aCodeThatTheServerFailedToCheckLetsNoProfileBegin) {
+  server_.setCode("tom", "4711-tom");
+  server_.faults.fail_codes = true;
+  code_at_once_ = "4711-tom";
+  options_.exercise.clear();
+  options_.profile_file = NEEDLELAB_SAMPLES "/phantom-ball.json";
+  const Status status = prepare();
+  ASSERT_FALSE(status.ok());
+  EXPECT_THAT(status.error().message, HasSubstr("the test says so"));
+  EXPECT_EQ(observer_.beginning, nullptr);
 }
 
 TEST_F(LessonWithCode, aFileThatHoldsNoCodeIsNamedBeforeAnythingBegins) {

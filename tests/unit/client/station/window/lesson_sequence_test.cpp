@@ -2,9 +2,13 @@
 // or with one that asks for codes.
 #include <gmock/gmock.h>
 
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -22,6 +26,22 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
+// The machine's time, and what the test adds to it.
+class LaterTime : public MachineTime {
+ public:
+  [[nodiscard]] std::int64_t nowNs() noexcept override { return MachineTime::nowNs() + later_ns_; }
+  void sleepUntilNs(std::int64_t due_ns) noexcept override { MachineTime::sleepUntilNs(due_ns - later_ns_); }
+  void waitUntilNs(std::condition_variable& changed, std::unique_lock<std::mutex>& lock,
+                   std::int64_t due_ns) override {
+    MachineTime::waitUntilNs(changed, lock, due_ns - later_ns_);
+  }
+  using MachineTime::waitUntilNs;
+  void advance(std::chrono::seconds by) { later_ns_ += std::chrono::nanoseconds(by).count(); }
+
+ private:
+  std::atomic<std::int64_t> later_ns_{0};
+};
+
 class ConductorTest : public testing::Test {
  protected:
   ConductorTest() {
@@ -35,7 +55,7 @@ class ConductorTest : public testing::Test {
     options_.hand.repeat = 0;
   }
   void start(bool begins = false, bool alone = false) {
-    sequence_ = std::make_unique<LessonSequence>(options_, signals_, board_, alone, begins);
+    sequence_ = std::make_unique<LessonSequence>(options_, signals_, board_, alone, begins, time_);
     thread_ = std::thread([this] { code_ = sequence_->run(); });
   }
   ~ConductorTest() override {
@@ -67,6 +87,7 @@ class ConductorTest : public testing::Test {
   TempFolder folder_;
   sigset_t signals_{};
   StationOptions options_;
+  LaterTime time_;
   LessonBoard board_;
   std::unique_ptr<LessonSequence> sequence_;
   std::thread thread_;
@@ -336,6 +357,37 @@ TEST_F(CodeSequenceTest, theStartScreenForgetsTheCode) {
   EXPECT_FALSE(state_.code_question->wrong);
   EXPECT_EQ(server_->givenCodes(), (std::vector<std::string>{"", "4711", ""}));
   EXPECT_EQ(quit(), kExitDone) << "who is asked and leaves does nothing wrong";
+}
+
+TEST_F(CodeSequenceTest, twoMinutesAfterTheLessonTheCodeIsForgotten) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  practiseAsTom();
+  time_.advance(110s);
+  begin("tom");
+  ASSERT_TRUE(untilEndOf(2)) << state_.trouble;
+  EXPECT_EQ(server_->givenCodes(), (std::vector<std::string>{"", "4711", "4711"}))
+      << "counted from each lesson's end";
+  time_.advance(121s);
+  begin("tom");
+  ASSERT_TRUE(untilAsked(2)) << state_.trouble;
+  EXPECT_EQ(server_->givenCodes().back(), "");
+  EXPECT_FALSE(state_.code_question->wrong);
+}
+
+TEST_F(CodeSequenceTest, aCodeThatWasChangedMeanwhileIsNotThePersonsWrongOne) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  practiseAsTom();
+  server_->setCode("tom", "1174");
+  begin("tom");
+  ASSERT_TRUE(untilAsked(2)) << state_.trouble;
+  EXPECT_EQ(state_.code_question->text,
+            "tom's code of the last lesson is refused now; type the present one. "
+            "this is not the code of tom; 4 tries left");
+  EXPECT_FALSE(state_.code_question->wrong);
+  begin("tom", "1174");
+  ASSERT_TRUE(untilEndOf(2)) << state_.trouble;
 }
 
 TEST_F(CodeSequenceTest, somebodyElsesLessonForgetsTheCode) {

@@ -131,6 +131,24 @@ TEST_F(TraineeScreens, startAsksForTheCodeOfTheTraineeAndEnterBegins) {
   EXPECT_EQ(request.code, "badge-4711");
 }
 
+TEST_F(TraineeScreens, startTakesABadgeAtOnceOfWhomTheServerAskedBefore) {
+  showStart();
+  board_.change([](BoardState& state) { state.lists.asks_code = {"tom"}; });
+  picture(4);
+  // the arrows still choose
+  press(screen(), GLFW_KEY_RIGHT);
+  press(screen(), GLFW_KEY_LEFT);
+  picture(4);
+  surface_->typeText("badge-4711");
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  BoardRequest request = board_.waitForRequest(0ms);
+  while (request.kind == BoardRequest::Kind::kTrainee) request = board_.waitForRequest(0ms);
+  ASSERT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.choice.trainee, "tom");
+  EXPECT_EQ(request.code, "badge-4711");
+}
+
 TEST_F(TraineeScreens, startSaysThatACodeWasWrongAndTheFieldIsEmptyAgain) {
   showStart();
   askForCode(false);
@@ -350,6 +368,17 @@ TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   press(screen(), GLFW_KEY_O);
   request = board_.waitForRequest(0ms);
   EXPECT_EQ(request.kind, BoardRequest::Kind::kStart);
+}
+
+TEST_F(TraineeScreens, aBadgeAtTheEndLeadsToTheStartAndBeginsNothing) {
+  showEnd(true);
+  picture(30);
+  for (const char* piece : {"08", "154711"}) {
+    surface_->typeText(piece);
+    picture(1);
+  }
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kStart);
 }
 
 TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {

@@ -229,6 +229,49 @@ TEST(CodeOfTheChoice, aLessonThatBeganEndsTheQuestion) {
   EXPECT_EQ(choice.typedCode(), "");
 }
 
+TEST(CodeOfTheChoice, ofWhomTheServerAskedBeforeIsAskedAtOnceAndMayLeaveItEmpty) {
+  StartChoice choice;
+  BoardState state = withQuestion();
+  state.code_question.reset();
+  state.lists.asks_code = {"tom", "zoe"};
+  choice.update(state);
+  ASSERT_NE(choice.codeQuestion(), nullptr);
+  EXPECT_FALSE(choice.codeQuestion()->wrong);
+  const std::uint64_t toms = choice.codeQuestion()->number;
+  EXPECT_EQ(choice.missing(), "") << "the code may have been removed: the server says so";
+  choice.typeCode("4711");
+  choice.update(state);
+  EXPECT_EQ(choice.typedCode(), "4711") << "new lists keep it";
+  EXPECT_EQ(choice.takeCode(), "4711");
+  choice.update(state);
+  ASSERT_NE(choice.codeQuestion(), nullptr);
+  EXPECT_NE(choice.codeQuestion()->number, toms) << "a new question after the lesson";
+  choice.typeCode("4711");
+  choice.chooseTrainee("zoe");
+  ASSERT_NE(choice.codeQuestion(), nullptr);
+  EXPECT_EQ(choice.codeQuestion()->trainee, "zoe");
+  EXPECT_EQ(choice.typedCode(), "");
+  choice.chooseTrainee("mia");
+  EXPECT_EQ(choice.codeQuestion(), nullptr);
+  choice.chooseTrainee("tom");
+  choice.update(withQuestion(2));
+  ASSERT_NE(choice.codeQuestion(), nullptr);
+  EXPECT_EQ(choice.codeQuestion()->text, "tom has a code") << "the server's question comes first";
+}
+
+TEST(CodeOfTheChoice, whatIsNoCodeIsSaidInItsOwnWords) {
+  StartChoice choice;
+  choice.update(withQuestion());
+  choice.typeCode(
+      "b\xc3\xa4"
+      "dge");
+  EXPECT_THAT(choice.missing(), HasSubstr("no printable ASCII"));
+  choice.typeCode(std::string(65, '1'));
+  EXPECT_EQ(choice.missing(), "code: has 65 characters, allowed are 4 to 64");
+  choice.typeCode("471");
+  EXPECT_THAT(choice.missing(), HasSubstr("badge"));
+}
+
 TEST(CodeOfTheChoice, withoutTheServerNobodyIsAsked) {
   StartChoice choice;
   BoardState state = withQuestion();

@@ -62,5 +62,13 @@ TEST(StationActions, quittingSaysWhatHappensToTheLesson) {
   EXPECT_EQ(actionOf(quitActions(), ActionKey::kEscape), kActNo);
 }
 
+TEST(StationActions, afterABadgeNoKeyBeginsTheLastTraineesNextLesson) {
+  for (const int action : {kActNext, kActAgain}) {
+    EXPECT_EQ(endActionByKey(action, false), action);
+    EXPECT_EQ(endActionByKey(action, true), kActOther);
+  }
+  EXPECT_EQ(endActionByKey(kActOther, true), kActOther);
+}
+
 }  // namespace
 }  // namespace needlelab
