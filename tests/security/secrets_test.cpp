@@ -142,7 +142,8 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
           ->wait(60s),
       0);
   const auto badge = planted("badge", "Planted-6-Badge");
-  EXPECT_EQ(remote("code", chief, {"user", "code", "bert", "--code-file", badge})->wait(60s), 0);
+  for (const char* name : {"bert", "tom"})
+    EXPECT_EQ(remote("code", chief, {"user", "code", name, "--code-file", badge})->wait(60s), 0);
   EXPECT_EQ(remote("passwd", chief, {"user", "passwd", "bert", "--new-password-file", chief})->wait(60s), 0);
   EXPECT_EQ(remote("short", chief, {"user", "passwd", "bert", "--new-password-file", other})->wait(60s), 0);
   EXPECT_EQ(
@@ -151,11 +152,29 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   ASSERT_TRUE(second.ok());
   secrets_["second key in hexadecimal"] = second->substr(second->find(':') + 1, 64);
 
-  // a lesson that is watched
+  // a lesson that is watched, with the trainee's code
   Process station("needlelab-station",
-                  {"--server", address, "--ca", ca, "--key", lab.path("station.key"), "--trainee", "tom",
-                   "--headless", "--spool", lab.path("spool"), "--device", "simulated", "--exercise",
-                   "ball-free-practice", "--seconds", "4", "--json", lab.path("lesson.json")},
+                  {"--server",
+                   address,
+                   "--ca",
+                   ca,
+                   "--key",
+                   lab.path("station.key"),
+                   "--trainee",
+                   "tom",
+                   "--headless",
+                   "--spool",
+                   lab.path("spool"),
+                   "--device",
+                   "simulated",
+                   "--exercise",
+                   "ball-free-practice",
+                   "--seconds",
+                   "4",
+                   "--json",
+                   lab.path("lesson.json"),
+                   "--code-file",
+                   badge},
                   lab.path("station.log"));
   Process instructor("needlelab-instructor",
                      {"--server", address, "--ca", ca, "--user", "chief", "--password-file", chief,
@@ -166,6 +185,8 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   lookAtProcess("station", station.pid());
   lookAtProcess("instructor", instructor.pid());
   EXPECT_EQ(station.wait(60s), 0) << station.said();
+  const auto lesson = readWholeFile(lab.path("lesson.json"));
+  EXPECT_TRUE(lesson.ok() && !lesson->empty()) << "the code was sent, or no lesson would have begun";
   EXPECT_EQ(instructor.wait(60s), 0) << instructor.said();
 
   EXPECT_EQ(remote("audit", chief, {"audit"})->wait(60s), 0);
