@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -53,8 +54,14 @@ Task<> LinkClock::wait(asio::steady_timer& timer, std::chrono::milliseconds time
 
 /// The coroutines share the state, so that it lives until they have ended, even after the link.
 struct ServerLink::State {
+  struct WipeAndDelete {
+    void operator()(pb::Request* request) const {
+      wipeSecrets(*request);
+      delete request;
+    }
+  };
   struct Waiting {
-    pb::Request request;
+    std::unique_ptr<pb::Request, WipeAndDelete> request;  // may hold a code or a password
     Answer answer;
     OnLoss on_loss = OnLoss::kAskAgain;
     std::int64_t until_ns = 0;
@@ -274,9 +281,10 @@ void ServerLink::State::fail(const Error& error, Which which) {
 void ServerLink::State::sendRequest(std::uint64_t id, const Waiting& one) {
   if (!online()) return;
   pb::Envelope envelope;
-  *envelope.mutable_request() = one.request;
+  *envelope.mutable_request() = *one.request;
   envelope.mutable_request()->set_id(id);
   channel->send(envelope);
+  wipeSecrets(*envelope.mutable_request());
 }
 
 ServerLink::ServerLink(asio::io_context& io, LinkSettings settings, LinkHandlers handlers)
@@ -355,8 +363,9 @@ std::uint64_t ServerLink::ask(pb::Request request, Answer answer, OnLoss on_loss
     const std::int64_t until_ns = patience >= kForever
                                       ? std::numeric_limits<std::int64_t>::max()
                                       : state.settings.clock->steadyNs() + nanoseconds(patience);
+    std::unique_ptr<pb::Request, State::WipeAndDelete> kept(new pb::Request(std::move(request)));
     const auto placed =
-        state.waiting.emplace(id, State::Waiting{std::move(request), std::move(answer), on_loss, until_ns});
+        state.waiting.emplace(id, State::Waiting{std::move(kept), std::move(answer), on_loss, until_ns});
     state.sendRequest(id, placed.first->second);
     if (patience < kForever && !std::exchange(state.watching_deadlines, true))
       asio::co_spawn(state.io, State::watchDeadlines(state_), rethrow);

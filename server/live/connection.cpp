@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/base/clock.h"
+#include "common/base/secret.h"
 #include "common/wire/protocol.h"
 #include "server/base/log.h"
 #include "server/live/request_effects.h"
@@ -410,6 +411,7 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome) {
            request.id());
   } else {
     sendControl(envelope);
+    if (envelope.reply().has_new_code()) wipe(*envelope.mutable_reply()->mutable_new_code()->mutable_code());
   }
   followUp(context_, request, envelope.reply(), who_.name, this);
 }

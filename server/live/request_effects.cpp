@@ -4,7 +4,6 @@
 #include <boost/asio/post.hpp>
 #include <utility>
 
-#include "common/base/secret.h"
 #include "common/base/text.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests.h"
@@ -109,12 +108,7 @@ Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal 
 
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {
   return {new pb::Request(std::move(request)), [](pb::Request* held) {
-            if (held->has_add_user()) wipe(*held->mutable_add_user()->mutable_password());
-            if (held->has_import_people()) wipe(*held->mutable_import_people()->mutable_csv());
-            if (held->has_set_password()) wipe(*held->mutable_set_password()->mutable_password());
-            if (held->has_set_code()) wipe(*held->mutable_set_code()->mutable_code());
-            if (held->has_get_lesson()) wipe(*held->mutable_get_lesson()->mutable_code());
-            if (held->has_check_trainee()) wipe(*held->mutable_check_trainee()->mutable_code());
+            wipeSecrets(*held);
             delete held;
           }};
 }
