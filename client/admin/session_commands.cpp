@@ -91,6 +91,7 @@ Status confirmSessions(CommandContext& context, const std::string& station, cons
                                        {"exercise_id", "EXERCISE"},
                                        {"outcome", "OUTCOME"}},
                                       rows, "no session waits for a code"));
+  if (waiting.empty()) return {};
   context.output.done(fmt::format("{} of {} confirmed, {} still open", confirmed, waiting.size(), open));
   const std::size_t failed = waiting.size() - confirmed - open;
   if (failed == 0) return {};

@@ -137,6 +137,7 @@ TEST_F(TraineeScreens, startTakesABadgeAtOnceOfWhomTheServerAskedBefore) {
   picture(4);
   // the arrows still choose
   press(screen(), GLFW_KEY_RIGHT);
+  picture(4);
   press(screen(), GLFW_KEY_LEFT);
   picture(4);
   surface_->typeText("badge-4711");
