@@ -140,6 +140,7 @@ TEST_F(TraineeScreens, startTakesABadgeAtOnceOfWhomTheServerAskedBefore) {
   picture(4);
   press(screen(), GLFW_KEY_LEFT);
   picture(4);
+  press(screen(), GLFW_KEY_DOWN);  // another trainee chooses anew
   surface_->typeText("badge-4711");
   picture(2);
   press(screen(), GLFW_KEY_ENTER);
