@@ -368,7 +368,8 @@ export function week(t) {
       .getByRole('region', { name: 'Annotations' })
       .getByRole('button', { name: '0:02.5: go to this moment' })
       .click();
-    assert.ok(Math.abs(Number(await page.getByRole('slider', { name: 'Moment' }).inputValue()) - 2.5) < 0.01);
+    const moment = page.getByRole('slider', { name: 'Moment' });
+    await until('the moment of the remark', async () => Math.abs(Number(await moment.inputValue()) - 2.5) < 0.01);
     await done(ines);
   });
 

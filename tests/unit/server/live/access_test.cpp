@@ -72,7 +72,10 @@ std::size_t countOf(const std::string& text, const std::string& word) {
 }
 
 TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
-  RunningServer server([](ServerOptions& options) { options.guard.first_wait = std::chrono::minutes(10); });
+  RunningServer server([](ServerOptions& options) {
+    options.guard.first_wait = std::chrono::minutes(10);
+    options.limits.handshake_timeout = std::chrono::minutes(10);
+  });
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
   server.addUser("bert", pb::INSTRUCTOR, kPassword);
   constexpr std::size_t kGuesses = 32;
@@ -103,7 +106,8 @@ TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
 }
 
 TEST(Access, rightPasswordsThatComeTogetherAllLogIn) {
-  RunningServer server;
+  RunningServer server(
+      [](ServerOptions& options) { options.limits.handshake_timeout = std::chrono::minutes(10); });
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
   std::vector<std::unique_ptr<RawPeer>> peers;
   for (int i = 0; i < 8; ++i) {
