@@ -173,20 +173,18 @@ TEST_F(VirtuoseReconnect, threadsHandTheConnectionOverCleanly) {
       std::this_thread::sleep_for(1ms);
     }
   });
-  const auto grows = [](std::atomic<int>& count) {
+  // a busy machine may need long; what never comes is ended by ctest
+  const auto awaitFive = [](const std::atomic<int>& count) {
     const int before = count.load();
-    const auto patience = std::chrono::steady_clock::now() + 20s;
-    while (count.load() < before + 5 && std::chrono::steady_clock::now() < patience)
-      std::this_thread::sleep_for(1ms);
-    return count.load() >= before + 5;
+    while (count.load() < before + 5) std::this_thread::sleep_for(1ms);
   };
   for (int round = 0; round < 10; ++round) {
-    EXPECT_TRUE(grows(fresh)) << round;
+    awaitFive(fresh);
     standin_.command("daemon 0");
-    EXPECT_TRUE(grows(lost)) << round;
+    awaitFive(lost);
     standin_.command("daemon 1");
   }
-  EXPECT_TRUE(grows(fresh));
+  awaitFive(fresh);
   done.store(true);
   haptic.join();
   keeper.join();
