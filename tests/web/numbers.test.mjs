@@ -14,7 +14,7 @@ import {
   typed,
   words,
 } from '../../client/web/app/lib/units.js';
-import { advance, atRest, seek, toggle } from '../../client/web/app/lib/recording.js';
+import { advance, atRest, loaded, seek, toggle } from '../../client/web/app/lib/recording.js';
 import { random } from './mock/gesture.mjs';
 
 const en = { locale: 'en' };
@@ -255,4 +255,10 @@ test('a replay runs at its speed, stops at the end, and begins again', () => {
   assert.equal(advance(p, 1), p);
   assert.deepEqual([toggle(p).at_s, toggle(p).playing], [1, true]);
   assert.equal(seek(p, -3).at_s, 1);
+  // a remark that was clicked before the recording came
+  const early = seek(atRest(0, 0), 2.5);
+  assert.equal(early.at_s, 0);
+  assert.equal(loaded(early, 0, 9).at_s, 2.5);
+  assert.equal(loaded(early, 0, 2).at_s, 2);
+  assert.equal(loaded(loaded(early, 0, 9), 1, 9).at_s, 1, 'another recording begins at its beginning');
 });

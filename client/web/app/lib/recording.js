@@ -156,7 +156,7 @@ export function boneContactWords(measures, shown) {
 /** Index of the sample at a moment. */
 export const sampleAt = (way, at_s) => indexAt(way.t_s, at_s);
 
-/** @typedef {{at_s: number, playing: boolean, speed: number, from_s: number, to_s: number}} Playback */
+/** @typedef {{at_s: number, playing: boolean, speed: number, from_s: number, to_s: number, wanted_s?: number}} Playback */
 
 export const kSpeeds = [0.1, 0.25, 0.5, 1, 2, 4];
 
@@ -165,8 +165,11 @@ export const atRest = (from_s, to_s) => ({ at_s: from_s, playing: false, speed: 
 
 const within = (p, at_s) => Math.max(p.from_s, Math.min(p.to_s, at_s));
 
-/** @param {Playback} p */
-export const seek = (p, at_s) => ({ ...p, at_s: within(p, at_s) });
+/** Before the recording is there, keeps the moment that is wanted. @param {Playback} p */
+export const seek = (p, at_s) => ({ ...p, at_s: within(p, at_s), wanted_s: p.from_s < p.to_s ? undefined : at_s });
+
+/** Another recording, or the first: goes to the moment that was wanted meanwhile. @param {Playback} p */
+export const loaded = (p, from_s, to_s) => seek(atRest(from_s, to_s), p.wanted_s ?? from_s);
 
 /** Playing at the end begins again. */
 export const toggle = (p) => ({ ...p, playing: !p.playing, at_s: !p.playing && p.at_s >= p.to_s ? p.from_s : p.at_s });

@@ -1,5 +1,5 @@
 // One session: plots, replay, score, remarks, syringe.
-import { advance, atRest, boneContacts, columnsOf, kBoneContact, seek, toggle } from '../lib/recording.js';
+import { advance, atRest, boneContacts, columnsOf, kBoneContact, loaded, seek, toggle } from '../lib/recording.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { counted, words } from '../lib/units.js';
@@ -24,7 +24,7 @@ const kFormats = [['Samples as CSV', (id) => address(['sessions', id, 'samples.c
 /** A replay driven by the browser's animation frames. */
 function usePlayback(from_s, to_s) {
   const [playback, setPlayback] = useState(atRest(from_s, to_s));
-  useEffect(() => setPlayback(atRest(from_s, to_s)), [from_s, to_s]);
+  useEffect(() => setPlayback((p) => loaded(p, from_s, to_s)), [from_s, to_s]);
   useEffect(() => {
     if (!playback.playing) return undefined;
     let frame = 0,
