@@ -186,6 +186,8 @@ Error errorOf(const pb::Refusal& refusal) {
         return ErrorCode::kFailed;
     }
   }();
+  // written for the trainee, who reads it as it is
+  if (refusal.reason() == pb::Refusal::CODE) return {code, refusal.text()};
   std::string text = "the peer refused (" + reasonName(refusal.reason()) + "): " + refusal.text();
   if (refusal.reason() == pb::Refusal::VERSION) {
     text += " [peer " + versionText(refusal.ours()) + ", we " + versionText(refusal.theirs()) + "]";

@@ -88,7 +88,7 @@ pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal
 /// kCode → CODE …, all others → INTERNAL.
 pb::Refusal refusalOf(const Error& error);
 /// Returns the error for a peer's refusal; the message names the reason, and both versions if the refusal has
-/// them.
+/// them. Of CODE it is the peer's text alone.
 Error errorOf(const pb::Refusal& refusal);
 /// "LOGIN", "GAP", …
 std::string reasonName(pb::Refusal::Reason reason);

@@ -24,7 +24,7 @@ AskForCode codeOfFile(std::shared_ptr<FileCode> file, const std::string& path) {
   return [file = std::move(file), path](const Error& refused,
                                         const std::function<bool()>&) -> Result<std::string> {
     if (file->code.empty())
-      return Error{refused.code, refusalText(refused) + "; the code is that of --code-file " + path};
+      return Error{refused.code, refused.message + "; the code is that of --code-file " + path};
     std::string code = file->code;
     wipe(file->code);
     return code;
@@ -34,10 +34,10 @@ AskForCode codeOfFile(std::shared_ptr<FileCode> file, const std::string& path) {
 Result<std::string> codeOfPerson(const std::string& who, const Error& refused, bool again,
                                  const std::function<bool()>& stopped) {
   const std::string no_terminal =
-      refusalText(refused) + "; without a terminal give the code in a file: --code-file FILE";
+      refused.message + "; without a terminal give the code in a file: --code-file FILE";
   // as for Enter: without it a service that was started at a terminal would wait for somebody there
   if (!EnterKey(STDIN_FILENO).isTerminal()) return Error{ErrorCode::kInvalidInput, no_terminal};
-  if (again) logMessage(refusalText(refused));
+  if (again) logMessage(refused.message);
   for (;;) {
     auto code =
         passwordFromTerminal("Code of " + who + " (PIN or badge): ", kMaxCodeBytes, no_terminal, stopped);
@@ -52,14 +52,6 @@ Result<std::string> codeOfPerson(const std::string& who, const Error& refused, b
 }
 
 }  // namespace
-
-std::string refusalText(const Error& refused) {
-  constexpr std::string_view kBegin = "the peer refused (", kEnd = "): ";
-  const std::size_t end = refused.message.find(kEnd);
-  return refused.message.starts_with(kBegin) && end != std::string::npos
-             ? refused.message.substr(end + kEnd.size())
-             : refused.message;
-}
 
 Result<AskForCode> askForCodeWithoutWindow(const StationOptions& options) {
   if (!options.code_file.empty()) {

@@ -18,9 +18,6 @@ namespace needlelab {
 inline constexpr const char* kCodeUnchecked =
     "The server is away: your code was not checked. A manager confirms this session later.";
 
-/// Returns the server's own text of a refusal, without what `errorOf` says before it.
-std::string refusalText(const Error& refused);
-
 /// Gives the code after the server refused (kCode) because it is missing or wrong. `stopped`: whether to give
 /// up waiting for a person. Errors end the lesson's preparation.
 using AskForCode =

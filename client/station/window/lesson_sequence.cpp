@@ -269,7 +269,7 @@ void LessonSequence::cannotBegin(const Error& error, const LessonChoice& choice,
     // nobody typed the refused code of the lesson before
     const std::string before =
         code_kept ? choice.trainee + "'s code of the last lesson is refused now; type the present one. " : "";
-    const CodeQuestion question{choice.trainee, printable(before + refusalText(error)), code_typed,
+    const CodeQuestion question{choice.trainee, printable(before + error.message), code_typed,
                                 ++code_questions_};
     return board_.change([&](BoardState& state) { state.code_question = question; });
   }

@@ -229,7 +229,9 @@ TEST(Refusal, theReasonDecidesWhetherTryingAgainMayHelp) {
 
 TEST(Refusal, aCodeThatIsMissingOrWrongIsNeitherARoleNorAnAbsentServer) {
   EXPECT_EQ(refusalOf(Error{ErrorCode::kCode, "no"}).reason(), pb::Refusal::CODE);
-  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::CODE, "no")).code, ErrorCode::kCode);
+  const Error error = errorOf(makeRefusal(pb::Refusal::CODE, "tom has a code: type it"));
+  EXPECT_EQ(error.code, ErrorCode::kCode);
+  EXPECT_EQ(error.message, "tom has a code: type it") << "as the trainee reads it";
 }
 
 TEST(Refusal, aVersionRefusalNamesBothVersions) {
