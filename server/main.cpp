@@ -52,6 +52,10 @@ int main(int argc, char** argv) try {
   app.add_option("--host-name", options.host_names,
                  "Further name or address for the server's certificate; may be repeated");
   app.add_option(
+      "--ca-domain", options.ca_domains,
+      "At the first start: the certificate authority may sign names in this domain, and no others; "
+      "may be repeated. Without it: the names of --host-name");
+  app.add_option(
       "--metrics", options.metrics,
       "PORT or HOST:PORT for GET /metrics (Prometheus) and /healthz; a port alone is on 127.0.0.1");
   app.add_option("--metrics-port-file", options.metrics_port_file,

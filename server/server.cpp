@@ -48,8 +48,10 @@ struct Server::Parts {
 
   ServerOptions options;
   asio::io_context io{1};
-  TlsContext tls;
+  TlsContext tls;  // for connections from now on
   TlsFiles files;
+  CertificateNames names;
+  std::string certificate_sha256;
   std::unique_ptr<Store> store;
   // of the retention threads, one runs retention; the other answers further requests and makes dry runs
   asio::thread_pool passwords{1}, logins{1}, workers{2}, views{2}, slow_workers{1}, retention_workers{2};
@@ -63,6 +65,7 @@ struct Server::Parts {
   asio::steady_timer drain_timer{io};
   asio::steady_timer retention_timer{io};
   asio::steady_timer heap_timer{io};
+  asio::steady_timer certificate_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -76,12 +79,29 @@ struct Server::Parts {
   Status startMonitor();
   Task<> retentionLoop();
   Task<> heapLoop();
+  Task<> certificateLoop();
   void accepted(Tcp::socket socket);
   void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);
 };
 
 namespace {
+
+struct ServerCertificate {
+  TlsContext tls;
+  std::string sha256;
+  bool made = false;
+};
+
+/// The certificate of the files, made or renewed if need be. Thread: any.
+Result<ServerCertificate> currentCertificate(const TlsFiles& files, const CertificateNames& names) {
+  ServerCertificate current;
+  ASSIGN_OR_RETURN(current.made, ensureTlsFiles(files, names));
+  ASSIGN_OR_RETURN(current.tls, makeServerTls(files.certificate, files.key));
+  ASSIGN_OR_RETURN(const auto facts, readCertificate(files.certificate));
+  current.sha256 = facts.sha256;
+  return current;
+}
 
 void logThrown(const std::string& text) {
   logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
@@ -122,10 +142,10 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   RETURN_IF_ERROR(logValidAgain(*p.store));
 
   p.files = tlsFilesIn(p.options.data / "tls");
-  ASSIGN_OR_RETURN(auto made,
-                   ensureTlsFiles(p.files, certificateHosts(p.options.listen, p.options.host_names)));
-  ASSIGN_OR_RETURN(auto tls, makeServerTls(p.files.certificate, p.files.key));
-  p.tls = tls;
+  p.names = certificateNames(p.options.listen, p.options.host_names, p.options.ca_domains);
+  ASSIGN_OR_RETURN(const auto certificate, currentCertificate(p.files, p.names));
+  p.tls = certificate.tls;
+  p.certificate_sha256 = certificate.sha256;
 
   p.options.admission.max_connections = p.options.max_connections;
   p.context.emplace(ServerContext{.io = p.io,
@@ -167,7 +187,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
             {"port", p.port},
             {"data", p.options.data.string()},
             {"ca", p.files.ca_certificate.string()},
-            {"new_certificate", made ? "yes" : "no"}});
+            {"new_certificate", certificate.made ? "yes" : "no"}});
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
@@ -217,6 +237,7 @@ int Server::run() {
   if (p.options.handle_signals) notifyManager("READY=1\nSTATUS=serving");
   if (p.options.retention_every.count() > 0) asio::co_spawn(p.io, p.retentionLoop(), rethrow);
   asio::co_spawn(p.io, p.heapLoop(), rethrow);
+  if (p.options.certificate_every.count() > 0) asio::co_spawn(p.io, p.certificateLoop(), rethrow);
   p.io.run();
   // all connections have ended; the writer commits its queue before it ends
   p.store->writer().stop();
@@ -286,6 +307,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   signals.cancel(ignored);
   retention_timer.cancel();
   heap_timer.cancel();
+  certificate_timer.cancel();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {
@@ -330,6 +352,30 @@ Task<> Server::Parts::heapLoop() {
     co_await heap_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     asio::post(workers, [] { ::malloc_trim(0); });
+  }
+}
+
+/// Renews the certificate in time and takes one that a technician made (certificates.h). Connections that are
+/// there keep theirs.
+Task<> Server::Parts::certificateLoop() {
+  std::string fault;
+  while (!stopping) {
+    certificate_timer.expires_after(options.certificate_every);
+    co_await certificate_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    std::function<Result<ServerCertificate>()> work = [this] { return currentCertificate(files, names); };
+    const auto now = co_await offload(workers, std::move(work));
+    if (!now.ok()) {
+      // once for each fault: the old certificate serves on
+      if (std::exchange(fault, now.error().message) != now.error().message)
+        logEvent(LogLevel::kWarning, "certificate_not_renewed", {{"text", now.error().message}});
+      continue;
+    }
+    fault.clear();
+    if (std::exchange(certificate_sha256, now->sha256) == now->sha256) continue;
+    tls = now->tls;
+    if (web) web->useTls(tls);
+    logEvent(LogLevel::kInfo, "certificate_taken", {{"sha256", now->sha256}});
   }
 }
 

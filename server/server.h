@@ -29,7 +29,9 @@ struct ServerOptions {
   MonitorSettings monitor;
   std::filesystem::path port_file;      ///< written after listening; empty: none
   std::vector<std::string> host_names;  ///< for the certificate, in addition to those found automatically
-  bool handle_signals = false;          ///< SIGTERM and SIGINT end run()
+  std::vector<std::string> ca_domains;  ///< for an authority that is made now (CertificateNames::domains)
+  std::chrono::milliseconds certificate_every{60'000};  ///< between two looks at the certificate; 0: none
+  bool handle_signals = false;                          ///< SIGTERM and SIGINT end run()
   std::size_t max_connections = 4096;
   std::chrono::milliseconds drain{10'000};  ///< at the end; then the server cuts the remaining connections
   ChannelLimits limits;

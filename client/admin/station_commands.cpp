@@ -80,7 +80,7 @@ Result<std::string> authorityFor(const CommandContext& context, const Endpoint& 
   if (context.backend.local()) {
     const TlsFiles files = tlsFilesIn(std::filesystem::path(context.global.data) / "tls");
     // the certificate must cover the name that the station will connect to
-    if (auto made = ensureTlsFiles(files, {server.host}); !made) return made.error();
+    if (auto made = ensureTlsFiles(files, {{server.host}}); !made) return made.error();
     file = files.ca_certificate;
   }
   return readWholeFile(file, 1u << 20);

@@ -78,6 +78,8 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   [[nodiscard]] asio::io_context& io() { return io_; }
   [[nodiscard]] const HttpLimits& limits() const { return limits_; }
   [[nodiscard]] const std::optional<TlsContext>& tls() const { return tls_; }
+  /// For connections from now on; the server must have had one.
+  void useTls(TlsContext tls) { tls_ = std::move(tls); }
 
   // --- for its connections; the subclass decides
 
@@ -106,7 +108,7 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   asio::io_context& io_;
   Tcp::acceptor acceptor_;
   const std::uint16_t port_;
-  const std::optional<TlsContext> tls_;
+  std::optional<TlsContext> tls_;
   const HttpLimits limits_;
   std::unordered_map<std::uint64_t, std::weak_ptr<HttpConnection>> connections_;
   std::uint64_t next_id_ = 1;

@@ -137,20 +137,23 @@ Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void
   }
 }
 
-std::vector<std::string> certificateHosts(const std::string& listen, const std::vector<std::string>& more) {
-  std::vector<std::string> hosts = {"localhost", "127.0.0.1", "::1"};
-  const auto add = [&](const std::string& host) {
-    if (!host.empty() && std::find(hosts.begin(), hosts.end(), host) == hosts.end()) hosts.push_back(host);
+CertificateNames certificateNames(const std::string& listen, std::vector<std::string> hosts,
+                                  std::vector<std::string> domains) {
+  CertificateNames names{std::move(hosts), {"localhost", "127.0.0.1", "::1"}, std::move(domains)};
+  const auto add = [&](std::vector<std::string>& to, const std::string& host) {
+    const auto has = [&](const std::vector<std::string>& list) {
+      return std::find(list.begin(), list.end(), host) != list.end();
+    };
+    if (!host.empty() && !has(names.hosts) && !has(names.own)) to.push_back(host);
   };
   std::array<char, 256> name{};
-  if (gethostname(name.data(), name.size() - 1) == 0) add(name.data());
+  if (gethostname(name.data(), name.size() - 1) == 0) add(names.own, name.data());
   if (const auto endpoint = parseEndpoint(listen); endpoint.ok()) {
     boost::system::error_code error;
     const auto address = asio::ip::make_address(endpoint->host, error);
-    if (error || !address.is_unspecified()) add(endpoint->host);
+    if (error || !address.is_unspecified()) add(names.hosts, endpoint->host);
   }
-  for (const std::string& host : more) add(host);
-  return hosts;
+  return names;
 }
 
 }  // namespace needlelab

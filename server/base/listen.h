@@ -7,6 +7,7 @@
 
 #include "common/base/result.h"
 #include "common/wire/asio.h"
+#include "common/wire/certificates.h"
 
 namespace needlelab {
 
@@ -24,7 +25,9 @@ Result<Tcp::acceptor> listenOnHandedOver(asio::io_context& io, int fd);
 /// descriptors left) as `event` and tries again. The acceptor must outlive it.
 Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void(Tcp::socket)> accepted);
 
-/// localhost, 127.0.0.1, ::1, this machine's name, the host of `listen` unless it is a wildcard, and `more`.
-std::vector<std::string> certificateHosts(const std::string& listen, const std::vector<std::string>& more);
+/// The names for the server's certificate: `hosts` and the host of `listen` unless it is a wildcard; of its
+/// own localhost, 127.0.0.1, ::1 and this machine's name.
+CertificateNames certificateNames(const std::string& listen, std::vector<std::string> hosts,
+                                  std::vector<std::string> domains);
 
 }  // namespace needlelab

@@ -154,7 +154,7 @@ class MuteServer {
 
 UplinkConfig configFor(const MuteServer& server, const TempFolder& folder) {
   const TlsFiles files = tlsFilesIn(folder.path() / "tls");
-  EXPECT_TRUE(ensureTlsFiles(files, {"127.0.0.1"}).ok());
+  EXPECT_TRUE(ensureTlsFiles(files, {{"127.0.0.1"}}).ok());
   UplinkConfig config;
   config.client.tls = *makeClientTls(files.ca_certificate);
   config.client.server = {"127.0.0.1", server.port()};

@@ -34,7 +34,7 @@ class StartupTest : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(Store::open(data(), {}).ok());
-    ASSERT_TRUE(ensureTlsFiles(tls(), {"localhost", "127.0.0.1", "::1"}).ok());
+    ASSERT_TRUE(ensureTlsFiles(tls(), {{"localhost", "127.0.0.1", "::1"}}).ok());
     // The certificate contains the server's name only after the first start with the authority's key.
     auto [code, said] = serveOnce({});
     ASSERT_EQ(code, kExitDone) << said;

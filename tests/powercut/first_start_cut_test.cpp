@@ -49,7 +49,7 @@ std::string judgeStart(const DiskLog& log, const fs::path& folder, std::size_t i
   if (!known.ca.empty() && ca != known.ca) return "the CA that was given out is another one now";
   if (ca.find("-----END CERTIFICATE-----") == std::string::npos) return "half a CA";
   // key and certificate match, and the CA signed them
-  const auto again = ensureTlsFiles(tlsFilesIn(folder / "data" / "tls"), {"127.0.0.1"});
+  const auto again = ensureTlsFiles(tlsFilesIn(folder / "data" / "tls"), {{"127.0.0.1"}});
   if (!again.ok()) return again.error().message;
   if (*again) return "the certificate that the server started with was not good";
   auto reader = (*server)->store().readers().borrow();

@@ -59,7 +59,7 @@ Status TlsLoopback::Ends::makeTls() {
   if (folder.path.empty())
     return Error{ErrorCode::kFailed, "cannot make a temporary folder for a certificate"};
   const TlsFiles files = tlsFilesIn(folder.path / "tls");
-  RETURN_IF_ERROR(ensureTlsFiles(files, {"127.0.0.1"}));
+  RETURN_IF_ERROR(ensureTlsFiles(files, {{"127.0.0.1"}}));
   ASSIGN_OR_RETURN(auto server, makeServerTls(files.certificate, files.key));
   ASSIGN_OR_RETURN(auto client, makeClientTls(files.ca_certificate));
   server_tls = server, client_tls = client;

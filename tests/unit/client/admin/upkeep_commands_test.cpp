@@ -169,12 +169,48 @@ TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing
   EXPECT_THAT(second[1].at("hosts").get<std::string>(), HasSubstr("10.0.0.7"));
   // each name once, whatever its form
   good({"certificate", "renew", "--host-name", "10.0.0.7", "--host-name", "LAB.example.org", "--host-name",
-        "::1", "--host-name", "0:0:0:0:0:0:0:1", "--host-name", "two", "--host-name", "two"});
+        "::1", "--host-name", "0:0:0:0:0:0:0:1", "--host-name", "two.lab.example.org", "--host-name",
+        "two.lab.example.org"});
   const std::string hosts = good({"certificate", "show", "--json"}).rows()[1].at("hosts");
-  EXPECT_EQ(hosts, "10.0.0.7, LAB.example.org, ::1, two");
+  EXPECT_EQ(hosts, "10.0.0.7, LAB.example.org, ::1, two.lab.example.org");
+  const Run foreign = onData({"certificate", "renew", "--host-name", "bank.example"});
+  EXPECT_EQ(foreign.code, 2);
+  EXPECT_THAT(foreign.err,
+              HasSubstr("may not sign 'bank.example', only localhost, lab.example.org, private "));
   const Run on_server = run({"--server", "localhost:1", "certificate", "show"});
   EXPECT_EQ(on_server.code, 2);
   EXPECT_THAT(on_server.err, HasSubstr("give --data DIR, on its machine"));
+}
+
+TEST_F(UpkeepCommands, aNewAuthorityFollowsInThreeStepsAndTheKeyMayMove) {
+  good({"station", "enrol", "s", "--server-name", "lab.example.org", "--out", file("s.enrol")});
+  const auto old = good({"certificate", "show", "--json"}).rows();
+  const Run early = onData({"certificate", "authority", "switch"});
+  EXPECT_EQ(early.code, 2);
+  EXPECT_THAT(early.err, HasSubstr("`certificate authority prepare` first"));
+  for (const char* bad : {"org", "a b", ""})
+    EXPECT_EQ(onData({"certificate", "authority", "prepare", "--domain", bad}).code, 2) << bad;
+  EXPECT_EQ(good({"certificate", "show", "--json"}).rows(), old) << "nothing changed";
+  EXPECT_THAT(good({"certificate", "authority", "prepare", "--domain", "example.org"}).out,
+              HasSubstr("Bring this file to every station"));
+  const auto both = good({"certificate", "show", "--json"}).rows();
+  ASSERT_EQ(both.size(), 3u) << "two authorities and the server";
+  EXPECT_EQ(both[0], old[0]);
+  EXPECT_EQ(both[1].at("hosts"), "localhost, example.org, private addresses and those that it was made for");
+  EXPECT_EQ(both[2], old[1]);
+  good({"certificate", "authority", "switch"});
+  good({"certificate", "authority", "drop"});
+  const auto now = good({"certificate", "show", "--json"}).rows();
+  ASSERT_EQ(now.size(), 2u);
+  EXPECT_EQ(now[0], both[1]);
+  EXPECT_NE(now[1].at("sha256"), old[1].at("sha256"));
+  const std::string elsewhere = file("safe.key");
+  good({"certificate", "move-key", elsewhere});
+  EXPECT_FALSE(fs::exists(data() + "/tls/ca.key"));
+  EXPECT_EQ(fs::status(elsewhere).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_EQ(onData({"certificate", "renew"}).code, 2) << "the key is away";
+  fs::copy_file(elsewhere, data() + "/tls/ca.key");
+  good({"certificate", "renew", "--host-name", "desk.example.org"});
 }
 
 TEST_F(UpkeepCommands, theLabRequiresCodesUntilItDoesNot) {

@@ -128,7 +128,7 @@ class FakeServer {
     TlsFiles files = tlsFilesIn(folder.path() / "tls");
     TlsContext server, client;
     Tls() {
-      const auto made = ensureTlsFiles(files, {"127.0.0.1"});
+      const auto made = ensureTlsFiles(files, {{"127.0.0.1"}});
       if (!made.ok()) throw std::runtime_error(made.error().message);
       server = *makeServerTls(files.certificate, files.key);
       client = *makeClientTls(files.ca_certificate);

@@ -6,6 +6,8 @@
 #include <filesystem>
 
 #include "common/base/files.h"
+#include "common/wire/authority.h"
+#include "common/wire/x509.h"
 #include "tests/unit/common/wire/loopback.h"
 
 namespace needlelab {
@@ -24,9 +26,9 @@ TEST(Certificates, keysAreForTheOwnerOnly) {
 TEST(Certificates, whatIsThereIsKept) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
-  ASSERT_TRUE(*ensureTlsFiles(files, {"localhost", "::1"}));
+  ASSERT_TRUE(*ensureTlsFiles(files, {{"localhost", "::1"}}));
   const auto certificate = *readWholeFile(files.certificate);
-  const auto made = ensureTlsFiles(files, {"localhost"});
+  const auto made = ensureTlsFiles(files, {{"localhost"}});
   ASSERT_TRUE(made.ok());
   EXPECT_FALSE(*made);
   EXPECT_EQ(*readWholeFile(files.certificate), certificate);
@@ -35,9 +37,9 @@ TEST(Certificates, whatIsThereIsKept) {
 TEST(Certificates, aNewHostNameGivesANewCertificateOfTheSameAuthority) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
-  ASSERT_TRUE(*ensureTlsFiles(files, {"localhost"}));
+  ASSERT_TRUE(*ensureTlsFiles(files, {.hosts = {"localhost"}, .domains = {"skills-lab.example"}}));
   const auto ca = *readWholeFile(files.ca_certificate), certificate = *readWholeFile(files.certificate);
-  ASSERT_TRUE(*ensureTlsFiles(files, {"localhost", "skills-lab.example"}));
+  ASSERT_TRUE(*ensureTlsFiles(files, {{"localhost", "skills-lab.example"}}));
   EXPECT_EQ(*readWholeFile(files.ca_certificate), ca);
   EXPECT_NE(*readWholeFile(files.certificate), certificate);
 }
@@ -45,10 +47,10 @@ TEST(Certificates, aNewHostNameGivesANewCertificateOfTheSameAuthority) {
 TEST(Certificates, theAuthoritysKeyMayLieElsewhereUntilItIsNeeded) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
-  ASSERT_TRUE(*ensureTlsFiles(files, {"localhost"}));
+  ASSERT_TRUE(*ensureTlsFiles(files, {{"localhost"}}));
   std::filesystem::remove(files.ca_key);
-  EXPECT_FALSE(*ensureTlsFiles(files, {"localhost"}));
-  const auto without = ensureTlsFiles(files, {"other.example"});
+  EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}}));
+  const auto without = ensureTlsFiles(files, {{"10.0.0.7"}});
   ASSERT_FALSE(without.ok());
   EXPECT_THAT(without.error().message, testing::HasSubstr("ca.key"));
 }
@@ -56,9 +58,61 @@ TEST(Certificates, theAuthoritysKeyMayLieElsewhereUntilItIsNeeded) {
 TEST(Certificates, aHostThatIsNoneIsRefused) {
   const TempFolder folder;
   for (const char* host : {"", "a b", "x,DNS:y", "evil:1"}) {
-    EXPECT_EQ(ensureTlsFiles(tlsFilesIn(folder.path()), {host}).error().code, ErrorCode::kInvalidInput)
+    EXPECT_EQ(ensureTlsFiles(tlsFilesIn(folder.path()), {{host}}).error().code, ErrorCode::kInvalidInput)
         << host;
   }
+}
+
+TEST(Certificates, theAuthorityMaySignNamesOfItsDomainsAndPrivateAddressesOnly) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  const std::vector<std::string> first = {"needle.lab.example.org", "203.0.113.9"};
+  ASSERT_TRUE(*ensureTlsFiles(files, {.hosts = first, .domains = {"lab.example.org"}}));
+  const struct {
+    const char* host;
+    bool may;
+  } rows[] = {{"lab.example.org", true},
+              {"a.b.LAB.example.org", true},
+              {"localhost", true},
+              {"10.1.2.3", true},
+              {"172.31.0.1", true},
+              {"192.168.7.7", true},
+              {"::1", true},
+              {"fd12::7", true},
+              {"203.0.113.9", true},
+              {"example.org", false},
+              {"xlab.example.org", false},
+              {"lab.example.org.evil", false},
+              {"203.0.113.10", false},
+              {"172.32.0.1", false},
+              {"2001:db8::1", false},
+              {"accounts.bank.example", false}};
+  for (const auto& row : rows) {
+    const auto renewed = renewServerCertificate(files, {row.host});
+    EXPECT_EQ(renewed.ok(), row.may) << row.host << (renewed.ok() ? "" : ": " + renewed.error().message);
+    if (renewed.ok()) continue;
+    EXPECT_EQ(renewed.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(renewed.error().message,
+                testing::AllOf(testing::HasSubstr(row.host), testing::HasSubstr("lab.example.org"),
+                               testing::HasSubstr("certificate authority prepare")));
+  }
+}
+
+TEST(Certificates, aMachineThatIsRenamedServesOnWithoutItsNewName) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(*ensureTlsFiles(files, {.hosts = {"lab.example.org"}, .own = {"box"}}));
+  EXPECT_FALSE(*ensureTlsFiles(files, {.hosts = {"lab.example.org"}, .own = {"crate"}}));
+  EXPECT_THAT(readCertificate(files.certificate)->hosts, testing::ElementsAre("box", "lab.example.org"));
+}
+
+TEST(Certificates, aRefusedNameMakesNoFile) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path() / "tls");
+  const auto refused = ensureTlsFiles(files, {.hosts = {"bank.example"}, .domains = {"lab.example.org"}});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_FALSE(std::filesystem::exists(files.ca_certificate));
+  EXPECT_FALSE(std::filesystem::exists(files.ca_key));
 }
 
 TEST(Tls, missingAndWrongFilesAreNamed) {
@@ -70,11 +124,11 @@ TEST(Tls, missingAndWrongFilesAreNamed) {
   EXPECT_EQ(makeServerTls(garbage, garbage).error().code, ErrorCode::kInvalidInput);
 }
 
-/// Runs a handshake with a client that trusts `ca` and expects `host`. Returns the client's status.
-Status handshakeWith(const TlsContext& client_tls, const std::string& host) {
+/// Runs a handshake between the two; the client expects `host`. Returns the client's status.
+Status handshake(const TlsContext& server_tls, const TlsContext& client_tls, const std::string& host) {
   test::Loopback loop;
   auto [far, near] = loop.sockets();
-  auto server = Channel::make(TlsStream(std::move(far), *test::TestTls::get().server), {});
+  auto server = Channel::make(TlsStream(std::move(far), *server_tls), {});
   TlsStream stream(std::move(near), *client_tls);
   if (auto named = requireHost(stream, host); !named.ok()) return named;
   auto client = Channel::make(std::move(stream), {});
@@ -90,6 +144,27 @@ Status handshakeWith(const TlsContext& client_tls, const std::string& host) {
   return *result;
 }
 
+Status handshakeWith(const TlsContext& client_tls, const std::string& host) {
+  return handshake(test::TestTls::get().server, client_tls, host);
+}
+
+/// Signs a server's certificate for `host` with the authority's key, past maySign.
+void forge(const TlsFiles& files, const std::string& host) {
+  const auto authority = loadAuthority(files);
+  ASSERT_TRUE(authority.ok());
+  X509* const ca = authority->certificate.get();
+  const auto key = x509::newKey();
+  const auto made = x509::draft(key.get(), host, 10);
+  ASSERT_TRUE(made.ok());
+  X509* const server = made->get();
+  ASSERT_EQ(X509_set_issuer_name(server, X509_get_subject_name(ca)), 1);
+  ASSERT_TRUE(x509::addExtension(server, ca, NID_ext_key_usage, "serverAuth"));
+  ASSERT_TRUE(x509::addExtension(server, ca, NID_subject_alt_name, "DNS:" + host));
+  ASSERT_GT(X509_sign(server, authority->key.get(), EVP_sha256()), 0);
+  EXPECT_TRUE(x509::saveKey(files.key, key.get()).ok());
+  EXPECT_TRUE(x509::saveCertificates(files.certificate, {server}).ok());
+}
+
 TEST(Tls, theServersNameOrAddressMustBeInItsCertificate) {
   const auto& tls = test::TestTls::get();
   EXPECT_TRUE(handshakeWith(tls.client, "localhost").ok());
@@ -101,10 +176,91 @@ TEST(Tls, theServersNameOrAddressMustBeInItsCertificate) {
   }
 }
 
+// what a thief of ca.key would make: OpenSSL's client refuses the name, whoever signed it
+TEST(Tls, aNameThatTheAuthorityMayNotSignIsRefusedByEveryPeer) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(ensureTlsFiles(files, {.hosts = {"localhost"}, .domains = {"lab.example.org"}}).ok());
+  const auto client = makeClientTls(files.ca_certificate);
+  EXPECT_TRUE(handshake(*makeServerTls(files.certificate, files.key), *client, "localhost").ok());
+  forge(files, "accounts.bank.example");
+  const auto refused =
+      handshake(*makeServerTls(files.certificate, files.key), *client, "accounts.bank.example");
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("permitted subtree violation"));
+}
+
+TEST(Tls, anAuthorityIsFollowedByAnotherWithoutABreak) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  const auto shakes = [&](const TlsContext& client) {
+    return handshake(*makeServerTls(files.certificate, files.key), client, "localhost").ok();
+  };
+  const auto before = *makeClientTls(files.ca_certificate);
+  EXPECT_TRUE(prepareAuthority(files, {"lab.example.org"}).ok());
+  EXPECT_FALSE(prepareAuthority(files, {"lab.example.org"}).ok()) << "one at a time";
+  const auto between = *makeClientTls(files.ca_certificate);
+  EXPECT_TRUE(shakes(before));
+  EXPECT_TRUE(shakes(between));
+  EXPECT_TRUE(switchAuthority(files).ok());
+  EXPECT_FALSE(shakes(before)) << "who did not get the new ca.crt";
+  EXPECT_TRUE(shakes(between));
+  EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "a start finds nothing to do";
+  EXPECT_TRUE(dropOldAuthorities(files).ok());
+  const auto after = *makeClientTls(files.ca_certificate);
+  EXPECT_TRUE(shakes(after));
+  EXPECT_EQ(readCertificates(files.ca_certificate)->size(), 1u);
+  EXPECT_TRUE(renewServerCertificate(files, {"desk.lab.example.org"}).ok());
+  EXPECT_TRUE(shakes(after));
+}
+
+TEST(Tls, aSwitchThatWasCutOffServesAtEachStepAndIsRepeated) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  EXPECT_TRUE(prepareAuthority(files, {}).ok());
+  const auto bundle = *readWholeFile(files.ca_certificate), next = *readWholeFile(files.next_ca_certificate);
+  const auto next_key = *readWholeFile(files.next_ca_key), old_key = *readWholeFile(files.ca_key);
+  const auto client = *makeClientTls(files.ca_certificate);
+  EXPECT_TRUE(switchAuthority(files).ok());
+  const auto serves = [&] {
+    const auto made = ensureTlsFiles(files, {{"localhost"}});
+    return made.ok() && !*made &&
+           handshake(*makeServerTls(files.certificate, files.key), client, "localhost").ok();
+  };
+  // after the server's certificate, and after the key
+  folder.write("ca.crt", bundle);
+  folder.write("ca-next.crt", next);
+  EXPECT_TRUE(serves());
+  folder.write("ca-next.key", next_key);
+  folder.write("ca.key", old_key);
+  std::filesystem::permissions(files.ca_key, std::filesystem::perms(0600));
+  EXPECT_TRUE(serves());
+  EXPECT_TRUE(switchAuthority(files).ok());
+  EXPECT_TRUE(serves());
+  EXPECT_FALSE(std::filesystem::exists(files.next_ca_key));
+  EXPECT_FALSE(std::filesystem::exists(files.next_ca_certificate));
+}
+
+TEST(Certificates, theMovedKeyIsTheSameAndNothingIsWrittenOver) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path() / "tls");
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  const auto key = *readWholeFile(files.ca_key);
+  const auto there = folder.write("there", "a letter");
+  EXPECT_EQ(moveAuthorityKey(files, there).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(*readWholeFile(there), "a letter");
+  EXPECT_TRUE(moveAuthorityKey(files, folder.path() / "stick.key").ok());
+  EXPECT_EQ(*readWholeFile(folder.path() / "stick.key"), key);
+  EXPECT_FALSE(std::filesystem::exists(files.ca_key));
+  EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "the server starts without it";
+}
+
 TEST(Tls, anotherAuthoritysServerIsRefused) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
-  ASSERT_TRUE(ensureTlsFiles(files, {"localhost"}).ok());
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
   const auto refused = handshakeWith(*makeClientTls(files.ca_certificate), "localhost");
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kDenied) << refused.error().message;

@@ -23,7 +23,7 @@ struct TestTls {
   TlsFiles files = tlsFilesIn(folder.path() / "tls");
   TlsContext server, client;
   TestTls() {
-    const auto made = ensureTlsFiles(files, {"localhost", "127.0.0.1"});
+    const auto made = ensureTlsFiles(files, {{"localhost", "127.0.0.1"}});
     if (!made.ok()) throw std::runtime_error(made.error().message);
     server = *makeServerTls(files.certificate, files.key);
     client = *makeClientTls(files.ca_certificate);

@@ -7,7 +7,8 @@ namespace needlelab {
 namespace {
 
 using testing::Contains;
-using testing::Not;
+using testing::ElementsAre;
+using testing::IsEmpty;
 
 TEST(Listen, aTakenPortIsSaidPlainly) {
   asio::io_context io;
@@ -26,11 +27,14 @@ TEST(Listen, whatIsNoAddressIsInvalid) {
 }
 
 TEST(Listen, theCertificateNamesWhatTheServerIsCalled) {
-  const auto hosts = certificateHosts("192.0.2.7:7750", {"lab.example", "localhost"});
-  for (const char* host : {"localhost", "127.0.0.1", "::1", "192.0.2.7", "lab.example"})
-    EXPECT_THAT(hosts, Contains(host).Times(1));
-  EXPECT_THAT(certificateHosts("0.0.0.0:7750", {}), Not(Contains("0.0.0.0")));
-  EXPECT_THAT(certificateHosts("[::]:7750", {}), Not(Contains("::")));
+  const auto names = certificateNames("192.0.2.7:7750", {"lab.example"}, {"example"});
+  EXPECT_THAT(names.hosts, ElementsAre("lab.example", "192.0.2.7"));
+  for (const char* host : {"localhost", "127.0.0.1", "::1"})
+    EXPECT_THAT(names.own, Contains(host).Times(1));
+  EXPECT_THAT(names.domains, ElementsAre("example"));
+  EXPECT_THAT(certificateNames("0.0.0.0:7750", {}, {}).hosts, IsEmpty());
+  EXPECT_THAT(certificateNames("[::]:7750", {}, {}).hosts, IsEmpty());
+  EXPECT_THAT(certificateNames("localhost:7750", {}, {}).hosts, IsEmpty()) << "its own already";
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <future>
 
 #include "common/base/files.h"
+#include "common/wire/certificates.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -38,6 +39,25 @@ TEST(Server, memoryThatABurstLeftFreeGoesBackToTheSystem) {
   while (residentBytes() > before + kBurstBytes / 4 && std::chrono::steady_clock::now() < end)
     std::this_thread::sleep_for(milliseconds(20));
   EXPECT_LT(residentBytes(), before + kBurstBytes / 4);
+}
+
+TEST(Server, aNewCertificateIsTakenWithoutARestartAndOldConnectionsGoOn) {
+  RunningServer server([](ServerOptions& options) { options.certificate_every = milliseconds(10); });
+  const std::string key = server.addStation("bench-1");
+  auto before = server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(before.ok());
+  const TlsFiles files = tlsFilesIn(server.folder() / "data" / "tls");
+  ASSERT_TRUE(prepareAuthority(files, {}).ok());
+  ASSERT_TRUE(switchAuthority(files).ok());
+  ASSERT_TRUE(dropOldAuthorities(files).ok());
+  // this client trusts the new authority alone
+  while (!server.connect(stationLogin("bench-1", key)).ok()) std::this_thread::sleep_for(milliseconds(10));
+  pb::Envelope ping;
+  ping.mutable_ping()->set_sent_unix_ns(7);
+  ASSERT_TRUE(before->send(ping).ok());
+  const auto got = before->receive(milliseconds(20'000));
+  ASSERT_TRUE(got.ok()) << got.error().message;
+  EXPECT_TRUE(got->has_pong());
 }
 
 TEST(Server, peersHearByeAndTheExitIsClean) {
