@@ -53,7 +53,7 @@ TEST(Server, aNewCertificateIsTakenWithoutARestartAndOldConnectionsGoOn) {
   // this client trusts the new authority alone
   while (!server.connect(stationLogin("bench-1", key)).ok()) std::this_thread::sleep_for(milliseconds(10));
   pb::Envelope ping;
-  ping.mutable_ping()->set_sent_unix_ns(7);
+  ping.mutable_ping()->set_id(7);
   ASSERT_TRUE(before->send(ping).ok());
   const auto got = before->receive(milliseconds(20'000));
   ASSERT_TRUE(got.ok()) << got.error().message;
