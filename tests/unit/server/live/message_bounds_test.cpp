@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "db/people_store.h"
-#include "tests/support/password_cost.h"
+#include "db/people.h"
 #include "tests/unit/server/live/raw_peer.h"
 #include "tests/unit/server/live/running_server.h"
 
