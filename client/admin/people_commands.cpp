@@ -157,7 +157,8 @@ Status importAll(CommandContext& context, const std::string& file, const std::st
   };
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
-    if ((bytes + (end - at) > kMostPieceBytes && bytes > 0) || import_all->records_size() == kMostPieceRecords) {
+    if ((bytes + (end - at) > kMostPieceBytes && bytes > 0) ||
+        import_all->records_size() == kMostPieceRecords) {
       RETURN_IF_ERROR(send(false));
     }
     import_all->add_records(text.substr(at, end - at));

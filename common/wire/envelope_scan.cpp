@@ -190,8 +190,7 @@ Result<PayloadCost> measurePayload(const EnvelopeHead& head) {
   PayloadCost cost;
   if (head.body == pb::Envelope::BODY_NOT_SET) return cost;
   cost.parsed_bytes = head.payload.size();
-  RETURN_IF_ERROR(
-      Meter(cost).walk(*pb::Envelope::descriptor()->FindFieldByNumber(head.body), head.payload));
+  RETURN_IF_ERROR(Meter(cost).walk(*pb::Envelope::descriptor()->FindFieldByNumber(head.body), head.payload));
   return cost;
 }
 

@@ -34,7 +34,8 @@ Result<EnvelopeHead> scanEnvelope(ByteView envelope);
 struct PayloadCost {
   std::size_t fields = 0;         ///< at all depths
   std::size_t decoded_bytes = 0;  ///< memory of the parsed message: an estimate, rather too high
-  std::size_t parsed_bytes = 0;   ///< read one by one: all but the contents of `bytes` fields, which are copied
+  std::size_t parsed_bytes =
+      0;  ///< read one by one: all but the contents of `bytes` fields, which are copied
 };
 
 /// Fields of a body at all depths, known or not; it bounds the time of measurePayload to a millisecond.

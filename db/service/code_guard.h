@@ -15,9 +15,8 @@ namespace needlelab {
 /// Counts wrong codes in a row for each person, at all stations together: after `allowed` that person's codes
 /// wait, at first for `first_wait`, twice as long after each further wrong one, at most for `longest_wait`.
 /// So a guesser has some 100 tries a day. The price: whoever stands at a station can make a trainee wait. A
-/// try counts as wrong from its beginning until forget() or giveBack(), so that many at once have no more than
-/// `allowed`.
-/// In memory: a restart forgets. Thread: any.
+/// try counts as wrong from its beginning until forget() or giveBack(), so that many at once have no more
+/// than `allowed`. In memory: a restart forgets. Thread: any.
 class CodeGuard {
  public:
   struct Settings {

@@ -232,9 +232,8 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
     case Verdict::kIgnored:
       return head.body == pb::Envelope::kPong;
     case Verdict::kUnknown:
-      return refuseUnparsed(
-          makeRefusal(pb::Refusal::INVALID,
-                      "a message without a body that protocol " + versionText(ourVersion()) + " knows"));
+      return refuseUnparsed(makeRefusal(pb::Refusal::INVALID, "a message without a body that protocol " +
+                                                                  versionText(ourVersion()) + " knows"));
     case Verdict::kWrongState:
       return refuseUnparsed(makeRefusal(pb::Refusal::STATE, text("is not legal now")));
     case Verdict::kWrongRole:
@@ -322,9 +321,9 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, std::optional<DecodedBudg
                      closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())), rethrow);
       break;
     case pb::Envelope::kRequest:
-      asio::co_spawn(
-          context_.io,
-          execute(shared_from_this(), std::move(*envelope.mutable_request()), std::move(share)), rethrow);
+      asio::co_spawn(context_.io,
+                     execute(shared_from_this(), std::move(*envelope.mutable_request()), std::move(share)),
+                     rethrow);
       break;
     case pb::Envelope::kSubscribe: {
       auto refusal = context_.hub.subscribe(*this, envelope.subscribe(), steadyNowNs());

@@ -63,10 +63,10 @@ struct ServerCounters {
   std::uint64_t chunks_stored = 0, chunks_repeated = 0, chunks_refused = 0;
   std::uint64_t sessions_closed = 0;
   std::uint64_t messages_refused = 0;
-  std::uint64_t messages_refused_unparsed = 0;  ///< of those: by their first bytes
-  std::uint64_t messages_parsed = 0;            ///< all but live frames, which are forwarded as bytes
-  std::uint64_t messages_parsed_elsewhere = 0;  ///< of those: not on the network's thread
-  std::uint64_t decoded_bytes = 0;              ///< of parsed messages: an estimate (PayloadCost)
+  std::uint64_t messages_refused_unparsed = 0;       ///< of those: by their first bytes
+  std::uint64_t messages_parsed = 0;                 ///< all but live frames, which are forwarded as bytes
+  std::uint64_t messages_parsed_elsewhere = 0;       ///< of those: not on the network's thread
+  std::uint64_t decoded_bytes = 0;                   ///< of parsed messages: an estimate (PayloadCost)
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections
   std::uint64_t handshakes_failed = 0;               ///< TLS failed or timed out

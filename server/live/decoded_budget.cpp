@@ -25,8 +25,7 @@ struct DecodedBudget::State {
   }
 };
 
-DecodedBudget::DecodedBudget(Limits limits, std::function<void()> freed)
-    : state_(std::make_shared<State>()) {
+DecodedBudget::DecodedBudget(Limits limits, std::function<void()> freed) : state_(std::make_shared<State>()) {
   state_->limits = limits;
   state_->freed = std::move(freed);
 }

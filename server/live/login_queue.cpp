@@ -58,8 +58,7 @@ struct LoginQueue::State {
 
   [[nodiscard]] bool isFull(Line line) const {
     const std::size_t unknown = size() - count(Line::kKnownPerson);
-    return size() >= settings.places ||
-           (line != Line::kKnownPerson && unknown >= settings.places_of_unknown);
+    return size() >= settings.places || (line != Line::kKnownPerson && unknown >= settings.places_of_unknown);
   }
 
   /// The last turn of a level, or the arrival, if it was later: a newcomer begins behind those who have
@@ -186,7 +185,8 @@ std::optional<LoginQueue::Place> LoginQueue::join(Line line, const std::string& 
   return Place(state_, id);
 }
 
-LoginQueue::Place::Place(std::shared_ptr<State> state, std::uint64_t id) : state_(std::move(state)), id_(id) {}
+LoginQueue::Place::Place(std::shared_ptr<State> state, std::uint64_t id)
+    : state_(std::move(state)), id_(id) {}
 
 LoginQueue::Place::Place(Place&& other) noexcept = default;
 

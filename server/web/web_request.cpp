@@ -226,8 +226,7 @@ Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(
-      SessionStream{std::move(*opened), std::move(token), seen});
+  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(token), seen});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -364,7 +363,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.body = std::string(route.how.text());
     co_return answer;
   }
-  if (route.how.action == WebAction::kStream) 
+  if (route.how.action == WebAction::kStream)
     co_return co_await throughStream(server, route, call, session->token, seen);
   if (route.how.action == WebAction::kWork) co_return co_await throughWork(server, route, call);
   co_return co_await throughService(server, route, call);

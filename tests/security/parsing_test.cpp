@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "server/live/metrics.h"
+#include "server/live/monitor.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/server/live/raw_peer.h"
 

@@ -153,7 +153,8 @@ TEST(PayloadCost, aListIsCountedBeforeItIsParsed) {
 
 TEST(PayloadCost, packedNumbersAreItemsToo) {
   pb::Envelope envelope;
-  for (int i = 0; i < 64; ++i) envelope.mutable_request()->mutable_set_aids()->add_aids(pb::Exercise::ULTRASOUND);
+  for (int i = 0; i < 64; ++i)
+    envelope.mutable_request()->mutable_set_aids()->add_aids(pb::Exercise::ULTRASOUND);
   EXPECT_TRUE(measurePayload(*scanEnvelope(viewOf(envelope.SerializeAsString()))).ok());
   envelope.mutable_request()->mutable_set_aids()->add_aids(pb::Exercise::ULTRASOUND);
   const std::string bytes = envelope.SerializeAsString();

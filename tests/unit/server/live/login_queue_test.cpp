@@ -47,8 +47,8 @@ class Door {
     return most + 1;
   }
   std::size_t gaveWay() {
-    return static_cast<std::size_t>(std::count_if(
-        entries_.begin(), entries_.end(), [](const Entry& entry) { return entry.place->gaveWay(); }));
+    return static_cast<std::size_t>(std::count_if(entries_.begin(), entries_.end(),
+                                                  [](const Entry& entry) { return entry.place->gaveWay(); }));
   }
   LoginQueue& queue() { return queue_; }
 
@@ -127,8 +127,7 @@ TEST(LoginQueue, knownPeopleHaveEverySecondTurnAndStrangersEveryFourth) {
 
 TEST(LoginQueue, aFloodOfStrangersTakesNoPlaceOfKnownPeople) {
   Door door;
-  for (int i = 0; i < 200; ++i)
-    (void)door.join("flood", Line::kStranger, "10.0." + std::to_string(i) + ".1");
+  for (int i = 0; i < 200; ++i) (void)door.join("flood", Line::kStranger, "10.0." + std::to_string(i) + ".1");
   EXPECT_EQ(door.queue().size(), 48u);
   for (int i = 0; i < 16; ++i)
     EXPECT_TRUE(door.join("known " + std::to_string(i), Line::kKnownPerson, "10.0.0.1", std::to_string(i)));
@@ -171,7 +170,8 @@ TEST(LoginQueue, anExceptionDuringATurnGivesItOn) {
   };
   int failed = 0;
   for (const auto& [name, throws] : {std::pair("anna", true), std::pair("bert", false)}) {
-    asio::co_spawn(io, log_in(name, throws), [&](const std::exception_ptr& error) { failed += error ? 1 : 0; });
+    asio::co_spawn(io, log_in(name, throws),
+                   [&](const std::exception_ptr& error) { failed += error ? 1 : 0; });
   }
   io.run();
   EXPECT_EQ(seen, (std::vector<std::string>{"anna", "bert"}));

@@ -1,5 +1,5 @@
-// What a message costs the server before and after it is parsed: which are refused by their first bytes, which
-// are parsed on another thread, how much memory they may take together.
+// What a message costs the server before and after it is parsed: which are refused by their first bytes,
+// which are parsed on another thread, how much memory they may take together.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -111,8 +111,10 @@ TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
     ping.mutable_ping()->set_id(id);
     // every second one is long enough for the other thread
     if (id % 2 == 0)
-      ping.mutable_ping()->GetReflection()->MutableUnknownFields(ping.mutable_ping())->AddLengthDelimited(
-          777, std::string(200, 'x'));
+      ping.mutable_ping()
+          ->GetReflection()
+          ->MutableUnknownFields(ping.mutable_ping())
+          ->AddLengthDelimited(777, std::string(200, 'x'));
     all += RawPeer::framed(ping);
   }
   station.write(all);

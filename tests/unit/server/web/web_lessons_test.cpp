@@ -365,8 +365,9 @@ TEST(WebLessons, aDownloadEndsWhenItsAccountIsDisabled) {
     ASSERT_TRUE(wire.readChunk(broken).has_value());
     // somebody else's account ends nobody's download
     const std::string who = disabled ? "ines" : "rhea";
-    ASSERT_EQ(ada.ask("PATCH", "/api/v1/people/" + who, R"({"disabled": true})", {{"If-Match", "\"1\""}}).status,
-              200);
+    ASSERT_EQ(
+        ada.ask("PATCH", "/api/v1/people/" + who, R"({"disabled": true})", {{"If-Match", "\"1\""}}).status,
+        200);
     while (wire.readChunk(broken)) {
     }
     EXPECT_EQ(broken, disabled) << "without its last piece a browser knows that it is not whole";
