@@ -160,7 +160,10 @@ Result<EnvelopeHead> scanEnvelope(ByteView envelope) {
   EnvelopeHead head;
   std::size_t count = 0;
   const bool whole = eachHeadField(textOf(envelope), [&](const WireField& field) {
-    if (!isMember(bodies, field)) return true;
+    if (!isMember(bodies, field)) {
+      head.beside_bytes += kUnknownBytes + field.bytes.size();
+      return true;
+    }
     head.body = static_cast<pb::Envelope::BodyCase>(field.number);
     head.payload = field.bytes;
     return ++count == 1;
@@ -188,8 +191,9 @@ Result<EnvelopeHead> scanEnvelope(ByteView envelope) {
 
 Result<PayloadCost> measurePayload(const EnvelopeHead& head) {
   PayloadCost cost;
+  cost.decoded_bytes = cost.parsed_bytes = head.beside_bytes;
   if (head.body == pb::Envelope::BODY_NOT_SET) return cost;
-  cost.parsed_bytes = head.payload.size();
+  cost.parsed_bytes += head.payload.size();
   RETURN_IF_ERROR(Meter(cost).walk(*pb::Envelope::descriptor()->FindFieldByNumber(head.body), head.payload));
   return cost;
 }
