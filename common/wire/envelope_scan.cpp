@@ -22,10 +22,11 @@ using google::protobuf::FieldDescriptor;
 // its block's header, and its pointer in a list that doubles as it grows; above 15 bytes it has a second
 // block.
 constexpr std::size_t kTextBytes = 64, kTextInside = 15, kBlockBytes = 16;
-constexpr std::size_t kNumberBytes = 16;    // in a list that doubles as it grows
-constexpr std::size_t kMessageBytes = 512;  // more than any message of a peer has without its texts
-constexpr std::size_t kUnknownBytes = 64;   // Protobuf keeps what it does not know
-constexpr std::size_t kDeepest = 16;        // messages within each other; ours have 5
+constexpr std::size_t kNumberBytes = 16;      // in a list that doubles as it grows
+constexpr std::size_t kMessageBytes = 512;    // more than any message of a peer has without its texts
+constexpr std::size_t kUnknownBytes = 64;     // Protobuf keeps what it does not know
+constexpr std::size_t kMostSuffixBytes = 16;  // of droppedSuffix: a tag and a varint
+constexpr std::size_t kDeepest = 16;          // messages within each other; ours have 5
 
 Error noEnvelope(std::size_t size, const char* why) {
   return {ErrorCode::kCorrupt, fmt::format("a frame of {} bytes is no Envelope: {}", size, why)};
@@ -164,7 +165,13 @@ Result<EnvelopeHead> scanEnvelope(ByteView envelope) {
       head.beside_bytes += kUnknownBytes + field.bytes.size();
       return true;
     }
-    head.body = static_cast<pb::Envelope::BodyCase>(field.number);
+    const auto body = static_cast<pb::Envelope::BodyCase>(field.number);
+    const bool more_of_frame = body == pb::Envelope::kLiveFrame && head.body == pb::Envelope::kLiveFrame;
+    if (more_of_frame && field.bytes.size() <= kMostSuffixBytes) {
+      head.beside_bytes += field.bytes.size();
+      return true;
+    }
+    head.body = body;
     head.payload = field.bytes;
     return ++count == 1;
   });

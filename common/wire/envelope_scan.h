@@ -27,8 +27,8 @@ struct EnvelopeHead {
 inline constexpr std::size_t kMostHeadFields = 64;
 
 /// Reads a few tags, however long the Envelope is. Errors: kCorrupt: the bytes are no Envelope, or one with
-/// more than one body, or a Request with more than one call (Protobuf would merge them: no peer sends that),
-/// or one with more than kMostHeadFields fields.
+/// more than one body, or a Request with more than one call (Protobuf would merge them; only droppedSuffix's
+/// second live_frame is taken), or one with more than kMostHeadFields fields.
 Result<EnvelopeHead> scanEnvelope(ByteView envelope);
 
 /// What parsing a body takes.

@@ -102,6 +102,18 @@ TEST(EnvelopeScan, twoBodiesOrTwoCallsAreRefused) {
   EXPECT_THAT(scanEnvelope(viewOf(field(7, calls))).error().message, HasSubstr("more than one call"));
 }
 
+TEST(EnvelopeScan, aStationsLiveFrameMayCarryTheCountOfItsDroppedOnes) {
+  pb::Envelope frame;
+  frame.mutable_live_frame()->set_data("data");
+  const std::string bytes = frame.SerializeAsString();
+  const auto head = scanEnvelope(viewOf(bytes + droppedSuffix(UINT64_MAX)));
+  ASSERT_TRUE(head.ok()) << head.error().message;
+  EXPECT_EQ(head->body, pb::Envelope::kLiveFrame);
+  pb::Envelope large;
+  large.mutable_live_frame()->set_data(std::string(17, 'x'));
+  EXPECT_EQ(scanEnvelope(viewOf(bytes + large.SerializeAsString())).error().code, ErrorCode::kCorrupt);
+}
+
 TEST(EnvelopeScan, readsABoundedNumberOfTagsHoweverLongTheMessageIs) {
   std::string unknown;
   for (std::size_t i = 0; i < kMostHeadFields; ++i) unknown += std::string("\x78\x01", 2);  // field 15
