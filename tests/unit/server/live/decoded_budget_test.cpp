@@ -12,33 +12,33 @@ namespace {
 
 constexpr DecodedBudget::Limits kLimits{.connection = 10, .owner = 25, .people = 60, .server = 80};
 
-BudgetOwner person(const std::string& name, int connection) {
+BudgetOwner personAt(const std::string& name, int connection) {
   return {name + " " + std::to_string(connection), "person " + name, true};
 }
-BudgetOwner station(const std::string& name) {
+BudgetOwner stationNamed(const std::string& name) {
   return {"live " + name, "station " + name, false};
 }
 
 TEST(DecodedBudget, aConnectionHasItsPartAndGetsItBack) {
   DecodedBudget budget(kLimits);
-  auto first = budget.take(person("anna", 1), 6);
+  auto first = budget.take(personAt("anna", 1), 6);
   ASSERT_TRUE(first.has_value());
-  EXPECT_FALSE(budget.take(person("anna", 1), 5).has_value());
-  EXPECT_TRUE(budget.take(person("anna", 1), 4).has_value()) << "just what is left, and given back at once";
+  EXPECT_FALSE(budget.take(personAt("anna", 1), 5).has_value());
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 4).has_value()) << "just what is left, and given back at once";
   EXPECT_EQ(budget.taken(), 6u);
   first.reset();
   EXPECT_EQ(budget.taken(), 0u);
-  EXPECT_TRUE(budget.take(person("anna", 1), 10).has_value());
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 10).has_value());
 }
 
 TEST(DecodedBudget, aPersonHasItsPartHoweverManyConnectionsItHas) {
   DecodedBudget budget(kLimits);
   std::vector<DecodedBudget::Share> shares;
   for (int connection = 0; connection < 100; ++connection)
-    if (auto share = budget.take(person("anna", connection), 10)) shares.push_back(std::move(*share));
+    if (auto share = budget.take(personAt("anna", connection), 10)) shares.push_back(std::move(*share));
   EXPECT_EQ(shares.size(), 2u) << "of 25";
-  EXPECT_TRUE(budget.take(person("anna", 7), 5).has_value());
-  EXPECT_TRUE(budget.take(person("bert", 7), 10).has_value()) << "others have theirs";
+  EXPECT_TRUE(budget.take(personAt("anna", 7), 5).has_value());
+  EXPECT_TRUE(budget.take(personAt("bert", 7), 10).has_value()) << "others have theirs";
 }
 
 TEST(DecodedBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
@@ -50,11 +50,11 @@ TEST(DecodedBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
       if (auto share = budget.take(owner_of(i), 10)) shares.push_back(std::move(*share));
     return shares.size() - before;
   };
-  EXPECT_EQ(fill([](int i) { return person("p" + std::to_string(i), i); }), 6u);
-  EXPECT_EQ(fill([](int i) { return station("s" + std::to_string(i)); }), 2u);
+  EXPECT_EQ(fill([](int i) { return personAt("p" + std::to_string(i), i); }), 6u);
+  EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 2u);
   EXPECT_EQ(budget.taken(), 80u);
   shares.clear();
-  EXPECT_EQ(fill([](int i) { return station("s" + std::to_string(i)); }), 8u) << "stations may have all";
+  EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 8u) << "stations may have all";
 }
 
 TEST(DecodedBudget, whatFitsNeverIsKnownAtOnce) {
@@ -69,11 +69,11 @@ TEST(DecodedBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
   std::optional<DecodedBudget::Share> kept;
   {
     DecodedBudget budget(kLimits, [&] { ++freed; });
-    auto share = budget.take(person("anna", 1), 6);
+    auto share = budget.take(personAt("anna", 1), 6);
     DecodedBudget::Share moved = std::move(*share);
     share.reset();
     EXPECT_EQ(freed, 0) << "moved from";
-    auto other = budget.take(person("bert", 1), 6);
+    auto other = budget.take(personAt("bert", 1), 6);
     moved = std::move(*other);
     other.reset();
     EXPECT_EQ(freed, 1) << "what was overwritten is given back";

@@ -16,7 +16,7 @@ namespace {
 using namespace test;
 using testing::HasSubstr;
 
-constexpr const char* kPassword = "correct horse battery";
+constexpr const char* kLongPassword = "correct horse battery";
 
 /// ImportAll with so many empty records: 2 bytes each on the wire, 64 in memory.
 pb::Envelope importOfNothing(std::uint64_t id, int records) {
@@ -45,9 +45,9 @@ std::vector<pb::Envelope> answersTo(RawPeer& peer, const std::vector<pb::Envelop
 
 TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
   RunningServer server;
-  server.addUser("tina", pb::TRAINEE, kPassword);
+  server.addUser("tina", pb::TRAINEE, kLongPassword);
   RawPeer tina(server);
-  ASSERT_TRUE(tina.logIn(personLogin("tina", kPassword)).has_welcome());
+  ASSERT_TRUE(tina.logIn(personLogin("tina", kLongPassword)).has_welcome());
   const auto answers = answersTo(tina, {importOfNothing(5, 524'200), importOfNothing(6, 524'200)});
   ASSERT_EQ(answers.size(), 2u);
   for (std::size_t i = 0; i < answers.size(); ++i) {
@@ -66,9 +66,9 @@ TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
 
 TEST(MessageBounds, moreItemsThanAListMayHaveAreRefusedUnparsedWithTheBound) {
   RunningServer server;
-  server.addUser("ada", pb::ADMINISTRATOR, kPassword);
+  server.addUser("ada", pb::ADMINISTRATOR, kLongPassword);
   RawPeer ada(server);
-  ASSERT_TRUE(ada.logIn(personLogin("ada", kPassword)).has_welcome());
+  ASSERT_TRUE(ada.logIn(personLogin("ada", kLongPassword)).has_welcome());
   const auto answers = answersTo(ada, {importOfNothing(5, 20'001)});
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
@@ -135,9 +135,9 @@ TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
 
 TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
   RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; });
-  server.addUser("ada", pb::ADMINISTRATOR, kPassword);
+  server.addUser("ada", pb::ADMINISTRATOR, kLongPassword);
   RawPeer ada(server);
-  ASSERT_TRUE(ada.logIn(personLogin("ada", kPassword)).has_welcome());
+  ASSERT_TRUE(ada.logIn(personLogin("ada", kLongPassword)).has_welcome());
   const auto answers = answersTo(ada, {importOfNothing(5, 10'000)});
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
@@ -149,9 +149,9 @@ TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
 // Two requests of which only one fits at a time: the second waits for the first one's end, and is answered.
 TEST(MessageBounds, whoFindsNoRoomWaitsForIt) {
   RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 40'000; });
-  server.addUser("ines", pb::INSTRUCTOR, kPassword);
+  server.addUser("ines", pb::INSTRUCTOR, kLongPassword);
   RawPeer ines(server);
-  ASSERT_TRUE(ines.logIn(personLogin("ines", kPassword)).has_welcome());
+  ASSERT_TRUE(ines.logIn(personLogin("ines", kLongPassword)).has_welcome());
   std::string all;
   for (std::uint64_t id = 1; id <= 20; ++id) {
     pb::Envelope check;
@@ -169,9 +169,9 @@ TEST(MessageBounds, whoFindsNoRoomWaitsForIt) {
 
 TEST(MessageBounds, twoCallsInOneRequestEndTheConnection) {
   RunningServer server;
-  server.addUser("tina", pb::TRAINEE, kPassword);
+  server.addUser("tina", pb::TRAINEE, kLongPassword);
   RawPeer tina(server);
-  ASSERT_TRUE(tina.logIn(personLogin("tina", kPassword)).has_welcome());
+  ASSERT_TRUE(tina.logIn(personLogin("tina", kLongPassword)).has_welcome());
   pb::Envelope allowed;
   allowed.mutable_request()->mutable_list_profiles();
   const std::string body =
@@ -190,7 +190,7 @@ TEST(MessageBounds, twoCallsInOneRequestEndTheConnection) {
 
 TEST(LogInCheck, whatCouldNotBeCheckedIsNoGuess) {
   RunningServer server([](ServerOptions& options) { options.guard.allowed_per_name = 2; });
-  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("anna", pb::INSTRUCTOR, kLongPassword);
   const auto withHash = [&](const std::function<void(std::string&)>& change) {
     return server.server().store().writer().run([&](Connection& c) -> Status {
       ASSIGN_OR_RETURN(auto person, PeopleStore(c).find("anna"));
@@ -205,11 +205,11 @@ TEST(LogInCheck, whatCouldNotBeCheckedIsNoGuess) {
                 hash.replace(hash.find("m="), hash.find(",t=") - hash.find("m="), "m=4294967296");
               }).ok());
   for (int i = 0; i < 5; ++i) {
-    const auto answer = RawPeer(server).logIn(personLogin("anna", kPassword));
+    const auto answer = RawPeer(server).logIn(personLogin("anna", kLongPassword));
     EXPECT_EQ(answer.refusal().reason(), pb::Refusal::INTERNAL) << "not LOGIN, not RATE_LIMITED";
   }
   ASSERT_TRUE(withHash([&](std::string& hash) { hash = real; }).ok());
-  EXPECT_TRUE(RawPeer(server).logIn(personLogin("anna", kPassword)).has_welcome());
+  EXPECT_TRUE(RawPeer(server).logIn(personLogin("anna", kLongPassword)).has_welcome());
 }
 
 // --- what ends with an account, and what does not
@@ -217,11 +217,11 @@ TEST(LogInCheck, whatCouldNotBeCheckedIsNoGuess) {
 TEST(Access, aDisabledInstructorsLiveFramesEndAndATraineesLessonGoesOn) {
   RunningServer server;
   auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
-  server.addUser("ines", pb::INSTRUCTOR, kPassword);
-  server.addUser("tina", pb::TRAINEE, kPassword);
-  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
-  auto ines = server.connect(personLogin("ines", kPassword));
-  auto chief = server.connect(personLogin("chief", kPassword));
+  server.addUser("ines", pb::INSTRUCTOR, kLongPassword);
+  server.addUser("tina", pb::TRAINEE, kLongPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kLongPassword);
+  auto ines = server.connect(personLogin("ines", kLongPassword));
+  auto chief = server.connect(personLogin("chief", kLongPassword));
   ASSERT_TRUE(station.ok() && ines.ok() && chief.ok());
   const FakeSession session("bench-1");  // tina's
   ASSERT_TRUE(station->send(session.open()).ok());
