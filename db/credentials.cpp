@@ -4,7 +4,9 @@
 #include <sodium.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cstring>
+#include <system_error>
 
 #include "common/base/text.h"
 #include "db/password_cost.h"
@@ -39,14 +41,53 @@ Result<std::string> hashedText(std::string_view secret) {
   return hash;
 }
 
-/// A hash of discarded random bytes, used in place of an empty hash.
-const std::string& decoyHash() {
-  static const std::string hash = [] {
-    std::array<char, 32> secret;
-    randombytes_buf(secret.data(), secret.size());
-    return hashOf({secret.data(), secret.size()});
-  }();
-  return hash;
+Error noMemory(std::uint64_t bytes) {
+  return {ErrorCode::kFailed,
+          fmt::format("cannot check a password or code: not enough memory ({} MiB are needed)", bytes >> 20)};
+}
+
+/// What libsodium writes as text: "$argon2id$v=19$m=KIB,t=OPERATIONS,p=1$SALT$HASH", the last two in Base64.
+struct ReadHash {
+  std::uint64_t operations = 0, memory_bytes = 0;
+  std::array<unsigned char, crypto_pwhash_argon2id_SALTBYTES> salt{};
+  std::array<unsigned char, 32> hash{};
+};
+
+/// Takes `mark` and the whole number after it, up to 2⁴⁰, off the front.
+bool takeNumber(std::string_view& text, std::string_view mark, std::uint64_t& number) {
+  if (!text.starts_with(mark)) return false;
+  text.remove_prefix(mark.size());
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (fault != std::errc() || number > 1ull << 40) return false;
+  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  return true;
+}
+
+template <std::size_t kSize>
+bool takeBytes(std::string_view text, std::array<unsigned char, kSize>& bytes) {
+  std::size_t size = 0;
+  const char* end = nullptr;
+  return sodium_base642bin(bytes.data(), bytes.size(), text.data(), text.size(), nullptr, &size, &end,
+                           sodium_base64_VARIANT_ORIGINAL_NO_PADDING) == 0 &&
+         size == bytes.size() && end == text.data() + text.size();
+}
+
+std::optional<ReadHash> readHash(std::string_view text) {
+  ReadHash read;
+  std::uint64_t kib = 0, lanes = 0;
+  if (!takeNumber(text, "$argon2id$v=19$m=", kib) || !takeNumber(text, ",t=", read.operations) ||
+      !takeNumber(text, ",p=", lanes) || lanes != 1 || !text.starts_with('$'))
+    return std::nullopt;
+  text.remove_prefix(1);
+  const std::size_t dollar = text.find('$');
+  if (dollar == std::string_view::npos || !takeBytes(text.substr(0, dollar), read.salt) ||
+      !takeBytes(text.substr(dollar + 1), read.hash))
+    return std::nullopt;
+  read.memory_bytes = kib << 10;
+  if (read.operations < crypto_pwhash_argon2id_OPSLIMIT_MIN ||
+      read.memory_bytes < crypto_pwhash_argon2id_MEMLIMIT_MIN)
+    return std::nullopt;
+  return read;
 }
 
 constexpr std::string_view kSelectStations = "SELECT name, key_hash, revoked, created_unix_ns FROM stations ";
@@ -84,14 +125,28 @@ std::string makePin() {
   return fmt::format("{:06}", randombytes_uniform(1'000'000));
 }
 
-bool verifyPassword(std::string_view hash, std::string_view password) {
+// Not crypto_pwhash_str_verify: it calls a lack of memory a wrong password.
+Result<bool> verifyPassword(std::string_view hash, std::string_view password) {
   initialise();
-  const bool usable =
-      !hash.empty() && hash.size() < crypto_pwhash_STRBYTES && password.size() <= kMaxPasswordBytes;
-  std::string padded(usable ? hash : std::string_view(decoyHash()));
-  padded.resize(crypto_pwhash_STRBYTES, '\0');
+  const auto read = password.size() <= kMaxPasswordBytes ? readHash(hash) : std::nullopt;
+  ReadHash wanted;
+  if (read) {
+    wanted = *read;
+  } else {
+    // as much work, on a salt of its own, for a result that nothing equals
+    const PasswordCost cost = passwordCost();
+    wanted.operations = cost.operations;
+    wanted.memory_bytes = cost.memory_bytes;
+    randombytes_buf(wanted.salt.data(), wanted.salt.size());
+  }
   const std::string_view tried = password.substr(0, kMaxPasswordBytes);
-  return crypto_pwhash_str_verify(padded.data(), tried.data(), tried.size()) == 0 && usable;
+  std::array<unsigned char, sizeof wanted.hash> got{};
+  if (crypto_pwhash(got.data(), got.size(), tried.data(), tried.size(), wanted.salt.data(), wanted.operations,
+                    wanted.memory_bytes, crypto_pwhash_ALG_ARGON2ID13) != 0)
+    return noMemory(wanted.memory_bytes);
+  const bool same = sodium_memcmp(got.data(), wanted.hash.data(), got.size()) == 0;
+  sodium_memzero(got.data(), got.size());
+  return same && read.has_value();
 }
 
 StationKeyBytes makeStationKey() {

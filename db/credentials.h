@@ -30,8 +30,9 @@ Result<std::string> hashCode(std::string_view code);
 std::string makePin();
 
 /// True when the password, or code, matches the hash; takes as long as hashing. An empty hash never matches
-/// but takes the same time, so that an attacker cannot tell an unknown name from a wrong password.
-bool verifyPassword(std::string_view hash, std::string_view password);
+/// but takes the same time, so that an attacker cannot tell an unknown name from a wrong password. Errors:
+/// kFailed (no memory): nothing is known about the password then.
+Result<bool> verifyPassword(std::string_view hash, std::string_view password);
 
 using StationKeyBytes = std::array<std::uint8_t, 32>;
 

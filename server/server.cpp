@@ -54,7 +54,8 @@ struct Server::Parts {
   std::string certificate_sha256;
   std::unique_ptr<Store> store;
   // of the retention threads, one runs retention; the other answers further requests and makes dry runs
-  asio::thread_pool passwords{1}, logins{1}, workers{2}, views{2}, slow_workers{1}, retention_workers{2};
+  asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{2}, views{2}, slow_workers{1},
+      retention_workers{2};
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
@@ -152,6 +153,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .store = *p.store,
                                   .passwords = p.passwords,
                                   .logins = p.logins,
+                                  .parsers = p.parsers,
                                   .workers = p.workers,
                                   .views = p.views,
                                   .slow_workers = p.slow_workers,
@@ -219,7 +221,7 @@ Server::~Server() {
   Parts& p = *parts_;
   // running work posts its results to io, which no longer runs
   for (asio::thread_pool* pool :
-       {&p.passwords, &p.logins, &p.workers, &p.views, &p.slow_workers, &p.retention_workers})
+       {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.views, &p.slow_workers, &p.retention_workers})
     pool->join();
   if (p.monitor) p.monitor->join();
   p.store->writer().stop();

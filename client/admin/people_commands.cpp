@@ -112,6 +112,7 @@ Status changeUser(CommandContext& context, pb::ChangeUser change) {
 }
 
 constexpr std::size_t kMostPieceBytes = 700'000;  // of records in one request, which must fit into 1 MiB
+constexpr int kMostPieceRecords = 10'000;         // the server takes 20,000 (teaching.proto)
 constexpr std::size_t kMostRecordsFile = 512u << 20;
 constexpr std::size_t kMostPeopleFile = 900'000;
 
@@ -156,7 +157,8 @@ Status importAll(CommandContext& context, const std::string& file, const std::st
   };
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
-    if (bytes + (end - at) > kMostPieceBytes && bytes > 0) {
+    if ((bytes + (end - at) > kMostPieceBytes && bytes > 0) ||
+        import_all->records_size() == kMostPieceRecords) {
       RETURN_IF_ERROR(send(false));
     }
     import_all->add_records(text.substr(at, end - at));

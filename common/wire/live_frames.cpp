@@ -4,6 +4,8 @@
 #include <cstring>
 #include <memory>
 
+#include "common/wire/wire_reader.h"
+
 namespace needlelab {
 namespace {
 
@@ -18,39 +20,6 @@ constexpr std::uint8_t kStation = tag(1, kBytes), kSession = tag(2, kBytes), kSe
 static_assert(pb::LiveFrame::kStationFieldNumber == 1 && pb::LiveFrame::kSessionIdFieldNumber == 2 &&
               pb::LiveFrame::kFrameSeqFieldNumber == 3 && pb::LiveFrame::kDataFieldNumber == 4 &&
               pb::LiveFrame::kDueSteadyNsFieldNumber == 5 && pb::LiveFrame::kCaptureUnixNsFieldNumber == 6);
-
-/// Reads from the front of the bytes; false when they end too early or have another wire type.
-class Reader {
- public:
-  explicit Reader(std::string_view bytes) : at_(bytes.data()), end_(at_ + bytes.size()) {}
-  [[nodiscard]] bool atEnd() const { return at_ == end_; }
-  bool byte(std::uint8_t& value) {
-    if (at_ == end_) return false;
-    value = static_cast<std::uint8_t>(*at_++);
-    return true;
-  }
-  bool varint(std::uint64_t& value) {
-    value = 0;
-    for (int shift = 0; shift < 64; shift += 7) {
-      std::uint8_t part = 0;
-      if (!byte(part)) return false;
-      if (shift == 63 && part > 1) return false;  // more than 64 bits
-      value |= static_cast<std::uint64_t>(part & 0x7f) << shift;
-      if ((part & 0x80) == 0) return true;
-    }
-    return false;
-  }
-  bool bytes(std::string_view& value) {
-    std::uint64_t size = 0;
-    if (!varint(size) || size > static_cast<std::uint64_t>(end_ - at_)) return false;
-    value = {at_, static_cast<std::size_t>(size)};
-    at_ += size;
-    return true;
-  }
-
- private:
-  const char *at_, *end_;
-};
 
 std::size_t varintBytes(std::uint64_t value) {
   return (static_cast<std::size_t>(std::bit_width(value | 1)) + 6) / 7;
@@ -85,14 +54,14 @@ char* putField(char* at, std::uint8_t tag, std::string_view value) {
 }  // namespace
 
 std::optional<LiveFrameView> viewLiveFrame(ByteView envelope) {
-  Reader outer(textOf(envelope));
+  WireReader outer(textOf(envelope));
   std::uint8_t found = 0;
   std::string_view body;
   if (!outer.byte(found) || found != kEnvelopeLiveFrame || !outer.bytes(body) || !outer.atEnd()) return {};
 
   LiveFrameView frame;
   unsigned seen = 0;
-  for (Reader fields(body); !fields.atEnd();) {
+  for (WireReader fields(body); !fields.atEnd();) {
     if (!fields.byte(found)) return {};
     const unsigned bit = 1u << (found >> 3 & 31);
     if ((seen & bit) != 0) return {};

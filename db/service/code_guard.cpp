@@ -44,6 +44,14 @@ void CodeGuard::forget(const std::string& name) {
   entries_.erase(name);
 }
 
+void CodeGuard::giveBack(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  const auto entry = entries_.find(name);
+  if (entry == entries_.end() || entry->second.wrong == 0) return;
+  --entry->second.wrong;
+  entry->second.wait_until_ns = 0;  // no wait was left when the try was allowed
+}
+
 std::size_t CodeGuard::entries() const {
   const std::lock_guard lock(mutex_);
   return entries_.size();

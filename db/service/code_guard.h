@@ -15,8 +15,8 @@ namespace needlelab {
 /// Counts wrong codes in a row for each person, at all stations together: after `allowed` that person's codes
 /// wait, at first for `first_wait`, twice as long after each further wrong one, at most for `longest_wait`.
 /// So a guesser has some 100 tries a day. The price: whoever stands at a station can make a trainee wait. A
-/// try counts as wrong from its beginning until forget(), so that many at once have no more than `allowed`.
-/// In memory: a restart forgets. Thread: any.
+/// try counts as wrong from its beginning until forget() or giveBack(), so that many at once have no more
+/// than `allowed`. In memory: a restart forgets. Thread: any.
 class CodeGuard {
  public:
   struct Settings {
@@ -39,6 +39,8 @@ class CodeGuard {
   Try begin(const std::string& name);
   /// The code was right, or is another one now: the person begins anew.
   void forget(const std::string& name);
+  /// The allowed try that was begun last could not be checked: it does not count.
+  void giveBack(const std::string& name);
   [[nodiscard]] std::size_t entries() const;
 
  private:

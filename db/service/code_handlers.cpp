@@ -97,7 +97,12 @@ Result<bool> checkCodeOf(const Context& context, const std::string& name, const 
   if (begun.must_wait.count() > 0)
     return Error{ErrorCode::kCode,
                  fmt::format("too many wrong codes of {}: try again in {}", name, waitText(begun.must_wait))};
-  if (verifyPassword(person->code_hash, code)) {
+  const auto right = verifyPassword(person->code_hash, code);
+  if (!right.ok()) {
+    context.codes.giveBack(name);
+    return right.error();
+  }
+  if (*right) {
     context.codes.forget(name);
     return true;
   }

@@ -236,7 +236,8 @@ Result<Principal> Service::loginPerson(const std::string& user, const std::strin
     person = std::move(found);
   }
   // also for unknown names, so that the time is the same
-  const bool right = verifyPassword(person ? person->password_hash : std::string(), password);
+  ASSIGN_OR_RETURN(const bool right,
+                   verifyPassword(person ? person->password_hash : std::string(), password));
   if (!right || !person || person->disabled) return loginRefused();
   return Principal{person->name, person->role};
 }

@@ -60,6 +60,7 @@ class Service {
   void cancelLongWork() { cancelled_ = true; }
 
   /// Checks a password. kDenied with the same text, in about the same time, for unknown, wrong and disabled.
+  /// kFailed: it could not be checked, for want of memory.
   Result<Principal> loginPerson(const std::string& user, const std::string& password);
   /// Checks a station's key. kDenied as above.
   Result<Principal> loginStation(const std::string& station, const std::string& key);

@@ -8,6 +8,7 @@
 #include "common/base/clock.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
+#include "db/service/requests.h"
 #include "server/base/log.h"
 #include "server/live/request_effects.h"
 
@@ -50,17 +51,20 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
     }
     // most messages are live frames: forward their bytes without parsing
     if (cut.ok() && peer.passLive(**cut)) continue;
-    auto got = cut.ok() ? decodeFrame(**cut) : Result<pb::Envelope>(cut.error());
-    if (!got.ok()) {
+    Status taken;
+    if (cut.ok())  // not ?: around co_await, which g++ 12 miscompiles
+      taken = co_await peer.take(**cut);
+    else
+      taken = cut.error();
+    if (!taken.ok()) {
       // the bytes are not a message: the stream is unusable, but tell the peer why
-      const ErrorCode code = got.error().code;
+      const ErrorCode code = taken.error().code;
       if (code == ErrorCode::kInvalidInput || code == ErrorCode::kCorrupt) {
         const auto reason = code == ErrorCode::kCorrupt ? pb::Refusal::INVALID : pb::Refusal::TOO_LARGE;
-        peer.refuseAndClose(makeRefusal(reason, got.error().message, true));
+        peer.refuseAndClose(makeRefusal(reason, taken.error().message, true));
       }
       break;
     }
-    co_await peer.dispatch(std::move(*got));
     // pending work is limited: at the limit, stop reading this socket (and no other)
     while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
     // after an outage all stations send their spools at once: make them wait, do not cut them off
@@ -164,7 +168,7 @@ bool PeerConnection::busy() const {
          requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
 }
 
-/// False: the message is not a plain live frame allowed now; dispatch() checks it and reports any fault.
+/// False: the message is not a plain live frame allowed now; take() checks it and reports any fault.
 bool PeerConnection::passLive(ByteView bytes) {
   if (checkMessage(pb::Envelope::kLiveFrame, state_, who_.role) != Verdict::kAllowed) return false;
   const auto frame = viewLiveFrame(bytes);
@@ -173,47 +177,109 @@ bool PeerConnection::passLive(ByteView bytes) {
   return true;
 }
 
-Task<> PeerConnection::dispatch(pb::Envelope envelope) {
-  // first, check that this message is allowed now, and from this peer
+/// A message, from its bytes: checked by its first tags, counted, parsed, done. Error: the bytes are not an
+/// Envelope. `frame` stays valid: nothing is read from this socket meanwhile.
+Task<Status> PeerConnection::take(ByteView frame) {
+  const auto head = scanEnvelope(frame);
+  if (!head.ok()) co_return head.error();
+  if (!mayRead(*head)) co_return Status{};
+  const auto cost = measurePayload(*head);
+  if (!cost.ok()) {
+    if (cost.error().code == ErrorCode::kCorrupt) co_return cost.error();
+    ++context_.counters.messages_refused_unparsed;
+    refuse(pb::Refusal::TOO_LARGE, cost.error().message, head->request_id);
+    co_return Status{};
+  }
+  std::optional<DecodedBudget::Share> share;
+  // chunks have limits of their own (busy); before log-in a message is small, and done at once
+  if (head->body != pb::Envelope::kChunk && who_.role != pb::ROLE_UNSPECIFIED &&
+      cost->decoded_bytes > context_.bounds.uncounted_decoded_bytes) {
+    share = co_await shareOfBudget(cost->decoded_bytes, head->request_id);
+    if (!share) co_return Status{};
+  }
+  auto envelope = co_await parse(frame, *cost);
+  if (!envelope.ok()) co_return envelope.error();
+  // what is done is what was checked
+  if (envelope->body_case() != head->body || envelope->request().call_case() != head->call)
+    co_return Error{ErrorCode::kCorrupt, "a message that is another one than it seems"};
+  if (over() || channel_->closing()) co_return Status{};
+  co_await dispatch(std::move(*envelope), std::move(share));
+  co_return Status{};
+}
+
+/// Whether this message is allowed now, and from this peer; false: it is refused, or of no interest. Nothing
+/// of it has been parsed.
+bool PeerConnection::mayRead(const EnvelopeHead& head) {
   const auto text = [&](const char* what) {
-    const auto* field = pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(envelope.body_case()));
+    const auto* field = pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body));
     return "'" + (field != nullptr ? field->name() : "unknown") + "' " + what + " (state " + nameOf(state_) +
            ")";
   };
-  const std::uint64_t request = envelope.has_request() ? envelope.request().id() : 0;
-  if (!over() && tooOften(envelope.body_case())) {
+  const auto refuseUnparsed = [&](pb::Refusal refusal) {
+    ++context_.counters.messages_refused_unparsed;
+    refuse(std::move(refusal), head.request_id);
+    return false;
+  };
+  if (!over() && tooOften(head.body)) {
     pb::Refusal refusal = makeRefusal(pb::Refusal::RATE_LIMITED, text("comes too often"));
     // so that the station can match the refusal to its request
-    if (envelope.has_open_session())
-      refusal.set_session_id(envelope.open_session().description().session_id());
-    refuse(std::move(refusal), request);
-    co_return;
+    refusal.set_session_id(std::string(head.session_id));
+    return refuseUnparsed(std::move(refusal));
   }
-  switch (checkMessage(envelope.body_case(), state_, who_.role)) {
+  switch (checkMessage(head.body, state_, who_.role)) {
     case Verdict::kAllowed:
       break;
     case Verdict::kIgnored:
-      // only confirms that the peer has read all earlier messages
-      if (envelope.has_pong() && envelope.pong().id() <= pings_asked_) {
-        pings_answered_ = std::max(pings_answered_, envelope.pong().id());
-        pong_.notify();
-      }
-      co_return;
+      return head.body == pb::Envelope::kPong;
     case Verdict::kUnknown:
-      refuse(pb::Refusal::INVALID,
-             "a message without a body that protocol " + versionText(ourVersion()) + " knows");
-      co_return;
+      return refuseUnparsed(makeRefusal(pb::Refusal::INVALID, "a message without a body that protocol " +
+                                                                  versionText(ourVersion()) + " knows"));
     case Verdict::kWrongState:
-      refuse(pb::Refusal::STATE, text("is not legal now"), request);
-      co_return;
+      return refuseUnparsed(makeRefusal(pb::Refusal::STATE, text("is not legal now")));
     case Verdict::kWrongRole:
-      refuse(pb::Refusal::ROLE, text("is not for your role"), request);
-      co_return;
+      return refuseUnparsed(makeRefusal(pb::Refusal::ROLE, text("is not for your role")));
     case Verdict::kNeverFromPeer:
-      refuse(pb::Refusal::STATE, text("is sent by servers only"), request);
-      co_return;
+      return refuseUnparsed(makeRefusal(pb::Refusal::STATE, text("is sent by servers only")));
   }
+  if (head.body == pb::Envelope::kRequest) {
+    if (const Status role = checkRole(who_, head.call); !role.ok())
+      return refuseUnparsed(refusalOf(role.error()));
+  }
+  return true;
+}
 
+/// Waits until the message fits beside those that are not done yet; meanwhile this socket is not read.
+/// Nothing: it is refused, or the connection ends.
+Task<std::optional<DecodedBudget::Share>> PeerConnection::shareOfBudget(std::size_t bytes,
+                                                                        std::uint64_t request) {
+  const auto room = context_.decoded_room;
+  const BudgetOwner owner = budgetOwner(who_, fmt::format("live {}", id_));
+  if (!context_.decoded.mayFit(bytes)) {
+    ++context_.counters.messages_refused_unparsed;
+    refuse(pb::Refusal::TOO_LARGE,
+           fmt::format("the message would take some {} bytes of memory, at most {} are allowed: send less at "
+                       "once",
+                       bytes, context_.decoded.mostBytes()),
+           request);
+    co_return std::nullopt;
+  }
+  while (!over() && !channel_->closing()) {
+    if (auto share = context_.decoded.take(owner, bytes)) co_return std::move(share);
+    co_await room->wait();
+  }
+  co_return std::nullopt;
+}
+
+Task<Result<pb::Envelope>> PeerConnection::parse(ByteView frame, const PayloadCost& cost) {
+  ++context_.counters.messages_parsed;
+  context_.counters.decoded_bytes += cost.decoded_bytes;
+  if (cost.parsed_bytes <= context_.bounds.parsed_here_bytes) co_return decodeFrame(frame);
+  ++context_.counters.messages_parsed_elsewhere;
+  std::function<Result<pb::Envelope>()> work = [frame] { return decodeFrame(frame); };
+  co_return co_await offload(context_.parsers, std::move(work));
+}
+
+Task<> PeerConnection::dispatch(pb::Envelope envelope, std::optional<DecodedBudget::Share> share) {
   switch (envelope.body_case()) {
     case pb::Envelope::kHello:
       greet(envelope.hello());
@@ -223,6 +289,13 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
       break;
     case pb::Envelope::kPing:
       answerPing(envelope.ping());
+      break;
+    case pb::Envelope::kPong:
+      // only confirms that the peer has read all earlier messages
+      if (envelope.pong().id() <= pings_asked_) {
+        pings_answered_ = std::max(pings_answered_, envelope.pong().id());
+        pong_.notify();
+      }
       break;
     case pb::Envelope::kOpenSession:
       co_await openSession(std::move(*envelope.mutable_open_session()));
@@ -248,7 +321,8 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
                      closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())), rethrow);
       break;
     case pb::Envelope::kRequest:
-      asio::co_spawn(context_.io, execute(shared_from_this(), std::move(*envelope.mutable_request())),
+      asio::co_spawn(context_.io,
+                     execute(shared_from_this(), std::move(*envelope.mutable_request()), std::move(share)),
                      rethrow);
       break;
     case pb::Envelope::kSubscribe: {
@@ -269,7 +343,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
       channel_->finish(CloseReason::kPeerClosed, "the peer said bye: " + envelope.bye().reason());
       break;
     default:
-      break;  // checkMessage permits no other body
+      break;  // mayRead permits no other body
   }
 }
 
@@ -383,7 +457,9 @@ void PeerConnection::answerPing(const pb::Ping& ping) {
 
 // --- requests of people and stations: the service executes them on worker threads; this completes them
 
-Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request request) {
+/// `share`: the request's part of the budget, until it is answered.
+Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request request,
+                               std::optional<DecodedBudget::Share> /*share*/) {
   PeerConnection& peer = *self;
   const std::shared_ptr<const pb::Request> shared = wipedWhenReleased(std::move(request));
   ++peer.requests_at_work_;

@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 
 #include "common/wire/channel.h"
+#include "common/wire/envelope_scan.h"
 #include "db/session_store.h"
 #include "needlelab/envelope.pb.h"
 #include "server/live/context.h"
@@ -76,7 +78,11 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void endTurn();
   void setState(ConnectionState next);
   bool passLive(ByteView frame);
-  Task<> dispatch(pb::Envelope envelope);
+  Task<Status> take(ByteView frame);
+  [[nodiscard]] bool mayRead(const EnvelopeHead& head);
+  Task<std::optional<DecodedBudget::Share>> shareOfBudget(std::size_t bytes, std::uint64_t request);
+  Task<Result<pb::Envelope>> parse(ByteView frame, const PayloadCost& cost);
+  Task<> dispatch(pb::Envelope envelope, std::optional<DecodedBudget::Share> share);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
   void refusedByPeer(const pb::Refusal& refusal);
@@ -102,7 +108,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void takeClockOffset(const pb::ClockOffset& offset);
   Watermarks& watermarks(const std::string& session_id);
 
-  static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request);
+  static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request,
+                        std::optional<DecodedBudget::Share> share);
   Task<> answer(const pb::Request& request, Outcome outcome);
 
   ServerContext& context_;

@@ -17,8 +17,10 @@
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
 #include "server/live/admission.h"
+#include "server/live/decoded_budget.h"
 #include "server/live/hub.h"
 #include "server/live/login_guard.h"
+#include "server/live/login_queue.h"
 #include "server/live/offload.h"
 #include "server/live/tokens.h"
 
@@ -39,17 +41,19 @@ struct ConnectionBounds {
   std::size_t handshakes_of_address = 24;  ///< of those: one address can never use all
   /// One handshake's share of these places; a slower peer goes on without one.
   std::chrono::milliseconds handshake_turn{1000};
-  std::size_t logins_waiting = 64;  ///< of the whole server, for the password check
-  /// The other places are for people who have logged in from that address before.
-  std::size_t logins_waiting_of_strangers = 48;
-  std::size_t logins_waiting_at_address = 32;  ///< of those strangers, from one address
-  std::size_t connections_of_person = 256;     ///< logged in at once
-  double small_messages_at_once = 5000;        ///< all but chunks and requests, which have their own limits
+  LoginQueue::Settings logins;              ///< of the whole server, that wait for the password check
+  std::size_t connections_of_person = 256;  ///< logged in at once
+  double small_messages_at_once = 5000;     ///< all but chunks and requests, which have their own limits
   double small_messages_per_s = 500;
   std::size_t refusals = 200;  ///< refused messages after log-in; then the connection ends
   /// Time for a station to confirm an instructor's message; after that the instructor gets an error.
   std::chrono::milliseconds confirm_timeout{5'000};
   std::size_t known_sessions = 1024;  ///< whose watermarks are in memory
+  /// A message with more bytes to read one by one is parsed on another thread: this takes some 50 µs here.
+  std::size_t parsed_here_bytes = 16u << 10;
+  /// A message that becomes no more than this has no part in the budget: `requests_at_work` bounds it.
+  std::size_t uncounted_decoded_bytes = 4u << 10;
+  DecodedBudget::Limits decoded;  ///< of both ports together
 };
 
 /// Totals since the start.
@@ -59,6 +63,10 @@ struct ServerCounters {
   std::uint64_t chunks_stored = 0, chunks_repeated = 0, chunks_refused = 0;
   std::uint64_t sessions_closed = 0;
   std::uint64_t messages_refused = 0;
+  std::uint64_t messages_refused_unparsed = 0;       ///< of those: by their first bytes
+  std::uint64_t messages_parsed = 0;                 ///< all but live frames, which are forwarded as bytes
+  std::uint64_t messages_parsed_elsewhere = 0;       ///< of those: not on the network's thread
+  std::uint64_t decoded_bytes = 0;                   ///< of parsed messages: an estimate (PayloadCost)
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections
   std::uint64_t handshakes_failed = 0;               ///< TLS failed or timed out
@@ -84,6 +92,7 @@ struct ServerContext {
   Store& store;                     ///< its parts are thread-safe
   asio::thread_pool& passwords;     ///< argon2id: 64 MiB and 0.1 s each, so few at a time
   asio::thread_pool& logins;        ///< station keys, tokens: not delayed by scoring
+  asio::thread_pool& parsers;       ///< large messages: milliseconds each
   asio::thread_pool& workers;       ///< short reads and scoring
   asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson
   asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes
@@ -96,11 +105,12 @@ struct ServerContext {
   ServerCounters counters;
   WebCounters web{};
   Admission admission{};
-  std::size_t logins_waiting = 0;
-  std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
-  /// Turns issued, and the turn whose password is being checked.
-  std::uint64_t password_turns = 0, password_turn = 0;
-  Signal password_done{io.get_executor()};  ///< password_turn has advanced
+  /// A log-in's turn has ended, or its place was taken.
+  std::shared_ptr<Signal> login_turns = std::make_shared<Signal>(io.get_executor());
+  LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};
+  /// A message was done with: there may be room for another one.
+  std::shared_ptr<Signal> decoded_room = std::make_shared<Signal>(io.get_executor());
+  DecodedBudget decoded{bounds.decoded, [room = decoded_room] { room->notify(); }};
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
   std::size_t chunks_in_flight = 0;  ///< of all connections
   std::unique_ptr<Inbox> committed =

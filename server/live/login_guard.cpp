@@ -71,10 +71,15 @@ void LoginGuard::succeeded(const std::string& name, const std::string& address, 
   const std::string key = pairKey(name, address);
   pairs_.erase(key);
   entryOf(known_, key).at_ns = now_ns;
+  entryOf(known_addresses_, address).at_ns = now_ns;
 }
 
 bool LoginGuard::knows(const std::string& name, const std::string& address) const {
   return known_.contains(pairKey(name, address));
+}
+
+bool LoginGuard::knowsAddress(const std::string& address) const {
+  return known_addresses_.contains(address);
 }
 
 LoginGuard::Entry& LoginGuard::entryOf(Entries& entries, const std::string& key) const {

@@ -46,9 +46,11 @@ class LoginGuard {
   /// Resets the name's failures at this address and marks it as known there.
   void succeeded(const std::string& name, const std::string& address, std::int64_t now_ns);
   [[nodiscard]] bool knows(const std::string& name, const std::string& address) const;
+  /// Whether anybody has logged in from this address.
+  [[nodiscard]] bool knowsAddress(const std::string& address) const;
 
   [[nodiscard]] std::size_t entries() const {
-    return pairs_.size() + known_.size() + names_.size() + addresses_.size();
+    return pairs_.size() + known_.size() + known_addresses_.size() + names_.size() + addresses_.size();
   }
 
  private:
@@ -68,6 +70,7 @@ class LoginGuard {
   Settings settings_;
   Entries pairs_;  // name at address: failures in a row
   Entries known_;  // name at address: time of the last log-in there
+  Entries known_addresses_;
   Entries names_, addresses_;
 };
 

@@ -156,7 +156,16 @@ void connections(PrometheusText& out, const ServerContext& context, const Open& 
   out.counter("needlelab_logins_total", real(counters.logins), "Log-ins that succeeded.");
   out.counter("needlelab_logins_refused_total", real(counters.logins_refused), "Log-ins refused.");
   out.counter("needlelab_messages_refused_total", real(counters.messages_refused), "Messages refused.");
-  out.gauge("needlelab_logins_waiting", real(context.logins_waiting),
+  out.counter("needlelab_messages_refused_unparsed_total", real(counters.messages_refused_unparsed),
+              "Messages refused by their first bytes.");
+  out.metric("needlelab_messages_parsed_total", "counter", "Messages parsed, by thread; not live frames.");
+  out.sample(real(counters.messages_parsed - counters.messages_parsed_elsewhere), {{"thread", "network"}});
+  out.sample(real(counters.messages_parsed_elsewhere), {{"thread", "parsers"}});
+  out.counter("needlelab_decoded_bytes_total", real(counters.decoded_bytes),
+              "Memory that parsed messages took, an estimate.");
+  out.gauge("needlelab_decoded_bytes_in_flight", real(context.decoded.taken()),
+            "Memory of larger messages and bodies that are not done yet, an estimate.");
+  out.gauge("needlelab_logins_waiting", real(context.logins_waiting.size()),
             "Log-ins of people that wait for the password check.");
   out.counter("needlelab_received_bytes_total", real(counters.bytes_received + open.bytes_received),
               "Bytes received from peers, without TLS.");

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 #include <boost/asio/post.hpp>
+#include <exception>
 #include <utility>
 
 #include "common/base/clock.h"
@@ -26,14 +27,9 @@ PersonLogin waitOf(ServerContext& context, const std::string& name, const std::s
   return login;
 }
 
-// a password check is expensive in time and memory by design: few at a time, in a bounded queue with places
-// that strangers cannot take
-bool roomToWait(const ServerContext& context, bool known, const std::string& host) {
-  const ConnectionBounds& bounds = context.bounds;
-  if (context.logins_waiting >= (known ? bounds.logins_waiting : bounds.logins_waiting_of_strangers))
-    return false;
-  const auto here = context.logins_waiting_at.find(host);
-  return known || here == context.logins_waiting_at.end() || here->second < bounds.logins_waiting_at_address;
+LoginQueue::Line lineOf(const LoginGuard& guard, const std::string& name, const std::string& host) {
+  if (guard.knows(name, host)) return LoginQueue::Line::kKnownPerson;
+  return guard.knowsAddress(host) ? LoginQueue::Line::kKnownAddress : LoginQueue::Line::kStranger;
 }
 
 void noteLocked(ServerContext& context, const std::string& name, const std::string& host,
@@ -49,46 +45,52 @@ void noteLocked(ServerContext& context, const std::string& name, const std::stri
              });
 }
 
+/// On the passwords' thread. What it throws (no memory) fails this log-in alone.
+Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<const PersonSecret> secret) {
+  std::function<Result<Principal>()> check = [&service = context.store.service(), secret] {
+    return service.loginPerson(secret->user, secret->password);
+  };
+  try {
+    co_return co_await offload(context.passwords, std::move(check));
+  } catch (const std::exception& fault) {
+    co_return Error{ErrorCode::kFailed, fmt::format("the password check failed inside: {}", fault.what())};
+  }
+}
+
 /// One check when its turn comes.
 Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                             std::string name, std::string host, LoginPeer peer) {
-  const bool known = context.guard.knows(name, host);
-  ++context.logins_waiting;
-  if (!known) ++context.logins_waiting_at[host];
-  // One at a time, and each checks the lock-out again: of many simultaneous guesses, those beyond the limit
-  // are never tried.
-  const std::uint64_t turn = context.password_turns++;
-  while (context.password_turn != turn) co_await context.password_done.wait();
   PersonLogin login;
-  login.answer = Answer::kGone;
-  if (!peer.gone()) {
-    login = waitOf(context, name, host, peer);
-    if (login.answer != Answer::kMustWait) {
-      std::function<Result<Principal>()> check = [&service = context.store.service(), secret] {
-        return service.loginPerson(secret->user, secret->password);
-      };
-      auto who = co_await offload(context.passwords, std::move(check));
-      if (who.ok()) {
-        login.answer = Answer::kWelcome;
-        login.holder = {std::move(*who), steadyNowNs()};
-      } else {
-        const bool denied = who.error().code == ErrorCode::kDenied;
-        login.answer = denied ? Answer::kRefused : Answer::kFailed;
-        ++context.counters.logins_refused;
-        logEvent(LogLevel::kWarning, "login_refused",
-                 {{"conn", peer.connection},
-                  {"name", name},
-                  {"peer", peer.address},
-                  {"text", who.error().message}});
-        if (denied && context.guard.failed(name, host, steadyNowNs())) noteLocked(context, name, host, peer);
-      }
-    }
+  // One at a time, and each checks the lock-out again: of many simultaneous guesses, those beyond the limit
+  // are never tried. The place gives the turn on at its end, whatever happens here.
+  const auto place = context.logins_waiting.join(lineOf(context.guard, name, host), host, name);
+  const auto turns = context.login_turns;
+  while (place && !place->hasTurn() && !place->gaveWay() && !peer.gone()) co_await turns->wait();
+  if (peer.gone()) {
+    login.answer = Answer::kGone;
+    co_return login;
   }
-  ++context.password_turn;
-  context.password_done.notify();
-  --context.logins_waiting;
-  if (const auto here = context.logins_waiting_at.find(host); !known && --here->second == 0)
-    context.logins_waiting_at.erase(here);
+  if (!place || place->gaveWay()) {
+    ++context.counters.logins_refused;
+    login.answer = Answer::kTooMany;
+    co_return login;
+  }
+  login = waitOf(context, name, host, peer);
+  if (login.answer == Answer::kMustWait) co_return login;
+  auto who = co_await checkPassword(context, std::move(secret));
+  if (who.ok()) {
+    login.answer = Answer::kWelcome;
+    login.holder = {std::move(*who), steadyNowNs()};
+    co_return login;
+  }
+  // only a wrong password counts as a guess, not a check that could not be made
+  const bool denied = who.error().code == ErrorCode::kDenied;
+  login.answer = denied ? Answer::kRefused : Answer::kFailed;
+  ++context.counters.logins_refused;
+  logEvent(
+      denied ? LogLevel::kWarning : LogLevel::kError, denied ? "login_refused" : "login_not_checked",
+      {{"conn", peer.connection}, {"name", name}, {"peer", peer.address}, {"text", who.error().message}});
+  if (denied && context.guard.failed(name, host, steadyNowNs())) noteLocked(context, name, host, peer);
   co_return login;
 }
 
@@ -124,12 +126,6 @@ Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const Pers
                               LoginPeer peer) {
   const std::string host = Admission::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
   if (auto wait = waitOf(context, name, host, peer); wait.answer == Answer::kMustWait) co_return wait;
-  if (!roomToWait(context, context.guard.knows(name, host), host)) {
-    ++context.counters.logins_refused;
-    PersonLogin login;
-    login.answer = Answer::kTooMany;
-    co_return login;
-  }
   PersonLogin login;
   std::uint64_t seen = 0;
   do {

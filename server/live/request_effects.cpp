@@ -106,6 +106,11 @@ Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal 
   co_return co_await offload(poolFor(context, threads), std::move(work));
 }
 
+BudgetOwner budgetOwner(const Principal& who, std::string connection) {
+  const bool person = who.role != pb::STATION;
+  return {std::move(connection), (person ? "person " : "station ") + who.name, person};
+}
+
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {
   return {new pb::Request(std::move(request)), [](pb::Request* held) {
             wipeSecrets(*held);

@@ -11,6 +11,9 @@
 
 namespace needlelab {
 
+/// The owner of messages from this connection, in the budget that both ports share. `connection`: unique.
+BudgetOwner budgetOwner(const Principal& who, std::string connection);
+
 /// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 

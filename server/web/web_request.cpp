@@ -1,5 +1,6 @@
 #include "server/web/web_server.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <filesystem>
 #include <utility>
@@ -24,6 +25,14 @@ using Request = std::shared_ptr<HttpRequest>;
 
 /// Parsing JSON of this size takes about a millisecond.
 constexpr std::size_t kSmallBody = 16u << 10;
+
+/// The memory of a body's JSON, rather too high, from its punctuation: a value in a list takes 16 bytes of a
+/// block that doubles, a member about 96.
+std::size_t jsonBytes(std::string_view body) {
+  std::size_t bytes = body.size();
+  for (const char c : body) bytes += c == ',' ? 32u : c == ':' ? 96u : c == '[' || c == '{' ? 64u : 0u;
+  return bytes;
+}
 
 HttpAnswer notLoggedIn() {
   HttpAnswer answer = errorAnswer(401, "not_logged_in", "log in first: there is no session, or it has ended");
@@ -180,16 +189,34 @@ Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_p
   co_return co_await offload(context.views, std::move(work));
 }
 
-Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<WebStream> stream) {
-  std::function<Result<std::string>()> work = [stream] { return stream->next(); };
+/// A stream, and the session that asked for it.
+struct SessionStream {
+  WebStream stream;
+  std::string token;
+  std::uint64_t seen = 0;  ///< ServerContext::access_changes when the session was valid
+};
+
+/// Whether the stream's session has been ended: its account was disabled or has another role or password. A
+/// session that only expires while its download runs does not end it.
+bool accessEnded(ServerContext& context, const SessionStream& stream) {
+  return stream.seen != context.access_changes && !context.tokens.endOf(stream.token, steadyNowNs());
+}
+
+Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
+  const Error ended{ErrorCode::kDenied, "the session that asked for it has ended"};
+  if (accessEnded(server->context(), *stream)) co_return ended;
+  std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
   try {
-    co_return co_await offload(server->context().views, std::move(work));
+    auto piece = co_await offload(server->context().views, std::move(work));
+    if (accessEnded(server->context(), *stream)) co_return ended;
+    co_return piece;
   } catch (const std::exception& fault) {
     co_return Error{ErrorCode::kFailed, fault.what()};
   }
 }
 
-Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call,
+                               std::string token, std::uint64_t seen) {
   ServerContext& context = server->context();
   std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
     return route.how.stream(service, *call);
@@ -199,7 +226,7 @@ Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<WebStream>(std::move(*opened));
+  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(token), seen});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -217,6 +244,25 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
   if (!parsed) return errorAnswer(parsed.error());
   body = std::move(*parsed);
   return std::nullopt;
+}
+
+/// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the
+/// browser is gone.
+Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Principal who,
+                                          std::optional<DecodedBudget::Share>& share) {
+  ServerContext& context = server->context();
+  if (request->body.size() <= kSmallBody) co_return std::nullopt;
+  const auto room = context.decoded_room;
+  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
+  const std::size_t bytes = jsonBytes(request->body);
+  if (!context.decoded.mayFit(bytes))
+    co_return errorAnswer(413, "too_large", "the body has too many values: send less at once");
+  while (!request->gone()) {
+    share = context.decoded.take(owner, bytes);
+    if (share) co_return std::nullopt;
+    co_await room->wait();
+  }
+  co_return errorAnswer(503, "unavailable", "the browser is gone");
 }
 
 Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::shared_ptr<WebCall> call) {
@@ -252,6 +298,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
 
   // all following routes require a session
+  const std::uint64_t seen = context.access_changes;
   const auto session = server->sessions().find(request->cookie, steadyNowNs());
   if (!session) co_return notLoggedIn();
   request->who = session->holder.who.name;
@@ -285,6 +332,9 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   if (route.call != pb::Request::CALL_NOT_SET) {
     if (const Status role = checkRole(call->who, route.call); !role) co_return errorAnswer(role.error());
   }
+  // given back here, on the network's thread, when the request is answered
+  std::optional<DecodedBudget::Share> share;
+  if (auto refused = co_await takeShare(server, request, call->who, share)) co_return std::move(*refused);
   if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
   if (!request->if_match.empty()) {
     const auto revision = parseIfMatch(request->if_match);
@@ -313,7 +363,8 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.body = std::string(route.how.text());
     co_return answer;
   }
-  if (route.how.action == WebAction::kStream) co_return co_await throughStream(server, route, call);
+  if (route.how.action == WebAction::kStream)
+    co_return co_await throughStream(server, route, call, session->token, seen);
   if (route.how.action == WebAction::kWork) co_return co_await throughWork(server, route, call);
   co_return co_await throughService(server, route, call);
 }

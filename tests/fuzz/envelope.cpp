@@ -1,7 +1,8 @@
-// Fuzzes a peer's bytes: the frames, the envelopes in them, and the check whether an envelope is allowed in
-// this state.
+// Fuzzes a peer's bytes: the frames, what their first tags say, the envelopes in them, and the check whether
+// an envelope is allowed in this state.
 #include <array>
 
+#include "common/wire/envelope_scan.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests.h"
 #include "server/live/rules.h"
@@ -62,7 +63,17 @@ void envelope(ByteView data) {
       if (!frame.ok()) return;
       if (!frame->has_value()) break;
       require(!(*frame)->empty() && (*frame)->size() <= limit, "no frame is empty or above the limit");
-      if (const auto decoded = decodeFrame(**frame); decoded.ok()) look(*decoded);
+      const auto decoded = decodeFrame(**frame);
+      if (decoded.ok()) look(*decoded);
+      const auto head = scanEnvelope(**frame);
+      if (!head.ok()) continue;
+      const auto cost = measurePayload(*head);
+      if (!decoded.ok()) continue;
+      require(head->body == decoded->body_case() && head->call == decoded->request().call_case(),
+              "what was judged is what is parsed");
+      if (cost.ok())
+        require(cost->decoded_bytes + sizeof(pb::Envelope) >= decoded->SpaceUsedLong() / 4,
+                "no message takes far more than was reckoned");
     }
     require(splitter.capacity() <= 2 * limit + 65536, "memory grows with what arrived");
   }

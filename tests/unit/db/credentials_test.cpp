@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sodium.h>
 
 #include <ctime>
 #include <set>
@@ -16,9 +17,9 @@ TEST(Password, onlyTheRightOneVerifies) {
   ASSERT_TRUE(hash.ok());
   EXPECT_EQ(hash->rfind("$argon2id$v=19$m=65536,t=2,p=1$", 0), 0u) << *hash;
   EXPECT_EQ(hash->find('\0'), std::string::npos);
-  EXPECT_TRUE(verifyPassword(*hash, "correct horse"));
-  EXPECT_FALSE(verifyPassword(*hash, "correct horsf"));
-  EXPECT_FALSE(verifyPassword(*hash, ""));
+  EXPECT_TRUE(*verifyPassword(*hash, "correct horse"));
+  EXPECT_FALSE(*verifyPassword(*hash, "correct horsf"));
+  EXPECT_FALSE(*verifyPassword(*hash, ""));
   EXPECT_NE(*hashPassword("correct horse"), *hash) << "no salt";
 }
 
@@ -29,10 +30,38 @@ TEST(Password, lengthsAreLimited) {
 
 TEST(Password, aHashThatIsNoneNeverVerifies) {
   for (const std::string& hash : {std::string(), std::string("nonsense"), std::string(10'000, 'x')}) {
-    EXPECT_FALSE(verifyPassword(hash, "password"));
+    EXPECT_FALSE(*verifyPassword(hash, "password"));
   }
   const auto hash = hashPassword(std::string(256, 'x'));
-  EXPECT_FALSE(verifyPassword(*hash, std::string(257, 'x')));
+  EXPECT_FALSE(*verifyPassword(*hash, std::string(257, 'x')));
+}
+
+// libsodium's own check calls it a wrong password. A hash names its memory: this one more than there can be.
+TEST(Password, aLackOfMemoryIsNotAWrongPassword) {
+  auto hash = *hashPassword("correct horse");
+  const std::size_t from = hash.find("m="), to = hash.find(",t=");
+  ASSERT_NE(to, std::string::npos) << hash;
+  hash.replace(from, to - from, "m=4294967296");
+  for (const char* password : {"correct horse", "wrong horse"}) {
+    const auto checked = verifyPassword(hash, password);
+    ASSERT_FALSE(checked.ok());
+    EXPECT_EQ(checked.error().code, ErrorCode::kFailed);
+    EXPECT_EQ(checked.error().message,
+              "cannot check a password or code: not enough memory (4194304 MiB are needed)");
+  }
+}
+
+// Hashes that libsodium itself made and reads, of both costs.
+TEST(Password, hashesOfTheLibraryVerify) {
+  ASSERT_GE(sodium_init(), 0);
+  std::string hash(crypto_pwhash_STRBYTES, '\0');
+  ASSERT_EQ(crypto_pwhash_str(hash.data(), "correct horse", 13, 3, std::size_t{1} << 20), 0);
+  hash.resize(hash.find('\0'));
+  EXPECT_TRUE(*verifyPassword(hash, "correct horse"));
+  EXPECT_FALSE(*verifyPassword(hash, "correct horsf"));
+  for (const std::size_t cut : {std::size_t{1}, hash.size() / 2, hash.size() - 1})
+    EXPECT_FALSE(*verifyPassword(hash.substr(0, cut), "correct horse")) << cut;
+  EXPECT_FALSE(*verifyPassword(hash + "x", "correct horse"));
 }
 
 // Processor time of this thread, which other programs do not lengthen.
@@ -45,10 +74,9 @@ TEST(Password, anUnknownNameIsAsMuchWorkAsAWrongPassword) {
       return now.tv_sec * 1'000'000'000 + now.tv_nsec;
     };
     const auto from_ns = now_ns();
-    for (int i = 0; i < 200; ++i) EXPECT_FALSE(verifyPassword(stored, "wrong password"));
+    for (int i = 0; i < 200; ++i) EXPECT_FALSE(*verifyPassword(stored, "wrong password"));
     return now_ns() - from_ns;
   };
-  (void)verifyPassword("", "wrong password");  // makes the decoy
   EXPECT_GT(work_ns("") * 4, work_ns(*hash));
 }
 
@@ -56,9 +84,9 @@ TEST(Code, isHashedAsAPasswordButMayBeShort) {
   const auto hash = hashCode("2468");
   ASSERT_TRUE(hash.ok()) << hash.error().message;
   EXPECT_EQ(hash->rfind("$argon2id$", 0), 0u) << *hash;
-  EXPECT_TRUE(verifyPassword(*hash, "2468"));
-  EXPECT_FALSE(verifyPassword(*hash, "2469"));
-  EXPECT_FALSE(verifyPassword(*hash, ""));
+  EXPECT_TRUE(*verifyPassword(*hash, "2468"));
+  EXPECT_FALSE(*verifyPassword(*hash, "2469"));
+  EXPECT_FALSE(*verifyPassword(*hash, ""));
   EXPECT_TRUE(hashCode(std::string(64, '~')).ok());
   EXPECT_TRUE(hashCode("A b 1").ok());
 }

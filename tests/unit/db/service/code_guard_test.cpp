@@ -45,6 +45,22 @@ TEST(CodeGuard, beginsAnewAfterARightCode) {
   EXPECT_EQ(guard.begin("tom").left, 4u);
 }
 
+TEST(CodeGuard, aTryThatCouldNotBeCheckedDoesNotCount) {
+  test::FakeTime time;
+  CodeGuard guard(time);
+  for (int i = 0; i < 4; ++i) (void)guard.begin("tom");
+  for (int i = 0; i < 10; ++i) {
+    const auto fifth = guard.begin("tom");
+    EXPECT_EQ(fifth.must_wait, Seconds(0));
+    EXPECT_EQ(fifth.then_wait, Seconds(60)) << "if it is wrong";
+    guard.giveBack("tom");
+  }
+  (void)guard.begin("tom");
+  EXPECT_EQ(guard.begin("tom").must_wait, Seconds(60));
+  guard.giveBack("nobody");
+  EXPECT_EQ(guard.entries(), 1u);
+}
+
 TEST(CodeGuard, countsATryFromItsBeginning) {
   test::FakeTime time;
   CodeGuard guard(time);

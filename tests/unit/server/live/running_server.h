@@ -50,6 +50,7 @@ class RunningServer {
     if (!server_) return exit_code_;
     server_->stop();
     thread_.join();
+    counters_ = server_->counters();
     server_.reset();
     return exit_code_;
   }
@@ -58,6 +59,9 @@ class RunningServer {
     start();
     return code;
   }
+
+  /// Of the server that was stopped last.
+  [[nodiscard]] const ServerCounters& counters() const { return counters_; }
 
   Server& server() { return *server_; }
   Service& service() { return server_->store().service(); }
@@ -101,6 +105,7 @@ class RunningServer {
   std::unique_ptr<Server> server_;
   std::thread thread_;
   int exit_code_ = -1;
+  ServerCounters counters_;
 };
 
 /// Returns the next message that `wanted` accepts and skips others. Fails the test if none arrives.

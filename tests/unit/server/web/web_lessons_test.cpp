@@ -351,6 +351,29 @@ TEST(WebLessons, aLongCsvTakesNoMoreMemoryThanAShortOneHoweverSlowlyItIsRead) {
               static_cast<unsigned long long>((most - before) >> 10));
 }
 
+TEST(WebLessons, aDownloadEndsWhenItsAccountIsDisabled) {
+  WebLab lab;
+  const std::string id = lab.recorded(1500);  // some 13 MB of CSV, more than the sockets hold
+  Browser ines = lab.browserOf("ines"), ada = lab.browserOf("ada");
+  const std::string path = "/api/v1/sessions/" + id + "/samples.csv";
+  for (const bool disabled : {false, true}) {
+    WebWire wire(lab.port());
+    wire.keepLittle();
+    ASSERT_TRUE(wire.send(requestText("GET", path, "", ines.own("GET"))));
+    ASSERT_EQ(wire.readHeader().status, 200);
+    bool broken = false;
+    ASSERT_TRUE(wire.readChunk(broken).has_value());
+    // somebody else's account ends nobody's download
+    const std::string who = disabled ? "ines" : "rhea";
+    ASSERT_EQ(
+        ada.ask("PATCH", "/api/v1/people/" + who, R"({"disabled": true})", {{"If-Match", "\"1\""}}).status,
+        200);
+    while (wire.readChunk(broken)) {
+    }
+    EXPECT_EQ(broken, disabled) << "without its last piece a browser knows that it is not whole";
+  }
+}
+
 TEST(WebLessons, metricsCountTheRequestsByRouteAndStatus) {
   WebLab lab([](ServerOptions& options) { options.metrics = "127.0.0.1:0"; });
   Browser ines = lab.browserOf("ines");

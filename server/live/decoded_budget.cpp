@@ -1,0 +1,83 @@
+#include "server/live/decoded_budget.h"
+
+#include <algorithm>
+#include <unordered_map>
+#include <utility>
+
+namespace needlelab {
+
+struct DecodedBudget::State {
+  Limits limits;
+  std::function<void()> freed;
+  // without zero entries
+  std::unordered_map<std::string, std::size_t> by_connection, by_owner;
+  std::size_t people = 0, server = 0;
+
+  void giveBack(const BudgetOwner& owner, std::size_t bytes) {
+    const auto less = [bytes](auto& entries, const std::string& key) {
+      if (const auto entry = entries.find(key); (entry->second -= bytes) == 0) entries.erase(entry);
+    };
+    less(by_connection, owner.connection);
+    less(by_owner, owner.name);
+    if (owner.person) people -= bytes;
+    server -= bytes;
+    if (freed) freed();
+  }
+};
+
+DecodedBudget::DecodedBudget(Limits limits, std::function<void()> freed) : state_(std::make_shared<State>()) {
+  state_->limits = limits;
+  state_->freed = std::move(freed);
+}
+
+std::size_t DecodedBudget::mostBytes() const {
+  const Limits& limits = state_->limits;
+  return std::min({limits.connection, limits.owner, limits.people, limits.server});
+}
+
+bool DecodedBudget::mayFit(std::size_t bytes) const {
+  return bytes <= mostBytes();
+}
+
+std::size_t DecodedBudget::taken() const {
+  return state_->server;
+}
+
+std::optional<DecodedBudget::Share> DecodedBudget::take(const BudgetOwner& owner, std::size_t bytes) {
+  State& state = *state_;
+  const Limits& limits = state.limits;
+  const auto room = [bytes](std::size_t used, std::size_t limit) {
+    return bytes <= limit && used <= limit - bytes;
+  };
+  const auto used = [](const auto& entries, const std::string& key) {
+    const auto entry = entries.find(key);
+    return entry == entries.end() ? std::size_t{0} : entry->second;
+  };
+  const bool fits = room(used(state.by_connection, owner.connection), limits.connection) &&
+                    room(used(state.by_owner, owner.name), limits.owner) &&
+                    (!owner.person || room(state.people, limits.people)) && room(state.server, limits.server);
+  if (!fits) return std::nullopt;
+  if (bytes > 0) {
+    state.by_connection[owner.connection] += bytes;
+    state.by_owner[owner.name] += bytes;
+    if (owner.person) state.people += bytes;
+    state.server += bytes;
+  }
+  return Share(state_, owner, bytes);
+}
+
+DecodedBudget::Share::Share(std::shared_ptr<State> state, BudgetOwner owner, std::size_t bytes)
+    : state_(std::move(state)), owner_(std::move(owner)), bytes_(bytes) {}
+
+DecodedBudget::Share& DecodedBudget::Share::operator=(Share&& other) noexcept {
+  std::swap(state_, other.state_);
+  std::swap(owner_, other.owner_);
+  std::swap(bytes_, other.bytes_);
+  return *this;
+}
+
+DecodedBudget::Share::~Share() {
+  if (state_ && bytes_ > 0) state_->giveBack(owner_, bytes_);
+}
+
+}  // namespace needlelab

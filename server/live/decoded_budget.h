@@ -1,0 +1,65 @@
+/// Bounds the memory of messages that are parsed and not yet done.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace needlelab {
+
+/// Who sends a message: each name has a budget of its own.
+struct BudgetOwner {
+  std::string connection;  ///< unique among all connections of both ports
+  std::string name;        ///< of the person or station, on all its connections
+  bool person = true;      ///< not a station
+};
+
+/// Bytes of decoded messages in flight: of a connection, of a person or station, of all people, of the
+/// server. What people leave free is the stations': after an outage they open their sessions all at once,
+/// whatever people do. Who finds no room waits, and reads nothing meanwhile. Thread: one.
+class DecodedBudget {
+ public:
+  struct Limits {
+    std::size_t connection = 8u << 20;  ///< more than a message of 1 MiB can become (kMostPayloadFields)
+    std::size_t owner = 16u << 20;
+    std::size_t people = 24u << 20;
+    std::size_t server = 32u << 20;
+  };
+  class Share;
+
+  /// `freed` is called whenever bytes were given back; it must outlive the last share.
+  explicit DecodedBudget(Limits limits, std::function<void()> freed = {});
+
+  /// Takes `bytes` until the share's end. Nothing: at the moment a budget has less room.
+  std::optional<Share> take(const BudgetOwner& owner, std::size_t bytes);
+  /// False: so many bytes fit never, however long one waits.
+  [[nodiscard]] bool mayFit(std::size_t bytes) const;
+  [[nodiscard]] std::size_t mostBytes() const;
+  /// Of all.
+  [[nodiscard]] std::size_t taken() const;
+
+ private:
+  struct State;
+  std::shared_ptr<State> state_;  // shared with the shares, which may end last
+};
+
+/// Gives its bytes back when it ends.
+class DecodedBudget::Share {
+ public:
+  Share(Share&& other) noexcept = default;
+  Share& operator=(Share&& other) noexcept;
+  Share(const Share&) = delete;
+  Share& operator=(const Share&) = delete;
+  ~Share();
+
+ private:
+  friend class DecodedBudget;
+  Share(std::shared_ptr<State> state, BudgetOwner owner, std::size_t bytes);
+  std::shared_ptr<State> state_;  // null: moved from
+  BudgetOwner owner_;
+  std::size_t bytes_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,88 @@
+#include "server/live/decoded_budget.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace needlelab {
+namespace {
+
+constexpr DecodedBudget::Limits kLimits{.connection = 10, .owner = 25, .people = 60, .server = 80};
+
+BudgetOwner personAt(const std::string& name, int connection) {
+  return {name + " " + std::to_string(connection), "person " + name, true};
+}
+BudgetOwner stationNamed(const std::string& name) {
+  return {"live " + name, "station " + name, false};
+}
+
+TEST(DecodedBudget, aConnectionHasItsPartAndGetsItBack) {
+  DecodedBudget budget(kLimits);
+  auto first = budget.take(personAt("anna", 1), 6);
+  ASSERT_TRUE(first.has_value());
+  EXPECT_FALSE(budget.take(personAt("anna", 1), 5).has_value());
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 4).has_value()) << "just what is left, and given back at once";
+  EXPECT_EQ(budget.taken(), 6u);
+  first.reset();
+  EXPECT_EQ(budget.taken(), 0u);
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 10).has_value());
+}
+
+TEST(DecodedBudget, aPersonHasItsPartHoweverManyConnectionsItHas) {
+  DecodedBudget budget(kLimits);
+  std::vector<DecodedBudget::Share> shares;
+  for (int connection = 0; connection < 100; ++connection)
+    if (auto share = budget.take(personAt("anna", connection), 10)) shares.push_back(std::move(*share));
+  EXPECT_EQ(shares.size(), 2u) << "of 25";
+  EXPECT_TRUE(budget.take(personAt("anna", 7), 5).has_value());
+  EXPECT_TRUE(budget.take(personAt("bert", 7), 10).has_value()) << "others have theirs";
+}
+
+TEST(DecodedBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
+  DecodedBudget budget(kLimits);
+  std::vector<DecodedBudget::Share> shares;
+  const auto fill = [&](auto owner_of) {
+    const std::size_t before = shares.size();
+    for (int i = 0; i < 100; ++i)
+      if (auto share = budget.take(owner_of(i), 10)) shares.push_back(std::move(*share));
+    return shares.size() - before;
+  };
+  EXPECT_EQ(fill([](int i) { return personAt("p" + std::to_string(i), i); }), 6u);
+  EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 2u);
+  EXPECT_EQ(budget.taken(), 80u);
+  shares.clear();
+  EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 8u) << "stations may have all";
+}
+
+TEST(DecodedBudget, whatFitsNeverIsKnownAtOnce) {
+  const DecodedBudget budget(kLimits);
+  EXPECT_TRUE(budget.mayFit(10));
+  EXPECT_FALSE(budget.mayFit(11));
+  EXPECT_EQ(budget.mostBytes(), 10u);
+}
+
+TEST(DecodedBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
+  int freed = 0;
+  std::optional<DecodedBudget::Share> kept;
+  {
+    DecodedBudget budget(kLimits, [&] { ++freed; });
+    auto share = budget.take(personAt("anna", 1), 6);
+    DecodedBudget::Share moved = std::move(*share);
+    share.reset();
+    EXPECT_EQ(freed, 0) << "moved from";
+    auto other = budget.take(personAt("bert", 1), 6);
+    moved = std::move(*other);
+    other.reset();
+    EXPECT_EQ(freed, 1) << "what was overwritten is given back";
+    EXPECT_EQ(budget.taken(), 6u);
+    kept.emplace(std::move(moved));
+  }
+  kept.reset();
+  EXPECT_EQ(freed, 2) << "a share may end after the budget";
+}
+
+}  // namespace
+}  // namespace needlelab

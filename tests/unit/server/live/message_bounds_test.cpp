@@ -1,0 +1,261 @@
+// What a message costs the server before and after it is parsed: which are refused by their first bytes,
+// which are parsed on another thread, how much memory they may take together.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "db/people.h"
+#include "tests/unit/server/live/raw_peer.h"
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+constexpr const char* kLongPassword = "correct horse battery";
+
+/// ImportAll with so many empty records: 2 bytes each on the wire, 64 in memory.
+pb::Envelope importOfNothing(std::uint64_t id, int records) {
+  pb::Envelope envelope;
+  envelope.mutable_request()->set_id(id);
+  auto& import = *envelope.mutable_request()->mutable_import_all();
+  import.set_import_id("import-1");
+  for (int i = 0; i < records; ++i) import.add_records();
+  return envelope;
+}
+
+/// Sends the messages, then a Ping; returns what was answered before its Pong.
+std::vector<pb::Envelope> answersTo(RawPeer& peer, const std::vector<pb::Envelope>& messages) {
+  for (const pb::Envelope& message : messages) peer.send(message);
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(4711);
+  peer.send(ping);
+  std::vector<pb::Envelope> answers;
+  while (auto got = peer.receive()) {
+    if (got->has_pong() && got->pong().id() == 4711) return answers;
+    answers.push_back(std::move(*got));
+  }
+  ADD_FAILURE() << "the connection ended";
+  return answers;
+}
+
+TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
+  RunningServer server;
+  server.addUser("tina", pb::TRAINEE, kLongPassword);
+  RawPeer tina(server);
+  ASSERT_TRUE(tina.logIn(personLogin("tina", kLongPassword)).has_welcome());
+  const auto answers = answersTo(tina, {importOfNothing(5, 524'200), importOfNothing(6, 524'200)});
+  ASSERT_EQ(answers.size(), 2u);
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    EXPECT_EQ(answers[i].refusal().reason(), pb::Refusal::ROLE);
+    EXPECT_FALSE(answers[i].refusal().fatal());
+    EXPECT_EQ(answers[i].refused_request(), 5 + i);
+    EXPECT_THAT(answers[i].refusal().text(), HasSubstr("'import-all' is not for the role trainee"));
+  }
+  EXPECT_EQ(server.stop(), 0);
+  const ServerCounters& counters = server.counters();
+  EXPECT_EQ(counters.messages_refused_unparsed, 2u);
+  EXPECT_EQ(counters.messages_parsed, 3u) << "Hello, Login, Ping";
+  EXPECT_EQ(counters.messages_parsed_elsewhere, 0u);
+  EXPECT_LT(counters.decoded_bytes, 16u << 10);
+}
+
+TEST(MessageBounds, moreItemsThanAListMayHaveAreRefusedUnparsedWithTheBound) {
+  RunningServer server;
+  server.addUser("ada", pb::ADMINISTRATOR, kLongPassword);
+  RawPeer ada(server);
+  ASSERT_TRUE(ada.logIn(personLogin("ada", kLongPassword)).has_welcome());
+  const auto answers = answersTo(ada, {importOfNothing(5, 20'001)});
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
+  EXPECT_EQ(answers[0].refused_request(), 5u);
+  EXPECT_EQ(answers[0].refusal().text(),
+            "request.import_all.records has more than 20000 items: send fewer at once");
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_EQ(server.counters().messages_refused_unparsed, 1u);
+  EXPECT_EQ(server.counters().messages_parsed, 3u);
+}
+
+TEST(MessageBounds, aLargeMessageIsParsedOnAnotherThreadAndAChunkIsNot) {
+  RunningServer server;
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok()) << station.error().message;
+  FakeSession session("bench-1");
+  // the profile is text, which is read letter by letter; it is no profile, but that is seen later
+  ASSERT_TRUE(station->send(session.open("\"" + std::string(100'000, 'x') + "\"")).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened() || e.has_refusal(); });
+  FakeSession small("bench-1");
+  ASSERT_TRUE(station->send(small.open()).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  // whatever the store makes of it: the Pong comes after it was parsed
+  pb::Envelope chunk = small.chunk(0), ping;
+  chunk.mutable_chunk()->mutable_data()->append(std::string(100'000, 'x'));
+  ping.mutable_ping()->set_id(9);
+  ASSERT_TRUE(station->send(chunk).ok());
+  ASSERT_TRUE(station->send(ping).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_pong() && e.pong().id() == 9; });
+  station->finish();
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_EQ(server.counters().messages_parsed_elsewhere, 1u);
+  EXPECT_GE(server.counters().decoded_bytes, 200'000u);
+}
+
+TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
+  RunningServer server([](ServerOptions& options) { options.bounds.parsed_here_bytes = 20; });
+  RawPeer station(server);
+  ASSERT_TRUE(station.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
+  std::string all;
+  for (std::uint64_t id = 1; id <= 50; ++id) {
+    pb::Envelope ping;
+    ping.mutable_ping()->set_id(id);
+    // every second one is long enough for the other thread
+    if (id % 2 == 0)
+      ping.mutable_ping()
+          ->GetReflection()
+          ->MutableUnknownFields(ping.mutable_ping())
+          ->AddLengthDelimited(777, std::string(200, 'x'));
+    all += RawPeer::framed(ping);
+  }
+  station.write(all);
+  std::uint64_t seen = 0;
+  while (seen < 50) {
+    const auto got = station.receive();
+    ASSERT_TRUE(got.has_value());
+    if (!got->has_pong()) continue;
+    EXPECT_EQ(got->pong().id(), seen + 1);
+    ++seen;
+  }
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_GE(server.counters().messages_parsed_elsewhere, 25u);
+}
+
+TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
+  RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; });
+  server.addUser("ada", pb::ADMINISTRATOR, kLongPassword);
+  RawPeer ada(server);
+  ASSERT_TRUE(ada.logIn(personLogin("ada", kLongPassword)).has_welcome());
+  const auto answers = answersTo(ada, {importOfNothing(5, 10'000)});
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
+  EXPECT_THAT(answers[0].refusal().text(), HasSubstr("at most 100000 are allowed"));
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_EQ(server.counters().messages_parsed, 3u);
+}
+
+// Two requests of which only one fits at a time: the second waits for the first one's end, and is answered.
+TEST(MessageBounds, whoFindsNoRoomWaitsForIt) {
+  RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 40'000; });
+  server.addUser("ines", pb::INSTRUCTOR, kLongPassword);
+  RawPeer ines(server);
+  ASSERT_TRUE(ines.logIn(personLogin("ines", kLongPassword)).has_welcome());
+  std::string all;
+  for (std::uint64_t id = 1; id <= 20; ++id) {
+    pb::Envelope check;
+    check.mutable_request()->set_id(id);
+    check.mutable_request()->mutable_check_text()->set_json(std::string(30'000, ' '));
+    all += RawPeer::framed(check);
+  }
+  ines.write(all);
+  for (std::uint64_t id = 1; id <= 20; ++id) {
+    const auto got = ines.receive();
+    ASSERT_TRUE(got.has_value());
+    EXPECT_EQ(got->reply().id(), id) << "one at a time, so in order; " << got->ShortDebugString();
+  }
+}
+
+TEST(MessageBounds, twoCallsInOneRequestEndTheConnection) {
+  RunningServer server;
+  server.addUser("tina", pb::TRAINEE, kLongPassword);
+  RawPeer tina(server);
+  ASSERT_TRUE(tina.logIn(personLogin("tina", kLongPassword)).has_welcome());
+  pb::Envelope allowed;
+  allowed.mutable_request()->mutable_list_profiles();
+  const std::string body =
+      importOfNothing(1, 1000).SerializeAsString() + allowed.SerializeAsString();  // merged by Protobuf
+  std::string bytes;
+  appendFrameHeader(bytes, body.size());
+  tina.write(bytes + body);
+  const auto answers = tina.readAll();
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::INVALID);
+  EXPECT_TRUE(answers[0].refusal().fatal());
+  EXPECT_THAT(answers[0].refusal().text(), HasSubstr("more than one body"));
+}
+
+// --- log-ins that could not be checked
+
+TEST(LogInCheck, whatCouldNotBeCheckedIsNoGuess) {
+  RunningServer server([](ServerOptions& options) { options.guard.allowed_per_name = 2; });
+  server.addUser("anna", pb::INSTRUCTOR, kLongPassword);
+  const auto withHash = [&](const std::function<void(std::string&)>& change) {
+    return server.server().store().writer().run([&](Connection& c) -> Status {
+      ASSIGN_OR_RETURN(auto person, PeopleStore(c).find("anna"));
+      std::string hash = person->password_hash;
+      change(hash);
+      return PeopleStore(c).setPasswordHash("anna", hash);
+    });
+  };
+  std::string real;
+  ASSERT_TRUE(withHash([&](std::string& hash) {
+                real = hash;
+                hash.replace(hash.find("m="), hash.find(",t=") - hash.find("m="), "m=4294967296");
+              }).ok());
+  for (int i = 0; i < 5; ++i) {
+    const auto answer = RawPeer(server).logIn(personLogin("anna", kLongPassword));
+    EXPECT_EQ(answer.refusal().reason(), pb::Refusal::INTERNAL) << "not LOGIN, not RATE_LIMITED";
+  }
+  ASSERT_TRUE(withHash([&](std::string& hash) { hash = real; }).ok());
+  EXPECT_TRUE(RawPeer(server).logIn(personLogin("anna", kLongPassword)).has_welcome());
+}
+
+// --- what ends with an account, and what does not
+
+TEST(Access, aDisabledInstructorsLiveFramesEndAndATraineesLessonGoesOn) {
+  RunningServer server;
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  server.addUser("ines", pb::INSTRUCTOR, kLongPassword);
+  server.addUser("tina", pb::TRAINEE, kLongPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kLongPassword);
+  auto ines = server.connect(personLogin("ines", kLongPassword));
+  auto chief = server.connect(personLogin("chief", kLongPassword));
+  ASSERT_TRUE(station.ok() && ines.ok() && chief.ok());
+  const FakeSession session("bench-1");  // tina's
+  ASSERT_TRUE(station->send(session.open()).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  pb::Envelope subscribe;
+  subscribe.mutable_subscribe()->set_subscription(1);
+  subscribe.mutable_subscribe()->set_station("bench-1");
+  ASSERT_TRUE(ines->send(subscribe).ok());
+  EXPECT_TRUE(
+      waitFor(*station, [](const pb::Envelope& e) { return e.has_watch_state(); }).watch_state().watched());
+
+  pb::Request disable;
+  disable.mutable_disable_user()->set_name("ines");
+  ASSERT_TRUE(chief->call(disable).ok());
+  const auto refusal = waitForRefusal(*ines);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::LOGIN);
+  EXPECT_TRUE(refusal.fatal());
+  EXPECT_FALSE(
+      waitFor(*station, [](const pb::Envelope& e) { return e.has_watch_state(); }).watch_state().watched())
+      << "the station sends its frames to nobody any more";
+
+  disable.mutable_disable_user()->set_name("tina");
+  ASSERT_TRUE(chief->call(disable).ok());
+  ASSERT_TRUE(station->send(session.chunk(0)).ok());
+  session.waitForAck(*station, 1);
+  ASSERT_TRUE(station->send(session.close(1)).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_closed(); });
+  pb::Request lesson;
+  lesson.mutable_get_lesson()->set_exercise_id("ball-free-practice");
+  lesson.mutable_get_lesson()->set_trainee("tina");
+  const auto next = station->call(lesson);
+  ASSERT_FALSE(next.ok());
+  EXPECT_THAT(next.error().message, HasSubstr("'tina' is disabled"));
+}
+
+}  // namespace
+}  // namespace needlelab
