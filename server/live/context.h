@@ -17,6 +17,8 @@
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
 #include "server/live/admission.h"
+#include "server/live/fair_pool.h"
+#include "server/live/handshake_turns.h"
 #include "server/live/hub.h"
 #include "server/live/login_guard.h"
 #include "server/live/offload.h"
@@ -33,12 +35,6 @@ struct ConnectionBounds {
   /// Of the whole server: less than the capacity of the writer's queue.
   std::size_t all_chunks_in_flight = 8192;
   std::size_t requests_at_work = 8;
-  /// TLS handshakes of the whole server. With a thousand at once, all would be unfinished when their stations
-  /// time out.
-  std::size_t handshakes_at_once = 32;
-  std::size_t handshakes_of_address = 24;  ///< of those: one address can never use all
-  /// One handshake's share of these places; a slower peer goes on without one.
-  std::chrono::milliseconds handshake_turn{1000};
   std::size_t logins_waiting = 64;  ///< of the whole server, for the password check
   /// The other places are for people who have logged in from that address before.
   std::size_t logins_waiting_of_strangers = 48;
@@ -79,13 +75,15 @@ struct WebCounters {
   std::size_t connections_open = 0, live_open = 0;  ///< now
 };
 
+inline constexpr std::size_t kWorkerThreads = 2, kViewThreads = 2;
+
 struct ServerContext {
   asio::io_context& io;
   Store& store;                     ///< its parts are thread-safe
   asio::thread_pool& passwords;     ///< argon2id: 64 MiB and 0.1 s each, so few at a time
   asio::thread_pool& logins;        ///< station keys, tokens: not delayed by scoring
-  asio::thread_pool& workers;       ///< short reads and scoring
-  asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson
+  asio::thread_pool& workers;       ///< short reads and scoring; kWorkerThreads
+  asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson; kViewThreads
   asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes
   /// Two threads: one for a run, perhaps hours with pauses, one for answers.
   asio::thread_pool& retention_workers;
@@ -96,6 +94,9 @@ struct ServerContext {
   ServerCounters counters;
   WebCounters web{};
   Admission admission{};
+  /// What people ask for, on `workers` and on `views`.
+  std::unique_ptr<FairPool> workers_of_people = std::make_unique<FairPool>(workers, kWorkerThreads);
+  std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kViewThreads);
   std::size_t logins_waiting = 0;
   std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
   /// Turns issued, and the turn whose password is being checked.
@@ -106,10 +107,8 @@ struct ServerContext {
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
   Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its limit
-  std::size_t handshakes = 0;                      ///< in progress
-  /// Handshakes in progress, by address; without zero entries.
-  std::unordered_map<std::string, std::size_t> handshakes_of = {};
-  std::vector<PeerConnection*> handshakes_wait{};  ///< last in, first out
+  HandshakeTurns handshakes{};
+  asio::steady_timer handshakes_due{io};  ///< the next place of a handshake becomes free by itself
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end
 };

@@ -67,7 +67,7 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   std::function<Outcome()> read = [&service = server->context().store.service(), who, own] {
     return service.execute(who, own);
   };
-  const Outcome person = co_await offload(server->context().workers, std::move(read));
+  const Outcome person = co_await offload(*server->context().workers_of_people, who.name, std::move(read));
   const std::int64_t now = steadyNowNs();
   const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
   co_return WebJson{{"name", who.name},
@@ -100,6 +100,7 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (const auto before = server->sessions().find(request->cookie, steadyNowNs()))
     context.tokens.end(before->token);
   const auto issued = context.tokens.issue(login.holder, steadyNowNs());
+  server->showedSession(request->connection, login.holder.who.name);
   ++context.counters.logins;
   logEvent(LogLevel::kInfo, "web_login",
            {{"conn", request->connection},
@@ -153,7 +154,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
   Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
   if (call->body_bytes > kSmallBody)  // not ?: around co_await, which g++ 12 miscompiles
-    built = co_await offload(context.views, std::move(build));
+    built = co_await offload(*context.views_of_people, call->who.name, std::move(build));
   else
     built = build();
   wipeSecrets(call->body);
@@ -168,7 +169,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
-  co_return co_await offload(context.views, std::move(write));
+  co_return co_await offload(*context.views_of_people, call->who.name, std::move(write));
 }
 
 Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
@@ -177,13 +178,13 @@ Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_p
     auto json = route.how.work(service, *call);
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
-  co_return co_await offload(context.views, std::move(work));
+  co_return co_await offload(*context.views_of_people, call->who.name, std::move(work));
 }
 
-Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<WebStream> stream) {
+Task<Result<std::string>> nextPiece(Shared server, std::string who, std::shared_ptr<WebStream> stream) {
   std::function<Result<std::string>()> work = [stream] { return stream->next(); };
   try {
-    co_return co_await offload(server->context().views, std::move(work));
+    co_return co_await offload(*server->context().views_of_people, std::move(who), std::move(work));
   } catch (const std::exception& fault) {
     co_return Error{ErrorCode::kFailed, fault.what()};
   }
@@ -194,13 +195,13 @@ Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared
   std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
-  auto opened = co_await offload(context.views, std::move(open));
+  auto opened = co_await offload(*context.views_of_people, call->who.name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
   auto stream = std::make_shared<WebStream>(std::move(*opened));
-  answer.pieces = [server, stream] { return nextPiece(server, stream); };
+  answer.pieces = [server, stream, who = call->who.name] { return nextPiece(server, who, stream); };
   co_return answer;
 }
 
@@ -225,7 +226,7 @@ Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::sh
     return bodyFault(*request, call->body);
   };
   if (call->body_bytes <= kSmallBody) co_return read();
-  co_return co_await offload(server->context().views, std::move(read));
+  co_return co_await offload(*server->context().views_of_people, call->who.name, std::move(read));
 }
 
 Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
@@ -262,7 +263,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   std::function<Result<bool>()> check = [&service = context.store.service(), who = call->who] {
     return service.stillAllowed(who);
   };
-  const auto allowed = co_await offload(context.workers, std::move(check));
+  const auto allowed = co_await offload(*context.workers_of_people, call->who.name, std::move(check));
   if (!allowed.ok()) co_return errorAnswer(allowed.error());
   if (!*allowed) {
     context.tokens.end(session->token);
@@ -321,6 +322,16 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
 }  // namespace
 
 Task<HttpAnswer> WebServer::answer(std::shared_ptr<HttpRequest> request) {
+  const bool standard = proxies_.header() == TrustedProxies::Header::kForwarded;
+  request->address =
+      proxies_.clientOf(request->address, standard ? request->forwarded : request->x_forwarded_for);
+  HttpAnswer answer = co_await answerTo(request);
+  if (mayDemandHttps(request->host))
+    answer.headers.emplace_back("Strict-Transport-Security", "max-age=31536000");
+  co_return answer;
+}
+
+Task<HttpAnswer> WebServer::answerTo(std::shared_ptr<HttpRequest> request) {
   if (!request->is_http_1_1) {
     HttpAnswer answer = errorAnswer(505, "version", "only HTTP/1.1");
     answer.close = true;
