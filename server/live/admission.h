@@ -28,7 +28,7 @@ class Admission {
     std::size_t max_strangers = 1536;    ///< not logged in, of the server
     /// Of those, from addresses without a log-in before: the others are the reserve of known addresses.
     std::size_t max_strangers_of_unknown = 1280;
-    std::size_t strangers_of_address = 1024;
+    std::size_t strangers_of_address = 1280;
     double charges_at_once = 2048;           ///< of one address (IPv6: of one /64)
     double charges_at_once_of_known = 8192;  ///< of one that has logged in before
     std::chrono::milliseconds refill{20};    ///< one charge is refunded per interval
