@@ -5,12 +5,6 @@
 
 namespace needlelab {
 
-std::size_t HandshakeTurns::Address::places() const {
-  const auto kept =
-      std::count_if(answered.begin(), answered.end(), [](const Place& place) { return !place.given_away; });
-  return computing.size() + static_cast<std::size_t>(kept);
-}
-
 void HandshakeTurns::came(std::uint64_t id, const std::string& address, bool known) {
   Address& here = addresses_[address];
   here.known = known;
@@ -49,7 +43,12 @@ void HandshakeTurns::left(std::uint64_t id) {
   Address& here = address->second;
   turns_ -= std::erase(here.computing, id);
   std::erase(here.waiting, id);
-  std::erase_if(here.answered, [id](const Place& place) { return place.id == id; });
+  const auto place = std::find_if(here.answered.begin(), here.answered.end(),
+                                  [id](const Place& one) { return one.id == id; });
+  if (place != here.answered.end()) {
+    if (place->given_away) --here.given_away;
+    here.answered.erase(place);
+  }
   address_of_.erase(found);
   if (here.waiting.empty() && here.begun() == 0) addresses_.erase(address);
 }
@@ -83,6 +82,7 @@ void HandshakeTurns::freeExpired(std::int64_t now_ns) {
     Address& address = at->second;
     while (!address.answered.empty() && address.answered.front().until_ns <= now_ns) {
       address_of_.erase(address.answered.front().id);
+      if (address.answered.front().given_away) --address.given_away;
       address.answered.pop_front();
     }
     at = address.waiting.empty() && address.begun() == 0 ? addresses_.erase(at) : std::next(at);
@@ -118,6 +118,7 @@ bool HandshakeTurns::makeRoomFor(const Address& address) {
   const auto oldest = std::find_if(greediest->answered.begin(), greediest->answered.end(),
                                    [](const Place& place) { return !place.given_away; });
   oldest->given_away = true;
+  ++greediest->given_away;
   return true;
 }
 

@@ -71,8 +71,9 @@ class HandshakeTurns {
     std::vector<std::uint64_t> waiting;    // the newest last
     std::vector<std::uint64_t> computing;  // have a turn
     std::deque<Place> answered;            // the oldest first
+    std::size_t given_away = 0;            // of answered
     [[nodiscard]] std::size_t begun() const { return computing.size() + answered.size(); }
-    [[nodiscard]] std::size_t places() const;
+    [[nodiscard]] std::size_t places() const { return begun() - given_away; }
   };
   void freeExpired(std::int64_t now_ns);
   [[nodiscard]] Address* nextAddress(bool known);
