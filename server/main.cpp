@@ -68,6 +68,13 @@ int main(int argc, char** argv) try {
   app.add_option("--web-port-file", options.web.port_file, "Write the port of --web to this file");
   app.add_option("--web-root", options.web.root,
                  "Folder of the console's files; default: where they were installed or built");
+  app.add_option(
+      "--web-proxy", options.web.proxies,
+      "ADDRESS or ADDRESS/BITS of a reverse proxy in front of --web: its header says who asks; may "
+      "be repeated");
+  app.add_option("--web-proxy-header", options.web.proxy_header,
+                 "The header that the proxy writes: X-Forwarded-For or Forwarded")
+      ->capture_default_str();
   app.add_option("--max-backup-age", max_backup_age_h,
                  "/healthz fails when the last verified backup is older than so many hours; 0: never")
       ->check(CLI::Range(0.0, 1e6))

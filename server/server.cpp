@@ -54,7 +54,7 @@ struct Server::Parts {
   std::string certificate_sha256;
   std::unique_ptr<Store> store;
   // of the retention threads, one runs retention; the other answers further requests and makes dry runs
-  asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{2}, views{2}, slow_workers{1},
+  asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{kWorkerThreads}, views{kViewThreads}, slow_workers{1},
       retention_workers{2};
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
@@ -164,6 +164,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .tokens = Tokens(p.options.token_lifetime),
                                   .counters = {},
                                   .admission = Admission(p.options.admission),
+                                  .handshakes = HandshakeTurns(p.options.handshakes),
                                   .connections = {}});
   RETURN_IF_ERROR(p.startMonitor());
   if (const std::string& web = p.options.web.listen; !web.empty() && web != "off") {

@@ -39,6 +39,7 @@ struct ServerOptions {
   HubSettings hub;
   LoginGuard::Settings guard;
   Admission::Settings admission;  ///< its max_connections is the one above
+  HandshakeTurns::Settings handshakes;
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
   DbWriter::Options writer;
   std::chrono::milliseconds heap_every{60'000};   ///< interval at which free memory is returned to the system

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -77,8 +78,9 @@ class Channel : public std::enable_shared_from_this<Channel> {
   Channel& operator=(const Channel&) = delete;
 
   /// Performs the TLS handshake, then starts the writer and the timeout watch. Call once. Errors:
-  /// kUnavailable (network, timeout), kDenied (the peer's certificate); the channel is closed then.
-  Task<Status> handshake(asio::ssl::stream_base::handshake_type side);
+  /// kUnavailable (network, timeout), kDenied (the peer's certificate); the channel is closed then. `waits`:
+  /// called whenever the handshake has computed its next step and waits for the peer.
+  Task<Status> handshake(asio::ssl::stream_base::handshake_type side, std::function<void()> waits = {});
   /// Optional, before `handshake`: waits until the peer's first TLS record is complete, bytes that are not
   /// TLS have arrived, or the peer has closed; at most handshake_timeout from the channel's creation. Reads
   /// nothing. Errors: as handshake.
@@ -133,7 +135,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   // static with a shared pointer by value: the coroutine keeps its channel alive
   static Task<> watchLoop(std::shared_ptr<Channel> self);
   static Task<> discardUntilPeerCloses(std::shared_ptr<Channel> self);
-  Task<Status> shake(bool as_server);
+  Task<Status> shake(bool as_server, const std::function<void()>& waits);
   bool takeBytes();
   void delayAcks();
   TlsStep decrypt();

@@ -41,10 +41,10 @@ std::string systemErrorText(int error) {
 
 }  // namespace
 
-Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
+Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side, std::function<void()> waits) {
   auto self = shared_from_this();
   if (!std::exchange(watching_, true)) asio::co_spawn(socket_.get_executor(), watchLoop(self), rethrow);
-  const Status shaken = co_await shake(side == asio::ssl::stream_base::server);
+  const Status shaken = co_await shake(side == asio::ssl::stream_base::server, waits);
   if (closed_) co_return closedError();
   if (!shaken.ok()) {
     close(CloseReason::kHandshake, shaken.error().message);
@@ -86,7 +86,7 @@ bool Channel::peerHungUp() {
   return ::poll(&asked, 1, 0) > 0;
 }
 
-Task<Status> Channel::shake(bool as_server) {
+Task<Status> Channel::shake(bool as_server, const std::function<void()>& waits) {
   const auto failed = [this](const std::string& why) {
     const bool certificate = SSL_get_verify_result(tls_.ssl()) != X509_V_OK;
     return Error{certificate ? ErrorCode::kDenied : ErrorCode::kUnavailable,
@@ -102,12 +102,14 @@ Task<Status> Channel::shake(bool as_server) {
     // send the last output, too: an alert tells the peer the reason
     while (!closed_ && !sendOutput()) {
       if (closed_) break;
+      if (waits) waits();
       auto [error] = co_await socket_.async_wait(Tcp::socket::wait_write, kUseTuple);
       if (error) co_return failed(error.message());
     }
     if (closed_ || step == TlsStep::kDone) break;
     if (step == TlsStep::kFailed) co_return failed(tls_.failure());
     if (step == TlsStep::kEnded) co_return failed("the peer closed the connection");
+    if (waits) waits();
     auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
     if (closed_) break;
     if (error) co_return failed(error.message());

@@ -23,12 +23,13 @@ using HttpHeaders = std::vector<std::pair<std::string, std::string>>;
 struct HttpRequest {
   std::string method, target;
   std::string host, origin, fetch_site, cookie, content_type, if_match, if_none_match, csrf;
+  std::string forwarded, x_forwarded_for;  ///< all their values, joined by commas; anybody may send them
   std::string body;
   bool is_http_1_1 = true;
   bool upgrade = false;  ///< requests a WebSocket
 
   std::uint64_t connection = 0;
-  std::string address;         ///< of the peer, HOST:PORT
+  std::string address;         ///< of the peer, HOST:PORT; of a trusted proxy's client with port 0
   std::function<bool()> gone;  ///< true: the client no longer waits for the answer
 
   // for the log and the metrics; set by the handler

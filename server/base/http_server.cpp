@@ -37,6 +37,17 @@ std::string headerOf(const HttpParser& parser, const char* name) {
   return {value.data(), value.size()};
 }
 
+/// All values of a header that may come several times, in order.
+std::string allOf(const HttpParser& parser, const char* name) {
+  std::string values;
+  const auto [first, last] = parser.get().equal_range(name);
+  for (auto at = first; at != last; ++at) {
+    if (at != first) values += ',';
+    values.append(at->value().data(), at->value().size());
+  }
+  return values;
+}
+
 template <typename Stream>
 class StreamConnection : public HttpConnection {
   static constexpr bool kSecure = std::is_same_v<Stream, SecureHttpStream>;
@@ -308,6 +319,8 @@ std::shared_ptr<HttpRequest> requestOf(HttpParser& parser) {
   request->if_match = headerOf(parser, bhttp::field::if_match);
   request->if_none_match = headerOf(parser, bhttp::field::if_none_match);
   request->csrf = headerOf(parser, "X-CSRF-Token");
+  request->forwarded = allOf(parser, "Forwarded");
+  request->x_forwarded_for = allOf(parser, "X-Forwarded-For");
   request->is_http_1_1 = message.version() == 11;
   request->upgrade = beast::websocket::is_upgrade(message);
   request->body = std::move(message.body());

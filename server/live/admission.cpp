@@ -29,12 +29,12 @@ double Admission::leftOf(const Address& address, std::int64_t now_ns) const {
 Admission::Address& Admission::addressOf(const std::string& key, std::int64_t now_ns) {
   if (addresses_.size() >= settings_.max_addresses && !addresses_.contains(key)) {
     std::erase_if(addresses_, [&](const auto& entry) {
-      return entry.second.strangers == 0 && leftOf(entry.second, now_ns) <= 0;
+      return entry.second.all() == 0 && leftOf(entry.second, now_ns) <= 0;
     });
     // still full: drop the addresses with the fewest charges, which lose the least
     if (addresses_.size() >= settings_.max_addresses) {
       std::erase_if(addresses_, [&](const auto& entry) {
-        return entry.second.strangers == 0 && leftOf(entry.second, now_ns) < settings_.charges_at_once / 2;
+        return entry.second.all() == 0 && leftOf(entry.second, now_ns) < settings_.charges_at_once / 2;
       });
     }
   }
@@ -44,57 +44,105 @@ Admission::Address& Admission::addressOf(const std::string& key, std::int64_t no
   return address;
 }
 
-std::optional<std::uint64_t> Admission::oldestOfTheGreediest() const {
+bool Admission::knows(const std::string& key, std::int64_t now_ns) const {
+  const auto found = known_.find(key);
+  return found != known_.end() &&
+         now_ns - found->second <= std::chrono::nanoseconds(settings_.known_for).count();
+}
+
+void Admission::remember(const std::string& key, std::int64_t now_ns) {
+  if (known_.size() >= settings_.max_known && !known_.contains(key)) {
+    known_.erase(std::min_element(known_.begin(), known_.end(),
+                                  [](const auto& a, const auto& b) { return a.second < b.second; }));
+  }
+  known_[key] = now_ns;
+}
+
+std::optional<std::uint64_t> Admission::oldestOf(const std::string& key) const {
+  for (const auto& [id, stranger] : strangers_)
+    if (stranger.address == key) return id;
+  return std::nullopt;
+}
+
+std::optional<std::uint64_t> Admission::oldestOfTheGreediest(bool known) const {
   // compare the names as well: of two equal addresses, always the same one gives way until it has fewer
   // connections
   const auto greediest =
-      std::max_element(addresses_.begin(), addresses_.end(), [](const auto& a, const auto& b) {
-        return std::tie(a.second.strangers, a.first) < std::tie(b.second.strangers, b.first);
+      std::max_element(addresses_.begin(), addresses_.end(), [known](const auto& a, const auto& b) {
+        return std::tie(a.second.strangers[known], a.first) < std::tie(b.second.strangers[known], b.first);
       });
-  if (greediest == addresses_.end() || greediest->second.strangers == 0) return std::nullopt;
-  for (const auto& [id, key] : strangers_)
-    if (key == greediest->first) return id;
+  if (greediest == addresses_.end() || greediest->second.strangers[known] == 0) return std::nullopt;
+  for (const auto& [id, stranger] : strangers_)
+    if (stranger.known == known && stranger.address == greediest->first) return id;
   return std::nullopt;
+}
+
+bool Admission::isFullFor(bool known) const {
+  return connections() >= settings_.max_connections || strangers_.size() >= settings_.max_strangers ||
+         (!known && strangers_of_unknown_ >= settings_.max_strangers_of_unknown);
 }
 
 Admission::Arrival Admission::arrive(std::uint64_t id, const std::string& host, std::int64_t now_ns) {
   const std::string key = keyOf(host);
+  const bool known = knows(key, now_ns);
   Arrival arrival;
   Address& address = addressOf(key, now_ns);
-  if (address.charges + 1 > settings_.charges_at_once) {
+  if (address.charges + 1 > (known ? settings_.charges_at_once_of_known : settings_.charges_at_once)) {
     arrival.answer = Answer::kTooMany;
     return arrival;
   }
-  if (strangers_.size() >= settings_.max_strangers || connections() >= settings_.max_connections) {
-    arrival.gives_way = oldestOfTheGreediest();
+  if (address.all() >= settings_.strangers_of_address) {
+    arrival.gives_way = oldestOf(key);
+  } else if (isFullFor(known)) {
+    arrival.gives_way = oldestOfTheGreediest(false);
+    if (!arrival.gives_way && known) arrival.gives_way = oldestOfTheGreediest(true);
+    if (!arrival.gives_way) {
+      arrival.answer = Answer::kFull;
+      return arrival;
+    }
+  }
+  if (arrival.gives_way) left(*arrival.gives_way);
+  address.charges += 1;
+  ++address.strangers[known];
+  if (!known) ++strangers_of_unknown_;
+  strangers_.emplace(id, Stranger{key, known});
+  return arrival;
+}
+
+Admission::Arrival Admission::arriveFromProxy(std::uint64_t id) {
+  Arrival arrival;
+  if (connections() >= settings_.max_connections) {
+    arrival.gives_way = oldestOfTheGreediest(false);
+    if (!arrival.gives_way) arrival.gives_way = oldestOfTheGreediest(true);
     if (!arrival.gives_way) {
       arrival.answer = Answer::kFull;
       return arrival;
     }
     left(*arrival.gives_way);
   }
-  address.charges += 1;
-  ++address.strangers;
-  strangers_.emplace(id, key);
+  logged_in_.insert(id);
   return arrival;
 }
 
 void Admission::loggedIn(std::uint64_t id, std::int64_t now_ns) {
   const auto found = strangers_.find(id);
   if (found == strangers_.end()) return;
-  Address& address = addressOf(found->second, now_ns);
+  const std::string key = found->second.address;
+  Address& address = addressOf(key, now_ns);
   address.charges = std::max(0.0, address.charges - 1);
-  --address.strangers;
-  strangers_.erase(found);
-  known_.insert(id);
+  remember(key, now_ns);
+  left(id);
+  logged_in_.insert(id);
 }
 
 void Admission::left(std::uint64_t id) {
-  if (known_.erase(id) > 0) return;
+  if (logged_in_.erase(id) > 0) return;
   const auto found = strangers_.find(id);
   if (found == strangers_.end()) return;
-  if (const auto address = addresses_.find(found->second); address != addresses_.end())
-    --address->second.strangers;
+  const Stranger& stranger = found->second;
+  if (const auto address = addresses_.find(stranger.address); address != addresses_.end())
+    --address->second.strangers[stranger.known];
+  if (!stranger.known) --strangers_of_unknown_;
   strangers_.erase(found);
 }
 

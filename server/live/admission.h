@@ -1,6 +1,7 @@
 /// Admission of connections before log-in, with limits per address.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -14,22 +15,31 @@ namespace needlelab {
 
 /// Each new connection costs its address one charge, which a log-in refunds. So a lab with a thousand
 /// stations behind one address can connect and disconnect freely, while failed or half-open handshakes and
-/// wrong log-ins only use up their own address's limit. When all places for connections without log-in are
-/// taken, the oldest connection of the address with the most of them is cut: an address that opens many only
-/// harms itself. Memory is bounded. Times: steady clock (ns), from the caller. Thread: one.
+/// wrong log-ins only use up their own address's limit. Connections without log-in are strangers; they have
+/// places, of one address and in all. Above its own number an address's oldest stranger is cut; when all
+/// places are taken, the oldest of the address with the most of them: an address that opens many only harms
+/// itself. Addresses that have logged in before have more charges and places of their own, and their
+/// strangers never give way to those of others: a restarted server knows none of them yet. Memory is
+/// bounded. Times: steady clock (ns), from the caller. Thread: one.
 class Admission {
  public:
   struct Settings {
-    std::size_t max_connections = 4096;    ///< of the server, logged in or not
-    std::size_t max_strangers = 1536;      ///< not logged in, of the server
-    double charges_at_once = 2048;         ///< of one address (IPv6: of one /64)
-    std::chrono::milliseconds refill{20};  ///< one charge is refunded per interval
+    std::size_t max_connections = 4096;  ///< of the server, logged in or not
+    std::size_t max_strangers = 1536;    ///< not logged in, of the server
+    /// Of those, from addresses without a log-in before: the others are the reserve of known addresses.
+    std::size_t max_strangers_of_unknown = 1280;
+    std::size_t strangers_of_address = 1280;
+    double charges_at_once = 2048;           ///< of one address (IPv6: of one /64)
+    double charges_at_once_of_known = 8192;  ///< of one that has logged in before
+    std::chrono::milliseconds refill{20};    ///< one charge is refunded per interval
+    std::size_t max_known = 4096;            ///< addresses in memory; above, the one known for longest goes
+    std::chrono::hours known_for{30 * 24};   ///< after the last log-in there
     /// In memory; above this limit, addresses without charges are dropped.
     std::size_t max_addresses = 10'000;
   };
   enum class Answer {
     kWelcome,
-    kFull,     ///< logged-in connections take all places
+    kFull,     ///< connections that cannot be cut take all places
     kTooMany,  ///< the address has used up its charges
   };
   struct Arrival {
@@ -42,14 +52,22 @@ class Admission {
 
   /// Registers a new connection. When it is welcome, the caller must call `left` at its end.
   Arrival arrive(std::uint64_t id, const std::string& host, std::int64_t now_ns);
-  /// After a log-in: refunds the charge; the connection can no longer be cut for a new one.
+  /// The same for a connection of a proxy, which has many people behind it and limits its clients itself: no
+  /// stranger, no charge, never cut for another.
+  Arrival arriveFromProxy(std::uint64_t id);
+  /// After a log-in: refunds the charge, knows the address from now on; the connection can no longer be cut
+  /// for a new one.
   void loggedIn(std::uint64_t id, std::int64_t now_ns);
   /// The connection has ended, logged in or not. Ignores unknown ids.
   void left(std::uint64_t id);
 
+  /// Whether somebody has logged in from there in the last `known_for`. `key`: keyOf().
+  [[nodiscard]] bool knows(const std::string& key, std::int64_t now_ns) const;
+
   [[nodiscard]] std::size_t strangers() const { return strangers_.size(); }
-  [[nodiscard]] std::size_t connections() const { return strangers_.size() + known_.size(); }
+  [[nodiscard]] std::size_t connections() const { return strangers_.size() + logged_in_.size(); }
   [[nodiscard]] std::size_t addresses() const { return addresses_.size(); }
+  [[nodiscard]] std::size_t knownAddresses() const { return known_.size(); }
 
   /// The key of an address: an IPv4 address, or the first 64 bits of an IPv6 one (the owner of one such
   /// address has the whole /64). Maps IPv4 in IPv6 to IPv4. Returns other text unchanged.
@@ -59,16 +77,26 @@ class Admission {
   struct Address {
     double charges = 0;
     std::int64_t at_ns = 0;
-    std::size_t strangers = 0;
+    std::array<std::size_t, 2> strangers{};  // by whether the address was known when they came
+    [[nodiscard]] std::size_t all() const { return strangers[0] + strangers[1]; }
+  };
+  struct Stranger {
+    std::string address;
+    bool known = false;
   };
   [[nodiscard]] double leftOf(const Address& address, std::int64_t now_ns) const;
   Address& addressOf(const std::string& key, std::int64_t now_ns);
-  [[nodiscard]] std::optional<std::uint64_t> oldestOfTheGreediest() const;
+  [[nodiscard]] std::optional<std::uint64_t> oldestOf(const std::string& key) const;
+  [[nodiscard]] std::optional<std::uint64_t> oldestOfTheGreediest(bool known) const;
+  [[nodiscard]] bool isFullFor(bool known) const;
+  void remember(const std::string& key, std::int64_t now_ns);
 
   Settings settings_;
   std::unordered_map<std::string, Address> addresses_;
-  std::map<std::uint64_t, std::string> strangers_;  // id → address; ids grow, so the first is the oldest
-  std::unordered_set<std::uint64_t> known_;         // logged in
+  std::map<std::uint64_t, Stranger> strangers_;  // ids grow, so the first is the oldest
+  std::size_t strangers_of_unknown_ = 0;
+  std::unordered_set<std::uint64_t> logged_in_;          // and of proxies
+  std::unordered_map<std::string, std::int64_t> known_;  // address → time of the last log-in
 };
 
 }  // namespace needlelab

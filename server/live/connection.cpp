@@ -78,62 +78,44 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   peer.leave();
 }
 
-// Runs few handshakes at once, each to its end, and serves the newest waiting connection first. When a
-// thousand stations reconnect at once to a busy machine, those that have waited longest are about to time
-// out, so serving them is wasted work; if all were half done, no handshake would ever end. A station that
-// times out tries again. A connection gets no turn before its first TLS record has arrived, and one address
-// gets only a part of the turns: a peer that opens thousands of connections cannot keep others out.
+// The order is that of handshake_turns.h. A connection asks for a turn when its first TLS record has arrived
+// completely, and gives it back as soon as the handshake waits for the peer.
 Task<Status> PeerConnection::shakeHands() {
   if (const Status spoke = co_await channel_->peerSpoke(); !spoke.ok()) co_return spoke;
-  if (mayShakeHands()) {
-    beginTurn();
-  } else {
-    context_.handshakes_wait.push_back(this);
-    while (!my_turn_ && !over() && !channel_->closing()) co_await freed_.wait();
-    if (!my_turn_) std::erase(context_.handshakes_wait, this);
-  }
+  context_.handshakes.came(id_, address_key_, context_.admission.knows(address_key_, steadyNowNs()));
+  giveTurns(context_);
+  while (!my_turn_ && !over() && !channel_->closing()) co_await freed_.wait();
   Status shaken = Error{ErrorCode::kUnavailable, "the peer gave up before its handshake began"};
   if (my_turn_ && !over() && !channel_->closing()) {
     if (channel_->peerHungUp()) {
       channel_->close(CloseReason::kPeerClosed, shaken.error().message);
     } else {
-      // a slow peer must not delay others
-      asio::steady_timer limit(context_.io, context_.bounds.handshake_turn);
-      limit.async_wait([self = shared_from_this()](const boost::system::error_code& error) {
-        if (!error) self->endTurn();
-      });
-      shaken = co_await channel_->handshake(asio::ssl::stream_base::server);
+      std::function<void()> waits = [this] {
+        context_.handshakes.answered(id_, steadyNowNs());
+        giveTurns(context_);
+      };
+      shaken = co_await channel_->handshake(asio::ssl::stream_base::server, std::move(waits));
     }
   }
-  endTurn();
+  context_.handshakes.left(id_);
+  giveTurns(context_);
   co_return shaken;
 }
 
-bool PeerConnection::mayShakeHands() const {
-  if (context_.handshakes >= context_.bounds.handshakes_at_once) return false;
-  const auto mine = context_.handshakes_of.find(address_key_);
-  return mine == context_.handshakes_of.end() || mine->second < context_.bounds.handshakes_of_address;
-}
-
-void PeerConnection::beginTurn() {
-  ++context_.handshakes;
-  ++context_.handshakes_of[address_key_];
-  my_turn_ = true;
-}
-
-void PeerConnection::endTurn() {
-  if (!std::exchange(my_turn_, false)) return;
-  --context_.handshakes;
-  if (const auto mine = context_.handshakes_of.find(address_key_); --mine->second == 0)
-    context_.handshakes_of.erase(mine);
-  auto& waiting = context_.handshakes_wait;
-  const auto next =
-      std::find_if(waiting.rbegin(), waiting.rend(), [](const auto* peer) { return peer->mayShakeHands(); });
-  if (next == waiting.rend()) return;
-  PeerConnection& peer = **next;
-  waiting.erase(std::next(next).base());
-  peer.beginTurn();
-  peer.freed_.notify();
+void PeerConnection::giveTurns(ServerContext& context) {
+  HandshakeTurns& turns = context.handshakes;
+  while (const auto id = turns.next(steadyNowNs())) {
+    PeerConnection& peer = *context.connections.at(*id);
+    peer.my_turn_ = true;
+    peer.freed_.notify();
+  }
+  context.handshakes_due.cancel();
+  const auto at_ns = turns.nextAt();
+  if (!at_ns) return;
+  context.handshakes_due.expires_at(asio::steady_timer::time_point(std::chrono::nanoseconds(*at_ns)));
+  context.handshakes_due.async_wait([&context](const boost::system::error_code& error) {
+    if (!error) giveTurns(context);
+  });
 }
 
 void PeerConnection::leave() {

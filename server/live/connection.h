@@ -73,9 +73,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   // --- connection.cpp: lifetime and dispatch
   Task<Status> shakeHands();
-  [[nodiscard]] bool mayShakeHands() const;
-  void beginTurn();
-  void endTurn();
+  static void giveTurns(ServerContext& context);
   void setState(ConnectionState next);
   bool passLive(ByteView frame);
   Task<Status> take(ByteView frame);
@@ -131,7 +129,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::int64_t small_messages_at_ns_ = 0;
   bool acks_scheduled_ = false;
   const std::string address_key_;  // the peer's address as a key (Admission::keyOf)
-  bool my_turn_ = false;           // for the handshake
+  bool my_turn_ = false;           // for the handshake; it stays true
   std::map<std::string, Watermarks> sessions_;
   std::set<std::string> closing_sessions_;
 };

@@ -18,6 +18,8 @@
 #include "db/service/bootstrap.h"
 #include "server/live/admission.h"
 #include "server/live/decoded_budget.h"
+#include "server/live/fair_pool.h"
+#include "server/live/handshake_turns.h"
 #include "server/live/hub.h"
 #include "server/live/login_guard.h"
 #include "server/live/login_queue.h"
@@ -35,12 +37,6 @@ struct ConnectionBounds {
   /// Of the whole server: less than the capacity of the writer's queue.
   std::size_t all_chunks_in_flight = 8192;
   std::size_t requests_at_work = 8;
-  /// TLS handshakes of the whole server. With a thousand at once, all would be unfinished when their stations
-  /// time out.
-  std::size_t handshakes_at_once = 32;
-  std::size_t handshakes_of_address = 24;  ///< of those: one address can never use all
-  /// One handshake's share of these places; a slower peer goes on without one.
-  std::chrono::milliseconds handshake_turn{1000};
   LoginQueue::Settings logins;              ///< of the whole server, that wait for the password check
   std::size_t connections_of_person = 256;  ///< logged in at once
   double small_messages_at_once = 5000;     ///< all but chunks and requests, which have their own limits
@@ -87,14 +83,16 @@ struct WebCounters {
   std::size_t connections_open = 0, live_open = 0;  ///< now
 };
 
+inline constexpr std::size_t kWorkerThreads = 2, kViewThreads = 2;
+
 struct ServerContext {
   asio::io_context& io;
   Store& store;                     ///< its parts are thread-safe
   asio::thread_pool& passwords;     ///< argon2id: 64 MiB and 0.1 s each, so few at a time
   asio::thread_pool& logins;        ///< station keys, tokens: not delayed by scoring
   asio::thread_pool& parsers;       ///< large messages: milliseconds each
-  asio::thread_pool& workers;       ///< short reads and scoring
-  asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson
+  asio::thread_pool& workers;       ///< short reads and scoring; kWorkerThreads
+  asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson; kViewThreads
   asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes
   /// Two threads: one for a run, perhaps hours with pauses, one for answers.
   asio::thread_pool& retention_workers;
@@ -105,6 +103,9 @@ struct ServerContext {
   ServerCounters counters;
   WebCounters web{};
   Admission admission{};
+  /// What people ask for, on `workers` and on `views`.
+  std::unique_ptr<FairPool> workers_of_people = std::make_unique<FairPool>(workers, kWorkerThreads);
+  std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kViewThreads);
   /// A log-in's turn has ended, or its place was taken.
   std::shared_ptr<Signal> login_turns = std::make_shared<Signal>(io.get_executor());
   LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};
@@ -116,10 +117,8 @@ struct ServerContext {
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
   Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its limit
-  std::size_t handshakes = 0;                      ///< in progress
-  /// Handshakes in progress, by address; without zero entries.
-  std::unordered_map<std::string, std::size_t> handshakes_of = {};
-  std::vector<PeerConnection*> handshakes_wait{};  ///< last in, first out
+  HandshakeTurns handshakes{};
+  asio::steady_timer handshakes_due{io};  ///< the next place of a handshake becomes free by itself
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end
 };

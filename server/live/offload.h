@@ -8,11 +8,13 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "common/wire/asio.h"
 #include "db/db_writer.h"
+#include "server/live/fair_pool.h"
 
 namespace needlelab {
 
@@ -58,10 +60,9 @@ class Inbox {
   std::vector<std::function<void()>> items_;  ///< guarded by mutex_
 };
 
-/// Runs `work` on the pool and returns its result on the caller's executor. The pool must end before the
-/// io_context does.
+/// Runs `work` where `post` puts it and returns its result on the caller's executor.
 template <typename T>
-Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
+Task<T> offloadBy(std::function<void(std::function<void()>)> post, std::function<T()> work) {
   struct Answer {
     std::optional<T> value;
     std::exception_ptr error;
@@ -73,7 +74,7 @@ Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
   };
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
   auto state = std::make_shared<State>(executor);
-  asio::post(pool, [state, executor, work = std::move(work)]() mutable {
+  std::function<void()> run = [state, executor, work = std::move(work)]() mutable {
     // an exception (e.g. out of memory) crosses the threads and is rethrown on the caller's executor
     Answer answer;
     try {
@@ -85,10 +86,30 @@ Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
       state->answer.emplace(std::move(answer));
       state->done.notify();
     });
-  });
+  };
+  post(std::move(run));
   while (!state->answer) co_await state->done.wait();
   if (state->answer->error) std::rethrow_exception(state->answer->error);
   co_return std::move(*state->answer->value);
+}
+
+/// Runs `work` on the pool and returns its result on the caller's executor. The pool must end before the
+/// io_context does.
+template <typename T>
+Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
+  std::function<void(std::function<void()>)> post = [&pool](std::function<void()> run) {
+    asio::post(pool, std::move(run));
+  };
+  return offloadBy(std::move(post), std::move(work));
+}
+
+/// The same for the work of a person, or of another name: each in turn.
+template <typename T>
+Task<T> offload(FairPool& pool, std::string who, std::function<T()> work) {
+  std::function<void(std::function<void()>)> post = [&pool, who = std::move(who)](std::function<void()> run) {
+    pool.post(who, std::move(run));
+  };
+  return offloadBy(std::move(post), std::move(work));
 }
 
 /// Lowers this thread's priority below the threads that serve people and stations; for retention, which is

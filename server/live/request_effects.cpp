@@ -77,33 +77,35 @@ void addToAuditLog(ServerContext& context, const std::string& who, const std::st
   });
 }
 
-asio::thread_pool& poolFor(ServerContext& context, RequestThreads threads) {
+using Executed = std::shared_ptr<Outcome>;
+
+Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, const std::string& who,
+                            std::function<Executed()> work) {
   switch (threads) {
     case RequestThreads::kWorkers:
       break;
     case RequestThreads::kPasswords:
-      return context.passwords;
+      return offload(context.passwords, std::move(work));
     case RequestThreads::kViews:
-      return context.views;
+      return offload(*context.views_of_people, who, std::move(work));
     case RequestThreads::kSlow:
-      return context.slow_workers;
+      return offload(context.slow_workers, std::move(work));
     case RequestThreads::kHours:
-      return context.retention_workers;
+      return offload(context.retention_workers, std::move(work));
   }
-  return context.workers;
+  return offload(*context.workers_of_people, who, std::move(work));
 }
 
 }  // namespace
 
-Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
-                                              std::shared_ptr<const pb::Request> request) {
+Task<Executed> executeRequest(ServerContext& context, Principal who,
+                              std::shared_ptr<const pb::Request> request) {
   const RequestThreads threads = threadsOf(*request, who.role);
-  std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), who, request,
-                                                    threads] {
+  std::function<Executed()> work = [&service = context.store.service(), who, request, threads] {
     if (threads == RequestThreads::kHours) yieldToOthers();
     return std::make_shared<Outcome>(service.execute(who, *request));
   };
-  co_return co_await offload(poolFor(context, threads), std::move(work));
+  co_return co_await onItsThreads(context, threads, who.name, std::move(work));
 }
 
 BudgetOwner budgetOwner(const Principal& who, std::string connection) {

@@ -134,6 +134,16 @@ bool isSameOrigin(std::string_view origin, std::string_view host) {
   return equalIgnoringCase(origin.substr(kScheme.size()), host);
 }
 
+bool mayDemandHttps(std::string_view host) {
+  if (host.starts_with('[')) return false;  // an IPv6 address
+  std::string name = lowerCase(host.substr(0, host.find(':')));
+  if (name.ends_with('.')) name.pop_back();
+  const std::string_view last = std::string_view(name).substr(name.rfind('.') + 1);
+  // no name's last part is a number (RFC 1123, 2.1), so this is an IPv4 address
+  const bool is_number = last.find_first_not_of("0123456789") == std::string_view::npos;
+  return !is_number && last != "localhost" && name != "localhost.localdomain";
+}
+
 bool isJsonType(std::string_view content_type) {
   return equalIgnoringCase(trimmed(content_type.substr(0, content_type.find(';'))), "application/json");
 }

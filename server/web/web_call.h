@@ -39,6 +39,10 @@ Result<std::uint32_t> parseIfMatch(std::string_view header);
 /// True when the request comes from a page of this server: `origin` is https:// and `host`.
 bool isSameOrigin(std::string_view origin, std::string_view host);
 
+/// True unless `host` (a Host header) is a name of this machine itself or an address: a browser that is told
+/// to ask localhost by HTTPS only would do so for every other program on its machine, too.
+bool mayDemandHttps(std::string_view host);
+
 /// True for "application/json" with or without parameters.
 bool isJsonType(std::string_view content_type);
 

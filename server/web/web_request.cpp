@@ -76,7 +76,7 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   std::function<Outcome()> read = [&service = server->context().store.service(), who, own] {
     return service.execute(who, own);
   };
-  const Outcome person = co_await offload(server->context().workers, std::move(read));
+  const Outcome person = co_await offload(*server->context().workers_of_people, who.name, std::move(read));
   const std::int64_t now = steadyNowNs();
   const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
   co_return WebJson{{"name", who.name},
@@ -109,6 +109,7 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (const auto before = server->sessions().find(request->cookie, steadyNowNs()))
     context.tokens.end(before->token);
   const auto issued = context.tokens.issue(login.holder, steadyNowNs());
+  server->showedSession(request->connection, login.holder.who.name);
   ++context.counters.logins;
   logEvent(LogLevel::kInfo, "web_login",
            {{"conn", request->connection},
@@ -162,7 +163,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
   Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
   if (call->body_bytes > kSmallBody)  // not ?: around co_await, which g++ 12 miscompiles
-    built = co_await offload(context.views, std::move(build));
+    built = co_await offload(*context.views_of_people, call->who.name, std::move(build));
   else
     built = build();
   wipeSecrets(call->body);
@@ -177,7 +178,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
-  co_return co_await offload(context.views, std::move(write));
+  co_return co_await offload(*context.views_of_people, call->who.name, std::move(write));
 }
 
 Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
@@ -186,13 +187,13 @@ Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_p
     auto json = route.how.work(service, *call);
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
-  co_return co_await offload(context.views, std::move(work));
+  co_return co_await offload(*context.views_of_people, call->who.name, std::move(work));
 }
 
-/// A stream, and the session that asked for it.
+/// A stream, who reads it, and the session that asked for it.
 struct SessionStream {
   WebStream stream;
-  std::string token;
+  std::string who, token;
   std::uint64_t seen = 0;  ///< ServerContext::access_changes when the session was valid
 };
 
@@ -207,7 +208,7 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
   if (accessEnded(server->context(), *stream)) co_return ended;
   std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
   try {
-    auto piece = co_await offload(server->context().views, std::move(work));
+    auto piece = co_await offload(*server->context().views_of_people, stream->who, std::move(work));
     if (accessEnded(server->context(), *stream)) co_return ended;
     co_return piece;
   } catch (const std::exception& fault) {
@@ -221,12 +222,13 @@ Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared
   std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
-  auto opened = co_await offload(context.views, std::move(open));
+  auto opened = co_await offload(*context.views_of_people, call->who.name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(token), seen});
+  auto stream = std::make_shared<SessionStream>(
+      SessionStream{std::move(*opened), call->who.name, std::move(token), seen});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -271,7 +273,7 @@ Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::sh
     return bodyFault(*request, call->body);
   };
   if (call->body_bytes <= kSmallBody) co_return read();
-  co_return co_await offload(server->context().views, std::move(read));
+  co_return co_await offload(*server->context().views_of_people, call->who.name, std::move(read));
 }
 
 Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
@@ -309,7 +311,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   std::function<Result<bool>()> check = [&service = context.store.service(), who = call->who] {
     return service.stillAllowed(who);
   };
-  const auto allowed = co_await offload(context.workers, std::move(check));
+  const auto allowed = co_await offload(*context.workers_of_people, call->who.name, std::move(check));
   if (!allowed.ok()) co_return errorAnswer(allowed.error());
   if (!*allowed) {
     context.tokens.end(session->token);
@@ -372,6 +374,16 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
 }  // namespace
 
 Task<HttpAnswer> WebServer::answer(std::shared_ptr<HttpRequest> request) {
+  const bool standard = proxies_.header() == TrustedProxies::Header::kForwarded;
+  request->address =
+      proxies_.clientOf(request->address, standard ? request->forwarded : request->x_forwarded_for);
+  HttpAnswer answer = co_await answerTo(request);
+  if (mayDemandHttps(request->host))
+    answer.headers.emplace_back("Strict-Transport-Security", "max-age=31536000");
+  co_return answer;
+}
+
+Task<HttpAnswer> WebServer::answerTo(std::shared_ptr<HttpRequest> request) {
   if (!request->is_http_1_1) {
     HttpAnswer answer = errorAnswer(505, "version", "only HTTP/1.1");
     answer.close = true;

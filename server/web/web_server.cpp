@@ -29,6 +29,7 @@ Result<std::shared_ptr<WebServer>> WebServer::start(ServerContext& context, TlsC
   ASSIGN_OR_RETURN(const auto endpoint, resolveListen(settings.listen, "--web"));
   const bool chosen = !settings.root.empty();
   if (!chosen) settings.root = defaultWebRoot();
+  ASSIGN_OR_RETURN(auto proxies, TrustedProxies::parse(settings.proxies, settings.proxy_header));
   auto files = StaticFiles::load(settings.root);
   if (!files.ok()) return files.error();
   if (files->size() == 0) {
@@ -37,8 +38,9 @@ Result<std::shared_ptr<WebServer>> WebServer::start(ServerContext& context, TlsC
     logEvent(LogLevel::kWarning, "web_without_console", {{"text", fault}});
   }
   ASSIGN_OR_RETURN(auto acceptor, listenOn(context.io, endpoint, settings.listen, "--web"));
-  std::shared_ptr<WebServer> server(
-      new WebServer(context, std::move(tls), std::move(settings), std::move(*files), std::move(acceptor)));
+  std::shared_ptr<WebServer> server(new WebServer(context, std::move(tls), std::move(settings),
+                                                  std::move(proxies), std::move(*files),
+                                                  std::move(acceptor)));
   if (const auto& file = server->settings_.port_file; !file.empty()) {
     const std::string text = fmt::format("{}\n", server->port());
     RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text)));
@@ -52,40 +54,38 @@ Result<std::shared_ptr<WebServer>> WebServer::start(ServerContext& context, TlsC
   return server;
 }
 
-WebServer::WebServer(ServerContext& context, TlsContext tls, WebSettings settings, StaticFiles files,
-                     Tcp::acceptor acceptor)
+WebServer::WebServer(ServerContext& context, TlsContext tls, WebSettings settings, TrustedProxies proxies,
+                     StaticFiles files, Tcp::acceptor acceptor)
     : HttpServer(context.io, std::move(acceptor), std::move(tls), settings),
       context_(context),
       settings_(std::move(settings)),
+      proxies_(std::move(proxies)),
       files_(std::move(files)),
       sessions_(context.tokens),
       admission_(settings_.admission),
       board_(std::make_shared<LiveBoard>(context, settings_.live_period)) {}
 
 bool WebServer::admit(std::uint64_t id, const Tcp::endpoint& peer) {
-  const std::string host = peer.address().to_string(), key = Admission::keyOf(host);
-  const auto here = by_address_.find(key);
-  const bool room = here == by_address_.end() || here->second < settings_.connections_per_address;
-  const auto arrival = room ? admission_.arrive(id, host, steadyNowNs()) : Admission::Arrival{};
-  if (!room || arrival.answer != Admission::Answer::kWelcome) {
+  const std::string host = peer.address().to_string();
+  const bool from_proxy = proxies_.trusts(host);
+  const auto arrival =
+      from_proxy ? admission_.arriveFromProxy(id) : admission_.arrive(id, host, steadyNowNs());
+  if (arrival.answer != Admission::Answer::kWelcome) {
     ++context_.web.connections_refused;
     return false;
   }
   if (arrival.gives_way) cut(*arrival.gives_way);
   ++context_.web.connections;
   ++context_.web.connections_open;
-  ++by_address_[key];
-  address_of_.emplace(id, key);
+  if (from_proxy) of_proxies_.insert(id);
   return true;
 }
 
 void WebServer::left(std::uint64_t id) {
   admission_.left(id);
   forgetPerson(id);
+  of_proxies_.erase(id);
   --context_.web.connections_open;
-  const auto address = address_of_.find(id);
-  if (const auto here = by_address_.find(address->second); --here->second == 0) by_address_.erase(here);
-  address_of_.erase(address);
 }
 
 void WebServer::handshakeFailed() {
@@ -109,7 +109,6 @@ const HttpHeaders& WebServer::commonHeaders() const {
       {"Referrer-Policy", "no-referrer"},
       {"Cross-Origin-Resource-Policy", "same-origin"},
       {"Cross-Origin-Opener-Policy", "same-origin"},
-      {"Strict-Transport-Security", "max-age=31536000"},
   };
   return headers;
 }
@@ -137,6 +136,7 @@ void WebServer::answered(const HttpExchange& exchange) {
 }
 
 void WebServer::showedSession(std::uint64_t id, const std::string& who) {
+  if (of_proxies_.contains(id)) return;  // its connections carry everybody's requests
   admission_.loggedIn(id, steadyNowNs());
   forgetPerson(id);
   person_of_.emplace(id, who);

@@ -7,11 +7,13 @@
 #include <memory>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "common/base/result.h"
 #include "common/wire/tls.h"
 #include "server/base/http_server.h"
+#include "server/base/trusted_proxies.h"
 #include "server/live/admission.h"
 #include "server/live/context.h"
 #include "server/web/live_board.h"
@@ -27,11 +29,18 @@ struct WebSettings : HttpLimits {
   std::filesystem::path root;       ///< of the console's files; empty: their build or installation folder
 
   std::size_t stranger_body_bytes = 4u << 10;  ///< before log-in
-  std::size_t connections_per_address = 256;
   /// of one logged-in person; above the limit, the connection whose last request is the oldest is cut
   std::size_t connections_per_person = 64;
-  /// connections that have not sent a valid session yet can be cut as on the other port
-  Admission::Settings admission{.max_connections = 512, .max_strangers = 256, .charges_at_once = 512};
+  /// Connections that have not shown a valid session yet are strangers: only they are counted by address, and
+  /// they are cut as on the other port.
+  Admission::Settings admission{.max_connections = 512,
+                                .max_strangers = 256,
+                                .max_strangers_of_unknown = 192,
+                                .strangers_of_address = 128,
+                                .charges_at_once = 512,
+                                .charges_at_once_of_known = 2048};
+  std::vector<std::string> proxies;              ///< trusted_proxies.h
+  std::string proxy_header = "X-Forwarded-For";  ///< or "Forwarded"
 
   std::chrono::milliseconds live_period{200};
   std::size_t live_sockets = 64;
@@ -81,21 +90,21 @@ class WebServer : public HttpServer {
   void left(std::uint64_t id) override;
 
  private:
-  WebServer(ServerContext& context, TlsContext tls, WebSettings settings, StaticFiles files,
-            Tcp::acceptor acceptor);
+  WebServer(ServerContext& context, TlsContext tls, WebSettings settings, TrustedProxies proxies,
+            StaticFiles files, Tcp::acceptor acceptor);
+  Task<HttpAnswer> answerTo(std::shared_ptr<HttpRequest> request);
   void forgetPerson(std::uint64_t id);
 
   ServerContext& context_;
   const WebSettings settings_;
+  const TrustedProxies proxies_;
   const StaticFiles files_;
   WebSessions sessions_;
   Admission admission_;
   const std::shared_ptr<LiveBoard> board_;
   std::unordered_map<std::string, std::size_t> viewers_;  // by name
   std::size_t all_viewers_ = 0;
-  // by connection: the address key of admission.h
-  std::unordered_map<std::uint64_t, std::string> address_of_;
-  std::unordered_map<std::string, std::size_t> by_address_;
+  std::unordered_set<std::uint64_t> of_proxies_;                           // connections
   std::unordered_map<std::uint64_t, std::string> person_of_;               // by connection
   std::unordered_map<std::string, std::vector<std::uint64_t>> by_person_;  // the most recent request last
 };

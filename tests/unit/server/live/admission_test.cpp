@@ -101,6 +101,89 @@ TEST(Admission, memoryIsBoundedWhateverTheAddresses) {
   }
 }
 
+TEST(Admission, anAddressAboveItsNumberGivesWayToItself) {
+  auto s = admissionSettings();
+  s.strangers_of_address = 3;
+  Admission admission(s);
+  for (std::uint64_t id = 1; id <= 3; ++id) (void)admission.arrive(id, "10.0.0.1", 0);
+  (void)admission.arrive(4, "10.0.0.2", 0);
+  for (std::uint64_t id = 5; id <= 7; ++id)
+    EXPECT_EQ(admission.arrive(id, "10.0.0.1", 0).gives_way, std::optional<std::uint64_t>(id - 4));
+  EXPECT_EQ(admission.strangers(), 4u);
+  // a log-in makes room: only strangers are counted
+  admission.loggedIn(7, 0);
+  EXPECT_FALSE(admission.arrive(8, "10.0.0.1", 0).gives_way.has_value());
+}
+
+TEST(Admission, anAddressThatHasLoggedInBeforeHasAReserve) {
+  auto s = admissionSettings();
+  s.max_strangers_of_unknown = 6;
+  s.charges_at_once = 100;
+  Admission admission(s);
+  (void)admission.arrive(1, "10.0.0.1", 0);
+  EXPECT_FALSE(admission.knows("10.0.0.1", 0));
+  admission.loggedIn(1, 0);
+  EXPECT_TRUE(admission.knows("10.0.0.1", 0));
+  for (std::uint64_t id = 2; id <= 7; ++id)
+    EXPECT_FALSE(admission.arrive(id, "10.0.1." + std::to_string(id), 0).gives_way.has_value());
+  EXPECT_TRUE(admission.arrive(8, "10.0.1.8", 0).gives_way.has_value()) << "six of unknown addresses";
+  for (std::uint64_t id = 9; id <= 12; ++id)
+    EXPECT_FALSE(admission.arrive(id, "10.0.0.1", 0).gives_way.has_value()) << "four places are kept for it";
+  EXPECT_EQ(admission.strangers(), 10u);
+  // who comes next, from wherever, takes the place of an unknown address, though the lab has the most
+  for (std::uint64_t id = 13; id <= 40; ++id) {
+    const auto arrival = admission.arrive(id, id % 2 == 0 ? "10.0.2.1" : "10.0.2." + std::to_string(id), 0);
+    ASSERT_TRUE(arrival.gives_way.has_value());
+    EXPECT_FALSE(*arrival.gives_way >= 9 && *arrival.gives_way <= 12) << *arrival.gives_way;
+  }
+  const auto more = admission.arrive(41, "10.0.0.1", 0);
+  ASSERT_TRUE(more.gives_way.has_value());
+  EXPECT_GT(*more.gives_way, 12u);
+}
+
+TEST(Admission, aKnownAddressHasMoreCharges) {
+  auto s = admissionSettings();
+  s.charges_at_once_of_known = 8;
+  Admission admission(s);
+  (void)admission.arrive(0, "10.0.0.1", 0);
+  admission.loggedIn(0, 0);
+  for (std::uint64_t id = 1; id <= 9; ++id) {
+    EXPECT_EQ(admission.arrive(id, "10.0.0.1", 0).answer, id <= 8 ? Answer::kWelcome : Answer::kTooMany)
+        << id;
+    admission.left(id);
+  }
+}
+
+TEST(Admission, aKnownAddressIsForgottenAfterItsTimeAndTheOldestWhenThereAreTooMany) {
+  auto s = admissionSettings();
+  s.max_known = 3;
+  s.known_for = std::chrono::hours(1);
+  Admission admission(s);
+  const std::int64_t hour_ns = 3'600'000 * kMs;
+  for (std::uint64_t id = 1; id <= 4; ++id) {
+    (void)admission.arrive(id, "10.0.0." + std::to_string(id), static_cast<std::int64_t>(id));
+    admission.loggedIn(id, static_cast<std::int64_t>(id));
+    admission.left(id);
+  }
+  EXPECT_EQ(admission.knownAddresses(), 3u);
+  EXPECT_FALSE(admission.knows("10.0.0.1", 4)) << "known for longest";
+  EXPECT_TRUE(admission.knows("10.0.0.2", hour_ns + 2));
+  EXPECT_FALSE(admission.knows("10.0.0.2", hour_ns + 3));
+}
+
+TEST(Admission, aProxyIsNoStrangerAndCostsNothing) {
+  Admission admission(admissionSettings());
+  for (std::uint64_t id = 1; id <= 15; ++id)
+    EXPECT_EQ(admission.arriveFromProxy(id).answer, Answer::kWelcome);
+  EXPECT_EQ(admission.strangers(), 0u);
+  for (std::uint64_t id = 16; id <= 20; ++id) (void)admission.arrive(id, "10.0.0.1", 0);
+  EXPECT_EQ(admission.arriveFromProxy(21).gives_way, std::optional<std::uint64_t>(16));
+  for (std::uint64_t id = 22; id <= 25; ++id) (void)admission.arriveFromProxy(id);
+  EXPECT_EQ(admission.arriveFromProxy(26).answer, Answer::kFull);
+  admission.left(3);
+  EXPECT_EQ(admission.arriveFromProxy(27).answer, Answer::kWelcome);
+}
+
 TEST(Admission, anAddressIsAnIpv4AddressOrTheFirstHalfOfAnIpv6One) {
   EXPECT_EQ(Admission::keyOf("10.0.0.1"), "10.0.0.1");
   EXPECT_EQ(Admission::keyOf("::ffff:10.0.0.1"), "10.0.0.1");

@@ -1,149 +1,140 @@
-// Tests the turns of TLS handshakes under load: connections that never continue must not block others.
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <openssl/ssl.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
+#include "server/live/handshake_turns.h"
 
-#include <algorithm>
-#include <functional>
-#include <memory>
-#include <stdexcept>
+#include <gtest/gtest.h>
+
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "tests/unit/server/live/running_server.h"
+#include "tests/unit/server/live/milliseconds.h"
 
 namespace needlelab {
 namespace {
 
-using namespace test;
+using Ids = std::vector<std::uint64_t>;
 
-/// A connection from an address of this machine that sends one message and then nothing.
-class SilentPeer {
- public:
-  SilentPeer(const char* from, std::uint16_t port, const std::string& bytes)
-      : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = ::inet_addr(from);
-    bool ok = ::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-    address.sin_addr.s_addr = ::inet_addr("127.0.0.1");
-    address.sin_port = htons(port);
-    ok = ok && ::connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-    ok = ok && ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
-    if (!ok) throw std::runtime_error("cannot connect to the test's server");
+HandshakeTurns::Settings turnSettings() {
+  HandshakeTurns::Settings s;
+  s.at_once = 2;
+  s.places = 4;
+  s.places_of_known = 3;
+  s.places_of_address = 3;
+  s.patience = std::chrono::milliseconds(100);
+  return s;
+}
+
+/// Everyone who may begin now, each answered at once, as by a server with nothing else to do.
+Ids allAnswered(HandshakeTurns& turns, std::int64_t now_ns) {
+  Ids begun;
+  while (const auto id = turns.next(now_ns)) {
+    turns.answered(*id, now_ns);
+    begun.push_back(*id);
   }
-  ~SilentPeer() { ::close(fd_); }
-  SilentPeer(const SilentPeer&) = delete;
-  SilentPeer& operator=(const SilentPeer&) = delete;
-
-  /// Whether the server's answer begins within `limit`: then it has given this peer a turn.
-  [[nodiscard]] bool isAnswered(milliseconds limit) const {
-    pollfd waits{fd_, POLLIN, 0};
-    char byte = 0;
-    return ::poll(&waits, 1, static_cast<int>(limit.count())) == 1 && ::recv(fd_, &byte, 1, MSG_PEEK) == 1;
-  }
-
- private:
-  int fd_;
-};
-
-std::string clientHello() {
-  const std::unique_ptr<SSL_CTX, void (*)(SSL_CTX*)> context(SSL_CTX_new(TLS_client_method()), SSL_CTX_free);
-  const std::unique_ptr<SSL, void (*)(SSL*)> ssl(SSL_new(context.get()), SSL_free);
-  BIO* const out = BIO_new(BIO_s_mem());
-  SSL_set_bio(ssl.get(), BIO_new(BIO_s_mem()), out);
-  (void)SSL_connect(ssl.get());
-  std::string bytes(4096, '\0');
-  bytes.resize(static_cast<std::size_t>(BIO_read(out, bytes.data(), static_cast<int>(bytes.size()))));
-  return bytes;
+  return begun;
 }
 
-/// A turn, and a handshake as a whole, may last an hour here: a log-in that waits for a silent peer's turn
-/// never ends.
-constexpr auto kHour = std::chrono::hours(1);
-
-std::function<void(ServerOptions&)> turns(std::size_t at_once, std::size_t of_address) {
-  return [=](ServerOptions& options) {
-    options.bounds.handshakes_at_once = at_once;
-    options.bounds.handshakes_of_address = of_address;
-    options.bounds.handshake_turn = kHour;
-    options.limits.handshake_timeout = kHour;
-  };
+TEST(HandshakeTurns, areOnlyHeldWhileTheServerComputes) {
+  HandshakeTurns turns(turnSettings());
+  for (std::uint64_t id = 1; id <= 4; ++id) turns.came(id, "a" + std::to_string(id), false);
+  ASSERT_TRUE(turns.next(0).has_value());
+  ASSERT_TRUE(turns.next(0).has_value());
+  EXPECT_EQ(turns.turns(), 2u);
+  EXPECT_FALSE(turns.next(0).has_value()) << "two at once";
+  turns.answered(4, 0);  // now it is silent
+  EXPECT_EQ(turns.turns(), 1u);
+  EXPECT_EQ(turns.next(0), std::optional<std::uint64_t>(2));
+  turns.left(3);  // failed while it was computed
+  EXPECT_EQ(turns.next(0), std::optional<std::uint64_t>(1));
 }
 
-/// Silent peers. The kernel has their bytes before any later connection; `with_turn` of them have a turn.
-std::vector<std::unique_ptr<SilentPeer>> silentPeers(RunningServer& server, std::size_t count,
-                                                     std::size_t with_turn, const char* from,
-                                                     const std::string& bytes) {
-  std::vector<std::unique_ptr<SilentPeer>> peers;
-  for (std::size_t i = 0; i < count; ++i)
-    peers.push_back(std::make_unique<SilentPeer>(from, server.server().port(), bytes));
-  const auto answered = [&] {
-    return static_cast<std::size_t>(std::count_if(
-        peers.begin(), peers.end(), [](const auto& peer) { return peer->isAnswered(milliseconds(1)); }));
-  };
-  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
-  while (answered() < with_turn && std::chrono::steady_clock::now() < end) {
-  }
-  EXPECT_EQ(answered(), with_turn);
-  return peers;
+TEST(HandshakeTurns, theNewestOfAnAddressGoesFirst) {
+  HandshakeTurns turns(turnSettings());
+  for (std::uint64_t id = 1; id <= 3; ++id) turns.came(id, "a", false);
+  EXPECT_EQ(allAnswered(turns, 0), (Ids{3, 2, 1}));
 }
 
-Result<BlockingClient> logIn(RunningServer& server, const std::string& key, milliseconds patience) {
-  ClientConfig config = server.config(stationLogin("bench", key));
-  config.connect_timeout = patience;
-  return BlockingClient::connect(config);
+TEST(HandshakeTurns, anAddressWaitsForItsOwnPlacesAndOthersDoNot) {
+  HandshakeTurns turns(turnSettings());
+  for (std::uint64_t id = 1; id <= 5; ++id) turns.came(id, "silent", false);
+  EXPECT_EQ(allAnswered(turns, 0), (Ids{5, 4, 3}));
+  turns.came(6, "good", false);
+  EXPECT_EQ(allAnswered(turns, 1 * kMs), (Ids{6}));
+  EXPECT_EQ(turns.nextAt(), std::optional<std::int64_t>(100 * kMs));
+  EXPECT_EQ(allAnswered(turns, 99 * kMs), Ids{});
+  EXPECT_EQ(allAnswered(turns, 100 * kMs), (Ids{2, 1})) << "their places ended with their patience";
+  EXPECT_FALSE(turns.nextAt().has_value()) << "nobody waits";
 }
 
-constexpr auto kPatience = milliseconds(60'000);
+TEST(HandshakeTurns, aHandshakeThatEndsGivesItsPlaceToItsAddress) {
+  HandshakeTurns turns(turnSettings());
+  for (std::uint64_t id = 1; id <= 4; ++id) turns.came(id, "a", false);
+  EXPECT_EQ(allAnswered(turns, 0), (Ids{4, 3, 2}));
+  turns.left(3);
+  EXPECT_EQ(allAnswered(turns, 0), (Ids{1}));
+}
 
-TEST(HandshakeTurns, aRecordThatIsNotThereAsAWholeTakesNone) {
-  RunningServer server(turns(1, 1));
-  const std::string key = server.addStation("bench");
-  const std::string whole = clientHello();
-  ASSERT_GT(whole.size(), 100u);
-  for (const std::size_t sent : {std::size_t{1}, std::size_t{11}, whole.size() - 1}) {
-    SCOPED_TRACE(sent);
-    server.restart();
-    const auto peers = silentPeers(server, 2, 0, "127.0.0.1", whole.substr(0, sent));
-    const auto in = logIn(server, key, kPatience);
-    EXPECT_TRUE(in.ok()) << in.error().message;
+// The attack: as many addresses as one likes, all silent, all coming again and again. However many hold a
+// place, the next address with none begins at once.
+TEST(HandshakeTurns, silentAddressesKeepNobodyElseWaiting) {
+  for (const int attackers : {2, 20, 200}) {
+    SCOPED_TRACE(attackers);
+    HandshakeTurns turns(turnSettings());
+    std::uint64_t id = 0;
+    for (int round = 0; round < 10; ++round) {
+      for (int address = 0; address < attackers; ++address)
+        turns.came(++id, "silent" + std::to_string(address), false);
+      (void)allAnswered(turns, round * kMs);
+      const std::uint64_t good = ++id;
+      turns.came(good, "good", false);
+      EXPECT_EQ(turns.next(round * kMs), std::optional<std::uint64_t>(good)) << round;
+      turns.answered(good, round * kMs);
+      turns.left(good);
+      EXPECT_LE(turns.places(false), 4u);
+    }
   }
 }
 
-TEST(HandshakeTurns, oneAddressNeverHasThemAll) {
-  RunningServer server(turns(4, 2));
-  const std::string key = server.addStation("bench");
-  const auto peers = silentPeers(server, 4, 2, "127.0.0.2", clientHello());
-  const auto in = logIn(server, key, kPatience);
-  EXPECT_TRUE(in.ok()) << in.error().message;
+TEST(HandshakeTurns, aPlaceThatWasGivenAwayStillCountsForItsAddress) {
+  // two addresses that take each other's only place: each begins three in its patience, whatever it does
+  auto s = turnSettings();
+  s.places = 1;
+  HandshakeTurns turns(s);
+  std::size_t begun = 0;
+  for (std::uint64_t id = 1; id <= 100; ++id) {
+    turns.came(id, id % 2 == 0 ? "a" : "b", false);
+    begun += allAnswered(turns, 0).size();
+  }
+  EXPECT_EQ(begun, 6u);
+  EXPECT_EQ(turns.waiting(), 94u);
 }
 
-// The negative control: peers that hold all turns keep others waiting; otherwise the tests above would show
-// nothing.
-TEST(HandshakeTurns, othersWaitWhileAllTurnsAreTaken) {
-  RunningServer server(turns(2, 2));
-  const std::string key = server.addStation("bench");
-  auto peers = silentPeers(server, 2, 2, "127.0.0.1", clientHello());
-  EXPECT_FALSE(logIn(server, key, milliseconds(500)).ok());
-  peers.clear();
-  const auto in = logIn(server, key, kPatience);
-  EXPECT_TRUE(in.ok()) << in.error().message;
+TEST(HandshakeTurns, knownAddressesGoFirstAndHavePlacesOfTheirOwn) {
+  HandshakeTurns turns(turnSettings());
+  for (std::uint64_t id = 1; id <= 20; ++id) turns.came(id, "stranger" + std::to_string(id), false);
+  EXPECT_EQ(allAnswered(turns, 0).size(), 20u);
+  EXPECT_EQ(turns.places(false), 4u) << "all places of strangers";
+  turns.came(21, "lab", true);
+  turns.came(22, "stranger22", false);
+  turns.came(23, "lab", true);
+  EXPECT_EQ(turns.next(0), std::optional<std::uint64_t>(23));
+  EXPECT_EQ(turns.next(0), std::optional<std::uint64_t>(21));
+  EXPECT_EQ(turns.places(true), 2u);
+  EXPECT_EQ(turns.places(false), 4u) << "no stranger's place was taken";
 }
 
-TEST(HandshakeTurns, aTurnEndsWhenItsTimeIsOver) {
-  RunningServer server([](ServerOptions& options) {
-    turns(2, 2)(options);
-    options.bounds.handshake_turn = milliseconds(100);
-  });
-  const std::string key = server.addStation("bench");
-  const auto peers = silentPeers(server, 2, 2, "127.0.0.1", clientHello());
-  const auto in = logIn(server, key, kPatience);
-  EXPECT_TRUE(in.ok()) << in.error().message;
+TEST(HandshakeTurns, memoryIsThatOfTheConnectionsThatAreHere) {
+  HandshakeTurns turns(turnSettings());
+  for (std::uint64_t id = 1; id <= 1000; ++id) {
+    turns.came(id, "address" + std::to_string(id), false);
+    (void)allAnswered(turns, 0);
+    turns.left(id);
+    turns.left(id);
+  }
+  EXPECT_EQ(turns.addresses(), 0u);
+  EXPECT_EQ(turns.waiting(), 0u);
+  EXPECT_EQ(turns.turns(), 0u);
+  turns.left(7);
+  turns.answered(7, 0);
+  EXPECT_EQ(turns.turns(), 0u);
 }
 
 }  // namespace

@@ -32,6 +32,16 @@ TEST(WebTarget, isTakenApartAndDecoded) {
   EXPECT_EQ(parseTarget("/app/")->segments.size(), 1u);
 }
 
+TEST(WebHost, onlyANameOfTheLabMayDemandHttps) {
+  for (const char* host : {"needlelab.example", "needlelab.example:7751", "lab", "lab.local:7751",
+                           "LAB.example.", "localhost.example", "10.example"})
+    EXPECT_TRUE(mayDemandHttps(host)) << host;
+  for (const char* host :
+       {"", "localhost", "LocalHost:7751", "localhost.", "console.localhost:7751", "localhost.localdomain",
+        "127.0.0.1", "127.0.0.1:7751", "192.0.2.7", "[::1]", "[::1]:7751"})
+    EXPECT_FALSE(mayDemandHttps(host)) << host;
+}
+
 TEST(WebTarget, everythingDoubtfulIsRefused) {
   const std::string long_one = "/" + std::string(2048, 'a');
   std::string many = "/?";

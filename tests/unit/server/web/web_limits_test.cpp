@@ -18,7 +18,10 @@ TEST(WebFiles, areServedWithTheirHeadersAndNothingElseIs) {
   EXPECT_THAT(index.header("content-security-policy"), HasSubstr("default-src 'self'"));
   EXPECT_EQ(index.header("x-content-type-options"), "nosniff");
   EXPECT_EQ(index.header("referrer-policy"), "no-referrer");
-  EXPECT_THAT(index.header("strict-transport-security"), HasSubstr("max-age="));
+  EXPECT_EQ(index.header("strict-transport-security"), "") << "localhost serves other programs, too";
+  WebWire lab_name(lab.port());
+  (void)lab_name.send("GET / HTTP/1.1\r\nHost: needlelab.example:7751\r\n\r\n");
+  EXPECT_EQ(lab_name.read().header("strict-transport-security"), "max-age=31536000");
   EXPECT_EQ(browser.ask("GET", "/", "", {{"If-None-Match", index.header("etag")}}).status, 304);
   const WebReply script = browser.get("/app/main.js?v=1");
   EXPECT_EQ(script.body, "export const one = 1;\n");
@@ -168,19 +171,84 @@ TEST(WebLimits, requestsBehindEachOtherAreAnsweredInOrderUntilTheirNumber) {
   EXPECT_EQ(wire.read().status, 0) << "the fourth is not answered";
 }
 
-TEST(WebLimits, anAddressHasItsNumberOfConnections) {
-  WebLab lab([](ServerOptions& options) { options.web.connections_per_address = 4; });
+// A reverse proxy or a NAT: strangers and people share an address. Silent connections do not lock the people
+// out, neither those who are logged in nor those who come.
+TEST(WebLimits, silentConnectionsOfAnAddressDoNotKeepItsPeopleOut) {
+  WebLab lab([](ServerOptions& options) { options.web.handshake_timeout = std::chrono::hours(1); });
+  Browser ines = lab.browserOf("ines");
+  WebWire kept(lab.port());
+  const auto ask = [&](WebWire& wire) {
+    (void)wire.send(requestText("GET", "/api/v1/session", "", ines.own("GET")));
+    return wire.read().status;
+  };
+  EXPECT_EQ(ask(kept), 200);
+  std::vector<std::unique_ptr<WebWire>> silent;
+  for (int i = 0; i < 300; ++i) silent.push_back(std::make_unique<WebWire>(lab.port(), false));
+  EXPECT_EQ(ask(kept), 200) << "a connection that has shown its session is no stranger";
+  EXPECT_EQ(ines.get("/api/v1/session").status, 200) << "and a new one of the same person gets in";
+  EXPECT_EQ(lab.browser().logIn("mara", kWebPassword).status, 200);
+  EXPECT_TRUE(silent.front()->endsWithin(milliseconds(20'000))) << "the oldest stranger gave way";
+}
+
+TEST(WebLimits, onlyStrangersAreCountedByAddress) {
+  WebLab lab([](ServerOptions& options) { options.web.admission.strangers_of_address = 2; });
+  Browser ines = lab.browserOf("ines");
   std::vector<std::unique_ptr<WebWire>> open;
-  for (int i = 0; i < 4; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
-  for (const auto& wire : open) EXPECT_TRUE(wire->connected());
-  EXPECT_FALSE(WebWire(lab.port()).connected());
-  open.pop_back();
-  bool again = false;
-  for (int i = 0; i < 100 && !again; ++i) {
-    std::this_thread::sleep_for(milliseconds(20));
-    again = WebWire(lab.port()).connected();
+  for (int i = 0; i < 6; ++i) {
+    open.push_back(std::make_unique<WebWire>(lab.port()));
+    (void)open.back()->send(requestText("GET", "/api/v1/session", "", ines.own("GET")));
+    EXPECT_EQ(open.back()->read().status, 200);
   }
-  EXPECT_TRUE(again);
+  // a log-in makes its connection known as well
+  WebWire fresh(lab.port());
+  (void)fresh.send(
+      requestText("POST", "/api/v1/session", json{{"name", "mara"}, {"password", kWebPassword}}.dump()));
+  EXPECT_EQ(fresh.read().status, 200);
+  WebWire first(lab.port()), second(lab.port()), third(lab.port());
+  EXPECT_TRUE(first.endsWithin(milliseconds(20'000))) << "the oldest of three strangers";
+  for (const auto& wire : open) {
+    (void)wire->send(requestText("GET", "/api/v1/session", "", ines.own("GET")));
+    EXPECT_EQ(wire->read().status, 200);
+  }
+  (void)fresh.send(requestText("GET", "/"));
+  EXPECT_EQ(fresh.read().status, 200);
+}
+
+TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
+  const auto guess = [](WebLab& lab, const char* from) {
+    WebWire wire(lab.port());
+    (void)wire.send(requestText("POST", "/api/v1/session",
+                                json{{"name", "nobody" + std::string(from)}, {"password", "wrong"}}.dump(),
+                                {{"X-Forwarded-For", from}}));
+    return wire.read().status;
+  };
+  WebLab lab([](ServerOptions& options) {
+    options.web.proxies = {"127.0.0.1"};
+    options.web.admission.strangers_of_address = 1;
+    options.guard.allowed_per_address = 2;
+    options.guard.refill_address = std::chrono::hours(1);
+  });
+  std::vector<std::unique_ptr<WebWire>> open;
+  for (int i = 0; i < 5; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
+  for (const auto& wire : open) EXPECT_TRUE(wire->connected());
+  for (const auto& wire : open) {
+    (void)wire->send(requestText("GET", "/"));
+    EXPECT_EQ(wire->read().status, 200) << "none of them gave way";
+  }
+  // guesses are counted at the client's address
+  EXPECT_EQ(guess(lab, "203.0.113.5"), 401);
+  EXPECT_EQ(guess(lab, "203.0.113.5"), 401);
+  EXPECT_EQ(guess(lab, "203.0.113.5"), 429);
+  EXPECT_EQ(guess(lab, "203.0.113.6"), 401);
+
+  // who is not trusted cannot choose an address to be counted at
+  WebLab plain([](ServerOptions& options) {
+    options.guard.allowed_per_address = 2;
+    options.guard.refill_address = std::chrono::hours(1);
+  });
+  EXPECT_EQ(guess(plain, "203.0.113.5"), 401);
+  EXPECT_EQ(guess(plain, "203.0.113.6"), 401);
+  EXPECT_EQ(guess(plain, "203.0.113.7"), 429);
 }
 
 TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
