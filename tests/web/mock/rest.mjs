@@ -135,6 +135,7 @@ const infoOf = (lab, s) => ({
   figures: [],
   ...(s.unknown_trainee ? { unknown_trainee: true } : {}),
   code_unchecked: !!s.code_unchecked,
+  quarantined_chunks: s.quarantined_chunks ?? 0,
   ...(s.given_trainee ? { given_trainee: s.given_trainee } : {}),
 });
 /** A session as lists have it: the main figures in place of the score. */
