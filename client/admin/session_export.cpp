@@ -231,6 +231,10 @@ class Export {
     if (range_.from_s) window.from_ns = nsOf(*range_.from_s);
     if (range_.to_s) window.to_ns = nsOf(*range_.to_s);
     RETURN_IF_ERROR(seek(window));
+    // samples, chunks and hash are the session's: a reader must not miss what was not asked for
+    if (range_.from_s || range_.to_s)
+      row["part"] = {{"from_s", range_.from_s ? Json(*range_.from_s) : Json()},
+                     {"to_s", range_.to_s ? Json(*range_.to_s) : Json()}};
     ASSIGN_OR_RETURN(auto sink, openSampleSink(format, file, row, window));
     RETURN_IF_ERROR(readInto(*sink));
     RETURN_IF_ERROR(checkHash());

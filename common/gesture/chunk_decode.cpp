@@ -94,6 +94,7 @@ template <typename U>
 struct Window {
   U values[2 + kBlock] = {};
   U* block() { return values + 2; }
+  [[nodiscard]] const U* block() const { return values + 2; }
   void carry(std::size_t rows) {
     const U last = block()[rows - 1], before = block()[static_cast<std::ptrdiff_t>(rows) - 2];
     values[0] = before;

@@ -213,7 +213,18 @@ Status RecordingReader::scan() {
     std::uint8_t kind = 0;
     const Status status = readRecord(offset, kind, content);
     if (!status.ok() && status.error().code == ErrorCode::kFailed) return status;
-    if (!status.ok() && length > size_ - offset) break;  // cut off within this record
+    if (!status.ok() && length > size_ - offset) {
+      // the file was cut off within this record, unless good records follow: then bytes are missing in
+      // between
+      ASSIGN_OR_RETURN(const auto next, findRecord(offset + kRecordHeaderBytes));
+      if (next == size_) break;
+      damages_.push_back(
+          {offset, next - offset,
+           fmt::format("a record behind chunk {} reaches beyond the file's end, but others follow it",
+                       entries_.size())});
+      offset = next;
+      continue;
+    }
     std::string fault = status.ok() ? "" : status.error().message;
     if (header.kind == kChunk) {
       RecordingEntry entry{offset, header.length, 0, 0, 0};
