@@ -169,7 +169,9 @@ TEST_F(WholeRecording, whatADeviceCannotPlayIsRefusedByItsSample) {
     change(samples);
     auto writer = RecordingWriter::create(folder_.path() / "odd.nlrec", "{}");
     EXPECT_TRUE(writer.ok());
-    if (!samples.empty()) EXPECT_TRUE(writer->append(encodeChunk(Resolution::lossless(), samples)).ok());
+    if (!samples.empty()) {
+      EXPECT_TRUE(writer->append(encodeChunk(Resolution::lossless(), samples)).ok());
+    }
     EXPECT_TRUE(writer->finish().ok());
     const auto track = readRecordedTrack(folder_.path() / "odd.nlrec", {});
     EXPECT_FALSE(track.ok());

@@ -186,7 +186,9 @@ TEST_F(Recording, aLengthBeyondTheFileHidesNoGoodRecordBehindIt) {
     ASSERT_EQ(reader->damages().size(), 1u);
     EXPECT_EQ(reader->damages().front().offset, entries[1].offset);
     EXPECT_EQ(reader->damages().front().bytes, entries[2].offset - entries[1].offset);
-    if (cut) EXPECT_EQ(reader->unusableTailBytes(), 30u);
+    if (cut) {
+      EXPECT_EQ(reader->unusableTailBytes(), 30u);
+    }
     EXPECT_FALSE(reader->verify().ok());
   }
 }
