@@ -743,6 +743,7 @@ export const kTable = [
     path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db',
     bytes: 12_400_000,
     chunks_verified: 914,
+    undecodable_chunks: 0,
     removed: [],
   })),
   post('check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })),
