@@ -83,7 +83,7 @@ Result<std::optional<Appended>> takeNext(Connection& connection, const OpenRow& 
                                  row.number, seq, info.error().message));
   if (first_was_before) return std::optional(std::move(stored));
   // one line a session: a station must not be able to fill the log
-  const std::string who = station.empty() ? "station" : "station " + std::string(station);
+  const std::string who = station.empty() ? "station" : std::string(station);
   RETURN_IF_ERROR(
       AuditStore(connection).add({0, wallNowNs(), who, "chunk quarantine", uuidText(session), stored.text}));
   return std::optional(std::move(stored));

@@ -158,7 +158,7 @@ TEST_F(Quarantine, theLogGetsOneLineASession) {
   const auto lines = AuditStore(db.writer).list(0, 0, {}, "chunk quarantine");
   ASSERT_OK(lines);
   ASSERT_EQ(lines->size(), 1u);
-  EXPECT_EQ(lines->front().who, "station station-1");
+  EXPECT_EQ(lines->front().who, "station-1");
   EXPECT_EQ(lines->front().subject, uuidText(id));
 }
 
