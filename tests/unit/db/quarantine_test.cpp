@@ -6,6 +6,7 @@
 #include "db/audit.h"
 #include "db/backup.h"
 #include "db/check.h"
+#include "db/retention_store.h"
 #include "tests/support/chunk_files.h"
 #include "tests/unit/db/test_db.h"
 
@@ -160,6 +161,22 @@ TEST_F(Quarantine, theLogGetsOneLineASession) {
   ASSERT_EQ(lines->size(), 1u);
   EXPECT_EQ(lines->front().who, "station-1");
   EXPECT_EQ(lines->front().subject, uuidText(id));
+}
+
+/// What is left of an erased person's recording is read before it is removed: such a chunk does not keep it.
+TEST_F(Quarantine, doesNotKeepWhatIsToBeRemoved) {
+  const Uuid id = closedSession({chunkOf(0), impossibleChunks().front().second});
+  ASSERT_OK(db.writer.script("UPDATE sessions SET recording = 3"));
+  RetentionStore retention(db.writer);
+  ASSERT_OK(retention.checkLeftovers(id));
+  const auto more = retention.removeSome(id, 16);
+  ASSERT_OK(more);
+  EXPECT_TRUE(*more);
+  auto rows =
+      db.writer.prepare("SELECT (SELECT count(*) FROM chunks), (SELECT count(*) FROM quarantined_chunks)");
+  ASSERT_TRUE(*rows.step());
+  EXPECT_EQ(rows.integer(0), 0);
+  EXPECT_EQ(rows.integer(1), 0);
 }
 
 TEST_F(Quarantine, marksGoWithTheirChunks) {
