@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <ctime>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -90,13 +91,15 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
   return {};
 }
 
-/// Sessions whose covered chunks in the copy exceed the previous watermark.
-Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
+/// Sessions whose covered chunks in the copy exceed the previous watermark. It ends before a session's first
+/// undecodable chunk, so that the station keeps its copy of that one.
+Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy,
+                                                     const std::map<Uuid, std::uint64_t>& decodable_before) {
   std::vector<BackupResult::Covered> covered;
   // A session that is open in the copy may be closed by now, and the copy lacks its end. Its last chunk does
   // not count, so that the station keeps the whole session until a backup contains the end as well.
   auto rows = copy.query(
-      "SELECT id, covered"
+      "SELECT id, covered, safe_chunks"
       " FROM (SELECT s.id, s.safe_chunks, coalesce(p.chunks,"
       " s.chunks) - (s.state = ?) AS covered FROM sessions s"
       " LEFT JOIN session_progress p ON p.session = s.number)"
@@ -105,7 +108,12 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) return covered;
-    if (const auto id = uuidOf(textOf(rows.bytes(0)))) covered.push_back({*id, rows.natural(1)});
+    const auto id = uuidOf(textOf(rows.bytes(0)));
+    if (!id) continue;
+    std::uint64_t chunks = rows.natural(1);
+    if (const auto end = decodable_before.find(*id); end != decodable_before.end())
+      chunks = std::min(chunks, end->second);
+    if (chunks > rows.natural(2)) covered.push_back({*id, chunks});
   }
 }
 
@@ -139,7 +147,8 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
                    "the backup was not kept, its copy fails the check: " + checked->faults.front()};
     }
     result.chunks_verified = checked->chunks;
-    ASSIGN_OR_RETURN(auto covered, coveredBy(opened));
+    result.undecodable_chunks = checked->undecodable_chunks;
+    ASSIGN_OR_RETURN(auto covered, coveredBy(opened, checked->decodable_before));
     result.covered = std::move(covered);
   }
 

@@ -15,8 +15,9 @@ namespace needlelab {
 
 /// The contents of the verified copy: the new watermark "Safe".
 struct BackupResult {
-  std::uint64_t bytes = 0;            ///< of the file
-  std::uint64_t chunks_verified = 0;  ///< read back from the copy, CRC and hashes checked
+  std::uint64_t bytes = 0;               ///< of the file
+  std::uint64_t chunks_verified = 0;     ///< read back from the copy, decoded, hashes checked
+  std::uint64_t undecodable_chunks = 0;  ///< in the copy as they came, but never Safe
   struct Covered {
     Uuid session;
     std::uint64_t chunks;

@@ -131,8 +131,14 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
     return error.code == ErrorCode::kCorrupt;
   };
   const auto finished = [&] {
-    check.ok = check.faults.empty();
-    if (!check.ok) check.text = check.faults.front();
+    check.ok = check.faults.empty() && check.undecodable.empty();
+    if (!check.undecodable.empty())
+      check.text = fmt::format(
+          "{} cannot be decoded and {} kept as {} came; the first: {}",
+          check.undecodable_chunks == 1 ? "a chunk" : fmt::format("{} chunks", check.undecodable_chunks),
+          check.undecodable_chunks == 1 ? "is" : "are", check.undecodable_chunks == 1 ? "it" : "they",
+          check.undecodable.front().text);
+    if (!check.faults.empty()) check.text = check.faults.front();
     return check;
   };
   auto books = bookFaults(connection_, name, row);
@@ -145,17 +151,24 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   if (!noted) return finished();
 
   SessionHash hash;
-  std::uint64_t bytes = 0;
+  std::uint64_t bytes = 0, samples = 0;
   ChunkScan scan(connection_, name, noted->recording, 0, UINT64_MAX);
   while (check.faults.size() < kMaxFaults) {
     ASSIGN_OR_RETURN(const auto item, scan.next());
     if (!item) break;
-    if (item->fault) {
+    if (item->damaged()) {
       bad(item->fault->message);
       continue;
     }
     hash.update(item->bytes);
     bytes += item->bytes.size();
+    samples += item->samples;
+    if (item->undecodable) {
+      if (check.undecodable.size() < kMaxFaults)
+        check.undecodable.push_back({item->seq, item->fault->message});
+      ++check.undecodable_chunks;
+      continue;
+    }
     ++check.chunks;
     check.samples += item->samples;
   }
@@ -173,8 +186,8 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   if (!beyond && !finding(beyond.error())) return beyond.error();
   if (beyond && *beyond != 0)
     bad(fmt::format("{} has chunks beyond the {} noted", name, noted->recording.chunks));
-  if (check.samples != noted->samples) {
-    bad(fmt::format("{} holds {} samples, noted are {}", name, check.samples, noted->samples));
+  if (samples != noted->samples) {
+    bad(fmt::format("{} holds {} samples, noted are {}", name, samples, noted->samples));
   }
   if (bytes != noted->stored_bytes) {
     bad(fmt::format("{} holds {} bytes, noted are {}", name, bytes, noted->stored_bytes));
@@ -212,6 +225,11 @@ Result<DatabaseCheck> checkDatabase(Connection& connection) {
     for (const std::string& fault : session->faults) {
       if (check.faults.size() < kMaxFaults) check.faults.push_back(fault);
     }
+    for (const ChunkFault& fault : session->undecodable) {
+      if (check.undecodable.size() < kMaxFaults) check.undecodable.push_back(fault.text);
+    }
+    check.undecodable_chunks += session->undecodable_chunks;
+    if (!session->undecodable.empty()) check.decodable_before[id] = session->undecodable.front().seq;
   }
   return check;
 }

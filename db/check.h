@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/base/uuid.h"
 #include "db/connection.h"
 
 namespace needlelab {
@@ -14,7 +16,13 @@ struct DatabaseCheck {
   std::uint64_t sessions = 0;
   std::uint64_t chunks = 0;
   std::uint64_t bytes = 0;          ///< of chunks
-  std::vector<std::string> faults;  ///< at most kMaxFaults; empty: all is well
+  std::vector<std::string> faults;  ///< at most kMaxFaults; empty: everything is as it was stored
+  /// Chunks that are stored as they came, but cannot be decoded: each by session and chunk, at most
+  /// kMaxFaults; and how many chunks of each session stand before the first of them.
+  std::vector<std::string> undecodable;
+  std::map<Uuid, std::uint64_t> decodable_before;
+  std::uint64_t undecodable_chunks = 0;
+  /// No damage: a copy is as good as its original. Undecodable chunks are none.
   [[nodiscard]] bool ok() const { return faults.empty(); }
 };
 inline constexpr std::size_t kMaxFaults = 100;

@@ -281,7 +281,7 @@ Status RetentionStore::checkLeftovers(const Uuid& session) {
     for (;;) {
       ASSIGN_OR_RETURN(const auto item, scan.next());
       if (!item) break;
-      if (item->fault) return *item->fault;
+      if (item->damaged()) return *item->fault;
     }
   }
   return {};

@@ -22,7 +22,8 @@ constexpr std::string_view kInfoColumns =
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
     " s.profile_json, s.score_json, s.passed, u.given, u.by_whom,"
-    " u.code_unchecked AND EXISTS (SELECT 1 FROM people WHERE name = s.trainee) FROM sessions s"
+    " u.code_unchecked AND EXISTS (SELECT 1 FROM people WHERE name = s.trainee),"
+    " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number) FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN unknown_trainees u ON u.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
@@ -71,6 +72,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
     info.set_unknown_trainee(true);
     info.set_code_unchecked(row.integer(25) != 0);
   }
+  info.set_quarantined_chunks(row.natural(26));
   return info;
 }
 
@@ -259,7 +261,7 @@ Result<HashedChunks> SessionStore::hashChunks(const Uuid& session, std::uint64_t
   for (;;) {
     ASSIGN_OR_RETURN(const auto item, scan.next());
     if (!item) break;
-    if (item->fault) return *item->fault;
+    if (item->damaged()) return *item->fault;
     hash.update(item->bytes);
     ++result.chunks;
     result.samples += item->samples;

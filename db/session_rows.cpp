@@ -107,19 +107,18 @@ std::int64_t stationCrcOf(ByteView chunk) {
   return reader.get<std::uint32_t>();
 }
 
-Result<std::uint64_t> checkStoredChunk(const std::string& name, std::uint64_t seq, std::uint64_t samples,
-                                       std::int64_t crc, ByteView bytes) {
+Result<std::optional<Error>> checkStoredChunk(const std::string& name, std::uint64_t seq,
+                                              std::uint64_t samples, std::int64_t crc, ByteView bytes) {
   const auto corrupt = [&](const std::string& why) {
     return Error{ErrorCode::kCorrupt, fmt::format("{}, chunk {}: {}", name, seq, why)};
   };
   if (crc != stationCrcOf(bytes))
     return corrupt("the CRC noted when it came in is not the one of the stored bytes");
-  const auto info = inspectChunk(bytes);
-  if (!info) return corrupt(info.error().message);
-  if (info->count != samples) {
-    return corrupt(fmt::format("holds {} samples, noted are {}", info->count, samples));
-  }
-  return samples;
+  const auto info = checkChunk(bytes);
+  const auto count = info ? std::optional(info->count) : sealedSamples(bytes);
+  if (!count) return corrupt(info.error().message);
+  if (*count != samples) return corrupt(fmt::format("holds {} samples, noted are {}", *count, samples));
+  return info ? std::optional<Error>() : std::optional(corrupt(info.error().message));
 }
 
 ChunkScan::ChunkScan(Connection& connection, std::string name, const StoredRecording& recording,
@@ -171,9 +170,11 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
   row_there_ = false;
   if (rows_->integer(4) == 0)
     return faulty(faultOf("the database's index leads to another one: REINDEX mends it"));
-  const auto samples = checkStoredChunk(name_, next_, rows_->natural(1), rows_->integer(2), rows_->bytes(3));
-  if (!samples) return faulty(samples.error());
-  item.samples = *samples;
+  auto undecodable = checkStoredChunk(name_, next_, rows_->natural(1), rows_->integer(2), rows_->bytes(3));
+  if (!undecodable) return faulty(undecodable.error());
+  item.undecodable = undecodable->has_value();
+  item.fault = *std::move(undecodable);
+  item.samples = rows_->natural(1);
   item.bytes = rows_->bytes(3);
   ++next_;
   return std::optional(std::move(item));

@@ -30,7 +30,8 @@ struct StoredRecording {
   }
 };
 
-/// Reads each chunk once and checks it (CRC at its end, CRC and sample count in its row). A row that is
+/// Reads each chunk once and checks it (CRC at its end, CRC and sample count in its row, whether it can be
+/// decoded). A row that is
 /// missing, inconsistent or on an unreadable page is a fault of that chunk; the scan continues with the next
 /// one. Thread: as the connection, which must outlive it.
 class ChunkScan {
@@ -43,7 +44,10 @@ class ChunkScan {
     std::uint64_t seq = 0;
     std::uint64_t samples = 0;
     ByteView bytes;              ///< valid until the next call of next()
-    std::optional<Error> fault;  ///< kCorrupt, names session and chunk; then `bytes` is empty
+    std::optional<Error> fault;  ///< kCorrupt, names session and chunk; then `bytes` is empty, unless:
+    bool undecodable = false;    ///< the chunk came as it is: its CRC is right, but it cannot be decoded
+    /// Whether the stored bytes are not those that came.
+    [[nodiscard]] bool damaged() const { return fault.has_value() && !undecodable; }
   };
   /// Nothing at the end. An error: the database could not be read.
   Result<std::optional<Item>> next();
@@ -113,8 +117,9 @@ std::string sessionText(std::string_view bytes);
 std::int64_t stationCrcOf(ByteView chunk);
 
 /// Checks a row of `chunks`: the bytes must match the CRC at their end, that CRC must match the row's, and
-/// the sample counts must match. kCorrupt names session and chunk. Returns the sample count.
-Result<std::uint64_t> checkStoredChunk(const std::string& name, std::uint64_t seq, std::uint64_t samples,
-                                       std::int64_t crc, ByteView bytes);
+/// the sample counts must match. Errors: kCorrupt names session and chunk. Returns nothing for a chunk that
+/// can be decoded, else why it cannot, by session and chunk.
+Result<std::optional<Error>> checkStoredChunk(const std::string& name, std::uint64_t seq,
+                                              std::uint64_t samples, std::int64_t crc, ByteView bytes);
 
 }  // namespace needlelab

@@ -6,8 +6,10 @@
 
 #include <algorithm>
 
+#include "common/base/clock.h"
 #include "common/base/planted_bug.h"
 #include "common/gesture/chunk.h"
+#include "db/audit.h"
 #include "db/erasure.h"
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
@@ -50,7 +52,7 @@ Error countersMissing(const std::string& name) {
                                    "needlelab-admin check names all such sessions"};
 }
 
-/// Writes the two rows of a chunk that has passed all checks.
+/// Writes the two rows of a chunk that is the next one.
 Result<Appended> storeChunk(Connection& connection, const OpenRow& row, std::uint64_t seq,
                             std::uint64_t samples, ByteView bytes) {
   RETURN_IF_ERROR(connection.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
@@ -62,6 +64,29 @@ Result<Appended> storeChunk(Connection& connection, const OpenRow& row, std::uin
                      samples, static_cast<std::uint64_t>(bytes.size()), row.number));
   if (connection.changes() != 1) return countersMissing(fmt::format("session number {}", row.number));
   return Appended{Appended::Kind::kStored, row.chunks + 1, {}};
+}
+
+/// Stores the next chunk: sound, or quarantined. Nothing when it is not one that its station sealed.
+Result<std::optional<Appended>> takeNext(Connection& connection, const OpenRow& row, const Uuid& session,
+                                         std::uint64_t seq, ByteView bytes, std::string_view station) {
+  const auto info = checkChunk(bytes);
+  const auto samples = info ? std::optional(info->count) : sealedSamples(bytes);
+  if (!samples) return std::optional<Appended>();
+  ASSIGN_OR_RETURN(auto stored, storeChunk(connection, row, seq, *samples, bytes));
+  if (info) return std::optional(std::move(stored));
+
+  stored.quarantined = true;
+  stored.text = fmt::format("session {}, chunk {}: {}", uuidText(session), seq, info.error().message);
+  auto others = connection.query("SELECT 1 FROM quarantined_chunks WHERE session = ?", row.number);
+  ASSIGN_OR_RETURN(const bool first_was_before, others.step());
+  RETURN_IF_ERROR(connection.run("INSERT INTO quarantined_chunks (session, seq, reason) VALUES (?,?,?)",
+                                 row.number, seq, info.error().message));
+  if (first_was_before) return std::optional(std::move(stored));
+  // one line a session: a station must not be able to fill the log
+  const std::string who = station.empty() ? "station" : std::string(station);
+  RETURN_IF_ERROR(
+      AuditStore(connection).add({0, wallNowNs(), who, "chunk quarantine", uuidText(session), stored.text}));
+  return std::optional(std::move(stored));
 }
 
 /// Compares a chunk with one that retention has removed, by its stored CRC.
@@ -134,7 +159,8 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   // fast path: most chunks are the next one of an open session; one look-up, no messages
   ASSIGN_OR_RETURN(const auto open, findOpen(connection_, session, station));
   if (open && seq == open->chunks && bytes.size() <= kMaxStoredChunkBytes) {
-    if (const auto info = inspectChunk(bytes)) return storeChunk(connection_, *open, seq, info->count, bytes);
+    ASSIGN_OR_RETURN(auto taken, takeNext(connection_, *open, session, seq, bytes, station));
+    if (taken) return *std::move(taken);
   }
 
   ASSIGN_OR_RETURN(const auto found, findSession(connection_, session));
@@ -180,10 +206,9 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
                     fmt::format("{} has {}, at most {} are taken", chunk, times(bytes.size(), "bytes"),
                                 kMaxStoredChunkBytes)};
   }
-  const auto info = inspectChunk(bytes);
-  if (!info) return Appended{Appended::Kind::kCorrupt, row.chunks, chunk + ": " + info.error().message};
-
-  return storeChunk(connection_, {row.number, row.chunks}, seq, info->count, bytes);
+  ASSIGN_OR_RETURN(auto taken, takeNext(connection_, {row.number, row.chunks}, session, seq, bytes, station));
+  if (taken) return *std::move(taken);
+  return Appended{Appended::Kind::kCorrupt, row.chunks, chunk + ": " + checkChunk(bytes).error().message};
 }
 
 Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t now_unix_ns,

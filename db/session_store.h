@@ -36,12 +36,13 @@ struct Appended {
     kGap,             ///< seq is beyond `next_seq`
     kContradiction,   ///< other bytes are stored under this seq, or the session is closed and has no such
                       ///< chunk
-    kCorrupt,         ///< the chunk fails its own check
+    kCorrupt,         ///< not a chunk of our version, or its CRC is wrong: not as its station sealed it
     kUnknownSession,  ///< never opened here, or opened by another station
   };
   Kind kind = Kind::kStored;
   std::uint64_t next_seq = 0;  ///< first missing seq after this call
   std::string text;            ///< for a refusal: the problem and what to do
+  bool quarantined = false;    ///< kStored, but the chunk cannot be decoded; `text` says why
   [[nodiscard]] bool taken() const { return kind == Kind::kStored || kind == Kind::kRepeated; }
 };
 
@@ -104,15 +105,19 @@ struct SoughtChunk {
   std::uint32_t chunks_read = 0;  ///< number of chunks read in the search; none is decoded
 };
 
-/// The outcome of a full check: every chunk's CRC, gaps, count, samples, hash. Covers the stored recording:
-/// the original or the thinned one.
+/// The outcome of a full check: every chunk's CRC, whether it can be decoded, gaps, count, samples, hash.
+/// Covers the stored recording: the original or the thinned one.
 struct SessionCheck {
   bool ok = false;
   std::uint64_t chunks = 0;         ///< readable ones
   std::uint64_t samples = 0;        ///< in them
-  Digest hash{};                    ///< over them
+  Digest hash{};                    ///< over all that is not damaged
   std::string text;                 ///< the first fault, or that all is well
   std::vector<std::string> faults;  ///< each by session and chunk; at most kMaxFaults (db/check.h)
+  /// Chunks that are stored as they came, but cannot be decoded: no damage, but not sound. At most
+  /// kMaxFaults.
+  std::vector<ChunkFault> undecodable;
+  std::uint64_t undecodable_chunks = 0;
 };
 
 /// Does not own the connection. A Result's error means that the database failed or the arguments are invalid;
@@ -130,8 +135,10 @@ class SessionStore {
   /// with another description), kNotFound (no such station).
   Result<std::uint64_t> open(const pb::SessionDescription& description, std::int64_t now_unix_ns);
 
-  /// Checks the chunk (CRC, sample count) and stores it when it is the next one. `station`: the session must
-  /// belong to it; empty = any.
+  /// Checks the chunk and stores it when it is the next one. Decodes it without keeping the samples
+  /// (checkChunk: some 10 µs for a second of gesture at 1 kHz). A chunk with a right CRC that cannot be
+  /// decoded is stored as it came and quarantined, so that the session goes on; the session's first one gets
+  /// a line of the audit log. `station`: the session must belong to it; empty = any.
   Result<Appended> append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                           std::string_view station = {});
 

@@ -192,6 +192,11 @@ Status showSession(CommandContext& context, const Uuid& id) {
         fmt::format("\nnobody was named '{}' when it came: session assign gives it to the right "
                     "person",
                     session.description().trainee()));
+  if (session.quarantined_chunks() > 0)
+    context.output.text(fmt::format(
+        "\n{} of its chunks cannot be decoded: they are kept as they came, but not shown, scored or Safe "
+        "(session verify names the first)",
+        session.quarantined_chunks()));
   if (session.has_given_trainee())
     context.output.text(
         session.given_trainee() == session.description().trainee()

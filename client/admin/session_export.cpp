@@ -231,6 +231,10 @@ class Export {
     if (range_.from_s) window.from_ns = nsOf(*range_.from_s);
     if (range_.to_s) window.to_ns = nsOf(*range_.to_s);
     RETURN_IF_ERROR(seek(window));
+    // samples, chunks and hash are the session's: a reader must not miss what was not asked for
+    if (range_.from_s || range_.to_s)
+      row["part"] = {{"from_s", range_.from_s ? Json(*range_.from_s) : Json()},
+                     {"to_s", range_.to_s ? Json(*range_.to_s) : Json()}};
     ASSIGN_OR_RETURN(auto sink, openSampleSink(format, file, row, window));
     RETURN_IF_ERROR(readInto(*sink));
     RETURN_IF_ERROR(checkHash());
@@ -402,6 +406,7 @@ Json sessionRow(const pb::SessionInfo& session) {
               {"clock_round_trip_ns", nullptr}};
   row["unknown_trainee"] = session.unknown_trainee();
   row["code_unchecked"] = session.code_unchecked();
+  row["quarantined_chunks"] = session.quarantined_chunks();
   row["given_trainee"] = session.has_given_trainee() ? Json(session.given_trainee()) : Json();
   row["verdict"] = session.has_passed() ? Json(session.passed() ? "passed" : "failed") : Json();
   if (session.figures_size() > 0) {

@@ -32,6 +32,7 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
   const Json row = {{"path", done.path()},
                     {"bytes", done.bytes()},
                     {"chunks_verified", done.chunks_verified()},
+                    {"undecodable_chunks", done.undecodable_chunks()},
                     {"removed", std::vector<std::string>(done.removed().begin(), done.removed().end())}};
   if (auto shown = context.output.one({{"path", "backup"},
                                        {"bytes", "size", Column::Kind::kBytes},
@@ -39,6 +40,12 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
                                       row);
       !shown)
     return shown;
+  if (done.undecodable_chunks() > 0)
+    context.output.remark(
+        fmt::format("{} chunks cannot be decoded: the backup has them as they came, but they are not Safe, "
+                    "and their stations "
+                    "keep them (needlelab-admin check names them)",
+                    done.undecodable_chunks()));
   for (const std::string& old : done.removed()) context.output.text("removed the old backup " + oneLine(old));
   return {};
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "client/device/whole_recording.h"
 #include "common/base/csv.h"
 #include "common/base/range.h"
 
@@ -16,6 +17,7 @@ namespace {
 constexpr double kOnTick_s = 1e-9;             // rows this close to a tick are used unchanged
 constexpr double kMaxPosition_m = 1e3;         // as in a profile's vectors
 constexpr double kQuaternionSlack = 1e-3;      // as client/sim/README.md says
+constexpr double kPlungerSlack = 0x1p-15;      // a step of stored plungers (FORMAT.md)
 constexpr std::size_t kMaxTicks = 50'000'000;  // 14 h at 1 kHz
 
 double lerp(double a, double b, double share) {
@@ -85,6 +87,42 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
     for (std::size_t i = 0; i < track.plunger.size(); ++i)
       if (track.plunger[i] < 0 || track.plunger[i] > 1)
         return fail(i, "plunger is " + numberText(track.plunger[i]) + ", allowed is 0 to 1");
+  }
+  return track;
+}
+
+Result<PoseTrack> readRecordedTrack(const std::filesystem::path& path, const Pose& X_HT) {
+  ASSIGN_OR_RETURN(const auto read, readRecording(path));
+  const auto fail = [&](std::size_t i, const std::string& why) {
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{} sample {} (tick {}): {}", path.string(), i + 1, read.samples[i].tick, why)};
+  };
+  if (read.samples.empty())
+    return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples to play"};
+  const Pose X_TH = inverse(X_HT);
+  const std::int64_t first_ns = read.samples.front().time_ns;
+  PoseTrack track;
+  for (std::size_t i = 0; i < read.samples.size(); ++i) {
+    const GestureSample& sample = read.samples[i];
+    if (i > 0 && sample.time_ns < read.samples[i - 1].time_ns)
+      return fail(i, fmt::format("time_ns {} is before {} of the sample before; times may repeat but not go "
+                                 "backwards",
+                                 sample.time_ns, read.samples[i - 1].time_ns));
+    for (const double metres : sample.p_WT_m)
+      if (!(std::abs(metres) <= kMaxPosition_m))
+        return fail(i, "the tip's position is " + numberText(metres) + ", allowed is -1000 to 1000 m");
+    const Quat q{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
+    const double length = std::sqrt(dot(q, q));
+    if (!(std::abs(length - 1) <= kQuaternionSlack))
+      return fail(i, "the tip's quaternion has length " + numberText(length) + ", allowed is 0.999 to 1.001");
+    if (!(sample.plunger >= -kPlungerSlack && sample.plunger <= 1 + kPlungerSlack))
+      return fail(i, "plunger is " + numberText(sample.plunger) + ", allowed is 0 to 1");
+    track.t_s.push_back(
+        1e-9 * static_cast<double>(static_cast<std::int64_t>(static_cast<std::uint64_t>(sample.time_ns) -
+                                                             static_cast<std::uint64_t>(first_ns))));
+    const Pose X_WT{{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]}, normalized(q)};
+    track.X_WH.push_back(X_WT * X_TH);
+    track.plunger.push_back(std::clamp(sample.plunger, 0.0, 1.0));
   }
   return track;
 }

@@ -31,6 +31,12 @@ enum class TrackTimes : std::uint8_t {
 /// plunger outside 0-1, a position beyond 1 km.
 Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes times = TrackTimes::kAscending);
 
+/// Reads a recording (common/gesture/FORMAT.md): its tips' poses become the handle's by the tool that is on
+/// now (X_HT: the tip in the handle's frame), its times count from its first sample by the station's clock,
+/// and the plunger is held to 0-1. Errors: those of readRecording, and of readPoseTrack with the sample in
+/// place of the line; kInvalidInput when there is no sample.
+Result<PoseTrack> readRecordedTrack(const std::filesystem::path& path, const Pose& X_HT);
+
 /// Returns the number of ticks of a track at `rate_hz`: the times t_first + k/rate up to the last row.
 std::size_t tickCount(const PoseTrack& track, double rate_hz);
 

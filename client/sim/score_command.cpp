@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/device/pose_option.h"
+#include "client/device/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/json_output.h"
@@ -17,7 +18,6 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
-#include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
 #include "common/haptics/limits.h"
 #include "common/profile/planned_line.h"
@@ -32,6 +32,7 @@ namespace {
 struct ScoreOptions {
   OfflineOptions input;
   std::filesystem::path recorded;                 // in place of a trajectory
+  bool damaged = false;                           // recordings with holes are scored, too
   std::vector<std::filesystem::path> references;  // of the same kind
   std::filesystem::path exercise;                 // empty = none
   JsonOption json;
@@ -61,16 +62,24 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
 }
 
 // the samples of a recording, or of their CSV
-Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path) {
+Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path, bool damaged,
+                                              std::vector<std::string>& holes) {
   if (path.extension() == ".csv") return readSampleCsv(path);
-  ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
-  return reader.allSamples();
+  auto read = readRecording(path, damaged ? DamagedRecording::kRead : DamagedRecording::kRefuse);
+  if (!read.ok())
+    return Error{
+        read.error().code,
+        read.error().message +
+            (damaged || read.error().code != ErrorCode::kCorrupt ? "" : " (--damaged scores what is left)")};
+  for (const std::string& hole : read->holes) holes.push_back(path.string() + ": " + hole);
+  return std::move(read->samples);
 }
 
 struct Scored {
   OfflineScene scene;
   std::vector<GestureSample> samples;
   std::vector<TipPath> references;
+  std::vector<std::string> holes;  // in what was recorded, by file
 };
 
 // the gesture and those it is compared with
@@ -89,7 +98,7 @@ Result<Scored> loadScored(const ScoreOptions& options) {
     scored.scene = std::move(scene);
   }
   const auto load = [&](const std::filesystem::path& path) -> Result<std::vector<GestureSample>> {
-    if (!options.recorded.empty()) return recordedOf(path);
+    if (!options.recorded.empty()) return recordedOf(path, options.damaged, scored.holes);
     ASSIGN_OR_RETURN(auto track, readPoseTrack(path, TrackTimes::kAnyOrder));
     scored.scene.track = std::move(track);
     auto samples = gestureOf(scored.scene);
@@ -119,6 +128,8 @@ Result<std::optional<pb::Exercise>> exerciseOf(const std::filesystem::path& path
 }
 
 int score(const ScoreOptions& options) {
+  if (options.damaged && options.recorded.empty())
+    return failed("score", {ErrorCode::kInvalidInput, "--damaged: only with --recorded"});
   if (options.recorded.empty() == options.input.trajectory.empty())
     return failed("score", {ErrorCode::kInvalidInput,
                             "give --trajectory, or --recorded for what a device recorded: one of them"});
@@ -136,6 +147,7 @@ int score(const ScoreOptions& options) {
   if (!scored.ok()) return failed("score", scored.error());
   const OfflineScene& scene = scored->scene;
   printWarnings(scene);
+  for (const std::string& hole : scored->holes) std::fprintf(stderr, "damaged: %s\n", hole.c_str());
   const auto exercise = exerciseOf(options.exercise);
   if (!exercise.ok()) return failed("score", exercise.error());
   if (exercise->has_value()) {
@@ -153,8 +165,9 @@ int score(const ScoreOptions& options) {
     return kExitDone;
   }
   const auto rows = nlohmann::ordered_json::parse(scoreJson(measures));
-  const nlohmann::ordered_json more = {{"events", nlohmann::ordered_json::parse(eventsJson(events))},
-                                       {"definition_version", kScoreDefinitionVersion}};
+  nlohmann::ordered_json more = {{"events", nlohmann::ordered_json::parse(eventsJson(events))},
+                                 {"definition_version", kScoreDefinitionVersion}};
+  if (options.damaged) more["holes"] = scored->holes;
   if (const Status status = writeJson(options.json, rows, more); !status.ok())
     return failed("score", status.error());
   return kExitDone;
@@ -171,6 +184,10 @@ void addScoreCommand(CLI::App& app, SimCommand& chosen) {
       "--recorded", options->recorded,
       "instead of a trajectory: a session's recording, or its samples as CSV (session export); nothing is "
       "computed anew, so that the measures are the server's");
+  command->add_flag(
+      "--damaged", options->damaged,
+      "with --recorded: scores what is left of damaged recordings, too, and names every hole; without "
+      "it they are refused");
   command->add_option("--reference", options->references,
                       "a gesture to compare with, of the same kind; may be given several times");
   command->add_option("--exercise", options->exercise, "an exercise's JSON: its requirements are checked");

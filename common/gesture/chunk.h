@@ -40,13 +40,23 @@ Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> s
 /// kVersion.
 Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
 
-/// Checks the CRC over all bytes of a chunk and returns its header; does not decode the columns. Errors as
+/// Checks all that decodeChunk checks, and returns the header: a chunk passes exactly when it can be decoded.
+/// Keeps no samples and unpacks only the columns with impossible values, so that its time is proportional to
+/// the bytes, whatever number of samples they claim (plus 4 bytes for each 32 of them). Errors as
 /// decodeChunk.
+Result<ChunkInfo> checkChunk(ByteView chunk);
+
+/// Checks the CRC over all bytes of a chunk and returns its header; does not look at the columns: for chunks
+/// that were checked before. Errors: those of decodeChunk that the header shows.
 Result<ChunkInfo> inspectChunk(ByteView chunk);
 
 /// Returns the number of samples that the header claims, so that a chunk can be refused cheaply: checks no
 /// CRC and no columns. Returns nothing when the bytes do not begin like a chunk of our version. Safe for any
 /// bytes.
 std::optional<std::uint32_t> claimedSamples(ByteView chunk);
+
+/// Returns claimedSamples when the CRC is right, too: then the bytes are as their maker sealed them, even if
+/// checkChunk refuses them. Safe for any bytes.
+std::optional<std::uint32_t> sealedSamples(ByteView chunk);
 
 }  // namespace needlelab

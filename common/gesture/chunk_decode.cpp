@@ -23,6 +23,9 @@ struct Header {
   std::size_t bytes = 0;  ///< where the first row starts
 };
 
+constexpr std::size_t kCountAt = kMagic.size() + 2;  // behind the version and the resolution's code
+constexpr std::size_t kSmallestSealedBytes = kCountAt + 2 + kCrcBytes;
+
 Error corrupt(const std::string& why) {
   return {ErrorCode::kCorrupt, "gesture chunk: " + why};
 }
@@ -91,6 +94,7 @@ template <typename U>
 struct Window {
   U values[2 + kBlock] = {};
   U* block() { return values + 2; }
+  [[nodiscard]] const U* block() const { return values + 2; }
   void carry(std::size_t rows) {
     const U last = block()[rows - 1], before = block()[static_cast<std::ptrdiff_t>(rows) - 2];
     values[0] = before;
@@ -98,6 +102,11 @@ struct Window {
   }
 };
 
+// columns of which not every value is possible; with the tick, whose last value stands in the header
+constexpr std::uint32_t kJudged = 1u << kTick | 1u << kFlagsLow | 1u << kFlagsHigh | 1u << kLayer |
+                                  1u << kPhase | 1u << kFault | 1u << kWallPresence;
+
+// `out` null: checks the bytes as strictly, but unpacks only the judged columns and makes no samples
 class Decoder {
  public:
   explicit Decoder(const Header& header) : header_(header), wide_(header.raw | kClockMask) {
@@ -122,7 +131,9 @@ class Decoder {
         v[0] = v[1] = v[2] = unzigzag(static_cast<std::uint32_t>(coded));
       }
     }
-    return emit(0, 1, out) ? in : nullptr;
+    if (!inRange(1)) return nullptr;
+    if (out != nullptr) emit(0, 1, out);
+    return in;
   }
 
   const std::uint8_t* block(const std::uint8_t* in, const std::uint8_t* end, std::size_t first,
@@ -134,21 +145,33 @@ class Decoder {
     if ((changed >> kColumnCount) != 0) return nullptr;
     for (std::size_t c = 0; c < kColumnCount; ++c) {
       const bool stored = (changed >> c & 1u) != 0;
-      if (wide_ >> c & 1u)
+      const bool wide = (wide_ >> c & 1u) != 0;
+      if (out == nullptr && (kJudged >> c & 1u) == 0) {
+        if (stored)
+          in = wide ? skipColumn<std::uint64_t>(in, end, rows) : skipColumn<std::uint32_t>(in, end, rows);
+      } else if (wide) {
         in = stored ? unpackColumn(in, end, rows, wide_columns_[c].block())
                     : repeat(wide_columns_[c], rows, in);
-      else
+      } else {
         in = stored ? unpackColumn(in, end, rows, columns_[c].block()) : repeat(columns_[c], rows, in);
+      }
       if (in == nullptr) return nullptr;
     }
-    if (!emit(first, rows, out)) return nullptr;
+    if (!inRange(rows)) return nullptr;
+    if (out != nullptr) emit(first, rows, out);
     for (std::size_t c = 0; c < kColumnCount; ++c) {
+      if (out == nullptr && (kJudged >> c & 1u) == 0) continue;
       if (wide_ >> c & 1u)
         wide_columns_[c].carry(rows);
       else
         columns_[c].carry(rows);
     }
     return in;
+  }
+
+  // behind the last block
+  [[nodiscard]] std::uint64_t lastTick() const {
+    return header_.info.first_tick + wide_columns_[kTick].values[1] + (header_.info.count - 1);
   }
 
  private:
@@ -159,8 +182,22 @@ class Decoder {
     return in;
   }
 
-  // turns the columns' integers into samples; false when a value is out of its field's range
-  bool emit(std::size_t first, std::size_t rows, GestureSample* out) {
+  // false when a value is out of its field's range
+  [[nodiscard]] bool inRange(std::size_t rows) const {
+    const std::uint32_t* const low = columns_[kFlagsLow].block();
+    const std::uint32_t* const high = columns_[kFlagsHigh].block();
+    const std::uint32_t* const layer = columns_[kLayer].block();
+    const std::uint32_t* const phase = columns_[kPhase].block();
+    const std::uint32_t* const fault = columns_[kFault].block();
+    const std::uint32_t* const there = columns_[kWallPresence].block();
+    std::uint32_t too_big = 0;
+    for (std::size_t i = 0; i < rows; ++i)
+      too_big |= (low[i] | high[i]) >> 16 | (phase[i] | fault[i] | (layer[i] + 128)) >> 8 | there[i] >> 3;
+    return too_big == 0;
+  }
+
+  // turns the columns' integers into samples
+  void emit(std::size_t first, std::size_t rows, GestureSample* out) {
     const std::uint64_t* const tick = wide_columns_[kTick].block();
     const std::uint64_t* const time = wide_columns_[kTime].block();
     const auto period = static_cast<std::uint64_t>(header_.period_ns);
@@ -171,7 +208,7 @@ class Decoder {
           time[i] + static_cast<std::uint64_t>(header_.info.first_time_ns) + ticks * period);
     }
     for (std::size_t c = 0; c < kRealCount; ++c) emitReal(c, rows, out);
-    return emitIntegers(rows, out);
+    emitIntegers(rows, out);
   }
 
   void emitReal(std::size_t c, std::size_t rows, GestureSample* out) {
@@ -195,17 +232,14 @@ class Decoder {
       if ((there[i] >> (column - kWall) & 1u) == 0) store(i, std::numeric_limits<double>::quiet_NaN());
   }
 
-  bool emitIntegers(std::size_t rows, GestureSample* out) {
+  void emitIntegers(std::size_t rows, GestureSample* out) {
     const std::uint32_t* const low = columns_[kFlagsLow].block();
     const std::uint32_t* const high = columns_[kFlagsHigh].block();
     const std::uint32_t* const buttons = columns_[kButtons].block();
     const std::uint32_t* const layer = columns_[kLayer].block();
     const std::uint32_t* const phase = columns_[kPhase].block();
     const std::uint32_t* const fault = columns_[kFault].block();
-    const std::uint32_t* const there = columns_[kWallPresence].block();
-    std::uint32_t too_big = 0;
     for (std::size_t i = 0; i < rows; ++i) {
-      too_big |= (low[i] | high[i]) >> 16 | (phase[i] | fault[i] | (layer[i] + 128)) >> 8 | there[i] >> 3;
       out[i].flags = low[i] | high[i] << 16;
       out[i].buttons = buttons[i];
       out[i].layer = static_cast<std::int8_t>(layer[i]);
@@ -218,7 +252,6 @@ class Decoder {
       out[i].device_ns = nanoseconds(device[i]);
       out[i].engine_ns = nanoseconds(engine[i]);
     }
-    return too_big == 0;
   }
 
   // steps of time, clamped to the field: a value at its end may have been rounded beyond it
@@ -238,6 +271,23 @@ class Decoder {
   Window<std::uint64_t> wide_columns_[kLastReal + 1];
 };
 
+// reads the columns behind the header; `out` null: only checks them
+Status readColumns(ByteView chunk, const Header& header, GestureSample* out) {
+  const std::size_t count = header.info.count;
+  const std::uint8_t* in = chunk.data() + header.bytes;
+  const std::uint8_t* const end = chunk.data() + chunk.size() - kCrcBytes;
+  Decoder decoder(header);
+  in = decoder.firstRow(in, end, out);
+  for (std::size_t first = 1; in != nullptr && first < count; first += kBlock)
+    in = decoder.block(in, end, first, std::min(kBlock, count - first),
+                       out == nullptr ? nullptr : out + first);
+  if (in == nullptr) return corrupt("its columns end early or hold impossible values, though the CRC agrees");
+  if (in != end) return corrupt(fmt::format("it has {} bytes behind its last sample", end - in));
+  if (decoder.lastTick() != header.info.last_tick)
+    return corrupt("its last tick is not the one in its header");
+  return {};
+}
+
 }  // namespace
 
 Result<ChunkInfo> inspectChunk(ByteView chunk) {
@@ -246,28 +296,29 @@ Result<ChunkInfo> inspectChunk(ByteView chunk) {
 }
 
 std::optional<std::uint32_t> claimedSamples(ByteView chunk) {
-  constexpr std::size_t kCountAt = kMagic.size() + 2;  // behind the version and the resolution's code
   if (chunk.size() < kCountAt + 2 || std::memcmp(chunk.data(), kMagic.data(), kMagic.size()) != 0 ||
       chunk[kMagic.size()] != kVersion)
     return std::nullopt;
   return ByteReader(chunk.subspan(kCountAt)).get<std::uint16_t>() + std::uint32_t{1};
 }
 
+std::optional<std::uint32_t> sealedSamples(ByteView chunk) {
+  const auto claimed = claimedSamples(chunk);
+  if (!claimed || chunk.size() < kSmallestSealedBytes || chunk.size() > kMaxChunkBytes) return std::nullopt;
+  const std::uint32_t stored_crc = ByteReader(chunk.last(kCrcBytes)).get<std::uint32_t>();
+  return crc32c(chunk.first(chunk.size() - kCrcBytes)) == stored_crc ? claimed : std::nullopt;
+}
+
+Result<ChunkInfo> checkChunk(ByteView chunk) {
+  ASSIGN_OR_RETURN(const auto header, readHeader(chunk));
+  RETURN_IF_ERROR(readColumns(chunk, header, nullptr));
+  return header.info;
+}
+
 Result<std::vector<GestureSample>> decodeChunk(ByteView chunk) {
   ASSIGN_OR_RETURN(const auto header, readHeader(chunk));
-  const std::size_t count = header.info.count;
-  std::vector<GestureSample> samples(count);
-
-  const std::uint8_t* in = chunk.data() + header.bytes;
-  const std::uint8_t* const end = chunk.data() + chunk.size() - kCrcBytes;
-  Decoder decoder(header);
-  in = decoder.firstRow(in, end, samples.data());
-  for (std::size_t first = 1; in != nullptr && first < count; first += kBlock)
-    in = decoder.block(in, end, first, std::min(kBlock, count - first), samples.data() + first);
-  if (in == nullptr) return corrupt("its columns end early or hold impossible values, though the CRC agrees");
-  if (in != end) return corrupt(fmt::format("it has {} bytes behind its last sample", end - in));
-  if (samples.back().tick != header.info.last_tick)
-    return corrupt("its last tick is not the one in its header");
+  std::vector<GestureSample> samples(header.info.count);
+  RETURN_IF_ERROR(readColumns(chunk, header, samples.data()));
   return samples;
 }
 

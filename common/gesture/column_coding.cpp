@@ -175,28 +175,52 @@ std::uint8_t* packColumn(const U* v, std::size_t rows, std::uint8_t* out) {
   return packBits(residual, rows, widths[mode], out);
 }
 
+// what stands before the residuals of a stored column block, and how long those are
 template <typename U>
-const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows, U* v) {
+struct BlockHead {
+  int mode = 0;
+  int width = 0;
+  U base = 0;
+  std::size_t bytes = 0;
+};
+
+// returns where the residuals start; null for invalid bytes, also when the residuals are not all there
+template <typename U>
+const std::uint8_t* readHead(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows,
+                             BlockHead<U>& head) {
   constexpr int kBits = 8 * sizeof(U);
   if (in == end) return nullptr;
-  const int mode = *in >> 6;
-  int width = *in++ & 63;
-  if (width == 63) width = 64;
-  if (width > kBits) return nullptr;
-  U base = 0;
-  if (mode < 2) {
+  head.mode = *in >> 6;
+  head.width = *in++ & 63;
+  if (head.width == 63) head.width = 64;
+  if (head.width > kBits) return nullptr;
+  if (head.mode < 2) {
     std::uint64_t coded = 0;
     in = getVarint(in, end, kBits, coded);
     if (in == nullptr) return nullptr;
-    base = unzigzag(static_cast<U>(coded));
+    head.base = unzigzag(static_cast<U>(coded));
   }
-  const std::size_t bytes = (rows * static_cast<std::size_t>(width) + 7) / 8;
-  const auto left = static_cast<std::size_t>(end - in);
-  if (bytes > left) return nullptr;
+  head.bytes = (rows * static_cast<std::size_t>(head.width) + 7) / 8;
+  return head.bytes > static_cast<std::size_t>(end - in) ? nullptr : in;
+}
+
+template <typename U>
+const std::uint8_t* skipColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows) {
+  BlockHead<U> head;
+  in = readHead(in, end, rows, head);
+  return in == nullptr ? nullptr : in + head.bytes;
+}
+
+template <typename U>
+const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows, U* v) {
+  BlockHead<U> head;
+  in = readHead(in, end, rows, head);
+  if (in == nullptr) return nullptr;
+  const auto [mode, width, base, bytes] = head;
 
   // whole words are loaded: near the end of the chunk from a copy with padding
   U residual[kRows];
-  if (bytes + 8 <= left) {
+  if (bytes + 8 <= static_cast<std::size_t>(end - in)) {
     unpackBits(in, rows, width, residual);
   } else {
     std::uint8_t copy[kRows * sizeof(U) + 8] = {};
@@ -228,6 +252,8 @@ const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end
 
 template std::uint8_t* packColumn<std::uint32_t>(const std::uint32_t*, std::size_t, std::uint8_t*);
 template std::uint8_t* packColumn<std::uint64_t>(const std::uint64_t*, std::size_t, std::uint8_t*);
+template const std::uint8_t* skipColumn<std::uint32_t>(const std::uint8_t*, const std::uint8_t*, std::size_t);
+template const std::uint8_t* skipColumn<std::uint64_t>(const std::uint8_t*, const std::uint8_t*, std::size_t);
 template const std::uint8_t* unpackColumn<std::uint32_t>(const std::uint8_t*, const std::uint8_t*,
                                                          std::size_t, std::uint32_t*);
 template const std::uint8_t* unpackColumn<std::uint64_t>(const std::uint8_t*, const std::uint8_t*,

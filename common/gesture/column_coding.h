@@ -41,7 +41,8 @@ inline constexpr std::size_t kScribble = 16;
 
 /// Writes little-endian groups of 7 bits, with the top bit set on all but the last. Returns the end.
 std::uint8_t* putVarint(std::uint8_t* out, std::uint64_t value);
-/// Returns the end, or null when the bytes end early or the value has more than `bits` bits.
+/// Returns the end, or null when the bytes end early or the value has more than `bits` bits. Takes groups of
+/// zeros at the end that putVarint would not write, as far as `bits` reach.
 const std::uint8_t* getVarint(const std::uint8_t* in, const std::uint8_t* end, int bits,
                               std::uint64_t& value);
 
@@ -54,8 +55,16 @@ std::uint8_t* packColumn(const U* v, std::size_t rows, std::uint8_t* out);
 template <typename U>
 const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows, U* v);
 
+/// Returns the end of a stored block without its values, or null when unpackColumn would.
+template <typename U>
+const std::uint8_t* skipColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows);
+
 extern template std::uint8_t* packColumn<std::uint32_t>(const std::uint32_t*, std::size_t, std::uint8_t*);
 extern template std::uint8_t* packColumn<std::uint64_t>(const std::uint64_t*, std::size_t, std::uint8_t*);
+extern template const std::uint8_t* skipColumn<std::uint32_t>(const std::uint8_t*, const std::uint8_t*,
+                                                              std::size_t);
+extern template const std::uint8_t* skipColumn<std::uint64_t>(const std::uint8_t*, const std::uint8_t*,
+                                                              std::size_t);
 extern template const std::uint8_t* unpackColumn<std::uint32_t>(const std::uint8_t*, const std::uint8_t*,
                                                                 std::size_t, std::uint32_t*);
 extern template const std::uint8_t* unpackColumn<std::uint64_t>(const std::uint8_t*, const std::uint8_t*,

@@ -173,10 +173,12 @@ bool RecordingReader::openByIndex() {
 }
 
 Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
-  constexpr std::size_t kWindow = 1u << 20;
+  // the next record is mostly near: reading far for each one would cost more than the file is long
+  constexpr std::uint64_t kMostAtOnce = 1u << 20;
+  std::uint64_t at_once = 1u << 12;
   Bytes window;
   while (offset + kRecordHeaderBytes <= size_) {
-    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kWindow, size_ - offset));
+    const auto count = static_cast<std::size_t>(std::min(at_once, size_ - offset));
     RETURN_IF_ERROR(readAt(offset, count, window));
     for (std::size_t at = 0; at + kRecordHeaderBytes <= count; ++at) {
       RecordHeader header;
@@ -186,6 +188,7 @@ Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
     }
     // windows overlap by a header less one byte
     offset += count - (kRecordHeaderBytes - 1);
+    at_once = std::min(2 * at_once, kMostAtOnce);
   }
   return size_;
 }
@@ -213,7 +216,18 @@ Status RecordingReader::scan() {
     std::uint8_t kind = 0;
     const Status status = readRecord(offset, kind, content);
     if (!status.ok() && status.error().code == ErrorCode::kFailed) return status;
-    if (!status.ok() && length > size_ - offset) break;  // cut off within this record
+    if (!status.ok() && length > size_ - offset) {
+      // the file was cut off within this record, unless good records follow: then bytes are missing in
+      // between
+      ASSIGN_OR_RETURN(const auto next, findRecord(offset + kRecordHeaderBytes));
+      if (next == size_) break;
+      damages_.push_back(
+          {offset, next - offset,
+           fmt::format("a record behind chunk {} reaches beyond the file's end, but others follow it",
+                       entries_.size())});
+      offset = next;
+      continue;
+    }
     std::string fault = status.ok() ? "" : status.error().message;
     if (header.kind == kChunk) {
       RecordingEntry entry{offset, header.length, 0, 0, 0};

@@ -43,24 +43,28 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   std::filesystem::path target = call.path();
   if (call.keep() > 0) target /= backupName(context.now_unix_ns);
   ASSIGN_OR_RETURN(const auto result, backupTo(context.reader, target, context.cancelled));
-  RETURN_IF_ERROR(write(
-      context, target.string(), fmt::format("{} bytes, {} chunks", result.bytes, result.chunks_verified),
-      [&](Connection& writer) { return recordBackup(writer, result, target, context.now_unix_ns); }));
+  std::string detail = fmt::format("{} bytes, {} chunks", result.bytes, result.chunks_verified);
+  if (result.undecodable_chunks > 0)
+    detail += fmt::format(", and {} that cannot be decoded and are not Safe", result.undecodable_chunks);
+  RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
+    return recordBackup(writer, result, target, context.now_unix_ns);
+  }));
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
   done->set_path(target.string());
   done->set_bytes(result.bytes);
   done->set_chunks_verified(result.chunks_verified);
+  done->set_undecodable_chunks(result.undecodable_chunks);
   if (call.keep() > 0) {
     // remove old backups only after the newer one is verified and recorded
     ASSIGN_OR_RETURN(const auto removed, removeOldBackups(target, call.keep()));
     for (const auto& path : removed.removed) done->add_removed(path.string());
     if (!removed.later.empty()) {
-      const std::string detail = fmt::format(
+      const std::string later = fmt::format(
           "{} backups are named by a later time (was the clock ahead?), the last is {}: they are left alone "
           "and do not count for --keep",
           removed.later.size(), removed.later.back().filename().string());
-      RETURN_IF_ERROR(write(context, target.string(), detail, [](Connection&) { return Status(); }));
+      RETURN_IF_ERROR(write(context, target.string(), later, [](Connection&) { return Status(); }));
     }
   }
   return reply;
@@ -71,10 +75,11 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   ASSIGN_OR_RETURN(const auto result, checkDatabase(context.reader));
   pb::Reply reply;
   auto* report = reply.mutable_check_report();
-  report->set_ok(result.ok());
+  report->set_ok(result.ok() && result.undecodable.empty());
   report->set_sessions(result.sessions);
   report->set_chunks(result.chunks);
   for (const std::string& fault : result.faults) report->add_faults(fault);
+  for (const std::string& fault : result.undecodable) report->add_faults(fault);
   // the database is intact, but an erased person is back in it
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
   if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();

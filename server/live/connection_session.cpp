@@ -162,6 +162,15 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
   }
   ++(appended.kind == Appended::Kind::kStored ? context_.counters.chunks_stored
                                               : context_.counters.chunks_repeated);
+  if (appended.quarantined) {
+    ++context_.counters.chunks_quarantined;
+    logEvent(LogLevel::kWarning, "chunk_quarantined",
+             {{"conn", id_},
+              {"station", who_.name},
+              {"session", sessionText(chunk.session_id())},
+              {"seq", chunk.seq()},
+              {"text", appended.text}});
+  }
   Watermarks& marks = watermarks(chunk.session_id());
   marks.committed = std::max(marks.committed, appended.next_seq);
   marks.ack_due = true;

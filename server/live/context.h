@@ -57,6 +57,7 @@ struct ServerCounters {
   std::uint64_t connections = 0;
   std::uint64_t logins = 0, logins_refused = 0;
   std::uint64_t chunks_stored = 0, chunks_repeated = 0, chunks_refused = 0;
+  std::uint64_t chunks_quarantined = 0;  ///< of the stored ones
   std::uint64_t sessions_closed = 0;
   std::uint64_t messages_refused = 0;
   std::uint64_t messages_refused_unparsed = 0;       ///< of those: by their first bytes

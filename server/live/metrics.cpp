@@ -179,6 +179,8 @@ void durablePlane(PrometheusText& out, const ServerContext& context, const Store
   out.sample(real(counters.chunks_stored), {{"result", "stored"}});
   out.sample(real(counters.chunks_repeated), {{"result", "repeated"}});
   out.sample(real(counters.chunks_refused), {{"result", "refused"}});
+  out.counter("needlelab_chunks_quarantined_total", real(counters.chunks_quarantined),
+              "Chunks stored as they came that cannot be decoded.");
   out.gauge("needlelab_chunks_in_flight", real(context.chunks_in_flight),
             "Chunks received and not yet committed.");
   out.counter("needlelab_acks_total", real(counters.acks),

@@ -66,6 +66,31 @@ void decode(benchmark::State& state, const Resolution& resolution) {
   finish(state, bytes);
 }
 
+// what the server does with each chunk before it acknowledges it
+void check(benchmark::State& state, const Resolution& resolution) {
+  std::vector<Bytes> chunks;
+  for (const auto& samples : chunksOfSamples()) chunks.push_back(encodeChunk(resolution, samples));
+  std::size_t next = 0, bytes = 0;
+  for (auto _ : state) {
+    const Bytes& chunk = chunks[next++ % chunks.size()];
+    bytes += chunk.size();
+    benchmark::DoNotOptimize(checkChunk(chunk).ok());
+  }
+  finish(state, bytes);
+}
+
+// the most samples that a chunk claims, in the fewest bytes: the dearest byte that a hostile station can send
+void checkAtRest(benchmark::State& state) {
+  std::vector<GestureSample> samples(kMaxChunkSamples);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].tick = i;
+    samples[i].time_ns = static_cast<std::int64_t>(i) * 1'000'000;
+  }
+  const Bytes chunk = encodeChunk(Resolution::standard(), samples);
+  for (auto _ : state) benchmark::DoNotOptimize(checkChunk(chunk).ok());
+  state.counters["chunk_bytes"] = static_cast<double>(chunk.size());
+}
+
 void inspect(benchmark::State& state) {
   const Bytes chunk = encodeChunk(Resolution::standard(), chunksOfSamples().front());
   for (auto _ : state) benchmark::DoNotOptimize(inspectChunk(chunk).ok());
@@ -84,6 +109,9 @@ BENCHMARK_CAPTURE(encode, standard, Resolution::standard());
 BENCHMARK_CAPTURE(decode, standard, Resolution::standard());
 BENCHMARK_CAPTURE(encode, lossless, Resolution::lossless());
 BENCHMARK_CAPTURE(decode, lossless, Resolution::lossless());
+BENCHMARK_CAPTURE(check, standard, Resolution::standard());
+BENCHMARK_CAPTURE(check, lossless, Resolution::lossless());
+BENCHMARK(checkAtRest);
 BENCHMARK(inspect);
 BENCHMARK(hash);
 

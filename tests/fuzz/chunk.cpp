@@ -27,6 +27,7 @@ void repairChunk(std::span<std::uint8_t> data, unsigned how) {
 void chunk(ByteView data) {
   const auto info = inspectChunk(data);
   const auto samples = decodeChunk(data);
+  require(checkChunk(data).ok() == samples.ok(), "the check says what the decoder says");
   if (!samples.ok()) return;
   require(info.ok(), "what decodes can be inspected");
   require(samples->size() == info->count && !samples->empty() && samples->size() <= kMaxChunkSamples,

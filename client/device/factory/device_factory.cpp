@@ -12,6 +12,7 @@
 #include "client/device/simulated_device.h"
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/device/virtuose/virtuose_link.h"
+#include "client/device/whole_recording.h"
 
 namespace needlelab {
 namespace {
@@ -38,18 +39,19 @@ std::vector<FoundDevice> listSimulated() {
   return {{"simulated", "a Virtuose 6D Desktop held by a simulated hand", "needs no hardware", true}};
 }
 
-MadeDevice makeRecording(const std::string& rest, const DeviceOptions& /*options*/) {
+MadeDevice makeRecording(const std::string& rest, const DeviceOptions& options) {
   const std::string file = argumentOf(rest);
   if (file.empty())
     return Error{ErrorCode::kInvalidInput, "--device recording: needs a file, as in recording:stroke.csv"};
-  ASSIGN_OR_RETURN(auto track, readPoseTrack(file));
+  ASSIGN_OR_RETURN(auto track,
+                   beginsAsRecording(file) ? readRecordedTrack(file, options.X_HT) : readPoseTrack(file));
   return MadeDevice(
       std::make_unique<RecordingDevice>(std::move(track), std::filesystem::path(file).filename().string()));
 }
 
 std::vector<FoundDevice> listRecording() {
-  return {{"recording:FILE", "the recorded motion in a CSV file; the hand feels nothing", "needs no hardware",
-           true}};
+  return {{"recording:FILE", "the recorded motion in a recording or a CSV file; the hand feels nothing",
+           "needs no hardware", true}};
 }
 
 MadeDevice makeVirtuose(const std::string& rest, const DeviceOptions& /*options*/) {

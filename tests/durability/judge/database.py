@@ -47,7 +47,7 @@ def message(data):
 class Session:
     """A row of `sessions` with its chunks in order of seq: (seq, samples, crc, bytes, Chunk or the reason why not)."""
 
-    def __init__(self, row, chunks, progress):
+    def __init__(self, row, chunks, progress, quarantined=frozenset()):
         self.id = row["id"].hex()
         self.station, self.state = row["station"], row["state"]
         # the counters of an open session stand in session_progress since schema 5, and only its
@@ -62,6 +62,7 @@ class Session:
         self.steps, self.fault = None, None
         self._describe(row["description"])
         self.chunks = chunks
+        self.quarantined = quarantined  # seqs of chunks that came so that they cannot be decoded
         digest = hashlib.blake2b(digest_size=32)
         for entry in chunks:
             digest.update(entry[3])
@@ -112,10 +113,15 @@ class Database:
             progress = {}  # session -> its counters; False: a database of before schema 5
             if "session_progress" in tables:
                 progress = {p["session"]: p for p in connection.execute("SELECT * FROM session_progress")}
+            quarantined = {}
+            if "quarantined_chunks" in tables:
+                for mark in connection.execute("SELECT session, seq FROM quarantined_chunks"):
+                    quarantined.setdefault(mark["session"], set()).add(mark["seq"])
             for row in connection.execute("SELECT * FROM sessions"):
                 chunks = [(c["seq"], c["samples"], c["crc"], bytes(c["bytes"]), *_decoded(c["bytes"]))
                           for c in connection.execute("SELECT * FROM chunks WHERE session = ? ORDER BY seq", (row["number"],))]
-                session = Session(row, chunks, progress.pop(row["number"], None) if "session_progress" in tables else False)
+                session = Session(row, chunks, progress.pop(row["number"], None) if "session_progress" in tables else False,
+                                  quarantined.get(row["number"], set()))
                 self.sessions[session.id] = session
             if progress:
                 self.faults.append(f"{len(progress)} counters belong to no session")

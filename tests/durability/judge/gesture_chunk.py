@@ -121,6 +121,8 @@ class Chunk:
         self.count = less_one + 1
         start = HEADER
         if code == 0:
+            if len(data) < HEADER + 48 + 4:
+                raise Unreadable("it ends within the steps")
             self.steps = struct.unpack_from("<6d", data, HEADER)
             start += 48
         elif code in (1, 2):

@@ -51,6 +51,26 @@ class Goldens(unittest.TestCase):
             with self.assertRaises(Unreadable):
                 Chunk(bytes(spoilt))
 
+    def _lines(self, name):
+        for line in (ROOT / "tests/data/gesture" / name).read_text().splitlines():
+            kind, digits = line.split("\t")
+            yield kind, bytes.fromhex(digits)
+
+    def test_every_kind_of_impossible_chunk_is_refused(self):
+        kinds = dict(self._lines("refused.tsv"))
+        self.assertGreaterEqual(len(kinds), 23)
+        for kind, data in kinds.items():
+            with self.subTest(kind), self.assertRaises(Unreadable):
+                self.assertEqual(crc32c(data[:-4]), struct.unpack("<I", data[-4:])[0], "only what is inside is wrong")
+                Chunk(data)
+
+    def test_strange_chunks_are_read_as_they_stand(self):
+        chunks = {kind: Chunk(data) for kind, data in self._lines("accepted.tsv")}
+        self.assertEqual(chunks["ticks that repeat"].columns[0], [100] * 40)
+        self.assertEqual(chunks["ticks that go backwards"].columns[0], list(range(100, 60, -1)))
+        self.assertLess(chunks["a time that goes backwards"].columns[1][1], chunks["a time that goes backwards"].columns[1][0])
+        self.assertTrue(math.isnan(chunks["a raw wall that is not a number under its presence bit"].columns[16][0]))
+
     def test_the_check_value_of_the_crc(self):
         self.assertEqual(crc32c(b"123456789"), 0xE3069283)
 
@@ -178,6 +198,30 @@ class Spoilt(unittest.TestCase):
         data = bytearray(self.chunks[1])
         data[50] ^= 4
         self.db.execute("UPDATE chunks SET bytes = ? WHERE seq = 1", (bytes(data),))
+        self.assertEqual(self.names(), {"unreadable"})
+
+    def quarantine(self, seq, data, samples=SAMPLES):
+        self.put(seq, data, samples)
+        self.db.execute("INSERT INTO quarantined_chunks VALUES (1, ?, 'why')", (seq,))
+        self.count(3)
+        digest = hashlib.blake2b(b"".join(self.chunks[:seq] + [data] + self.chunks[seq + 1:]), digest_size=32)
+        self.db.execute("UPDATE sessions SET hash = ?", (digest.digest(),))
+        next(e for e in self.events if e["e"] == "end")["hash"] = digest.hexdigest()
+
+    def test_a_quarantined_chunk_keeps_its_place_and_is_never_safe(self):
+        data = bytearray(self.chunks[1])
+        data[16] ^= 1  # another last tick
+        data[-4:] = struct.pack("<I", crc32c(bytes(data[:-4])))
+        self.quarantine(1, bytes(data))
+        self.assertEqual(self.names(), {"not-safe"}, "two chunks were called Safe")
+        self.events = [e for e in self.events if e["e"] != "ack"]
+        self.note(e="ack", id=ID.hex(), t=5, committed=3, safe=1)
+        self.assertEqual(self.names(), set())
+        self.db.execute("DELETE FROM quarantined_chunks")
+        self.assertEqual(self.names(), {"unreadable"}, "nobody says that it cannot be decoded")
+
+    def test_a_sound_chunk_in_quarantine(self):
+        self.quarantine(2, self.chunks[2])
         self.assertEqual(self.names(), {"unreadable"})
 
     def test_a_damaged_page(self):

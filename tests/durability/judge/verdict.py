@@ -53,9 +53,12 @@ def _check_row(stored, judge, name):
         if seq != position:
             judge.fault("gap", f"{name}: chunk {position} is not there, {seq} comes next")
             return False
-        if chunk is None:
-            judge.fault("unreadable", f"{name}: chunk {seq}: {why}")
+        if (chunk is None) != (seq in stored.quarantined):
+            judge.fault("unreadable", f"{name}: chunk {seq}: " +
+                        (why if chunk is None else "is quarantined, although it can be decoded"))
             return False
+        if chunk is None:
+            continue
         if chunk.crc != crc or chunk.count != samples:
             judge.fault("unreadable", f"{name}: chunk {seq} is not what its row says")
         if any(abs(a - b) > 1e-12 * abs(b) for a, b in zip(chunk.steps, stored.steps)):
@@ -71,7 +74,10 @@ def _check_samples(stored, recorded, judge, name):
     """Checks that every stored sample is the next recorded one. Returns their number."""
     place = {values[0]: i for i, values in enumerate(recorded.samples)}
     expected = 0
-    for seq, _, _, _, chunk, _ in stored.chunks:
+    for seq, samples, _, _, chunk, _ in stored.chunks:
+        if chunk is None:  # quarantined: how many samples it has stands in its header alone
+            expected += samples
+            continue
         for row, tick in enumerate(chunk.columns[0]):
             where = f"{name}: chunk {seq}, sample {row}, tick {tick}"
             at = place.get(tick)
@@ -82,7 +88,7 @@ def _check_samples(stored, recorded, judge, name):
                 judge.fault("doubled", f"{where}: it is there already")
                 return expected
             if at > expected:
-                later = any(recorded.samples[expected][0] in c[4].columns[0] for c in stored.chunks[seq:])
+                later = any(recorded.samples[expected][0] in c[4].columns[0] for c in stored.chunks[seq:] if c[4])
                 judge.fault("out-of-order" if later else "gap",
                             f"{where}: tick {recorded.samples[expected][0]} was recorded before it")
                 return expected
@@ -158,6 +164,9 @@ def judge_all(database, ledgers, backups, at_end):
         _check_session(recorded, database, ledgers, at_end, judge)
         safe = ledgers.safe(recorded)
         covered = max((backup.get(recorded.id, 0) for backup in backups), default=0)
+        stored = database.sessions.get(recorded.id)
+        if stored is not None and stored.quarantined:
+            covered = min(covered, min(stored.quarantined))
         if safe > covered:
             judge.fault("not-safe", f"session {recorded.id} of {recorded.station}: {safe} chunks were called Safe, a backup has {covered}")
     for number in database.sessions.keys() - ledgers.sessions.keys():

@@ -135,6 +135,7 @@ const infoOf = (lab, s) => ({
   figures: [],
   ...(s.unknown_trainee ? { unknown_trainee: true } : {}),
   code_unchecked: !!s.code_unchecked,
+  quarantined_chunks: s.quarantined_chunks ?? 0,
   ...(s.given_trainee ? { given_trainee: s.given_trainee } : {}),
 });
 /** A session as lists have it: the main figures in place of the score. */
@@ -742,6 +743,7 @@ export const kTable = [
     path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db',
     bytes: 12_400_000,
     chunks_verified: 914,
+    undecodable_chunks: 0,
     removed: [],
   })),
   post('check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })),

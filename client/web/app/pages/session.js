@@ -168,6 +168,14 @@ export function SessionPage({ params, person }) {
               session.given_trainee === d.trainee ? 'confirmed' : 'assigned'
             } it</dd>`
         }
+        ${
+          session.quarantined_chunks > 0 &&
+          html`<dt>Damage</dt>
+            <dd>
+              <${Mark} kind="bad">damaged<//> ${counted(session.quarantined_chunks, 'chunk')} cannot be decoded: kept as
+              the station sent them, left out of pictures and score
+            </dd>`
+        }
         <dt>Length</dt>
         <dd>${clock(session.samples / d.rate_hz)} (${counted(session.samples, 'sample')} at ${d.rate_hz} Hz)</dd>
         <dt>Patient</dt>

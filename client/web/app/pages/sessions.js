@@ -85,7 +85,10 @@ export function SessionsPage({ query, person }) {
                 <td>${s.description.exercise_id}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${clock(s.samples / s.description.rate_hz)}</td>
-                <td>${words(String(s.state).replace('SESSION_', ''))}</td>
+                <td>
+                  ${words(String(s.state).replace('SESSION_', ''))}
+                  ${s.quarantined_chunks > 0 && html` <${Mark} kind="bad">damaged<//>`}
+                </td>
                 <td><${Verdict} passed=${s.passed} /></td>
               </tr>`,
             )}<//>

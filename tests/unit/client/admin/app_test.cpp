@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <csignal>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -13,6 +14,7 @@
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
 #include "client/admin/output.h"
+#include "common/base/crc32c.h"
 #include "common/base/files.h"
 #include "db/schema.h"
 #include "db/session_results.h"
@@ -397,6 +399,32 @@ TEST_F(Admin, damageMakesVerifyCheckAndBackupFail) {
   EXPECT_EQ(check.rows()[0].at("ok"), false);
   EXPECT_EQ(onData({"backup", file("copy.db")}).code, 1);
   EXPECT_FALSE(std::filesystem::exists(file("copy.db")));
+}
+
+TEST_F(Admin, aChunkThatCannotBeDecodedIsShownAndABackupIsKeptAndSaysSo) {
+  const Uuid id = addSession(2, true);
+  {
+    Bytes bad = test::chunkOf(2);
+    bad[16] ^= 1;  // another last tick
+    const std::uint32_t crc = crc32c(ByteView(bad).first(bad.size() - 4));
+    std::memcpy(bad.data() + bad.size() - 4, &crc, 4);
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    ASSERT_OK(store->writer().run([&](Connection& c) -> Status {
+      const auto appended = SessionStore(c).append(id, 2, bad, "station-1");
+      return appended ? Status() : Status(appended.error());
+    }));
+  }
+  const std::string name = uuidText(id);
+  EXPECT_EQ(good({"session", "show", name, "--json"}).rows()[0].at("quarantined_chunks"), 1);
+  EXPECT_NE(good({"session", "show", name}).out.find("1 of its chunks cannot be decoded"), std::string::npos);
+  const Run verify = onData({"session", "verify", name});
+  EXPECT_EQ(verify.code, 1);
+  EXPECT_NE(verify.err.find("chunk 2"), std::string::npos) << verify.err;
+  EXPECT_EQ(onData({"check"}).code, 1);
+  const Run backup = good({"backup", file("copy.db"), "--json"});
+  EXPECT_EQ(backup.rows()[0].at("undecodable_chunks"), 1);
+  EXPECT_NE(backup.err.find("cannot be decoded"), std::string::npos) << backup.err;
+  EXPECT_TRUE(std::filesystem::exists(file("copy.db")));
 }
 
 TEST_F(Admin, backupAndAudit) {

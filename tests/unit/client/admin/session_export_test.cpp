@@ -137,6 +137,11 @@ TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   ASSERT_EQ(reader->entries().size(), 9u);
   EXPECT_EQ(reader->entries().front().first_tick, 320u);
   EXPECT_EQ(reader->entries().back().last_tick, 499u);
+  // the numbers in its metadata are the session's, and it says so
+  const auto metadata = nlohmann::json::parse(reader->metadata());
+  EXPECT_EQ(metadata.at("samples"), 1000);
+  EXPECT_EQ(metadata.at("part").at("from_s"), 0.333);
+  EXPECT_EQ(metadata.at("part").at("to_s"), 0.5);
 }
 
 TEST_F(RangeOfExport, badRangesAreWrongInput) {

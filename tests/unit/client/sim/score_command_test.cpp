@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "common/base/csv.h"
 #include "common/base/files.h"
@@ -151,6 +152,41 @@ TEST(ScoreCommand, scoresWhatWasRecordedAsItIs) {
       sim({"score", "--profile", profile, "--recorded", folder.write("b.csv", broken).string()});
   EXPECT_EQ(refused.code, 2);
   EXPECT_THAT(refused.err, HasSubstr("line 3001"));
+}
+
+TEST(ScoreCommand, aDamagedRecordingIsRefusedOrScoredWithItsHolesNamed) {
+  std::vector<GestureSample> samples(3000);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].tick = 17 + i;
+    samples[i].time_ns = static_cast<std::int64_t>(i) * 1'000'000;
+    samples[i].p_WT_m[2] = -0.04 * std::sin(1e-3 * static_cast<double>(i));
+    samples[i].q_WT[0] = 1, samples[i].q_WT[3] = 0;
+  }
+  const test::TempFolder folder;
+  const auto recording = folder.path() / "session.nlrec";
+  auto writer = RecordingWriter::create(recording, "{}");
+  ASSERT_TRUE(writer.ok());
+  for (std::size_t at = 0; at < samples.size(); at += 1000)
+    ASSERT_TRUE(
+        writer->append(encodeChunk(Resolution::standard(), std::span(samples).subspan(at, 1000))).ok());
+  ASSERT_TRUE(writer->finish().ok());
+  std::string bytes = *readWholeFile(recording);
+  const auto offset = RecordingReader::open(recording)->entries()[1].offset;
+  bytes[offset + 5] = static_cast<char>(bytes[offset + 5] ^ 1);
+  bytes.resize(bytes.size() - 1);
+  const auto damaged = folder.write("damaged.nlrec", bytes).string();
+
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
+  const auto refused = sim({"score", "--profile", profile, "--recorded", damaged});
+  EXPECT_NE(refused.code, 0);
+  EXPECT_EQ(refused.out, "") << "no measure of a part may pass for the whole's";
+  EXPECT_THAT(refused.err, testing::AllOf(HasSubstr("damaged.nlrec"), HasSubstr("ticks 1017 to 2016"),
+                                          HasSubstr("2000 samples"), HasSubstr("--damaged")));
+  const auto scored = sim({"score", "--profile", profile, "--recorded", damaged, "--damaged", "--json"});
+  ASSERT_EQ(scored.code, 0) << scored.err;
+  EXPECT_THAT(scored.err, HasSubstr("damaged: " + damaged + ": ticks 1017 to 2016"));
+  EXPECT_THAT(json::parse(scored.out).at("holes").at(0).get<std::string>(), HasSubstr("ticks 1017 to 2016"));
+  EXPECT_EQ(sim({"score", "--profile", profile, "--trajectory", damaged, "--damaged"}).code, 2);
 }
 
 TEST(ScoreCommand, checksAnExercisesRequirements) {

@@ -26,8 +26,11 @@ std::size_t roundTrip(const std::vector<U>& column) {
   const auto* const stop = unpackColumn(bytes.data(), bytes.data() + bytes.size(), rows, back.data() + 2);
   EXPECT_EQ(stop, bytes.data() + bytes.size());
   EXPECT_EQ(back, column);
-  for (std::size_t cut = 0; cut < bytes.size(); ++cut)
+  EXPECT_EQ(skipColumn<U>(bytes.data(), bytes.data() + bytes.size(), rows), bytes.data() + bytes.size());
+  for (std::size_t cut = 0; cut < bytes.size(); ++cut) {
     EXPECT_EQ(unpackColumn(bytes.data(), bytes.data() + cut, rows, back.data() + 2), nullptr) << cut;
+    EXPECT_EQ(skipColumn<U>(bytes.data(), bytes.data() + cut, rows), nullptr) << cut;
+  }
   return bytes.size();
 }
 

@@ -167,6 +167,7 @@ TEST(Golden, chunksEncodeToTheStoredBytesAndDecodeToTheirTwins) {
     const auto samples = decodeChunk(viewOf(*stored));
     ASSERT_TRUE(info.ok());
     ASSERT_TRUE(samples.ok());
+    EXPECT_TRUE(checkChunk(viewOf(*stored)).ok()) << "what every version wrote passes";
     const std::string twin = twinOf(*info, *samples);
     expectFile(goldenFolder() / (std::string(golden.name) + ".chunk.json"), viewOf(twin));
   }

@@ -164,6 +164,35 @@ TEST_F(Recording, damagedChunkIsNamedAndTheOthersStayReadable) {
   }
 }
 
+TEST_F(Recording, aLengthBeyondTheFileHidesNoGoodRecordBehindIt) {
+  // bytes went missing from the second chunk's record: its header's length reaches beyond the end of the file
+  const fs::path path = write(4, 12);
+  const auto entries = RecordingReader::open(path)->entries();
+  Bytes bytes = load(path);
+  const auto begin = bytes.begin() + static_cast<std::ptrdiff_t>(entries[1].offset);
+  const std::uint32_t length = static_cast<std::uint32_t>(bytes.size());
+  std::memcpy(&*begin + 8, &length, 4);
+  const std::uint32_t crc = crc32c(ByteView(bytes).subspan(entries[1].offset, 12));
+  std::memcpy(&*begin + 12, &crc, 4);
+  for (const bool cut : {false, true}) {
+    // without an index, and cut off within the last chunk
+    const auto end = cut ? entries[3].offset + 30 : bytes.size() - 1;
+    const auto reader =
+        RecordingReader::open(store(Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(end))));
+    ASSERT_TRUE(reader.ok());
+    ASSERT_EQ(reader->entries().size(), cut ? 2u : 3u);
+    EXPECT_EQ(*reader->chunkBytes(0), chunks_[0]);
+    EXPECT_EQ(*reader->chunkBytes(1), chunks_[2]);
+    ASSERT_EQ(reader->damages().size(), 1u);
+    EXPECT_EQ(reader->damages().front().offset, entries[1].offset);
+    EXPECT_EQ(reader->damages().front().bytes, entries[2].offset - entries[1].offset);
+    if (cut) {
+      EXPECT_EQ(reader->unusableTailBytes(), 30u);
+    }
+    EXPECT_FALSE(reader->verify().ok());
+  }
+}
+
 TEST_F(Recording, everyChangedByteIsNoticed) {
   const fs::path path = write(2, 8);
   const Bytes whole = load(path);

@@ -82,6 +82,37 @@ TEST(SampleCsv, writtenNumbersReadBackBitForBit) {
   }
 }
 
+TEST(SampleCsv, whatIsNoNumberLeavesAsFormatMdSaysAndIsRefusedWhereScoresNeedIt) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  GestureSample s = exampleSample();
+  s.p_WT_m[1] = -0.0;
+  s.wall_W_m[0] = kInfinity;
+  s.wall_W_m[1] = -kInfinity;
+  s.wall_W_m[2] = -std::numeric_limits<double>::quiet_NaN();
+  std::string text;
+  appendSampleCsvHeader(text);
+  appendSampleCsvRow(text, s, s.time_ns);
+  EXPECT_NE(text.find(",-0,"), std::string::npos) << text;
+  EXPECT_NE(text.find(",inf,-inf,nan,"), std::string::npos) << text;
+  const auto path = std::filesystem::temp_directory_path() / "needlelab_sample_csv_not_finite.csv";
+  // ticks beyond 2^53 do not fit a double, so the sample of this test gets a smaller one
+  s.tick = 3;
+  text.clear();
+  appendSampleCsvHeader(text);
+  appendSampleCsvRow(text, s, s.time_ns);
+  std::ofstream(path) << text;
+  EXPECT_TRUE(readSampleCsv(path).ok()) << "scores need no wall";
+  s.force_W_N[0] = kInfinity;
+  text.clear();
+  appendSampleCsvHeader(text);
+  appendSampleCsvRow(text, s, s.time_ns);
+  std::ofstream(path, std::ios::trunc) << text;
+  const auto refused = readSampleCsv(path);
+  std::filesystem::remove(path);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_NE(refused.error().message.find("fx_n"), std::string::npos) << refused.error().message;
+}
+
 TEST(SampleCsv, timeBeforeTheFirstSampleIsNegative) {
   std::string text;
   GestureSample s;

@@ -1,6 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
+
+#include "common/base/crc32c.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -106,6 +109,30 @@ TEST(DurablePlane, aDamagedChunkIsRefusedAndNotStored) {
   ASSERT_TRUE(s.client.send(damaged).ok());
   EXPECT_EQ(waitForRefusal(s.client).reason(), pb::Refusal::INVALID);
   EXPECT_EQ(s.stored().chunks(), 0u);
+}
+
+/// A station with a fault in its encoder, or a hostile one: its CRC is right, the columns are impossible.
+TEST(DurablePlane, anUndecodableChunkIsKeptInQuarantineAndTheSessionGoesOnPastIt) {
+  StationAndServer s;
+  s.open();
+  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
+  pb::Envelope impossible = s.session.chunk(1);
+  std::string& data = *impossible.mutable_chunk()->mutable_data();
+  data[16] = static_cast<char>(data[16] ^ 1);  // another last tick
+  const std::uint32_t crc = crc32c(viewOf(data).first(data.size() - 4));
+  std::memcpy(data.data() + data.size() - 4, &crc, 4);
+  ASSERT_TRUE(s.client.send(impossible).ok());
+  ASSERT_TRUE(s.client.send(s.session.chunk(2)).ok());
+  s.session.waitForAck(s.client, 3);
+  EXPECT_EQ(s.stored().chunks(), 3u);
+  EXPECT_EQ(s.stored().quarantined_chunks(), 1u);
+  pb::Request verify;
+  verify.mutable_verify_session()->set_session_id(s.session.id());
+  EXPECT_FALSE(s.server.asAdmin(verify).verified().ok());
+  EXPECT_THAT(s.server.asAdmin(verify).verified().text(), HasSubstr("chunk 1: "));
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("chunk quarantine");
+  EXPECT_EQ(s.server.asAdmin(audit).audit().entries_size(), 1);
 }
 
 TEST(DurablePlane, sessionsOfOthersAreUnknown) {

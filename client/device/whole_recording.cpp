@@ -1,0 +1,164 @@
+#include "client/device/whole_recording.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "common/gesture/recording.h"
+#include "common/gesture/session_hash.h"
+
+namespace needlelab {
+namespace {
+
+/// A place of the file where something cannot be read.
+struct Fault {
+  std::uint64_t offset = 0;
+  std::string what;
+};
+/// The ticks of a readable chunk, by its place in the file.
+struct Piece {
+  std::uint64_t offset = 0, first_tick = 0, last_tick = 0;
+};
+
+std::string holeText(const Piece* before, const Piece* after, const std::string& why) {
+  if (before != nullptr && after != nullptr && before->last_tick + 1 < after->first_tick)
+    return fmt::format("ticks {} to {}: {}", before->last_tick + 1, after->first_tick - 1, why);
+  if (before != nullptr && after != nullptr)
+    return fmt::format("between tick {} and tick {}: {}", before->last_tick, after->first_tick, why);
+  if (after != nullptr) return fmt::format("ticks before {}: {}", after->first_tick, why);
+  if (before != nullptr) return fmt::format("ticks from {} on: {}", before->last_tick + 1, why);
+  return "all ticks: " + why;
+}
+
+class WholeReader {
+ public:
+  explicit WholeReader(const RecordingReader& reader) : reader_(reader) {}
+
+  Result<ReadRecording> run() {
+    for (const RecordingReader::Damage& damage : reader_.damages())
+      faults_.push_back({damage.offset, damage.what});
+    for (std::size_t i = 0; i < reader_.entries().size(); ++i) RETURN_IF_ERROR(readChunk(i));
+    findHoles();
+    compareWithItself();
+    compareWithMetadata();
+    return std::move(read_);
+  }
+
+ private:
+  Status readChunk(std::size_t index) {
+    const RecordingEntry& entry = reader_.entries()[index];
+    const auto samples = reader_.samples(index);
+    if (!samples) {
+      if (samples.error().code == ErrorCode::kFailed) return samples.error();
+      const bool named = std::any_of(faults_.begin(), faults_.end(),
+                                     [&](const Fault& fault) { return fault.offset == entry.offset; });
+      if (!named) faults_.push_back({entry.offset, samples.error().message});
+      return {};
+    }
+    ASSIGN_OR_RETURN(const auto bytes, reader_.chunkBytes(index));
+    hash_.update(bytes);
+    pieces_.push_back({entry.offset, samples->front().tick, samples->back().tick});
+    read_.samples.insert(read_.samples.end(), samples->begin(), samples->end());
+    return {};
+  }
+
+  /// Names the ticks around each fault; faults between the same two chunks are one hole.
+  void findHoles() {
+    std::stable_sort(faults_.begin(), faults_.end(),
+                     [](const Fault& a, const Fault& b) { return a.offset < b.offset; });
+    std::optional<std::size_t> last_place;
+    for (const Fault& fault : faults_) {
+      const auto behind = std::find_if(pieces_.begin(), pieces_.end(),
+                                       [&](const Piece& piece) { return piece.offset > fault.offset; });
+      const auto place = static_cast<std::size_t>(behind - pieces_.begin());
+      if (std::exchange(last_place, place) == place) continue;
+      read_.holes.push_back(holeText(place > 0 ? &pieces_[place - 1] : nullptr,
+                                     behind != pieces_.end() ? &*behind : nullptr, fault.what));
+    }
+    if (reader_.complete()) return;
+    read_.holes.push_back(holeText(
+        pieces_.empty() ? nullptr : &pieces_.back(), nullptr,
+        fmt::format(
+            "the file has no valid index at its end, behind {} unreadable bytes: it was cut off or damaged",
+            reader_.unusableTailBytes())));
+  }
+
+  void compareWithItself() {
+    if (!reader_.complete() || !read_.holes.empty() || hash_.digest() == reader_.declaredHash()) return;
+    read_.holes.push_back("unknown ticks: the hash of its chunks is " + hexOf(hash_.digest()) +
+                          ", its index says " + hexOf(reader_.declaredHash()));
+  }
+
+  void compareWithMetadata() {
+    const auto metadata = nlohmann::json::parse(reader_.metadata(), nullptr, false);
+    if (!metadata.is_object()) {
+      if (reader_.metadata().empty()) return;  // the metadata's record is a fault already
+      read_.holes.push_back("unknown ticks: its metadata is no JSON object");
+      return;
+    }
+    if (metadata.contains("part")) return;
+    const auto compare = [&](const char* name, std::uint64_t found, const char* what) {
+      const auto declared = metadata.find(name);
+      if (declared == metadata.end() || !declared->is_number_unsigned() ||
+          declared->get<std::uint64_t>() == found)
+        return;
+      read_.holes.push_back(fmt::format("{} {} can be read, its metadata say {}{}", found, what,
+                                        declared->get<std::uint64_t>(), jumps()));
+    };
+    compare("samples", read_.samples.size(), "samples");
+    compare("chunks", pieces_.size(), "chunks");
+    const auto hash = metadata.find("hash");
+    if (hash != metadata.end() && hash->is_string() && read_.holes.empty() &&
+        hash->get<std::string>() != hexOf(hash_.digest()))
+      read_.holes.push_back("unknown ticks: the hash of its chunks is " + hexOf(hash_.digest()) +
+                            ", its metadata say " + hash->get<std::string>());
+  }
+
+  /// Where ticks are left out between chunks: of a chunk that is gone without a trace nothing else shows.
+  [[nodiscard]] std::string jumps() const {
+    std::string text;
+    for (std::size_t i = 1; i < pieces_.size(); ++i) {
+      if (pieces_[i - 1].last_tick + 1 >= pieces_[i].first_tick) continue;
+      text += fmt::format("{} {} to {}", text.empty() ? "; no chunk has the ticks" : ",",
+                          pieces_[i - 1].last_tick + 1, pieces_[i].first_tick - 1);
+    }
+    return text;
+  }
+
+  const RecordingReader& reader_;
+  ReadRecording read_;
+  std::vector<Fault> faults_;
+  std::vector<Piece> pieces_;
+  SessionHash hash_;
+};
+
+}  // namespace
+
+Result<ReadRecording> readRecording(const std::filesystem::path& path, DamagedRecording damaged) {
+  ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
+  ASSIGN_OR_RETURN(auto read, WholeReader(reader).run());
+  if (read.holes.empty() || (damaged == DamagedRecording::kRead && !read.samples.empty())) return read;
+  return Error{ErrorCode::kCorrupt,
+               fmt::format("{}: is not whole; {} samples can be read. What is missing: {}{}", path.string(),
+                           read.samples.size(), read.holes.front(),
+                           read.holes.size() == 1 ? std::string()
+                                                  : fmt::format(" (and {} more)", read.holes.size() - 1))};
+}
+
+bool beginsAsRecording(const std::filesystem::path& path) {
+  // a first byte that was damaged or converted must not make the rest a CSV
+  constexpr std::string_view kLetters = "NLREC";
+  std::array<char, 6> start{};
+  std::ifstream in(path, std::ios::binary);
+  in.read(start.data(), start.size());
+  return std::string_view(start.data() + 1, kLetters.size()) == kLetters;
+}
+
+}  // namespace needlelab

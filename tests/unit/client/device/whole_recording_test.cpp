@@ -1,0 +1,191 @@
+// Damaged recordings: refused, or read with every hole named.
+#include "client/device/whole_recording.h"
+
+#include <gmock/gmock.h>
+
+#include <limits>
+#include <span>
+
+#include "client/device/recording_device.h"
+#include "common/base/files.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/recording.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr std::size_t kPerChunk = 100;
+
+/// A second and a half of motion at 1 kHz, ticks from 17 on.
+std::vector<GestureSample> someSamples(std::size_t count) {
+  std::vector<GestureSample> samples(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    samples[i].tick = 17 + i;
+    samples[i].time_ns = 5'000'000'000 + static_cast<std::int64_t>(i) * 1'000'000;
+    samples[i].p_WT_m[2] = 1e-3 * static_cast<double>(i % 50);
+    samples[i].plunger = 1e-3 * static_cast<double>(i % 1000);
+  }
+  return samples;
+}
+
+class WholeRecording : public testing::Test {
+ protected:
+  /// Writes `chunks` chunks of 100 samples; the metadata name what `declared` says they do.
+  std::filesystem::path write(std::size_t chunks, const std::string& metadata = {}) {
+    const auto path = folder_.path() / "whole.nlrec";
+    const auto samples = someSamples(chunks * kPerChunk);
+    std::vector<Bytes> made;
+    SessionHash hash;
+    for (std::size_t i = 0; i < chunks; ++i) {
+      made.push_back(
+          encodeChunk(Resolution::lossless(), std::span(samples).subspan(i * kPerChunk, kPerChunk)));
+      hash.update(made.back());
+    }
+    const std::string declared = R"({"samples":)" + std::to_string(samples.size()) + R"(,"chunks":)" +
+                                 std::to_string(chunks) + R"(,"hash":")" + hexOf(hash.digest()) + "\"}";
+    auto writer = RecordingWriter::create(path, metadata.empty() ? declared : metadata);
+    EXPECT_TRUE(writer.ok());
+    for (const Bytes& chunk : made) EXPECT_TRUE(writer->append(chunk).ok());
+    EXPECT_TRUE(writer->finish().ok());
+    return path;
+  }
+  std::filesystem::path changed(const std::string& bytes) { return folder_.write("changed.nlrec", bytes); }
+  const test::TempFolder folder_;
+};
+
+TEST_F(WholeRecording, aWholeOneHasNoHole) {
+  for (const char* const metadata : {"", "{}", R"({"study":"s","session":"0001"})"}) {
+    const auto read = readRecording(write(3, metadata));
+    ASSERT_TRUE(read.ok()) << read.error().message;
+    EXPECT_EQ(read->samples.size(), 300u);
+    EXPECT_THAT(read->holes, IsEmpty());
+  }
+}
+
+TEST_F(WholeRecording, everyTruncationIsRefusedAndItsHoleNamed) {
+  const std::string whole = *readWholeFile(write(5));
+  const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
+  for (std::size_t cut = 0; cut <= 200; ++cut) {
+    const std::size_t size = cut * (whole.size() - 1) / 200;
+    SCOPED_TRACE(size);
+    const auto path = changed(whole.substr(0, size));
+    EXPECT_FALSE(readRecording(path).ok());
+    std::size_t readable = 0;  // chunks whose record is whole
+    for (const RecordingEntry& entry : entries) readable += entry.offset + 16 + entry.bytes + 4 <= size;
+    const auto rest = readRecording(path, DamagedRecording::kRead);
+    if (readable == 0) {
+      EXPECT_FALSE(rest.ok());
+      continue;
+    }
+    ASSERT_TRUE(rest.ok()) << rest.error().message;
+    EXPECT_EQ(rest->samples.size(), readable * kPerChunk);
+    ASSERT_FALSE(rest->holes.empty());
+    EXPECT_THAT(rest->holes.front(),
+                HasSubstr("ticks from " + std::to_string(17 + readable * kPerChunk) + " on"));
+  }
+}
+
+TEST_F(WholeRecording, oneFlippedBitInAnyRecordsHeaderIsAHoleWithItsTicks) {
+  const std::string whole = *readWholeFile(write(5));
+  const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
+  for (const bool cut : {false, true}) {
+    for (std::size_t within = 0; within < 16; ++within) {
+      SCOPED_TRACE("byte " + std::to_string(within) + (cut ? ", without an index" : ""));
+      std::string bytes = whole;
+      bytes[entries[2].offset + within] = static_cast<char>(bytes[entries[2].offset + within] ^ 0x10);
+      if (cut) bytes.resize(bytes.size() - 3);
+      const auto path = changed(bytes);
+      const auto refused = readRecording(path);
+      ASSERT_FALSE(refused.ok());
+      EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+      EXPECT_THAT(refused.error().message,
+                  AllOf(HasSubstr("changed.nlrec"), HasSubstr("400 samples can be read"),
+                        HasSubstr("ticks 217 to 316")));
+      const auto rest = readRecording(path, DamagedRecording::kRead);
+      ASSERT_TRUE(rest.ok());
+      EXPECT_EQ(rest->samples.size(), 400u);
+    }
+  }
+}
+
+TEST_F(WholeRecording, aChunkThatIsGoneWithoutATraceIsMissedByTheMetadata) {
+  // the file without index, and without the bytes of its third chunk's record
+  const std::string whole = *readWholeFile(write(5));
+  const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
+  const std::string bytes = whole.substr(0, entries[2].offset) + whole.substr(entries[3].offset);
+  const auto rest = readRecording(changed(bytes), DamagedRecording::kRead);
+  ASSERT_TRUE(rest.ok());
+  EXPECT_EQ(rest->samples.size(), 400u);
+  EXPECT_THAT(rest->holes, testing::Contains(AllOf(HasSubstr("400 samples can be read, its metadata say 500"),
+                                                   HasSubstr("no chunk has the ticks 217 to 316"))));
+}
+
+TEST_F(WholeRecording, isHeldAgainstEachNumberOfItsMetadata) {
+  for (const auto& [metadata, hole] :
+       {std::pair{R"({"samples":301})", "300 samples can be read, its metadata say 301"},
+        std::pair{R"({"chunks":4})", "3 chunks can be read, its metadata say 4"},
+        std::pair{R"({"hash":"00"})", "its metadata say 00"}, std::pair{"[]", "no JSON object"}}) {
+    const auto refused = readRecording(write(3, metadata));
+    ASSERT_FALSE(refused.ok()) << metadata;
+    EXPECT_THAT(refused.error().message, HasSubstr(hole));
+  }
+  // a part has the session's numbers
+  EXPECT_TRUE(readRecording(write(3, R"({"samples":301,"part":{"from_s":1,"to_s":null}})")).ok());
+}
+
+TEST_F(WholeRecording, isPlayedAsItWasRecordedByTheToolThatIsOn) {
+  const auto path = write(2);
+  // the tip is 0.1 m before the grip, the handle turned half about x against it
+  const Pose X_HT{{0, 0, 0.1}, {1, 0, 0, 0}};
+  const auto track = readRecordedTrack(path, X_HT);
+  ASSERT_TRUE(track.ok()) << track.error().message;
+  const auto samples = someSamples(200);
+  ASSERT_EQ(track->t_s.size(), 200u);
+  const std::vector<Pose> poses = resamplePoses(*track, 1000);
+  ASSERT_EQ(poses.size(), 200u);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_NEAR(track->t_s[i], 1e-3 * static_cast<double>(i), 1e-12);
+    const Pose X_WT = poses[i] * X_HT;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double tip = k == 0 ? X_WT.p.x : k == 1 ? X_WT.p.y : X_WT.p.z;
+      EXPECT_NEAR(tip, samples[i].p_WT_m[k], 1e-12);
+    }
+    EXPECT_EQ(track->plunger[i], samples[i].plunger);
+  }
+  EXPECT_TRUE(beginsAsRecording(path));
+  EXPECT_FALSE(beginsAsRecording(folder_.write("a.csv", "t_s,px_m\n")));
+  EXPECT_FALSE(beginsAsRecording(folder_.path() / "none"));
+}
+
+TEST_F(WholeRecording, whatADeviceCannotPlayIsRefusedByItsSample) {
+  const auto refusal = [&](auto change) {
+    auto samples = someSamples(10);
+    change(samples);
+    auto writer = RecordingWriter::create(folder_.path() / "odd.nlrec", "{}");
+    EXPECT_TRUE(writer.ok());
+    if (!samples.empty()) {
+      EXPECT_TRUE(writer->append(encodeChunk(Resolution::lossless(), samples)).ok());
+    }
+    EXPECT_TRUE(writer->finish().ok());
+    const auto track = readRecordedTrack(folder_.path() / "odd.nlrec", {});
+    EXPECT_FALSE(track.ok());
+    return track.ok() ? std::string() : track.error().message;
+  };
+  using Samples = std::vector<GestureSample>;
+  EXPECT_THAT(refusal([](Samples& s) { s[4].time_ns = s[2].time_ns; }),
+              AllOf(HasSubstr("sample 5 (tick 21)"), HasSubstr("not go backwards")));
+  EXPECT_THAT(refusal([](Samples& s) { s[3].p_WT_m[1] = std::numeric_limits<double>::quiet_NaN(); }),
+              AllOf(HasSubstr("sample 4"), HasSubstr("-1000 to 1000 m")));
+  EXPECT_THAT(refusal([](Samples& s) { s[3].q_WT[3] = 0.5; }), HasSubstr("0.999 to 1.001"));
+  EXPECT_THAT(refusal([](Samples& s) { s[3].plunger = 1.5; }), HasSubstr("allowed is 0 to 1"));
+  EXPECT_THAT(refusal([](Samples& s) { s.clear(); }), HasSubstr("no samples"));
+}
+
+}  // namespace
+}  // namespace needlelab
