@@ -72,7 +72,7 @@ class FrameSplitter {
 /// Peers with different major versions refuse each other; a minor version adds only features that others may
 /// ignore.
 inline constexpr std::uint32_t kProtocolMajor = 1;
-inline constexpr std::uint32_t kProtocolMinor = 3;
+inline constexpr std::uint32_t kProtocolMinor = 4;
 
 pb::Version ourVersion();
 std::string versionText(const pb::Version& version);
@@ -85,7 +85,7 @@ Status checkVersion(const pb::Version& ours, const pb::Version& theirs);
 /// Translates refusals into errors and errors into refusals.
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal = false);
 /// Returns the reason for an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE,
-/// kCode → CODE …, all others → INTERNAL.
+/// kCode → CODE, kNoRoom → NO_ROOM …, all others → INTERNAL.
 pb::Refusal refusalOf(const Error& error);
 /// Returns the error for a peer's refusal; the message names the reason, and both versions if the refusal has
 /// them.

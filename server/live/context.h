@@ -17,9 +17,12 @@
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
 #include "server/live/admission.h"
+#include "server/live/chunk_budget.h"
+#include "server/live/disk_room.h"
 #include "server/live/hub.h"
 #include "server/live/login_guard.h"
 #include "server/live/offload.h"
+#include "server/live/station_quotas.h"
 #include "server/live/tokens.h"
 
 namespace needlelab {
@@ -30,8 +33,7 @@ class PeerConnection;
 struct ConnectionBounds {
   std::size_t chunks_in_flight = 64;  ///< received but not yet committed; at the limit its socket is not read
   std::size_t chunk_bytes_in_flight = 8u << 20;
-  /// Of the whole server: less than the capacity of the writer's queue.
-  std::size_t all_chunks_in_flight = 8192;
+  ChunkBudget::Limits all_chunks_in_flight;  ///< of the whole server
   std::size_t requests_at_work = 8;
   /// TLS handshakes of the whole server. With a thousand at once, all would be unfinished when their stations
   /// time out.
@@ -59,6 +61,7 @@ struct ServerCounters {
   std::uint64_t chunks_stored = 0, chunks_repeated = 0, chunks_refused = 0;
   std::uint64_t sessions_closed = 0;
   std::uint64_t messages_refused = 0;
+  std::uint64_t refused_for_room = 0;                ///< of those: sessions and chunks for want of room
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections
   std::uint64_t handshakes_failed = 0;               ///< TLS failed or timed out
@@ -102,10 +105,12 @@ struct ServerContext {
   std::uint64_t password_turns = 0, password_turn = 0;
   Signal password_done{io.get_executor()};  ///< password_turn has advanced
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
-  std::size_t chunks_in_flight = 0;  ///< of all connections
+  ChunkBudget chunks_in_flight{bounds.all_chunks_in_flight};  ///< of all connections
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
-  Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its limit
+  Signal chunk_room{io.get_executor()};            ///< chunks_in_flight is no longer full
+  DiskRoom disk_room{0};
+  StationQuotas quotas{};  ///< the writer's thread only
   std::size_t handshakes = 0;                      ///< in progress
   /// Handshakes in progress, by address; without zero entries.
   std::unordered_map<std::string, std::size_t> handshakes_of = {};

@@ -230,6 +230,8 @@ TEST(Refusal, theReasonDecidesWhetherTryingAgainMayHelp) {
 TEST(Refusal, aCodeThatIsMissingOrWrongIsNeitherARoleNorAnAbsentServer) {
   EXPECT_EQ(refusalOf(Error{ErrorCode::kCode, "no"}).reason(), pb::Refusal::CODE);
   EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::CODE, "no")).code, ErrorCode::kCode);
+  EXPECT_EQ(refusalOf(Error{ErrorCode::kNoRoom, "no"}).reason(), pb::Refusal::NO_ROOM);
+  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::NO_ROOM, "no")).code, ErrorCode::kNoRoom);
 }
 
 TEST(Refusal, aVersionRefusalNamesBothVersions) {
