@@ -87,8 +87,8 @@ Result<SessionArrival> SessionStore::arrivalOf(const pb::SessionDescription& des
   auto known = connection_.query("SELECT state FROM sessions WHERE id = ?", viewOf(description.session_id()));
   ASSIGN_OR_RETURN(const bool found, known.step());
   if (found) {
-    arrival.state = known.integer(0) == pb::SESSION_OPEN ? SessionArrival::State::kOpen
-                                                         : SessionArrival::State::kClosed;
+    arrival.state =
+        known.integer(0) == pb::SESSION_OPEN ? SessionArrival::State::kOpen : SessionArrival::State::kClosed;
     return arrival;
   }
   auto open = connection_.query("SELECT count(*) FROM sessions WHERE station = ? AND state = ?",

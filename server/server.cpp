@@ -72,6 +72,7 @@ struct Server::Parts {
   int exit_code = kExitDone;
   std::uint64_t refused_unlogged = 0;
   std::int64_t refused_logged_ns = 0;
+  std::uint64_t free_at_start = 0;
 
   Task<> signalLoop();
   Task<> drainLoop();
@@ -88,6 +89,9 @@ struct Server::Parts {
 };
 
 namespace {
+
+/// A read-only server believes that somebody made room when so much more is free than at its start.
+constexpr std::uint64_t kMadeRoom = 8u << 20;
 
 void logThrown(const std::string& text) {
   logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
@@ -123,9 +127,10 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
       raw->beginStop("the server's database failed");
     });
   };
+  const auto free_bytes = p.options.free_bytes(p.options.data);
+  p.free_at_start = free_bytes.value_or(0);
   if (!is_new)
-    store_options.read_only_because =
-        readOnlyBecause(p.options.data, p.options.free_bytes(p.options.data), p.options.min_free_bytes);
+    store_options.read_only_because = readOnlyBecause(p.options.data, free_bytes, p.options.min_free_bytes);
   ASSIGN_OR_RETURN(auto store, Store::open(p.options.data, store_options));
   p.store = std::move(store);
   if (const auto& why = p.store->readOnly())
@@ -384,7 +389,10 @@ Task<> Server::Parts::roomLoop() {
     const auto seen = co_await offload(room_worker, std::move(look));
     if (stopping) co_return;
     noteRoom(seen);
-    if (!store->readOnly() || !seen || context->disk_room.level() == RoomLevel::kNoChunks) continue;
+    // a disk that refuses although it has room (a quota) would refuse again
+    if (!store->readOnly() || !seen || context->disk_room.level() == RoomLevel::kNoChunks ||
+        seen->disk_bytes < free_at_start + kMadeRoom)
+      continue;
     exit_code = kExitFailed;
     beginStop("there is room on the disk again: start the server again, for writing");
   }

@@ -46,8 +46,8 @@ class Store {
   /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
   /// profiles and curriculum into a new database. An existing database whose disk is full, or which must not
   /// be written to, is opened read-only: its log is read, and nothing is written, neither into it nor beside
-  /// it. Errors: kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database is
-  /// new or has an older schema), kCorrupt, kFailed.
+  /// it. Errors: kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database
+  /// is new or has an older schema), kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   /// Why nothing can be written, until the folder is opened again; nothing: the writer works.

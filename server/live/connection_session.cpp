@@ -76,9 +76,10 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     SessionStore store(writer);
     ASSIGN_OR_RETURN(const auto arrival, store.arrivalOf(description));
     // a closed one takes no room: its station only asks whether it is there
-    const bool needs_room = arrival.state == SessionArrival::State::kNew
-                                ? room >= RoomLevel::kNoNewSessions
-                                : arrival.state == SessionArrival::State::kOpen && room >= RoomLevel::kNoChunks;
+    const bool needs_room =
+        arrival.state == SessionArrival::State::kNew
+            ? room >= RoomLevel::kNoNewSessions
+            : arrival.state == SessionArrival::State::kOpen && room >= RoomLevel::kNoChunks;
     if (needs_room) return Error{ErrorCode::kNoRoom, no_room};
     ASSIGN_OR_RETURN(auto next, store.open(description, wallNowNs()));
     // last: an error takes the session back, and an invalid one costs its station nothing
@@ -138,8 +139,8 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
     // it ends the connection, so that the station sends again all that came after this one; it is refused its
     // open session then, which it goes on asking for
     ++context_.counters.refused_for_room;
-    refuseAndClose(sessionRefusal(pb::Refusal::NO_ROOM, context_.disk_room.text(), chunk.session_id(),
-                                  chunk.seq()));
+    refuseAndClose(
+        sessionRefusal(pb::Refusal::NO_ROOM, context_.disk_room.text(), chunk.session_id(), chunk.seq()));
     return;
   }
   context_.disk_room.take(chunk.data().size());

@@ -110,8 +110,8 @@ struct ServerContext {
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
   Signal chunk_room{io.get_executor()};            ///< chunks_in_flight is no longer full
   DiskRoom disk_room{0};
-  StationQuotas quotas{};  ///< the writer's thread only
-  std::size_t handshakes = 0;                      ///< in progress
+  StationQuotas quotas{};      ///< the writer's thread only
+  std::size_t handshakes = 0;  ///< in progress
   /// Handshakes in progress, by address; without zero entries.
   std::unordered_map<std::string, std::size_t> handshakes_of = {};
   std::vector<PeerConnection*> handshakes_wait{};  ///< last in, first out

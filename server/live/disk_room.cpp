@@ -72,7 +72,8 @@ std::string DiskRoom::text() const {
           leftBytes() >> 20, kSessionFloors * floor_bytes_ >> 20);
     case RoomLevel::kNoChunks:
       return fmt::format(
-          "the server's disk is full: {} MiB are left, and below {} MiB nothing recorded is stored; make room "
+          "the server's disk is full: {} MiB are left, and below {} MiB nothing recorded is stored; make "
+          "room "
           "on it, or let retention delete old recordings; the station keeps its data and tries again by "
           "itself",
           leftBytes() >> 20, floor_bytes_ >> 20);

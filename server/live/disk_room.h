@@ -60,7 +60,7 @@ class DiskRoom {
   [[nodiscard]] RoomLevel levelAt(std::uint64_t left_bytes) const;
 
   const std::uint64_t floor_bytes_;
-  std::uint64_t seen_bytes_ = UINT64_MAX;              // at the last look
+  std::uint64_t seen_bytes_ = UINT64_MAX;             // at the last look
   std::uint64_t taken_bytes_ = 0, taken_before_ = 0;  // since the last look; between the two before
   RoomLevel level_ = RoomLevel::kPlenty;
 };

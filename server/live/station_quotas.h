@@ -16,8 +16,8 @@ namespace needlelab {
 class StationQuotas {
  public:
   struct Settings {
-    /// Open at once. A station has one or two; more are left behind by crashes with a lost spool. As many as a
-    /// Welcome names (kMaxWelcomed).
+    /// Open at once. A station has one or two; more are left behind by crashes with a lost spool. As many as
+    /// a Welcome names (kMaxWelcomed).
     std::uint64_t open_sessions = 1000;
     /// Of profiles, which each session brings whole: 10 kB is usual, 900 kB the largest. 6,000 usual
     /// sessions.
