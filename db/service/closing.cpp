@@ -41,7 +41,7 @@ Result<std::string> Service::scoreSession(Connection& reader, const Uuid& sessio
 }
 
 Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& session) {
-  if (session.samples.empty()) return std::string();
+  if (session.info.samples() == 0) return std::string();
   const auto& description = session.info.description();
 
   // uses the exercise's current requirements; without the exercise, only the plain measures

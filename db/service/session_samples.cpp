@@ -62,7 +62,7 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
 }
 
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session) {
-  if (session.samples.empty()) return {};
+  if (session.info.samples() == 0) return {};
   return syringeEvents(session.samples, session.info.description().rate_hz(), session.profile, session.X_WL);
 }
 
