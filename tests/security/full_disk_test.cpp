@@ -6,6 +6,8 @@
 #include <atomic>
 #include <memory>
 
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
