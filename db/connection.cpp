@@ -50,6 +50,8 @@ ErrorCode codeOf(int rc) {
       return rc == SQLITE_CONSTRAINT_FOREIGNKEY ? ErrorCode::kNotFound : ErrorCode::kInvalidInput;
     case SQLITE_TOOBIG:
       return ErrorCode::kInvalidInput;
+    case SQLITE_FULL:
+      return ErrorCode::kNoRoom;
     default:
       return ErrorCode::kFailed;
   }
@@ -103,8 +105,10 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   // readers also open for writing, because WAL needs its shared memory; query_only below forbids changes
   const int flags =
       SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | (writer && options.create ? SQLITE_OPEN_CREATE : 0);
+  const bool frozen = options.mode == Mode::kFrozen;
   sqlite3* handle = nullptr;
-  const int rc = sqlite3_open_v2(path.c_str(), &handle, flags, options.vfs);
+  const int rc = sqlite3_open_v2(path.c_str(), &handle, flags,
+                                 frozen && options.vfs == nullptr ? "unix-none" : options.vfs);
   Connection connection(path, options.copy_of.empty() ? path : options.copy_of, handle);
   if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
   sqlite3_extended_result_codes(handle, 1);
@@ -117,6 +121,8 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
 
   // before anything else: disables automatic checkpoints
   RETURN_IF_ERROR(connection.script("PRAGMA wal_autocheckpoint=0"));
+  // the index of the log is then on the heap of each connection; without locks, several may do so
+  if (frozen) RETURN_IF_ERROR(connection.script("PRAGMA locking_mode=EXCLUSIVE"));
   if (writer) {
     auto mode = connection.prepare("PRAGMA journal_mode=WAL");
     RETURN_IF_ERROR(mode.step());
@@ -250,7 +256,8 @@ Error Connection::errorOf(int rc, std::string_view what) {
   if (((rc & 0xff) == SQLITE_IOERR || (rc & 0xff) == SQLITE_CORRUPT) && error_number != 0)
     text += std::string(", ") + std::strerror(error_number);
   text += diskAdvice(error_number, path_);
-  return {codeOf(rc), text};
+  const bool full = error_number == ENOSPC || error_number == EDQUOT;
+  return {full ? ErrorCode::kNoRoom : codeOf(rc), text};
 }
 
 Statement::Statement(Connection* connection, sqlite3_stmt* handle, std::optional<Error> failed)

@@ -128,6 +128,8 @@ class Connection {
     kWriter,  ///< reads, writes, checkpoints; one per process, and one process per database (lock in
               ///< bootstrap.h)
     kReader,  ///< query_only
+    kFrozen,  ///< query_only, of a file that nobody writes to: writes nothing itself, no lock and no
+              ///< shared memory beside the file, so that it opens on a full disk; includes the log
   };
   struct Options {
     Mode mode = Mode::kReader;

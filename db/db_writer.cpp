@@ -33,6 +33,9 @@ DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fat
   thread_ = std::thread([this] { loop(); });
 }
 
+DbWriter::DbWriter(Connection connection, Error refuses)
+    : connection_(std::move(connection)), time_(machineTime()), refuses_(true), failed_(std::move(refuses)) {}
+
 DbWriter::~DbWriter() {
   stop();
 }
@@ -41,6 +44,7 @@ Status DbWriter::post(Work work, Done done) {
   bool wakes = false;
   {
     const std::lock_guard lock(mutex_);
+    if (refuses_) return *failed_;
     if (stopping_ || failed_) return stoppedError(failed_);
     if (queue_.size() >= options_.max_items) {
       return Error{

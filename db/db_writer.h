@@ -63,6 +63,9 @@ class DbWriter {
 
   /// Takes ownership of the writer connection and starts the thread. `on_fatal` may be empty.
   DbWriter(Connection connection, const Options& options, OnFatal on_fatal);
+  /// A writer that refuses everything with `refuses`, as failed() says from the beginning: for a database
+  /// that must not be written to. Owns the connection, has no thread.
+  DbWriter(Connection connection, Error refuses);
   DbWriter(const DbWriter&) = delete;
   DbWriter& operator=(const DbWriter&) = delete;
   /// Calls stop().
@@ -99,6 +102,7 @@ class DbWriter {
   const Options options_;
   TimeSource& time_;
   const OnFatal on_fatal_;
+  const bool refuses_ = false;  ///< from the beginning, with failed_
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;

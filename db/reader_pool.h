@@ -32,8 +32,10 @@ class ReaderPool {
     std::unique_ptr<Connection> connection_;  ///< null after a move
   };
 
-  explicit ReaderPool(std::filesystem::path path, std::size_t max_idle = 8)
-      : path_(std::move(path)), max_idle_(max_idle) {}
+  /// `mode`: kReader, or kFrozen when there is no writer.
+  explicit ReaderPool(std::filesystem::path path, std::size_t max_idle = 8,
+                      Connection::Mode mode = Connection::Mode::kReader)
+      : path_(std::move(path)), max_idle_(max_idle), mode_(mode) {}
 
   Result<Lease> borrow();
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -41,6 +43,7 @@ class ReaderPool {
  private:
   const std::filesystem::path path_;
   const std::size_t max_idle_;
+  const Connection::Mode mode_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<Connection>> idle_;  ///< guarded by mutex_
 };

@@ -8,6 +8,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/planted_bug.h"
+#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "db/audit.h"
 #include "db/erasure.h"
@@ -105,6 +106,28 @@ Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& ro
 }
 
 }  // namespace
+
+Result<SessionArrival> SessionStore::arrivalOf(const pb::SessionDescription& description) {
+  SessionArrival arrival;
+  auto known = connection_.query("SELECT state FROM sessions WHERE id = ?", viewOf(description.session_id()));
+  ASSIGN_OR_RETURN(const bool found, known.step());
+  if (found) {
+    arrival.state =
+        known.integer(0) == pb::SESSION_OPEN ? SessionArrival::State::kOpen : SessionArrival::State::kClosed;
+    return arrival;
+  }
+  auto open = connection_.query("SELECT count(*) FROM sessions WHERE station = ? AND state = ?",
+                                description.station(), static_cast<int>(pb::SESSION_OPEN));
+  ASSIGN_OR_RETURN(const bool counted, open.step());
+  if (counted) arrival.open_sessions = open.natural(0);
+  auto name = connection_.query(
+      "SELECT ?1 NOT IN ('', ?2) AND NOT EXISTS (SELECT 1 FROM people WHERE name = ?1)"
+      " AND NOT EXISTS (SELECT 1 FROM sessions WHERE trainee = ?1)",
+      description.trainee(), kGuestName);
+  ASSIGN_OR_RETURN(const bool asked, name.step());
+  arrival.unknown_name = asked && name.integer(0) != 0;
+  return arrival;
+}
 
 Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, std::int64_t now_unix_ns) {
   RETURN_IF_ERROR(checkDescription(given));

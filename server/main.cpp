@@ -87,7 +87,10 @@ int main(int argc, char** argv) try {
   app.add_option("--max-connections", options.max_connections, "More are closed at once")
       ->check(CLI::Range(std::size_t{1}, std::size_t{100'000}))
       ->capture_default_str();
-  app.add_option("--min-free", min_free_mib, "MiB that must be free on DIR's disk for the server to start")
+  app.add_option(
+         "--min-free", min_free_mib,
+         "MiB of DIR's disk below which nothing recorded is stored, and a new folder is not made; below four "
+         "times as much no session is begun; 0: nothing is refused")
       ->capture_default_str();
   app.add_option("--log-format", log_format, "text or json, one object a line")->capture_default_str();
   app.add_option("--log-level", log_level, "debug, info, warning, error or off")->capture_default_str();

@@ -16,6 +16,7 @@
 #include "common/base/program.h"
 #include "common/wire/certificates.h"
 #include "common/wire/tls.h"
+#include "db/retention_store.h"
 #include "db/schema.h"
 #include "server/base/listen.h"
 #include "server/base/log.h"
@@ -56,6 +57,7 @@ struct Server::Parts {
   // of the retention threads, one runs retention; the other answers further requests and makes dry runs
   asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{kWorkerThreads}, views{kViewThreads}, slow_workers{1},
       retention_workers{2};
+  asio::thread_pool room_worker{1};  // looks at the disk, which may hang
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
@@ -67,12 +69,14 @@ struct Server::Parts {
   asio::steady_timer retention_timer{io};
   asio::steady_timer heap_timer{io};
   asio::steady_timer certificate_timer{io};
+  asio::steady_timer room_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
   int exit_code = kExitDone;
   std::uint64_t refused_unlogged = 0;
   std::int64_t refused_logged_ns = 0;
+  std::uint64_t free_at_start = 0;
 
   Task<> signalLoop();
   Task<> drainLoop();
@@ -81,6 +85,9 @@ struct Server::Parts {
   Task<> retentionLoop();
   Task<> heapLoop();
   Task<> certificateLoop();
+  [[nodiscard]] std::optional<DiskRoom::Look> lookAtRoom() const;
+  void noteRoom(const std::optional<DiskRoom::Look>& look);
+  Task<> roomLoop();
   void accepted(Tcp::socket socket);
   void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);
@@ -103,6 +110,8 @@ Result<ServerCertificate> currentCertificate(const TlsFiles& files, const Certif
   current.sha256 = facts.sha256;
   return current;
 }
+/// A read-only server believes that somebody made room when so much more is free than at its start.
+constexpr std::uint64_t kMadeRoom = 8u << 20;
 
 void logThrown(const std::string& text) {
   logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
@@ -120,7 +129,9 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                                            : listenOn(p.io, endpoint, p.options.listen));
   RETURN_IF_ERROR(checkClock(wallNowNs() / 1'000'000'000));
   RETURN_IF_ERROR(checkFolderRights(p.options.data));
-  RETURN_IF_ERROR(checkRoom(p.options.data, p.options.min_free_bytes));
+  std::error_code ignored;
+  const bool is_new = !std::filesystem::exists(p.options.data / "needlelab.db", ignored);
+  if (is_new) RETURN_IF_ERROR(checkRoom(p.options.data, p.options.min_free_bytes));
   if (const std::string few = tooFewFiles(p.options.max_connections); !few.empty())
     logEvent(LogLevel::kWarning, "few_files", {{"text", few}});
   p.acceptor.emplace(std::move(acceptor));
@@ -136,11 +147,19 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
       raw->beginStop("the server's database failed");
     });
   };
+  const auto free_bytes = p.options.free_bytes(p.options.data);
+  p.free_at_start = free_bytes.value_or(0);
+  if (!is_new)
+    store_options.read_only_because = readOnlyBecause(p.options.data, free_bytes, p.options.min_free_bytes);
   ASSIGN_OR_RETURN(auto store, Store::open(p.options.data, store_options));
   p.store = std::move(store);
+  if (const auto& why = p.store->readOnly())
+    logEvent(LogLevel::kError, "read_only",
+             {{"text", "the disk is too full to write: recordings can be read and exported, stations wait: " +
+                           why->message}});
   ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
   for (const std::string& text : repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
-  RETURN_IF_ERROR(logValidAgain(*p.store));
+  if (!p.store->readOnly()) RETURN_IF_ERROR(logValidAgain(*p.store));
 
   p.files = tlsFilesIn(p.options.data / "tls");
   p.names = certificateNames(p.options.listen, p.options.host_names, p.options.ca_domains);
@@ -165,7 +184,10 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .counters = {},
                                   .admission = Admission(p.options.admission),
                                   .handshakes = HandshakeTurns(p.options.handshakes),
+                                  .disk_room = DiskRoom(p.options.min_free_bytes),
+                                  .quotas = StationQuotas(p.options.quotas),
                                   .connections = {}});
+  p.noteRoom(p.lookAtRoom());
   RETURN_IF_ERROR(p.startMonitor());
   if (const std::string& web = p.options.web.listen; !web.empty() && web != "off") {
     auto started = WebServer::start(*p.context, p.tls, p.options.web);
@@ -222,7 +244,8 @@ Server::~Server() {
   Parts& p = *parts_;
   // running work posts its results to io, which no longer runs
   for (asio::thread_pool* pool :
-       {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.views, &p.slow_workers, &p.retention_workers})
+       {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.views, &p.slow_workers, &p.retention_workers,
+        &p.room_worker})
     pool->join();
   if (p.monitor) p.monitor->join();
   p.store->writer().stop();
@@ -241,10 +264,11 @@ int Server::run() {
   if (p.options.retention_every.count() > 0) asio::co_spawn(p.io, p.retentionLoop(), rethrow);
   asio::co_spawn(p.io, p.heapLoop(), rethrow);
   if (p.options.certificate_every.count() > 0) asio::co_spawn(p.io, p.certificateLoop(), rethrow);
+  asio::co_spawn(p.io, p.roomLoop(), rethrow);
   p.io.run();
   // all connections have ended; the writer commits its queue before it ends
   p.store->writer().stop();
-  if (const auto failed = p.store->writer().failed()) {
+  if (const auto failed = p.store->writer().failed(); failed && !p.store->readOnly()) {
     p.exit_code = kExitFailed;
     logEvent(LogLevel::kError, "stopped", {{"exit", p.exit_code}, {"text", failed->message}});
   } else {
@@ -311,6 +335,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   retention_timer.cancel();
   heap_timer.cancel();
   certificate_timer.cancel();
+  room_timer.cancel();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {
@@ -379,6 +404,46 @@ Task<> Server::Parts::certificateLoop() {
     tls = now->tls;
     if (web) web->useTls(tls);
     logEvent(LogLevel::kInfo, "certificate_taken", {{"sha256", now->sha256}});
+  }
+}
+
+/// Thread: any; blocks while the disk hangs. Nothing: the system does not tell.
+std::optional<DiskRoom::Look> Server::Parts::lookAtRoom() const {
+  const auto free = options.free_bytes(options.data);
+  if (!free) return std::nullopt;
+  DiskRoom::Look look{.disk_bytes = *free};
+  if (auto reader = store->readers().borrow(); reader.ok())
+    if (const auto space = RetentionStore(**reader).space(); space.ok()) look.file_bytes = space->free_bytes;
+  return look;
+}
+
+void Server::Parts::noteRoom(const std::optional<DiskRoom::Look>& look) {
+  if (!look) return;  // what was seen before still counts
+  DiskRoom& room = context->disk_room;
+  const RoomLevel before = room.level();
+  room.look(*look);
+  if (const RoomLevel now = room.level(); now != before)
+    logEvent(now == RoomLevel::kPlenty ? LogLevel::kInfo : LogLevel::kWarning, "disk_room",
+             {{"level", nameOf(now)}, {"left_bytes", room.leftBytes()}, {"text", room.text()}});
+}
+
+/// Looks at the disk and sets what is refused. A read-only server ends when there is room: whoever started it
+/// starts it again, for writing.
+Task<> Server::Parts::roomLoop() {
+  while (!stopping) {
+    room_timer.expires_after(options.room_every);
+    co_await room_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    std::function<std::optional<DiskRoom::Look>()> look = [this] { return lookAtRoom(); };
+    const auto seen = co_await offload(room_worker, std::move(look));
+    if (stopping) co_return;
+    noteRoom(seen);
+    // a disk that refuses although it has room (a quota) would refuse again
+    if (!store->readOnly() || !seen || context->disk_room.level() == RoomLevel::kNoChunks ||
+        seen->disk_bytes < free_at_start + kMadeRoom)
+      continue;
+    exit_code = kExitFailed;
+    beginStop("there is room on the disk again: start the server again, for writing");
   }
 }
 

@@ -22,10 +22,16 @@ struct ServerOptions {
   std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
   int listen_fd = -1;                     ///< use this listening socket instead of `listen`; takes ownership
   std::string metrics;                    ///< HOST:PORT for GET /metrics and /healthz; empty: none
-  std::filesystem::path metrics_port_file;   ///< written with the port of `metrics`; empty: none
-  WebSettings web;                           ///< the port for browsers
-  bool web_optional = false;                 ///< when the port of `web` is taken, the server runs without it
-  std::uint64_t min_free_bytes = 64u << 20;  ///< on the folder's disk; with less the server does not start
+  std::filesystem::path metrics_port_file;  ///< written with the port of `metrics`; empty: none
+  WebSettings web;                          ///< the port for browsers
+  bool web_optional = false;                ///< when the port of `web` is taken, the server runs without it
+  /// Room on the folder's disk. With less, no chunk is stored; with less than four times as much, no session
+  /// is begun; with less than an eighth at the start, the database is opened read-only. A new folder needs it
+  /// whole. 0: nothing is refused (server/live/disk_room.h).
+  std::uint64_t min_free_bytes = 64u << 20;
+  FreeBytes free_bytes = freeBytesOf;           ///< for tests: how much is free
+  std::chrono::milliseconds room_every{1'000};  ///< between two looks at the disk
+  StationQuotas::Settings quotas;
   MonitorSettings monitor;
   std::filesystem::path port_file;      ///< written after listening; empty: none
   std::vector<std::string> host_names;  ///< for the certificate, in addition to those found automatically

@@ -64,6 +64,7 @@ struct UplinkState {
   std::uint64_t current_committed = 0;  ///< chunks of the current session that the server has
   std::optional<pb::SessionClosed> current_verdict;
   std::string current_trouble;     ///< why the server refuses the current session
+  std::string server_full;         ///< what the server says while it has no room for a session; empty: it has
   std::uint64_t live_frames = 0;   ///< sent
   std::uint64_t live_encoded = 0;  ///< pieces encoded for viewers; none without viewers
   std::uint64_t live_dropped = 0;  ///< dropped here, because the network was slow

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "client/net/uplink.h"
+#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "common/wire/protocol.h"
 
@@ -183,14 +184,22 @@ void Uplink::pump() {
 
 void Uplink::publish() {
   std::uint64_t left = 0, open = 0;
+  std::string full;
   for (const auto& session : sessions_) {
     if (session->closed()) continue;
+    if (full.empty()) full = session->waitsFor();
     const std::uint64_t chunks = session->spool()->contents().chunks;
     left += chunks - std::min(chunks, session->committed());
     if (!session->finished()) ++open;
   }
   {
     const std::scoped_lock lock(mutex_);
+    state_.server_full = printable(full);
+    // instructors see it beside the station's own troubles
+    if (full.empty())
+      troubles_.erase("server");
+    else
+      troubles_["server"] = state_.server_full;
     state_.chunks_left = left;
     state_.sessions_open = open + added_.size();
     state_.clock = clock_.best();
@@ -277,7 +286,10 @@ void Uplink::handleRefusal(const pb::Envelope& envelope) {
   const pb::Refusal& refusal = envelope.refusal();
   if (envelope.refused_request() != 0) return;  // its request was dropped
   if (auto* session = refusal.session_id().empty() ? nullptr : find(refusal.session_id())) {
+    const bool waited = !session->waitsFor().empty();
     session->onRefusal(refusal);
+    if (!waited && !session->waitsFor().empty())
+      report("session " + session->spool()->idText() + " waits in the spool: " + session->waitsFor());
     if (session->refused()) report("session " + session->spool()->idText() + ": " + session->trouble());
     return;
   }

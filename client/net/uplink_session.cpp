@@ -15,6 +15,8 @@ namespace {
 
 constexpr std::int64_t kReceiptEvery_ns = 2'000'000'000;
 constexpr std::int64_t kAskAgain_ns = 2'000'000'000;
+// a full disk lasts; a person who makes room sees after this time that the stations deliver
+constexpr std::int64_t kAskForRoom_ns = 15'000'000'000;
 // limit for demands to go back without an ack in between: beyond it, sending again does not help
 constexpr std::uint32_t kMostReopened = 20;
 
@@ -119,6 +121,7 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
   }
   // the database decides: after a restore it may have fewer chunks than it once acknowledged
   committed_ = sent_ = next_seq;
+  waits_for_.clear();
   state_ = State::kOpen;
 }
 
@@ -163,6 +166,7 @@ void UplinkSession::onAck(const pb::Ack& ack) {
 
 void UplinkSession::onClosed(const pb::SessionClosed& closed) {
   verdict_ = closed;
+  waits_for_.clear();
   state_ = State::kClosed;
   asked_ = true;  // this connection has just answered
   asking_ = end_due_ = false;
@@ -202,6 +206,13 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
     case pb::Refusal::CONFLICT:
     case pb::Refusal::NOT_FOUND:
       return refuse("the server refuses it (" + reasonName(refusal.reason()) + "): " + refusal.text());
+    case pb::Refusal::NO_ROOM:
+      // the spool keeps all of it; what is in flight is not stored
+      state_ = State::kNew;
+      sent_ = committed_;
+      waits_for_ = refusal.text();
+      not_before_ns_ = time_.nowNs() + kAskForRoom_ns;
+      return;
     default:
       // a temporary refusal: ask again a little later, unless it ends the connection
       if (state_ == State::kNew || state_ == State::kOpen) return;

@@ -57,6 +57,8 @@ class UplinkSession {
   [[nodiscard]] bool finished() const { return closed() || refused(); }
   /// Why the server refused the session, for a person.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
+  /// What the server says while it has no room for the session, which is asked for again; empty otherwise.
+  [[nodiscard]] const std::string& waitsFor() const { return waits_for_; }
   /// The server's verdict and score, once closed.
   [[nodiscard]] const pb::SessionClosed& verdict() const { return verdict_; }
 
@@ -83,7 +85,7 @@ class UplinkSession {
   bool reconnected_ = false;    // the connection was lost before
   std::uint32_t reopened_ = 0;  // on the server's demand, since the last ack that brought something
   std::int64_t saved_ns_ = 0, not_before_ns_ = 0;
-  std::string trouble_;
+  std::string trouble_, waits_for_;
   pb::SessionClosed verdict_;
 };
 

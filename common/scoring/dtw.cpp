@@ -149,12 +149,12 @@ TipPath tipPathOf(const Gesture& gesture, const Pose& X_WL) {
 }
 
 TipPath tipPathOf(std::span<const GestureSample> samples, double rate_hz, const Pose& X_WL) {
+  return tipPathOf(RecordedSamples(samples), rate_hz, X_WL);
+}
+
+TipPath tipPathOf(const RecordedSamples& samples, double rate_hz, const Pose& X_WL) {
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
-  std::vector<GestureSample> storage;
-  Gesture gesture;
-  gesture.samples = cleaned(samples, storage);
-  gesture.rate_hz = rate_hz;
-  gesture.runs = runsOf(gesture.samples, rate_hz);
+  const Gesture gesture{samples, rate_hz, runsOf(samples, rate_hz), {}, nullptr, std::nullopt};
   return tipPathOf(gesture, X_WL);
 }
 

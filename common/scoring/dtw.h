@@ -9,6 +9,7 @@
 
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
+#include "common/scoring/recorded_samples.h"
 
 namespace needlelab {
 
@@ -55,5 +56,7 @@ std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<cons
 /// The tip's path of a recording (dtw.h), from the smoothed track; empty if it was never in tissue. The
 /// stretches between long gaps are joined. `rate_hz`, `X_WL`: as for `scoreGesture`. Thread: any.
 TipPath tipPathOf(std::span<const GestureSample> samples, double rate_hz, const Pose& X_WL);
+/// The same of a recording that is decoded block by block; see samples.fault() afterwards.
+TipPath tipPathOf(const RecordedSamples& samples, double rate_hz, const Pose& X_WL);
 
 }  // namespace needlelab

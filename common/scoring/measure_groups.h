@@ -19,7 +19,7 @@ namespace needlelab {
 
 /// One gesture, prepared once.
 struct Gesture {
-  std::span<const GestureSample> samples;  ///< cleaned, may be empty
+  const RecordedSamples& samples;  ///< may be empty
   double rate_hz = 0;
   std::vector<Run> runs;
   Anatomy anatomy;

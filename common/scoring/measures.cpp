@@ -207,12 +207,16 @@ void Rows::add(std::string name, double value, std::string words) {
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL, const pb::Exercise* exercise,
                                   std::span<const TipPath> references) {
+  return scoreGesture(RecordedSamples(samples), rate_hz, profile, X_WL, exercise, references);
+}
+
+std::vector<Measure> scoreGesture(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
+                                  const Pose& X_WL, const pb::Exercise* exercise,
+                                  std::span<const TipPath> references) {
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
-  std::vector<GestureSample> storage;
-  const std::span<const GestureSample> usable = cleaned(samples, storage);
-  const Gesture gesture{usable,
+  const Gesture gesture{samples,
                         rate_hz,
-                        runsOf(usable, rate_hz),
+                        runsOf(samples, rate_hz),
                         anatomyOf(profile, X_WL),
                         &profile,
                         exercise == nullptr ? std::nullopt : plannedLineOf(*exercise, X_WL)};
@@ -222,7 +226,7 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
   addTissue(gesture, rows);
   addAim(gesture, rows);
   addPlan(gesture, rows);
-  addSyringe(gesture, syringeEvents(usable, rate_hz, profile, X_WL), rows);
+  addSyringe(gesture, syringeEvents(samples, rate_hz, profile, X_WL), rows);
   addReferences(gesture, X_WL, references, rows);
   std::vector<Measure> measures = rows.take();
   applyRequirements(exercise, measures);

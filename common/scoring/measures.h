@@ -12,6 +12,7 @@
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
 #include "common/scoring/dtw.h"
+#include "common/scoring/recorded_samples.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -60,6 +61,11 @@ struct Measure {
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL,
                                   const pb::Exercise* exercise = nullptr,
+                                  std::span<const TipPath> references = {});
+/// The same, bit for bit, of a recording that is decoded block by block; see samples.fault() afterwards.
+/// Memory beside the samples: some 25 bytes a sample at 1 kHz.
+std::vector<Measure> scoreGesture(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
+                                  const Pose& X_WL, const pb::Exercise* exercise = nullptr,
                                   std::span<const TipPath> references = {});
 
 /// Whether `scoreGesture` can give a measure of this name for some profile, e.g. "peak_force_layer_3_n".

@@ -126,16 +126,17 @@ Vec3 skinPointOf(const GestureSample& s) {
 /// saw the tick before, back along the needle by its inserted length. Nothing: never in tissue.
 std::optional<Vec3> firstEntryOf(const Gesture& gesture) {
   const auto& samples = gesture.samples;
-  const auto first = std::find_if(samples.begin(), samples.end(), isInside);
-  if (first == samples.end()) return std::nullopt;
-  if (first != samples.begin() && gesture.anatomy.has_limb &&
-      secondsBetween(first[-1], *first, gesture.rate_hz) <= kLongestBridge_s) {
-    const Vec3 before = tipOf(first[-1]), tip = tipOf(*first);
+  std::size_t first = 0;
+  while (first < samples.size() && !isInside(samples[first])) ++first;
+  if (first == samples.size()) return std::nullopt;
+  if (first > 0 && gesture.anatomy.has_limb &&
+      secondsBetween(samples[first - 1], samples[first], gesture.rate_hz) <= kLongestBridge_s) {
+    const Vec3 before = tipOf(samples[first - 1]), tip = tipOf(samples[first]);
     const double outside_m = -signedDepth(gesture.anatomy.limb, before),
                  inside_m = signedDepth(gesture.anatomy.limb, tip);
     if (outside_m >= 0 && inside_m > 0) return before + outside_m / (outside_m + inside_m) * (tip - before);
   }
-  return skinPointOf(*first);
+  return skinPointOf(samples[first]);
 }
 
 /// Distance of the tip from the nearest target's centre, and whether it is in that target.
@@ -158,10 +159,13 @@ Aim aimOf(const Anatomy& anatomy, Vec3 tip_W_m) {
 /// in tissue.
 bool finalPoint(const Gesture& gesture, std::size_t& index) {
   bool found = false, was_inside = false;
+  double furthest_m = 0;
   for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    const bool inside = isInside(gesture.samples[i]);
-    if (inside && (!was_inside || gesture.samples[i].insertion_m >= gesture.samples[index].insertion_m)) {
+    const GestureSample& sample = gesture.samples[i];
+    const bool inside = isInside(sample);
+    if (inside && (!was_inside || sample.insertion_m >= furthest_m)) {
       index = i;
+      furthest_m = sample.insertion_m;
       found = true;
     }
     was_inside = inside;
@@ -213,12 +217,16 @@ void addTissue(const Gesture& gesture, Rows& rows) {
   std::vector<double> layer_peaks(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0);
   std::vector<double> layer_impulses(layer_peaks), layer_times(layer_peaks);
   int layer_before = -1;
-  const GestureSample* changed = nullptr;  // the tip's last change of layer
+  GestureSample changed;  // at the tip's last change of layer
+  bool has_changed = false;
   for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
     const GestureSample& sample = gesture.samples[i];
     const double force_N = forceOf(sample);
     peak_N = std::max(peak_N, force_N);
-    if (sample.layer != layer_before) changed = layer_before >= 0 && isInside(sample) ? &sample : nullptr;
+    if (sample.layer != layer_before) {
+      changed = sample;
+      has_changed = layer_before >= 0 && isInside(sample);
+    }
     layer_before = sample.layer;
     if (!isInside(sample)) continue;
     if (gesture.anatomy.has_limb)
@@ -231,7 +239,7 @@ void addTissue(const Gesture& gesture, Rows& rows) {
     const auto layer =
         static_cast<std::size_t>(static_cast<unsigned char>(sample.layer));  // not negative here
     const bool changing =
-        changed != nullptr && secondsBetween(*changed, sample, gesture.rate_hz) < kLayerChange_s * (1 - 1e-9);
+        has_changed && secondsBetween(changed, sample, gesture.rate_hz) < kLayerChange_s * (1 - 1e-9);
     if (layer >= layer_peaks.size() || changing) continue;
     layer_peaks[layer] = std::max(layer_peaks[layer], force_N);
     layer_impulses[layer] += force_N * weight_s;
@@ -273,7 +281,8 @@ void addAim(const Gesture& gesture, Rows& rows) {
   std::vector<bool> touched(hazards.size(), false);
   BoneContacts bones(*gesture.profile, gesture.anatomy);
   int bone_contacts = 0;
-  for (const GestureSample& sample : gesture.samples) {
+  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
+    const GestureSample& sample = gesture.samples[i];
     const Vec3 tip = tipOf(sample);
     if (bones.add(secondsBetween(gesture.samples.front(), sample, gesture.rate_hz), sample.layer, tip))
       ++bone_contacts;

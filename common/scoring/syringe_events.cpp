@@ -105,7 +105,7 @@ pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample
 }
 
 /// Shares of the stroke, weighted by the plunger's movement in each tick, and the hazards on the way.
-void addShares(const Surroundings& around, std::span<const GestureSample> samples, const Stroke& stroke,
+void addShares(const Surroundings& around, const RecordedSamples& samples, const Stroke& stroke,
                pb::SyringeEvent& event) {
   const double sign = stroke.to < stroke.from ? -1 : 1;
   double all = 0, in_tissue = 0, in_target = 0;
@@ -141,7 +141,7 @@ struct Bin {
   double plunger = 0;
 };
 
-std::vector<Bin> binsOf(std::span<const GestureSample> samples, double rate_hz) {
+std::vector<Bin> binsOf(const RecordedSamples& samples, double rate_hz) {
   std::vector<Bin> bins;
   double sum = 0;
   std::int64_t number = -1;
@@ -294,7 +294,7 @@ Json placeJson(const pb::SyringePlace& place) {
 }
 
 /// The strokes of a cleaned recording, in order (defined in syringe_events.h).
-std::vector<Stroke> strokesOf(std::span<const GestureSample> samples, double rate_hz) {
+std::vector<Stroke> strokesOf(const RecordedSamples& samples, double rate_hz) {
   const std::vector<Bin> bins = binsOf(samples, rate_hz);
   if (bins.empty()) return {};
   std::vector<Move> joined;
@@ -324,11 +324,14 @@ std::vector<Stroke> strokesOf(std::span<const GestureSample> samples, double rat
 
 }  // namespace
 
-std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> given, double rate_hz,
+std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> samples, double rate_hz,
+                                            const pb::Profile& profile, const Pose& X_WL) {
+  return syringeEvents(RecordedSamples(samples), rate_hz, profile, X_WL);
+}
+
+std::vector<pb::SyringeEvent> syringeEvents(const RecordedSamples& samples, double rate_hz,
                                             const pb::Profile& profile, const Pose& X_WL) {
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
-  std::vector<GestureSample> storage;
-  const std::span<const GestureSample> samples = cleaned(given, storage);
   const Surroundings around = surroundingsOf(profile, X_WL);
   std::vector<pb::SyringeEvent> events;
   for (const Stroke& stroke : strokesOf(samples, rate_hz)) {

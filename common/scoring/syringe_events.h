@@ -22,6 +22,7 @@
 
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
+#include "common/scoring/recorded_samples.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
 
@@ -35,6 +36,9 @@ inline constexpr double kPause_s = 0.3;
 /// Returns aspirations and injections in order of time. Skips the samples that `scoreGesture` skips; returns
 /// none outside 50-40,000 Hz. `X_WL`: pose of the profile's frame in W. Thread: any.
 std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> samples, double rate_hz,
+                                            const pb::Profile& profile, const Pose& X_WL);
+/// The same of a recording that is decoded block by block; see samples.fault() afterwards.
+std::vector<pb::SyringeEvent> syringeEvents(const RecordedSamples& samples, double rate_hz,
                                             const pb::Profile& profile, const Pose& X_WL);
 
 /// Sets the events' layer_name, which databases do not keep. `profile`: the session's.

@@ -7,6 +7,7 @@
 #include <complex>
 #include <iterator>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 namespace needlelab {
@@ -41,31 +42,41 @@ Channels channelsOf(const GestureSample& s) {
           s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]};
 }
 
-/// Means over `count` bins of equal length of the piecewise linear signal through `times` (from 0 on) and
-/// `values`.
-std::vector<Channels> binMeans(const std::vector<double>& times, const std::vector<Channels>& values,
-                               std::size_t count) {
-  const double bin_s = times.back() / static_cast<double>(count);
-  std::vector<Channels> means(count, Channels{});
+/// Means over `count` bins of equal length of the piecewise linear signal through a run's samples, given to
+/// `give` in order.
+template <typename Give>
+void binMeans(const RecordedSamples& samples, const Run& run, double rate_hz, std::size_t count,
+              const Give& give) {
+  const GestureSample first = samples[run.first];
+  const double end_s = secondsBetween(first, samples[run.last], rate_hz);
+  const double bin_s = end_s / static_cast<double>(count);
+  Channels mean{}, value = channelsOf(first);
+  double time_s = 0;
   std::size_t bin = 0;
-  for (std::size_t i = 0; i + 1 < times.size(); ++i) {
+  for (std::size_t i = run.first + 1; i <= run.last; ++i) {
+    const double next_s = secondsBetween(first, samples[i], rate_hz);
+    const Channels next = channelsOf(samples[i]);
     // the piece of this segment in each bin that it touches: trapezoid, exact for a straight line
-    double from_s = times[i];
-    while (from_s < times[i + 1]) {
+    double from_s = time_s;
+    while (from_s < next_s) {
       const bool is_last = bin + 1 == count;
-      const double bin_end_s = is_last ? times.back() : static_cast<double>(bin + 1) * bin_s;
-      const double to_s = std::min(times[i + 1], bin_end_s);
-      const double middle = (0.5 * (from_s + to_s) - times[i]) / (times[i + 1] - times[i]);
+      const double bin_end_s = is_last ? end_s : static_cast<double>(bin + 1) * bin_s;
+      const double to_s = std::min(next_s, bin_end_s);
+      const double middle = (0.5 * (from_s + to_s) - time_s) / (next_s - time_s);
       const double share = (to_s - from_s) / bin_s;
-      for (std::size_t c = 0; c < kChannels; ++c) {
-        means[bin][c] += share * (values[i][c] + middle * (values[i + 1][c] - values[i][c]));
+      for (std::size_t c = 0; c < kChannels; ++c)
+        mean[c] += share * (value[c] + middle * (next[c] - value[c]));
+      if (to_s >= bin_end_s && !is_last) {
+        give(std::exchange(mean, Channels{}));
+        ++bin;
       }
-      if (to_s >= bin_end_s && !is_last) ++bin;
       if (to_s <= from_s) break;  // rounding residue
       from_s = to_s;
     }
+    time_s = next_s;
+    value = next;
   }
-  return means;
+  for (; bin < count; ++bin) give(std::exchange(mean, Channels{}));
 }
 
 /// Half of a Gaussian's weights, the middle first; they sum to 1 with the other half.
@@ -126,39 +137,37 @@ TrackPoint pointOf(const Channels& c) {
 }
 
 /// Fills a run from its samples (at least one).
-void fill(Run& run, std::span<const GestureSample> samples, double rate_hz) {
-  const GestureSample& first = samples[run.first];
+void fill(Run& run, const RecordedSamples& samples, double rate_hz) {
+  const GestureSample first = samples[run.first];
   const double duration_s = secondsBetween(first, samples[run.last], rate_hz);
   if (run.first == run.last) {
     run.points.push_back(pointOf(channelsOf(first)));
     return;
   }
-  std::vector<double> times;
-  std::vector<Channels> values;
-  for (std::size_t i = run.first; i <= run.last; ++i) {
-    times.push_back(secondsBetween(first, samples[i], rate_hz));
-    values.push_back(channelsOf(samples[i]));
-  }
   const auto intervals =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(duration_s / kAnalysisPeriod_s - 1e-9)));
   run.period_s = duration_s / static_cast<double>(intervals);
+  run.inside.reserve(intervals);
+  run.force_W_N.reserve(intervals);
+  run.points.reserve(intervals + 1);
 
   // bins of half a period: a point's value is the mean of its two bins, an end point keeps the end's value
-  const std::vector<Channels> halves = binMeans(times, values, 2 * intervals);
-  for (std::size_t i = 0; i < intervals; ++i) {
-    run.inside.push_back(std::clamp(0.5 * (halves[2 * i][kInside] + halves[2 * i + 1][kInside]), 0.0, 1.0));
-    const auto force = [&](std::size_t c) {
-      return 0.5 * (halves[2 * i][kForce + c] + halves[2 * i + 1][kForce + c]);
-    };
-    run.force_W_N.push_back({force(0), force(1), force(2)});
-  }
   std::vector<Channels> points(intervals + 1);
-  points.front() = values.front();
-  points.back() = values.back();
-  for (std::size_t i = 1; i < intervals; ++i) {
-    for (std::size_t c = 0; c < kChannels; ++c)
-      points[i][c] = 0.5 * (halves[2 * i - 1][c] + halves[2 * i][c]);
-  }
+  points.front() = channelsOf(first);
+  points.back() = channelsOf(samples[run.last]);
+  std::size_t half = 0;
+  Channels before{};
+  binMeans(samples, run, rate_hz, 2 * intervals, [&](const Channels& mean) {
+    if (half % 2 == 1) {
+      run.inside.push_back(std::clamp(0.5 * (before[kInside] + mean[kInside]), 0.0, 1.0));
+      const auto force = [&](std::size_t c) { return 0.5 * (before[kForce + c] + mean[kForce + c]); };
+      run.force_W_N.push_back({force(0), force(1), force(2)});
+    } else if (half > 0) {
+      for (std::size_t c = 0; c < kChannels; ++c) points[half / 2][c] = 0.5 * (before[c] + mean[c]);
+    }
+    before = mean;
+    ++half;
+  });
 
   // an exit resets the insertion: average it, do not smooth it
   const std::vector<double> kernel = gaussianHalf(run.period_s);
@@ -222,19 +231,31 @@ std::span<const GestureSample> cleaned(std::span<const GestureSample> samples,
   return storage;
 }
 
-std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz) {
+void keepUsable(std::vector<GestureSample>& samples, std::uint64_t& last_tick, bool& any) {
+  std::erase_if(samples, [&](const GestureSample& sample) {
+    const bool kept = isUsable(sample) && (!any || sample.tick > last_tick);
+    if (kept) last_tick = sample.tick, any = true;
+    return !kept;
+  });
+}
+
+std::vector<Run> runsOf(const RecordedSamples& samples, double rate_hz) {
   std::vector<Run> runs;
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const bool is_new = i == 0 || secondsBetween(samples[i - 1], samples[i], rate_hz) > kLongestBridge_s;
     if (is_new) {
       runs.emplace_back();
       runs.back().first = i;
-      runs.back().start_s = secondsBetween(samples[0], samples[i], rate_hz);
+      runs.back().start_s = secondsBetween(samples.front(), samples[i], rate_hz);
     }
     runs.back().last = i;
   }
   for (Run& run : runs) fill(run, samples, rate_hz);
   return runs;
+}
+
+std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz) {
+  return runsOf(RecordedSamples(samples), rate_hz);
 }
 
 std::optional<double> sparc(std::span<const double> speed_mps, double rate_hz) {

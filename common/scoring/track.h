@@ -8,12 +8,14 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
+#include "common/scoring/recorded_samples.h"
 
 namespace needlelab {
 
@@ -49,6 +51,10 @@ struct Run {
 std::span<const GestureSample> cleaned(std::span<const GestureSample> samples,
                                        std::vector<GestureSample>& storage);
 
+/// The same for a part of a recording, in place. `last_tick`, `any`: of the usable samples before it, and
+/// whether there are such; set to those after it.
+void keepUsable(std::vector<GestureSample>& samples, std::uint64_t& last_tick, bool& any);
+
 /// Seconds between two ticks.
 inline double secondsBetween(const GestureSample& a, const GestureSample& b, double rate_hz) {
   return static_cast<double>(b.tick - a.tick) / rate_hz;
@@ -59,9 +65,11 @@ inline bool isInside(const GestureSample& sample) {
   return sample.layer >= 0;
 }
 
-/// The runs of a cleaned recording, in order. Memory: at most about 15 points per sample, for any size of
-/// gaps.
-std::vector<Run> runsOf(std::span<const GestureSample> cleaned_samples, double rate_hz);
+/// The runs of a recording, in order. Memory: some 200 bytes a point; at most about 15 points per sample, for
+/// any size of gaps, and a tenth of a point at 1 kHz without gaps.
+std::vector<Run> runsOf(const RecordedSamples& samples, double rate_hz);
+/// The same of samples in memory.
+std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz);
 
 inline constexpr double kSparcCutoffHz = 10;
 inline constexpr double kSparcThreshold =

@@ -144,6 +144,8 @@ pb::Refusal refusalOf(const Error& error) {
         return pb::Refusal::CODE;
       case ErrorCode::kVersion:
         return pb::Refusal::VERSION;
+      case ErrorCode::kNoRoom:
+        return pb::Refusal::NO_ROOM;
       case ErrorCode::kUnavailable:
       case ErrorCode::kCorrupt:
       case ErrorCode::kFailed:
@@ -177,6 +179,8 @@ Error errorOf(const pb::Refusal& refusal) {
         return ErrorCode::kAlreadyExists;
       case pb::Refusal::REVISION_CONFLICT:
         return ErrorCode::kConflict;
+      case pb::Refusal::NO_ROOM:
+        return ErrorCode::kNoRoom;
       case pb::Refusal::RATE_LIMITED:
       case pb::Refusal::QUEUE_OVERFLOW:
       case pb::Refusal::TIMEOUT:

@@ -85,7 +85,7 @@ Status checkVersion(const pb::Version& ours, const pb::Version& theirs);
 /// Translates refusals into errors and errors into refusals.
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal = false);
 /// Returns the reason for an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE,
-/// kCode → CODE …, all others → INTERNAL.
+/// kCode → CODE, kNoRoom → NO_ROOM …, all others → INTERNAL.
 pb::Refusal refusalOf(const Error& error);
 /// Returns the error for a peer's refusal; the message names the reason, and both versions if the refusal has
 /// them. Of CODE it is the peer's text alone.

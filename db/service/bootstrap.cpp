@@ -67,6 +67,29 @@ Status fillNewDatabase(Connection& connection) {
   return transaction.commit();
 }
 
+/// The writer's connection, with the newest schema.
+Result<Connection> openToWrite(const std::filesystem::path& path) {
+  ASSIGN_OR_RETURN(auto connection,
+                   Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
+  RETURN_IF_ERROR(migrate(connection));
+  RETURN_IF_ERROR(fillNewDatabase(connection));
+  return connection;
+}
+
+/// The connection of a store that writes nothing. `why`: the reason.
+Result<Connection> openFrozen(const std::filesystem::path& path, const Error& why) {
+  ASSIGN_OR_RETURN(auto connection, Connection::open(path, {.mode = Connection::Mode::kFrozen}));
+  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
+  // also an empty file, which an earlier start on the full disk left
+  if (found < newestSchemaVersion())
+    return Error{ErrorCode::kNoRoom,
+                 fmt::format("{}: its schema has version {} and must become {} before anything can be read, "
+                             "which needs room: {}",
+                             path.string(), found, newestSchemaVersion(), why.message)};
+  RETURN_IF_ERROR(requireNewestSchema(connection));
+  return connection;
+}
+
 }  // namespace
 
 Result<FolderLock> FolderLock::take(const std::filesystem::path& folder, const std::string& holder) {
@@ -85,10 +108,11 @@ Result<FolderLock> FolderLock::take(const std::filesystem::path& folder, const s
                  (server ? "a server is running on " + folder.string() + " (" + who + "): use --server"
                          : folder.string() + " is in use by " + who + ": try again when it is done")};
   }
-  // only for the message above; the kernel holds the lock itself
+  // only for the message above; the kernel holds the lock itself, so a full disk does not matter
   const std::string text = fmt::format("{}, process {}", holder, ::getpid());
-  if (::ftruncate(fd, 0) != 0 ||
-      ::pwrite(fd, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size())) {
+  if ((::ftruncate(fd, 0) != 0 ||
+       ::pwrite(fd, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size())) &&
+      errno != ENOSPC && errno != EDQUOT) {
     return systemError(path, "write");
   }
   return lock;
@@ -117,14 +141,21 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   RETURN_IF_ERROR(finishRestore(folder));
   RETURN_IF_ERROR(makeDatabaseFile(path));
 
-  ASSIGN_OR_RETURN(auto connection,
-                   Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
-  RETURN_IF_ERROR(migrate(connection));
-  RETURN_IF_ERROR(fillNewDatabase(connection));
-
   std::unique_ptr<Store> store(new Store(std::move(lock)));
-  store->readers_ = std::make_unique<ReaderPool>(path);
-  store->writer_ = std::make_unique<DbWriter>(std::move(connection), options.writer, options.on_fatal);
+  auto connection = options.read_only_because.empty()
+                        ? openToWrite(path)
+                        : Result<Connection>(Error{ErrorCode::kNoRoom, options.read_only_because});
+  if (connection) {
+    store->readers_ = std::make_unique<ReaderPool>(path);
+    store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
+  } else {
+    if (connection.error().code != ErrorCode::kNoRoom) return connection.error();
+    store->read_only_ = connection.error();
+    ASSIGN_OR_RETURN(auto frozen, openFrozen(path, connection.error()));
+    constexpr std::size_t kMostIdle = 8;
+    store->readers_ = std::make_unique<ReaderPool>(path, kMostIdle, Connection::Mode::kFrozen);
+    store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());
+  }
   store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
   return store;
 }

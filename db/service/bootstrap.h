@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/result.h"
@@ -38,12 +39,19 @@ class Store {
     bool create = true;                       ///< false: kNotFound when DIR has no database
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
+    /// Why the database must not be written to; empty: it may be.
+    std::string read_only_because = {};
     TimeSource* time = &machineTime();  ///< the service's; must outlive the store
   };
   /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
-  /// profiles and curriculum into a new database. Errors: kUnavailable (locked), kVersion (newer schema),
-  /// kCorrupt, kFailed.
+  /// profiles and curriculum into a new database. An existing database whose disk is full, or which must not
+  /// be written to, is opened read-only: its log is read, and nothing is written, neither into it nor beside
+  /// it. Errors: kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database
+  /// is new or has an older schema), kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
+
+  /// Why nothing can be written, until the folder is opened again; nothing: the writer works.
+  [[nodiscard]] const std::optional<Error>& readOnly() const { return read_only_; }
 
   [[nodiscard]] DbWriter& writer() { return *writer_; }
   [[nodiscard]] ReaderPool& readers() { return *readers_; }
@@ -53,6 +61,7 @@ class Store {
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
   FolderLock lock_;  // destroyed last
+  std::optional<Error> read_only_;
   std::unique_ptr<ReaderPool> readers_;
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;

@@ -41,7 +41,7 @@ Result<std::string> Service::scoreSession(Connection& reader, const Uuid& sessio
 }
 
 Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& session) {
-  if (session.samples.empty()) return std::string();
+  if (session.info.samples() == 0) return std::string();
   const auto& description = session.info.description();
 
   // uses the exercise's current requirements; without the exercise, only the plain measures
@@ -55,8 +55,10 @@ Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& s
   }
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(description.session_id()));
   ASSIGN_OR_RETURN(const auto references, reference_paths_.ofExercise(reader, description.exercise_id(), id));
-  return scoreJson(scoreGesture(session.samples, description.rate_hz(), session.profile, session.X_WL,
-                                exercise ? &*exercise : nullptr, references));
+  const auto measures = scoreGesture(session.samples, description.rate_hz(), session.profile, session.X_WL,
+                                     exercise ? &*exercise : nullptr, references);
+  RETURN_IF_ERROR(session.samples.fault());
+  return scoreJson(measures);
 }
 
 Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, const std::string& station) {
@@ -101,6 +103,10 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
   settled.final = !read && read.error().code == ErrorCode::kInvalidInput;
   if (!read) return settled;
   const auto events = eventsOf(*read);
+  if (const Status& fault = read->samples.fault(); !fault.ok()) {
+    settled.fault = fault.error();
+    return settled;
+  }
   const Status written = writer_.run([&](Connection& writer) -> Status {
     RETURN_IF_ERROR(EventStore(writer).put(session, events));
     return score && !score->empty() ? ScoreStore(writer).put(newScore(session, *score)) : Status();
@@ -119,8 +125,9 @@ Status Service::settleRecording(const Uuid& session) {
   if (!info.score_json().empty()) {
     const auto read = samplesOf(*reader, session);
     if (!read) return read.error().code == ErrorCode::kInvalidInput ? Status() : Status(read.error());
-    return writer_.run(
-        [&, made = eventsOf(*read)](Connection& writer) { return EventStore(writer).put(session, made); });
+    const auto made = eventsOf(*read);
+    RETURN_IF_ERROR(read->samples.fault());
+    return writer_.run([&](Connection& writer) { return EventStore(writer).put(session, made); });
   }
   ASSIGN_OR_RETURN(const auto settled, settle(*reader, session));
   if (!settled.fault || settled.final) return {};

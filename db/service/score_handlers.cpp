@@ -309,6 +309,7 @@ TipPath ReferencePaths::of(Connection& reader, const Uuid& session) {
   // do not cache a failed read: it may succeed later
   if (!read) return {};
   TipPath path = tipPathOf(read->samples, read->info.description().rate_hz(), read->X_WL);
+  if (!read->samples.fault().ok()) return {};
   const std::scoped_lock lock(mutex_);
   if (known_.size() >= kMostKnownPaths) known_.clear();
   known_.emplace(session, path);

@@ -255,6 +255,7 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
   if (!*stored) {
     ASSIGN_OR_RETURN(const auto read, samplesOf(context.reader, *id));
     *stored = eventsOf(read);
+    RETURN_IF_ERROR(read.samples.fault());
   } else if (const auto profile = parseProfile(info.description().profile_json(), "profile")) {
     nameLayers(*profile, **stored);
   }

@@ -1,7 +1,9 @@
 #include "db/service/session_samples.h"
 
 #include <fmt/core.h>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
@@ -21,21 +23,12 @@ Pose poseOf(const google::protobuf::RepeatedField<double>& numbers) {
   return pose;
 }
 
-Result<std::vector<GestureSample>> allSamples(SessionStore& sessions, const Uuid& id,
-                                              const pb::SessionInfo& info) {
-  std::vector<GestureSample> samples;
-  samples.reserve(info.samples());
-  std::uint64_t next = 0;
-  while (next < info.chunks()) {
-    ASSIGN_OR_RETURN(const auto chunks, sessions.readChunks(id, next, UINT32_MAX, kReadBytes));
-    if (chunks.empty()) break;
-    for (const StoredChunk& chunk : chunks) {
-      ASSIGN_OR_RETURN(const auto decoded, decodeChunk(chunk.bytes));
-      samples.insert(samples.end(), decoded.begin(), decoded.end());
-    }
-    next += chunks.size();
-  }
-  return samples;
+Result<std::vector<GestureSample>> samplesOfChunk(Connection& reader, const Uuid& id, std::uint64_t seq) {
+  ASSIGN_OR_RETURN(const auto chunks, SessionStore(reader).readChunks(id, seq, 1, kReadBytes));
+  if (chunks.empty())
+    return Error{ErrorCode::kUnavailable,
+                 fmt::format("session {}, chunk {} is gone while it was read", uuidText(id), seq)};
+  return decodeChunk(chunks.front().bytes);
 }
 
 }  // namespace
@@ -43,8 +36,7 @@ Result<std::vector<GestureSample>> allSamples(SessionStore& sessions, const Uuid
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
   SessionStore sessions(reader);
   ASSIGN_OR_RETURN(auto info, sessions.info(session));
-  SessionSamples all;
-  all.info = std::move(info);
+  SessionSamples all{std::move(info), {}, {}, RecordedSamples(std::span<const GestureSample>())};
   if (all.info.has_removed_original()) {
     return Error{ErrorCode::kInvalidInput,
                  "session " + uuidText(session) + ": its original was removed (" +
@@ -61,13 +53,16 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
                                               "profile of session " + uuidText(session)));
   all.profile = std::move(profile);
   all.X_WL = poseOf(all.info.description().placement());
-  ASSIGN_OR_RETURN(auto samples, allSamples(sessions, session, all.info));
+  ASSIGN_OR_RETURN(auto samples,
+                   RecordedSamples::inBlocks(all.info.chunks(), [&reader, session](std::size_t seq) {
+                     return samplesOfChunk(reader, session, seq);
+                   }));
   all.samples = std::move(samples);
   return all;
 }
 
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session) {
-  if (session.samples.empty()) return {};
+  if (session.info.samples() == 0) return {};
   return syringeEvents(session.samples, session.info.description().rate_hz(), session.profile, session.X_WL);
 }
 

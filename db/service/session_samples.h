@@ -6,8 +6,8 @@
 
 #include "common/base/result.h"
 #include "common/base/uuid.h"
-#include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
+#include "common/scoring/recorded_samples.h"
 #include "db/connection.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
@@ -15,19 +15,23 @@
 
 namespace needlelab {
 
-/// Longer gestures are stored and replayed, but not scored: 30 minutes at 1 kHz, some 400 MB during scoring.
+/// Longer gestures are stored and replayed, but not scored: 30 minutes at 1 kHz, some 70 MB during scoring
+/// (26 MB of decoded samples at most, and the smoothed motion at 100 Hz).
 inline constexpr std::uint64_t kMaxScoredSamples = 1'800'000;
 
 struct SessionSamples {
   pb::SessionInfo info;
   pb::Profile profile;  ///< of the session
   Pose X_WL;            ///< pose of the profile's frame
-  std::vector<GestureSample> samples;
+  /// Decoded a chunk at a time by the connection of samplesOf(), which must outlive them. A chunk that cannot
+  /// be read a second time (a failing disk, a recording that is being removed) is `samples.fault()`: look at
+  /// it before anything that was made from them is used.
+  RecordedSamples samples;
 };
 
-/// Reads and decodes the whole session. kInvalidInput: the profile text is not valid, the gesture is longer
-/// than kMaxScoredSamples, or retention has removed the original; kCorrupt: a chunk fails its check;
-/// kNotFound. A session without samples has no profile here.
+/// Reads and checks the whole session once, and holds a part of it. kInvalidInput: the profile text is not
+/// valid, the gesture is longer than kMaxScoredSamples, or retention has removed the original; kCorrupt: a
+/// chunk fails its check; kNotFound. A session without samples has no profile here.
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
 
 /// The session's aspirations and injections (scoring/syringe_events.h).

@@ -45,6 +45,11 @@ HttpAnswer errorAnswer(const Error& error) {
       answer.headers.emplace_back("Retry-After", "5");
       return answer;
     }
+    case ErrorCode::kNoRoom: {
+      HttpAnswer answer = errorAnswer(503, "no_room", error.message);
+      answer.headers.emplace_back("Retry-After", "60");
+      return answer;
+    }
     case ErrorCode::kCorrupt:
       return errorAnswer(500, "corrupt", error.message);
     case ErrorCode::kVersion:

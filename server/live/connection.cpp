@@ -68,10 +68,8 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
     // pending work is limited: at the limit, stop reading this socket (and no other)
     while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
     // after an outage all stations send their spools at once: make them wait, do not cut them off
-    while (peer.context_.chunks_in_flight >= peer.context_.bounds.all_chunks_in_flight && !peer.over() &&
-           !peer.channel_->closing()) {
-      co_await peer.context_.room.wait();
-    }
+    while (peer.context_.chunks_in_flight.full() && !peer.over() && !peer.channel_->closing())
+      co_await peer.context_.chunk_room.wait();
   }
   // the server is stopping: shutDown sends the last message
   while (peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
@@ -347,6 +345,17 @@ void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::u
 
 void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
   ++context_.counters.messages_refused;
+  if (refusal.reason() == pb::Refusal::NO_ROOM) {
+    // no fault of the peer's; a station asks again until there is room, and the log is on the same disk
+    ++context_.counters.refused_for_room;
+    if (!std::exchange(told_no_room_, true))
+      logEvent(LogLevel::kWarning, "no_room", {{"conn", id_}, {"who", who_.name}, {"text", refusal.text()}});
+    pb::Envelope envelope;
+    envelope.set_refused_request(request);
+    *envelope.mutable_refusal() = std::move(refusal);
+    sendControl(envelope);
+    return;
+  }
   logEvent(LogLevel::kWarning, "message_refused",
            {{"conn", id_},
             {"who", who_.name},

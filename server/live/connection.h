@@ -127,6 +127,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::size_t refusals_of_peer_ = 0;  // after log-in
   double small_messages_ = 0;         // decays with time
   std::int64_t small_messages_at_ns_ = 0;
+  bool told_no_room_ = false;  // in the log
   bool acks_scheduled_ = false;
   const std::string address_key_;  // the peer's address as a key (Admission::keyOf)
   bool my_turn_ = false;           // for the handshake; it stays true

@@ -69,9 +69,26 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     bool closed = false;
   };
   auto opened = std::make_shared<Opened>();
-  DbWriter::Work work = [opened, description, id = *id](Connection& writer) -> Status {
+  context_.disk_room.take(description.profile_json().size());
+  DbWriter::Work work = [opened, description, id = *id, &quotas = context_.quotas,
+                         room = context_.disk_room.level(),
+                         no_room = context_.disk_room.text()](Connection& writer) -> Status {
     SessionStore store(writer);
+    ASSIGN_OR_RETURN(const auto arrival, store.arrivalOf(description));
+    // a closed one takes no room: its station only asks whether it is there
+    const bool needs_room =
+        arrival.state == SessionArrival::State::kNew
+            ? room >= RoomLevel::kNoNewSessions
+            : arrival.state == SessionArrival::State::kOpen && room >= RoomLevel::kNoChunks;
+    if (needs_room) return Error{ErrorCode::kNoRoom, no_room};
     ASSIGN_OR_RETURN(auto next, store.open(description, wallNowNs()));
+    // last: an error takes the session back, and an invalid one costs its station nothing
+    if (arrival.state == SessionArrival::State::kNew)
+      RETURN_IF_ERROR(quotas.admit(description.station(),
+                                   {.open_sessions = arrival.open_sessions,
+                                    .profile_bytes = description.profile_json().size(),
+                                    .unknown_name = arrival.unknown_name},
+                                   steadyNowNs()));
     opened->next_seq = next;
     ASSIGN_OR_RETURN(auto safe, store.safeSeqs(id));
     opened->safe = safe;
@@ -118,8 +135,17 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
     refuse(sessionRefusal(pb::Refusal::INVALID, id.error().message, chunk.session_id()));
     return;
   }
+  if (context_.disk_room.level() == RoomLevel::kNoChunks) {
+    // it ends the connection, so that the station sends again all that came after this one; it is refused its
+    // open session then, which it goes on asking for
+    ++context_.counters.refused_for_room;
+    refuseAndClose(
+        sessionRefusal(pb::Refusal::NO_ROOM, context_.disk_room.text(), chunk.session_id(), chunk.seq()));
+    return;
+  }
+  context_.disk_room.take(chunk.data().size());
   ++chunks_in_flight_;
-  ++context_.chunks_in_flight;
+  context_.chunks_in_flight.add(chunk.data().size());
   chunk_bytes_in_flight_ += chunk.data().size();
   auto shared = std::make_shared<const pb::Chunk>(std::move(chunk));
   auto appended = std::make_shared<Appended>();
@@ -143,7 +169,7 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
   --chunks_in_flight_;
   chunk_bytes_in_flight_ -= chunk.data().size();
   freed_.notify();
-  if (--context_.chunks_in_flight == context_.bounds.all_chunks_in_flight / 2) context_.room.notify();
+  if (context_.chunks_in_flight.remove(chunk.data().size())) context_.chunk_room.notify();
   if (!status.ok()) {
     // not stored and not acknowledged: the station keeps the chunk and sends it again on its next connection
     logEvent(LogLevel::kError, "chunk_not_stored",

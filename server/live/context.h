@@ -17,13 +17,16 @@
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
 #include "server/live/admission.h"
+#include "server/live/chunk_budget.h"
 #include "server/live/decoded_budget.h"
+#include "server/live/disk_room.h"
 #include "server/live/fair_pool.h"
 #include "server/live/handshake_turns.h"
 #include "server/live/hub.h"
 #include "server/live/login_guard.h"
 #include "server/live/login_queue.h"
 #include "server/live/offload.h"
+#include "server/live/station_quotas.h"
 #include "server/live/tokens.h"
 
 namespace needlelab {
@@ -34,8 +37,7 @@ class PeerConnection;
 struct ConnectionBounds {
   std::size_t chunks_in_flight = 64;  ///< received but not yet committed; at the limit its socket is not read
   std::size_t chunk_bytes_in_flight = 8u << 20;
-  /// Of the whole server: less than the capacity of the writer's queue.
-  std::size_t all_chunks_in_flight = 8192;
+  ChunkBudget::Limits all_chunks_in_flight;  ///< of the whole server
   std::size_t requests_at_work = 8;
   LoginQueue::Settings logins;              ///< of the whole server, that wait for the password check
   std::size_t connections_of_person = 256;  ///< logged in at once
@@ -64,6 +66,7 @@ struct ServerCounters {
   std::uint64_t messages_parsed = 0;                 ///< all but live frames, which are forwarded as bytes
   std::uint64_t messages_parsed_elsewhere = 0;       ///< of those: not on the network's thread
   std::uint64_t decoded_bytes = 0;                   ///< of parsed messages: an estimate (PayloadCost)
+  std::uint64_t refused_for_room = 0;                ///< of those: sessions and chunks for want of room
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections
   std::uint64_t handshakes_failed = 0;               ///< TLS failed or timed out
@@ -114,10 +117,12 @@ struct ServerContext {
   std::shared_ptr<Signal> decoded_room = std::make_shared<Signal>(io.get_executor());
   DecodedBudget decoded{bounds.decoded, [room = decoded_room] { room->notify(); }};
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
-  std::size_t chunks_in_flight = 0;  ///< of all connections
+  ChunkBudget chunks_in_flight{bounds.all_chunks_in_flight};  ///< of all connections
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
-  Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its limit
+  Signal chunk_room{io.get_executor()};            ///< chunks_in_flight is no longer full
+  DiskRoom disk_room{0};
+  StationQuotas quotas{};  ///< the writer's thread only
   HandshakeTurns handshakes{};
   asio::steady_timer handshakes_due{io};  ///< the next place of a handshake becomes free by itself
   bool stopping = false;

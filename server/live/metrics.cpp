@@ -181,8 +181,10 @@ void durablePlane(PrometheusText& out, const ServerContext& context, const Store
   out.sample(real(counters.chunks_refused), {{"result", "refused"}});
   out.counter("needlelab_chunks_quarantined_total", real(counters.chunks_quarantined),
               "Chunks stored as they came that cannot be decoded.");
-  out.gauge("needlelab_chunks_in_flight", real(context.chunks_in_flight),
+  out.gauge("needlelab_chunks_in_flight", real(context.chunks_in_flight.chunks()),
             "Chunks received and not yet committed.");
+  out.gauge("needlelab_chunk_bytes_in_flight", real(context.chunks_in_flight.bytes()),
+            "Bytes of these chunks.");
   out.counter("needlelab_acks_total", real(counters.acks),
               "Acknowledgements sent; one may cover many chunks.");
   out.counter("needlelab_sessions_closed_total", real(counters.sessions_closed), "Sessions closed.");
@@ -225,6 +227,12 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
   out.gauge("needlelab_wal_pages_waiting", real(context.store.writer().counters().wal_pages_waiting),
             "Pages in the log that the last checkpoint left there.");
   out.gauge("needlelab_disk_free_bytes", real(facts.free_bytes), "Free on the database's disk.");
+  out.gauge("needlelab_disk_room_level", static_cast<double>(context.disk_room.level()),
+            "0: there is room; 1: no new session is taken; 2: nothing recorded is stored.");
+  out.gauge("needlelab_read_only", context.store.readOnly() ? 1 : 0,
+            "1 when the disk was too full at the start to open the database for writing.");
+  out.counter("needlelab_refused_for_room_total", real(context.counters.refused_for_room),
+              "Sessions and chunks refused because the disk, or a station's share, is used up.");
   out.gauge("needlelab_disk_size_bytes", real(facts.disk_bytes), "Size of the database's disk.");
   out.gauge("needlelab_database_readable", facts.fault.empty() ? 1 : 0,
             "0 when the database could not be read.");

@@ -247,9 +247,13 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
       last_commit_ns_ == 0 ? -1 : static_cast<double>(steadyNowNs() - last_commit_ns_) / 1e9;
 
   const std::int64_t now_ns = wallNowNs();
-  if (const auto failed = writer.failed()) {
+  if (const auto& why = context_.store.readOnly()) {
+    health.problems.push_back("the server is read-only: " + why->message);
+  } else if (const auto failed = writer.failed()) {
     health.writable = false;
     health.problems.push_back("the database writer has stopped: " + failed->message);
+  } else if (const std::string full = context_.disk_room.text(); !full.empty()) {
+    health.problems.push_back(full);
   } else if (!room) {
     health.problems.push_back(fmt::format("the database's disk has {} MiB left, wanted are {}",
                                           facts.free_bytes >> 20, settings_.min_free_bytes >> 20));

@@ -57,7 +57,7 @@ std::string metricsText(const ServerContext& context, const StoreFacts& facts);
 
 /// The result of the health check.
 struct Health {
-  bool writable = false;
+  bool writable = false;  ///< the database accepts writes; whether recordings are stored, `problems` says
   double last_commit_age_s = -1;      ///< below 0: no commit yet
   std::vector<std::string> problems;  ///< empty: healthy
 };

@@ -11,6 +11,7 @@
 #include "common/base/files.h"
 #include "common/base/local_time.h"
 #include "common/base/text.h"
+#include "server/live/disk_room.h"
 
 namespace needlelab {
 namespace {
@@ -70,6 +71,15 @@ Status checkRoom(const std::filesystem::path& folder, std::uint64_t min_free_byt
                fmt::format("--data {}: its disk has {} MiB left, the server wants {} to begin: make room "
                            "there, move the folder to a larger disk, or give --min-free MIB",
                            folder.string(), space.available >> 20, min_free_bytes >> 20)};
+}
+
+std::string readOnlyBecause(const std::filesystem::path& folder, std::optional<std::uint64_t> free_bytes,
+                            std::uint64_t min_free_bytes) {
+  const std::uint64_t least = min_free_bytes / DiskRoom::kDiskShare;
+  if (!free_bytes || *free_bytes >= least) return {};
+  return fmt::format(
+      "the disk of {} is full: {} MiB are left, with less than {} MiB nothing is written; make room on it",
+      folder.string(), *free_bytes >> 20, least >> 20);
 }
 
 std::string tooFewFiles(std::size_t connections) {

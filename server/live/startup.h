@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "common/base/result.h"
@@ -17,8 +18,14 @@ Status checkClock(std::int64_t now_unix_s);
 /// mode and the remedy.
 Status checkFolderRights(const std::filesystem::path& folder);
 
-/// Checks that the folder's disk has `min_free_bytes` for this user. kUnavailable.
+/// Checks that a new folder's disk has `min_free_bytes` for this user. kUnavailable.
 Status checkRoom(const std::filesystem::path& folder, std::uint64_t min_free_bytes);
+
+/// Why an existing database is not opened for writing: less than an eighth of `min_free_bytes`
+/// (DiskRoom::kDiskShare) is free. Opened for writing, its first write could fail, which ends the server.
+/// Empty: it may be written to. `free_bytes`: nothing when unknown.
+std::string readOnlyBecause(const std::filesystem::path& folder, std::optional<std::uint64_t> free_bytes,
+                            std::uint64_t min_free_bytes);
 
 /// A message when this process may open fewer files than `connections` need: the limit, the number needed and
 /// the remedy. Empty: the limit is sufficient.

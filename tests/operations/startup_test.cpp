@@ -166,7 +166,14 @@ TEST_F(StartupTest, aRenewedCertificateKeepsTheOldNames) {
   EXPECT_EQ(serveOnce({}).code, kExitDone);
 }
 
-TEST_F(StartupTest, aDiskWithoutRoomIsSaidBeforeAnythingIsWritten) {
+TEST_F(StartupTest, onADiskWithoutRoomWhatIsThereCanBeRead) {
+  const auto [code, said] = serveOnce({"--min-free", "9999999999"});
+  EXPECT_EQ(code, kExitDone) << said;
+  EXPECT_THAT(said, AllOf(HasSubstr("read_only"), HasSubstr("MiB are left"), HasSubstr("make room")));
+}
+
+TEST_F(StartupTest, aDiskWithoutRoomForANewDatabaseIsSaidBeforeAnythingIsWritten) {
+  fs::remove(data() / "needlelab.db");
   const auto [code, said] = serveOnce({"--min-free", "9999999999"});
   EXPECT_EQ(code, kExitFailed);
   EXPECT_THAT(said, AllOf(HasSubstr("MiB left"), HasSubstr("--min-free")));

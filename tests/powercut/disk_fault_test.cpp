@@ -170,6 +170,40 @@ TEST(DiskFault, aStartOnARefusingDiskIsSaidInWords) {
   }
 }
 
+TEST(DiskFault, aServerWhoseDiskTakesNoByteStartsReadOnlyAndReadsEverything) {
+  RunningServer server;
+  const std::string key = server.addStation("station-1");
+  RecordedStation station(2, 30);
+  ASSERT_TRUE(station.upload(server.config(stationLogin("station-1", key)), [] { return false; }));
+  EXPECT_EQ(server.stop(), kExitDone);
+  const auto data = server.folder() / "data";
+  // SQLite has to make it again, and cannot: an ordinary connection does not even read then
+  fs::remove(data / "needlelab.db-shm");
+  WatchedDisk::setFault(
+      data, [](DiskCall call, const std::string&) { return call == DiskCall::kWrite ? ENOSPC : 0; });
+  server.start();
+  ASSERT_TRUE(server.server().store().readOnly());
+  EXPECT_NE(server.server().store().readOnly()->message.find("make room"), std::string::npos)
+      << server.server().store().readOnly()->message;
+  {
+    auto reader = server.server().store().readers().borrow();
+    ASSERT_OK(reader);
+    for (const auto& session : station.sessions()) {
+      const auto chunks = SessionStore(**reader).readChunks(session->id(), 0, UINT32_MAX, SIZE_MAX);
+      ASSERT_OK(chunks);
+      ASSERT_EQ(chunks->size(), session->contents().chunks);
+      for (const StoredChunk& chunk : *chunks) EXPECT_EQ(chunk.bytes, *session->readChunk(chunk.seq));
+    }
+  }
+  EXPECT_TRUE(server.connect(stationLogin("station-1", key)).ok());
+  EXPECT_EQ(server.stop(), kExitDone);
+  WatchedDisk::clearFault();
+  server.start();
+  EXPECT_FALSE(server.server().store().readOnly());
+  (void)server.stop();
+  EXPECT_EQ(missingOf(data / "needlelab.db", station, true), "");
+}
+
 TEST(DiskFault, aPageThatCannotBeReadIsSaidAndTheServerGoesOn) {
   RunningServer server;
   const std::string key = server.addStation("station-1");
@@ -299,6 +333,17 @@ TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
     EXPECT_EQ(server.wait(20s), kExitFailed) << server.said();
     EXPECT_NE(server.said().find("make room"), std::string::npos) << server.said();
     EXPECT_NE(server.said().find(disk.path().string()), std::string::npos) << server.said();
+  }
+  fs::remove(folder.path() / "port");
+  {
+    auto with_floor = arguments;
+    with_floor.back() = "1";
+    Process server("needlelab-server", with_floor, log("full"));
+    ASSERT_TRUE(started(server)) << server.said();
+    EXPECT_NE(server.said().find("read_only"), std::string::npos) << server.said();
+    EXPECT_TRUE(BlockingClient::connect(config()).ok()) << server.said();
+    server.signal(SIGTERM);
+    EXPECT_EQ(server.wait(20s), kExitDone) << server.said();
   }
   disk.resize("60m");
   EXPECT_EQ(missingOf(disk.path() / "data" / "needlelab.db", station, false), "");

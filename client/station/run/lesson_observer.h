@@ -45,7 +45,7 @@ struct LessonStatus {
   LatencyQuantiles wakeup;
   std::uint64_t missed_ticks = 0;
   std::string spool, server;  ///< short state, as on the live line
-  std::string room;           ///< free space of the spool; empty unless it is urgent
+  std::string room;           ///< free space of the spool, or of the server; empty unless it is urgent
 };
 
 /// The outcome of a finished lesson so far; the server's score may come later.

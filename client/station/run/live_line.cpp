@@ -131,6 +131,8 @@ std::string serverText(const UplinkState& state) {
       fmt::format("{}{}", state.chunks_left, state.chunks_left == 1 ? " chunk" : " chunks");
   if (state.denied) return "server refuses";
   if (!state.connected) return "server away, " + chunks + (state.chunks_left == 1 ? " waits" : " wait");
+  if (!state.server_full.empty())
+    return "server has no room, " + chunks + (state.chunks_left == 1 ? " waits" : " wait");
   // the chunk in progress and the one in transfer always exist
   return state.chunks_left <= 2 ? "server" : "server, " + chunks + " behind";
 }

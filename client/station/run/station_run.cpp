@@ -420,7 +420,10 @@ void StationRun::watch(DeviceMaintenance& maintenance, FaultPolicy on_fault) {
     home_.guard().check();
     LiveView view = viewer.look(spoolText(writer_->counts()), uplink ? serverText(uplink->state()) : "");
     view.aids = aids;
-    home_.observer().status(statusOf(state, view, waits, home_.guard().trouble()));
+    const std::string room = home_.guard().trouble();
+    const std::string full = uplink ? uplink->state().server_full : "";
+    home_.observer().status(
+        statusOf(state, view, waits, room.empty() || full.empty() ? room + full : room + "; " + full));
     if (liveLine().due(now_ns)) liveLine().show(view, now_ns);
     if (uplink) reportToServer(fault_watch);
   }

@@ -375,6 +375,7 @@ std::string summaryText(const StationSummary& s) {
     text += fmt::format("server       {} of {} samples committed, session {}\n", s.samples_acked,
                         s.servo.samples, s.state);
     if (!s.uplink.current_trouble.empty()) text += "             " + s.uplink.current_trouble + "\n";
+    if (!s.uplink.server_full.empty()) text += "             " + s.uplink.server_full + "\n";
   }
   if (s.spool_left > 0)
     text += fmt::format(

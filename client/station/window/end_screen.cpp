@@ -86,6 +86,8 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
     verdict.kept_well = false;
   } else if (s.state == "COMPLETE" || s.state == "INTERRUPTED") {
     verdict.kept = "The recording is in the server's database.";
+  } else if (s.has_server && !s.uplink.server_full.empty()) {
+    verdict.kept = "The recording is safe here and waits: " + s.uplink.server_full + ".";
   } else if (s.has_server) {
     verdict.kept = "The recording is safe here, and on its way to the server.";
   } else {

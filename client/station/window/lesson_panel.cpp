@@ -226,9 +226,11 @@ void showHealth(const BoardState& state, const LessonFollow& lesson) {
   const bool recording = s.spool == "recording";
   std::string stored = s.spool.empty() ? "recording" : s.spool;
   if (!s.server.empty()) stored += "; " + s.server;
-  conditionLine(!s.spool.empty() && !recording                                        ? Condition::kTrouble
-                : s.server.starts_with("server away") || s.server == "server refuses" ? Condition::kAttention
-                                                                                      : Condition::kGood,
+  conditionLine(!s.spool.empty() && !recording ? Condition::kTrouble
+                : s.server.starts_with("server away") || s.server.starts_with("server has no room") ||
+                        s.server == "server refuses"
+                    ? Condition::kAttention
+                    : Condition::kGood,
                 stored);
   if (!s.room.empty()) conditionLine(Condition::kTrouble, s.room);
   if (lesson.dropped() > 0)

@@ -326,6 +326,30 @@ TEST_F(UplinkSessionTest, aRefusalOfTheMomentIsNotForGood) {
   EXPECT_EQ(sends(), Names{}) << "asked again, but not at once";
 }
 
+TEST_F(UplinkSessionTest, aServerWithoutRoomIsAskedAgainLaterAndNothingIsGivenUp) {
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::NO_ROOM);
+  EXPECT_FALSE(upload_->finished());
+  EXPECT_EQ(upload_->waitsFor(), "says the test");
+  time_.advance(14'900'000'000);
+  EXPECT_EQ(sends(), Names{}) << "not often: a full disk lasts";
+  time_.advance(200'000'000);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(upload_->waitsFor(), "");
+  EXPECT_EQ(sends(), (Names{"chunk 0", "chunk 1", "chunk 2"}));
+  ack(1);
+  // the disk fills in between
+  refuse(pb::Refusal::NO_ROOM);
+  EXPECT_EQ(upload_->inFlight(), 0u) << "those in flight are not stored";
+  time_.advance(15'100'000'000);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+  EXPECT_FALSE(session_->receipt().closed);
+}
+
 TEST_F(UplinkSessionTest, acksBeyondWhatThereIsAreNotBelieved) {
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(0);

@@ -188,6 +188,7 @@ constexpr NumberedName kRefusalReasons[] = {
     {16, "CONFLICT"},
     {17, "REVISION_CONFLICT"},
     {18, "CODE"},
+    {19, "NO_ROOM"},
 };
 
 using Names = std::map<int, std::string>;

@@ -232,6 +232,8 @@ TEST(Refusal, aCodeThatIsMissingOrWrongIsNeitherARoleNorAnAbsentServer) {
   const Error error = errorOf(makeRefusal(pb::Refusal::CODE, "tom has a code: type it"));
   EXPECT_EQ(error.code, ErrorCode::kCode);
   EXPECT_EQ(error.message, "tom has a code: type it") << "as the trainee reads it";
+  EXPECT_EQ(refusalOf(Error{ErrorCode::kNoRoom, "no"}).reason(), pb::Refusal::NO_ROOM);
+  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::NO_ROOM, "no")).code, ErrorCode::kNoRoom);
 }
 
 TEST(Refusal, aVersionRefusalNamesBothVersions) {

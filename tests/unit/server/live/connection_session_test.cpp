@@ -267,7 +267,7 @@ TEST(DurablePlane, aFloodOfChunksIsBoundedAndAllOfItArrives) {
 
 TEST(DurablePlane, manyStationsTogetherNeverOverrunTheWritersQueue) {
   RunningServer server([](ServerOptions& options) {
-    options.bounds.all_chunks_in_flight = 8;
+    options.bounds.all_chunks_in_flight.chunks = 8;
     options.writer.max_items = 24;  // one connection may have 64 chunks in progress
     options.writer.window = milliseconds(20);
   });

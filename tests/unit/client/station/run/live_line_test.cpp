@@ -139,6 +139,8 @@ TEST(LiveView, holdsSpoolAndServerInFewWords) {
   EXPECT_EQ(serverText(server), "server");
   server.chunks_left = 12;
   EXPECT_EQ(serverText(server), "server, 12 chunks behind");
+  server.server_full = "the server's disk is full";
+  EXPECT_EQ(serverText(server), "server has no room, 12 chunks wait");
   server.denied = true;
   EXPECT_EQ(serverText(server), "server refuses");
 }

@@ -1,0 +1,68 @@
+/// Room on the database's disk while the server runs: what is refused when little is left.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace needlelab {
+
+/// Bytes that this user may still write on the path's disk; nothing when the system does not tell. Blocks
+/// while the disk hangs. Thread: any.
+using FreeBytes = std::function<std::optional<std::uint64_t>(const std::filesystem::path&)>;
+std::optional<std::uint64_t> freeBytesOf(const std::filesystem::path& path);
+
+/// Reading, log-in, retention and erasure go on at every level.
+enum class RoomLevel : std::uint8_t {
+  kPlenty,
+  kNoNewSessions,  ///< sessions that are open go on; a lesson that has begun is stored to its end
+  kNoChunks,       ///< nothing recorded is stored: the stations' spools keep it
+};
+std::string_view nameOf(RoomLevel level);
+
+/// A write that fails because the disk is full stops the database's writer for good. So the server refuses
+/// in time, first what has not begun. Room is what the disk has free, and the free pages in the database's
+/// file, which are used before the file grows: retention gives room in this way. Between two looks each byte
+/// that was taken counts twice, for the log and the database; so a flood between two looks cannot get below
+/// the floor. A level is left only when there is a quarter more than its floor: at the edge, nobody is
+/// accepted and refused in turn. Thread: one.
+class DiskRoom {
+ public:
+  struct Look {
+    std::uint64_t disk_bytes = 0;  ///< FreeBytes
+    std::uint64_t file_bytes = 0;  ///< free pages of the database's file
+  };
+  /// New sessions need this many floors: an open session of an hour at 1 kHz takes 25 MB.
+  static constexpr std::uint64_t kSessionFloors = 4;
+  /// The part of the floor that must be free on the disk itself: the log may grow. With less, free pages of
+  /// the file do not count, and a server that starts does not open its database for writing.
+  static constexpr std::uint64_t kDiskShare = 8;
+
+  /// `floor_bytes`: with less, no chunk is stored. 0: nothing is ever refused.
+  explicit DiskRoom(std::uint64_t floor_bytes) : floor_bytes_(floor_bytes) {}
+
+  /// Takes a look at the disk. It may be older than the newest chunks: what was taken since the look before
+  /// counts on.
+  void look(const Look& look);
+  /// A chunk or a profile of `bytes` is going to be stored.
+  void take(std::uint64_t bytes);
+
+  [[nodiscard]] RoomLevel level() const { return level_; }
+  /// What is left, as far as this knows; before the first look, more than anybody has.
+  [[nodiscard]] std::uint64_t leftBytes() const;
+  /// Why something is refused, and what to do; empty at kPlenty.
+  [[nodiscard]] std::string text() const;
+
+ private:
+  [[nodiscard]] RoomLevel levelAt(std::uint64_t left_bytes) const;
+
+  const std::uint64_t floor_bytes_;
+  std::uint64_t seen_bytes_ = UINT64_MAX;             // at the last look
+  std::uint64_t taken_bytes_ = 0, taken_before_ = 0;  // since the last look; between the two before
+  RoomLevel level_ = RoomLevel::kPlenty;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,222 @@
+// A station's key, stolen or mistaken, cannot fill the disk; a disk that is full all the same stops neither
+// reading nor the server.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+
+#include "common/base/program.h"
+#include "common/base/text.h"
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+constexpr std::uint64_t kMiB = 1u << 20;
+constexpr const char* kPassword = "another long password";
+
+/// A server whose disk has as much room as the test says.
+struct RoomyServer {
+  explicit RoomyServer(const std::function<void(ServerOptions&)>& tweak = {})
+      : server([free = free_bytes, tweak](ServerOptions& options) {
+          options.free_bytes = [free](const std::filesystem::path&) { return std::optional(free->load()); };
+          options.room_every = milliseconds(5);
+          if (tweak) tweak(options);
+        }) {}
+  void leave(std::uint64_t MiB) const { free_bytes->store(MiB * kMiB); }
+
+  std::shared_ptr<std::atomic<std::uint64_t>> free_bytes =
+      std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
+  RunningServer server;
+};
+
+/// The answer to an OpenSession: session_opened, or a refusal.
+pb::Envelope answerTo(BlockingClient& client, const pb::Envelope& open) {
+  EXPECT_TRUE(client.send(open).ok());
+  return waitFor(client, [](const pb::Envelope& e) { return e.has_session_opened() || e.has_refusal(); });
+}
+
+/// Sends it until the server answers as wanted: the server looks at its disk from time to time only.
+template <typename Wanted>
+pb::Envelope answerAsWanted(BlockingClient& client, const std::function<pb::Envelope()>& open,
+                            Wanted wanted) {
+  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  for (;;) {
+    auto answer = answerTo(client, open());
+    if (wanted(answer) || std::chrono::steady_clock::now() > end) return answer;
+    std::this_thread::sleep_for(milliseconds(5));
+  }
+}
+bool isRefused(const pb::Envelope& answer) {
+  return answer.has_refusal();
+}
+bool isOpened(const pb::Envelope& answer) {
+  return answer.has_session_opened();
+}
+
+/// Chunks of the session that a person can read now.
+int readableChunks(BlockingClient& person, const FakeSession& session) {
+  pb::Request request;
+  request.mutable_read_chunks()->set_session_id(session.id());
+  const auto reply = person.call(request);
+  EXPECT_TRUE(reply.ok()) << reply.error().message;
+  return reply.ok() ? reply->chunks().chunks_size() : -1;
+}
+
+TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfProfiles) {
+  RoomyServer s([](ServerOptions& options) { options.quotas.profile_bytes = 1'000'000; });
+  auto thief = s.server.connect(stationLogin("bench-1", s.server.addStation("bench-1")));
+  auto honest = s.server.connect(stationLogin("bench-2", s.server.addStation("bench-2")));
+  ASSERT_TRUE(thief.ok() && honest.ok());
+  const std::string profile = "{" + std::string(249'998, ' ') + "}";
+  int opened = 0, refused = 0;
+  // more refusals than a peer that makes mistakes may have: who has no room asks again
+  for (int i = 0; i < 455; ++i) {
+    const auto answer = answerTo(*thief, FakeSession("bench-1").open(profile));
+    if (answer.has_session_opened()) {
+      ++opened;
+      continue;
+    }
+    ++refused;
+    ASSERT_EQ(answer.refusal().reason(), pb::Refusal::NO_ROOM) << answer.refusal().text();
+    ASSERT_FALSE(answer.refusal().fatal());
+  }
+  EXPECT_EQ(opened, 4);
+  EXPECT_EQ(refused, 451);
+  EXPECT_TRUE(isOpened(answerTo(*honest, FakeSession("bench-2").open(profile))));
+  auto reader = s.server.server().store().readers().borrow();
+  ASSERT_TRUE(reader.ok());
+  auto rows = (*reader)->query("SELECT count(*), sum(length(profile_json)) FROM sessions");
+  ASSERT_TRUE(*rows.step());
+  EXPECT_EQ(rows.integer(0), 5);
+  EXPECT_EQ(rows.integer(1), 5 * 250'000) << "nothing of a refused session is kept";
+}
+
+TEST(FullDisk, oneStationsKeyBringsSoManyOpenSessionsAndUnknownNames) {
+  RoomyServer s([](ServerOptions& options) {
+    options.quotas.open_sessions = 10;
+    options.quotas.unknown_names = 3;
+  });
+  auto client = s.server.connect(stationLogin("bench-1", s.server.addStation("bench-1")));
+  ASSERT_TRUE(client.ok());
+  const auto open = [](const std::string& trainee) {
+    auto envelope = FakeSession("bench-1").open();
+    envelope.mutable_open_session()->mutable_description()->set_trainee(trainee);
+    return envelope;
+  };
+  for (const char* name : {"a", "b", "c"}) EXPECT_TRUE(isOpened(answerTo(*client, open(name)))) << name;
+  const auto fourth = answerTo(*client, open("d"));
+  EXPECT_EQ(fourth.refusal().reason(), pb::Refusal::NO_ROOM);
+  EXPECT_THAT(fourth.refusal().text(), HasSubstr("names of trainees"));
+  EXPECT_TRUE(isOpened(answerTo(*client, open("a")))) << "a name that came before waits already";
+  for (int i = 4; i < 10; ++i) EXPECT_TRUE(isOpened(answerTo(*client, open(std::string(kGuestName)))));
+  const auto eleventh = answerTo(*client, open(std::string(kGuestName)));
+  EXPECT_EQ(eleventh.refusal().reason(), pb::Refusal::NO_ROOM);
+  EXPECT_THAT(eleventh.refusal().text(), HasSubstr("10 open sessions"));
+}
+
+TEST(FullDisk, refusesFirstNewSessionsThenChunksAndReadsOn) {
+  RoomyServer s;
+  const std::string key = s.server.addStation("bench-1");
+  s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto station = s.server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(station.ok());
+  const FakeSession lesson("bench-1");
+  ASSERT_TRUE(isOpened(answerTo(*station, lesson.open())));
+  ASSERT_TRUE(station->send(lesson.chunk(0)).ok());
+  lesson.waitForAck(*station, 1);
+
+  s.leave(200);
+  const auto fresh = [] { return FakeSession("bench-1").open(); };
+  const auto late = answerAsWanted(*station, fresh, isRefused);
+  ASSERT_EQ(late.refusal().reason(), pb::Refusal::NO_ROOM);
+  EXPECT_THAT(late.refusal().text(), HasSubstr("make room"));
+  // the lesson that has begun is stored on
+  ASSERT_TRUE(station->send(lesson.chunk(1)).ok());
+  lesson.waitForAck(*station, 2);
+  EXPECT_TRUE(isOpened(answerTo(*station, lesson.open()))) << "and may be opened again after a lost link";
+
+  s.leave(20);
+  std::uint64_t stored = 2;
+  for (std::uint64_t seq = 2;; ++seq) {
+    ASSERT_TRUE(station->send(lesson.chunk(seq)).ok());
+    const auto answer = waitFor(*station, [&](const pb::Envelope& e) {
+      return e.has_refusal() || (e.has_ack() && e.ack().committed_seqs() > seq);
+    });
+    ASSERT_TRUE(answer.has_refusal() || answer.has_ack());
+    if (answer.has_ack()) {
+      stored = answer.ack().committed_seqs();
+      continue;
+    }
+    EXPECT_EQ(answer.refusal().reason(), pb::Refusal::NO_ROOM);
+    EXPECT_TRUE(answer.refusal().fatal()) << "so that the station sends again what came after it";
+    break;
+  }
+  station = s.server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(station.ok()) << "log-in goes on";
+  EXPECT_EQ(answerTo(*station, lesson.open()).refusal().reason(), pb::Refusal::NO_ROOM);
+  auto chief = s.server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok()) << chief.error().message;
+  EXPECT_EQ(readableChunks(*chief, lesson), static_cast<int>(stored));
+  pb::Request retention;
+  retention.mutable_run_retention();
+  const auto ran = chief->call(retention);
+  EXPECT_TRUE(ran.ok()) << ran.error().message;
+
+  s.leave(10'000);
+  const auto again = answerAsWanted(
+      *station, [&] { return lesson.open(); }, isOpened);
+  ASSERT_TRUE(again.has_session_opened());
+  EXPECT_EQ(again.session_opened().next_seq(), stored) << "what was acknowledged is there, and nothing else";
+  ASSERT_TRUE(station->send(lesson.chunk(stored)).ok());
+  lesson.waitForAck(*station, stored + 1);
+  EXPECT_FALSE(s.server.server().store().writer().failed());
+}
+
+TEST(FullDisk, aServerThatStartsThereServesReadsAndEndsWhenThereIsRoom) {
+  RoomyServer s;
+  const std::string key = s.server.addStation("bench-1");
+  s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  const FakeSession lesson("bench-1");
+  {
+    auto station = s.server.connect(stationLogin("bench-1", key));
+    ASSERT_TRUE(station.ok());
+    ASSERT_TRUE(isOpened(answerTo(*station, lesson.open())));
+    for (std::uint64_t seq = 0; seq < 3; ++seq) ASSERT_TRUE(station->send(lesson.chunk(seq)).ok());
+    lesson.waitForAck(*station, 3);
+  }
+  EXPECT_EQ(s.server.stop(), kExitDone);
+  s.leave(1);
+  s.server.start();
+  ASSERT_TRUE(s.server.server().store().readOnly());
+  EXPECT_THAT(s.server.server().store().readOnly()->message, HasSubstr("make room"));
+  auto chief = s.server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok()) << chief.error().message;
+  EXPECT_EQ(readableChunks(*chief, lesson), 3);
+  pb::Request change;
+  change.mutable_add_station()->set_name("bench-2");
+  const auto refused = chief->call(change);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom) << refused.error().message;
+  auto station = s.server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(station.ok()) << station.error().message;
+  EXPECT_EQ(answerTo(*station, lesson.open()).refusal().reason(), pb::Refusal::NO_ROOM);
+  // of all levels only this one needs another start
+  s.leave(10'000);
+  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  while (s.server.connect(stationLogin("bench-1", key)).ok() && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(milliseconds(20));
+  EXPECT_EQ(s.server.stop(), kExitFailed) << "for the service manager, which starts it again";
+  s.server.start();
+  EXPECT_FALSE(s.server.server().store().readOnly());
+  station = s.server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(station.ok());
+  EXPECT_EQ(answerTo(*station, lesson.open()).session_opened().next_seq(), 3u);
+  ASSERT_TRUE(station->send(lesson.chunk(3)).ok());
+  lesson.waitForAck(*station, 4);
+}
+
+}  // namespace
+}  // namespace needlelab::test

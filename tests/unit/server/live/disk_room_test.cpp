@@ -1,0 +1,104 @@
+#include "server/live/disk_room.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+constexpr std::uint64_t kMiB = 1u << 20;
+
+/// Levels after looks at a disk with so many MiB, in order.
+std::vector<RoomLevel> levelsOf(const std::vector<std::uint64_t>& looks_MiB, std::uint64_t floor_MiB = 64) {
+  DiskRoom room(floor_MiB * kMiB);
+  std::vector<RoomLevel> levels;
+  for (const std::uint64_t MiB : looks_MiB) {
+    room.look({.disk_bytes = MiB * kMiB});
+    levels.push_back(room.level());
+  }
+  return levels;
+}
+constexpr auto kPlenty = RoomLevel::kPlenty, kNoNew = RoomLevel::kNoNewSessions, kNone = RoomLevel::kNoChunks;
+
+TEST(DiskRoom, refusesFirstNewSessionsThenChunks) {
+  EXPECT_EQ(levelsOf({1000, 256, 255, 64, 63, 0}),
+            (std::vector{kPlenty, kPlenty, kNoNew, kNoNew, kNone, kNone}));
+}
+
+TEST(DiskRoom, goesBackWithAQuarterMoreThanTheFloor) {
+  EXPECT_EQ(levelsOf({63, 64, 79, 81, 256, 319, 321}),
+            (std::vector{kNone, kNone, kNone, kNoNew, kNoNew, kNoNew, kPlenty}));
+  EXPECT_EQ(levelsOf({0, 10'000}), (std::vector{kNone, kPlenty}));
+}
+
+TEST(DiskRoom, withoutAFloorNothingIsRefused) {
+  DiskRoom room(0);
+  room.look({});
+  room.take(UINT64_MAX / 8);
+  EXPECT_EQ(room.level(), kPlenty);
+  EXPECT_THAT(room.text(), IsEmpty());
+}
+
+TEST(DiskRoom, nothingIsRefusedBeforeTheFirstLook) {
+  DiskRoom room(64 * kMiB);
+  room.take(kMiB);
+  EXPECT_EQ(room.level(), kPlenty);
+}
+
+TEST(DiskRoom, aFloodBetweenTwoLooksDoesNotReachTheFloor) {
+  DiskRoom room(64 * kMiB);
+  room.look({.disk_bytes = 300 * kMiB});
+  std::uint64_t taken = 0;
+  while (room.level() != kNone) {
+    room.take(kMiB);
+    taken += kMiB;
+  }
+  // each byte is written twice: 300 − 2 · 119 = 62
+  EXPECT_EQ(taken, 119 * kMiB);
+  EXPECT_LE(300 * kMiB - 2 * taken, 64 * kMiB);
+  EXPECT_GT(300 * kMiB - 2 * (taken - kMiB), 63 * kMiB);
+}
+
+TEST(DiskRoom, whatWasTakenDuringALookIsNotForgotten) {
+  DiskRoom room(64 * kMiB);
+  room.look({.disk_bytes = 300 * kMiB});
+  room.take(50 * kMiB);  // not on the disk yet when the next look is taken
+  room.look({.disk_bytes = 300 * kMiB});
+  EXPECT_EQ(room.leftBytes(), 200 * kMiB);
+  EXPECT_EQ(room.level(), kNoNew);
+  room.look({.disk_bytes = 200 * kMiB});
+  EXPECT_EQ(room.leftBytes(), 200 * kMiB) << "the look has it now";
+}
+
+TEST(DiskRoom, freePagesOfTheFileAreRoomWhileTheLogMayGrow) {
+  DiskRoom room(64 * kMiB);
+  room.look({.disk_bytes = 20 * kMiB, .file_bytes = 500 * kMiB});
+  EXPECT_EQ(room.level(), kPlenty) << "retention made room";
+  room.look({.disk_bytes = 7 * kMiB, .file_bytes = 500 * kMiB});
+  EXPECT_EQ(room.level(), kNone) << "the log cannot grow";
+}
+
+TEST(DiskRoom, saysWhatIsLeftWhatIsWantedAndWhatToDo) {
+  DiskRoom room(64 * kMiB);
+  room.look({.disk_bytes = 100 * kMiB});
+  EXPECT_THAT(room.text(), testing::AllOf(HasSubstr("100 MiB"), HasSubstr("256 MiB"), HasSubstr("make room"),
+                                          HasSubstr("the station keeps its data")));
+  room.look({.disk_bytes = 10 * kMiB});
+  EXPECT_THAT(room.text(), testing::AllOf(HasSubstr("disk is full"), HasSubstr("10 MiB"), HasSubstr("64 MiB"),
+                                          HasSubstr("retention"), HasSubstr("the station keeps its data")));
+}
+
+TEST(DiskRoom, theSystemTellsWhatIsFree) {
+  const test::TempFolder folder;
+  EXPECT_GT(freeBytesOf(folder.path()).value_or(0), 0u);
+  EXPECT_FALSE(freeBytesOf(folder.path() / "none").has_value());
+}
+
+}  // namespace
+}  // namespace needlelab
