@@ -82,6 +82,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     return fail(errno == EWOULDBLOCK ? "another station uses it; give each its own --spool"
                                      : std::strerror(errno));
 
+  spool->clock_ = std::make_shared<SpoolClock>(folder / "clock.json");
   // repair sessions after a crash; names sort by time
   std::vector<fs::path> folders;
   for (auto at = fs::directory_iterator(folder, error); !error && at != fs::end(at); at.increment(error))
@@ -103,7 +104,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
         spool->notes_.push_back(path.string() + ": has no session.json; left as it is");
       continue;
     }
-    auto session = SpoolSession::load(path);
+    auto session = SpoolSession::load(path, spool->clock_);
     if (!session.ok()) {
       spool->notes_.push_back(session.error().message + "; left as it is");
       continue;
@@ -130,7 +131,7 @@ Spool::~Spool() {
 }
 
 Result<std::shared_ptr<SpoolSession>> Spool::create(const pb::SessionDescription& description) {
-  auto session = SpoolSession::create(folder_, description);
+  auto session = SpoolSession::create(folder_, description, clock_);
   if (session.ok()) sessions_.push_back(*session);
   return session;
 }
@@ -153,7 +154,7 @@ std::vector<std::shared_ptr<SpoolSession>> Spool::closedButNotSafe() const {
   return closed;
 }
 
-std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns) {
+std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep) {
   std::vector<std::string> said;
   std::uint64_t total = bytesIn(folder_);
   // closed sessions use the same disk: removing them makes room for unsent samples
@@ -161,7 +162,7 @@ std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_
   std::erase_if(sessions_, [&](const std::shared_ptr<SpoolSession>& session) {
     const SpoolReceipt receipt = session->receipt();
     if (!receipt.closed) return false;
-    const std::int64_t age_s = (now_unix_ns - receipt.closed_unix_ns) / 1'000'000'000;
+    const std::int64_t age_s = (clock_->nowNs() - receipt.closed_at_ns) / 1'000'000'000;
     std::string why;
     const auto safe = planted(PlantedBug::kSpoolPurgedAtAck) ? receipt.committed : receipt.safe;
     if (safe >= session->contents().chunks && safe > 0)

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/net/spool_clock.h"
 #include "client/net/spool_file.h"
 #include "common/base/uuid.h"
 #include "common/gesture/sample.h"
@@ -41,10 +42,10 @@ struct SpoolContents {
 
 /// The part of a session that the server has. Kept on disk so that a restart does not send it again.
 struct SpoolReceipt {
-  std::uint64_t committed = 0;  ///< chunks 0 … n−1 are committed
-  std::uint64_t safe = 0;       ///< … and covered by a verified backup
-  bool closed = false;          ///< the server has verified and closed the session
-  std::int64_t closed_unix_ns = 0;
+  std::uint64_t committed = 0;    ///< chunks 0 … n−1 are committed
+  std::uint64_t safe = 0;         ///< … and covered by a verified backup
+  bool closed = false;            ///< the server has verified and closed the session
+  std::int64_t closed_at_ns = 0;  ///< by the spool's clock
 };
 
 /// One session in the spool. Thread: the writing functions by one thread at a time, `sync` by one thread
@@ -88,6 +89,8 @@ class SpoolSession {
   [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
 
   // --- state at the server ---
+  /// The spool's clock, for the receipt's `closed_at_ns`.
+  [[nodiscard]] SpoolClock& clock() const { return *clock_; }
   [[nodiscard]] SpoolReceipt receipt() const;
   /// Prepares a closed session that the server has lost for sending again: reads its chunks, unless opening
   /// the spool already did. Do not call it while another thread writes the session. Errors: kUnavailable,
@@ -104,8 +107,10 @@ class SpoolSession {
   };
   SpoolSession() = default;
   static Result<std::shared_ptr<SpoolSession>> create(const std::filesystem::path& spool,
-                                                      const pb::SessionDescription& description);
-  static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder);
+                                                      const pb::SessionDescription& description,
+                                                      std::shared_ptr<SpoolClock> clock);
+  static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder,
+                                                    std::shared_ptr<SpoolClock> clock);
   Status loadChunks();
   Status keepDamaged();
   Status recoverTail();
@@ -113,6 +118,7 @@ class SpoolSession {
   Status syncLoss() const;
   void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
 
+  std::shared_ptr<SpoolClock> clock_;
   std::filesystem::path folder_;
   std::filesystem::path damaged_;
   bool mended_ = false;
@@ -136,7 +142,7 @@ class SpoolSession {
 
 /// How long the spool keeps closed sessions.
 struct SpoolKeep {
-  std::int64_t age_s = 14 * 86'400;  ///< since the server closed them
+  std::int64_t age_s = 14 * 86'400;  ///< by the spool's clock, since the server closed them
   std::uint64_t quota_bytes = std::uint64_t{4}
                               << 30;  ///< of the whole spool; removes the oldest closed sessions first
   /// Free space on the spool's disk: below this, too, the spool removes closed sessions, to make room for
@@ -171,8 +177,11 @@ class Spool {
   /// from an older backup lacks them, so the uplink asks.
   [[nodiscard]] std::vector<std::shared_ptr<SpoolSession>> closedButNotSafe() const;
   /// Removes closed sessions that are Safe, older than `keep.age_s`, or over the quota. Never touches a
-  /// session that the server has not closed. Returns a text per removed session.
-  std::vector<std::string> cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns);
+  /// session that the server has not closed. Asks no clock of this machine: it may be wrong by years. Returns
+  /// a text per removed session.
+  std::vector<std::string> cleanUp(const SpoolKeep& keep);
+  /// Counts the age of closed sessions. The uplink tells it the server's time.
+  [[nodiscard]] SpoolClock& clock() const { return *clock_; }
   /// Errors: kUnavailable when the disk cannot be asked.
   [[nodiscard]] Result<SpoolUsage> usage() const;
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
@@ -182,6 +191,7 @@ class Spool {
   Spool() = default;
   std::filesystem::path folder_;
   int lock_fd_ = -1;
+  std::shared_ptr<SpoolClock> clock_;
   std::vector<std::string> notes_;
   std::vector<std::shared_ptr<SpoolSession>> sessions_;  // oldest first
 };

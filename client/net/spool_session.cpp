@@ -7,11 +7,11 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <nlohmann/json.hpp>
 #include <span>
 #include <utility>
 
 #include "client/net/spool.h"
+#include "client/net/spool_json.h"
 #include "common/base/files.h"
 #include "common/base/planted_bug.h"
 #include "common/gesture/chunk.h"
@@ -20,38 +20,11 @@
 namespace needlelab {
 namespace {
 
-using Json = nlohmann::json;
 constexpr std::size_t kMaxTailSamples =
     4000;  // upper limit per chunk; a lossless chunk of this size fits an envelope
 
 Error broken(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why};
-}
-
-// reads a small JSON object; a null value when the file is missing
-Result<Json> readJson(const std::filesystem::path& path) {
-  std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) return Json();
-  ASSIGN_OR_RETURN(auto text, readWholeFile(path, 1u << 20));
-  Json json = Json::parse(text, nullptr, false);
-  if (!json.is_object()) return broken(path, "is not a JSON object");
-  return json;
-}
-
-std::uint64_t countAt(const Json& json, const char* key) {
-  const auto at = json.find(key);
-  return at != json.end() && at->is_number_unsigned() ? at->get<std::uint64_t>() : 0;
-}
-
-bool flagAt(const Json& json, const char* key) {
-  const auto at = json.find(key);
-  return at != json.end() && at->is_boolean() && at->get<bool>();
-}
-
-Status writeJson(const std::filesystem::path& path, const Json& json) {
-  auto status = writeFileAtomically(path, viewOf(json.dump(1) + "\n"), 0600);
-  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
-  return {};
 }
 
 }  // namespace
@@ -72,7 +45,8 @@ void setResolution(pb::SessionDescription& description, const Resolution& resolu
 }
 
 Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem::path& spool,
-                                                           const pb::SessionDescription& description) {
+                                                           const pb::SessionDescription& description,
+                                                           std::shared_ptr<SpoolClock> clock) {
   Uuid id{};
   if (description.session_id().size() != id.size())
     return Error{ErrorCode::kInvalidInput,
@@ -85,6 +59,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   RETURN_IF_ERROR(checkDescription(named));
   std::shared_ptr<SpoolSession> session(new SpoolSession);
   session->id_ = id;
+  session->clock_ = std::move(clock);
   session->description_ = description;
   session->folder_ = spool / uuidText(id);
   std::error_code error;
@@ -98,7 +73,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   if (!written.ok())
     return Error{ErrorCode::kFailed,
                  "the session's description cannot be written as JSON: " + written.ToString()};
-  auto status = writeFileAtomically(session->folder_ / "session.json", viewOf(json), 0600);
+  auto status = writeFileAtomically(session->folder_ / "session.json", viewOf(sealed(json)), 0600);
   if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
   ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(session->folder_ / "chunks"));
   session->chunks_ = std::move(chunks);
@@ -114,13 +89,17 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   return session;
 }
 
-Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::path& folder) {
+Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::path& folder,
+                                                         std::shared_ptr<SpoolClock> clock) {
   std::shared_ptr<SpoolSession> session(new SpoolSession);
+  session->clock_ = std::move(clock);
   session->folder_ = folder;
   ASSIGN_OR_RETURN(auto id, parseUuid(folder.filename().string()));
   session->id_ = id;
   ASSIGN_OR_RETURN(auto text, readWholeFile(folder / "session.json", 16u << 20));
-  const auto parsed = google::protobuf::util::JsonStringToMessage(text, &session->description_);
+  const auto json = unsealed(std::move(text));
+  if (!json.ok()) return broken(folder / "session.json", json.error().message);
+  const auto parsed = google::protobuf::util::JsonStringToMessage(*json, &session->description_);
   if (!parsed.ok()) return broken(folder / "session.json", parsed.ToString());
   if (session->description_.session_id() != std::string(id.begin(), id.end()))
     return broken(folder / "session.json", "names another session than its folder");
@@ -128,16 +107,18 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
     return broken(folder / "session.json", valid.error().message);
 
   session->loadLoss();
-  auto receipt = readJson(folder / "acked.json");
+  auto receipt = readSpoolJson(folder / "acked.json");
   // an unreadable receipt costs only a question to the server
   if (receipt.ok() && receipt->is_object()) {
     session->receipt_.committed = countAt(*receipt, "committed");
     session->receipt_.safe = countAt(*receipt, "safe");
     session->receipt_.closed = flagAt(*receipt, "closed");
-    session->receipt_.closed_unix_ns = static_cast<std::int64_t>(countAt(*receipt, "closed_unix_ns"));
+    // missing in a receipt of an earlier version: closed when the spool's clock began
+    session->receipt_.closed_at_ns =
+        static_cast<std::int64_t>(std::min<std::uint64_t>(countAt(*receipt, "closed_at_ns"), INT64_MAX));
   }
   // ignore a damaged end: the chunks have their own checks, and the session ends as interrupted
-  const auto end = readJson(folder / "end.json");
+  const auto end = readSpoolJson(folder / "end.json");
   const auto has = [&](const char* key) { return end->contains(key); };
   if (end.ok() && end->is_object() && has("chunks") && has("samples") && has("hash") && has("interrupted")) {
     session->ended_ = true;
@@ -312,7 +293,7 @@ Status SpoolSession::end(bool interrupted) {
   // without this sync, an ended session could lose its loss record in a power cut and look complete
   if (lost > 0) RETURN_IF_ERROR(syncLoss());
   const Digest hash = hash_.digest();
-  if (auto status = writeJson(
+  if (auto status = writeSpoolJson(
           folder_ / "end.json",
           {{"chunks", chunks}, {"samples", samples}, {"hash", hexOf(hash)}, {"interrupted", interrupted}});
       !status.ok())
@@ -415,10 +396,12 @@ Status SpoolSession::setReceipt(const SpoolReceipt& receipt) {
       return {};
     receipt_ = receipt;
   }
-  return writeJson(folder_ / "acked.json", {{"committed", receipt.committed},
-                                            {"safe", receipt.safe},
-                                            {"closed", receipt.closed},
-                                            {"closed_unix_ns", receipt.closed_unix_ns}});
+  return writeSpoolJson(
+      folder_ / "acked.json",
+      {{"committed", receipt.committed},
+       {"safe", receipt.safe},
+       {"closed", receipt.closed},
+       {"closed_at_ns", static_cast<std::uint64_t>(std::max<std::int64_t>(receipt.closed_at_ns, 0))}});
 }
 
 }  // namespace needlelab

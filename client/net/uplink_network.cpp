@@ -69,6 +69,7 @@ void Uplink::onConnected(const pb::Welcome& welcome) {
   std::vector<const UplinkSession*> again;
   for (const auto& session : sessions_) {
     const bool was_closed = session->closed();
+    session->spool()->clock().note(welcome.server_unix_ns());
     session->onConnected(atServer(*session));
     if (was_closed && !session->closed()) again.push_back(session.get());
   }
@@ -153,7 +154,10 @@ void Uplink::takeAdded() {
   for (auto& [spool, current] : added) {
     auto session =
         std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station(), time());
-    if (link_.online()) session->onConnected(atServer(*session));
+    if (link_.online()) {
+      session->spool()->clock().note(link_.welcome().server_unix_ns());
+      session->onConnected(atServer(*session));
+    }
     if (current) {
       current_ = session.get();
       sessions_.insert(sessions_.begin(), std::move(session));

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/clock.h"
 #include "common/base/planted_bug.h"
 #include "common/gesture/chunk.h"
 #include "common/wire/protocol.h"
@@ -230,7 +229,7 @@ void UplinkSession::saveReceipt(bool now) {
   SpoolReceipt receipt = spool_->receipt();
   receipt.committed = committed_;
   receipt.safe = safe_;
-  if (closed() && !receipt.closed) receipt.closed_unix_ns = wallNowNs();
+  if (closed() && !receipt.closed) receipt.closed_at_ns = spool_->clock().nowNs();
   receipt.closed = closed();
   // a receipt that could not be written costs only a question to the server at the next start
   static_cast<void>(spool_->setReceipt(receipt));

@@ -66,7 +66,7 @@ class StationDay {
     log_.mark("removing", 1);
     SpoolKeep keep;
     keep.min_free_bytes = 0;
-    (void)spool_->cleanUp(keep, 1'800'000'000'000'000'000);
+    (void)spool_->cleanUp(keep);
     record(4, false);
   }
 
@@ -85,7 +85,6 @@ class StationDay {
     SpoolReceipt receipt = sessions_[session]->receipt();
     receipt.committed = receipt.safe = sessions_[session]->contents().chunks;
     receipt.closed = true;
-    receipt.closed_unix_ns = 1'700'000'000'000'000'000;
     if (!sessions_[session]->setReceipt(receipt).ok()) throw std::runtime_error("no receipt");
     log_.mark("closed", session);
   }

@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
@@ -193,7 +192,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   EXPECT_EQ(sends(), Names{"close"});
   upload_->onClosed({});
   EXPECT_TRUE(session_->receipt().closed);
-  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()), Names{}) << "no backup has this end";
+  EXPECT_EQ(spool_->cleanUp({}), Names{}) << "no backup has this end";
   EXPECT_EQ(spool_->closedButNotSafe().size(), 1u);
   // It is sent on each new connection until a backup covers it.
   upload_->onConnectionLost();
@@ -202,7 +201,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   upload_->onOpened(3);
   ack(3, 3);
   EXPECT_EQ(session_->receipt().safe, 3u);
-  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()).size(), 1u);
+  EXPECT_EQ(spool_->cleanUp({}).size(), 1u);
 }
 
 TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) {
