@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,15 +30,25 @@ struct SpoolLoss {
   friend bool operator==(const SpoolLoss&, const SpoolLoss&) = default;
 };
 
+/// What the disk no longer has of a session, between records that can be read: damage, or a power cut.
+struct SpoolDamage {
+  std::uint64_t chunks = 0;     ///< missing whole
+  std::uint64_t samples = 0;    ///< missing, those in the chunks included; by the end's count, else by the ticks
+  std::uint64_t from_tick = 0;  ///< the first of them
+  friend bool operator==(const SpoolDamage&, const SpoolDamage&) = default;
+};
+
 /// The part of a session that the spool holds.
 struct SpoolContents {
-  std::uint64_t chunks = 0;   ///< on disk and synced, so they may be sent
+  std::uint64_t chunks = 0;   ///< that the server will have: on disk and synced, or there already (`settle`)
   std::uint64_t samples = 0;  ///< in those chunks
   std::uint64_t bytes = 0;    ///< of those chunks' data
   bool ended = false;         ///< no more chunks will come
   bool interrupted = false;   ///< the program died during the session; the next start wrote the end
-  Digest hash{};              ///< over the chunks' bytes in order; valid once ended
+  std::optional<Digest> hash; ///< over the chunks' bytes in order, once ended; none when the server has a chunk
+                              ///< that the disk lost, and no end says what it was
   SpoolLoss loss;             ///< also kept on disk
+  SpoolDamage damage;         ///< also kept on disk
 };
 
 /// The part of a session that the server has. Kept on disk so that a restart does not send it again.
@@ -75,6 +86,12 @@ class SpoolSession {
   /// Ends the session. Requires that everything is synced. Errors: kUnavailable; may be called again.
   Status end(bool interrupted);
 
+  // --- after damage ---
+  /// Settles the numbers of the chunks once the server's first missing one is known: the server's chunks keep
+  /// theirs, those behind close up, because the server takes no gaps. Chunks that the disk lost and the server
+  /// has are not lost. Without damage, or when it is settled, this does nothing. Errors: kUnavailable.
+  Status settle(std::uint64_t next_seq);
+
   // --- reading ---
   /// Returns the copy of the chunk file as found on disk, when some chunks could not be read; else empty.
   [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
@@ -85,6 +102,8 @@ class SpoolSession {
   [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
   /// Returns the number of bytes in the first `chunks` chunks.
   [[nodiscard]] std::uint64_t bytesIn(std::uint64_t chunks) const;
+  /// Whether every chunk that `contents` counts is on disk; else the server has those that damage took.
+  [[nodiscard]] bool allOnDisk() const;
   /// Returns the bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
   [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
 
@@ -103,7 +122,15 @@ class SpoolSession {
   friend class Spool;
   struct Entry {
     std::uint64_t offset = 0;
+    std::uint64_t seq = 0;                                 // as recorded: damage leaves gaps
     std::uint64_t samples_through = 0, bytes_through = 0;  // of this chunk and all before it
+    std::uint64_t first_tick = 0, last_tick = 0;           // of a chunk that was loaded
+  };
+  /// What the session's end said before the disk was damaged.
+  struct End {
+    std::uint64_t chunks = 0, samples = 0;
+    Digest hash{};
+    bool interrupted = false;
   };
   SpoolSession() = default;
   static Result<std::shared_ptr<SpoolSession>> create(const std::filesystem::path& spool,
@@ -116,7 +143,18 @@ class SpoolSession {
   Status recoverTail();
   void loadLoss();
   Status syncLoss() const;
-  void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
+  void loadEnd();
+  Status writeEnd(bool interrupted);
+  // the following need the mutex
+  void addEntry(const Entry& entry, std::uint64_t samples, std::uint64_t bytes);
+  [[nodiscard]] SpoolContents contentsNow() const;
+  [[nodiscard]] std::uint64_t recordedChunks() const;
+  [[nodiscard]] std::uint64_t firstHole() const;
+  [[nodiscard]] std::uint64_t kept() const;
+  [[nodiscard]] std::size_t entriesBefore(std::uint64_t seq) const;
+  [[nodiscard]] std::size_t entriesAmong(std::uint64_t chunks) const;
+  [[nodiscard]] SpoolDamage damageFrom(std::uint64_t seq) const;
+  [[nodiscard]] std::uint64_t chunksNow() const;
 
   std::shared_ptr<SpoolClock> clock_;
   std::filesystem::path folder_;
@@ -132,11 +170,16 @@ class SpoolSession {
 
   mutable std::mutex mutex_;  // guards all that follows
   std::vector<Entry> entries_;
-  std::uint64_t synced_ = 0;  // entries 0 … synced−1 are on disk
+  std::uint64_t next_seq_ = 0;  // of the chunk that is recorded next
+  std::uint64_t synced_ = 0;    // entries 0 … synced−1 are on disk
+  std::optional<End> whole_;    // of a session that was damaged after its end
+  SpoolDamage tail_damage_;     // between the pieces of a tail
+  std::optional<std::uint64_t> settled_;  // chunks 0 … n−1 keep their numbers
   bool ended_ = false, interrupted_ = false;
   Digest end_hash_{};
   SpoolLoss loss_;
   SpoolContents ended_contents_;  // of a closed session, because its chunks are not read again
+  std::uint64_t ended_records_ = 0;  // chunks on disk at the end
   SpoolReceipt receipt_;
 };
 
