@@ -75,6 +75,8 @@ void spool(ByteView data) {
         static std::array<std::uint8_t, 16> seen{};
         surely(seen.data()[contents.loss.samples]) = 1;
       }
+      // a hostile end may say that the server has what is missing
+      if (!session->allOnDisk()) continue;
       std::uint64_t samples = 0;
       for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {
         const auto bytes = session->readChunk(seq);
