@@ -248,6 +248,12 @@ Status SpoolSession::recoverTail() {
     next = next_seq_;
     if (!entries_.empty()) tick = entries_.back().last_tick + 1;
   }
+  // a second crash came after the tail was made a chunk, and before the end was written
+  const auto counted = readSpoolJson(folder_ / "tail.json");
+  if (counted.ok() && next > 0 && countAt(*counted, "seq") == next - 1) {
+    const std::scoped_lock lock(mutex_);
+    tail_damage_ = {0, countAt(*counted, "samples"), countAt(*counted, "from_tick")};
+  }
   std::optional<std::uint64_t> seq;
   std::uint32_t part = 0;
   SpoolDamage missing;
@@ -277,6 +283,10 @@ Status SpoolSession::recoverTail() {
   });
   if (!stopped.ok()) return stopped.error();
   if (samples.empty()) return {};
+  if (missing.samples > 0)
+    RETURN_IF_ERROR(writeSpoolJson(
+        folder_ / "tail.json",
+        {{"seq", *seq}, {"samples", missing.samples}, {"from_tick", missing.from_tick}}));
   {
     const std::scoped_lock lock(mutex_);
     next_seq_ = *seq;

@@ -100,8 +100,10 @@ class DamagedUpload : public UplinkSessionTest {
   pb::CloseSession endAfter(std::uint64_t next_seq, const Names& sent) {
     EXPECT_EQ(sends(), Names{"open"});
     upload_->onOpened(next_seq);
-    EXPECT_EQ(sends().size(), sent.size());
-    ack(session_->contents().chunks);
+    if (!sent.empty()) {
+      EXPECT_EQ(sends(), sent);
+      ack(session_->contents().chunks);
+    }
     const auto close = upload_->next(true);
     EXPECT_TRUE(close && close->has_close_session()) << upload_->trouble();
     return close ? close->close_session() : pb::CloseSession();
