@@ -118,15 +118,15 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     }
     const SpoolContents contents = (*session)->contents();
     if ((*session)->mended())
-      spool->notes_.push_back(
-          fmt::format("session {} was cut off: {} samples in {} chunks were saved{}, it is closed as interrupted",
-                      name, contents.samples, contents.chunks, missingText(contents.damage)));
+      spool->notes_.push_back(fmt::format(
+          "session {} was cut off: {} samples in {} chunks were saved{}, it is closed as interrupted", name,
+          contents.samples, contents.chunks, missingText(contents.damage)));
     if (const auto& kept = (*session)->damaged(); !kept.empty())
-      spool->notes_.push_back(
-          fmt::format("session {}: its disk has damaged it. {} samples can still be read{}; the server gets what "
-                      "it lacks of them and is told what is missing. The file as it was is kept in {}. See whether "
-                      "that disk fails",
-                      name, contents.samples, missingText(contents.damage), kept.string()));
+      spool->notes_.push_back(fmt::format(
+          "session {}: its disk has damaged it. {} samples can still be read{}; the server gets what "
+          "it lacks of them and is told what is missing. The file as it was is kept in {}. See whether "
+          "that disk fails",
+          name, contents.samples, missingText(contents.damage), kept.string()));
     spool->sessions_.push_back(std::move(*session));
   }
   if (auto status = syncFolder(folder); !status.ok()) return fail(status.error().message);

@@ -32,23 +32,24 @@ struct SpoolLoss {
 
 /// What the disk no longer has of a session, between records that can be read: damage, or a power cut.
 struct SpoolDamage {
-  std::uint64_t chunks = 0;     ///< missing whole
-  std::uint64_t samples = 0;    ///< missing, those in the chunks included; by the end's count, else by the ticks
+  std::uint64_t chunks = 0;  ///< missing whole
+  std::uint64_t samples =
+      0;  ///< missing, those in the chunks included; by the end's count, else by the ticks
   std::uint64_t from_tick = 0;  ///< the first of them
   friend bool operator==(const SpoolDamage&, const SpoolDamage&) = default;
 };
 
 /// The part of a session that the spool holds.
 struct SpoolContents {
-  std::uint64_t chunks = 0;   ///< that the server will have: on disk and synced, or there already (`settle`)
-  std::uint64_t samples = 0;  ///< in those chunks
-  std::uint64_t bytes = 0;    ///< of those chunks' data
-  bool ended = false;         ///< no more chunks will come
-  bool interrupted = false;   ///< the program died during the session; the next start wrote the end
-  std::optional<Digest> hash; ///< over the chunks' bytes in order, once ended; none when the server has a chunk
-                              ///< that the disk lost, and no end says what it was
-  SpoolLoss loss;             ///< also kept on disk
-  SpoolDamage damage;         ///< also kept on disk
+  std::uint64_t chunks = 0;    ///< that the server will have: on disk and synced, or there already (`settle`)
+  std::uint64_t samples = 0;   ///< in those chunks
+  std::uint64_t bytes = 0;     ///< of those chunks' data
+  bool ended = false;          ///< no more chunks will come
+  bool interrupted = false;    ///< the program died during the session; the next start wrote the end
+  std::optional<Digest> hash;  ///< over the chunks' bytes in order, once ended; none when the server has a
+                               ///< chunk that the disk lost, and no end says what it was
+  SpoolLoss loss;      ///< also kept on disk
+  SpoolDamage damage;  ///< also kept on disk
 };
 
 /// The part of a session that the server has. Kept on disk so that a restart does not send it again.
@@ -88,8 +89,8 @@ class SpoolSession {
 
   // --- after damage ---
   /// Settles the numbers of the chunks once the server's first missing one is known: the server's chunks keep
-  /// theirs, those behind close up, because the server takes no gaps. Chunks that the disk lost and the server
-  /// has are not lost. Without damage, or when it is settled, this does nothing. Errors: kUnavailable.
+  /// theirs, those behind close up, because the server takes no gaps. Chunks that the disk lost and the
+  /// server has are not lost. Without damage, or when it is settled, this does nothing. Errors: kUnavailable.
   Status settle(std::uint64_t next_seq);
 
   // --- reading ---
@@ -170,15 +171,15 @@ class SpoolSession {
 
   mutable std::mutex mutex_;  // guards all that follows
   std::vector<Entry> entries_;
-  std::uint64_t next_seq_ = 0;  // of the chunk that is recorded next
-  std::uint64_t synced_ = 0;    // entries 0 … synced−1 are on disk
-  std::optional<End> whole_;    // of a session that was damaged after its end
-  SpoolDamage tail_damage_;     // between the pieces of a tail
+  std::uint64_t next_seq_ = 0;            // of the chunk that is recorded next
+  std::uint64_t synced_ = 0;              // entries 0 … synced−1 are on disk
+  std::optional<End> whole_;              // of a session that was damaged after its end
+  SpoolDamage tail_damage_;               // between the pieces of a tail
   std::optional<std::uint64_t> settled_;  // chunks 0 … n−1 keep their numbers
   bool ended_ = false, interrupted_ = false;
   Digest end_hash_{};
   SpoolLoss loss_;
-  SpoolContents ended_contents_;  // of a closed session, because its chunks are not read again
+  SpoolContents ended_contents_;     // of a closed session, because its chunks are not read again
   std::uint64_t ended_records_ = 0;  // chunks on disk at the end
   SpoolReceipt receipt_;
 };

@@ -40,8 +40,8 @@ class SpoolFile {
   static Result<SpoolFile> open(const std::filesystem::path& path);
 
   /// Visits all good records in their order, those behind damage, too. The visitor returns whether it takes
-  /// the record. Returns the end of the last record that it took; 0 if it took none. Errors: kUnavailable when
-  /// the disk cannot be read.
+  /// the record. Returns the end of the last record that it took; 0 if it took none. Errors: kUnavailable
+  /// when the disk cannot be read.
   Result<std::uint64_t> scan(const std::function<bool(const SpoolRecord&)>& visit) const;
 
   /// Appends a record (at most kMaxSpoolRecord bytes). Errors: kUnavailable when the disk refuses; the file

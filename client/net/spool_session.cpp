@@ -284,9 +284,9 @@ Status SpoolSession::recoverTail() {
   if (!stopped.ok()) return stopped.error();
   if (samples.empty()) return {};
   if (missing.samples > 0)
-    RETURN_IF_ERROR(writeSpoolJson(
-        folder_ / "tail.json",
-        {{"seq", *seq}, {"samples", missing.samples}, {"from_tick", missing.from_tick}}));
+    RETURN_IF_ERROR(
+        writeSpoolJson(folder_ / "tail.json",
+                       {{"seq", *seq}, {"samples", missing.samples}, {"from_tick", missing.from_tick}}));
   {
     const std::scoped_lock lock(mutex_);
     next_seq_ = *seq;
@@ -453,7 +453,8 @@ std::size_t SpoolSession::entriesAmong(std::uint64_t chunks) const {
   const std::uint64_t settled = kept();
   if (chunks <= settled) return entriesBefore(chunks);
   const std::size_t before = entriesBefore(settled);
-  return before + static_cast<std::size_t>(std::min<std::uint64_t>(chunks - settled, entries_.size() - before));
+  return before +
+         static_cast<std::size_t>(std::min<std::uint64_t>(chunks - settled, entries_.size() - before));
 }
 
 std::uint64_t SpoolSession::chunksNow() const {
@@ -591,8 +592,8 @@ Result<Bytes> SpoolSession::readChunk(std::uint64_t seq) const {
                    fmt::format("session {} has no chunk {} in the spool", idText(), seq)};
     const std::size_t at = entriesAmong(seq);
     if (seq < kept() && (at == entries_.size() || entries_[at].seq != seq))
-      return Error{ErrorCode::kCorrupt, fmt::format("{}: chunk {} is damaged; only the server had it",
-                                                    folder_.string(), seq)};
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("{}: chunk {} is damaged; only the server had it", folder_.string(), seq)};
     offset = entries_[at].offset;
   }
   return chunks_.read(offset);

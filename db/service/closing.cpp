@@ -25,24 +25,27 @@ std::string lossText(const pb::CloseSession& request) {
   std::string text;
   if (refused > 0)
     text = fmt::format(
-        "{} samples from tick {} on were lost at the station: its disk refused them for longer than its memory "
+        "{} samples from tick {} on were lost at the station: its disk refused them for longer than its "
+        "memory "
         "lasted",
         refused, request.lost_from_tick());
   if (damaged > 0)
     text += fmt::format(
-        "{}{} samples ({} whole chunks) from tick {} on are missing: the station's disk lost them, by damage or "
+        "{}{} samples ({} whole chunks) from tick {} on are missing: the station's disk lost them, by damage "
+        "or "
         "in a power cut",
         text.empty() ? "" : ". ", damaged, request.chunks_damaged(), request.lost_from_tick());
   if (request.hash().empty())
-    text += fmt::format("{}The station's disk lost chunks that are stored here, so the recording could not be "
-                        "held against its hash",
-                        text.empty() ? "" : ". ");
+    text += fmt::format(
+        "{}The station's disk lost chunks that are stored here, so the recording could not be "
+        "held against its hash",
+        text.empty() ? "" : ". ");
   return text;
 }
 
 // a session that lost samples gets a remark, in the same transaction, so that every view shows the loss
-Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& request, const std::string& station,
-                std::string text) {
+Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& request,
+                const std::string& station, std::string text) {
   StoredAnnotation remark;
   remark.session = id;
   remark.tick = std::min<std::uint64_t>(request.lost_from_tick(), INT64_MAX);
