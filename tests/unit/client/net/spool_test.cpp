@@ -348,7 +348,7 @@ TEST(Spool, aRecordOfAnotherTimeBehindDamageIsNotTaken) {
   const fs::path session = fiveChunksAndATail(folder.path());
   const TempFolder other;
   {
-    auto file = *SpoolFile::open(other.path() / "chunks");
+    auto file = std::move(*SpoolFile::open(other.path() / "chunks"));
     ASSERT_TRUE(file.append(5, 0, coded(200, 100)).ok());
     ASSERT_TRUE(file.append(7, 0, coded(200, 100)).ok());
   }
