@@ -91,6 +91,7 @@ TEST_F(ClockJump, aSessionGoesThroughWholeWhileTheClockJumpsByADay) {
   const auto info = server.asAdmin(request).session();
   EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
   EXPECT_EQ(info.samples(), 1'000u);
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "clock.json")) << "the server's time was noted";
 }
 
 TEST_F(ClockJump, tokensAndLockOutsFollowTheSteadyClock) {
