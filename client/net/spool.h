@@ -48,8 +48,8 @@ struct SpoolContents {
   bool interrupted = false;    ///< the program died during the session; the next start wrote the end
   std::optional<Digest> hash;  ///< over the chunks' bytes in order, once ended; none when the server has a
                                ///< chunk that the disk lost, and no end says what it was
-  SpoolLoss loss;      ///< also kept on disk
-  SpoolDamage damage;  ///< also kept on disk
+  SpoolLoss loss;              ///< also kept on disk
+  SpoolDamage damage;          ///< also kept on disk
 };
 
 /// The part of a session that the server has. Kept on disk so that a restart does not send it again.
