@@ -183,9 +183,9 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .tokens = Tokens(p.options.token_lifetime),
                                   .counters = {},
                                   .admission = Admission(p.options.admission),
-                                  .handshakes = HandshakeTurns(p.options.handshakes),
                                   .disk_room = DiskRoom(p.options.min_free_bytes),
                                   .quotas = StationQuotas(p.options.quotas),
+                                  .handshakes = HandshakeTurns(p.options.handshakes),
                                   .connections = {}});
   p.noteRoom(p.lookAtRoom());
   RETURN_IF_ERROR(p.startMonitor());

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -164,15 +165,16 @@ pb::Envelope pongTo(const pb::Ping& ping) {
   return envelope;
 }
 
-Task<Result<ClientConnection>> connectClient(ClientConfig config) {
+Task<Result<ClientConnection>> connectClient(ClientConfig config, bool* reached) {
   if (!config.tls) {
     auto tls = makeClientTls(config.ca_file);
     if (!tls.ok()) co_return tls.error();
     config.tls = *tls;
   }
   const std::int64_t started = steadyNowNs();
-  auto socket = co_await connectTcp(config.server, config.connect_timeout);
+  auto socket = co_await connectTcp(config.server, std::min(config.connect_timeout, config.reach_timeout));
   if (!socket.ok()) co_return socket.error();
+  if (reached != nullptr) *reached = true;
 
   TlsStream stream(std::move(*socket), *config.tls);
   if (auto named = requireHost(stream, config.server.host); !named.ok()) co_return named.error();

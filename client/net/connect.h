@@ -22,6 +22,7 @@ struct ClientConfig {
   std::string program;            ///< e.g. programText("station")
   pb::Login login;
   std::chrono::milliseconds connect_timeout{5000};  ///< for the whole of look-up, TCP, TLS and log-in
+  std::chrono::milliseconds reach_timeout{5000};    ///< for look-up and TCP alone; within connect_timeout
   ChannelLimits limits;
   pb::Version version = ourVersion();  ///< tests set another
 };
@@ -40,10 +41,11 @@ struct ClientConnection {
 /// Part of kDenied's message when the server's certificate does not cover the name that we connected to.
 inline constexpr const char* kNotForThisName = "its certificate is not for the name";
 
-/// Connects on the executor of the calling coroutine, which must be one thread.
+/// Connects on the executor of the calling coroutine, which must be one thread. Sets `*reached`, if given,
+/// once TCP has connected; it must outlive the call.
 /// Errors: kInvalidInput (the CA file), kUnavailable (no answer, time-out: try again), kDenied (certificate,
 /// log-in), kVersion (both versions in the message), others as errorOf(Refusal).
-Task<Result<ClientConnection>> connectClient(ClientConfig config);
+Task<Result<ClientConnection>> connectClient(ClientConfig config, bool* reached = nullptr);
 
 /// Returns the Pong to a peer's Ping, with our steady clock.
 pb::Envelope pongTo(const pb::Ping& ping);

@@ -32,15 +32,26 @@ Error lostBeforeAnswer(const std::string& why) {
 
 }  // namespace
 
-std::chrono::milliseconds Backoff::next() {
-  const double most = static_cast<double>(settings_.most.count());
-  const double grown =
-      static_cast<double>(settings_.first.count()) * std::pow(settings_.factor, std::min(tries_, 1000u));
-  const double wait = std::min(most, grown);
-  ++tries_;
+double Backoff::grown() const {
+  return static_cast<double>(settings_.first.count()) * std::pow(settings_.factor, std::min(tries_, 1000u));
+}
+
+std::chrono::milliseconds Backoff::jittered(double wait_ms) {
   // makes a number in [0, 1) from 53 random bits: std's distributions differ between libraries
   const double u = static_cast<double>(random_() >> 11) * 0x1p-53;
-  return std::chrono::milliseconds(static_cast<std::int64_t>(wait * (0.5 + 0.5 * u)));
+  return std::chrono::milliseconds(static_cast<std::int64_t>(wait_ms * (0.5 + 0.5 * u)));
+}
+
+std::chrono::milliseconds Backoff::next() {
+  const double wait_ms = std::min(static_cast<double>(settings_.most.count()), grown());
+  ++tries_;
+  return jittered(wait_ms);
+}
+
+std::chrono::milliseconds Backoff::nextProbe() {
+  const auto longest = static_cast<double>(std::min(settings_.probe, settings_.most).count());
+  if (grown() >= longest) return jittered(longest);
+  return next();
 }
 
 std::int64_t LinkClock::unixNs() const {
@@ -76,7 +87,7 @@ struct ServerLink::State {
 
   static Task<> run(std::shared_ptr<State> self);
   static Task<> watchDeadlines(std::shared_ptr<State> self);
-  Task<Result<ClientConnection>> connect(ClientConfig chosen, bool by_token);
+  Task<Result<ClientConnection>> connect(ClientConfig chosen, bool by_token, bool& reached);
   Task<> serve(ClientConnection connection);
   Task<> waitForNextTry(LinkEnd& end, std::uint64_t number);
   void take(pb::Envelope envelope);
@@ -91,6 +102,7 @@ struct ServerLink::State {
   LinkHandlers handlers;
   Backoff backoff;
   bool reconnects;
+  bool probing = false;        // the next attempt follows a Retry::kProbe
   asio::steady_timer nap{io};  // run() waits on it; cancelled on each change
   std::optional<ClientConfig> config;
   std::uint64_t login_number = 0;  // counts log-ins and log-outs
@@ -121,12 +133,12 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
     }
     const std::uint64_t number = me.login_number;
     const bool by_token = !me.token.empty() && me.token_until_unix_ns > me.settings.clock->unixNs();
-    auto connection = co_await me.connect(*me.config, by_token);
+    LinkEnd end;
+    auto connection = co_await me.connect(*me.config, by_token, end.reached);
     if (me.stopping || number != me.login_number) {
       if (connection.ok()) connection->channel->finish(CloseReason::kLocal, "another log-in");
       continue;
     }
-    LinkEnd end;
     if (!connection.ok()) {
       if (by_token && connection.error().code == ErrorCode::kDenied) {
         // the server has restarted and does not know its old tokens: use the password at once
@@ -161,9 +173,11 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
   if (me.stopped && !me.abandoned) me.stopped();
 }
 
-Task<Result<ClientConnection>> ServerLink::State::connect(ClientConfig chosen, bool by_token) {
+Task<Result<ClientConnection>> ServerLink::State::connect(ClientConfig chosen, bool by_token, bool& reached) {
   if (by_token) chosen.login.set_token(token);
-  auto connection = co_await connectClient(std::move(chosen));
+  // a probe's SYN that got no answer says enough: the next probe follows
+  if (probing) chosen.reach_timeout = std::min(chosen.reach_timeout, settings.retry.probe);
+  auto connection = co_await connectClient(std::move(chosen), &reached);
   if (connection.ok() && handlers.accept && !abandoned) {
     if (const Status accepted = handlers.accept(connection->welcome); !accepted.ok()) {
       connection->channel->finish(CloseReason::kLocal, accepted.error().message);
@@ -206,6 +220,8 @@ Task<> ServerLink::State::waitForNextTry(LinkEnd& end, std::uint64_t number) {
   std::chrono::milliseconds time = kForever;
   if (retry == Retry::kSlowly) time = settings.retry.most;
   if (retry == Retry::kBackOff && reconnects) time = backoff.next();
+  probing = retry == Retry::kProbe;
+  if (probing && reconnects) time = backoff.nextProbe();
   if (!reconnects) time = kForever;
   if (time != kForever && !stopping) end.next_try_ns = settings.clock->steadyNs() + nanoseconds(time);
   ended = end.error;

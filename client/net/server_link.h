@@ -20,6 +20,15 @@
 
 namespace needlelab {
 
+/// When the link tries again after a LinkEnd.
+enum class Retry : std::uint8_t {
+  kBackOff,  ///< after a wait of the back-off
+  kProbe,    ///< after a wait of the back-off, but at most Backoff::Settings::probe: for an address where
+             ///< nobody accepts connections, as long as somebody needs the server soon
+  kSlowly,   ///< after the longest wait of the back-off
+  kNever,    ///< not before retryNow() or logIn()
+};
+
 /// The waits between attempts to connect: exponential with jitter, so that a thousand stations do not
 /// reconnect at the same instant when their server restarts. Deterministic for a seed. Thread: one.
 class Backoff {
@@ -28,6 +37,9 @@ class Backoff {
     std::chrono::milliseconds first{200};
     std::chrono::milliseconds most{10'000};
     double factor = 2.0;
+    /// The longest wait between probes. Shorter finds the server sooner after an outage; but then more
+    /// stations shake hands in the first second of its life: N stations bring N / (0.75 · probe).
+    std::chrono::milliseconds probe{1500};
   };
 
   Backoff(std::uint64_t seed, Settings settings) : settings_(settings), random_(seed) {}
@@ -35,11 +47,17 @@ class Backoff {
 
   /// Uniform in [d/2, d], d = min(most, first·factor^n) for the n-th call since the last reset.
   std::chrono::milliseconds next();
+  /// The same with `probe` in place of `most`. A probe that waits `probe` does not count as a call: a server
+  /// that is found after a long outage, and is busy, is tried again soon.
+  std::chrono::milliseconds nextProbe();
   /// Call it after a success.
   void reset() { tries_ = 0; }
   [[nodiscard]] std::uint32_t tries() const { return tries_; }
 
  private:
+  std::chrono::milliseconds jittered(double wait_ms);
+  [[nodiscard]] double grown() const;  // ms
+
   Settings settings_;
   std::mt19937_64 random_;
   std::uint32_t tries_ = 0;
@@ -99,18 +117,12 @@ struct LinkSettings {
 /// Why the link has no connection.
 struct LinkEnd {
   bool was_connected = false;   ///< a connection was lost; false: the attempt to connect failed
+  bool reached = false;         ///< TCP connected; false: nobody accepts connections at the address
   bool said_by_server = false;  ///< `error` is the server's own reason: a fatal Refusal, or a Bye
   bool stopping = false;        ///< by stop(): the link does not reconnect
   Error error;
   std::string channel_text;      ///< how the channel of a lost connection was closed
   std::int64_t next_try_ns = 0;  ///< steady clock; 0: the link does not retry by itself
-};
-
-/// When the link tries again after a LinkEnd.
-enum class Retry : std::uint8_t {
-  kBackOff,  ///< after a wait of the back-off
-  kSlowly,   ///< after the longest wait of the back-off
-  kNever,    ///< not before retryNow() or logIn()
 };
 
 /// Treatment of a request when the connection is lost before its reply.

@@ -59,6 +59,13 @@ std::uint64_t bytesRecordedIn(const fs::path& folder) {
   return bytes;
 }
 
+// ", 100 samples (1 chunk) from tick 100 on are missing"; empty when nothing is
+std::string missingText(const SpoolDamage& damage) {
+  if (damage.samples == 0 && damage.chunks == 0) return {};
+  return fmt::format(", {} samples ({} {}) from tick {} on are missing", damage.samples, damage.chunks,
+                     damage.chunks == 1 ? "chunk" : "chunks", damage.from_tick);
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
@@ -82,6 +89,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     return fail(errno == EWOULDBLOCK ? "another station uses it; give each its own --spool"
                                      : std::strerror(errno));
 
+  spool->clock_ = std::make_shared<SpoolClock>(folder / "clock.json");
   // repair sessions after a crash; names sort by time
   std::vector<fs::path> folders;
   for (auto at = fs::directory_iterator(folder, error); !error && at != fs::end(at); at.increment(error))
@@ -103,7 +111,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
         spool->notes_.push_back(path.string() + ": has no session.json; left as it is");
       continue;
     }
-    auto session = SpoolSession::load(path);
+    auto session = SpoolSession::load(path, spool->clock_);
     if (!session.ok()) {
       spool->notes_.push_back(session.error().message + "; left as it is");
       continue;
@@ -111,14 +119,14 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     const SpoolContents contents = (*session)->contents();
     if ((*session)->mended())
       spool->notes_.push_back(fmt::format(
-          "session {} was cut off: {} samples in {} chunks were saved, it is closed as interrupted", name,
-          contents.samples, contents.chunks));
+          "session {} was cut off: {} samples in {} chunks were saved{}, it is closed as interrupted", name,
+          contents.samples, contents.chunks, missingText(contents.damage)));
     if (const auto& kept = (*session)->damaged(); !kept.empty())
-      spool->notes_.push_back(
-          fmt::format("session {}: its disk has damaged it. {} samples can still be read and are what the "
-                      "server gets; the "
-                      "file as it was is kept in {}. See whether that disk fails",
-                      name, contents.samples, kept.string()));
+      spool->notes_.push_back(fmt::format(
+          "session {}: its disk has damaged it. {} samples can still be read{}; the server gets what "
+          "it lacks of them and is told what is missing. The file as it was is kept in {}. See whether "
+          "that disk fails",
+          name, contents.samples, missingText(contents.damage), kept.string()));
     spool->sessions_.push_back(std::move(*session));
   }
   if (auto status = syncFolder(folder); !status.ok()) return fail(status.error().message);
@@ -130,7 +138,7 @@ Spool::~Spool() {
 }
 
 Result<std::shared_ptr<SpoolSession>> Spool::create(const pb::SessionDescription& description) {
-  auto session = SpoolSession::create(folder_, description);
+  auto session = SpoolSession::create(folder_, description, clock_);
   if (session.ok()) sessions_.push_back(*session);
   return session;
 }
@@ -153,7 +161,7 @@ std::vector<std::shared_ptr<SpoolSession>> Spool::closedButNotSafe() const {
   return closed;
 }
 
-std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns) {
+std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep) {
   std::vector<std::string> said;
   std::uint64_t total = bytesIn(folder_);
   // closed sessions use the same disk: removing them makes room for unsent samples
@@ -161,7 +169,7 @@ std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_
   std::erase_if(sessions_, [&](const std::shared_ptr<SpoolSession>& session) {
     const SpoolReceipt receipt = session->receipt();
     if (!receipt.closed) return false;
-    const std::int64_t age_s = (now_unix_ns - receipt.closed_unix_ns) / 1'000'000'000;
+    const std::int64_t age_s = (clock_->nowNs() - receipt.closed_at_ns) / 1'000'000'000;
     std::string why;
     const auto safe = planted(PlantedBug::kSpoolPurgedAtAck) ? receipt.committed : receipt.safe;
     if (safe >= session->contents().chunks && safe > 0)

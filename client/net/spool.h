@@ -6,9 +6,11 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "client/net/spool_clock.h"
 #include "client/net/spool_file.h"
 #include "common/base/uuid.h"
 #include "common/gesture/sample.h"
@@ -28,23 +30,34 @@ struct SpoolLoss {
   friend bool operator==(const SpoolLoss&, const SpoolLoss&) = default;
 };
 
+/// What the disk no longer has of a session, between records that can be read: damage, or a power cut.
+struct SpoolDamage {
+  std::uint64_t chunks = 0;  ///< missing whole
+  std::uint64_t samples =
+      0;  ///< missing, those in the chunks included; by the end's count, else by the ticks
+  std::uint64_t from_tick = 0;  ///< the first of them
+  friend bool operator==(const SpoolDamage&, const SpoolDamage&) = default;
+};
+
 /// The part of a session that the spool holds.
 struct SpoolContents {
-  std::uint64_t chunks = 0;   ///< on disk and synced, so they may be sent
-  std::uint64_t samples = 0;  ///< in those chunks
-  std::uint64_t bytes = 0;    ///< of those chunks' data
-  bool ended = false;         ///< no more chunks will come
-  bool interrupted = false;   ///< the program died during the session; the next start wrote the end
-  Digest hash{};              ///< over the chunks' bytes in order; valid once ended
-  SpoolLoss loss;             ///< also kept on disk
+  std::uint64_t chunks = 0;    ///< that the server will have: on disk and synced, or there already (`settle`)
+  std::uint64_t samples = 0;   ///< in those chunks
+  std::uint64_t bytes = 0;     ///< of those chunks' data
+  bool ended = false;          ///< no more chunks will come
+  bool interrupted = false;    ///< the program died during the session; the next start wrote the end
+  std::optional<Digest> hash;  ///< over the chunks' bytes in order, once ended; none when the server has a
+                               ///< chunk that the disk lost, and no end says what it was
+  SpoolLoss loss;              ///< also kept on disk
+  SpoolDamage damage;          ///< also kept on disk
 };
 
 /// The part of a session that the server has. Kept on disk so that a restart does not send it again.
 struct SpoolReceipt {
-  std::uint64_t committed = 0;  ///< chunks 0 … n−1 are committed
-  std::uint64_t safe = 0;       ///< … and covered by a verified backup
-  bool closed = false;          ///< the server has verified and closed the session
-  std::int64_t closed_unix_ns = 0;
+  std::uint64_t committed = 0;    ///< chunks 0 … n−1 are committed
+  std::uint64_t safe = 0;         ///< … and covered by a verified backup
+  bool closed = false;            ///< the server has verified and closed the session
+  std::int64_t closed_at_ns = 0;  ///< by the spool's clock
 };
 
 /// One session in the spool. Thread: the writing functions by one thread at a time, `sync` by one thread
@@ -74,6 +87,12 @@ class SpoolSession {
   /// Ends the session. Requires that everything is synced. Errors: kUnavailable; may be called again.
   Status end(bool interrupted);
 
+  // --- after damage ---
+  /// Settles the numbers of the chunks once the server's first missing one is known: the server's chunks keep
+  /// theirs, those behind close up, because the server takes no gaps. Chunks that the disk lost and the
+  /// server has are not lost. Without damage, or when it is settled, this does nothing. Errors: kUnavailable.
+  Status settle(std::uint64_t next_seq);
+
   // --- reading ---
   /// Returns the copy of the chunk file as found on disk, when some chunks could not be read; else empty.
   [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
@@ -84,10 +103,14 @@ class SpoolSession {
   [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
   /// Returns the number of bytes in the first `chunks` chunks.
   [[nodiscard]] std::uint64_t bytesIn(std::uint64_t chunks) const;
+  /// Whether every chunk that `contents` counts is on disk; else the server has those that damage took.
+  [[nodiscard]] bool allOnDisk() const;
   /// Returns the bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
   [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
 
   // --- state at the server ---
+  /// The spool's clock, for the receipt's `closed_at_ns`.
+  [[nodiscard]] SpoolClock& clock() const { return *clock_; }
   [[nodiscard]] SpoolReceipt receipt() const;
   /// Prepares a closed session that the server has lost for sending again: reads its chunks, unless opening
   /// the spool already did. Do not call it while another thread writes the session. Errors: kUnavailable,
@@ -100,19 +123,41 @@ class SpoolSession {
   friend class Spool;
   struct Entry {
     std::uint64_t offset = 0;
+    std::uint64_t seq = 0;                                 // as recorded: damage leaves gaps
     std::uint64_t samples_through = 0, bytes_through = 0;  // of this chunk and all before it
+    std::uint64_t first_tick = 0, last_tick = 0;           // of a chunk that was loaded
+  };
+  /// What the session's end said before the disk was damaged.
+  struct End {
+    std::uint64_t chunks = 0, samples = 0;
+    Digest hash{};
+    bool interrupted = false;
   };
   SpoolSession() = default;
   static Result<std::shared_ptr<SpoolSession>> create(const std::filesystem::path& spool,
-                                                      const pb::SessionDescription& description);
-  static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder);
+                                                      const pb::SessionDescription& description,
+                                                      std::shared_ptr<SpoolClock> clock);
+  static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder,
+                                                    std::shared_ptr<SpoolClock> clock);
   Status loadChunks();
   Status keepDamaged();
   Status recoverTail();
   void loadLoss();
   Status syncLoss() const;
-  void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
+  void loadEnd();
+  Status writeEnd(bool interrupted);
+  // the following need the mutex
+  void addEntry(const Entry& entry, std::uint64_t samples, std::uint64_t bytes);
+  [[nodiscard]] SpoolContents contentsNow() const;
+  [[nodiscard]] std::uint64_t recordedChunks() const;
+  [[nodiscard]] std::uint64_t firstHole() const;
+  [[nodiscard]] std::uint64_t kept() const;
+  [[nodiscard]] std::size_t entriesBefore(std::uint64_t seq) const;
+  [[nodiscard]] std::size_t entriesAmong(std::uint64_t chunks) const;
+  [[nodiscard]] SpoolDamage damageFrom(std::uint64_t seq) const;
+  [[nodiscard]] std::uint64_t chunksNow() const;
 
+  std::shared_ptr<SpoolClock> clock_;
   std::filesystem::path folder_;
   std::filesystem::path damaged_;
   bool mended_ = false;
@@ -126,17 +171,22 @@ class SpoolSession {
 
   mutable std::mutex mutex_;  // guards all that follows
   std::vector<Entry> entries_;
-  std::uint64_t synced_ = 0;  // entries 0 … synced−1 are on disk
+  std::uint64_t next_seq_ = 0;            // of the chunk that is recorded next
+  std::uint64_t synced_ = 0;              // entries 0 … synced−1 are on disk
+  std::optional<End> whole_;              // of a session that was damaged after its end
+  SpoolDamage tail_damage_;               // between the pieces of a tail
+  std::optional<std::uint64_t> settled_;  // chunks 0 … n−1 keep their numbers
   bool ended_ = false, interrupted_ = false;
   Digest end_hash_{};
   SpoolLoss loss_;
-  SpoolContents ended_contents_;  // of a closed session, because its chunks are not read again
+  SpoolContents ended_contents_;     // of a closed session, because its chunks are not read again
+  std::uint64_t ended_records_ = 0;  // chunks on disk at the end
   SpoolReceipt receipt_;
 };
 
 /// How long the spool keeps closed sessions.
 struct SpoolKeep {
-  std::int64_t age_s = 14 * 86'400;  ///< since the server closed them
+  std::int64_t age_s = 14 * 86'400;  ///< by the spool's clock, since the server closed them
   std::uint64_t quota_bytes = std::uint64_t{4}
                               << 30;  ///< of the whole spool; removes the oldest closed sessions first
   /// Free space on the spool's disk: below this, too, the spool removes closed sessions, to make room for
@@ -171,8 +221,11 @@ class Spool {
   /// from an older backup lacks them, so the uplink asks.
   [[nodiscard]] std::vector<std::shared_ptr<SpoolSession>> closedButNotSafe() const;
   /// Removes closed sessions that are Safe, older than `keep.age_s`, or over the quota. Never touches a
-  /// session that the server has not closed. Returns a text per removed session.
-  std::vector<std::string> cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns);
+  /// session that the server has not closed. Asks no clock of this machine: it may be wrong by years. Returns
+  /// a text per removed session.
+  std::vector<std::string> cleanUp(const SpoolKeep& keep);
+  /// Counts the age of closed sessions. The uplink tells it the server's time.
+  [[nodiscard]] SpoolClock& clock() const { return *clock_; }
   /// Errors: kUnavailable when the disk cannot be asked.
   [[nodiscard]] Result<SpoolUsage> usage() const;
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
@@ -182,6 +235,7 @@ class Spool {
   Spool() = default;
   std::filesystem::path folder_;
   int lock_fd_ = -1;
+  std::shared_ptr<SpoolClock> clock_;
   std::vector<std::string> notes_;
   std::vector<std::shared_ptr<SpoolSession>> sessions_;  // oldest first
 };

@@ -93,35 +93,38 @@ Result<bool> SpoolFile::readRecord(std::uint64_t offset, SpoolRecord& record, By
 }
 
 Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord&)>& visit) const {
-  std::uint64_t offset = 0;
+  const auto unreadable = [this](const Error& why) {
+    return Error{ErrorCode::kUnavailable, "cannot read " + path_.string() + ": " + why.message};
+  };
+  std::uint64_t offset = 0, end = 0;
   SpoolRecord record;
   Bytes data;
-  for (;;) {
+  while (offset < size_) {
     auto good = readRecord(offset, record, data);
-    if (!good.ok())
-      return Error{ErrorCode::kUnavailable, "cannot read " + path_.string() + ": " + good.error().message};
-    if (!*good || !visit(record)) return offset;
-    offset += kSpoolRecordHeader + data.size();
+    if (!good.ok()) return unreadable(good.error());
+    if (*good) {
+      offset += kSpoolRecordHeader + data.size();
+      if (visit(record)) end = offset;
+      continue;
+    }
+    const auto next = nextMagic(offset + 1);
+    if (!next.ok()) return unreadable(next.error());
+    offset = *next;
   }
+  return end;
 }
 
-Result<bool> SpoolFile::anyBehind(std::uint64_t offset,
-                                  const std::function<bool(const SpoolRecord&)>& is) const {
-  Bytes block(64 * 1024), data;
-  SpoolRecord record;
-  std::uint64_t at = offset + 1;
-  while (at + kSpoolRecordHeader <= size_) {
-    ASSIGN_OR_RETURN(auto got, readFully(fd_, block.data(), block.size(), at));
-    if (got < sizeof kMagic) return false;
+Result<std::uint64_t> SpoolFile::nextMagic(std::uint64_t offset) const {
+  Bytes block(64 * 1024);
+  while (offset + kSpoolRecordHeader <= size_) {
+    ASSIGN_OR_RETURN(const auto got, readFully(fd_, block.data(), block.size(), offset));
+    if (got < sizeof kMagic) break;
+    for (std::size_t i = 0; i + sizeof kMagic <= got; ++i)
+      if (std::memcmp(block.data() + i, &kMagic, sizeof kMagic) == 0) return offset + i;
     // blocks overlap by three bytes, so that no magic number straddles two of them
-    for (std::size_t i = 0; i + sizeof kMagic <= got; ++i) {
-      if (std::memcmp(block.data() + i, &kMagic, sizeof kMagic) != 0) continue;
-      auto good = readRecord(at + i, record, data);
-      if (!good.ok() || (*good && is(record))) return good;
-    }
-    at += got - (sizeof kMagic - 1);
+    offset += got - (sizeof kMagic - 1);
   }
-  return false;
+  return size_;
 }
 
 namespace {

@@ -39,14 +39,10 @@ class SpoolFile {
   /// system's reason.
   static Result<SpoolFile> open(const std::filesystem::path& path);
 
-  /// Visits the good records from the start. Stops at the first record that is cut off or fails its check, or
-  /// when the visitor returns false; returns the offset where it stopped. Errors: kUnavailable when the disk
-  /// cannot be read.
+  /// Visits all good records in their order, those behind damage, too. The visitor returns whether it takes
+  /// the record. Returns the end of the last record that it took; 0 if it took none. Errors: kUnavailable
+  /// when the disk cannot be read.
   Result<std::uint64_t> scan(const std::function<bool(const SpoolRecord&)>& visit) const;
-
-  /// Returns whether `is` holds for any good record that begins after `offset`. Errors: kUnavailable.
-  [[nodiscard]] Result<bool> anyBehind(std::uint64_t offset,
-                                       const std::function<bool(const SpoolRecord&)>& is) const;
 
   /// Appends a record (at most kMaxSpoolRecord bytes). Errors: kUnavailable when the disk refuses; the file
   /// is then unchanged.
@@ -65,6 +61,8 @@ class SpoolFile {
   [[nodiscard]] Error systemError(const char* what) const;
   /// Data of the record at `offset` into `data`; false when no good record begins there.
   Status writeAt(std::uint64_t offset, ByteView bytes);
+  /// The offset of the next magic number from `offset` on; the file's size when there is none.
+  [[nodiscard]] Result<std::uint64_t> nextMagic(std::uint64_t offset) const;
   Result<bool> readRecord(std::uint64_t offset, SpoolRecord& record, Bytes& data) const;
 
   std::filesystem::path path_;

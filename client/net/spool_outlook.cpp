@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/clock.h"
-
 namespace needlelab {
 namespace {
 
@@ -82,7 +80,7 @@ void SpoolGuard::measure() {
   if (!usage.ok()) return;
   // during a lesson, remove closed sessions only when the disk needs their space
   if (usage->free_bytes < keep_.min_free_bytes) {
-    for (const std::string& note : spool_.cleanUp(keep_, wallNowNs())) report_(note);
+    for (const std::string& note : spool_.cleanUp(keep_)) report_(note);
     if (auto again = spool_.usage(); again.ok()) usage = again;
   }
   outlook_ = outlookOf(*usage, keep_.quota_bytes, rate_hz_, thresholds_);

@@ -5,13 +5,14 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <nlohmann/json.hpp>
 #include <span>
 #include <utility>
 
 #include "client/net/spool.h"
+#include "client/net/spool_json.h"
 #include "common/base/files.h"
 #include "common/base/planted_bug.h"
 #include "common/gesture/chunk.h"
@@ -20,38 +21,12 @@
 namespace needlelab {
 namespace {
 
-using Json = nlohmann::json;
 constexpr std::size_t kMaxTailSamples =
     4000;  // upper limit per chunk; a lossless chunk of this size fits an envelope
+constexpr std::uint64_t kMostMissing = 1u << 20;  // chunks between two readable ones: 12 days at 1 kHz
 
 Error broken(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why};
-}
-
-// reads a small JSON object; a null value when the file is missing
-Result<Json> readJson(const std::filesystem::path& path) {
-  std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) return Json();
-  ASSIGN_OR_RETURN(auto text, readWholeFile(path, 1u << 20));
-  Json json = Json::parse(text, nullptr, false);
-  if (!json.is_object()) return broken(path, "is not a JSON object");
-  return json;
-}
-
-std::uint64_t countAt(const Json& json, const char* key) {
-  const auto at = json.find(key);
-  return at != json.end() && at->is_number_unsigned() ? at->get<std::uint64_t>() : 0;
-}
-
-bool flagAt(const Json& json, const char* key) {
-  const auto at = json.find(key);
-  return at != json.end() && at->is_boolean() && at->get<bool>();
-}
-
-Status writeJson(const std::filesystem::path& path, const Json& json) {
-  auto status = writeFileAtomically(path, viewOf(json.dump(1) + "\n"), 0600);
-  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
-  return {};
 }
 
 }  // namespace
@@ -72,7 +47,8 @@ void setResolution(pb::SessionDescription& description, const Resolution& resolu
 }
 
 Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem::path& spool,
-                                                           const pb::SessionDescription& description) {
+                                                           const pb::SessionDescription& description,
+                                                           std::shared_ptr<SpoolClock> clock) {
   Uuid id{};
   if (description.session_id().size() != id.size())
     return Error{ErrorCode::kInvalidInput,
@@ -85,6 +61,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   RETURN_IF_ERROR(checkDescription(named));
   std::shared_ptr<SpoolSession> session(new SpoolSession);
   session->id_ = id;
+  session->clock_ = std::move(clock);
   session->description_ = description;
   session->folder_ = spool / uuidText(id);
   std::error_code error;
@@ -98,7 +75,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   if (!written.ok())
     return Error{ErrorCode::kFailed,
                  "the session's description cannot be written as JSON: " + written.ToString()};
-  auto status = writeFileAtomically(session->folder_ / "session.json", viewOf(json), 0600);
+  auto status = writeFileAtomically(session->folder_ / "session.json", viewOf(sealed(json)), 0600);
   if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
   ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(session->folder_ / "chunks"));
   session->chunks_ = std::move(chunks);
@@ -114,13 +91,17 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   return session;
 }
 
-Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::path& folder) {
+Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::path& folder,
+                                                         std::shared_ptr<SpoolClock> clock) {
   std::shared_ptr<SpoolSession> session(new SpoolSession);
+  session->clock_ = std::move(clock);
   session->folder_ = folder;
   ASSIGN_OR_RETURN(auto id, parseUuid(folder.filename().string()));
   session->id_ = id;
   ASSIGN_OR_RETURN(auto text, readWholeFile(folder / "session.json", 16u << 20));
-  const auto parsed = google::protobuf::util::JsonStringToMessage(text, &session->description_);
+  const auto json = unsealed(std::move(text));
+  if (!json.ok()) return broken(folder / "session.json", json.error().message);
+  const auto parsed = google::protobuf::util::JsonStringToMessage(*json, &session->description_);
   if (!parsed.ok()) return broken(folder / "session.json", parsed.ToString());
   if (session->description_.session_id() != std::string(id.begin(), id.end()))
     return broken(folder / "session.json", "names another session than its folder");
@@ -128,28 +109,56 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
     return broken(folder / "session.json", valid.error().message);
 
   session->loadLoss();
-  auto receipt = readJson(folder / "acked.json");
+  auto receipt = readSpoolJson(folder / "acked.json");
   // an unreadable receipt costs only a question to the server
   if (receipt.ok() && receipt->is_object()) {
     session->receipt_.committed = countAt(*receipt, "committed");
     session->receipt_.safe = countAt(*receipt, "safe");
     session->receipt_.closed = flagAt(*receipt, "closed");
-    session->receipt_.closed_unix_ns = static_cast<std::int64_t>(countAt(*receipt, "closed_unix_ns"));
+    // missing in a receipt of an earlier version: closed when the spool's clock began
+    session->receipt_.closed_at_ns =
+        static_cast<std::int64_t>(std::min<std::uint64_t>(countAt(*receipt, "closed_at_ns"), INT64_MAX));
   }
-  // ignore a damaged end: the chunks have their own checks, and the session ends as interrupted
-  const auto end = readJson(folder / "end.json");
-  const auto has = [&](const char* key) { return end->contains(key); };
-  if (end.ok() && end->is_object() && has("chunks") && has("samples") && has("hash") && has("interrupted")) {
-    session->ended_ = true;
-    session->interrupted_ = flagAt(*end, "interrupted");
-    session->ended_contents_.chunks = countAt(*end, "chunks");
-    session->ended_contents_.samples = countAt(*end, "samples");
-    if (session->receipt_.closed) return session;  // the session is done; its chunks are not needed
-  } else {
-    session->mended_ = true;
-  }
+  session->loadEnd();
+  // a closed session is done; its chunks are not needed
+  if (session->ended_ && session->receipt_.closed) return session;
   RETURN_IF_ERROR(session->loadChunks());
   return session;
+}
+
+// ignores a damaged end: the chunks have their own checks, and the session ends as interrupted
+void SpoolSession::loadEnd() {
+  const auto end = readSpoolJson(folder_ / "end.json");
+  const auto has = [&](const char* key) { return end->contains(key); };
+  if (!end.ok() || !end->is_object() || !has("chunks") || !has("samples") || !has("hash") ||
+      !has("interrupted")) {
+    mended_ = true;
+    return;
+  }
+  const auto numbers = [](const nlohmann::json& of) {
+    End read{countAt(of, "chunks"), countAt(of, "samples"), {}, flagAt(of, "interrupted")};
+    const auto hash = of.find("hash");
+    const auto digest = hash != of.end() && hash->is_string() ? digestFromHex(hash->get<std::string>())
+                                                              : Result<Digest>(Error{});
+    if (digest.ok()) read.hash = *digest;
+    return std::pair{read, digest.ok()};
+  };
+  const auto damageAt = [&](const char* key) {
+    const nlohmann::json of = end->value(key, nlohmann::json::object());
+    return SpoolDamage{countAt(of, "chunks"), countAt(of, "samples"), countAt(of, "from_tick")};
+  };
+  const auto [last, hash_read] = numbers(*end);
+  ended_ = true;
+  interrupted_ = last.interrupted;
+  ended_contents_.chunks = last.chunks;
+  ended_contents_.samples = last.samples;
+  if (hash_read) ended_contents_.hash = last.hash;
+  ended_contents_.damage = damageAt("damage");
+  ended_records_ = has("records") ? countAt(*end, "records") : last.chunks;
+  tail_damage_ = damageAt("tail_damage");
+  if (has("settled")) settled_ = countAt(*end, "settled");
+  if (has("whole"))
+    if (const auto [whole, sound] = numbers((*end)["whole"]); sound) whole_ = whole;
 }
 
 // copies the chunks before truncating them; keeps an existing copy, because it holds more
@@ -172,31 +181,42 @@ Status SpoolSession::keepDamaged() {
 Status SpoolSession::loadChunks() {
   ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(folder_ / "chunks"));
   chunks_ = std::move(chunks);
+  std::uint64_t listed_as_synced = 0;
   auto good_end = chunks_.scan([&](const SpoolRecord& record) {
-    if (record.seq != entries_.size()) return false;
-    auto info = inspectChunk(record.data);
+    const auto info = inspectChunk(record.data);
     if (!info.ok()) return false;
+    listed_as_synced = std::max<std::uint64_t>(listed_as_synced, record.part);
     const std::scoped_lock lock(mutex_);
-    addEntry(record.offset, info->count, record.data.size());
+    if (record.seq < next_seq_ || record.seq - next_seq_ > kMostMissing) return false;
+    // behind damage: a record of another time, which the disk brought back, is none of this session
+    if (record.seq > next_seq_ && !entries_.empty() && info->first_tick <= entries_.back().last_tick)
+      return false;
+    addEntry({record.offset, record.seq, 0, 0, info->first_tick, info->last_tick}, info->count,
+             record.data.size());
     hash_.update(record.data);
     return true;
   });
   if (!good_end.ok()) return good_end.error();
 
-  if (ended_ && entries_.size() != ended_contents_.chunks) {
+  if (ended_ && entries_.size() != ended_records_) {
     // the session ended well, but the disk has lost a part of it: the readable part becomes an interrupted
     // session, and the damaged file stays for a manual rescue
     RETURN_IF_ERROR(keepDamaged());
     const std::scoped_lock lock(mutex_);
+    const SpoolContents& said = ended_contents_;
+    if (!whole_ && said.hash && said.damage == SpoolDamage{})
+      whole_ = End{said.chunks, said.samples, *said.hash, interrupted_};
     ended_ = false;
   }
   if (!ended_) {
-    // A bad record is a torn end, even with good ones behind it (a power cut keeps an arbitrary part of the
-    // unsynced data), unless a later record lists it as synced: that is damage, and the file is kept as found
-    auto damaged = chunks_.anyBehind(
-        *good_end, [&](const SpoolRecord& record) { return record.part > entries_.size(); });
-    if (!damaged.ok()) return damaged.error();
-    if (*damaged) RETURN_IF_ERROR(keepDamaged());
+    // What is missing before a good record was torn by a power cut, which keeps an arbitrary part of the
+    // unsynced data, unless a later record lists it as synced: that is damage, and the file is kept as found
+    std::uint64_t hole = 0;
+    {
+      const std::scoped_lock lock(mutex_);
+      hole = firstHole();
+    }
+    if (hole < listed_as_synced) RETURN_IF_ERROR(keepDamaged());
     // cut off the torn end: new records must follow the last good one
     if (*good_end < chunks_.size()) RETURN_IF_ERROR(chunks_.truncate(*good_end));
     RETURN_IF_ERROR(recoverTail());
@@ -222,25 +242,61 @@ Status SpoolSession::loadAgain() {
 Status SpoolSession::recoverTail() {
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(folder_ / "tail"));
   tail_ = std::move(tail);
-  const std::uint64_t seq = entries_.size();
+  std::uint64_t next = 0, tick = 0;
+  {
+    const std::scoped_lock lock(mutex_);
+    next = next_seq_;
+    if (!entries_.empty()) tick = entries_.back().last_tick + 1;
+  }
+  // a second crash came after the tail was made a chunk, and before the end was written
+  const auto counted = readSpoolJson(folder_ / "tail.json");
+  if (counted.ok() && next > 0 && countAt(*counted, "seq") == next - 1) {
+    const std::scoped_lock lock(mutex_);
+    tail_damage_ = {0, countAt(*counted, "samples"), countAt(*counted, "from_tick")};
+  }
+  std::optional<std::uint64_t> seq;
   std::uint32_t part = 0;
+  SpoolDamage missing;
   std::vector<GestureSample> samples;
-  // taken from the pieces, which have a checksum; the description has none
+  // taken from the pieces, which have a checksum; the description of an earlier version has none
   Resolution resolution = resolutionOf(description_);
   auto stopped = tail_.scan([&](const SpoolRecord& record) {
     // already in a chunk: the program died before the tail was emptied
-    if (record.seq < seq) return true;
-    if (record.seq != seq || record.part != part) return false;
-    auto piece = decodeChunk(record.data);
+    if (record.seq < next) return true;
+    if (seq ? record.seq != *seq || record.part < part : record.seq - next > kMostMissing) return false;
+    const auto piece = decodeChunk(record.data);
     if (!piece.ok() || samples.size() + piece->size() > kMaxTailSamples) return false;
+    const std::uint64_t first = piece->front().tick;
+    const bool gap = record.part > part || record.seq > next;
+    if (gap && first < tick) return false;
+    // the samples of whole chunks that are missing before the tail are counted with those chunks
+    if (record.part > part && (seq || record.seq == next)) {
+      if (missing.samples == 0) missing.from_tick = tick;
+      missing.samples += first - tick;
+    }
     if (const auto info = inspectChunk(record.data); info.ok()) resolution = info->resolution;
     samples.insert(samples.end(), piece->begin(), piece->end());
-    ++part;
+    tick = samples.back().tick + 1;
+    seq = record.seq;
+    part = record.part + 1;
     return true;
   });
   if (!stopped.ok()) return stopped.error();
   if (samples.empty()) return {};
-  return appendChunk(encodeChunk(resolution, samples), samples.size());
+  if (missing.samples > 0)
+    RETURN_IF_ERROR(
+        writeSpoolJson(folder_ / "tail.json",
+                       {{"seq", *seq}, {"samples", missing.samples}, {"from_tick", missing.from_tick}}));
+  {
+    const std::scoped_lock lock(mutex_);
+    next_seq_ = *seq;
+    tail_damage_ = missing;
+  }
+  RETURN_IF_ERROR(appendChunk(encodeChunk(resolution, samples), samples.size()));
+  const std::scoped_lock lock(mutex_);
+  entries_.back().first_tick = samples.front().tick;
+  entries_.back().last_tick = samples.back().tick;
+  return {};
 }
 
 Status SpoolSession::appendPiece(std::uint64_t seq, ByteView piece) {
@@ -258,19 +314,22 @@ Status SpoolSession::appendChunk(ByteView chunk, std::uint64_t samples) {
   std::uint64_t seq = 0, synced = 0;
   {
     const std::scoped_lock lock(mutex_);
-    seq = entries_.size();
+    seq = next_seq_;
     synced = synced_;
   }
   RETURN_IF_ERROR(chunks_.append(seq, static_cast<std::uint32_t>(synced), chunk));
   hash_.update(chunk);
   const std::scoped_lock lock(mutex_);
-  addEntry(offset, samples, chunk.size());
+  addEntry({offset, seq}, samples, chunk.size());
   return {};
 }
 
-void SpoolSession::addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes) {
+void SpoolSession::addEntry(const Entry& entry, std::uint64_t samples, std::uint64_t bytes) {
   const Entry before = entries_.empty() ? Entry{} : entries_.back();
-  entries_.push_back({offset, before.samples_through + samples, before.bytes_through + bytes});
+  entries_.push_back(entry);
+  entries_.back().samples_through = before.samples_through + samples;
+  entries_.back().bytes_through = before.bytes_through + bytes;
+  next_seq_ = entry.seq + 1;
 }
 
 Status SpoolSession::restartTail() {
@@ -302,26 +361,134 @@ Status SpoolSession::sync() {
 }
 
 Status SpoolSession::end(bool interrupted) {
-  std::uint64_t chunks = 0, samples = 0, lost = 0;
+  bool lost = false;
   {
     const std::scoped_lock lock(mutex_);
-    chunks = entries_.size();
-    if (chunks > 0) samples = entries_.back().samples_through;
-    lost = loss_.samples;
+    lost = loss_.samples > 0;
   }
   // without this sync, an ended session could lose its loss record in a power cut and look complete
-  if (lost > 0) RETURN_IF_ERROR(syncLoss());
+  if (lost) RETURN_IF_ERROR(syncLoss());
   const Digest hash = hash_.digest();
-  if (auto status = writeJson(
-          folder_ / "end.json",
-          {{"chunks", chunks}, {"samples", samples}, {"hash", hexOf(hash)}, {"interrupted", interrupted}});
-      !status.ok())
-    return status;
+  {
+    const std::scoped_lock lock(mutex_);
+    end_hash_ = hash;
+  }
+  RETURN_IF_ERROR(writeEnd(interrupted));
   const std::scoped_lock lock(mutex_);
   ended_ = true;
   interrupted_ = interrupted;
-  end_hash_ = hash;
   return {};
+}
+
+Status SpoolSession::writeEnd(bool interrupted) {
+  nlohmann::json json;
+  const auto damageText = [](const SpoolDamage& of) {
+    return nlohmann::json{{"chunks", of.chunks}, {"samples", of.samples}, {"from_tick", of.from_tick}};
+  };
+  {
+    const std::scoped_lock lock(mutex_);
+    const SpoolContents now = contentsNow();
+    json = {{"chunks", now.chunks},
+            {"samples", now.samples},
+            {"hash", now.hash ? hexOf(*now.hash) : std::string()},
+            {"interrupted", interrupted}};
+    if (entries_.size() != now.chunks) json["records"] = entries_.size();
+    if (now.damage != SpoolDamage{}) json["damage"] = damageText(now.damage);
+    if (tail_damage_ != SpoolDamage{}) json["tail_damage"] = damageText(tail_damage_);
+    if (settled_) json["settled"] = *settled_;
+    if (whole_)
+      json["whole"] = {{"chunks", whole_->chunks},
+                       {"samples", whole_->samples},
+                       {"hash", hexOf(whole_->hash)},
+                       {"interrupted", whole_->interrupted}};
+  }
+  return writeSpoolJson(folder_ / "end.json", json);
+}
+
+Status SpoolSession::settle(std::uint64_t next_seq) {
+  bool interrupted = false;
+  {
+    const std::scoped_lock lock(mutex_);
+    if (settled_ || firstHole() == recordedChunks()) return {};
+    settled_ = std::clamp(next_seq, firstHole(), recordedChunks());
+    interrupted = interrupted_;
+  }
+  // written before the first chunk gets another number
+  const Status written = writeEnd(interrupted);
+  if (written.ok()) return {};
+  const std::scoped_lock lock(mutex_);
+  settled_.reset();
+  return written;
+}
+
+// --- the numbers of chunks after damage
+
+// including those that the disk lost
+std::uint64_t SpoolSession::recordedChunks() const {
+  return std::max(next_seq_, whole_ ? whole_->chunks : 0);
+}
+
+// recordedChunks() when none is missing
+std::uint64_t SpoolSession::firstHole() const {
+  if (entries_.size() == recordedChunks()) return entries_.size();
+  const auto moved = std::partition_point(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+    return entry.seq == static_cast<std::uint64_t>(&entry - entries_.data());
+  });
+  return static_cast<std::uint64_t>(moved - entries_.begin());
+}
+
+// chunks 0 … n−1 keep their numbers, those behind close up
+std::uint64_t SpoolSession::kept() const {
+  return settled_ ? std::min(*settled_, recordedChunks()) : firstHole();
+}
+
+std::size_t SpoolSession::entriesBefore(std::uint64_t seq) const {
+  const auto at = std::partition_point(entries_.begin(), entries_.end(),
+                                       [seq](const Entry& entry) { return entry.seq < seq; });
+  return static_cast<std::size_t>(at - entries_.begin());
+}
+
+// how many of the server's first chunks are on disk
+std::size_t SpoolSession::entriesAmong(std::uint64_t chunks) const {
+  const std::uint64_t settled = kept();
+  if (chunks <= settled) return entriesBefore(chunks);
+  const std::size_t before = entriesBefore(settled);
+  return before +
+         static_cast<std::size_t>(std::min<std::uint64_t>(chunks - settled, entries_.size() - before));
+}
+
+std::uint64_t SpoolSession::chunksNow() const {
+  if (firstHole() == recordedChunks()) return synced_;
+  const std::uint64_t settled = kept();
+  return settled + (entries_.size() - entriesBefore(settled));
+}
+
+SpoolDamage SpoolSession::damageFrom(std::uint64_t seq) const {
+  SpoolDamage damage;
+  const auto chunk_samples =
+      static_cast<std::uint64_t>(std::clamp(std::round(description_.rate_hz()), 1.0, 1000.0));  // of a second
+  std::uint64_t next = 0, tick = 0, found = 0;
+  const auto upTo = [&](std::uint64_t end, std::uint64_t end_tick) {
+    const std::uint64_t from = std::max(next, seq);
+    if (end <= from) return;
+    if (damage.chunks == 0) damage.from_tick = tick;
+    damage.chunks += end - from;
+    const std::uint64_t ticks = end_tick > tick ? end_tick - tick : 0;
+    damage.samples += std::min(ticks, (end - from) * chunk_samples);
+  };
+  for (const Entry& entry : entries_) {
+    upTo(entry.seq, entry.first_tick);
+    next = entry.seq + 1;
+    tick = entry.last_tick + 1;
+    found = entry.samples_through;
+  }
+  upTo(recordedChunks(), UINT64_MAX);
+  // the end knows how many there were
+  if (whole_ && damage.chunks > 0 && seq <= firstHole())
+    damage.samples = whole_->samples - std::min(whole_->samples, found);
+  if (tail_damage_.samples > 0 && damage.samples == 0) damage.from_tick = tail_damage_.from_tick;
+  damage.samples += tail_damage_.samples;
+  return damage;
 }
 
 Status SpoolSession::setLoss(const SpoolLoss& loss) {
@@ -366,27 +533,53 @@ void SpoolSession::loadLoss() {
 
 SpoolContents SpoolSession::contents() const {
   const std::scoped_lock lock(mutex_);
+  return contentsNow();
+}
+
+SpoolContents SpoolSession::contentsNow() const {
+  SpoolContents now;
   if (ended_ && entries_.empty() && receipt_.closed) {
-    SpoolContents closed = ended_contents_;
-    closed.ended = true;
-    closed.interrupted = interrupted_;
-    closed.loss = loss_;
-    return closed;
+    now = ended_contents_;
+    now.ended = true;
+    now.interrupted = interrupted_;
+    now.loss = loss_;
+    return now;
   }
-  const Entry last = synced_ == 0 ? Entry{} : entries_[synced_ - 1];
-  const bool ended = ended_ && synced_ == entries_.size();
-  return {synced_, last.samples_through, last.bytes_through, ended, interrupted_, end_hash_, loss_};
+  const bool holes = firstHole() < recordedChunks();
+  now.chunks = chunksNow();
+  const std::size_t count = holes ? entries_.size() : static_cast<std::size_t>(synced_);
+  const Entry last = count == 0 ? Entry{} : entries_[count - 1];
+  now.samples = last.samples_through;
+  now.bytes = last.bytes_through;
+  now.ended = ended_ && synced_ == entries_.size();
+  now.interrupted = interrupted_ || holes;
+  now.loss = loss_;
+  now.damage = holes ? damageFrom(kept()) : tail_damage_;
+  if (kept() <= firstHole()) {
+    now.hash = end_hash_;
+  } else if (whole_ && now.damage == SpoolDamage{}) {
+    // the server has all that the disk lost
+    now.samples = whole_->samples;
+    now.hash = whole_->hash;
+    now.interrupted = whole_->interrupted;
+  }
+  return now;
+}
+
+bool SpoolSession::allOnDisk() const {
+  const std::scoped_lock lock(mutex_);
+  return kept() <= firstHole();
 }
 
 std::uint64_t SpoolSession::samplesIn(std::uint64_t chunks) const {
   const std::scoped_lock lock(mutex_);
-  const std::uint64_t some = std::min<std::uint64_t>(chunks, entries_.size());
+  const std::size_t some = entriesAmong(chunks);
   return some == 0 ? 0 : entries_[some - 1].samples_through;
 }
 
 std::uint64_t SpoolSession::bytesIn(std::uint64_t chunks) const {
   const std::scoped_lock lock(mutex_);
-  const std::uint64_t some = std::min<std::uint64_t>(chunks, entries_.size());
+  const std::size_t some = entriesAmong(chunks);
   return some == 0 ? 0 : entries_[some - 1].bytes_through;
 }
 
@@ -394,10 +587,14 @@ Result<Bytes> SpoolSession::readChunk(std::uint64_t seq) const {
   std::uint64_t offset = 0;
   {
     const std::scoped_lock lock(mutex_);
-    if (seq >= synced_)
+    if (seq >= chunksNow())
       return Error{ErrorCode::kNotFound,
                    fmt::format("session {} has no chunk {} in the spool", idText(), seq)};
-    offset = entries_[seq].offset;
+    const std::size_t at = entriesAmong(seq);
+    if (seq < kept() && (at == entries_.size() || entries_[at].seq != seq))
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("{}: chunk {} is damaged; only the server had it", folder_.string(), seq)};
+    offset = entries_[at].offset;
   }
   return chunks_.read(offset);
 }
@@ -415,10 +612,12 @@ Status SpoolSession::setReceipt(const SpoolReceipt& receipt) {
       return {};
     receipt_ = receipt;
   }
-  return writeJson(folder_ / "acked.json", {{"committed", receipt.committed},
-                                            {"safe", receipt.safe},
-                                            {"closed", receipt.closed},
-                                            {"closed_unix_ns", receipt.closed_unix_ns}});
+  return writeSpoolJson(
+      folder_ / "acked.json",
+      {{"committed", receipt.committed},
+       {"safe", receipt.safe},
+       {"closed", receipt.closed},
+       {"closed_at_ns", static_cast<std::uint64_t>(std::max<std::int64_t>(receipt.closed_at_ns, 0))}});
 }
 
 }  // namespace needlelab

@@ -20,10 +20,7 @@ constexpr std::int64_t kStopLook_ns = 50'000'000;
 Uplink::Uplink(UplinkConfig config, UplinkEvents events)
     : config_(std::move(config)),
       events_(std::move(events)),
-      link_(io_,
-            {.retry = {config_.first_retry, config_.most_retry, 2.0},
-             .lasting = config_.most_retry,
-             .clock = config_.clock},
+      link_(io_, {.retry = config_.retry(), .lasting = config_.most_retry, .clock = config_.clock},
             handlers()) {
   state_.away_since_ns = time().nowNs();
   link_.logIn(config_.client);

@@ -27,6 +27,7 @@ struct UplinkConfig {
   ClientConfig client;
   std::size_t window_chunks = 64;  ///< in flight, over all sessions
   std::chrono::milliseconds first_retry{200}, most_retry{10'000};
+  [[nodiscard]] Backoff::Settings retry() const { return {.first = first_retry, .most = most_retry}; }
   std::shared_ptr<LinkClock> clock = std::make_shared<LinkClock>();
 };
 
@@ -70,6 +71,12 @@ struct UplinkState {
   std::uint64_t live_dropped = 0;  ///< dropped here, because the network was slow
   std::optional<ClockProbe::Estimate> clock;
 };
+
+/// How a station tries again. While a lesson runs it probes an address where nobody accepts connections: a
+/// refused TCP connection costs a server that starts nothing, and viewers miss the lesson until the station
+/// is back. A server that accepts connections but does not log the station in is busy: the station backs off.
+/// It tries seldom where it is refused. Pure.
+Retry retryOfStation(const LinkEnd& end, bool lesson_runs);
 
 /// Thread: any but its own, for all public functions; they wait for the network only where documented.
 class Uplink {
@@ -116,6 +123,8 @@ class Uplink {
 
  private:
   LinkHandlers handlers();
+  /// The current session has not ended.
+  [[nodiscard]] bool lessonRuns() const;
   void onConnected(const pb::Welcome& welcome);
   void onAway(const LinkEnd& end);
   Task<> keepTime();

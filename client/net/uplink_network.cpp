@@ -43,6 +43,16 @@ void cutText(std::string& text, std::size_t bytes) {
 
 }  // namespace
 
+Retry retryOfStation(const LinkEnd& end, bool lesson_runs) {
+  if (end.was_connected) return Retry::kBackOff;
+  if (isRefused(end.error)) return Retry::kSlowly;
+  return lesson_runs && !end.reached ? Retry::kProbe : Retry::kBackOff;
+}
+
+bool Uplink::lessonRuns() const {
+  return current_ != nullptr && !current_->spool()->contents().ended;
+}
+
 LinkHandlers Uplink::handlers() {
   return {.accept = {},
           .connected = [this](const pb::Welcome& welcome) { onConnected(welcome); },
@@ -51,11 +61,7 @@ LinkHandlers Uplink::handlers() {
                 handle(envelope);
                 pump();
               },
-          // retry slowly at a server that refuses us
-          .judge =
-              [](const LinkEnd& end) {
-                return !end.was_connected && isRefused(end.error) ? Retry::kSlowly : Retry::kBackOff;
-              },
+          .judge = [this](const LinkEnd& end) { return retryOfStation(end, lessonRuns()); },
           .away = [this](const LinkEnd& end) { onAway(end); }};
 }
 
@@ -64,6 +70,7 @@ void Uplink::onConnected(const pb::Welcome& welcome) {
   std::vector<const UplinkSession*> again;
   for (const auto& session : sessions_) {
     const bool was_closed = session->closed();
+    session->spool()->clock().note(welcome.server_unix_ns());
     session->onConnected(atServer(*session));
     if (was_closed && !session->closed()) again.push_back(session.get());
   }
@@ -148,7 +155,10 @@ void Uplink::takeAdded() {
   for (auto& [spool, current] : added) {
     auto session =
         std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station(), time());
-    if (link_.online()) session->onConnected(atServer(*session));
+    if (link_.online()) {
+      session->spool()->clock().note(link_.welcome().server_unix_ns());
+      session->onConnected(atServer(*session));
+    }
     if (current) {
       current_ = session.get();
       sessions_.insert(sessions_.begin(), std::move(session));
@@ -300,7 +310,7 @@ void Uplink::handleRefusal(const pb::Envelope& envelope) {
 
 void Uplink::setWatched(bool watched) {
   const bool was_watched = watched_.exchange(watched, std::memory_order_relaxed);
-  if (!watched || was_watched || current_ == nullptr || current_->spool()->contents().ended) return;
+  if (!watched || was_watched || !lessonRuns()) return;
   {
     // send the newest piece at once: a viewer need not wait for the next one
     const std::scoped_lock lock(mutex_);
@@ -365,7 +375,7 @@ void Uplink::sendStatus() {
     }
     status.set_live_dropped(state_.live_dropped - dropped_before_);
   }
-  if (current_ != nullptr && !current_->spool()->contents().ended) {
+  if (lessonRuns()) {
     const pb::SessionDescription& description = current_->spool()->description();
     status.set_session_id(description.session_id());
     status.set_trainee(description.trainee());

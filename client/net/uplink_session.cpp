@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/clock.h"
 #include "common/base/planted_bug.h"
 #include "common/gesture/chunk.h"
 #include "common/wire/protocol.h"
@@ -89,11 +88,17 @@ pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
   close.set_session_id(spool_->description().session_id());
   close.set_chunks(contents.chunks);
   close.set_samples(contents.samples);
-  close.set_hash(contents.hash.data(), contents.hash.size());
+  if (contents.hash) close.set_hash(contents.hash->data(), contents.hash->size());
+  const SpoolLoss& loss = contents.loss;
+  const SpoolDamage& damage = contents.damage;
   // a session with lost samples is never complete
-  close.set_interrupted(contents.interrupted || contents.loss.samples > 0);
-  close.set_samples_lost(contents.loss.samples);
-  close.set_lost_from_tick(contents.loss.from_tick);
+  close.set_interrupted(contents.interrupted || loss.samples > 0 || damage.samples > 0);
+  close.set_samples_lost(loss.samples + damage.samples);
+  close.set_lost_from_tick(damage.samples == 0 ? loss.from_tick
+                           : loss.samples == 0 ? damage.from_tick
+                                               : std::min(loss.from_tick, damage.from_tick));
+  close.set_samples_damaged(damage.samples);
+  close.set_chunks_damaged(damage.chunks);
   return envelope;
 }
 
@@ -113,6 +118,8 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
     asking_ = end_due_;
   }
   if (state_ != State::kOpening) return;
+  if (const Status settled = spool_->settle(next_seq); !settled.ok())
+    return refuse("its damage cannot be noted in the spool: " + settled.error().message);
   const SpoolContents contents = spool_->contents();
   if (next_seq > contents.chunks) {
     refuse(fmt::format("the server has {} chunks of it, the spool only {}; the folder {} stays as it is",
@@ -241,7 +248,7 @@ void UplinkSession::saveReceipt(bool now) {
   SpoolReceipt receipt = spool_->receipt();
   receipt.committed = committed_;
   receipt.safe = safe_;
-  if (closed() && !receipt.closed) receipt.closed_unix_ns = wallNowNs();
+  if (closed() && !receipt.closed) receipt.closed_at_ns = spool_->clock().nowNs();
   receipt.closed = closed();
   // a receipt that could not be written costs only a question to the server at the next start
   static_cast<void>(spool_->setReceipt(receipt));

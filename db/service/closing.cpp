@@ -1,6 +1,7 @@
 // Closes a session: computes and stores its hash, state, score and events.
 #include <fmt/core.h>
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "common/base/clock.h"
@@ -17,17 +18,39 @@
 namespace needlelab {
 namespace {
 
+// what a station lost, and why, for people; empty when it lost nothing
+std::string lossText(const pb::CloseSession& request) {
+  const std::uint64_t damaged = std::min(request.samples_damaged(), request.samples_lost());
+  const std::uint64_t refused = request.samples_lost() - damaged;
+  std::string text;
+  if (refused > 0)
+    text = fmt::format(
+        "{} samples from tick {} on were lost at the station: its disk refused them for longer than its "
+        "memory "
+        "lasted",
+        refused, request.lost_from_tick());
+  if (damaged > 0)
+    text += fmt::format(
+        "{}{} samples ({} whole chunks) from tick {} on are missing: the station's disk lost them, by damage "
+        "or "
+        "in a power cut",
+        text.empty() ? "" : ". ", damaged, request.chunks_damaged(), request.lost_from_tick());
+  if (request.hash().empty())
+    text += fmt::format(
+        "{}The station's disk lost chunks that are stored here, so the recording could not be "
+        "held against its hash",
+        text.empty() ? "" : ". ");
+  return text;
+}
+
 // a session that lost samples gets a remark, in the same transaction, so that every view shows the loss
 Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& request,
-                const std::string& station) {
+                const std::string& station, std::string text) {
   StoredAnnotation remark;
   remark.session = id;
   remark.tick = std::min<std::uint64_t>(request.lost_from_tick(), INT64_MAX);
   remark.author = station.empty() ? "station" : "station " + station;
-  remark.text = fmt::format(
-      "{} samples from tick {} on were lost at the station: its disk refused them for longer than its memory "
-      "lasted",
-      request.samples_lost(), request.lost_from_tick());
+  remark.text = std::move(text);
   remark.created_unix_ns = wallNowNs();
   const auto added = AnnotationStore(writer).add(remark);
   return added ? Status() : Status(added.error());
@@ -78,9 +101,9 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
     auto closed = SessionStore(writer).close(request, wallNowNs(), station, known);
     if (!closed) return Status(closed.error());
     outcome.closed = std::move(*closed);
-    if (outcome.closed.kind == Closed::Kind::kClosed && request.samples_lost() > 0)
-      return noteLoss(writer, id, request, station);
-    return Status();
+    if (outcome.closed.kind != Closed::Kind::kClosed) return Status();
+    std::string lost = lossText(request);
+    return lost.empty() ? Status() : noteLoss(writer, id, request, station, std::move(lost));
   }));
   if (!outcome.closed.taken()) return outcome;
 

@@ -154,8 +154,7 @@ int run(const Options& options) {
   for (const auto& session : (*spool)->closedButNotSafe()) ledger.end(*session);
   SpoolKeep keep;
   keep.min_free_bytes = 0;
-  for (const std::string& note : (*spool)->cleanUp(keep, wallNowNs()))
-    std::fprintf(stderr, "%s\n", note.c_str());
+  for (const std::string& note : (*spool)->cleanUp(keep)) std::fprintf(stderr, "%s\n", note.c_str());
 
   const auto not_safe = (*spool)->closedButNotSafe();
 

@@ -15,6 +15,7 @@
 
 #include "client/net/server_link.h"
 #include "client/net/spool.h"
+#include "client/net/uplink.h"
 #include "common/base/files.h"
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
@@ -230,7 +231,10 @@ LinkHandlers HerdStation::handlers() {
                 handle(envelope);
                 if (complete_) link_.stop("done");
               },
-          .judge = [this](const LinkEnd&) { return trouble_.empty() ? Retry::kBackOff : Retry::kNever; },
+          .judge =
+              [this](const LinkEnd& end) {
+                return trouble_.empty() ? retryOfStation(end, !complete_) : Retry::kNever;
+              },
           .away =
               [this](const LinkEnd& end) {
                 open_ = closing_ = false;

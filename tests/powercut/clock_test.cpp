@@ -8,6 +8,7 @@
 
 #include "client/net/spool_writer.h"
 #include "client/net/uplink.h"
+#include "client/net/uplink_session.h"
 #include "common/base/clock.h"
 #include "common/base/uuid.h"
 #include "tests/unit/client/net/spool_samples.h"
@@ -90,6 +91,7 @@ TEST_F(ClockJump, aSessionGoesThroughWholeWhileTheClockJumpsByADay) {
   const auto info = server.asAdmin(request).session();
   EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
   EXPECT_EQ(info.samples(), 1'000u);
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "clock.json")) << "the server's time was noted";
 }
 
 TEST_F(ClockJump, tokensAndLockOutsFollowTheSteadyClock) {
@@ -113,19 +115,27 @@ TEST_F(ClockJump, tokensAndLockOutsFollowTheSteadyClock) {
   }
 }
 
-TEST_F(ClockJump, aDayMoreOrLessRemovesNothingFromTheSpool) {
+TEST_F(ClockJump, sixtyDaysMoreOrLessRemoveNothingFromTheSpoolAcrossRestarts) {
   const TempFolder folder;
-  auto spool = std::move(*Spool::open(folder.path()));
-  auto session = *spool->create(describeSession(makeUuidV7()));
-  ASSERT_TRUE(session->appendChunk(encodeChunk(Resolution::standard(), samplesFrom(0, 10)), 10).ok());
-  ASSERT_TRUE(session->sync().ok());
-  ASSERT_TRUE(session->end(false).ok());
-  ASSERT_TRUE(session->setReceipt({1, 0, true, wallNowNs()}).ok());
-  for (const std::int64_t jump : {kDay_s, -kDay_s, std::int64_t{0}}) {
+  const SpoolKeep keep{.min_free_bytes = 0};
+  {
+    auto spool = std::move(*Spool::open(folder.path()));
+    for (const bool closed : {true, false}) {
+      auto session = *spool->create(describeSession(makeUuidV7()));
+      ASSERT_TRUE(session->appendChunk(encodeChunk(Resolution::standard(), samplesFrom(0, 10)), 10).ok());
+      ASSERT_TRUE(session->sync().ok());
+      ASSERT_TRUE(session->end(false).ok());
+      if (!closed) continue;
+      UplinkSession upload(session);
+      upload.onClosed({});
+    }
+  }
+  for (const std::int64_t jump : {60 * kDay_s, -60 * kDay_s, std::int64_t{0}, 60 * kDay_s}) {
     wall_jump_s = jump;
-    SpoolKeep keep;
-    keep.min_free_bytes = 0;
-    EXPECT_TRUE(spool->cleanUp(keep, wallNowNs()).empty());
+    auto spool = std::move(*Spool::open(folder.path()));
+    EXPECT_TRUE(spool->cleanUp(keep).empty());
+    EXPECT_EQ(spool->closedButNotSafe().size(), 1u) << jump;
+    EXPECT_EQ(spool->unfinished().size(), 1u) << jump;
   }
 }
 

@@ -8,7 +8,6 @@
 #include "client/station/run/station_run.h"
 #include "client/station/run/terminal.h"
 #include "client/station/run/trainee_code.h"
-#include "common/base/clock.h"
 #include "common/base/program.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
@@ -18,7 +17,7 @@ namespace needlelab {
 Status StationHome::openSpool() {
   ASSIGN_OR_RETURN(spool_, Spool::open(options_.spool));
   for (const std::string& note : spool_->notes()) logMessage(note);
-  for (const std::string& note : spool_->cleanUp(options_.keep, wallNowNs())) logMessage(note);
+  for (const std::string& note : spool_->cleanUp(options_.keep)) logMessage(note);
   guard_ = std::make_unique<SpoolGuard>(*spool_, options_.keep, options_.rate_hz, logMessage,
                                         SpoolThresholds{}, time_);
   guard_->report();

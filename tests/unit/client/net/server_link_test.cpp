@@ -331,6 +331,51 @@ TEST_F(ServerLinkTest, waitsLongerAfterEachFailure) {
   }
 }
 
+TEST_F(ServerLinkTest, aProbedServerIsTriedAgainWithinTheLimitAndFoundOnceItAccepts) {
+  ScriptedServer server(friendly);
+  auto config = server.config();
+  const std::uint16_t listening = config.server.port;
+  {
+    asio::io_context other;
+    Tcp::acceptor nobody(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
+    config.server.port = nobody.local_endpoint().port();
+  }
+  makeLink();
+  retry_ = Retry::kProbe;
+  link_->logIn(config);
+  Backoff same(7, {milliseconds(200), milliseconds(10'000), 2.0});
+  for (std::size_t n = 1; n <= 20; ++n) {
+    ASSERT_TRUE(away(n));
+    EXPECT_FALSE(ends_.back().reached);
+    settle();
+    const milliseconds wait = same.nextProbe();
+    ASSERT_EQ(clock_->asked.size(), n);
+    EXPECT_EQ(clock_->asked.back(), wait);
+    EXPECT_LE(wait, milliseconds(1500));
+    clock_->advance(wait);
+  }
+  config.server.port = listening;
+  link_->logIn(config);
+  ASSERT_TRUE(online());
+  server.dropConnections();
+  ASSERT_TRUE(until([&] { return !ends_.empty() && ends_.back().was_connected; }));
+  EXPECT_TRUE(ends_.back().reached);
+}
+
+TEST_F(ServerLinkTest, aServerThatAcceptsAndSaysNothingWasReached) {
+  asio::io_context other;
+  Tcp::acceptor silent(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
+  ScriptedServer server(friendly);
+  auto config = server.config();
+  config.server.port = silent.local_endpoint().port();
+  config.connect_timeout = milliseconds(100);
+  makeLink();
+  link_->logIn(config);
+  ASSERT_TRUE(away(1));
+  EXPECT_FALSE(ends_.back().was_connected);
+  EXPECT_TRUE(ends_.back().reached);
+}
+
 TEST_F(ServerLinkTest, onlyAConnectionThatLastedResetsTheBackOff) {
   ScriptedServer server(friendly);
   makeLink();

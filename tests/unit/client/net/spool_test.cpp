@@ -8,6 +8,8 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <fstream>
+#include <initializer_list>
 #include <random>
 
 #include "client/net/spool_writer.h"
@@ -104,6 +106,18 @@ Recovered recover(const fs::path& folder) {
   return found;
 }
 
+// The samples stand in order, and the spool counts those that are missing between them.
+void expectTicksButTheMissing(const Recovered& found) {
+  std::uint64_t tick = 0, missing = 0;
+  for (const GestureSample& sample : found.samples) {
+    ASSERT_GE(sample.tick, tick);
+    ASSERT_TRUE(isSampleOfItsTick(sample)) << sample.tick;
+    missing += sample.tick - tick;
+    tick = sample.tick + 1;
+  }
+  ASSERT_EQ(found.contents.damage.samples, missing);
+}
+
 void expectTicksFromZero(const std::vector<GestureSample>& samples) {
   for (std::size_t i = 0; i < samples.size(); ++i) {
     ASSERT_EQ(samples[i].tick, i);
@@ -176,7 +190,7 @@ TEST(Spool, theTailOfASessionThatWasCutOffBecomesItsLastChunk) {
   EXPECT_EQ(recover(folder.path()).chunks, found.chunks);
 }
 
-TEST(Spool, everyTruncationOfChunksAndTailGivesAWholeBeginning) {
+TEST(Spool, everyTruncationOfChunksAndTailGivesWhatIsWholeAndCountsTheRest) {
   const TempFolder original;
   const fs::path session = cutOffSession(original);
   for (const char* name : {"chunks", "tail"}) {
@@ -187,10 +201,10 @@ TEST(Spool, everyTruncationOfChunksAndTailGivesAWholeBeginning) {
       fs::resize_file(copy.path() / session.filename() / name, cut);
       const Recovered found = recover(copy.path());
       ASSERT_TRUE(found.contents.interrupted) << name << " cut at " << cut;
-      ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples)) << name << " cut at " << cut;
-      // All whole records before the cut survive; pieces of the tail count only after the last whole chunk.
-      const std::size_t most = name == std::string("tail") ? 40 + 12 : 40;
-      const std::size_t least = name == std::string("tail") ? 40 : 0;
+      ASSERT_NO_FATAL_FAILURE(expectTicksButTheMissing(found)) << name << " cut at " << cut;
+      // All whole records before the cut survive, and the tail behind missing chunks.
+      const std::size_t most = 40 + 12;
+      const std::size_t least = name == std::string("tail") ? 40 : 12;
       ASSERT_GE(found.samples.size(), least);
       ASSERT_LE(found.samples.size(), most);
       ASSERT_EQ(found.samples.size() % 4, 0u);
@@ -210,8 +224,8 @@ TEST(Spool, everyFlippedByteOfTheTailIsNoticed) {
     damaged[at] = static_cast<char>(damaged[at] ^ 0x10);
     std::ofstream(copy.path() / session.filename() / "tail", std::ios::binary) << damaged;
     const Recovered found = recover(copy.path());
-    ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples)) << at;
-    ASSERT_LT(found.samples.size(), 52u) << "a flipped byte was believed";
+    ASSERT_NO_FATAL_FAILURE(expectTicksButTheMissing(found)) << at;
+    ASSERT_EQ(found.samples.size(), 48u) << "one piece of four samples is damaged, the others are not";
   }
 }
 
@@ -249,16 +263,119 @@ fs::path sessionOfThreeChunks(const fs::path& folder, bool ended, bool synced_ea
   return made->folder();
 }
 
-TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept) {
+TEST(Spool, aSessionThatEndedAndLostAChunkAfterwardsKeepsTheOthersAndTheFile) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   auto text = *readWholeFile(session / "chunks");
   text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
   std::ofstream(session / "chunks", std::ios::binary) << text;
+  // Opening it again changes nothing.
+  for (int start = 0; start < 2; ++start) {
+    const Recovered found = recover(folder.path());
+    EXPECT_TRUE(found.contents.interrupted);
+    EXPECT_EQ(found.contents.chunks, 2u);
+    EXPECT_EQ(found.samples.size(), 200u);
+    EXPECT_EQ(found.contents.damage, (SpoolDamage{1, 100, 100}));
+    EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+  }
+}
+
+TEST(Spool, aLostLastChunkIsCountedByTheEnd) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  auto text = *readWholeFile(session / "chunks");
+  text.back() = static_cast<char>(~text.back());
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  for (int start = 0; start < 2; ++start) {
+    const Recovered found = recover(folder.path());
+    EXPECT_EQ(found.samples.size(), 200u);
+    EXPECT_EQ(found.contents.damage, (SpoolDamage{1, 100, 200}));
+  }
+}
+
+// Five chunks of 100 samples and a tail of 12, of a program that died. Returns the session's folder.
+fs::path fiveChunksAndATail(const fs::path& folder) {
+  auto spool = opened(folder);
+  auto made = *spool->create(describeSession(makeUuidV7()));
+  for (std::uint64_t k = 0; k < 5; ++k) {
+    EXPECT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+    EXPECT_TRUE(made->sync().ok());
+  }
+  for (std::uint64_t piece = 0; piece < 3; ++piece)
+    EXPECT_TRUE(made->appendPiece(5, coded(500 + 4 * piece, 4)).ok());
+  return made->folder();
+}
+
+// Flips a byte in the middle of these chunks: all are equally long, or nearly.
+void damageChunks(const fs::path& session, std::initializer_list<std::size_t> which, std::size_t of) {
+  auto text = *readWholeFile(session / "chunks");
+  for (const std::size_t chunk : which) {
+    char& byte = text[text.size() * (2 * chunk + 1) / (2 * of)];
+    byte = static_cast<char>(~byte);
+  }
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+}
+
+TEST(Spool, chunksAndTailBehindDamageAreKeptAndWhatIsMissingIsCounted) {
+  const TempFolder folder;
+  damageChunks(fiveChunksAndATail(folder.path()), {1, 3}, 5);
+  const auto notes = (*Spool::open(folder.path()))->notes();
+  EXPECT_THAT(notes, testing::Contains(HasSubstr("200 samples (2 chunks) from tick 100 on are missing")));
   const Recovered found = recover(folder.path());
-  EXPECT_TRUE(found.contents.interrupted);
-  EXPECT_EQ(found.samples.size(), 100u);
-  EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+  ASSERT_NO_FATAL_FAILURE(expectTicksButTheMissing(found));
+  EXPECT_EQ(found.samples.size(), 312u);
+  EXPECT_EQ(found.contents.chunks, 4u);
+  EXPECT_EQ(found.contents.damage, (SpoolDamage{2, 200, 100}));
+}
+
+TEST(Spool, theTailBehindADamagedLastChunkIsKept) {
+  const TempFolder folder;
+  damageChunks(fiveChunksAndATail(folder.path()), {4}, 5);
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.samples.size(), 412u);
+  EXPECT_EQ(found.contents.damage, (SpoolDamage{1, 100, 400}));
+}
+
+TEST(Spool, aDamagedFirstChunkIsCountedFromTickZero) {
+  const TempFolder folder;
+  damageChunks(fiveChunksAndATail(folder.path()), {0}, 5);
+  EXPECT_EQ(recover(folder.path()).contents.damage, (SpoolDamage{1, 100, 0}));
+}
+
+TEST(Spool, aRecordOfAnotherTimeBehindDamageIsNotTaken) {
+  // the disk brought back a record with a later number, but of samples that the session already has
+  const TempFolder folder;
+  const fs::path session = fiveChunksAndATail(folder.path());
+  const TempFolder other;
+  {
+    auto file = std::move(*SpoolFile::open(other.path() / "chunks"));
+    ASSERT_TRUE(file.append(5, 0, coded(200, 100)).ok());
+    ASSERT_TRUE(file.append(7, 0, coded(200, 100)).ok());
+  }
+  auto stale = *readWholeFile(other.path() / "chunks");
+  stale[kSpoolRecordHeader + 5] = static_cast<char>(~stale[kSpoolRecordHeader + 5]);
+  std::ofstream(session / "chunks", std::ios::binary | std::ios::app) << stale;
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.samples.size(), 512u);
+  EXPECT_EQ(found.contents.damage, SpoolDamage{});
+}
+
+TEST(Spool, aDescriptionOfAnEarlierVersionHasNoChecksumAndIsReadAndAChangedOneIsNot) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  const std::string text = *readWholeFile(session / "session.json");
+  const std::string before = text.substr(0, text.rfind("\ncrc32c "));
+  ASSERT_LT(before.size(), text.size());
+  std::ofstream(session / "session.json", std::ios::binary) << before;
+  EXPECT_EQ(recover(folder.path()).samples.size(), 300u);
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    std::string damaged = text;
+    damaged[at] = static_cast<char>(damaged[at] ^ (1 << (at % 8)));
+    std::ofstream(session / "session.json", std::ios::binary) << damaged;
+    const auto spool = opened(folder.path());
+    ASSERT_TRUE(spool->unfinished().empty()) << "byte " << at << " was believed";
+    ASSERT_THAT(spool->notes(), testing::ElementsAre(HasSubstr("left as it is")));
+  }
 }
 
 TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {
@@ -269,7 +386,8 @@ TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {
   std::ofstream(session / "chunks", std::ios::binary) << text;
   const auto notes = [&] { return (*Spool::open(folder.path()))->notes(); };
   EXPECT_THAT(notes(), testing::ElementsAre(testing::AllOf(
-                           HasSubstr("100 samples"), HasSubstr((session / "chunks.damaged").string()))));
+                           HasSubstr("200 samples can still be read, 100 samples (1 chunk) from tick 100 on"),
+                           HasSubstr((session / "chunks.damaged").string()))));
   EXPECT_THAT(notes(), testing::IsEmpty());
 }
 
@@ -285,7 +403,8 @@ TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot)
     std::ofstream(session / "chunks", std::ios::binary) << text;
     const Recovered found = recover(folder.path());
     EXPECT_TRUE(found.contents.interrupted);
-    EXPECT_EQ(found.samples.size(), torn ? 200u : 100u);
+    EXPECT_EQ(found.samples.size(), 200u);
+    EXPECT_EQ(found.contents.damage.samples, torn ? 0u : 100u) << "a torn end was never promised";
     EXPECT_EQ(fs::exists(session / "chunks.damaged"), !torn);
     if (!torn) {
       EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
@@ -293,7 +412,7 @@ TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot)
   }
 }
 
-TEST(Spool, aGapInWhatWasNotSyncedIsATornEndAndNoDamage) {
+TEST(Spool, aGapInWhatWasNotSyncedIsCountedButNoDamageOfTheDisk) {
   // A power cut lost the first sectors in flight and kept later ones.
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), false, false);
@@ -304,7 +423,8 @@ TEST(Spool, aGapInWhatWasNotSyncedIsATornEndAndNoDamage) {
   EXPECT_FALSE(fs::exists(session / "chunks.damaged"));
   const Recovered found = recover(folder.path());
   EXPECT_TRUE(found.contents.interrupted);
-  EXPECT_EQ(found.samples.size(), 100u);
+  EXPECT_EQ(found.samples.size(), 200u);
+  EXPECT_EQ(found.contents.damage, (SpoolDamage{1, 100, 100}));
 }
 
 TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
@@ -375,19 +495,18 @@ TEST(Spool, whatTheServerClosedIsNotOfferedAgainAndLeavesByAgeQuotaOrBackup) {
       ASSERT_TRUE(session->end(false).ok());
       // 0: closed 20 days ago; 1: closed and safe; 2: closed today; 3: acknowledged but not closed
       const bool closed = i < 3;
-      ASSERT_TRUE(
-          session->setReceipt({1, i == 1 ? 1u : 0u, closed, closed ? now_ns - (i == 0 ? 20 : 0) * day_ns : 0})
-              .ok());
+      ASSERT_TRUE(session->setReceipt({1, i == 1 ? 1u : 0u, closed, i == 2 ? 20 * day_ns : 0}).ok());
     }
   }
   auto spool = opened(folder.path());
+  for (int day = 0; day <= 20; ++day) spool->clock().note(now_ns + day * day_ns);
   ASSERT_EQ(spool->unfinished().size(), 1u);
   EXPECT_EQ(spool->unfinished()[0]->idText(), ids[3]);
-  EXPECT_EQ(spool->cleanUp({14 * 86'400, 1u << 30, 0}, now_ns).size(), 2u);
+  EXPECT_EQ(spool->cleanUp({14 * 86'400, 1u << 30, 0}).size(), 2u);
   EXPECT_FALSE(fs::exists(folder.path() / ids[0]));
   EXPECT_FALSE(fs::exists(folder.path() / ids[1]));
   EXPECT_TRUE(fs::exists(folder.path() / ids[2]));
-  EXPECT_THAT(spool->cleanUp({14 * 86'400, 0, 0}, now_ns), testing::ElementsAre(HasSubstr(ids[2])));
+  EXPECT_THAT(spool->cleanUp({14 * 86'400, 0, 0}), testing::ElementsAre(HasSubstr(ids[2])));
   EXPECT_FALSE(fs::exists(folder.path() / ids[2]));
   EXPECT_TRUE(fs::exists(folder.path() / ids[3])) << "what the server has not closed is never touched";
 }
@@ -415,10 +534,9 @@ TEST(Spool, onAFullDiskClosedSessionsMakeRoomOldestFirstAndUnsentOnesStay) {
   const SmallDisk disk(folder.path());
   // One byte is missing: deleting the oldest session that the server has is enough.
   SpoolKeep keep{1'000'000'000, std::uint64_t{1} << 40, fs::space(folder.path()).available + 1};
-  EXPECT_THAT(spool->cleanUp(keep, 2),
-              testing::ElementsAre(AllOf(HasSubstr(ids[0]), HasSubstr("nearly full"))));
+  EXPECT_THAT(spool->cleanUp(keep), testing::ElementsAre(AllOf(HasSubstr(ids[0]), HasSubstr("nearly full"))));
   keep.min_free_bytes = std::uint64_t{1} << 60;  // never enough
-  EXPECT_THAT(spool->cleanUp(keep, 2), testing::ElementsAre(HasSubstr(ids[2]), HasSubstr(ids[3])));
+  EXPECT_THAT(spool->cleanUp(keep), testing::ElementsAre(HasSubstr(ids[2]), HasSubstr(ids[3])));
   EXPECT_TRUE(fs::exists(folder.path() / ids[1] / "chunks")) << "no server has it: no disk is full enough";
 }
 

@@ -2,7 +2,9 @@
 
 #include <gmock/gmock.h>
 
-#include "common/base/clock.h"
+#include <fstream>
+
+#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
@@ -65,6 +67,109 @@ TEST_F(UplinkSessionTest, aSessionThatLostSamplesIsClosedAsInterruptedWithTheirN
   EXPECT_TRUE(close->close_session().interrupted()) << "an older server shows it, too";
   EXPECT_EQ(close->close_session().samples_lost(), 321u);
   EXPECT_EQ(close->close_session().lost_from_tick(), 30u);
+}
+
+// Three chunks of ten samples that ended, or were cut off; then the disk damages the second. `hash`: of the
+// three.
+class DamagedUpload : public UplinkSessionTest {
+ protected:
+  void damage(bool ended) {
+    for (std::uint64_t seq = 0; seq < 3; ++seq) hash_.update(*session_->readChunk(seq));
+    if (ended) {
+      ASSERT_TRUE(session_->end(false).ok());
+    }
+    const auto file = session_->folder() / "chunks";
+    upload_.reset();
+    session_.reset();
+    spool_.reset();
+    std::string text = *readWholeFile(file);
+    text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+    std::ofstream(file, std::ios::binary) << text;
+    start();
+  }
+  void start() {
+    upload_.reset();
+    session_.reset();
+    spool_.reset();
+    spool_ = std::move(Spool::open(folder_.path())).value();
+    ASSERT_EQ(spool_->unfinished().size(), 1u);
+    session_ = spool_->unfinished()[0];
+    upload_ = std::make_unique<UplinkSession>(session_, "", time_);
+  }
+  /// Its end, once the server has said which chunk is the next, and has acknowledged all.
+  pb::CloseSession endAfter(std::uint64_t next_seq, const Names& sent) {
+    EXPECT_EQ(sends(), Names{"open"});
+    upload_->onOpened(next_seq);
+    if (!sent.empty()) {
+      EXPECT_EQ(sends(), sent);
+      ack(session_->contents().chunks);
+    }
+    const auto close = upload_->next(true);
+    EXPECT_TRUE(close && close->has_close_session()) << upload_->trouble();
+    return close ? close->close_session() : pb::CloseSession();
+  }
+  SessionHash hash_;
+};
+
+TEST_F(DamagedUpload, chunksBehindDamageCloseUpAndTheEndSaysWhatIsMissing) {
+  damage(false);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  SessionHash sent;
+  for (std::uint64_t seq = 0; seq < 2; ++seq) {
+    const auto message = upload_->next(true);
+    ASSERT_TRUE(message && message->has_chunk());
+    EXPECT_EQ(message->chunk().seq(), seq);
+    const auto samples = decodeChunk(viewOf(message->chunk().data()));
+    EXPECT_EQ(samples->front().tick, seq == 0 ? 0u : 20u);
+    sent.update(viewOf(message->chunk().data()));
+  }
+  ack(2);
+  const auto message = upload_->next(true);
+  ASSERT_TRUE(message && message->has_close_session());
+  const pb::CloseSession& close = message->close_session();
+  EXPECT_EQ(close.chunks(), 2u);
+  EXPECT_EQ(close.samples(), 20u);
+  EXPECT_EQ(close.samples_lost(), 10u) << "a server of before hears of it, too";
+  EXPECT_EQ(close.samples_damaged(), 10u);
+  EXPECT_EQ(close.chunks_damaged(), 1u);
+  EXPECT_EQ(close.lost_from_tick(), 10u);
+  EXPECT_TRUE(close.interrupted());
+  const Digest digest = sent.digest();
+  EXPECT_EQ(close.hash(), std::string(digest.begin(), digest.end()));
+}
+
+TEST_F(DamagedUpload, whatTheServerHasOfItIsNotLost) {
+  damage(true);
+  const pb::CloseSession close = endAfter(2, {"chunk 2"});
+  EXPECT_EQ(close.chunks(), 3u);
+  EXPECT_EQ(close.samples(), 30u);
+  EXPECT_EQ(close.samples_lost(), 0u);
+  EXPECT_FALSE(close.interrupted()) << "its end was written before the damage";
+  const Digest digest = hash_.digest();
+  EXPECT_EQ(close.hash(), std::string(digest.begin(), digest.end()));
+}
+
+TEST_F(DamagedUpload, withoutAnEndTheHashOfWhatTheServerHasIsNotKnown) {
+  damage(false);
+  const pb::CloseSession close = endAfter(2, {"chunk 2"});
+  EXPECT_EQ(close.chunks(), 3u);
+  EXPECT_EQ(close.hash(), "");
+  EXPECT_TRUE(close.interrupted());
+  EXPECT_EQ(close.samples_lost(), 0u);
+}
+
+TEST_F(DamagedUpload, theNumbersThatWereSettledStayAfterARestart) {
+  damage(true);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), Names{"chunk 1"}) << "the third closes up";
+  start();
+  const pb::CloseSession close = endAfter(2, {});
+  EXPECT_EQ(close.chunks(), 2u);
+  EXPECT_EQ(close.samples(), 20u);
+  EXPECT_EQ(close.samples_damaged(), 10u);
+  EXPECT_NE(close.hash(), "");
 }
 
 TEST_F(UplinkSessionTest, aSessionRecordedWithoutAKeyGetsTheNameOfTheLogIn) {
@@ -193,7 +298,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   EXPECT_EQ(sends(), Names{"close"});
   upload_->onClosed({});
   EXPECT_TRUE(session_->receipt().closed);
-  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()), Names{}) << "no backup has this end";
+  EXPECT_EQ(spool_->cleanUp({}), Names{}) << "no backup has this end";
   EXPECT_EQ(spool_->closedButNotSafe().size(), 1u);
   // It is sent on each new connection until a backup covers it.
   upload_->onConnectionLost();
@@ -202,7 +307,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   upload_->onOpened(3);
   ack(3, 3);
   EXPECT_EQ(session_->receipt().safe, 3u);
-  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()).size(), 1u);
+  EXPECT_EQ(spool_->cleanUp({}).size(), 1u);
 }
 
 TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) {

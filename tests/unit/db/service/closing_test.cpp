@@ -75,6 +75,46 @@ TEST_F(Closing, aSessionThatLostSamplesIsNotCompleteAndARemarkSaysHowManyOnce) {
   EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
 }
 
+TEST_F(Closing, aStationWhoseDiskLostChunksIsBelievedAndARemarkSaysWhatIsMissing) {
+  const Uuid id = addSession("anna", 3);
+  auto request = test::closeOf(id, 3);
+  request.set_interrupted(true);
+  request.set_samples_lost(1234);
+  request.set_samples_damaged(1000);
+  request.set_chunks_damaged(1);
+  request.set_lost_from_tick(60);
+  ASSERT_OK(store->service().closeSession(request, "station-1"));
+  pb::Request list;
+  list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+  const auto remarks = get(instructor, list).annotations();
+  ASSERT_EQ(remarks.annotations_size(), 1);
+  EXPECT_NE(remarks.annotations(0).text().find("234 samples from tick 60 on were lost"), std::string::npos);
+  EXPECT_NE(remarks.annotations(0).text().find("1000 samples (1 whole chunks)"), std::string::npos);
+  EXPECT_EQ(remarks.annotations(0).text().find("hash"), std::string::npos);
+  EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
+}
+
+TEST_F(Closing, withoutAHashASessionIsClosedAsInterruptedOnlyAndARemarkSaysSo) {
+  const Uuid id = addSession("anna", 3);
+  auto request = test::closeOf(id, 3);
+  const std::string hash = request.hash();
+  request.clear_hash();
+  request.set_samples(7);
+  auto& service = store->service();
+  EXPECT_EQ(service.closeSession(request, "station-1")->closed.kind, Closed::Kind::kContradiction);
+  request.set_interrupted(true);
+  const auto outcome = service.closeSession(request, "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_EQ(outcome->closed.kind, Closed::Kind::kClosed) << outcome->closed.text;
+  EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
+  EXPECT_EQ(info(id).hash(), hash) << "the server's own, over what it has";
+  pb::Request list;
+  list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+  const auto remarks = get(instructor, list).annotations();
+  ASSERT_EQ(remarks.annotations_size(), 1);
+  EXPECT_NE(remarks.annotations(0).text().find("could not be held against its hash"), std::string::npos);
+}
+
 /// 6 s at 1 kHz in the air before the knee: drawn back, then pressed.
 Bytes withPlunger() {
   auto samples = test::someSamples(0, 6000);

@@ -1,0 +1,44 @@
+#include "client/net/spool_clock.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "client/net/spool_json.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::int64_t kWriteEvery_ns = 60'000'000'000;
+constexpr std::int64_t kMostSeen_ns = INT64_MAX / 2;  // 146 years
+
+std::int64_t timeAt(const nlohmann::json& json, const char* key, std::int64_t most) {
+  return static_cast<std::int64_t>(std::min(countAt(json, key), static_cast<std::uint64_t>(most)));
+}
+
+}  // namespace
+
+SpoolClock::SpoolClock(std::filesystem::path file) : file_(std::move(file)) {
+  const auto json = readSpoolJson(file_);
+  if (!json.ok() || !json->is_object()) return;
+  seen_ns_ = timeAt(*json, "seen_ns", kMostSeen_ns);
+  server_unix_ns_ = timeAt(*json, "server_unix_ns", INT64_MAX);
+}
+
+void SpoolClock::note(std::int64_t server_unix_ns) {
+  if (server_unix_ns <= 0) return;
+  const std::scoped_lock lock(mutex_);
+  const std::int64_t step_ns = server_unix_ns_ == 0 ? 0 : server_unix_ns - server_unix_ns_;
+  // a short step waits for the next log-in
+  if (server_unix_ns_ != 0 && step_ns > -kWriteEvery_ns && step_ns < kWriteEvery_ns) return;
+  seen_ns_ = std::min(seen_ns_ + std::clamp<std::int64_t>(step_ns, 0, kMostStep_ns), kMostSeen_ns);
+  server_unix_ns_ = server_unix_ns;
+  static_cast<void>(writeSpoolJson(file_, {{"seen_ns", static_cast<std::uint64_t>(seen_ns_)},
+                                           {"server_unix_ns", static_cast<std::uint64_t>(server_unix_ns_)}}));
+}
+
+std::int64_t SpoolClock::nowNs() const {
+  const std::scoped_lock lock(mutex_);
+  return seen_ns_;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,66 @@
+#include "client/net/spool_json.h"
+
+#include <fmt/core.h>
+
+#include <utility>
+
+#include "common/base/bytes.h"
+#include "common/base/crc32c.h"
+#include "common/base/files.h"
+
+namespace needlelab {
+namespace {
+
+using Json = nlohmann::json;
+constexpr std::string_view kSeal = "crc32c ";
+constexpr std::size_t kSealLine = kSeal.size() + 8 + 1;  // hex digits, newline
+
+std::string sealOf(std::string_view text) {
+  return fmt::format("{}{:08x}\n", kSeal, crc32c(viewOf(text)));
+}
+
+}  // namespace
+
+std::string sealed(std::string text) {
+  if (!text.ends_with('\n')) text += '\n';
+  return text + sealOf(text);
+}
+
+Result<std::string> unsealed(std::string text) {
+  if (text.size() <= kSealLine) return text;
+  const std::string_view body = std::string_view(text).substr(0, text.size() - kSealLine);
+  const std::string_view line = std::string_view(text).substr(body.size());
+  // a damaged line is none: the JSON's parser refuses what it finds behind the JSON
+  if (!body.ends_with('\n') || !line.starts_with(kSeal) || !line.ends_with('\n')) return text;
+  if (line != sealOf(body)) return Error{ErrorCode::kCorrupt, "its checksum does not agree: it was damaged"};
+  return std::string(body);
+}
+
+Result<Json> readSpoolJson(const std::filesystem::path& path) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored)) return Json();
+  ASSIGN_OR_RETURN(auto text, readWholeFile(path, 1u << 20));
+  const auto body = unsealed(std::move(text));
+  if (!body.ok()) return Error{ErrorCode::kCorrupt, path.string() + ": " + body.error().message};
+  Json json = Json::parse(*body, nullptr, false);
+  if (!json.is_object()) return Error{ErrorCode::kCorrupt, path.string() + ": is not a JSON object"};
+  return json;
+}
+
+Status writeSpoolJson(const std::filesystem::path& path, const Json& json) {
+  auto status = writeFileAtomically(path, viewOf(sealed(json.dump(1))), 0600);
+  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
+  return {};
+}
+
+std::uint64_t countAt(const Json& json, const char* key) {
+  const auto at = json.find(key);
+  return at != json.end() && at->is_number_unsigned() ? at->get<std::uint64_t>() : 0;
+}
+
+bool flagAt(const Json& json, const char* key) {
+  const auto at = json.find(key);
+  return at != json.end() && at->is_boolean() && at->get<bool>();
+}
+
+}  // namespace needlelab

@@ -1,0 +1,30 @@
+/// The spool's small files: JSON, then a line with a checksum over it. Files of earlier versions have no such
+/// line and are read as they are.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "common/base/result.h"
+
+namespace needlelab {
+
+/// Returns the text with a last line "crc32c HHHHHHHH": the CRC-32C, in hex digits, of everything before it.
+std::string sealed(std::string text);
+
+/// Returns the text before the last line of `sealed`; a text without such a line as it is. Errors: kCorrupt
+/// when the checksum does not agree.
+Result<std::string> unsealed(std::string text);
+
+/// Reads a small sealed JSON object; a null value when the file is missing. Errors: kCorrupt, kInvalidInput.
+Result<nlohmann::json> readSpoolJson(const std::filesystem::path& path);
+/// Writes it sealed, atomically, mode 0600. Errors: kUnavailable.
+Status writeSpoolJson(const std::filesystem::path& path, const nlohmann::json& json);
+
+/// Returns the value of `key`, or 0 or false when it is missing or of another type.
+std::uint64_t countAt(const nlohmann::json& json, const char* key);
+bool flagAt(const nlohmann::json& json, const char* key);
+
+}  // namespace needlelab

@@ -1,0 +1,163 @@
+// A thousand stations after an outage, in simulated time: how soon each is back, and how often all of them
+// try.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <queue>
+#include <utility>
+#include <vector>
+
+#include "client/net/server_link.h"
+#include "client/net/uplink.h"
+
+namespace needlelab {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr std::size_t kStations = 1000;
+constexpr double kProbe_ms = 1500;  // the default of Backoff::Settings::probe, by hand
+/// A station's waits between probes are uniform in [p/2, p]: 0.75 p on average.
+constexpr double kProbesPerSecond = kStations / (0.75e-3 * kProbe_ms);
+
+struct Outage {
+  double listens_ms = 10'000;     ///< after the stations' loss of their connections
+  double handshakes_per_s = 500;  ///< that the server finishes, one after the other
+  bool lesson_runs = true;
+};
+
+struct Herd {
+  std::vector<double> tries_ms;    ///< of all stations, sorted
+  std::vector<double> arrived_ms;  ///< tries that found the server listening, sorted
+  std::vector<double> back_ms;     ///< log-ins after the server listens, sorted
+};
+
+Herd simulate(const Outage& outage) {
+  const double patience_ms = static_cast<double>(ClientConfig{}.connect_timeout.count());
+  std::vector<Backoff> waits;
+  using Try = std::pair<double, std::size_t>;
+  std::priority_queue<Try, std::vector<Try>, std::greater<>> due;
+  const auto tryAgain = [&](double now_ms, std::size_t station, const LinkEnd& end) {
+    const Retry retry = retryOfStation(end, outage.lesson_runs);
+    const auto wait = retry == Retry::kProbe ? waits[station].nextProbe() : waits[station].next();
+    due.emplace(now_ms + static_cast<double>(wait.count()), station);
+  };
+  LinkEnd lost, refused, overdue;
+  lost.was_connected = lost.reached = true;
+  refused.error = overdue.error = {ErrorCode::kUnavailable, ""};
+  overdue.reached = true;
+  for (std::size_t station = 0; station < kStations; ++station) {
+    waits.emplace_back(station + 1, UplinkConfig{}.retry());
+    tryAgain(0, station, lost);
+  }
+  Herd herd;
+  double free_ms = outage.listens_ms;
+  while (!due.empty()) {
+    const auto [now_ms, station] = due.top();
+    due.pop();
+    herd.tries_ms.push_back(now_ms);
+    if (now_ms < outage.listens_ms) {
+      tryAgain(now_ms, station, refused);
+      continue;
+    }
+    herd.arrived_ms.push_back(now_ms);
+    const double done_ms = std::max(free_ms, now_ms) + 1000 / outage.handshakes_per_s;
+    if (done_ms > now_ms + patience_ms) {
+      tryAgain(now_ms + patience_ms, station, overdue);
+      continue;
+    }
+    free_ms = done_ms;
+    herd.back_ms.push_back(done_ms - outage.listens_ms);
+  }
+  std::sort(herd.back_ms.begin(), herd.back_ms.end());
+  return herd;
+}
+
+/// The most of these sorted times within any second from `from_ms` on.
+std::size_t mostInASecond(const std::vector<double>& times_ms, double from_ms = 0) {
+  std::size_t most = 0;
+  auto first = std::lower_bound(times_ms.begin(), times_ms.end(), from_ms);
+  for (auto last = first; last != times_ms.end(); ++last) {
+    while (*last - *first >= 1000) ++first;
+    most = std::max(most, static_cast<std::size_t>(last - first) + 1);
+  }
+  return most;
+}
+
+TEST(Reconnection, afterTenSecondsNineOfTenStationsInALessonAreBackWithinTwo) {
+  const Herd herd = simulate({});
+  ASSERT_EQ(herd.back_ms.size(), kStations);
+  EXPECT_LE(herd.back_ms[kStations * 9 / 10], 2000);
+  // all have probed by then, and the last of them waits for those before it
+  EXPECT_LE(herd.back_ms.back(), kProbe_ms + 1000 * kStations / 500.0);
+}
+
+TEST(Reconnection, anOutageOfAnyLengthEndsAsSoon) {
+  for (const double listens_ms : {3'000.0, 5'500.0, 30'000.0, 600'000.0}) {
+    const Herd herd = simulate({.listens_ms = listens_ms});
+    ASSERT_EQ(herd.back_ms.size(), kStations);
+    EXPECT_LE(herd.back_ms[kStations * 9 / 10], 2000) << listens_ms;
+  }
+}
+
+TEST(Reconnection, aThousandStationsThatProbeStayBelowTheRateOfTheirWaits) {
+  const Herd herd = simulate({.listens_ms = 60'000});
+  // the shortest waits are 0.1, 0.2, 0.4 and then 0.75 s: a station tries three times in its first second and
+  // twice in any later one
+  EXPECT_LE(mostInASecond(herd.tries_ms), 3 * kStations);
+  EXPECT_LE(mostInASecond(herd.tries_ms, 1'100), 2 * kStations);
+  // once their phases are mixed, all together try as often as the mean wait says, and so do those that find
+  // the server: no second brings more handshakes than that
+  EXPECT_LE(static_cast<double>(mostInASecond(herd.tries_ms, 15'000)), 1.2 * kProbesPerSecond);
+  EXPECT_LE(static_cast<double>(mostInASecond(herd.arrived_ms)), 1.2 * kProbesPerSecond);
+  EXPECT_EQ(herd.arrived_ms.size(), kStations) << "each shakes hands once";
+}
+
+TEST(Reconnection, aServerThatIsTooSlowIsTriedEverMoreSeldom) {
+  // 40 handshakes a second: most stations lose patience after 5 s and back off, although their lessons run
+  const Herd herd = simulate({.handshakes_per_s = 40});
+  ASSERT_EQ(herd.back_ms.size(), kStations);
+  // after its k-th patience a station waits 0.8·2^k s at least, 5 s at most: no more tries than this
+  const double whole_s = herd.back_ms.back() / 1000;
+  EXPECT_LE(static_cast<double>(herd.arrived_ms.size()), kStations * (1 + whole_s / (5 + 0.8)));
+}
+
+TEST(Reconnection, withoutALessonTheWaitsGrowToTenSeconds) {
+  const Herd herd = simulate({.listens_ms = 60'000, .lesson_runs = false});
+  ASSERT_EQ(herd.back_ms.size(), kStations);
+  EXPECT_GT(herd.back_ms[kStations * 9 / 10], 4000);
+  // waits of 5 to 10 s
+  EXPECT_LE(static_cast<double>(mostInASecond(herd.tries_ms, 30'000)), 1.5 * kStations / 7.5);
+}
+
+TEST(Reconnection, onlyAnAddressWithoutAServerIsProbedAndOnlyDuringALesson) {
+  LinkEnd end;
+  end.error = {ErrorCode::kUnavailable, "connection refused"};
+  EXPECT_EQ(retryOfStation(end, true), Retry::kProbe);
+  EXPECT_EQ(retryOfStation(end, false), Retry::kBackOff);
+  end.reached = true;
+  EXPECT_EQ(retryOfStation(end, true), Retry::kBackOff) << "it accepts connections and is busy";
+  end.error.code = ErrorCode::kDenied;
+  EXPECT_EQ(retryOfStation(end, true), Retry::kSlowly);
+  end.was_connected = true;
+  EXPECT_EQ(retryOfStation(end, true), Retry::kBackOff) << "two stations with one key must not fight";
+}
+
+TEST(Backoff, aProbeWaitsAtMostItsLimitAndLeavesTheBackOffWhereItBegan) {
+  Backoff probing(3, {milliseconds(200), milliseconds(10'000), 2.0, milliseconds(1500)});
+  double all = 200;
+  for (int n = 0; n < 100; ++n, all = std::min(2 * all, 1500.0)) {
+    const auto wait = static_cast<double>(probing.nextProbe().count());
+    EXPECT_GE(wait, std::floor(0.5 * all)) << n;
+    EXPECT_LE(wait, all) << n;
+  }
+  // 0.2, 0.4 and 0.8 s were below the limit: the fourth wait of the back-off is due
+  EXPECT_EQ(probing.tries(), 3u);
+  EXPECT_LE(probing.next(), milliseconds(1600));
+}
+
+}  // namespace
+}  // namespace needlelab
