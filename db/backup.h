@@ -50,7 +50,8 @@ struct OldBackups {
 /// files. Errors: kFailed.
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
-/// Stores the watermark. Writer's connection, in a transaction.
+/// Stores the backup's time and place, and raises the watermark of the sessions in `covered` (the caller
+/// empties it for a backup whose chunks are not Safe). Writer's connection, in a transaction.
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,
                     std::int64_t now_unix_ns);
 

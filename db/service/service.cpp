@@ -103,7 +103,8 @@ Result<pb::Reply> Service::withReader(
     const Principal& who, std::string_view action,
     const std::function<Result<pb::Reply>(const handlers::Context&)>& work) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  return work({who, writer_, *reader, wallNowNs(), action, exports_, codes_, &cancelled_, &reference_paths_});
+  return work({who, writer_, *reader, wallNowNs(), action, exports_, codes_, &cancelled_, &reference_paths_,
+               &disks_});
 }
 
 Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) {

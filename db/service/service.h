@@ -7,8 +7,10 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "common/base/physical_disks.h"
 #include "common/base/result.h"
 #include "common/base/time_source.h"
 #include "db/audit.h"
@@ -90,6 +92,8 @@ class Service {
   void stopRetention() { stop_retention_.store(true, std::memory_order_relaxed); }
   /// Call before the first run.
   void setRetentionPace(const RetentionPace& pace) { retention_pace_ = pace; }
+  /// By which a backup is told from one on another disk. Call before the first backup.
+  void setBlockDevices(BlockDevices devices) { disks_ = std::move(devices); }
 
   /// Erased people who are in this database again after a restore from an older backup: one sentence each,
   /// with the action to take.
@@ -144,6 +148,7 @@ class Service {
   std::mutex rescore_mutex_;  ///< one run at a time
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;
+  BlockDevices disks_;
 };
 
 }  // namespace needlelab

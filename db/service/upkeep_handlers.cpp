@@ -8,6 +8,22 @@
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {
+namespace {
+
+pb::BackupDone::Disk diskOf(const Context& context, const std::filesystem::path& backup) {
+  static const BlockDevices kHere;
+  switch (compareDisks(context.reader.path(), backup, context.disks != nullptr ? *context.disks : kHere)) {
+    case DiskRelation::kAnother:
+      return pb::BackupDone::ANOTHER_DISK;
+    case DiskRelation::kSame:
+      return pb::BackupDone::SAME_DISK;
+    case DiskRelation::kUnknown:
+      break;
+  }
+  return pb::BackupDone::DISK_UNKNOWN;
+}
+
+}  // namespace
 
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work) {
@@ -42,12 +58,22 @@ pb::Reply doneReply() {
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   std::filesystem::path target = call.path();
   if (call.keep() > 0) target /= backupName(context.now_unix_ns);
-  ASSIGN_OR_RETURN(const auto result, backupTo(context.reader, target, context.cancelled));
-  RETURN_IF_ERROR(write(
-      context, target.string(), fmt::format("{} bytes, {} chunks", result.bytes, result.chunks_verified),
-      [&](Connection& writer) { return recordBackup(writer, result, target, context.now_unix_ns); }));
+  ASSIGN_OR_RETURN(auto result, backupTo(context.reader, target, context.cancelled));
+  const pb::BackupDone::Disk disk = diskOf(context, target);
+  // a station deletes what is Safe: one fault of a disk must not take the database and the backup
+  const bool safe = disk == pb::BackupDone::ANOTHER_DISK || call.counts_as_safe();
+  if (!safe) result.covered.clear();
+  RETURN_IF_ERROR(
+      write(context, target.string(),
+            fmt::format("{} bytes, {} chunks, {}", result.bytes, result.chunks_verified,
+                        safe ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe"
+                                                                     : "Safe because it was asked for")
+                             : "not on another disk: not Safe"),
+            [&](Connection& writer) { return recordBackup(writer, result, target, context.now_unix_ns); }));
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
+  done->set_disk(disk);
+  done->set_safe(safe);
   done->set_path(target.string());
   done->set_bytes(result.bytes);
   done->set_chunks_verified(result.chunks_verified);

@@ -221,7 +221,8 @@ test('changes, and what comes of those that are too late', async () => {
   await one('mara', 'POST', '/retention/run', { body: { dry_run: true } });
   await one('root', 'POST', '/scores/rescore', { body: { dry_run: true } });
   await one('rhea', 'GET', '/studies/{study}', { path: '/studies/s1' });
-  await one('root', 'POST', '/backup', { body: {} });
+  assert.equal((await one('root', 'POST', '/backup', { body: {} })).safe, false);
+  assert.equal((await one('root', 'POST', '/backup', { body: { counts_as_safe: true } })).safe, true);
   await one('root', 'POST', '/check', { body: {} });
   Object.assign(lab.sessions[1], { trainee: 'anna.bauer', unknown_trainee: true, code_unchecked: true });
   const [waits] = (await one('mara', 'GET', '/unknown-trainees', {})).items;

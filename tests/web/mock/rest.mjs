@@ -743,6 +743,8 @@ export const kTable = [
     bytes: 12_400_000,
     chunks_verified: 914,
     removed: [],
+    disk: body?.path ? 'ANOTHER_DISK' : 'SAME_DISK',
+    safe: Boolean(body?.path || body?.counts_as_safe),
   })),
   post('check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })),
 ];

@@ -138,7 +138,7 @@ export async function studyRecords(study, { exercise, remarks }, said) {
 }
 
 export const upkeep = {
-  backup: (path) => post(['backup'], path ? { path } : {}),
+  backup: (path, counts_as_safe) => post(['backup'], { ...(path && { path }), counts_as_safe }),
   check: () => post(['check'], {}),
   rescore: (exercise_id, dry_run) => post(['scores', 'rescore'], { exercise_id, dry_run }),
   audit: (query, signal) => get(['audit'], { signal, query }),
