@@ -117,6 +117,8 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   };
   ASSIGN_OR_RETURN(auto store, Store::open(p.options.data, store_options));
   p.store = std::move(store);
+  if (const std::size_t repeated = p.store->erasuresRepeated(); repeated > 0)
+    logEvent(LogLevel::kWarning, "erasures_repeated", {{"people", repeated}});
   ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
   for (const std::string& text : repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
   RETURN_IF_ERROR(logValidAgain(*p.store));

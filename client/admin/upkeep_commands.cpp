@@ -75,11 +75,13 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
   if (auto shown = output.one({{"from", "restored from"},
                                {"sessions", "sessions checked"},
                                {"chunks", "chunks checked"},
-                               {"kept", "replaced database kept as"}},
+                               {"kept", "replaced database kept as"},
+                               {"erasures_repeated", "people erased anew"}},
                               {{"from", from},
                                {"sessions", result.sessions},
                                {"chunks", result.chunks},
                                {"kept", kept},
+                               {"erasures_repeated", store->erasuresRepeated()},
                                {"valid_again", again},
                                {"not_compared", result.not_compared}});
       !shown)

@@ -41,14 +41,16 @@ class Store {
     TimeSource* time = &machineTime();  ///< the service's; must outlive the store
   };
   /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
-  /// profiles and curriculum into a new database. Errors: kUnavailable (locked), kVersion (newer schema),
-  /// kCorrupt, kFailed.
+  /// profiles and curriculum into a new database, repeats erasures on a restored one, empties the log.
+  /// Errors: kUnavailable (locked), kVersion (newer schema), kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   [[nodiscard]] DbWriter& writer() { return *writer_; }
   [[nodiscard]] ReaderPool& readers() { return *readers_; }
   [[nodiscard]] Service& service() { return *service_; }
   [[nodiscard]] const std::filesystem::path& databasePath() const { return readers_->path(); }
+  /// How many erasures were repeated when this store was opened, because it is a restored backup.
+  [[nodiscard]] std::size_t erasuresRepeated() const { return erasures_repeated_; }
 
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
@@ -56,6 +58,7 @@ class Store {
   std::unique_ptr<ReaderPool> readers_;
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;
+  std::size_t erasures_repeated_ = 0;
 };
 
 }  // namespace needlelab

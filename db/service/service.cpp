@@ -4,6 +4,7 @@
 
 #include <cassert>
 #include <charconv>
+#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -125,7 +126,9 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                       // the erasure is final whether or not the chunks can be removed: the reply lists the
                       // remaining ones
                       auto* erasure = reply.mutable_erasure();
-                      erasure->set_text(removeErased() + erasure->text());
+                      const std::string chunks = removeErased(), log = emptyLogOfErased();
+                      erasure->set_pending(!log.empty());
+                      erasure->set_text(chunks + log + erasure->text());
                       return reply;
                     });
 }
@@ -194,6 +197,16 @@ std::string Service::removeErased() {
       "{} recordings are damaged, and what is left of them could not be removed: {} (see needlelab-admin "
       "check). ",
       removed->left_alone(), removed->steps(0).text());
+}
+
+std::string Service::emptyLogOfErased() {
+  constexpr std::chrono::seconds kPatience{2};
+  if (writer_.emptyLog(kPatience)) return {};
+  return "Pending: the log beside the database (needlelab.db-wal) still has what was erased, because "
+         "somebody "
+         "reads (a backup, an export). It is emptied when they have done, at the latest when the server "
+         "starts "
+         "again; until then 'check' says so. ";
 }
 
 RetentionTools Service::retentionTools() {

@@ -99,6 +99,9 @@ class Service {
   /// with the action to take.
   Result<std::vector<std::string>> erasuresToRepeat();
 
+  /// After an erasure: removes the chunks, and has the log emptied. Returns a sentence about what remains.
+  std::string finishErasure() { return removeErased() + emptyLogOfErased(); }
+
   // --- for the rows of requests.cpp
 
   /// Calls `work` with a borrowed reader.
@@ -106,7 +109,8 @@ class Service {
                                const std::function<Result<pb::Reply>(const handlers::Context&)>& work);
   /// One backup at a time. kUnavailable: another one is in progress.
   Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
-  /// Erases a person and at once removes the chunks; during a run of retention, leaves them to the next run.
+  /// Erases a person and at once removes the chunks, and what was erased from the log; during a run of
+  /// retention, leaves the chunks to the next run. The erasure is pending while readers need the log.
   Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
   Result<pb::Reply> rescore(const Principal& who, const pb::RescoreSession& call);
@@ -133,6 +137,9 @@ class Service {
   /// Removes an erasure's chunks. Returns a sentence about remaining chunks and the reason; empty: none
   /// remain.
   std::string removeErased();
+  /// Has the log emptied. Returns a sentence when readers still need it; empty: nothing of an erasure is
+  /// left.
+  std::string emptyLogOfErased();
   /// Empty when there is nothing to measure.
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;

@@ -70,6 +70,9 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
                                                                      : "Safe because it was asked for")
                              : "not on another disk: not Safe"),
             [&](Connection& writer) { return recordBackup(writer, result, target, context.now_unix_ns); }));
+  // so that a restore of an older backup on another machine knows whom to erase
+  ASSIGN_OR_RETURN(const auto erasures, readErasures(context.reader.path().parent_path()));
+  RETURN_IF_ERROR(addErasures(target.parent_path(), erasures, kErasuresCopy));
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
   done->set_disk(disk);
@@ -101,6 +104,13 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   report->set_sessions(result.sessions);
   report->set_chunks(result.chunks);
   for (const std::string& fault : result.faults) report->add_faults(fault);
+  if (context.writer.counters().log_pending) {
+    report->set_ok(false);
+    report->add_faults(
+        "an erasure is pending: the log beside the database still has what was erased, because somebody "
+        "reads; "
+        "it is emptied when they have done, at the latest at the next start");
+  }
   // the database is intact, but an erased person is back in it
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
   if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();
