@@ -238,15 +238,15 @@ void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
     Json rows = Json::array();
     for (const auto& one : reply.consents().consents())
-      rows.push_back({{"given", one.given()},
-                      {"unix_ns", one.unix_ns()},
-                      {"recorded_by", one.recorded_by()},
-                      {"note", one.note()}});
-    return context.output.list({{"unix_ns", "WHEN", Column::Kind::kTime},
-                                {"given", "CONSENTS"},
-                                {"recorded_by", "RECORDED BY"},
-                                {"note", "NOTE"}},
-                               rows, "never asked");
+      rows.push_back(
+          {{"given", one.given()},
+           {"unix_ns", one.unix_ns()},
+           {"recorded_by", one.recorded_by()},
+           {"how", one.recorded_by() == values->name ? "by the person" : "on paper, by " + one.recorded_by()},
+           {"note", one.note()}});
+    return context.output.list(
+        {{"unix_ns", "WHEN", Column::Kind::kTime}, {"given", "CONSENTS"}, {"how", "HOW"}, {"note", "NOTE"}},
+        rows, "never asked");
   });
 }
 
@@ -424,6 +424,12 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     pb::Request request;
     request.mutable_set_password()->set_name(values->name);
     request.mutable_set_password()->set_password(password);
+    if (!context.backend.local() && values->name == context.global.user) {
+      ASSIGN_OR_RETURN(*request.mutable_set_password()->mutable_old_password(),
+                       global.password_file.empty()
+                           ? askPassword("password of " + values->name + " until now", "--password-file")
+                           : passwordFromFile(global.password_file));
+    }
     RETURN_IF_ERROR(context.backend.call(request));
     context.output.done("password of '" + values->name + "' set");
     return {};

@@ -131,6 +131,9 @@ test('changes, and what comes of those that are too late', async () => {
     path: '/people/new.one/password',
     body: { password: 'another horse' },
   });
+  const own = (body) => ({ path: '/people/root/password', body: { password: 'another horse', ...body } });
+  await one('root', 'POST', '/people/{name}/password', own({}), 400);
+  await one('root', 'POST', '/people/{name}/password', own({ old_password: 'a wrong horse' }), 403);
   const code = (body) => ({ path: '/people/new.one/code', body });
   assert.match((await one('mara', 'POST', '/people/{name}/code', code({ make: true }))).code, /^\d{6}$/);
   assert.equal((await one('mara', 'GET', '/people/{name}', { path: '/people/new.one' })).has_code, true);

@@ -373,8 +373,17 @@ export const kTable = [
     if (consent === undefined) Object.assign(person, { revision: person.revision + 1 }, changedBy(who.name));
     return withoutPassword(lab, person);
   }),
-  post('people/:name/password', kAll, ({ lab, params, body }) => {
-    Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true });
+  post('people/:name/password', kAll, ({ lab, params, body, who }) => {
+    const person = found(lab.people, params.name, 'person');
+    if (who.name === params.name && !body.old_password)
+      throw new Refusal(
+        400,
+        'invalid_input',
+        'old_password: is missing: whoever sets the own password gives the one of now, too',
+      );
+    if (who.name === params.name && person.password && person.password !== body.old_password)
+      throw new Refusal(403, 'denied', `old_password: is not the password of '${params.name}'`);
+    Object.assign(person, { password: body.password, has_password: true });
     return {};
   }),
   post('people/:name/code', kAll, ({ lab, params, body, who }) => {
