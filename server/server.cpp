@@ -162,7 +162,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   }
   if (!p.options.port_file.empty()) {
     const std::string text = fmt::format("{}\n", p.port);
-    RETURN_IF_ERROR(writeFileAtomically(p.options.port_file, viewOf(text)));
+    RETURN_IF_ERROR(writeFileAtomically(p.options.port_file, viewOf(text), 0644));
   }
   logEvent(LogLevel::kInfo, "listening",
            {{"address", p.acceptor->local_endpoint().address().to_string()},
@@ -187,7 +187,7 @@ Status Server::Parts::startMonitor() {
   monitor_port = std::make_shared<MonitorPort>(io, std::move(listening), *monitor);
   if (!options.metrics_port_file.empty()) {
     const std::string text = fmt::format("{}\n", monitor_port->port());
-    RETURN_IF_ERROR(writeFileAtomically(options.metrics_port_file, viewOf(text)));
+    RETURN_IF_ERROR(writeFileAtomically(options.metrics_port_file, viewOf(text), 0644));
   }
   logEvent(LogLevel::kInfo, "metrics",
            {{"address", endpoint.address().to_string()}, {"port", monitor_port->port()}});

@@ -262,6 +262,16 @@ Result<Principal> Service::loginStation(const std::string& station, const std::s
   return Principal{station, pb::STATION};
 }
 
+Result<bool> Service::isKnownName(const std::string& name, bool station) {
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  if (station) {
+    ASSIGN_OR_RETURN(const auto found, StationStore(*reader).find(name));
+    return found.has_value();
+  }
+  ASSIGN_OR_RETURN(const auto found, PeopleStore(*reader).find(name));
+  return found.has_value();
+}
+
 Result<bool> Service::stillAllowed(const Principal& principal) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   if (principal.role == pb::STATION) {

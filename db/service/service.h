@@ -65,6 +65,9 @@ class Service {
   Result<Principal> loginPerson(const std::string& user, const std::string& password);
   /// Checks a station's key. kDenied as above.
   Result<Principal> loginStation(const std::string& station, const std::string& key);
+  /// Whether a person, or a station, has this name. What else was typed there may be a password and is not
+  /// logged.
+  Result<bool> isKnownName(const std::string& name, bool station);
   /// For tokens: false when, since log-in, a person was disabled or changed its role, or a station was
   /// revoked.
   Result<bool> stillAllowed(const Principal& principal);
