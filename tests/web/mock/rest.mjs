@@ -420,6 +420,8 @@ export const kTable = [
       audit_lines: 12,
       waiting_sessions: body.with_waiting_sessions ? 0 : 1,
       text: 'Backups made before today still hold the data.',
+      pending: false,
+      files: ['/var/backups/needlelab/2026-11-19T09-00-00Z.db'],
     };
   }),
   get('people/:name/progress', kPeople, ({ lab, params, query }) => ({

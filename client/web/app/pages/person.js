@@ -198,7 +198,10 @@ function Erasure({ name }) {
   if (result) {
     return html`<div class="hint" role="status">
       <p><strong>The data of ${name} were erased.</strong> In the audit log stands ${result.pseudonym}.</p>
-      <p>${result.sessions} sessions, ${result.scores} scores. ${result.text}</p>
+      <p>
+        ${result.pending && html`<${Mark} kind="warn">pending<//> `}
+        ${result.sessions} sessions, ${result.scores} scores. ${result.text}
+      </p>
       <p><a href="#/people">Back to the people</a></p>
     </div>`;
   }
