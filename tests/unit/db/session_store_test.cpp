@@ -288,9 +288,9 @@ TEST(SessionStore, aDisabledTraineeOpensNoSessionButOneThatIsKnownGoesOn) {
   ASSERT_OK(sessions.open(d, 5));
   const auto disabled_unix_ns = d.started_unix_ns() + 1'000;
   ASSERT_OK(people.setDisabled("anna", true, "ada", disabled_unix_ns));
-  EXPECT_OK(sessions.open(d, 6)) << "the station asks again";
+  EXPECT_OK(sessions.open(d, 6));  // the station asks again
   auto earlier = test::describe(makeUuidV7());
-  EXPECT_OK(sessions.open(earlier, 7)) << "it was recorded before, without the server";
+  EXPECT_OK(sessions.open(earlier, 7));  // it was recorded before, without the server
   auto later = test::describe(makeUuidV7());
   later.set_started_unix_ns(disabled_unix_ns);
   const auto refused = sessions.open(later, 8);
@@ -298,7 +298,7 @@ TEST(SessionStore, aDisabledTraineeOpensNoSessionButOneThatIsKnownGoesOn) {
   EXPECT_EQ(refused.error().code, ErrorCode::kDenied);
   EXPECT_NE(refused.error().message.find("'anna' is disabled"), std::string::npos);
   ASSERT_OK(people.setDisabled("anna", false, "ada", disabled_unix_ns + 1));
-  EXPECT_OK(sessions.open(later, 9)) << "enabled again";
+  EXPECT_OK(sessions.open(later, 9));  // enabled again
 }
 
 }  // namespace
