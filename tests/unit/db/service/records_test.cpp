@@ -1,5 +1,6 @@
 // Exports everything and imports it again; studies; exports and erases a person's data.
 #include "common/base/files.h"
+#include "db/service/restore.h"
 #include "tests/unit/db/service/records_fixture.h"
 
 namespace needlelab {
@@ -276,6 +277,25 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   store.reset();
   store = test::openStore(folder.path() / "data");
   EXPECT_EQ(store->erasuresRepeated(), 0u);
+}
+
+TEST_F(Records, aBackupThatIsRestoredOnAnotherMachineIsErasedAnewByTheListBesideIt) {
+  addNamed("anna", "Anna A");
+  const auto kept = folder.path() / "kept", other = folder.path() / "other";
+  for (const auto& made : {kept, other}) std::filesystem::create_directory(made);
+  pb::Request backup;
+  backup.mutable_backup()->set_path((kept / "before.db").string());
+  get(admin, backup);
+  const auto erased = get(admin, erase("anna")).erasure();
+  // the machine is lost, but for its backups and its keys
+  std::filesystem::copy_file(folder.path() / "data/pseudonym.key", other / "pseudonym.key");
+  ASSERT_OK(restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000));
+  const auto restored = test::openStore(other);
+  EXPECT_EQ(restored->erasuresRepeated(), 1u);
+  auto reader = restored->readers().borrow();
+  ASSERT_OK(reader);
+  EXPECT_FALSE(PeopleStore(**reader).find("anna")->has_value());
+  EXPECT_EQ(readErasures(other)->at(0).pseudonym, erased.pseudonym());
 }
 
 }  // namespace
