@@ -50,7 +50,17 @@ bool isSet(const std::atomic<bool>* flag) {
   return flag != nullptr && flag->load();
 }
 
-Status copy(Connection& reader, const std::filesystem::path& path, const std::atomic<bool>* cancelled) {
+Error logTooLarge(std::uint64_t bytes) {
+  return {
+      ErrorCode::kUnavailable,
+      fmt::format("the backup was given up: the log beside the database grew to {} MiB meanwhile, and can be "
+                  "emptied only when the backup has ended: make it when fewer lessons run, or to a faster "
+                  "disk",
+                  bytes >> 20)};
+}
+
+Status copy(Connection& reader, const std::filesystem::path& path, const std::atomic<bool>* cancelled,
+            std::uint64_t most_log_bytes) {
   // create an empty private file first, so that other users can never read the copy
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (fd < 0) return systemError(path, "create the copy");
@@ -75,11 +85,15 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
   sqlite3_backup* backup = sqlite3_backup_init(target, "main", reader.handle(), "main");
   if (backup == nullptr) return failure(sqlite3_extended_errcode(target));
   int rc = SQLITE_OK;
-  while (rc == SQLITE_OK && !isSet(cancelled)) rc = sqlite3_backup_step(backup, kPagesPerStep);
+  std::uint64_t log_bytes = 0;
+  while (rc == SQLITE_OK && !isSet(cancelled) && log_bytes <= most_log_bytes) {
+    rc = sqlite3_backup_step(backup, kPagesPerStep);
+    log_bytes = reader.walBytes();
+  }
   const int finished = sqlite3_backup_finish(backup);
   if (rc == SQLITE_OK) {
     sqlite3_close(target);
-    return cancelledError();
+    return isSet(cancelled) ? cancelledError() : logTooLarge(log_bytes);
   }
   if (rc != SQLITE_DONE || finished != SQLITE_OK) return failure(rc != SQLITE_DONE ? rc : finished);
   // a single file without a write-ahead log
@@ -120,7 +134,7 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy,
 }  // namespace
 
 Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
-                              const std::atomic<bool>* cancelled) {
+                              const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes) {
   std::error_code ignored;
   if (!target.is_absolute()) {
     return Error{ErrorCode::kInvalidInput, "backup path '" + target.string() + "': give an absolute path"};
@@ -133,7 +147,7 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
     return Error{ErrorCode::kInvalidInput, target.string() + ": its folder does not exist"};
   }
   const Partial partial(target.string() + ".partial");
-  RETURN_IF_ERROR(copy(reader, partial.path(), cancelled));
+  RETURN_IF_ERROR(copy(reader, partial.path(), cancelled, most_log_bytes));
 
   BackupResult result;
   {

@@ -27,14 +27,20 @@ struct BackupResult {
   std::vector<Covered> covered;
 };
 
+/// The log beside the database above which a backup gives up: it holds one view of the database, and the log
+/// can be emptied only afterwards. Smaller: a slow disk never gets a backup; greater: room that others lack.
+inline constexpr std::uint64_t kMostLogBytesOfBackup = std::uint64_t{4} << 30;
+
 /// Copies the database's present state into `target`.partial while writers continue, checks *the copy*
 /// (integrity, every chunk, every hash), syncs it and renames it to `target` (0600). Only reads the source.
 /// Errors: kAlreadyExists (`target` exists; it is never overwritten), kInvalidInput (the folder does not
-/// exist), kCorrupt (the copy fails its check; it is deleted), kUnavailable (`cancelled` became true),
+/// exist), kCorrupt (the copy fails its check; it is deleted), kUnavailable (`cancelled` became true, or the
+/// log beside the source grew above `most_log_bytes` meanwhile),
 /// kFailed. Blocks for a time proportional to the database's size. The copy and its check poll `cancelled`
 /// often; it may be null.
 Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
-                              const std::atomic<bool>* cancelled = nullptr);
+                              const std::atomic<bool>* cancelled = nullptr,
+                              std::uint64_t most_log_bytes = kMostLogBytesOfBackup);
 
 /// The file name of a backup made at this time: needlelab-20260131T020000Z.db.
 std::string backupName(std::int64_t now_unix_ns);
@@ -51,7 +57,8 @@ struct OldBackups {
 /// files. Errors: kFailed.
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
-/// Stores the watermark. Writer's connection, in a transaction.
+/// Stores the backup's time and place, and raises the watermark of the sessions in `covered` (the caller
+/// empties it for a backup whose chunks are not Safe). Writer's connection, in a transaction.
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,
                     std::int64_t now_unix_ns);
 

@@ -113,6 +113,7 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, options.busy_timeout_ms);
+  connection.busy_timeout_ms_ = options.busy_timeout_ms;
   // by default the last connection checkpoints on close; only the writer may checkpoint, and it does so
   // itself
   sqlite3_db_config(handle, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
@@ -153,6 +154,7 @@ Connection::Connection(Connection&& other) noexcept
       origin_(std::move(other.origin_)),
       handle_(std::exchange(other.handle_, nullptr)),
       damaged_(other.damaged_),
+      busy_timeout_ms_(other.busy_timeout_ms_),
       idle_(std::move(other.idle_)) {}
 
 Connection& Connection::operator=(Connection&& other) noexcept {
@@ -162,6 +164,7 @@ Connection& Connection::operator=(Connection&& other) noexcept {
     origin_ = std::move(other.origin_);
     handle_ = std::exchange(other.handle_, nullptr);
     damaged_ = other.damaged_;
+    busy_timeout_ms_ = other.busy_timeout_ms_;
     idle_ = std::move(other.idle_);
   }
   return *this;
@@ -233,6 +236,15 @@ Status Connection::checkpointPassive(WalProgress* progress) {
     return errorOf(rc, "checkpoint the write-ahead log");
   }
   return {};
+}
+
+Result<bool> Connection::emptyLog(int patience_ms) {
+  sqlite3_busy_timeout(handle_, patience_ms);
+  const int rc = sqlite3_wal_checkpoint_v2(handle_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  sqlite3_busy_timeout(handle_, busy_timeout_ms_);
+  if (rc == SQLITE_OK) return true;
+  if ((rc & 0xff) == SQLITE_BUSY || (rc & 0xff) == SQLITE_LOCKED) return false;
+  return errorOf(rc, "empty the write-ahead log");
 }
 
 std::uint64_t Connection::walBytes() {

@@ -119,7 +119,7 @@ inline std::string firstText(const Statement& row) {
 }
 
 /// An open database with the settings of db/README.md: WAL, synchronous=FULL, foreign keys on,
-/// wal_autocheckpoint=0, no checkpoint on close. Only the writer calls checkpointPassive(): SQLite before
+/// wal_autocheckpoint=0, no checkpoint on close. Only the writer checkpoints: SQLite before
 /// 3.51.3 can destroy the database when one connection checkpoints while another commits. Thread: not
 /// thread-safe; one thread at a time (SQLite runs without its own mutex). Must outlive its statements.
 class Connection {
@@ -180,6 +180,11 @@ class Connection {
   /// A busy database is not an error.
   Status checkpointPassive(WalProgress* progress = nullptr);
 
+  /// Moves all pages of the WAL into the database and cuts the log's file to 0 bytes, so that nothing that
+  /// was overwritten stays in it. Waits up to `patience_ms` for readers; meanwhile nothing is committed.
+  /// False: a reader still needs the log. Writer only, outside a transaction.
+  Result<bool> emptyLog(int patience_ms);
+
   /// Size of the write-ahead log's file; 0 when the file does not exist.
   [[nodiscard]] std::uint64_t walBytes();
 
@@ -203,6 +208,7 @@ class Connection {
   std::filesystem::path path_, origin_;
   sqlite3* handle_ = nullptr;
   bool damaged_ = false;
+  int busy_timeout_ms_ = 0;
   std::unordered_map<std::string, sqlite3_stmt*> idle_;  ///< prepared statements not in use, by their SQL
 };
 

@@ -4,8 +4,10 @@
 #include <sodium.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstring>
+#include <iterator>
 #include <system_error>
 
 #include "common/base/text.h"
@@ -90,6 +92,22 @@ std::optional<ReadHash> readHash(std::string_view text) {
   return read;
 }
 
+/// The most common passwords whose stem has at least six letters or that have no letters to strip; shorter
+/// ones are too short anyway, unless many digits follow.
+constexpr std::array<std::string_view, 84> kCommonPasswords = {
+    "password",     "passwort", "motdepasse",   "contraseña", "parola",     "senha",      "passw0rd",
+    "p@ssw0rd",     "p@ssword", "password1234", "letmein",    "welcome",    "willkommen", "bienvenue",
+    "qwerty",       "qwertz",   "azerty",       "qwertyuiop", "qwertzuiop", "azertyuiop", "asdfgh",
+    "asdfghjkl",    "yxcvbnm",  "zxcvbnm",      "1q2w3e4r",   "1q2w3e4r5t", "1qaz2wsx",   "1qaz2wsx3edc",
+    "q1w2e3r4t5",   "1234qwer", "qwer1234",     "abc123",     "abcd1234",   "a1b2c3d4e5", "iloveyou",
+    "ichliebedich", "jetaime",  "sunshine",     "princess",   "football",   "baseball",   "superman",
+    "batman",       "starwars", "master",       "dragon",     "monkey",     "shadow",     "michael",
+    "jennifer",     "charlie",  "jordan",       "trustno1",   "whatever",   "freedom",    "computer",
+    "internet",     "secret",   "geheim",       "changeme",   "change_me",  "default",    "administrator",
+    "adminadmin",   "admin",    "root",         "manager",    "instructor", "teacher",    "student",
+    "trainee",      "guest",    "university",   "hospital",   "medicine",   "needle",     "needlelab",
+    "injection",    "summer",   "winter",       "sommer",     "spring",     "test",       "testtest"};
+
 constexpr std::string_view kSelectStations = "SELECT name, key_hash, revoked, created_unix_ns FROM stations ";
 
 Station stationOf(const Statement& row) {
@@ -112,6 +130,38 @@ Result<std::string> hashPassword(std::string_view password) {
                              kMinPasswordBytes, kMaxPasswordBytes)};
   }
   return hashedText(password);
+}
+
+Status checkStaffPassword(std::string_view password, std::string_view name) {
+  if (password.size() < kMinStaffPasswordBytes || password.size() > kMaxPasswordBytes)
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("password: has {} bytes, allowed are {} to {} for whoever sees other people's data",
+                    password.size(), kMinStaffPasswordBytes, kMaxPasswordBytes)};
+  const std::string small = lowerCase(password);
+  // "Password2026!" is "password"
+  const std::size_t letters = small.find_last_not_of("0123456789!?.,-_*#+$@&% ");
+  const std::string_view stem =
+      letters == std::string::npos ? std::string_view() : std::string_view(small).substr(0, letters + 1);
+  const auto is_common = [](std::string_view text) {
+    return std::find(kCommonPasswords.begin(), kCommonPasswords.end(), text) != kCommonPasswords.end();
+  };
+  if (is_common(small) || is_common(stem))
+    return Error{
+        ErrorCode::kInvalidInput,
+        "password: is one of the most common ones, which guessers try first: take another, e.g. some "
+        "words that do not belong together"};
+  int steps[3] = {0, 0, 0};  // down, repeated, up
+  for (std::size_t i = 1; i < small.size(); ++i) {
+    const int step = small[i] - small[i - 1];
+    if (step >= -1 && step <= 1) ++steps[step + 1];
+  }
+  if (*std::max_element(std::begin(steps), std::end(steps)) + 2 >= static_cast<int>(small.size()))
+    return Error{ErrorCode::kInvalidInput,
+                 "password: is one character again and again, or a row of neighbours: take another"};
+  if (const std::string own = lowerCase(name); small == own || stem == own)
+    return Error{ErrorCode::kInvalidInput, "password: is the person's own name: take another"};
+  return {};
 }
 
 Result<std::string> hashCode(std::string_view code) {

@@ -17,6 +17,15 @@ namespace needlelab {
 inline constexpr std::size_t kMinPasswordBytes = 8;
 inline constexpr std::size_t kMaxPasswordBytes = 256;
 
+/// Of everyone but trainees, who see other people's data. A longer one costs a person more to remember than
+/// it gains against a server that lets five guesses pass; a shorter one is in the lists of guessers.
+inline constexpr std::size_t kMinStaffPasswordBytes = 10;
+
+/// Refuses a password that a guesser tries first: shorter than kMinStaffPasswordBytes, one of the most common
+/// ones (whatever their case, and with digits or signs behind them), a single repeated or counted-up
+/// character, the person's own name. kInvalidInput.
+Status checkStaffPassword(std::string_view password, std::string_view name);
+
 /// Argon2id (libsodium's crypto_pwhash_str, interactive limits: 64 MiB, about 0.1 s). Blocks for that time:
 /// never call it on the network's or the database writer's thread. Errors: kInvalidInput (too short, too
 /// long), kFailed (no memory).

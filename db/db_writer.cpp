@@ -68,6 +68,16 @@ Status DbWriter::run(Work work) {
   return future.get();
 }
 
+bool DbWriter::emptyLog(std::chrono::milliseconds patience) {
+  std::unique_lock lock(mutex_);
+  if (ended_) return false;
+  const std::uint64_t asked = ++emptying_asked_;
+  wake_.notify_one();
+  time_.waitUntilNs(emptied_, lock, time_.nowNs() + nanoseconds(patience),
+                    [&] { return emptying_done_ >= asked || ended_; });
+  return emptying_done_ >= asked;
+}
+
 void DbWriter::stop() {
   {
     const std::lock_guard lock(mutex_);
@@ -87,42 +97,93 @@ DbWriter::Counters DbWriter::counters() const {
   const std::lock_guard lock(mutex_);
   Counters counters = counters_;
   counters.waiting = queue_.size();
+  counters.log_pending = emptying_asked_ > emptying_done_;
   return counters;
 }
 
 void DbWriter::loop() {
   for (;;) {
     std::vector<Item> group = takeGroup();
-    if (!group.empty() && !commitGroup(group)) return;
-    const std::int64_t now_ns = time_.nowNs();
-    if (uncheckpointed_ && now_ns >= next_checkpoint_ns_) {
-      Connection::WalProgress progress;
-      if (const auto done = connection_.checkpointPassive(&progress); !done) {
-        std::vector<Item> none;
-        fail(done.error(), none);
-        return;
-      }
-      uncheckpointed_ = false;
-      next_checkpoint_ns_ = now_ns + nanoseconds(options_.checkpoint_every);
-      const std::int64_t took = time_.nowNs() - now_ns;
-      const std::lock_guard lock(mutex_);
-      ++counters_.checkpoints;
-      counters_.checkpoint_ns.add(took);
-      counters_.wal_pages_waiting = progress.pages - std::min(progress.pages, progress.moved);
+    if (!group.empty() && !commitGroup(group)) break;
+    if (const auto tended = tendLog(); !tended) {
+      std::vector<Item> none;
+      fail(tended.error(), none);
+      break;
     }
     const std::lock_guard lock(mutex_);
     if (stopping_ && queue_.empty()) break;
   }
   // leave a database that needs no recovery; a failure here loses nothing
-  (void)connection_.checkpointPassive();
+  bool wanted = false, failed = false;
+  {
+    const std::lock_guard lock(mutex_);
+    wanted = emptying_asked_ > emptying_done_;
+    failed = failed_.has_value();
+  }
+  if (!failed) (void)(wanted ? tryToEmptyLog() : connection_.checkpointPassive());
+  const std::lock_guard lock(mutex_);
+  ended_ = true;
+  emptied_.notify_all();
+}
+
+Status DbWriter::tendLog() {
+  const std::int64_t now_ns = time_.nowNs();
+  bool empty = false;
+  {
+    const std::lock_guard lock(mutex_);
+    const bool wanted = emptying_asked_ > emptying_done_ || log_bytes_ > options_.most_log_bytes;
+    // at once after each call of emptyLog(), then in intervals
+    empty = emptying_asked_ > emptying_tried_ || (wanted && now_ns >= next_emptying_ns_);
+  }
+  if (empty) return tryToEmptyLog();
+  if (!uncheckpointed_ || now_ns < next_checkpoint_ns_) return {};
+  Connection::WalProgress progress;
+  RETURN_IF_ERROR(connection_.checkpointPassive(&progress));
+  uncheckpointed_ = false;
+  next_checkpoint_ns_ = now_ns + nanoseconds(options_.checkpoint_every);
+  const std::int64_t took = time_.nowNs() - now_ns;
+  const std::lock_guard lock(mutex_);
+  ++counters_.checkpoints;
+  counters_.checkpoint_ns.add(took);
+  counters_.wal_pages_waiting = progress.pages - std::min(progress.pages, progress.moved);
+  return {};
+}
+
+Status DbWriter::tryToEmptyLog() {
+  std::uint64_t asked = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    asked = emptying_asked_;
+  }
+  ASSIGN_OR_RETURN(const bool emptied, connection_.emptyLog(kEmptyingPatience_ms));
+  log_bytes_ = connection_.walBytes();
+  if (emptied) uncheckpointed_ = false;
+  next_emptying_ns_ = time_.nowNs() + nanoseconds(options_.empty_every);
+  const std::lock_guard lock(mutex_);
+  emptying_tried_ = asked;
+  counters_.wal_bytes = log_bytes_;
+  if (!emptied) return {};
+  emptying_done_ = asked;
+  ++counters_.logs_emptied;
+  counters_.wal_pages_waiting = 0;
+  emptied_.notify_all();
+  return {};
+}
+
+std::optional<std::int64_t> DbWriter::nextTendNs() const {
+  std::optional<std::int64_t> next;
+  if (uncheckpointed_) next = next_checkpoint_ns_;
+  if (emptying_asked_ > emptying_done_ || log_bytes_ > options_.most_log_bytes)
+    next = std::min(next.value_or(next_emptying_ns_), next_emptying_ns_);
+  return next;
 }
 
 std::vector<DbWriter::Item> DbWriter::takeGroup() {
   std::unique_lock lock(mutex_);
-  // idle until there is work or a checkpoint is due
-  const auto has_work = [this] { return stopping_ || !queue_.empty(); };
-  if (uncheckpointed_) {
-    time_.waitUntilNs(wake_, lock, next_checkpoint_ns_, has_work);
+  // idle until there is work, or the log is to be tended
+  const auto has_work = [this] { return stopping_ || !queue_.empty() || emptying_asked_ > emptying_tried_; };
+  if (const auto next = nextTendNs()) {
+    time_.waitUntilNs(wake_, lock, *next, has_work);
   } else {
     wake_.wait(lock, has_work);
   }
@@ -198,7 +259,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored))
     return fail(done.error(), group), false;
   const std::int64_t took = time_.nowNs() - before_ns;
-  const auto wal_bytes = connection_.walBytes();
+  log_bytes_ = connection_.walBytes();
   uncheckpointed_ = true;
   {
     const std::lock_guard lock(mutex_);
@@ -211,7 +272,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.commit_ns.add(took);
     counters_.work_ns.add(before_ns - began_ns);
     counters_.group_items.add(static_cast<std::int64_t>(group.size()));
-    counters_.wal_bytes = wal_bytes;
+    counters_.wal_bytes = log_bytes_;
   }
   // only now is the data on disk
   if (!planted(PlantedBug::kAckBeforeCommit)) report();

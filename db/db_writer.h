@@ -24,8 +24,8 @@ namespace needlelab {
 /// Calls `done` on the writer's thread, with success only after COMMIT, i.e. after fsync, returned. An item
 /// that fails or throws is rolled back and reported alone. A failed COMMIT, write or fsync stops the writer
 /// for good: every item of that group and every later one fails, then `on_fatal` is called once. Thread:
-/// post(), run(), stop(), failed(), counters() may be called from any thread. `work`, `done` and `on_fatal`
-/// run on the writer's thread, must not call run() or stop(), and should be short.
+/// post(), run(), emptyLog(), stop(), failed(), counters() may be called from any thread. `work`, `done` and
+/// `on_fatal` run on the writer's thread, must not call run(), emptyLog() or stop(), and should be short.
 class DbWriter {
  public:
   using Work = std::function<Status(Connection&)>;
@@ -35,8 +35,13 @@ class DbWriter {
   struct Options {
     std::chrono::milliseconds window{25};             ///< from a group's first item to its transaction
     std::chrono::milliseconds checkpoint_every{100};  ///< PASSIVE, between commits
-    std::size_t max_items = 16384;                    ///< in the queue; more are refused
-    std::size_t max_group = 4096;  ///< items in a transaction; the window ends early when the group is full
+    /// A log above this is cut to 0 bytes as soon as no reader needs it. A smaller bound costs the pages of
+    /// each new log; a greater one only room on the disk.
+    std::uint64_t most_log_bytes = std::uint64_t{64} << 20;
+    /// Between two tries to empty the log while readers need it. Commits wait for 50 ms in each.
+    std::chrono::milliseconds empty_every{1000};
+    std::size_t max_items = 16384;  ///< in the queue; more are refused
+    std::size_t max_group = 4096;   ///< items in a transaction; the window ends early when the group is full
     /// Receives the text of an exception from an item, after the item was rolled back and refused like any
     /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};
@@ -59,6 +64,8 @@ class DbWriter {
     CountHistogram group_items;           ///< items of a committed group
     std::uint64_t wal_bytes = 0;          ///< size of the write-ahead log's file after the last commit
     std::uint64_t wal_pages_waiting = 0;  ///< in the log but not in the database, after the last checkpoint
+    std::uint64_t logs_emptied = 0;       ///< times that the log was cut to 0 bytes
+    bool log_pending = false;             ///< emptyLog() was called, and readers still need the log
   };
 
   /// Takes ownership of the writer connection and starts the thread. `on_fatal` may be empty.
@@ -78,6 +85,11 @@ class DbWriter {
   /// Posts an item and waits for its result. Not from the writer's thread.
   Status run(Work work);
 
+  /// Has the log emptied (Connection::emptyLog), so that what the commits so far overwrote is no longer in
+  /// any file. Waits up to `patience` for it. False: readers still need the log, or the writer has ended; the
+  /// writer goes on trying, and the next start empties it in any case. Not from the writer's thread.
+  bool emptyLog(std::chrono::milliseconds patience);
+
   /// Refuses new work, commits the queue and ends the thread. May be called repeatedly.
   void stop();
 
@@ -86,12 +98,19 @@ class DbWriter {
   [[nodiscard]] Counters counters() const;
 
  private:
+  static constexpr int kEmptyingPatience_ms = 50;
   struct Item {
     Work work;
     Done done;
   };
   void loop();
   std::vector<Item> takeGroup();
+  /// Checkpoints or empties the log when that is due. An error: the writer must stop.
+  Status tendLog();
+  Status tryToEmptyLog();
+  /// When the log is to be tended next; nothing: only after the next commit or call of emptyLog(). Call with
+  /// mutex_ held.
+  [[nodiscard]] std::optional<std::int64_t> nextTendNs() const;
   /// Runs the item's work; converts an exception into an error.
   Status runWork(const Item& item);
   /// Runs one transaction. False: the writer must stop.
@@ -106,12 +125,19 @@ class DbWriter {
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
-  std::deque<Item> queue_;               ///< guarded by mutex_
-  bool stopping_ = false;                ///< guarded by mutex_
-  std::optional<Error> failed_;          ///< guarded by mutex_
-  Counters counters_;                    ///< guarded by mutex_
+  std::deque<Item> queue_;       ///< guarded by mutex_
+  bool stopping_ = false;        ///< guarded by mutex_
+  std::optional<Error> failed_;  ///< guarded by mutex_
+  Counters counters_;            ///< guarded by mutex_
+  std::condition_variable emptied_;
+  std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_
+  std::uint64_t emptying_tried_ = 0;     ///< of these, those with a try after them; guarded by mutex_
+  std::uint64_t emptying_done_ = 0;      ///< of these, those with an empty log after them; guarded by mutex_
+  bool ended_ = false;                   ///< the thread tends the log no more; guarded by mutex_
   bool uncheckpointed_ = false;          ///< the writer's thread only
   std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
+  std::int64_t next_emptying_ns_ = 0;    ///< the writer's thread only
+  std::uint64_t log_bytes_ = 0;          ///< the writer's thread only
 
   std::mutex join_mutex_;  ///< one stop() at a time
   std::thread thread_;

@@ -10,6 +10,7 @@
 
 #include "common/base/files.h"
 #include "common/base/local_time.h"
+#include "common/base/text.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/session_rows.h"
@@ -38,6 +39,9 @@ constexpr std::array kDoers = {
     NameColumn{"unknown_trainees", "by_whom"},
 };
 
+/// The fourth cell of a line of DIR/erasures.
+constexpr std::string_view kWithWaiting = "with-waiting";
+
 /// Sessions that wait for a manager.
 constexpr std::string_view kWaiting = "(SELECT session FROM unknown_trainees WHERE by_whom IS NULL)";
 
@@ -61,8 +65,6 @@ Result<std::vector<TextRow>> textRows(Statement rows, int texts) {
     return one;
   });
 }
-
-constexpr const char* kErasuresFile = "erasures";
 
 }  // namespace
 
@@ -252,23 +254,41 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
   return {};
 }
 
-Result<std::optional<std::string>> ErasureStore::pseudonymOf(std::string_view trainee,
-                                                             std::int64_t started_unix_ns) {
+Result<std::optional<ErasureStore::Erased>> ErasureStore::newestErasure(std::string_view name) {
   {
     auto any = connection_.prepare("SELECT 1 FROM erasures LIMIT 1");
     ASSIGN_OR_RETURN(const bool found, any.step());
-    if (!found || trainee.empty()) return std::optional<std::string>();
+    if (!found || name.empty()) return std::optional<Erased>();
   }
   const auto key = this->key();
-  if (!key && key.error().code == ErrorCode::kCorrupt) return std::optional<std::string>();
+  if (!key && key.error().code == ErrorCode::kCorrupt) return std::optional<Erased>();
   if (!key) return key.error();
-  const auto hash = key->nameHash(trainee);
+  const auto hash = key->nameHash(name);
   return connection_
       .query(
-          "SELECT pseudonym FROM erasures WHERE name_hash = ? AND erased_unix_ns >= ?"
+          "SELECT pseudonym, erased_unix_ns FROM erasures WHERE name_hash = ?"
           " ORDER BY erased_unix_ns DESC LIMIT 1",
-          ByteView(hash), started_unix_ns)
-      .first(firstText);
+          ByteView(hash))
+      .first([](const Statement& row) {
+        return Erased{row.text(0), row.integer(1)};
+      });
+}
+
+Result<std::optional<std::string>> ErasureStore::erasedSince(std::string_view name, std::int64_t unix_ns) {
+  ASSIGN_OR_RETURN(const auto erased, newestErasure(name));
+  if (!erased || erased->unix_ns < unix_ns) return std::optional<std::string>();
+  return std::optional(erased->pseudonym);
+}
+
+Result<std::optional<std::string>> ErasureStore::pseudonymOf(std::string_view trainee,
+                                                             std::int64_t started_unix_ns) {
+  if (trainee == kGuestName) return erasedSince(trainee, started_unix_ns);
+  ASSIGN_OR_RETURN(const auto erased, newestErasure(trainee));
+  if (!erased) return std::optional<std::string>();
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee));
+  const bool is_theirs =
+      person && person->created_unix_ns >= erased->unix_ns && started_unix_ns >= person->created_unix_ns;
+  return is_theirs ? std::optional<std::string>() : std::optional(erased->pseudonym);
 }
 
 Status ErasureStore::emptySession(const Uuid& session, std::int64_t now_unix_ns) {
@@ -310,7 +330,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) break;
-    ErasureLine line{rows.text(0), {}, rows.integer(2)};
+    ErasureLine line{rows.text(0), {}, rows.integer(2), false};
     const auto hash = rows.bytes(1);
     if (hash.size() != line.name_hash.size()) continue;
     std::copy(hash.begin(), hash.end(), line.name_hash.begin());
@@ -324,8 +344,8 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   auto names = connection_.prepare(
       fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
                   " (SELECT name, created_unix_ns AS made, 0 AS waits FROM people"
-                  " UNION ALL SELECT trainee, started_unix_ns, number IN {} FROM sessions WHERE erased = 0"
-                  " UNION ALL SELECT u.given, s.started_unix_ns, u.by_whom IS NULL FROM unknown_trainees u"
+                  " UNION ALL SELECT trainee, received_unix_ns, number IN {} FROM sessions WHERE erased = 0"
+                  " UNION ALL SELECT u.given, s.received_unix_ns, u.by_whom IS NULL FROM unknown_trainees u"
                   " JOIN sessions s ON s.number = u.session)"
                   " GROUP BY name",
                   kWaiting));
@@ -336,23 +356,24 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
     for (const ErasureLine& line : lines) {
       // a person created later with the same name is another person; an erasure that this database knows left
       // sessions that wait
-      const bool before =
-          !known.contains(line.pseudonym) || (!names.isNull(2) && names.integer(2) <= line.unix_ns);
-      if (line.name_hash == hash && before) repeat.push_back({names.text(0), line.pseudonym, line.unix_ns});
+      const bool restored = !known.contains(line.pseudonym);
+      const bool before = restored || (!names.isNull(2) && names.integer(2) <= line.unix_ns);
+      if (line.name_hash == hash && before) repeat.push_back({names.text(0), line, restored});
     }
   }
 }
 
 std::string erasureToRepeatText(const ErasureToRepeat& erasure) {
-  return "'" + erasure.name + "' was erased on " + localTime(erasure.erased_unix_ns, TimeForm::kZoned) +
-         " and is in this database again, because a backup from before was restored: erase it again by "
+  return "'" + erasure.name + "' was erased on " + localTime(erasure.line.unix_ns, TimeForm::kZoned) +
+         " and is in this database again, because a backup or an export from before came back: erase it "
+         "again by "
          "needlelab-admin person "
          "erase '" +
          erasure.name + "' --confirm '" + erasure.name + "'";
 }
 
-Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder) {
-  const auto path = folder / kErasuresFile;
+Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
+  const auto path = folder / file;
   std::vector<ErasureLine> lines;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return lines;
@@ -370,16 +391,37 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
                                "a restored backup lacks: put back the file of this folder's last copy",
                                path.string(), lines.size() + 1)};
     std::copy(bytes->begin(), bytes->end(), line.name_hash.begin());
+    std::string more;
+    line.with_waiting = (cells >> more) && more == kWithWaiting;
     lines.push_back(std::move(line));
   }
   return lines;
 }
 
-Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines) {
+Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                     const char* file) {
   std::string text;
   for (const ErasureLine& line : lines)
-    text += fmt::format("{} {} {}\n", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns);
-  return writeFileAtomically(folder / kErasuresFile, viewOf(text), 0600);
+    text += fmt::format("{} {} {}{}\n", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns,
+                        line.with_waiting ? " " + std::string(kWithWaiting) : "");
+  return writeFileAtomically(folder / file, viewOf(text), 0600);
+}
+
+Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                   const char* file) {
+  ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
+  bool more = false;
+  for (const ErasureLine& line : lines) {
+    const auto there = std::find_if(all.begin(), all.end(),
+                                    [&](const auto& other) { return other.pseudonym == line.pseudonym; });
+    if (there != all.end() && there->unix_ns >= line.unix_ns) continue;
+    if (there != all.end())
+      *there = line;
+    else
+      all.push_back(line);
+    more = true;
+  }
+  return more ? writeErasures(folder, all, file) : Status();
 }
 
 }  // namespace needlelab

@@ -22,17 +22,28 @@ struct ErasureLine {
   std::string pseudonym;
   PseudonymKey::Hash name_hash{};
   std::int64_t unix_ns = 0;
+  bool with_waiting = false;  ///< it took the sessions that waited for a manager, too
 };
 
+/// The list in the data folder, and the copy of it beside backups, which a restore on another machine adds to
+/// its own.
+inline constexpr const char* kErasuresFile = "erasures";
+inline constexpr const char* kErasuresCopy = "needlelab.erasures";
+
 /// Reads DIR/erasures; nothing when the file does not exist. kCorrupt.
-Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder);
-Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines);
+Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder,
+                                              const char* file = kErasuresFile);
+Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                     const char* file = kErasuresFile);
+/// Adds to the list `file` of `folder` what it lacks of `lines`; writes nothing when it lacks nothing.
+Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                   const char* file = kErasuresFile);
 
 /// An erased person who is in the database again, because a backup from before the erasure was restored.
 struct ErasureToRepeat {
   std::string name;  ///< of the person
-  std::string pseudonym;
-  std::int64_t erased_unix_ns = 0;
+  ErasureLine line;
+  bool restored = false;  ///< the database does not know of the erasure: it is from before
 };
 /// "'anna' was erased on … and is in this database again, …: needlelab-admin person erase anna": for display.
 std::string erasureToRepeatText(const ErasureToRepeat& erasure);
@@ -55,10 +66,14 @@ class ErasureStore {
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
 
-  /// The pseudonym of a trainee who was erased after `started_unix_ns`: a station that was offline may still
-  /// deliver that trainee's sessions. Nothing when the key is missing: sessions are stored in any case, and
-  /// `check` reports the missing key.
+  /// The pseudonym for a session that a station delivers now under this name, if a person of the name was
+  /// erased: the server receives it after the erasure, whatever the station's clock says. The name is free
+  /// again from the time that an account of the name was added after the erasure; what says that it began
+  /// before that is the erased person's. As nobody adds kGuestName, `started_unix_ns` alone decides for it.
+  /// Nothing when the key is missing: sessions are stored in any case, and `check` reports the missing key.
   Result<std::optional<std::string>> pseudonymOf(std::string_view trainee, std::int64_t started_unix_ns);
+  /// The pseudonym of the person with this name who was erased at `unix_ns` or later. Nothing: as above.
+  Result<std::optional<std::string>> erasedSince(std::string_view name, std::int64_t unix_ns);
   /// For a session without chunks that a station opened for an erased person: closes and marks it, so that it
   /// stays empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
@@ -68,6 +83,12 @@ class ErasureStore {
   Result<std::vector<ErasureToRepeat>> toRepeat(const std::filesystem::path& folder);
 
  private:
+  struct Erased {
+    std::string pseudonym;
+    std::int64_t unix_ns = 0;
+  };
+  /// The newest erasure of the name.
+  Result<std::optional<Erased>> newestErasure(std::string_view name);
   Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
                        const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure);
   Status eraseRemarks(const ErasedNames& names);

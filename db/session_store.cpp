@@ -12,6 +12,7 @@
 #include "common/gesture/chunk.h"
 #include "db/audit.h"
 #include "db/erasure.h"
+#include "db/people.h"
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
 #include "proto/session_rules.h"
@@ -162,6 +163,14 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   ASSIGN_OR_RETURN(const bool exists, station.step());
   if (!exists)
     return Error{ErrorCode::kNotFound, "there is no station named '" + description.station() + "'"};
+
+  // nothing is lost: the station keeps what it recorded, and asks again at its next start
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(given.trainee()));
+  if (person && person->disabled && given.started_unix_ns() >= person->changed_unix_ns)
+    return Error{ErrorCode::kDenied,
+                 "'" + given.trainee() +
+                     "' is disabled and opens no session: ask an administrator; once the person is enabled "
+                     "again, the session is taken"};
 
   RETURN_IF_ERROR(connection_.run(
       "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id,"

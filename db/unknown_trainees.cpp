@@ -35,14 +35,15 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
                                                 const std::optional<std::string>& was, const std::string& by,
                                                 std::int64_t now_unix_ns) {
   struct Row {
-    std::int64_t number = 0, started_unix_ns = 0;
+    std::int64_t number = 0, began_unix_ns = 0;
     bool open = false, erased = false, flagged = false;
     std::string trainee, given, description;
   };
   ASSIGN_OR_RETURN(const auto row,
                    connection_
                        .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL, s.trainee,"
-                              " s.description, s.started_unix_ns, coalesce(u.given, '') FROM sessions s LEFT "
+                              " s.description, min(s.started_unix_ns, s.received_unix_ns), coalesce(u.given, "
+                              "'') FROM sessions s LEFT "
                               "JOIN unknown_trainees u"
                               " ON u.session = s.number WHERE s.id = ?",
                               ByteView(session))
@@ -75,7 +76,7 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
       return Error{ErrorCode::kNotFound,
                    "there is no person named '" + trainee + "': add the person first, or give another name"};
     // that name's person of then was erased; whoever has the name now came later
-    ASSIGN_OR_RETURN(const auto erased, ErasureStore(connection_).pseudonymOf(trainee, row->started_unix_ns));
+    ASSIGN_OR_RETURN(const auto erased, ErasureStore(connection_).erasedSince(trainee, row->began_unix_ns));
     if (erased)
       return Error{ErrorCode::kInvalidInput,
                    name + " began before a person named '" + trainee +
@@ -90,7 +91,7 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
                                   trainee, viewOf(description.SerializeAsString()), row->number));
   // an erasure left the name of its person with a session that waited, and with no other
   ASSIGN_OR_RETURN(const auto pseudonym,
-                   ErasureStore(connection_).pseudonymOf(row->given, row->started_unix_ns));
+                   ErasureStore(connection_).erasedSince(row->given, row->began_unix_ns));
   RETURN_IF_ERROR(connection_.run(
       "UPDATE unknown_trainees SET given = ?, by_whom = ?, assigned_unix_ns = ? WHERE session = ?",
       pseudonym.value_or(row->given), by, now_unix_ns, row->number));

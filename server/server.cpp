@@ -157,6 +157,8 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     logEvent(LogLevel::kError, "read_only",
              {{"text", "the disk is too full to write: recordings can be read and exported, stations wait: " +
                            why->message}});
+  if (const std::size_t repeated = p.store->erasuresRepeated(); repeated > 0)
+    logEvent(LogLevel::kWarning, "erasures_repeated", {{"people", repeated}});
   ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
   for (const std::string& text : repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
   if (!p.store->readOnly()) RETURN_IF_ERROR(logValidAgain(*p.store));
@@ -205,7 +207,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   }
   if (!p.options.port_file.empty()) {
     const std::string text = fmt::format("{}\n", p.port);
-    RETURN_IF_ERROR(writeFileAtomically(p.options.port_file, viewOf(text)));
+    RETURN_IF_ERROR(writeFileAtomically(p.options.port_file, viewOf(text), 0644));
   }
   logEvent(LogLevel::kInfo, "listening",
            {{"address", p.acceptor->local_endpoint().address().to_string()},
@@ -230,7 +232,7 @@ Status Server::Parts::startMonitor() {
   monitor_port = std::make_shared<MonitorPort>(io, std::move(listening), *monitor);
   if (!options.metrics_port_file.empty()) {
     const std::string text = fmt::format("{}\n", monitor_port->port());
-    RETURN_IF_ERROR(writeFileAtomically(options.metrics_port_file, viewOf(text)));
+    RETURN_IF_ERROR(writeFileAtomically(options.metrics_port_file, viewOf(text), 0644));
   }
   logEvent(LogLevel::kInfo, "metrics",
            {{"address", endpoint.address().to_string()}, {"port", monitor_port->port()}});

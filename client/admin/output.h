@@ -53,7 +53,7 @@ class Output {
   [[nodiscard]] bool json() const { return json_file_.has_value(); }
 
  private:
-  Status writeJson(const Json& rows, unsigned mode = 0644);
+  Status writeJson(const Json& rows, unsigned mode = 0600);
   void lines(const std::vector<Column>& columns, const Json& row);
   std::ostream& out_;
   std::ostream& err_;

@@ -240,15 +240,15 @@ void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
     Json rows = Json::array();
     for (const auto& one : reply.consents().consents())
-      rows.push_back({{"given", one.given()},
-                      {"unix_ns", one.unix_ns()},
-                      {"recorded_by", one.recorded_by()},
-                      {"note", one.note()}});
-    return context.output.list({{"unix_ns", "WHEN", Column::Kind::kTime},
-                                {"given", "CONSENTS"},
-                                {"recorded_by", "RECORDED BY"},
-                                {"note", "NOTE"}},
-                               rows, "never asked");
+      rows.push_back(
+          {{"given", one.given()},
+           {"unix_ns", one.unix_ns()},
+           {"recorded_by", one.recorded_by()},
+           {"how", one.recorded_by() == values->name ? "by the person" : "on paper, by " + one.recorded_by()},
+           {"note", one.note()}});
+    return context.output.list(
+        {{"unix_ns", "WHEN", Column::Kind::kTime}, {"given", "CONSENTS"}, {"how", "HOW"}, {"note", "NOTE"}},
+        rows, "never asked");
   });
 }
 
@@ -290,21 +290,26 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
     call->set_with_waiting_sessions(values->with_waiting);
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
     const auto& erasure = reply.erasure();
-    if (auto done = context.output.one({{"pseudonym", "known as"},
-                                        {"sessions", "sessions"},
-                                        {"recordings", "recordings removed"},
-                                        {"scores", "scores removed"},
-                                        {"remarks_kept", "remarks by others kept, without the name"},
-                                        {"audit_lines", "lines of the audit log with the name replaced"},
-                                        {"waiting_sessions", "sessions that wait under the name, left"}},
-                                       {{"pseudonym", erasure.pseudonym()},
-                                        {"sessions", erasure.sessions()},
-                                        {"recordings", erasure.recordings()},
-                                        {"scores", erasure.scores()},
-                                        {"remarks_kept", erasure.remarks_kept()},
-                                        {"audit_lines", erasure.audit_lines()},
-                                        {"waiting_sessions", erasure.waiting_sessions()},
-                                        {"text", erasure.text()}});
+    if (auto done = context.output.one(
+            {{"pseudonym", "known as"},
+             {"sessions", "sessions"},
+             {"recordings", "recordings removed"},
+             {"scores", "scores removed"},
+             {"remarks_kept", "remarks by others kept, without the name"},
+             {"audit_lines", "lines of the audit log with the name replaced"},
+             {"waiting_sessions", "sessions that wait under the name, left"},
+             {"state", "the erasure"}},
+            {{"pseudonym", erasure.pseudonym()},
+             {"sessions", erasure.sessions()},
+             {"recordings", erasure.recordings()},
+             {"scores", erasure.scores()},
+             {"remarks_kept", erasure.remarks_kept()},
+             {"audit_lines", erasure.audit_lines()},
+             {"waiting_sessions", erasure.waiting_sessions()},
+             {"state", erasure.pending() ? "pending: see below" : "complete here"},
+             {"pending", erasure.pending()},
+             {"files", std::vector<std::string>(erasure.files().begin(), erasure.files().end())},
+             {"text", erasure.text()}});
         !done)
       return done;
     context.output.remark(erasure.text());
@@ -421,6 +426,12 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     pb::Request request;
     request.mutable_set_password()->set_name(values->name);
     request.mutable_set_password()->set_password(password);
+    if (!context.backend.local() && values->name == context.global.user) {
+      ASSIGN_OR_RETURN(*request.mutable_set_password()->mutable_old_password(),
+                       global.password_file.empty()
+                           ? askPassword("password of " + values->name + " until now", "--password-file")
+                           : passwordFromFile(global.password_file));
+    }
     RETURN_IF_ERROR(context.backend.call(request));
     context.output.done("password of '" + values->name + "' set");
     return {};

@@ -15,8 +15,18 @@
 namespace needlelab {
 namespace {
 
+/// What a backup's place means for the spools; a server of before 1.4 does not say.
+std::string placeText(const pb::BackupDone& done) {
+  const std::string disk = done.disk() == pb::BackupDone::ANOTHER_DISK ? "on another disk than the database"
+                           : done.disk() == pb::BackupDone::SAME_DISK  ? "on the same disk as the database"
+                                                                       : "on a disk that is not known";
+  if (done.safe()) return disk + ": what it contains is Safe, stations let it go";
+  return disk +
+         ": not Safe, stations keep what it contains (--counts-as-safe: although a fault may take both)";
+}
+
 /// `keep` > 0: `path` is a folder.
-Status backup(CommandContext& context, const std::string& path, std::uint32_t keep) {
+Status backup(CommandContext& context, const std::string& path, std::uint32_t keep, bool counts_as_safe) {
   std::filesystem::path target = path;
   if (context.backend.local()) {
     target = std::filesystem::absolute(target);
@@ -27,16 +37,21 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
   pb::Request request;
   request.mutable_backup()->set_path(target.string());
   request.mutable_backup()->set_keep(keep);
+  request.mutable_backup()->set_counts_as_safe(counts_as_safe);
   ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
   const auto& done = reply.backup_done();
   const Json row = {{"path", done.path()},
                     {"bytes", done.bytes()},
                     {"chunks_verified", done.chunks_verified()},
                     {"undecodable_chunks", done.undecodable_chunks()},
+                    {"disk", pb::BackupDone::Disk_Name(done.disk())},
+                    {"safe", done.safe()},
+                    {"place", placeText(done)},
                     {"removed", std::vector<std::string>(done.removed().begin(), done.removed().end())}};
   if (auto shown = context.output.one({{"path", "backup"},
                                        {"bytes", "size", Column::Kind::kBytes},
-                                       {"chunks_verified", "chunks verified in the copy"}},
+                                       {"chunks_verified", "chunks verified in the copy"},
+                                       {"place", "place"}},
                                       row);
       !shown)
     return shown;
@@ -67,11 +82,13 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
   if (auto shown = output.one({{"from", "restored from"},
                                {"sessions", "sessions checked"},
                                {"chunks", "chunks checked"},
-                               {"kept", "replaced database kept as"}},
+                               {"kept", "replaced database kept as"},
+                               {"erasures_repeated", "people erased anew"}},
                               {{"from", from},
                                {"sessions", result.sessions},
                                {"chunks", result.chunks},
                                {"kept", kept},
+                               {"erasures_repeated", store->erasuresRepeated()},
                                {"valid_again", again},
                                {"not_compared", result.not_compared}});
       !shown)
@@ -341,6 +358,7 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
     std::string path, folder, from, codes;
     std::uint32_t limit = 100, keep = 14;
+    bool counts_as_safe = false;
   };
   const auto values = std::make_shared<Values>();
 
@@ -360,6 +378,9 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
       ->check(CLI::Range(1u, 100'000u))
       ->capture_default_str()
       ->needs(dir);
+  backup_command->add_flag("--counts-as-safe", values->counts_as_safe,
+                           "stations let go of what this backup contains although it is not known to lie on "
+                           "another disk than the database: one fault may then take both");
   backup_command->callback([&chosen, values] {
     chosen.check = [values]() -> Status {
       if (values->path.empty() && values->folder.empty())
@@ -367,8 +388,8 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
       return {};
     };
     chosen.run = [values](CommandContext& context) {
-      return values->folder.empty() ? backup(context, values->path, 0)
-                                    : backup(context, values->folder, values->keep);
+      return values->folder.empty() ? backup(context, values->path, 0, values->counts_as_safe)
+                                    : backup(context, values->folder, values->keep, values->counts_as_safe);
     };
   });
 

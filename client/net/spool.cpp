@@ -76,6 +76,9 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
   const bool is_new = !fs::exists(folder, error);
   fs::create_directories(folder / "lessons", error);
   if (error) return fail(error.message());
+  // what trainees did is nobody else's on this computer, whatever the umask
+  if (is_new) fs::permissions(folder, fs::perms::owner_all, error);
+  if (error) return fail(error.message());
   // the folder's own entry must survive a power cut, too
   if (const auto whole = fs::absolute(folder, error).lexically_normal(); is_new && !error) {
     const auto parent = whole.has_filename() ? whole.parent_path() : whole.parent_path().parent_path();

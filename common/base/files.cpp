@@ -226,7 +226,7 @@ Status GrowingFile::append(ByteView bytes) {
 }
 
 Status GrowingFile::finish() {
-  if (::fchmod(fd_, 0644) != 0) return systemError("set permissions");
+  if (::fchmod(fd_, 0600) != 0) return systemError("set permissions");
   if (::fsync(fd_) != 0) return systemError("fsync");
   if (::rename(temporary_.c_str(), path_.c_str()) != 0) return systemError("rename into place");
   ::close(std::exchange(fd_, -1));

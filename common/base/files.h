@@ -22,15 +22,17 @@ Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t
 Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path);
 
 /// Writes to a temporary file beside `path`, fsyncs it, renames it over `path`, fsyncs the folder.
-/// On any error `path` is unchanged and the temporary file is removed. `mode` is the file's permission, e.g.
-/// 0600 for keys. Writes into a device or pipe (/dev/stdout, /dev/null) and does not replace it.
-Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0644);
+/// On any error `path` is unchanged and the temporary file is removed. `mode` is the file's permission
+/// whatever the umask is: by default for its owner only, 0644 for what is meant for everybody (a port, a
+/// certificate). Writes into a device or pipe (/dev/stdout, /dev/null) and does not replace it.
+Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0600);
 
 /// Calls fsync on a folder, so that a new directory entry survives a power cut.
 Status syncFolder(const std::filesystem::path& folder);
 
 /// Writes a file in parts; the file appears under its name only when it is complete. The bytes go to a
-/// temporary file beside the path and finish() renames it; without finish() nothing is left. Thread: one.
+/// temporary file beside the path and finish() renames it; without finish() nothing is left. The file is its
+/// owner's only (0600). Thread: one.
 class GrowingFile {
  public:
   static Result<GrowingFile> create(const std::filesystem::path& path);

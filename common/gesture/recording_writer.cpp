@@ -34,7 +34,7 @@ Result<RecordingWriter> RecordingWriter::create(const std::filesystem::path& pat
     name += ".XXXXXX";
     writer.fd_ = ::mkostemp(name.data(), O_CLOEXEC);
   } else {
-    writer.fd_ = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+    writer.fd_ = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   }
   if (writer.fd_ < 0) {
     const ErrorCode code = errno == EEXIST ? ErrorCode::kAlreadyExists : ErrorCode::kFailed;
@@ -159,7 +159,7 @@ Status RecordingWriter::finish() {
   // data first, then the name: no reader sees a half-written file
   if (::fsync(fd_) != 0) return fail("sync");
   if (mode_ == Mode::kAtomic) {
-    if (::fchmod(fd_, 0644) != 0) return fail("set the permissions of");
+    if (::fchmod(fd_, 0600) != 0) return fail("set the permissions of");
     if (::rename(written_path_.c_str(), path_.c_str()) != 0) return fail("rename into place");
   }
   ::close(fd_);

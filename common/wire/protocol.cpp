@@ -207,7 +207,10 @@ std::string reasonName(pb::Refusal::Reason reason) {
 void wipeSecrets(pb::Request& request) {
   if (request.has_add_user()) wipe(*request.mutable_add_user()->mutable_password());
   if (request.has_import_people()) wipe(*request.mutable_import_people()->mutable_csv());
-  if (request.has_set_password()) wipe(*request.mutable_set_password()->mutable_password());
+  if (request.has_set_password()) {
+    wipe(*request.mutable_set_password()->mutable_password());
+    wipe(*request.mutable_set_password()->mutable_old_password());
+  }
   if (request.has_set_code()) wipe(*request.mutable_set_code()->mutable_code());
   if (request.has_get_lesson()) wipe(*request.mutable_get_lesson()->mutable_code());
   if (request.has_check_trainee()) wipe(*request.mutable_check_trainee()->mutable_code());

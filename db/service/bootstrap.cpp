@@ -13,6 +13,7 @@
 #include "common/base/files.h"
 #include "db/connection.h"
 #include "db/schema.h"
+#include "db/service/erasures.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/restore.h"
 
@@ -145,7 +146,14 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   auto connection = options.read_only_because.empty()
                         ? openToWrite(path)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, options.read_only_because});
+  std::size_t repeated = 0;
   if (connection) {
+    // before anybody is served: a restored backup does not know who was erased since, and a log from before the
+    // last end may still have what was erased
+    ASSIGN_OR_RETURN(repeated, repeatErasures(*connection, wallNowNs()));
+    const auto emptied = connection->emptyLog(0);
+    if (!emptied) return emptied.error();
+    store->erasures_repeated_ = repeated;
     store->readers_ = std::make_unique<ReaderPool>(path);
     store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
   } else {
@@ -157,6 +165,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());
   }
   store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
+  if (repeated > 0) (void)store->service_->finishErasure();
   return store;
 }
 

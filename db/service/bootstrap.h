@@ -44,10 +44,10 @@ class Store {
     TimeSource* time = &machineTime();  ///< the service's; must outlive the store
   };
   /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
-  /// profiles and curriculum into a new database. An existing database whose disk is full, or which must not
-  /// be written to, is opened read-only: its log is read, and nothing is written, neither into it nor beside
-  /// it. Errors: kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database
-  /// is new or has an older schema), kCorrupt, kFailed.
+  /// profiles and curriculum into a new database, repeats erasures on a restored one, empties the log. An
+  /// existing database whose disk is full, or which must not be written to, is opened read-only: its log is
+  /// read, and nothing is written, neither into it nor beside it. Errors: kUnavailable (locked), kVersion (newer
+  /// schema), kNoRoom (the disk is full, and the database is new or has an older schema), kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   /// Why nothing can be written, until the folder is opened again; nothing: the writer works.
@@ -57,6 +57,8 @@ class Store {
   [[nodiscard]] ReaderPool& readers() { return *readers_; }
   [[nodiscard]] Service& service() { return *service_; }
   [[nodiscard]] const std::filesystem::path& databasePath() const { return readers_->path(); }
+  /// How many erasures were repeated when this store was opened, because it is a restored backup.
+  [[nodiscard]] std::size_t erasuresRepeated() const { return erasures_repeated_; }
 
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
@@ -65,6 +67,7 @@ class Store {
   std::unique_ptr<ReaderPool> readers_;
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;
+  std::size_t erasures_repeated_ = 0;
 };
 
 }  // namespace needlelab

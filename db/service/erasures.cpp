@@ -5,11 +5,16 @@
 #include <fmt/core.h>
 #include <sodium.h>
 #include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
+#include <string_view>
 
 #include "db/audit.h"
 #include "db/erasure.h"
 #include "db/pseudonyms.h"
+#include "db/schema.h"
 #include "db/service/handlers.h"
 #include "db/session_rows.h"
 
@@ -20,6 +25,57 @@ std::string newErasurePseudonym() {
   std::array<unsigned char, 6> random{};
   randombytes_buf(random.data(), random.size());
   return "erased-" + hexDigitsOf(textOf(random));
+}
+
+/// Whether a database that lies aside names the person as somebody's name; true also when that cannot be
+/// read.
+bool namesPerson(const std::filesystem::path& path, const std::string& name) {
+  std::error_code error;
+  const std::filesystem::path memory = path.string() + "-shm", log = path.string() + "-wal";
+  const bool had_memory = std::filesystem::exists(memory, error);
+  const bool had_log = std::filesystem::exists(log, error);
+  bool names = true;
+  if (auto opened = Connection::open(path, {.mode = Connection::Mode::kReader, .busy_timeout_ms = 0})) {
+    const auto found = opened
+                           ->query(
+                               "SELECT 1 FROM people WHERE name = ?1"
+                               " UNION ALL SELECT 1 FROM sessions WHERE trainee = ?1"
+                               " UNION ALL SELECT 1 FROM audit WHERE who = ?1 OR subject = ?1 LIMIT 1",
+                               name)
+                           .step();
+    names = !found || *found;
+  }
+  // a replaced database makes them when it is read
+  if (!had_memory) std::filesystem::remove(memory, error);
+  if (!had_log) std::filesystem::remove(log, error);
+  return names;
+}
+
+/// Databases beside the one in use, and where the last backup was put, that name the person: replaced ones
+/// and backups.
+std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& folder,
+                                                 const std::filesystem::path& backups,
+                                                 const std::string& name) {
+  std::set<std::filesystem::path> all;
+  for (const auto& place : {folder, folder / "backups", backups}) {
+    std::error_code error;
+    for (auto at = std::filesystem::directory_iterator(place, error);
+         !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
+      std::error_code ignored;
+      const std::string file = at->path().filename().string();
+      const bool aside = file.ends_with("-wal") || file.ends_with("-shm") || file.ends_with("-journal");
+      if (aside || file == "needlelab.db" || !at->is_regular_file(ignored)) continue;
+      std::ifstream in(at->path(), std::ios::binary);
+      std::array<char, 16> start{};
+      in.read(start.data(), start.size());
+      constexpr std::string_view kMagic("SQLite format 3\0", 16);
+      if (std::string_view(start.data(), start.size()) == kMagic) all.insert(at->path());
+    }
+  }
+  std::vector<std::filesystem::path> naming;
+  for (const auto& path : all)
+    if (namesPerson(path, name)) naming.push_back(path);
+  return naming;
 }
 
 /// What to do with sessions that wait under the name; empty: there are none.
@@ -62,8 +118,8 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   ASSIGN_OR_RETURN(const auto repeat, ErasureStore(context.reader).toRepeat(folder));
   const auto again = std::find_if(repeat.begin(), repeat.end(),
                                   [&](const auto& erasure) { return erasure.name == call.name(); });
-  ErasureLine line{again != repeat.end() ? again->pseudonym : newErasurePseudonym(), hash,
-                   context.now_unix_ns};
+  ErasureLine line{again != repeat.end() ? again->line.pseudonym : newErasurePseudonym(), hash,
+                   context.now_unix_ns, call.with_waiting_sessions()};
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
   RETURN_IF_ERROR(writeErasures(folder, lines));
@@ -86,13 +142,28 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     RETURN_IF_ERROR(writeErasures(folder, before));
     return status.error();
   }
+  const auto backup = MetaStore(context.reader).get("backup_path");
+  const std::filesystem::path backups =
+      backup && *backup ? std::filesystem::path(**backup).parent_path() : std::filesystem::path();
+  // a restore of one of them on another machine must know, too; a stick that is not there learns it from the
+  // next backup
+  if (std::error_code missing; std::filesystem::is_directory(backups, missing))
+    (void)addErasures(backups, lines, kErasuresCopy);
+  const auto files = filesThatName(folder, backups, call.name());
+  std::string named;
+  for (const auto& file : files) {
+    erasure.add_files(file.string());
+    named += (named.empty() ? "" : ", ") + file.string();
+  }
   erasure.set_text(
       textOnWaiting(call.name(), erasure.waiting_sessions()) +
-      "Backups made before now still hold this person's data: remove them, or erase again after a restore "
-      "(the "
-      "server's log and 'check' say so then). Freed pages of the database are overwritten now, those of the "
-      "log "
-      "beside it (needlelab.db-wal) when it comes round; the server's own log files go by their rotation.");
+      (files.empty()
+           ? std::string("No backup and no replaced database that this machine knows of names this "
+                         "person. ")
+           : fmt::format("These still hold this person's data: {}. Remove them; a backup among them "
+                         "that is restored is erased anew before it serves. ",
+                         named)) +
+      "Backups elsewhere hold it until they are removed; the server's own log files go by their rotation.");
   pb::Reply reply;
   *reply.mutable_erasure() = std::move(erasure);
   return reply;
@@ -101,6 +172,33 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
 }  // namespace needlelab::handlers
 
 namespace needlelab {
+
+Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns) {
+  ErasureStore store(writer);
+  const auto repeat = store.toRepeat(writer.path().parent_path());
+  // the server's log and `check` report a missing key or a broken list
+  if (!repeat && repeat.error().code == ErrorCode::kCorrupt) return std::size_t{0};
+  if (!repeat) return repeat.error();
+  std::size_t count = 0;
+  for (const ErasureToRepeat& one : *repeat) {
+    if (!one.restored) continue;
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
+    const auto done = store.erase(one.name, one.line, "server", "repeated after a restore", now_unix_ns,
+                                  one.line.with_waiting);
+    // the last administrator, or a name that an erasure before this one took: they stay as they are
+    if (!done && (done.error().code == ErrorCode::kDenied || done.error().code == ErrorCode::kNotFound))
+      continue;
+    if (!done) return done.error();
+    RETURN_IF_ERROR(
+        AuditStore(writer).add({0, now_unix_ns, "server", "person erase", one.line.pseudonym,
+                                fmt::format("repeated after a restore: {} sessions, {} recordings, {} scores",
+                                            done->sessions(), done->recordings(), done->scores())}));
+    RETURN_IF_ERROR(transaction.commit());
+    ++count;
+  }
+  return count;
+}
+
 namespace {
 
 std::string textOfField(const RecordJson& record, const char* name) {
@@ -133,7 +231,7 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
   for (;;) {
     ASSIGN_OR_RETURN(const auto row, rows.step());
     if (!row) break;
-    ErasureLine line{rows.text(0), {}, rows.integer(2)};
+    ErasureLine line{rows.text(0), {}, rows.integer(2), false};
     const auto bytes = rows.bytes(1);
     if (bytes.size() == line.name_hash.size()) {
       std::copy(bytes.begin(), bytes.end(), line.name_hash.begin());
@@ -209,7 +307,7 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
   }
   if (table.kind == "session") {
     const std::string id = textOfField(record, "id");
-    const auto pseudonym = owner("trainee", "started_unix_ns");
+    const auto pseudonym = owner("trainee", "received_unix_ns");
     const bool erased = pseudonym && !wasLeft(id, textOfField(record, "trainee"), *pseudonym);
     if (!erased && timeOfField(record, "erased") != 0) return false;  // an exported pseudonym
     if (erased) {
@@ -241,11 +339,11 @@ void ImportErasures::replaceDoer(RecordJson& record, const char* doer, const cha
 Status ImportErasures::replaceGiven(RecordJson& record) {
   const auto bytes = bytesOfHex(textOfField(record, "session"));
   if (!bytes) return {};
-  ASSIGN_OR_RETURN(const auto started_unix_ns,
-                   writer_.query("SELECT started_unix_ns FROM sessions WHERE id = ?", viewOf(*bytes))
+  ASSIGN_OR_RETURN(const auto received_unix_ns,
+                   writer_.query("SELECT received_unix_ns FROM sessions WHERE id = ?", viewOf(*bytes))
                        .first([](const Statement& row) { return row.integer(0); }));
-  if (!started_unix_ns) return {};  // the import says that it is not there
-  const auto pseudonym = pseudonymOf(textOfField(record, "given"), *started_unix_ns);
+  if (!received_unix_ns) return {};  // the import says that it is not there
+  const auto pseudonym = pseudonymOf(textOfField(record, "given"), *received_unix_ns);
   if (!pseudonym) return {};
   if (wasLeft(textOfField(record, "session"), textOfField(record, "given"), *pseudonym)) return {};
   // remarks and lines of the audit log, which come later, may have it too

@@ -1,5 +1,5 @@
-/// Keeps an import from bringing back people who were erased after the records were made. Private to this
-/// folder.
+/// Keeps people erased: repeats erasures on a restored database, and keeps an import from bringing back who
+/// was erased after the records were made. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +15,11 @@
 #include "db/service/record_tables.h"
 
 namespace needlelab {
+
+/// Repeats the erasures of DIR/erasures that this database, a restored backup, does not know, before anybody
+/// is served: a transaction each, with a line of the audit log. Leaves the last administrator, whom
+/// toRepeat() goes on naming. Returns how many. Writer's connection, outside a transaction.
+Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns);
 
 /// State of one import; records must come in import order, people first. Thread: the writer's.
 class ImportErasures {

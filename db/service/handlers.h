@@ -9,6 +9,7 @@
 #include <functional>
 #include <string>
 
+#include "common/base/physical_disks.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
@@ -37,6 +38,7 @@ struct Context {
   CodeGuard& codes;
   const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: cancels long reads
   ReferencePaths* paths = nullptr;               ///< of reference sessions
+  const BlockDevices* disks = nullptr;           ///< null: this machine's
 };
 
 /// Runs `work` on the writer and adds a line to the audit log, both or neither; returns after the commit.

@@ -6,16 +6,37 @@
 #include "common/base/text.h"
 #include "db/credentials.h"
 #include "db/people.h"
+#include "db/service/code_guard.h"
 #include "db/service/handlers.h"
 #include "db/service/requests.h"
 
 namespace needlelab::handlers {
 namespace {
 
-/// Everyone but trainees needs a password, because they see other people's data.
-Result<std::string> hashFor(pb::Role role, const std::string& password) {
+/// Everyone but trainees needs a password that is not easily guessed, because they see other people's data.
+Result<std::string> hashFor(pb::Role role, const std::string& name, const std::string& password) {
   if (password.empty() && role == pb::TRAINEE) return std::string();
+  if (role != pb::TRAINEE) RETURN_IF_ERROR(checkStaffPassword(password, name));
   return hashPassword(password);
+}
+
+/// Whoever sets the own password proves to know the one of now: an unlocked computer is not enough. Wrong
+/// ones wait as codes do.
+Status checkOldPassword(const Context& context, const pb::SetPassword& call) {
+  if (context.who.name != call.name()) return {};
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.name()));
+  if (!person || person->password_hash.empty()) return {};  // of --data, or there is none yet
+  if (call.old_password().empty())
+    return Error{ErrorCode::kInvalidInput,
+                 "old_password: is missing: whoever sets the own password gives the one of now, too"};
+  const std::string counted = "password\n" + call.name();  // no code's name has a line feed
+  if (const auto attempt = context.codes.begin(counted); attempt.must_wait.count() > 0)
+    return Error{ErrorCode::kDenied,
+                 "old_password: too many wrong ones; try again in " + waitText(attempt.must_wait)};
+  if (!verifyPassword(person->password_hash, call.old_password()))
+    return Error{ErrorCode::kDenied, "old_password: is not the password of '" + call.name() + "'"};
+  context.codes.forget(counted);
+  return {};
 }
 
 /// The person with groups and consent; one read for each.
@@ -109,7 +130,7 @@ Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   // do the slow part first, on this thread; the writer's thread only stores
   RETURN_IF_ERROR(checkNewName("name", call.name()));
   RETURN_IF_ERROR(mayManage(context, call.role()));
-  ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.password()));
+  ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.name(), call.password()));
   const Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};
   RETURN_IF_ERROR(write(context, call.name(), std::string(roleName(call.role())),
                         [&](Connection& writer) { return PeopleStore(writer).add(person); }));
@@ -118,7 +139,11 @@ Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
 
 Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& call) {
   RETURN_IF_ERROR(maySetPassword(context, context.reader, call.name()));
-  ASSIGN_OR_RETURN(const auto hash, hashPassword(call.password()));
+  RETURN_IF_ERROR(checkOldPassword(context, call));
+  ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, call.name()));
+  if (call.password().empty())
+    return Error{ErrorCode::kInvalidInput, "password: is empty; a password is replaced, never taken away"};
+  ASSIGN_OR_RETURN(const auto hash, hashFor(person.role, call.name(), call.password()));
   const Status written = write(context, call.name(), "", [&](Connection& writer) -> Status {
     // check again: hashing took a while
     RETURN_IF_ERROR(maySetPassword(context, writer, call.name()));

@@ -289,6 +289,8 @@ class PeopleTable {
         (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))
       row.fault("password", fmt::format("has {} bytes, allowed are {} to {}", row.password.size(),
                                         kMinPasswordBytes, kMaxPasswordBytes));
+    else if (!row.password.empty() && row.person.role != pb::TRAINEE)
+      check("password", checkStaffPassword(row.password, row.person.name));
     if (row.has_code) check("code", checkCode(row.code));
     if (row.what != pb::PeopleImport::FAULT) {
       const auto [first, is_new] = lines_.emplace(row.person.name, row.line);

@@ -17,6 +17,7 @@
 #include "db/audit.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/erasure.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "needlelab/types.pb.h"
@@ -204,6 +205,13 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   if (!result) {
     drop();
     return result;
+  }
+
+  // who was erased since the backup was made, by the list beside it: of a machine that is lost
+  ASSIGN_OR_RETURN(const auto erasures, readErasures(from.parent_path(), kErasuresCopy));
+  if (auto added = addErasures(folder, erasures); !added) {
+    drop();
+    return added.error();
   }
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore

@@ -4,6 +4,7 @@
 
 #include <cassert>
 #include <charconv>
+#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -103,7 +104,8 @@ Result<pb::Reply> Service::withReader(
     const Principal& who, std::string_view action,
     const std::function<Result<pb::Reply>(const handlers::Context&)>& work) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  return work({who, writer_, *reader, wallNowNs(), action, exports_, codes_, &cancelled_, &reference_paths_});
+  return work({who, writer_, *reader, wallNowNs(), action, exports_, codes_, &cancelled_, &reference_paths_,
+               &disks_});
 }
 
 Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) {
@@ -124,7 +126,9 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                       // the erasure is final whether or not the chunks can be removed: the reply lists the
                       // remaining ones
                       auto* erasure = reply.mutable_erasure();
-                      erasure->set_text(removeErased() + erasure->text());
+                      const std::string chunks = removeErased(), log = emptyLogOfErased();
+                      erasure->set_pending(!log.empty());
+                      erasure->set_text(chunks + log + erasure->text());
                       return reply;
                     });
 }
@@ -195,6 +199,16 @@ std::string Service::removeErased() {
       removed->left_alone(), removed->steps(0).text());
 }
 
+std::string Service::emptyLogOfErased() {
+  constexpr std::chrono::seconds kPatience{2};
+  if (writer_.emptyLog(kPatience)) return {};
+  return "Pending: the log beside the database (needlelab.db-wal) still has what was erased, because "
+         "somebody "
+         "reads (a backup, an export). It is emptied when they have done, at the latest when the server "
+         "starts "
+         "again; until then 'check' says so. ";
+}
+
 RetentionTools Service::retentionTools() {
   return {writer_,
           readers_,
@@ -247,6 +261,16 @@ Result<Principal> Service::loginStation(const std::string& station, const std::s
   ASSIGN_OR_RETURN(const auto right, StationStore(*reader).checkKey(station, key));
   if (!right) return loginRefused();
   return Principal{station, pb::STATION};
+}
+
+Result<bool> Service::isKnownName(const std::string& name, bool station) {
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  if (station) {
+    ASSIGN_OR_RETURN(const auto found, StationStore(*reader).find(name));
+    return found.has_value();
+  }
+  ASSIGN_OR_RETURN(const auto found, PeopleStore(*reader).find(name));
+  return found.has_value();
 }
 
 Result<bool> Service::stillAllowed(const Principal& principal) {

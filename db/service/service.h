@@ -7,8 +7,10 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "common/base/physical_disks.h"
 #include "common/base/result.h"
 #include "common/base/time_source.h"
 #include "db/audit.h"
@@ -64,6 +66,9 @@ class Service {
   Result<Principal> loginPerson(const std::string& user, const std::string& password);
   /// Checks a station's key. kDenied as above.
   Result<Principal> loginStation(const std::string& station, const std::string& key);
+  /// Whether a person, or a station, has this name. What else was typed there may be a password and is not
+  /// logged.
+  Result<bool> isKnownName(const std::string& name, bool station);
   /// For tokens: false when, since log-in, a person was disabled or changed its role, or a station was
   /// revoked.
   Result<bool> stillAllowed(const Principal& principal);
@@ -91,10 +96,15 @@ class Service {
   void stopRetention() { stop_retention_.store(true, std::memory_order_relaxed); }
   /// Call before the first run.
   void setRetentionPace(const RetentionPace& pace) { retention_pace_ = pace; }
+  /// By which a backup is told from one on another disk. Call before the first backup.
+  void setBlockDevices(BlockDevices devices) { disks_ = std::move(devices); }
 
   /// Erased people who are in this database again after a restore from an older backup: one sentence each,
   /// with the action to take.
   Result<std::vector<std::string>> erasuresToRepeat();
+
+  /// After an erasure: removes the chunks, and has the log emptied. Returns a sentence about what remains.
+  std::string finishErasure() { return removeErased() + emptyLogOfErased(); }
 
   // --- for the rows of requests.cpp
 
@@ -103,7 +113,8 @@ class Service {
                                const std::function<Result<pb::Reply>(const handlers::Context&)>& work);
   /// One backup at a time. kUnavailable: another one is in progress.
   Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
-  /// Erases a person and at once removes the chunks; during a run of retention, leaves them to the next run.
+  /// Erases a person and at once removes the chunks, and what was erased from the log; during a run of
+  /// retention, leaves the chunks to the next run. The erasure is pending while readers need the log.
   Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
   Result<pb::Reply> rescore(const Principal& who, const pb::RescoreSession& call);
@@ -130,6 +141,9 @@ class Service {
   /// Removes an erasure's chunks. Returns a sentence about remaining chunks and the reason; empty: none
   /// remain.
   std::string removeErased();
+  /// Has the log emptied. Returns a sentence when readers still need it; empty: nothing of an erasure is
+  /// left.
+  std::string emptyLogOfErased();
   /// Empty when there is nothing to measure.
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;
@@ -145,6 +159,7 @@ class Service {
   std::mutex rescore_mutex_;  ///< one run at a time
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;
+  BlockDevices disks_;
 };
 
 }  // namespace needlelab

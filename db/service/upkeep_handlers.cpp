@@ -8,6 +8,22 @@
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {
+namespace {
+
+pb::BackupDone::Disk diskOf(const Context& context, const std::filesystem::path& backup) {
+  static const BlockDevices kHere;
+  switch (compareDisks(context.reader.path(), backup, context.disks != nullptr ? *context.disks : kHere)) {
+    case DiskRelation::kAnother:
+      return pb::BackupDone::ANOTHER_DISK;
+    case DiskRelation::kSame:
+      return pb::BackupDone::SAME_DISK;
+    case DiskRelation::kUnknown:
+      break;
+  }
+  return pb::BackupDone::DISK_UNKNOWN;
+}
+
+}  // namespace
 
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work) {
@@ -42,15 +58,27 @@ pb::Reply doneReply() {
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   std::filesystem::path target = call.path();
   if (call.keep() > 0) target /= backupName(context.now_unix_ns);
-  ASSIGN_OR_RETURN(const auto result, backupTo(context.reader, target, context.cancelled));
-  std::string detail = fmt::format("{} bytes, {} chunks", result.bytes, result.chunks_verified);
+  ASSIGN_OR_RETURN(auto result, backupTo(context.reader, target, context.cancelled));
+  const pb::BackupDone::Disk disk = diskOf(context, target);
+  // a station deletes what is Safe: one fault of a disk must not take the database and the backup
+  const bool safe = disk == pb::BackupDone::ANOTHER_DISK || call.counts_as_safe();
+  if (!safe) result.covered.clear();
+  std::string detail = fmt::format("{} bytes, {} chunks, {}", result.bytes, result.chunks_verified,
+                                   safe ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe"
+                                                                                : "Safe because it was asked for")
+                                        : "not on another disk: not Safe");
   if (result.undecodable_chunks > 0)
     detail += fmt::format(", and {} that cannot be decoded and are not Safe", result.undecodable_chunks);
   RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
     return recordBackup(writer, result, target, context.now_unix_ns);
   }));
+  // so that a restore of an older backup on another machine knows whom to erase
+  ASSIGN_OR_RETURN(const auto erasures, readErasures(context.reader.path().parent_path()));
+  RETURN_IF_ERROR(addErasures(target.parent_path(), erasures, kErasuresCopy));
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
+  done->set_disk(disk);
+  done->set_safe(safe);
   done->set_path(target.string());
   done->set_bytes(result.bytes);
   done->set_chunks_verified(result.chunks_verified);
@@ -80,6 +108,13 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   report->set_chunks(result.chunks);
   for (const std::string& fault : result.faults) report->add_faults(fault);
   for (const std::string& fault : result.undecodable) report->add_faults(fault);
+  if (context.writer.counters().log_pending) {
+    report->set_ok(false);
+    report->add_faults(
+        "an erasure is pending: the log beside the database still has what was erased, because somebody "
+        "reads; "
+        "it is emptied when they have done, at the latest at the next start");
+  }
   // the database is intact, but an erased person is back in it
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
   if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();

@@ -14,9 +14,10 @@
 namespace needlelab {
 namespace {
 
-/// A log-in's name for the log and the counters.
-std::string nameOf(const pb::Login& login) {
-  return login.has_station() ? "station " + login.station().station() : "token";
+/// A log-in's name for the log: a key that was typed as a name must not be read there.
+std::string nameOf(const pb::Login& login, bool is_known) {
+  if (!login.has_station()) return "token";
+  return "station " + (is_known ? login.station().station() : std::string("(unknown)"));
 }
 
 /// Shares the log-in; wipes its secrets when the last owner releases it.
@@ -87,9 +88,16 @@ Task<> PeerConnection::logIn(pb::Login given) {
   if (!result.ok()) {
     ++context_.counters.logins_refused;
     const bool denied = result.error().code == ErrorCode::kDenied;
-    logEvent(
-        LogLevel::kWarning, "login_refused",
-        {{"conn", id_}, {"name", nameOf(*login)}, {"peer", address()}, {"text", result.error().message}});
+    std::function<Result<bool>()> look = [&service = context_.store.service(), login] {
+      return service.isKnownName(login->station().station(), true);
+    };
+    const auto is_known = co_await offload(context_.logins, std::move(look));
+    if (over() || channel_->closing()) co_return;
+    logEvent(LogLevel::kWarning, "login_refused",
+             {{"conn", id_},
+              {"name", nameOf(*login, is_known.ok() && *is_known)},
+              {"peer", address()},
+              {"text", result.error().message}});
     PersonLogin refused;
     refused.answer = denied ? PersonLogin::Answer::kRefused : PersonLogin::Answer::kFailed;
     refuseAndClose(makeRefusal(denied ? pb::Refusal::LOGIN : pb::Refusal::INTERNAL, textOf(refused)));

@@ -3,6 +3,8 @@
 #include <fmt/core.h>
 #include <boost/asio/post.hpp>
 #include <exception>
+#include <string>
+#include <string_view>
 #include <utility>
 
 #include "common/base/clock.h"
@@ -15,6 +17,8 @@ namespace {
 
 using Answer = PersonLogin::Answer;
 
+constexpr std::string_view kUnknownName = "person (unknown)";
+
 PersonLogin waitOf(ServerContext& context, const std::string& name, const std::string& host,
                    const LoginPeer& peer) {
   PersonLogin login;
@@ -22,8 +26,8 @@ PersonLogin waitOf(ServerContext& context, const std::string& name, const std::s
   if (login.wait.count() <= 0) return login;
   login.answer = Answer::kMustWait;
   ++context.counters.logins_refused;
-  logEvent(LogLevel::kWarning, "login_rate_limited",
-           {{"conn", peer.connection}, {"name", name}, {"peer", peer.address}});
+  // without the name: the lines of the failures before have it, if it is somebody's
+  logEvent(LogLevel::kWarning, "login_rate_limited", {{"conn", peer.connection}, {"peer", peer.address}});
   return login;
 }
 
@@ -32,14 +36,15 @@ LoginQueue::Line lineOf(const LoginGuard& guard, const std::string& name, const 
   return guard.knowsAddress(host) ? LoginQueue::Line::kKnownAddress : LoginQueue::Line::kStranger;
 }
 
-void noteLocked(ServerContext& context, const std::string& name, const std::string& host,
-                const LoginPeer& peer) {
+/// `shown`: the name, for the logs.
+void noteLocked(ServerContext& context, const std::string& name, const std::string& shown,
+                const std::string& host, const LoginPeer& peer) {
   const auto wait = context.guard.mustWait(name, host, steadyNowNs());
   const std::string text = fmt::format("too many failed log-ins from {}: waits {} s",
                                        hostOfAddress(peer.address), wait.count() / 1000 + 1);
-  logEvent(LogLevel::kWarning, "login_locked", {{"conn", peer.connection}, {"name", name}, {"text", text}});
+  logEvent(LogLevel::kWarning, "login_locked", {{"conn", peer.connection}, {"name", shown}, {"text", text}});
   asio::post(context.workers,
-             [&service = context.store.service(), subject = printable(name.substr(0, 100)), text] {
+             [&service = context.store.service(), subject = printable(shown.substr(0, 100)), text] {
                const Status noted = service.note("server", "log-in locked", subject, text);
                if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
              });
@@ -77,7 +82,7 @@ Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const Person
   }
   login = waitOf(context, name, host, peer);
   if (login.answer == Answer::kMustWait) co_return login;
-  auto who = co_await checkPassword(context, std::move(secret));
+  auto who = co_await checkPassword(context, secret);
   if (who.ok()) {
     login.answer = Answer::kWelcome;
     login.holder = {std::move(*who), steadyNowNs()};
@@ -87,10 +92,16 @@ Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const Person
   const bool denied = who.error().code == ErrorCode::kDenied;
   login.answer = denied ? Answer::kRefused : Answer::kFailed;
   ++context.counters.logins_refused;
+  // a password that was typed as the name must not be read in the log
+  std::function<Result<bool>()> look = [&service = context.store.service(), secret] {
+    return service.isKnownName(secret->user, false);
+  };
+  const auto is_known = co_await offload(context.passwords, std::move(look));
+  const std::string shown = is_known.ok() && *is_known ? name : std::string(kUnknownName);
   logEvent(
       denied ? LogLevel::kWarning : LogLevel::kError, denied ? "login_refused" : "login_not_checked",
-      {{"conn", peer.connection}, {"name", name}, {"peer", peer.address}, {"text", who.error().message}});
-  if (denied && context.guard.failed(name, host, steadyNowNs())) noteLocked(context, name, host, peer);
+      {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", who.error().message}});
+  if (denied && context.guard.failed(name, host, steadyNowNs())) noteLocked(context, name, shown, host, peer);
   co_return login;
 }
 

@@ -99,6 +99,26 @@ Result<WebTarget> parseTarget(std::string_view target) {
   return parsed;
 }
 
+std::string pathForLog(std::string_view target, std::string_view route) {
+  const std::string_view path = target.substr(0, target.find('?'));
+  if (route == "file") return std::string(path);
+  const std::size_t begin = route.find(' ');
+  constexpr std::string_view kApi = "/api/v1";
+  if (begin == std::string_view::npos || !path.starts_with(kApi)) return "*";
+  std::string_view pattern = route.substr(begin + 1), given = path.substr(kApi.size());
+  std::string shown(kApi);
+  // the route was found for this path: they have as many parts
+  while (!pattern.empty() && !given.empty()) {
+    const std::size_t pattern_end = std::min(pattern.find('/', 1), pattern.size());
+    const std::size_t given_end = std::min(given.find('/', 1), given.size());
+    const bool is_name = pattern.substr(0, pattern_end) == "/{name}";
+    shown += is_name ? std::string_view("/*") : given.substr(0, given_end);
+    pattern.remove_prefix(pattern_end);
+    given.remove_prefix(given_end);
+  }
+  return shown;
+}
+
 std::optional<std::string> cookieNamed(std::string_view header, std::string_view name) {
   std::optional<std::string> found;
   while (!header.empty()) {

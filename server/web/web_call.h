@@ -29,6 +29,10 @@ struct WebTarget {
 /// decoding, broken escapes, empty segments other than the last, "." and "..", '/' or NUL in an escape, a
 /// duplicate name, more than 32 names. Errors: kInvalidInput.
 Result<WebTarget> parseTarget(std::string_view target);
+/// The path of an address for the log, with "*" in place of people's names and of what is no address of this
+/// server, which may be anything: a name, a password that was typed there. `route`: "GET /people/{name}",
+/// "file", or empty when none was found.
+std::string pathForLog(std::string_view target, std::string_view route);
 
 /// The value of a cookie in a Cookie header; nothing when it is missing or duplicated.
 std::optional<std::string> cookieNamed(std::string_view header, std::string_view name);

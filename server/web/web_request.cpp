@@ -151,7 +151,7 @@ Status placeBackup(const ServerContext& context, pb::Request& request) {
 /// Wipes the passwords and codes in a body that became a request; the request wipes its own copy.
 void wipeSecrets(nlohmann::json& body) {
   if (!body.is_object()) return;
-  for (const char* name : {"password", "code", "csv"}) {
+  for (const char* name : {"password", "old_password", "code", "csv"}) {
     if (const auto found = body.find(name); found != body.end() && found->is_string())
       wipe(found->get_ref<std::string&>());
   }

@@ -1,6 +1,7 @@
 #include "server/web/web_server.h"
 
 #include <fmt/core.h>
+#include <string>
 #include <utility>
 
 #include "common/base/clock.h"
@@ -43,7 +44,7 @@ Result<std::shared_ptr<WebServer>> WebServer::start(ServerContext& context, TlsC
                                                   std::move(acceptor)));
   if (const auto& file = server->settings_.port_file; !file.empty()) {
     const std::string text = fmt::format("{}\n", server->port());
-    RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text)));
+    RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text), 0644));
   }
   logEvent(LogLevel::kInfo, "web",
            {{"address", endpoint.address().to_string()},
@@ -123,7 +124,7 @@ void WebServer::answered(const HttpExchange& exchange) {
     ++bucket;
   ++web.latency[bucket];
   // logs neither query nor headers, which may contain searched names, cookies and tokens
-  const std::string path = request.method == "?" ? "?" : request.target.substr(0, request.target.find('?'));
+  const std::string path = request.method == "?" ? "?" : pathForLog(request.target, request.route);
   logEvent(request.route == "file" ? LogLevel::kDebug : LogLevel::kInfo, "web_request",
            {{"conn", request.connection},
             {"peer", request.address},

@@ -33,8 +33,8 @@ class ControlTest : public testing::Test {
           options.bounds.confirm_timeout = 500ms;
         }),
         proxy_(server_.server().port(), 11) {
-    server_.addUser("ines", pb::INSTRUCTOR, "password1");
-    auto client = server_.connect(personLogin("ines", "password1"));
+    server_.addUser("ines", pb::INSTRUCTOR, "correct horse");
+    auto client = server_.connect(personLogin("ines", "correct horse"));
     if (!client.ok()) throw std::runtime_error(client.error().message);
     instructor_.emplace(std::move(*client));
     StationSettings settings{.chunks = 1'000'000, .samples = 20, .period = 20ms};

@@ -188,8 +188,8 @@ std::chrono::milliseconds timeUntil(Condition condition, std::chrono::millisecon
 
 void run(const ChannelLimits& limits) {
   RunningServer server([&](ServerOptions& options) { options.limits = limits; });
-  server.addUser("ines", pb::INSTRUCTOR, "password1");
-  auto instructor = server.connect(personLogin("ines", "password1"));
+  server.addUser("ines", pb::INSTRUCTOR, "correct horse");
+  auto instructor = server.connect(personLogin("ines", "correct horse"));
   ASSERT_TRUE(instructor.ok()) << instructor.error().message;
   FaultProxy proxy(server.server().port());
   StationSettings settings{.chunks = 60, .period = 10ms};

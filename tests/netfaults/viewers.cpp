@@ -102,8 +102,8 @@ void Streamer::run(std::uint64_t seed) {
 }
 
 Instructor::Instructor(RunningServer& server) : server_(server) {
-  server.addUser("ines", pb::INSTRUCTOR, "password1");
-  auto first = server.connect(personLogin("ines", "password1"));
+  server.addUser("ines", pb::INSTRUCTOR, "correct horse");
+  auto first = server.connect(personLogin("ines", "correct horse"));
   if (!first.ok()) throw std::runtime_error(first.error().message);
   token_ = first->welcome().token();
 }

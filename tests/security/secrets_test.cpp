@@ -130,6 +130,12 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   };
   // Wrong passwords, keys and tokens are secrets too: often they are valid elsewhere.
   EXPECT_NE(remote("wrong", wrong, {"user", "list"})->wait(60s), 0);
+  // a password that was typed where the name belongs, by a person and at a station
+  secrets_["typed as a name"] = "Planted-7-typed";
+  config.login = personLogin(secrets_["typed as a name"], "whatever it is");
+  EXPECT_FALSE(BlockingClient::connect(config).ok());
+  config.login = stationLogin(secrets_["typed as a name"], "Planted-4-" + std::string(22, 'k'));
+  EXPECT_FALSE(BlockingClient::connect(config).ok());
   config.login = stationLogin("station-1", "Planted-4-" + std::string(22, 'k'));
   secrets_["wrong key"] = "Planted-4-" + std::string(22, 'k');
   EXPECT_FALSE(BlockingClient::connect(config).ok());

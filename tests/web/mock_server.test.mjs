@@ -131,6 +131,9 @@ test('changes, and what comes of those that are too late', async () => {
     path: '/people/new.one/password',
     body: { password: 'another horse' },
   });
+  const own = (body) => ({ path: '/people/root/password', body: { password: 'another horse', ...body } });
+  await one('root', 'POST', '/people/{name}/password', own({}), 400);
+  await one('root', 'POST', '/people/{name}/password', own({ old_password: 'a wrong horse' }), 403);
   const code = (body) => ({ path: '/people/new.one/code', body });
   assert.match((await one('mara', 'POST', '/people/{name}/code', code({ make: true }))).code, /^\d{6}$/);
   assert.equal((await one('mara', 'GET', '/people/{name}', { path: '/people/new.one' })).has_code, true);
@@ -221,7 +224,8 @@ test('changes, and what comes of those that are too late', async () => {
   await one('mara', 'POST', '/retention/run', { body: { dry_run: true } });
   await one('root', 'POST', '/scores/rescore', { body: { dry_run: true } });
   await one('rhea', 'GET', '/studies/{study}', { path: '/studies/s1' });
-  await one('root', 'POST', '/backup', { body: {} });
+  assert.equal((await one('root', 'POST', '/backup', { body: {} })).safe, false);
+  assert.equal((await one('root', 'POST', '/backup', { body: { counts_as_safe: true } })).safe, true);
   await one('root', 'POST', '/check', { body: {} });
   Object.assign(lab.sessions[1], { trainee: 'anna.bauer', unknown_trainee: true, code_unchecked: true });
   const [waits] = (await one('mara', 'GET', '/unknown-trainees', {})).items;

@@ -138,5 +138,25 @@ TEST_F(BackupTest, checkFindsDamageOfPages) {
   EXPECT_EQ(found, pages - 1);
 }
 
+TEST(BackupLog, aBackupEndsThatLetsTheLogGrowAboveItsBound) {
+  test::TestDb db;
+  // more pages than one step of the copy takes
+  ASSERT_OK(db.writer.script("BEGIN"));
+  for (int i = 0; i < 6'000; ++i) {
+    ASSERT_OK(db.writer.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1,'','','',?)",
+                            std::string(4'000, 'x')));
+  }
+  ASSERT_OK(db.writer.script("COMMIT"));
+  auto reader = db.reader();
+  const auto target = db.folder.path() / "copy.db";
+  const auto given_up = backupTo(reader, target, nullptr, 1'000'000);
+  ASSERT_FALSE(given_up.ok());
+  EXPECT_EQ(given_up.error().code, ErrorCode::kUnavailable);
+  EXPECT_NE(given_up.error().message.find("the log beside the database grew to"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(target));
+  EXPECT_FALSE(std::filesystem::exists(target.string() + ".partial"));
+  EXPECT_OK(backupTo(reader, target));
+}
+
 }  // namespace
 }  // namespace needlelab

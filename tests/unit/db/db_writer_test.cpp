@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <fstream>
 #include <future>
+#include <iterator>
 #include <latch>
 #include <stdexcept>
 
@@ -172,6 +174,7 @@ TEST(DbWriter, countsTimesGroupsAndTheLogsSize) {
   for (int i = 0; i < 5; ++i) ASSERT_OK(writer.run(addStation("s" + std::to_string(i))));
   EXPECT_FALSE(writer.run(addStation("s0")).ok());
   writer.stop();
+  EXPECT_GT(std::filesystem::file_size(wal), 0u);
   const auto counters = writer.counters();
   EXPECT_EQ(counters.commits, 6u);
   EXPECT_EQ(counters.checkpoints, counters.commits) << "each is due at once";
@@ -184,6 +187,76 @@ TEST(DbWriter, countsTimesGroupsAndTheLogsSize) {
   EXPECT_GT(counters.checkpoint_ns.max(), 0);
   EXPECT_EQ(counters.wal_bytes, std::filesystem::file_size(wal));
   EXPECT_EQ(counters.wal_pages_waiting, 0u) << "nobody reads, so a checkpoint moves everything";
+}
+
+/// Whether the file of the log contains `word`.
+bool logContains(const test::TestDb& db, const std::string& word) {
+  std::ifstream in(db.path.string() + "-wal", std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  return bytes.find(word) != std::string::npos;
+}
+
+TEST(DbWriter, emptiesTheLogWhenItIsAskedAndNobodyReads) {
+  test::TestDb db;
+  DbWriter writer(std::move(db.writer), {.window = 1ms}, {});
+  ASSERT_OK(writer.run(addStation("qzxstation")));
+  EXPECT_TRUE(logContains(db, "qzxstation"));
+  EXPECT_TRUE(writer.emptyLog(60s));
+  EXPECT_EQ(std::filesystem::file_size(db.path.string() + "-wal"), 0u);
+  EXPECT_EQ(writer.counters().logs_emptied, 1u);
+  EXPECT_FALSE(writer.counters().log_pending);
+  EXPECT_EQ(writer.counters().wal_bytes, 0u);
+  auto reader = db.reader();
+  EXPECT_TRUE(known(reader, "qzxstation")) << "it is in the database";
+}
+
+TEST(DbWriter, theLogIsPendingWhileSomebodyReadsAndIsEmptiedAfterwards) {
+  test::TestDb db;
+  auto reader = db.reader();
+  DbWriter writer(std::move(db.writer), {.window = 1ms, .empty_every = 1ms}, {});
+  {
+    auto view = Transaction::begin(reader, Transaction::Kind::kRead);
+    ASSERT_OK(view);
+    ASSERT_OK(writer.run(addStation("qzxstation")));
+    EXPECT_FALSE(writer.emptyLog(1ms)) << "the reader's view is older";
+    EXPECT_TRUE(writer.counters().log_pending);
+    EXPECT_TRUE(logContains(db, "qzxstation"));
+    ASSERT_OK(writer.run(addStation("goes on")));  // commits do not wait for the reader
+  }
+  EXPECT_TRUE(writer.emptyLog(60s));
+  EXPECT_FALSE(writer.counters().log_pending);
+  EXPECT_FALSE(logContains(db, "qzxstation"));
+}
+
+TEST(DbWriter, aLogThatWasAskedToBeEmptyIsEmptyAfterTheStop) {
+  test::TestDb db;
+  auto reader = db.reader();
+  DbWriter writer(std::move(db.writer), {.window = 1ms, .empty_every = 3600s}, {});
+  {
+    auto view = Transaction::begin(reader, Transaction::Kind::kRead);
+    ASSERT_OK(view);
+    ASSERT_OK(writer.run(addStation("qzxstation")));
+    EXPECT_FALSE(writer.emptyLog(1ms));
+  }
+  writer.stop();
+  EXPECT_EQ(std::filesystem::file_size(db.path.string() + "-wal"), 0u);
+  EXPECT_FALSE(writer.emptyLog(60s)) << "nobody does it any more";
+}
+
+TEST(DbWriter, aLogAboveItsBoundIsCutWithoutBeingAsked) {
+  test::TestDb db;
+  DbWriter writer(std::move(db.writer),
+                  {.window = 0ms, .checkpoint_every = 3600s, .most_log_bytes = 200'000, .empty_every = 0ms},
+                  {});
+  std::uint64_t most = 0;
+  for (int i = 0; i < 300; ++i) {
+    ASSERT_OK(writer.run(addStation("s" + std::to_string(i))));
+    most = std::max(most, writer.counters().wal_bytes);
+  }
+  writer.stop();
+  EXPECT_GE(writer.counters().logs_emptied, 1u);
+  // one commit of some pages beyond the bound
+  EXPECT_LE(most, 300'000u);
 }
 
 // On a simulated clock, which the writer's own waits move: 1 ms for each group, and to the next checkpoint.

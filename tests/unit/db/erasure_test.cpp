@@ -218,7 +218,22 @@ TEST_F(ErasureStoreTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndE
   EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
   EXPECT_TRUE(sessions.close(test::closeOf(id, 1), 6)->taken());
   EXPECT_EQ(sessions.info(id)->chunks(), 0u);
-  // A new user with this name is a different person.
+  // A station whose clock is ahead says that it began after the erasure; the server knows better.
+  const Uuid ahead = makeUuidV7();
+  d.set_session_id(test::bytesOfId(ahead));
+  d.set_started_unix_ns(1'900'000'000'000'000'000);
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(ahead)->description().trainee(), "erased-1234");
+  EXPECT_TRUE(sessions.append(ahead, 0, test::chunkOf(0))->taken());
+  EXPECT_EQ(sessions.info(ahead)->chunks(), 0u);
+  EXPECT_EQ(test::dump(db.writer).find("'anna'"), std::string::npos);
+  // Somebody who gets an account of this name afterwards is a different person.
+  ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1'850'000'000'000'000'000}));
+  const Uuid between = makeUuidV7();
+  d.set_session_id(test::bytesOfId(between));
+  d.set_started_unix_ns(1'840'000'000'000'000'000);
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(between)->description().trainee(), "erased-1234") << "from before the account";
   const Uuid later = makeUuidV7();
   d.set_session_id(test::bytesOfId(later));
   d.set_started_unix_ns(1'900'000'000'000'000'000);
@@ -250,11 +265,29 @@ TEST_F(ErasureStoreTest, aDatabaseFromBeforeSaysWhoMustBeErasedAgain) {
   ASSERT_OK(repeat);
   ASSERT_EQ(repeat->size(), 1u);
   EXPECT_EQ((*repeat)[0].name, "anna");
+  EXPECT_TRUE((*repeat)[0].restored);
   EXPECT_NE(erasureToRepeatText((*repeat)[0]).find("person erase 'anna'"), std::string::npos);
   ASSERT_OK(erase("anna"));
   EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
   ASSERT_OK(writeFileAtomically(db.folder.path() / "erasures", viewOf("nonsense\n")));
   EXPECT_EQ(ErasureStore(db.writer).toRepeat(db.folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+TEST_F(ErasureStoreTest, theListBesideABackupIsAddedToWithoutLosingALine) {
+  const test::TempFolder beside;
+  ErasureLine first = line("anna", 77), second = line("ben", 88);
+  first.with_waiting = true;
+  second.pseudonym = "erased-5678";
+  ASSERT_OK(addErasures(beside.path(), {first}, kErasuresCopy));
+  ASSERT_OK(addErasures(beside.path(), {second}, kErasuresCopy));
+  ASSERT_OK(addErasures(beside.path(), {first, second}, kErasuresCopy));
+  const auto lines = readErasures(beside.path(), kErasuresCopy);
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 2u);
+  EXPECT_TRUE((*lines)[0].with_waiting);
+  EXPECT_FALSE((*lines)[1].with_waiting);
+  EXPECT_EQ((*lines)[1].name_hash, second.name_hash);
+  EXPECT_TRUE(readErasures(beside.path())->empty()) << "another file";
 }
 
 TEST(Pseudonym, isStableWithinAStudyAndTellsNothingAcross) {

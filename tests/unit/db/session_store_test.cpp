@@ -1,4 +1,5 @@
 #include "db/session_store.h"
+#include "db/people.h"
 
 #include "db/session_results.h"
 #include "tests/unit/db/test_db.h"
@@ -276,6 +277,28 @@ TEST_F(SessionStoreTest, openSessionsOfAStationAreThoseNotClosed) {
   ASSERT_EQ(open->size(), 1u);
   EXPECT_EQ((*open)[0].session_id(), test::bytesOfId(second));
   EXPECT_TRUE(store.openSessions("station-2")->empty());
+}
+
+TEST(SessionStore, aDisabledTraineeOpensNoSessionButOneThatIsKnownGoesOn) {
+  test::TestDb db;
+  PeopleStore people(db.writer);
+  ASSERT_OK(people.add({"anna", pb::TRAINEE, "", false, 1}));
+  SessionStore sessions(db.writer);
+  auto d = test::describe(makeUuidV7());  // of anna
+  ASSERT_OK(sessions.open(d, 5));
+  const auto disabled_unix_ns = d.started_unix_ns() + 1'000;
+  ASSERT_OK(people.setDisabled("anna", true, "ada", disabled_unix_ns));
+  EXPECT_OK(sessions.open(d, 6));  // the station asks again
+  auto earlier = test::describe(makeUuidV7());
+  EXPECT_OK(sessions.open(earlier, 7));  // it was recorded before, without the server
+  auto later = test::describe(makeUuidV7());
+  later.set_started_unix_ns(disabled_unix_ns);
+  const auto refused = sessions.open(later, 8);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kDenied);
+  EXPECT_NE(refused.error().message.find("'anna' is disabled"), std::string::npos);
+  ASSERT_OK(people.setDisabled("anna", false, "ada", disabled_unix_ns + 1));
+  EXPECT_OK(sessions.open(later, 9));  // enabled again
 }
 
 }  // namespace

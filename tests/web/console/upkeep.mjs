@@ -294,6 +294,11 @@ export function upkeep(t) {
       .first()
       .waitFor();
     assert.ok(existsSync(copy));
+    // it lies beside the database
+    await page
+      .getByText(/not Safe It lies on (the same disk|a disk that the server does not know).*stations keep/s)
+      .first()
+      .waitFor();
     await page.getByRole('button', { name: 'Check now' }).click();
     await page.getByText('all is well').waitFor();
     await page.getByRole('button', { name: 'How many are there?' }).click();

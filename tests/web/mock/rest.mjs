@@ -374,8 +374,17 @@ export const kTable = [
     if (consent === undefined) Object.assign(person, { revision: person.revision + 1 }, changedBy(who.name));
     return withoutPassword(lab, person);
   }),
-  post('people/:name/password', kAll, ({ lab, params, body }) => {
-    Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true });
+  post('people/:name/password', kAll, ({ lab, params, body, who }) => {
+    const person = found(lab.people, params.name, 'person');
+    if (who.name === params.name && !body.old_password)
+      throw new Refusal(
+        400,
+        'invalid_input',
+        'old_password: is missing: whoever sets the own password gives the one of now, too',
+      );
+    if (who.name === params.name && person.password && person.password !== body.old_password)
+      throw new Refusal(403, 'denied', `old_password: is not the password of '${params.name}'`);
+    Object.assign(person, { password: body.password, has_password: true });
     return {};
   }),
   post('people/:name/code', kAll, ({ lab, params, body, who }) => {
@@ -412,6 +421,8 @@ export const kTable = [
       audit_lines: 12,
       waiting_sessions: body.with_waiting_sessions ? 0 : 1,
       text: 'Backups made before today still hold the data.',
+      pending: false,
+      files: ['/var/backups/needlelab/2026-11-19T09-00-00Z.db'],
     };
   }),
   get('people/:name/progress', kPeople, ({ lab, params, query }) => ({
@@ -745,6 +756,8 @@ export const kTable = [
     chunks_verified: 914,
     undecodable_chunks: 0,
     removed: [],
+    disk: body?.path ? 'ANOTHER_DISK' : 'SAME_DISK',
+    safe: Boolean(body?.path || body?.counts_as_safe),
   })),
   post('check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })),
 ];

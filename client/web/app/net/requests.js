@@ -13,7 +13,9 @@ export const people = {
     const body = changes.role ? { ...changes, role: changes.role.toUpperCase().replaceAll('-', '_') } : changes;
     return person(await patch(['people', p.name], body, { base_revision: p.revision }));
   },
-  setPassword: (name, password) => post(['people', name, 'password'], { password }),
+  /** Whoever sets the own password gives the old one, too. */
+  setPassword: (name, password, old_password) =>
+    post(['people', name, 'password'], { password, ...(old_password && { old_password }) }),
   /** `change`: { make: true }, or { code }; an empty code removes it. @returns {Promise<{name: string, code: string}>} a made one */
   setCode: (name, change) => post(['people', name, 'code'], change),
   importCsv: (csv, dry_run) => post(['people', 'import'], { csv, dry_run }),
@@ -138,7 +140,7 @@ export async function studyRecords(study, { exercise, remarks }, said) {
 }
 
 export const upkeep = {
-  backup: (path) => post(['backup'], path ? { path } : {}),
+  backup: (path, counts_as_safe) => post(['backup'], { ...(path && { path }), counts_as_safe }),
   check: () => post(['check'], {}),
   rescore: (exercise_id, dry_run) => post(['scores', 'rescore'], { exercise_id, dry_run }),
   audit: (query, signal) => get(['audit'], { signal, query }),

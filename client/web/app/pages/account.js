@@ -32,7 +32,7 @@ export function AccountPage({ person }) {
       <dd>${moment(person.expires_unix_ms)}</dd>
     </dl>
     ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}
-    <${PasswordForm} name=${person.name} />
+    <${PasswordForm} name=${person.name} own />
     <${OwnCode} name=${person.name} />
     ${
       person.role !== 'researcher' &&

@@ -76,14 +76,17 @@ function Data({ shown, me, load }) {
   </form>`;
 }
 
-export function PasswordForm({ name }) {
+/** `own`: of the person who is logged in, who proves to know the old one; its other log-ins end with this one. */
+export function PasswordForm({ name, own = false }) {
+  const [old, setOld] = useState('');
   const [password, setPassword] = useState('');
   const [again, setAgain] = useState('');
   const action = useAction();
   const differs = again !== '' && password !== again;
   const save = async (event) => {
     event.preventDefault();
-    if (password !== again || !(await action.run(() => people.setPassword(name, password)))) return;
+    if (password !== again || !(await action.run(() => people.setPassword(name, password, old)))) return;
+    setOld('');
     setPassword('');
     setAgain('');
     announce('The password was set.');
@@ -101,6 +104,17 @@ export function PasswordForm({ name }) {
         aria-hidden="true"
       />
       <div class="fields">
+        ${
+          own &&
+          html`<${TextField}
+            label="Password until now"
+            type="password"
+            autocomplete="current-password"
+            value=${old}
+            onValue=${setOld}
+            required
+          />`
+        }
         <${TextField}
           label="New password"
           type="password"
@@ -152,7 +166,7 @@ export function ConsentForm({ shown, load }) {
       }
       ${
         consent &&
-        html` since ${moment(consent.unix_ms)}, recorded by ${consent.recorded_by}
+        html` since ${moment(consent.unix_ms)}${consent.recorded_by === shown.name ? '' : `, on paper, by ${consent.recorded_by}`}
           ${consent.note && ` (${consent.note})`}`
       }
     </p>
@@ -184,7 +198,10 @@ function Erasure({ name }) {
   if (result) {
     return html`<div class="hint" role="status">
       <p><strong>The data of ${name} were erased.</strong> In the audit log stands ${result.pseudonym}.</p>
-      <p>${result.sessions} sessions, ${result.scores} scores. ${result.text}</p>
+      <p>
+        ${result.pending && html`<${Mark} kind="warn">pending<//> `}
+        ${result.sessions} sessions, ${result.scores} scores. ${result.text}
+      </p>
       <p><a href="#/people">Back to the people</a></p>
     </div>`;
   }
@@ -252,7 +269,7 @@ export function PersonPage({ params, person: me }) {
       ${
         may(me.role, 'edit people') &&
         grantable(me.role).includes(shown.role) &&
-        html`<${PasswordForm} name=${shown.name} /><${CodeForm} shown=${shown} load=${load} />`
+        html`<${PasswordForm} name=${shown.name} own=${shown.name === me.name} /><${CodeForm} shown=${shown} load=${load} />`
       }
       ${
         may(me.role, 'export person') &&

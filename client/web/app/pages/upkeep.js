@@ -2,7 +2,7 @@
 import { moment } from '../lib/time.js';
 import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
-import { SelectField, TextField } from '../ui/fields.js';
+import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
 import { Heading, Mark, Problem } from '../ui/widgets.js';
@@ -27,14 +27,31 @@ function Working({ busy, children }) {
   );
 }
 
+const kDisks = {
+  ANOTHER_DISK: "on another disk than the server's database",
+  SAME_DISK: "on the same disk as the server's database",
+  DISK_UNKNOWN: 'on a disk that the server does not know',
+};
+
+/** What a backup's place means for the stations. */
+function Place({ done }) {
+  return html`<p>
+    <${Mark} kind=${done.safe ? 'good' : 'warn'}>${done.safe ? 'Safe' : 'not Safe'}<//> It lies
+    ${` ${kDisks[done.disk] ?? kDisks.DISK_UNKNOWN}: ${
+      done.safe ? 'stations let go of the recordings in it.' : 'stations keep the recordings in it, too.'
+    }`}
+  </p>`;
+}
+
 function Backup() {
   const [path, setPath] = useState('');
+  const [counts_as_safe, setCounts] = useState(false);
   const [done, setDone] = useState(null);
   const action = useAction();
   const start = async (event) => {
     event.preventDefault();
     setDone(null);
-    const result = await action.run(() => upkeep.backup(path.trim()));
+    const result = await action.run(() => upkeep.backup(path.trim(), counts_as_safe));
     if (result) setDone({ ...result, at: Date.now() });
   };
   return html`<form onSubmit=${start}>
@@ -49,6 +66,12 @@ function Backup() {
         autocomplete="off"
         spellcheck="false"
       />
+      <${CheckField}
+        label="Counts as Safe wherever it lies"
+        checked=${counts_as_safe}
+        onValue=${setCounts}
+        help="Stations delete what is Safe. By itself a backup makes recordings Safe only on another disk than the database: on the same one, a fault takes both."
+      />
       <div class="actions">
         <button type="submit" class="main" disabled=${action.busy}>${
           action.busy ? 'Backing up …' : 'Back up now'
@@ -58,9 +81,10 @@ function Backup() {
       <div role="status">${
         done &&
         html`<p>
-          <${Mark} kind="good">verified<//> ${done.path}: ${bytes(done.bytes)}, ${counted(done.chunks_verified, 'piece')} of recordings read back, ${moment(done.at)}.
-          ${done.undecodable_chunks > 0 && html`${counted(done.undecodable_chunks, 'piece')} cannot be decoded and ${done.undecodable_chunks === 1 ? 'is' : 'are'} not safe.`}
-        </p>`
+             <${Mark} kind="good">verified<//> ${done.path}: ${bytes(done.bytes)}, ${counted(done.chunks_verified, 'piece')} of recordings read back, ${moment(done.at)}.
+             ${done.undecodable_chunks > 0 && html`${counted(done.undecodable_chunks, 'piece')} cannot be decoded and ${done.undecodable_chunks === 1 ? 'is' : 'are'} not safe.`}
+           </p>
+           <${Place} done=${done} />`
       }</div>
       <${Problem} error=${action.error} title="There is no new backup" />
     </fieldset>

@@ -142,7 +142,7 @@ TEST_F(Admin, wrongInputOnAFolderIsTwoAndNamed) {
       {{"session", "verify", ""}, "session id"},
       {{"annotate", "123", "--text", "x"}, "'123'"},
       {{"annotate", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab", "--text", ""}, "text"},
-      {{"user", "add", "ada", "--role", "administrator", "--password-file", short_password}, "8 to 256"},
+      {{"user", "add", "ada", "--role", "administrator", "--password-file", short_password}, "10 to 256"},
       {{"backup", file("none/copy.db")}, "folder does not exist"},
   };
   for (const auto& [arguments, text] : wrong) {
@@ -542,6 +542,15 @@ TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {
                 .code,
             0);
   EXPECT_EQ(as("ada", {"user", "list", "--json"}).rows()[3].at("has_password"), false);
+}
+
+TEST_F(AdminOnServer, theOwnPasswordIsChangedWithTheOneOfTheLogIn) {
+  const auto fresh = folder.write("pw3", "a third horse").string();
+  const Run changed = as("ines", {"user", "passwd", "ines", "--new-password-file", fresh});
+  EXPECT_EQ(changed.code, 0) << changed.err;
+  EXPECT_EQ(as("ines", {"profile", "list"}).code, 1);
+  password_ = fresh;
+  EXPECT_EQ(as("ines", {"profile", "list"}).code, 0);
 }
 
 TEST_F(AdminOnServer, rolesAreTheServersAffair) {

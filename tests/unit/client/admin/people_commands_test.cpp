@@ -203,8 +203,9 @@ TEST_F(PeopleCommands, aNewPasswordReplacesTheOldOneAndABadFileDoesNot) {
   const std::pair<std::string, std::string> bad[] = {
       {file("none"), "none: cannot open"},
       {secret("empty", "\nsecond line"), "its first line, the password, is empty"},
-      {secret("short", "seven77"), "8 to 256"},
-      {secret("long", std::string(257, 'x')), "8 to 256"},
+      {secret("short", "seven77"), "10 to 256"},
+      {secret("long", std::string(257, 'x')), "10 to 256"},
+      {secret("common", "Password2026!"), "is one of the most common ones"},
   };
   for (const auto& [path, words] : bad) {
     const Run result = onData({"user", "passwd", "ines", "--password-file", path});

@@ -56,6 +56,17 @@ TEST_F(UpkeepCommands, aBackupOverwritesNothingAndWrongUseMakesNone) {
   EXPECT_EQ(filesIn("."), (std::vector<std::string>{"copy.db", "data"}));
 }
 
+TEST_F(UpkeepCommands, aBackupSaysWhetherStationsLetGoOfWhatItContains) {
+  const auto beside = good({"backup", file("beside.db"), "--json"}).rows().at(0);
+  EXPECT_EQ(beside.at("safe"), false) << "it lies on the disk of the database";
+  EXPECT_NE(beside.at("disk"), "ANOTHER_DISK");
+  EXPECT_THAT(beside.at("place").get<std::string>(), HasSubstr("not Safe, stations keep"));
+  const auto asked = good({"backup", file("asked.db"), "--counts-as-safe", "--json"}).rows().at(0);
+  EXPECT_EQ(asked.at("safe"), true);
+  EXPECT_EQ(asked.at("disk"), beside.at("disk"));
+  EXPECT_THAT(asked.at("place").get<std::string>(), HasSubstr("stations let it go"));
+}
+
 TEST_F(UpkeepCommands, aFolderOfBackupsKeepsTheNewestAndWhatIsNotItsOwn) {
   fs::create_directory(file("kept"));
   for (const char* name : {"needlelab-20200101T000000Z.db", "needlelab-20210101T000000Z.db",

@@ -3,6 +3,7 @@
 #include <dlfcn.h>
 #include <gmock/gmock.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -155,6 +156,16 @@ TEST(Spool, oneProgramAtATime) {
   ASSERT_FALSE(second.ok());
   EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(second.error().message, HasSubstr("another station"));
+}
+
+TEST(Spool, aNewFolderIsItsOwnersOnlyWhateverTheUmask) {
+  const TempFolder folder;
+  const mode_t before = ::umask(0);
+  const auto spool = Spool::open(folder.path() / "spool");
+  ::umask(before);
+  ASSERT_TRUE(spool.ok());
+  EXPECT_EQ(std::filesystem::status(folder.path() / "spool").permissions(),
+            std::filesystem::perms::owner_all);
 }
 
 TEST(Spool, aFolderThatCannotBeMadeIsRefusedByName) {

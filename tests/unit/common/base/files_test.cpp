@@ -32,6 +32,26 @@ TEST(AtomicFile, writesReplacesAndReadsBackWithTheAskedPermission) {
   EXPECT_EQ(entriesIn(folder.path()), 1u) << "no temporary file is left";
 }
 
+TEST(AtomicFile, isItsOwnersOnlyWhateverTheUmaskUnlessOtherwiseAsked) {
+  const test::TempFolder folder;
+  const auto modeOf = [&](const char* name) {
+    struct stat info {};
+    EXPECT_EQ(::stat((folder.path() / name).c_str(), &info), 0) << name;
+    return info.st_mode & 0777u;
+  };
+  for (const mode_t mask : {mode_t{0}, mode_t{022}, mode_t{077}}) {
+    const mode_t before = ::umask(mask);
+    EXPECT_TRUE(writeFileAtomically(folder.path() / "private", viewOf("x")).ok());
+    EXPECT_TRUE(writeFileAtomically(folder.path() / "public", viewOf("x"), 0644).ok());
+    auto growing = GrowingFile::create(folder.path() / "growing");
+    EXPECT_TRUE(growing.ok() && growing->finish().ok());
+    ::umask(before);
+    EXPECT_EQ(modeOf("private"), 0600u) << mask;
+    EXPECT_EQ(modeOf("public"), 0644u) << mask;
+    EXPECT_EQ(modeOf("growing"), 0600u) << mask;
+  }
+}
+
 TEST(AtomicFile, bytesOfAnyKindAndSize) {
   const test::TempFolder folder;
   const auto path = folder.path() / "b";

@@ -1,4 +1,7 @@
 // Erased people stay erased: with older exports, a lost key, chunks that cannot be removed.
+#include <algorithm>
+#include <filesystem>
+
 #include "common/base/files.h"
 #include "tests/unit/db/service/records_fixture.h"
 
@@ -163,6 +166,87 @@ TEST_F(ErasedPeople, areSaidByCheckWhenTheyAreHereAgain) {
   EXPECT_FALSE(report.ok());
   ASSERT_EQ(report.faults_size(), 1);
   EXPECT_NE(report.faults(0).find("'anna'"), std::string::npos);
+}
+
+/// The files below `place` whose bytes contain `word`, whatever the case of its first letter.
+std::vector<std::string> filesWith(const std::filesystem::path& place, const std::string& word) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(place)) {
+    if (!entry.is_regular_file()) continue;
+    const auto bytes = readWholeFile(entry.path());
+    EXPECT_OK(bytes);
+    if (bytes.ok() && bytes->find(word) != std::string::npos) names.push_back(entry.path().filename());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+TEST_F(ErasedPeople, areInNoByteOfTheFolder) {
+  // a name and a full name that nothing else contains
+  addStation();
+  addNamed("qzxanna", "Wqjvornov");
+  closedSession("qzxanna", 1, "Wqjvornov holds still, qzxanna");
+  const auto data = folder.path() / "data";
+  EXPECT_FALSE(filesWith(data, "qzxanna").empty());
+  const auto erasure = get(admin, erase("qzxanna")).erasure();
+  EXPECT_FALSE(erasure.pending()) << erasure.text();
+  EXPECT_EQ(filesWith(data, "qzxanna"), std::vector<std::string>()) << "while it serves";
+  EXPECT_EQ(filesWith(data, "Wqjvornov"), std::vector<std::string>());
+  store.reset();
+  EXPECT_EQ(filesWith(data, "qzxanna"), std::vector<std::string>()) << "after the stop";
+  store = test::openStore(data);
+  EXPECT_EQ(filesWith(data, "qzxanna"), std::vector<std::string>()) << "after the start";
+  EXPECT_EQ(filesWith(data, "Wqjvornov"), std::vector<std::string>());
+}
+
+TEST_F(ErasedPeople, arePendingWhileSomebodyReadsAndGoneAfterTheNextStart) {
+  addNamed("qzxanna", "");
+  const auto data = folder.path() / "data";
+  {
+    auto reader = store->readers().borrow();
+    ASSERT_OK(reader);
+    const auto view = Transaction::begin(**reader, Transaction::Kind::kRead);
+    ASSERT_OK(view);
+    const auto erasure = get(admin, erase("qzxanna")).erasure();
+    EXPECT_TRUE(erasure.pending());
+    EXPECT_NE(erasure.text().find("Pending"), std::string::npos) << erasure.text();
+    EXPECT_FALSE(filesWith(data, "qzxanna").empty()) << "the reader still sees it";
+    pb::Request check;
+    check.mutable_check();
+    const auto report = get(admin, check).check_report();
+    ASSERT_EQ(report.faults_size(), 1);
+    EXPECT_NE(report.faults(0).find("an erasure is pending"), std::string::npos);
+  }
+  store.reset();
+  store = test::openStore(data);
+  EXPECT_EQ(filesWith(data, "qzxanna"), std::vector<std::string>());
+}
+
+TEST_F(ErasedPeople, areSaidToBeInBackupsAndReplacedDatabases) {
+  addNamed("qzxanna", "");
+  const auto data = folder.path() / "data";
+  std::filesystem::create_directory(folder.path() / "kept");
+  for (const auto& path :
+       {data / "needlelab.db.replaced-20260101T000000Z", folder.path() / "kept" / "one.db"}) {
+    pb::Request backup;
+    backup.mutable_backup()->set_path(path.string());
+    get(admin, backup);
+  }
+  const auto erasure = get(admin, erase("qzxanna")).erasure();
+  EXPECT_EQ(std::vector<std::string>(erasure.files().begin(), erasure.files().end()),
+            (std::vector<std::string>{data / "needlelab.db.replaced-20260101T000000Z",
+                                      folder.path() / "kept" / "one.db"}));
+  for (const std::string& file : erasure.files())
+    EXPECT_NE(erasure.text().find(file), std::string::npos) << erasure.text();
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "kept" / kErasuresCopy)) << "for a restore elsewhere";
+  // a backup from now on does not name her
+  addNamed("ben", "");
+  pb::Request backup;
+  backup.mutable_backup()->set_path((folder.path() / "kept" / "two.db").string());
+  get(admin, backup);
+  const auto other = get(admin, erase("ben")).erasure();
+  ASSERT_EQ(other.files_size(), 1);
+  EXPECT_EQ(other.files(0), folder.path() / "kept" / "two.db");
 }
 
 TEST_F(ErasedPeople, areErasedAlsoWhenTheirDamagedChunksStay) {

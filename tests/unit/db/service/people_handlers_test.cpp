@@ -172,6 +172,66 @@ TEST_F(PeopleHandlers, everyoneSetsTheirOwnPasswordOnly) {
   EXPECT_EQ(refusal(admin, request), ErrorCode::kNotFound);
 }
 
+TEST_F(PeopleHandlers, whoeverSetsTheOwnPasswordGivesTheOneOfNow) {
+  get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
+  pb::Request request;
+  auto* call = request.mutable_set_password();
+  call->set_name("ina");
+  call->set_password("another horse");
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput) << "without it";
+  call->set_old_password("a wrong horse");
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kDenied);
+  EXPECT_OK(store->service().loginPerson("ina", "correct horse"));
+  call->set_old_password("correct horse");
+  get(instructor, request);
+  EXPECT_OK(store->service().loginPerson("ina", "another horse"));
+  // an administrator sets it without
+  call->clear_old_password();
+  call->set_password("a third horse");
+  get(admin, request);
+  EXPECT_OK(store->service().loginPerson("ina", "a third horse"));
+}
+
+TEST_F(PeopleHandlers, anUnlockedComputerDoesNotGuessTheOldPassword) {
+  get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
+  pb::Request request;
+  auto* call = request.mutable_set_password();
+  call->set_name("ina");
+  call->set_password("another horse");
+  for (int i = 0; i < 5; ++i) {
+    call->set_old_password("wrong horse " + std::to_string(i));
+    EXPECT_EQ(refusal(instructor, request), ErrorCode::kDenied) << i;
+  }
+  call->set_old_password("correct horse");
+  const Outcome outcome = ask(instructor, request);
+  ASSERT_TRUE(outcome.error.has_value());
+  EXPECT_NE(outcome.error->message.find("too many wrong ones"), std::string::npos);
+}
+
+TEST_F(PeopleHandlers, staffHasNoPasswordThatGuessersTryFirst) {
+  const std::pair<const char*, const char*> bad[] = {
+      {"ninebytes", "allowed are 10 to 256"}, {"Password2026!", "most common"},
+      {"qwertyuiop", "most common"},          {"PASSW0RD123", "most common"},
+      {"aaaaaaaaaaaa", "again and again"},    {"12345678901", "neighbours"},
+      {"abcdefghijkl", "neighbours"},         {"ines.mueller", "own name"},
+      {"Ines.Mueller1", "own name"},
+  };
+  for (const auto& [password, words] : bad) {
+    const Outcome outcome = ask(admin, addUser("ines.mueller", pb::INSTRUCTOR, password));
+    ASSERT_TRUE(outcome.error.has_value()) << password;
+    EXPECT_EQ(outcome.error->code, ErrorCode::kInvalidInput);
+    EXPECT_NE(outcome.error->message.find(words), std::string::npos) << outcome.error->message;
+    EXPECT_EQ(outcome.error->message.find(password), std::string::npos) << "it is not said again";
+  }
+  get(admin, addUser("ines.mueller", pb::INSTRUCTOR, "correct horse"));
+  // trainees see their own data only: eight bytes will do
+  get(admin, addUser("tim", pb::TRAINEE, "password"));
+  pb::Request request;
+  request.mutable_set_password()->set_name("ines.mueller");
+  request.mutable_set_password()->set_password("Password2026!");
+  EXPECT_EQ(refusal(admin, request), ErrorCode::kInvalidInput);
+}
+
 TEST_F(PeopleHandlers, aStationGetsAKeyOnceAndLosesItWhenRevoked) {
   pb::Request add;
   add.mutable_add_station()->set_name("lab-1");

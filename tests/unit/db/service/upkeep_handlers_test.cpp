@@ -1,3 +1,6 @@
+#include <sys/sysmacros.h>
+
+#include <map>
 #include <thread>
 
 #include "tests/unit/db/service/test_service.h"
@@ -13,18 +16,69 @@ class UpkeepHandlers : public test::ServiceTest {
     request.mutable_backup()->set_path(path.string());
     return request;
   }
+  /// Makes the store see files, by their names, on disks 1 and 2; others on a disk that is not known.
+  void layDisks(std::map<std::string, unsigned> disk_of) {
+    const auto sys = folder.path() / "sys";
+    for (const unsigned disk : {1u, 2u}) {
+      const auto made = sys / "devices" / ("disk" + std::to_string(disk));
+      std::filesystem::create_directories(made / "device");
+      std::filesystem::create_directories(sys / "dev" / "block");
+      std::filesystem::create_symlink(made, sys / "dev" / "block" / ("8:" + std::to_string(disk)));
+    }
+    BlockDevices devices;
+    devices.sys = sys;
+    devices.device_of = [disk_of](const std::filesystem::path& path) -> std::optional<dev_t> {
+      const auto found = disk_of.find(path.filename().string());
+      return makedev(8, found == disk_of.end() ? 9 : found->second);
+    };
+    store->service().setBlockDevices(std::move(devices));
+  }
+  std::uint64_t safeOf(const Uuid& session) {
+    auto reader = store->readers().borrow();
+    return *SessionStore(**reader).safeSeqs(session);
+  }
 };
 
-TEST_F(UpkeepHandlers, aBackupMakesChunksSafe) {
+TEST_F(UpkeepHandlers, aBackupOnAnotherDiskMakesChunksSafe) {
+  layDisks({{"needlelab.db", 1}, {"copy.db", 2}});
   const Uuid id = addSession("anna", 4);
   const auto path = folder.path() / "copy.db";
   const auto done = get(admin, backupTo(path)).backup_done();
   EXPECT_EQ(done.chunks_verified(), 4u);
   EXPECT_EQ(done.bytes(), std::filesystem::file_size(path));
-  auto reader = store->readers().borrow();
-  EXPECT_EQ(*SessionStore(**reader).safeSeqs(id), 3u) << "the last one with the session's end";
+  EXPECT_EQ(done.disk(), pb::BackupDone::ANOTHER_DISK);
+  EXPECT_TRUE(done.safe());
+  EXPECT_EQ(safeOf(id), 3u) << "the last one with the session's end";
   EXPECT_EQ(refusal(admin, backupTo(path)), ErrorCode::kAlreadyExists);
   EXPECT_EQ(refusal(admin, backupTo("relative.db")), ErrorCode::kInvalidInput);
+}
+
+TEST_F(UpkeepHandlers, aBackupBesideTheDatabaseMakesNothingSafeUnlessItIsAskedFor) {
+  layDisks({{"needlelab.db", 1}, {"beside.db", 1}, {"asked.db", 1}});
+  const Uuid id = addSession("anna", 4);
+  const auto beside = get(admin, backupTo(folder.path() / "beside.db")).backup_done();
+  EXPECT_EQ(beside.disk(), pb::BackupDone::SAME_DISK);
+  EXPECT_FALSE(beside.safe());
+  EXPECT_EQ(safeOf(id), 0u) << "the spools keep it";
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("backup");
+  EXPECT_NE(get(admin, audit).audit().entries(0).detail().find("not Safe"), std::string::npos);
+
+  pb::Request asked = backupTo(folder.path() / "asked.db");
+  asked.mutable_backup()->set_counts_as_safe(true);
+  const auto done = get(admin, asked).backup_done();
+  EXPECT_EQ(done.disk(), pb::BackupDone::SAME_DISK);
+  EXPECT_TRUE(done.safe());
+  EXPECT_EQ(safeOf(id), 3u);
+}
+
+TEST_F(UpkeepHandlers, aBackupOnADiskThatNobodyKnowsMakesNothingSafe) {
+  layDisks({{"needlelab.db", 1}});
+  const Uuid id = addSession("anna", 4);
+  const auto done = get(admin, backupTo(folder.path() / "somewhere.db")).backup_done();
+  EXPECT_EQ(done.disk(), pb::BackupDone::DISK_UNKNOWN);
+  EXPECT_FALSE(done.safe());
+  EXPECT_EQ(safeOf(id), 0u);
 }
 
 TEST_F(UpkeepHandlers, aRestoredBackupIsAWholeStore) {

@@ -260,7 +260,11 @@ TEST(Access, aNewPasswordEndsWhatTheOldOneOpened) {
   auto thief = server.connect(personLogin("anna", kPassword));
   ASSERT_TRUE(mine.ok() && thief.ok());
   // Her own change: the connection that made it stays open.
-  ASSERT_TRUE(mine->call(passwordOf("anna", "something else entirely")).ok());
+  pb::Request own = passwordOf("anna", "something else entirely");
+  EXPECT_FALSE(mine->call(own).ok()) << "who only has her open connection does not know the old one";
+  EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
+  own.mutable_set_password()->set_old_password(kPassword);
+  ASSERT_TRUE(mine->call(own).ok());
   expectEnded(*thief);
   EXPECT_EQ(server.connect(byToken(thief->welcome().token())).error().code, ErrorCode::kDenied);
   EXPECT_EQ(server.connect(byToken(mine->welcome().token())).error().code, ErrorCode::kDenied);

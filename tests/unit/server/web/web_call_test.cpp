@@ -42,6 +42,20 @@ TEST(WebHost, onlyANameOfTheLabMayDemandHttps) {
     EXPECT_FALSE(mayDemandHttps(host)) << host;
 }
 
+TEST(WebTarget, namesNobodyInTheLog) {
+  EXPECT_EQ(pathForLog("/api/v1/people/anna%20b?x=y", "GET /people/{name}"), "/api/v1/people/*");
+  EXPECT_EQ(pathForLog("/api/v1/people/anna/export", "GET /people/{name}/export"), "/api/v1/people/*/export");
+  EXPECT_EQ(pathForLog("/api/v1/sessions/019aa0c3/score", "GET /sessions/{id}/score"),
+            "/api/v1/sessions/019aa0c3/score")
+      << "an id is what one looks for";
+  EXPECT_EQ(pathForLog("/api/v1/audit?who=anna", "GET /audit"), "/api/v1/audit");
+  EXPECT_EQ(pathForLog("/app/main.js?anna", "file"), "/app/main.js");
+  // no address of this server: it may be anything
+  EXPECT_EQ(pathForLog("/api/v1/persons/anna", ""), "*");
+  EXPECT_EQ(pathForLog("/my password", ""), "*");
+  EXPECT_EQ(pathForLog("/api/v9/people/anna", "GET /people/{name}"), "*");
+}
+
 TEST(WebTarget, everythingDoubtfulIsRefused) {
   const std::string long_one = "/" + std::string(2048, 'a');
   std::string many = "/?";
