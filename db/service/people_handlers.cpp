@@ -33,7 +33,12 @@ Status checkOldPassword(const Context& context, const pb::SetPassword& call) {
   if (const auto attempt = context.codes.begin(counted); attempt.must_wait.count() > 0)
     return Error{ErrorCode::kDenied,
                  "old_password: too many wrong ones; try again in " + waitText(attempt.must_wait)};
-  if (!verifyPassword(person->password_hash, call.old_password()))
+  const auto right = verifyPassword(person->password_hash, call.old_password());
+  if (!right.ok()) {
+    context.codes.giveBack(counted);
+    return right.error();
+  }
+  if (!*right)
     return Error{ErrorCode::kDenied, "old_password: is not the password of '" + call.name() + "'"};
   context.codes.forget(counted);
   return {};
