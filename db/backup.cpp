@@ -131,10 +131,8 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy,
   }
 }
 
-}  // namespace
-
-Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
-                              const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes) {
+/// A target that a backup may be written to.
+Status checkTarget(const std::filesystem::path& target) {
   std::error_code ignored;
   if (!target.is_absolute()) {
     return Error{ErrorCode::kInvalidInput, "backup path '" + target.string() + "': give an absolute path"};
@@ -146,62 +144,126 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
   if (!std::filesystem::is_directory(target.parent_path(), ignored)) {
     return Error{ErrorCode::kInvalidInput, target.string() + ": its folder does not exist"};
   }
-  const Partial partial(target.string() + ".partial");
-  RETURN_IF_ERROR(copy(reader, partial.path(), cancelled, most_log_bytes));
+  return {};
+}
 
-  BackupResult result;
-  {
-    ASSIGN_OR_RETURN(auto opened, Connection::open(partial.path(), {.mode = Connection::Mode::kReader}));
-    const CancelScope may_end(opened, cancelled);
-    const auto checked = checkDatabase(opened);
-    if (isSet(cancelled)) return cancelledError();
-    if (!checked) return checked.error();
-    if (!checked->ok()) {
-      return Error{ErrorCode::kCorrupt,
-                   "the backup was not kept, its copy fails the check: " + checked->faults.front()};
-    }
-    result.chunks_verified = checked->chunks;
-    result.undecodable_chunks = checked->undecodable_chunks;
-    ASSIGN_OR_RETURN(auto covered, coveredBy(opened, checked->decodable_before));
-    result.covered = std::move(covered);
+/// Copies the database to `path` and checks the copy.
+Result<BackupResult> checkedCopy(Connection& reader, const std::filesystem::path& path,
+                                 const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes) {
+  RETURN_IF_ERROR(copy(reader, path, cancelled, most_log_bytes));
+  ASSIGN_OR_RETURN(auto opened, Connection::open(path, {.mode = Connection::Mode::kReader}));
+  const CancelScope may_end(opened, cancelled);
+  const auto checked = checkDatabase(opened);
+  if (isSet(cancelled)) return cancelledError();
+  if (!checked) return checked.error();
+  if (!checked->ok()) {
+    return Error{ErrorCode::kCorrupt,
+                 "the backup was not kept, its copy fails the check: " + checked->faults.front()};
   }
-
-  const int fd = ::open(partial.path().c_str(), O_RDWR | O_CLOEXEC);
-  if (fd < 0) return systemError(partial.path(), "open");
-  struct stat info {};
-  const bool synced = ::fsync(fd) == 0 && ::fstat(fd, &info) == 0;
-  const Error error = systemError(partial.path(), "fsync");
-  ::close(fd);
-  if (!synced) return error;
-  result.bytes = static_cast<std::uint64_t>(info.st_size);
-  // not a plain rename: it must fail if the target was created meanwhile. The other call is for disks without
-  // hard links (USB sticks with FAT).
-  if (::link(partial.path().c_str(), target.c_str()) != 0 &&
-      (errno == EEXIST ||
-       ::renameat2(AT_FDCWD, partial.path().c_str(), AT_FDCWD, target.c_str(), RENAME_NOREPLACE) != 0))
-    return systemError(target, "put the backup into place");
-  RETURN_IF_ERROR(syncFolder(target.parent_path()));
+  BackupResult result;
+  result.chunks_verified = checked->chunks;
+  result.undecodable_chunks = checked->undecodable_chunks;
+  ASSIGN_OR_RETURN(auto covered, coveredBy(opened, checked->decodable_before));
+  result.covered = std::move(covered);
   return result;
 }
 
-std::string backupName(std::int64_t now_unix_ns) {
+/// Syncs a finished file and gives it its name. Returns its size.
+Result<std::uint64_t> putIntoPlace(const std::filesystem::path& finished,
+                                   const std::filesystem::path& target) {
+  const int fd = ::open(finished.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return systemError(finished, "open");
+  struct stat info {};
+  const bool synced = ::fsync(fd) == 0 && ::fstat(fd, &info) == 0;
+  const Error error = systemError(finished, "fsync");
+  ::close(fd);
+  if (!synced) return error;
+  // not a plain rename: it must fail if the target was created meanwhile. The other call is for disks without
+  // hard links (USB sticks with FAT).
+  if (::link(finished.c_str(), target.c_str()) != 0 &&
+      (errno == EEXIST ||
+       ::renameat2(AT_FDCWD, finished.c_str(), AT_FDCWD, target.c_str(), RENAME_NOREPLACE) != 0))
+    return systemError(target, "put the backup into place");
+  RETURN_IF_ERROR(syncFolder(target.parent_path()));
+  return static_cast<std::uint64_t>(info.st_size);
+}
+
+/// kNoRoom unless the database's disk takes a copy of it and has `room_left` bytes then.
+Status roomForCopy(const std::filesystem::path& database, std::uint64_t room_left) {
+  std::error_code error;
+  const std::uint64_t bytes = std::filesystem::file_size(database, error);
+  const auto room = std::filesystem::space(database.parent_path(), error);
+  if (error)
+    return Error{ErrorCode::kFailed,
+                 database.string() + ": cannot find out its size and room: " + error.message()};
+  if (room.available >= bytes && room.available - bytes >= room_left) return {};
+  return Error{
+      ErrorCode::kNoRoom,
+      fmt::format("the encrypted backup was not made: {} needs {} MiB for a copy for a while, and {} MiB "
+                  "must stay free; {} MiB are free: make room, or use a larger disk",
+                  database.parent_path().string(), bytes >> 20, room_left >> 20, room.available >> 20)};
+}
+
+}  // namespace
+
+Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
+                              const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes) {
+  RETURN_IF_ERROR(checkTarget(target));
+  const Partial partial(target.string() + ".partial");
+  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, partial.path(), cancelled, most_log_bytes));
+  ASSIGN_OR_RETURN(result.bytes, putIntoPlace(partial.path(), target));
+  return result;
+}
+
+Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem::path& target,
+                                       const BackupKey& key, const std::atomic<bool>* cancelled,
+                                       std::uint64_t most_log_bytes, std::uint64_t room_left) {
+  RETURN_IF_ERROR(checkTarget(target));
+  const Partial plain(plainCopyBeside(reader.path()));
+  RETURN_IF_ERROR(roomForCopy(reader.path(), room_left));
+  const Partial partial(target.string() + ".partial");
+  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, most_log_bytes));
+  ASSIGN_OR_RETURN(const auto written, encryptFile(plain.path(), partial.path(), key, cancelled));
+  // the file that is kept must be one that a restore can read: not what memory has of it, but the disk
+  const auto read_back = decryptFile(
+      partial.path(), key, [](ByteView) { return Status(); }, cancelled);
+  if (!read_back && read_back.error().code != ErrorCode::kCorrupt) return read_back.error();
+  if (!read_back || *read_back != written)
+    return Error{ErrorCode::kCorrupt, "the backup was not kept: what was read back of " +
+                                          partial.path().string() + " is not what was written" +
+                                          (read_back ? "" : " (" + read_back.error().message + ")") +
+                                          ": look at its disk (dmesg, smartctl)"};
+  ASSIGN_OR_RETURN(result.bytes, putIntoPlace(partial.path(), target));
+  return result;
+}
+
+std::filesystem::path plainCopyBeside(const std::filesystem::path& database) {
+  return database.string() + ".backup-copy";
+}
+
+void removePlainCopy(const std::filesystem::path& database) {
+  const Partial left(plainCopyBeside(database));
+}
+
+std::string backupName(std::int64_t now_unix_ns, std::string_view ending) {
   const std::time_t now = now_unix_ns / 1'000'000'000;
   std::tm parts{};
   char text[40] = {};
-  std::strftime(text, sizeof text, "needlelab-%Y%m%dT%H%M%SZ.db", ::gmtime_r(&now, &parts));
-  return text;
+  std::strftime(text, sizeof text, "needlelab-%Y%m%dT%H%M%SZ", ::gmtime_r(&now, &parts));
+  return text + std::string(ending);
 }
 
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep) {
   // only this program's names: other files in the folder belong to others
+  static constexpr std::string_view kShape = "needlelab-00000000T000000Z";
   const auto is_ours = [](const std::string& name) {
-    constexpr std::string_view kShape = "needlelab-00000000T000000Z.db";
-    if (name.size() != kShape.size()) return false;
-    for (std::size_t i = 0; i < name.size(); ++i) {
+    if (name.size() < kShape.size()) return false;
+    for (std::size_t i = 0; i < kShape.size(); ++i) {
       const bool digit = name[i] >= '0' && name[i] <= '9';
       if (kShape[i] == '0' ? !digit : name[i] != kShape[i]) return false;
     }
-    return true;
+    const std::string_view ending = std::string_view(name).substr(kShape.size());
+    return ending == kPlainEnding || ending == kEncryptedEnding;
   };
   const std::filesystem::path folder = target.parent_path();
   const std::string newest = target.filename().string();
@@ -214,11 +276,12 @@ Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::si
     const std::string name = at->path().filename().string();
     if (!is_ours(name) || name == newest || !at->is_regular_file(ignored)) continue;
     // a name in the future was given while the clock was ahead: the backup's real age is unknown
-    (name < newest ? older : old.later).push_back(at->path());
+    const bool is_later = name.substr(0, kShape.size()) > newest.substr(0, kShape.size());
+    (is_later ? old.later : older).push_back(at->path());
   }
   if (error)
     return Error{ErrorCode::kFailed, folder.string() + ": cannot list the backups: " + error.message()};
-  // names sort by time
+  // names sort by time, whatever their ends
   std::sort(older.begin(), older.end());
   std::sort(old.later.begin(), old.later.end());
   // the new backup counts towards `keep`

@@ -1,15 +1,17 @@
-/// Online backup to another file, verified from the copy.
+/// Online backup to another file, plain or encrypted, verified from the copy.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
+#include "db/encrypted_backup.h"
 
 namespace needlelab {
 
@@ -42,8 +44,32 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
                               const std::atomic<bool>* cancelled = nullptr,
                               std::uint64_t most_log_bytes = kMostLogBytesOfBackup);
 
-/// The file name of a backup made at this time: needlelab-20260131T020000Z.db.
-std::string backupName(std::int64_t now_unix_ns);
+/// Room that an encrypted backup leaves on the database's disk while its plain copy lies there. Smaller:
+/// lessons that run may find the disk full (server/live/disk_room.h); greater: backups end earlier for want
+/// of room.
+inline constexpr std::uint64_t kRoomBesidePlainCopy = std::uint64_t{512} << 20;
+
+/// The plain copy of an encrypted backup, beside the database: where the data is plain anyway, and never in
+/// the backup's folder.
+std::filesystem::path plainCopyBeside(const std::filesystem::path& database);
+
+/// The same, encrypted: copies to plainCopyBeside() and checks that copy as above, encrypts it to
+/// `target`.partial, reads this back from the disk through the decryptor and compares hashes, renames it to
+/// `target`, removes the plain copy in every case. One at a time for a database. Further errors: kNoRoom (the
+/// database's disk has no room for the copy and `room_left` bytes).
+Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem::path& target,
+                                       const BackupKey& key, const std::atomic<bool>* cancelled = nullptr,
+                                       std::uint64_t most_log_bytes = kMostLogBytesOfBackup,
+                                       std::uint64_t room_left = kRoomBesidePlainCopy);
+
+/// Removes a plain copy that a backup left when its program was killed. Call it when no backup is under way.
+void removePlainCopy(const std::filesystem::path& database);
+
+/// The end of a plain backup's name.
+inline constexpr std::string_view kPlainEnding = ".db";
+
+/// The file name of a backup made at this time: needlelab-20260131T020000Z.db, or with kEncryptedEnding.
+std::string backupName(std::int64_t now_unix_ns, std::string_view ending = kPlainEnding);
 
 /// Older backups in the same folder as a new one.
 struct OldBackups {
@@ -52,9 +78,9 @@ struct OldBackups {
   std::vector<std::filesystem::path> later;
 };
 
-/// Removes the backups beside `target` except the newest `keep`, by the time in their names (backupName).
-/// `target` counts as one of them and is never removed, whatever the other names say. Does not touch other
-/// files. Errors: kFailed.
+/// Removes the backups beside `target`, plain and encrypted ones, except the newest `keep`, by the time in
+/// their names (backupName). `target` counts as one of them and is never removed, whatever the other names
+/// say. Does not touch other files. Errors: kFailed.
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
 /// Stores the backup's time and place, and raises the watermark of the sessions in `covered` (the caller

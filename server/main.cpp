@@ -13,6 +13,7 @@
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
+#include "db/encrypted_backup.h"
 #include "server/base/log.h"
 #include "server/server.h"
 #include "server/service_manager.h"
@@ -79,6 +80,10 @@ int main(int argc, char** argv) try {
                  "/healthz fails when the last verified backup is older than so many hours; 0: never")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
+  app.add_option("--backup-key", options.backup_key,
+                 "File of a key (needlelab-admin backup-key new): backups are encrypted with it. Without it: "
+                 "$CREDENTIALS_DIRECTORY/backup.key, if there is one")
+      ->type_name("FILE");
   app.add_option(
          "--retention-every", retention_every_h,
          "Hours between two runs of retention, the first 10 minutes after the start; 0: only when asked")
@@ -119,6 +124,7 @@ int main(int argc, char** argv) try {
   if (!format.ok()) return fail(format.error());
   needlelab::setLogFormat(*format);
   options.min_free_bytes = min_free_mib << 20;
+  options.backup_key = needlelab::backupKeyFile(options.backup_key);
   // with the default web port, a second server on the machine runs without it and needs no option
   options.web_optional = web->count() == 0;
   options.retention_every = std::chrono::hours(retention_every_h);

@@ -55,8 +55,8 @@ struct Server::Parts {
   std::string certificate_sha256;
   std::unique_ptr<Store> store;
   // of the retention threads, one runs retention; the other answers further requests and makes dry runs
-  asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{kWorkerThreads}, views{kViewThreads}, slow_workers{1},
-      retention_workers{2};
+  asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{kWorkerThreads}, views{kViewThreads},
+      slow_workers{1}, retention_workers{2};
   asio::thread_pool room_worker{1};  // looks at the disk, which may hang
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
@@ -140,6 +140,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   Store::Options store_options;
   store_options.writer = p.options.writer;
   store_options.writer.on_thrown = logThrown;
+  store_options.backup_key = p.options.backup_key;
   store_options.on_fatal = [raw = parts.get()](const Error& error) {
     logEvent(LogLevel::kError, "store_failed", {{"text", error.message}});
     asio::post(raw->io, [raw] {
@@ -245,9 +246,8 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Server::~Server() {
   Parts& p = *parts_;
   // running work posts its results to io, which no longer runs
-  for (asio::thread_pool* pool :
-       {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.views, &p.slow_workers, &p.retention_workers,
-        &p.room_worker})
+  for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.views, &p.slow_workers,
+                                  &p.retention_workers, &p.room_worker})
     pool->join();
   if (p.monitor) p.monitor->join();
   p.store->writer().stop();

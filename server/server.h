@@ -33,6 +33,7 @@ struct ServerOptions {
   std::chrono::milliseconds room_every{1'000};  ///< between two looks at the disk
   StationQuotas::Settings quotas;
   MonitorSettings monitor;
+  std::filesystem::path backup_key;     ///< the file of the key that encrypts backups; empty: none
   std::filesystem::path port_file;      ///< written after listening; empty: none
   std::vector<std::string> host_names;  ///< for the certificate, in addition to those found automatically
   std::vector<std::string> ca_domains;  ///< for an authority that is made now (CertificateNames::domains)

@@ -26,7 +26,12 @@ Result<std::unique_ptr<Backend>> openBackend(const GlobalOptions& global, const 
     return usage(
         "give either --data DIR (a stopped server's folder) or --server HOST:PORT --ca FILE --user NAME");
   }
-  if (!global.data.empty()) return openFolder(global.data, chosen.may_create);
+  if (!global.data.empty()) return openFolder(global.data, chosen.may_create, chosen.encrypt_with);
+  if (!chosen.encrypt_with.empty())
+    return usage(
+        "--encrypt-with goes with --data: a server that runs encrypts with a key of its own "
+        "(needlelab-server "
+        "--backup-key FILE), so that the key never crosses the network");
   if (global.ca.empty()) return usage("--server needs --ca FILE, the server's tls/ca.crt");
   if (global.user.empty()) return usage("--server needs --user NAME");
   ASSIGN_OR_RETURN(const auto endpoint, parseEndpoint(global.server));
@@ -92,7 +97,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addCurriculumCommands(app, chosen);
   addSessionCommands(app, chosen);
   addCertificateCommands(app, chosen);
-  addUpkeepCommands(app, chosen);
+  addUpkeepCommands(app, global, chosen);
   addRetentionCommands(app, chosen);
   addTeachingCommands(app, chosen);
   addScoreCommands(app, chosen);
@@ -111,6 +116,10 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
     if (const auto valid = chosen.check(); !valid) return fail(err, valid.error());
   }
   Output output(out, err, json);
+  if (chosen.run_alone) {
+    if (const auto done = chosen.run_alone(output); !done) return fail(err, done.error());
+    return kExitDone;
+  }
   if (chosen.run_on_files) {
     if (global.data.empty() || !global.server.empty())
       return fail(err,

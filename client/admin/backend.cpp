@@ -121,7 +121,8 @@ class ServerBackend : public Backend {
 
 }  // namespace
 
-Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create) {
+Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create,
+                                            const std::filesystem::path& backup_key) {
   const NewFolder made(folder);
   // also when an exception leaves this function
   const auto clean = [](const NewFolder* of) { of->removeUnopened(); };
@@ -129,6 +130,7 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
   Store::Options options;
   options.holder = "needlelab-admin";
   options.create = create;
+  options.backup_key = backup_key;
   options.writer.window = std::chrono::milliseconds(0);  // no other writer: no need to wait
   auto store = Store::open(folder, options);
   if (!store) {

@@ -26,9 +26,11 @@ class Backend {
   virtual void discardIfNew() {}
 };
 
-/// Opens DIR of a stopped server, as administrator. `create`: creates a missing folder. Errors: as
-/// Store::open; kUnavailable when a server is running there.
-Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create);
+/// Opens DIR of a stopped server, as administrator. `create`: creates a missing folder. `backup_key`: the
+/// file of the key that encrypts its backups; empty: none. Errors: as Store::open; kUnavailable when a server
+/// is running there.
+Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create,
+                                            const std::filesystem::path& backup_key = {});
 
 struct ServerAddress {
   Endpoint endpoint;

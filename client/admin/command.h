@@ -36,8 +36,11 @@ struct ChosenCommand {
   std::function<Status(CommandContext&)> run;
   /// Replaces `run` for commands that only need the files of --data, without opening the database.
   std::function<Status(const std::filesystem::path& folder, Output&)> run_on_files;
-  bool may_create = false;        ///< with --data: creates a missing folder
-  std::string new_password_file;  ///< of `user add` and `user passwd`
+  /// The same for commands that need nothing but the files that they name.
+  std::function<Status(Output&)> run_alone;
+  bool may_create = false;             ///< with --data: creates a missing folder
+  std::filesystem::path encrypt_with;  ///< of `backup`, with --data: the key's file; empty: none
+  std::string new_password_file;       ///< of `user add` and `user passwd`
 };
 
 /// Sets the function of `command`.
@@ -51,7 +54,7 @@ void addProfileCommands(CLI::App& app, ChosenCommand& chosen);
 void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen);
 void addSessionCommands(CLI::App& app, ChosenCommand& chosen);
 void addCertificateCommands(CLI::App& app, ChosenCommand& chosen);
-void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen);
+void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
 void addRetentionCommands(CLI::App& app, ChosenCommand& chosen);
 void addTeachingCommands(CLI::App& app, ChosenCommand& chosen);
 void addScoreCommands(CLI::App& app, ChosenCommand& chosen);

@@ -9,6 +9,7 @@
 #include "common/base/local_time.h"
 #include "common/base/uuid.h"
 #include "common/wire/certificates.h"
+#include "db/encrypted_backup.h"
 #include "db/service/bootstrap.h"
 #include "db/service/restore.h"
 
@@ -46,11 +47,13 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
                     {"undecodable_chunks", done.undecodable_chunks()},
                     {"disk", pb::BackupDone::Disk_Name(done.disk())},
                     {"safe", done.safe()},
+                    {"encrypted", done.encrypted()},
                     {"place", placeText(done)},
                     {"removed", std::vector<std::string>(done.removed().begin(), done.removed().end())}};
   if (auto shown = context.output.one({{"path", "backup"},
                                        {"bytes", "size", Column::Kind::kBytes},
                                        {"chunks_verified", "chunks verified in the copy"},
+                                       {"encrypted", "encrypted"},
                                        {"place", "place"}},
                                       row);
       !shown)
@@ -65,8 +68,20 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
   return {};
 }
 
-Status restore(const std::filesystem::path& folder, Output& output, const std::string& from) {
-  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs()));
+Status newBackupKey(Output& output, const std::string& file) {
+  ASSIGN_OR_RETURN(const auto key, BackupKey::make(file));
+  RETURN_IF_ERROR(
+      output.one({{"file", "backup key"}, {"id", "its id"}}, {{"file", file}, {"id", key.idText()}}));
+  output.text(
+      "Keep a copy of it apart from the server and from the backups, e.g. on paper in a safe: without it "
+      "nobody "
+      "can read a backup that it encrypts.");
+  return {};
+}
+
+Status restore(const std::filesystem::path& folder, Output& output, const std::string& from,
+               const std::string& key) {
+  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs(), nullptr, key));
   // open it once, to check that it opens, and to write the audit log
   Store::Options options;
   options.holder = "needlelab-admin";
@@ -354,9 +369,9 @@ Status moveKey(const std::filesystem::path& folder, Output& output, const std::s
 
 }  // namespace
 
-void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
+void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen) {
   struct Values {
-    std::string path, folder, from, codes;
+    std::string path, folder, from, codes, key, encrypt_with;
     std::uint32_t limit = 100, keep = 14;
     bool counts_as_safe = false;
   };
@@ -381,10 +396,19 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
   backup_command->add_flag("--counts-as-safe", values->counts_as_safe,
                            "stations let go of what this backup contains although it is not known to lie on "
                            "another disk than the database: one fault may then take both");
-  backup_command->callback([&chosen, values] {
-    chosen.check = [values]() -> Status {
+  backup_command
+      ->add_option(
+          "--encrypt-with", values->encrypt_with,
+          "the file of a key (backup-key new); with --data only, a server has its own: --backup-key. "
+          "Without it: $CREDENTIALS_DIRECTORY/backup.key, if there is one")
+      ->type_name("KEYFILE");
+  backup_command->callback([&chosen, &global, values] {
+    chosen.check = [&chosen, &global, values]() -> Status {
       if (values->path.empty() && values->folder.empty())
         return Error{ErrorCode::kInvalidInput, "backup: give FILE, or --dir DIR [--keep N]"};
+      // a server that runs takes the credential by itself
+      chosen.encrypt_with = global.server.empty() ? backupKeyFile(values->encrypt_with)
+                                                  : std::filesystem::path(values->encrypt_with);
       return {};
     };
     chosen.run = [values](CommandContext& context) {
@@ -398,10 +422,24 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
   restore_command->add_option("--from", values->from, "the backup; it is checked completely first")
       ->required()
       ->type_name("FILE");
+  restore_command
+      ->add_option("--key", values->key,
+                   "the key's file, for an encrypted backup; a plain one is refused then")
+      ->type_name("KEYFILE");
   restore_command->callback([&chosen, values] {
     chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
-      return restore(folder, output, values->from);
+      return restore(folder, output, values->from, values->key);
     };
+  });
+
+  auto* key_command = app.add_subcommand("backup-key", "the key that backups are encrypted with");
+  key_command->require_subcommand(1);
+  auto* new_key = key_command->add_subcommand("new", "make a random one; needs neither --data nor --server");
+  new_key->add_option("file", values->key, "the new file; it is never overwritten")
+      ->required()
+      ->type_name("FILE");
+  new_key->callback([&chosen, values] {
+    chosen.run_alone = [values](Output& output) { return newBackupKey(output, values->key); };
   });
 
   auto* lab = app.add_subcommand("lab", "what holds for the whole lab");

@@ -11,6 +11,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
+#include "db/backup.h"
 #include "db/connection.h"
 #include "db/schema.h"
 #include "db/service/erasures.h"
@@ -136,10 +137,16 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
                        "add the first user or station, to make one"};
     }
   }
+  std::optional<BackupKey> backup_key;
+  if (!options.backup_key.empty()) {
+    ASSIGN_OR_RETURN(backup_key, BackupKey::read(options.backup_key));
+  }
   RETURN_IF_ERROR(makeFolder(folder));
   ASSIGN_OR_RETURN(auto lock, FolderLock::take(folder, options.holder));
   // before the database is opened: a half-replaced database would be opened with the old one's log
   RETURN_IF_ERROR(finishRestore(folder));
+  // also before a database is opened that is only read: it gives room back
+  removePlainCopy(path);
   RETURN_IF_ERROR(makeDatabaseFile(path));
 
   std::unique_ptr<Store> store(new Store(std::move(lock)));
@@ -148,8 +155,8 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
                         : Result<Connection>(Error{ErrorCode::kNoRoom, options.read_only_because});
   std::size_t repeated = 0;
   if (connection) {
-    // before anybody is served: a restored backup does not know who was erased since, and a log from before the
-    // last end may still have what was erased
+    // before anybody is served: a restored backup does not know who was erased since, and a log from before
+    // the last end may still have what was erased
     ASSIGN_OR_RETURN(repeated, repeatErasures(*connection, wallNowNs()));
     const auto emptied = connection->emptyLog(0);
     if (!emptied) return emptied.error();
@@ -165,6 +172,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());
   }
   store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
+  if (backup_key) store->service_->setBackupKey(std::move(*backup_key));
   if (repeated > 0) (void)store->service_->finishErasure();
   return store;
 }

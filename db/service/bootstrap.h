@@ -41,13 +41,15 @@ class Store {
     DbWriter::OnFatal on_fatal = {};
     /// Why the database must not be written to; empty: it may be.
     std::string read_only_because = {};
-    TimeSource* time = &machineTime();  ///< the service's; must outlive the store
+    TimeSource* time = &machineTime();      ///< the service's; must outlive the store
+    std::filesystem::path backup_key = {};  ///< the file of the key that encrypts backups; empty: none
   };
   /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
   /// profiles and curriculum into a new database, repeats erasures on a restored one, empties the log. An
   /// existing database whose disk is full, or which must not be written to, is opened read-only: its log is
-  /// read, and nothing is written, neither into it nor beside it. Errors: kUnavailable (locked), kVersion (newer
-  /// schema), kNoRoom (the disk is full, and the database is new or has an older schema), kCorrupt, kFailed.
+  /// read, and nothing is written, neither into it nor beside it. Errors: kUnavailable (locked), kVersion
+  /// (newer schema), kNoRoom (the disk is full, and the database is new or has an older schema),
+  /// kInvalidInput (backup_key), kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   /// Why nothing can be written, until the folder is opened again; nothing: the writer works.

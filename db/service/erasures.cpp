@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "db/audit.h"
+#include "db/encrypted_backup.h"
 #include "db/erasure.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
@@ -28,8 +29,9 @@ std::string newErasurePseudonym() {
 }
 
 /// Whether a database that lies aside names the person as somebody's name; true also when that cannot be
-/// read.
+/// read, as in an encrypted backup.
 bool namesPerson(const std::filesystem::path& path, const std::string& name) {
+  if (isEncryptedBackup(path)) return true;
   std::error_code error;
   const std::filesystem::path memory = path.string() + "-shm", log = path.string() + "-wal";
   const bool had_memory = std::filesystem::exists(memory, error);
@@ -69,7 +71,8 @@ std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& fo
       std::array<char, 16> start{};
       in.read(start.data(), start.size());
       constexpr std::string_view kMagic("SQLite format 3\0", 16);
-      if (std::string_view(start.data(), start.size()) == kMagic) all.insert(at->path());
+      if (std::string_view(start.data(), start.size()) == kMagic || isEncryptedBackup(at->path()))
+        all.insert(at->path());
     }
   }
   std::vector<std::filesystem::path> naming;

@@ -14,6 +14,7 @@
 #include "common/base/uuid.h"
 #include "db/connection.h"
 #include "db/db_writer.h"
+#include "db/encrypted_backup.h"
 #include "db/service/reference_paths.h"
 #include "db/service/requests.h"
 #include "needlelab/control.pb.h"
@@ -39,6 +40,7 @@ struct Context {
   const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: cancels long reads
   ReferencePaths* paths = nullptr;               ///< of reference sessions
   const BlockDevices* disks = nullptr;           ///< null: this machine's
+  const BackupKey* backup_key = nullptr;         ///< null: backups are not encrypted
 };
 
 /// Runs `work` on the writer and adds a line to the audit log, both or neither; returns after the commit.

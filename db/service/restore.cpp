@@ -8,7 +8,9 @@
 #include <cerrno>
 #include <cstdio>
 #include <ctime>
+#include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -17,6 +19,7 @@
 #include "db/audit.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/encrypted_backup.h"
 #include "db/erasure.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
@@ -36,34 +39,63 @@ Status removeFile(const fs::path& path) {
   return systemError(path, "remove");
 }
 
-/// Copies a regular file, with access only for its owner, and syncs it.
-Status copyFile(const fs::path& from, const fs::path& to) {
+using Take = std::function<Status(ByteView)>;
+
+Status readPlain(const fs::path& from, const Take& take) {
   const int in = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
   if (in < 0) return Error{ErrorCode::kInvalidInput, systemError(from, "read").message};
-  const int out = ::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (out < 0) {
-    const Error error = systemError(to, "make");
-    ::close(in);
-    return error;
-  }
   Status status;
   std::string buffer(1u << 20, '\0');
-  for (;;) {
+  while (status.ok()) {
     const ssize_t got = ::read(in, buffer.data(), buffer.size());
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) status = systemError(from, "read");
     if (got <= 0) break;
-    for (ssize_t at = 0; at < got && status.ok();) {
-      const ssize_t put = ::write(out, buffer.data() + at, static_cast<std::size_t>(got - at));
-      if (put < 0 && errno != EINTR) status = systemError(to, "write");
-      if (put > 0) at += put;
+    status = take(viewOf(std::string_view(buffer).substr(0, static_cast<std::size_t>(got))));
+  }
+  ::close(in);
+  return status;
+}
+
+/// Copies a backup to a plain file with access only for its owner, and syncs it. `key`: of an encrypted one.
+Status copyFile(const fs::path& from, const fs::path& to, const std::optional<BackupKey>& key) {
+  const int out = ::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (out < 0) return systemError(to, "make");
+  const Take write_it = [&](ByteView bytes) -> Status {
+    while (!bytes.empty()) {
+      const ssize_t put = ::write(out, bytes.data(), bytes.size());
+      if (put < 0 && errno != EINTR) return systemError(to, "write");
+      if (put > 0) bytes = bytes.subspan(static_cast<std::size_t>(put));
     }
-    if (!status.ok()) break;
+    return {};
+  };
+  Status status;
+  if (key) {
+    if (const auto read = decryptFile(from, *key, write_it); !read) status = read.error();
+  } else {
+    status = readPlain(from, write_it);
   }
   if (status.ok() && ::fsync(out) != 0) status = systemError(to, "fsync");
-  ::close(in);
   ::close(out);
   return status;
+}
+
+/// The key of the backup; nothing for a plain one. Refuses a plain one where a key was given: whoever can
+/// write to the backups could put a forged one in an encrypted one's place.
+Result<std::optional<BackupKey>> keyFor(const fs::path& from, const fs::path& key_file) {
+  const bool encrypted = isEncryptedBackup(from);
+  if (key_file.empty() && !encrypted) return std::optional<BackupKey>();
+  if (key_file.empty())
+    return Error{ErrorCode::kInvalidInput,
+                 "--from " + from.string() + ": is encrypted: give the file of its key (--key FILE)"};
+  ASSIGN_OR_RETURN(auto key, BackupKey::read(key_file));
+  if (!encrypted)
+    return Error{
+        ErrorCode::kInvalidInput,
+        "--from " + from.string() +
+            ": is no encrypted backup, but --key was given: it is another file, or its first bytes are "
+            "damaged; leave --key away to restore a plain backup that you trust"};
+  return std::optional<BackupKey>(std::move(key));
 }
 
 /// The copy's contents, if it is intact and this program knows its schema.
@@ -173,7 +205,7 @@ Status keep(const fs::path& file, const fs::path& as, LinkCall link) {
 }  // namespace
 
 Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns,
-                                  LinkCall link) {
+                                  LinkCall link, const fs::path& key_file) {
   std::error_code error;
   if (!fs::is_directory(folder, error))
     return Error{ErrorCode::kInvalidInput,
@@ -188,14 +220,15 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     if (const fs::path log = from.string() + suffix; fs::exists(log, error) && fs::file_size(log, error) > 0)
       return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": there is a log beside it (" +
                                                  log.string() + "): it is a database in use and no backup"};
-  RETURN_IF_ERROR(FolderLock::take(folder, "needlelab-admin restore"));
+  ASSIGN_OR_RETURN(const auto key, keyFor(from, key_file));
+  ASSIGN_OR_RETURN(const auto lock, FolderLock::take(folder, "needlelab-admin restore"));
   RETURN_IF_ERROR(finishRestore(folder, link));
 
   const auto drop = [&] {
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
   };
   drop();
-  if (auto done = copyFile(from, copy); !done) {
+  if (auto done = copyFile(from, copy, key); !done) {
     drop();
     return done.error();
   }

@@ -1,4 +1,4 @@
-/// Replaces a database by a backup: completely or not at all. Keeps the old database.
+/// Replaces a database by a backup, plain or encrypted: completely or not at all. Keeps the old database.
 #pragma once
 
 #include <cstdint>
@@ -42,13 +42,16 @@ struct RestoreResult {
 /// under the folder's lock, keeps the old database as needlelab.db.replaced-TIME (with its -wal) and puts
 /// the copy in its place, without a -wal or -shm. A crash at any instant leaves the old database or, once the
 /// decision is in DIR/restore.pending, the next start of any program on DIR completes the restore. Only reads
-/// `from`. The restored database's audit log lists the accesses withdrawn since the backup, as does its meta
-/// entry `access_valid_again` for the server's log. On a disk without hard links, renames the old database
-/// instead of linking it. `link`: link(2), or a test's replacement. Errors: kUnavailable (a server runs on
-/// DIR), kInvalidInput (no such file, or it is DIR's own database), kVersion (newer schema), kCorrupt (the
-/// copy fails its check; nothing was changed), kFailed.
+/// `from`. `key_file` is the key of an encrypted backup, which the copy is decrypted with; empty: `from` is a
+/// plain one. The restored database's audit log lists the accesses withdrawn since the backup, as does its
+/// meta entry `access_valid_again` for the server's log. On a disk without hard links, renames the old
+/// database instead of linking it. `link`: link(2), or a test's replacement. Errors: kUnavailable (a server
+/// runs on DIR), kInvalidInput (no such file, or it is DIR's own database; the key is missing, is another
+/// one, or is given for a plain backup), kVersion (newer schema or format), kCorrupt (the backup or its copy
+/// fails its check; nothing was changed), kFailed.
 Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
-                                  std::int64_t now_unix_ns, LinkCall link = nullptr);
+                                  std::int64_t now_unix_ns, LinkCall link = nullptr,
+                                  const std::filesystem::path& key_file = {});
 
 /// Completes a restore that was interrupted after its decision. Under the folder's lock, before the database
 /// is opened.

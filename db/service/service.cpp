@@ -105,7 +105,7 @@ Result<pb::Reply> Service::withReader(
     const std::function<Result<pb::Reply>(const handlers::Context&)>& work) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   return work({who, writer_, *reader, wallNowNs(), action, exports_, codes_, &cancelled_, &reference_paths_,
-               &disks_});
+               &disks_, backup_key_ ? &*backup_key_ : nullptr});
 }
 
 Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) {

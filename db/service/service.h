@@ -15,6 +15,7 @@
 #include "common/base/time_source.h"
 #include "db/audit.h"
 #include "db/db_writer.h"
+#include "db/encrypted_backup.h"
 #include "db/reader_pool.h"
 #include "db/service/code_guard.h"
 #include "db/service/export_ledger.h"
@@ -99,6 +100,9 @@ class Service {
   /// By which a backup is told from one on another disk. Call before the first backup.
   void setBlockDevices(BlockDevices devices) { disks_ = std::move(devices); }
 
+  /// Makes backups encrypted. Call before the first backup.
+  void setBackupKey(BackupKey key) { backup_key_ = std::move(key); }
+
   /// Erased people who are in this database again after a restore from an older backup: one sentence each,
   /// with the action to take.
   Result<std::vector<std::string>> erasuresToRepeat();
@@ -160,6 +164,7 @@ class Service {
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;
   BlockDevices disks_;
+  std::optional<BackupKey> backup_key_;
 };
 
 }  // namespace needlelab

@@ -23,6 +23,23 @@ pb::BackupDone::Disk diskOf(const Context& context, const std::filesystem::path&
   return pb::BackupDone::DISK_UNKNOWN;
 }
 
+/// The file that a backup goes to; its name tells whether it is encrypted.
+Result<std::filesystem::path> backupTarget(const Context& context, const pb::Backup& call) {
+  const bool encrypted = context.backup_key != nullptr;
+  std::filesystem::path target = call.path();
+  if (call.keep() > 0)
+    return target / backupName(context.now_unix_ns, encrypted ? kEncryptedEnding : kPlainEnding);
+  const bool named_so = target.extension() == kEncryptedEnding;
+  if (encrypted && !named_so) target += kEncryptedEnding;
+  if (!encrypted && named_so)
+    return Error{ErrorCode::kInvalidInput,
+                 target.string() +
+                     ": a backup of this name is encrypted, and there is no key: give the server one "
+                     "(--backup-key FILE), or the command on a stopped server's folder "
+                     "(--encrypt-with FILE), or choose another name"};
+  return target;
+}
+
 }  // namespace
 
 Status write(const Context& context, const std::string& subject, const std::string& detail,
@@ -56,17 +73,21 @@ pb::Reply doneReply() {
 }
 
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
-  std::filesystem::path target = call.path();
-  if (call.keep() > 0) target /= backupName(context.now_unix_ns);
-  ASSIGN_OR_RETURN(auto result, backupTo(context.reader, target, context.cancelled));
+  const BackupKey* const key = context.backup_key;
+  ASSIGN_OR_RETURN(const auto target, backupTarget(context, call));
+  ASSIGN_OR_RETURN(auto result, key != nullptr
+                                    ? encryptedBackupTo(context.reader, target, *key, context.cancelled)
+                                    : backupTo(context.reader, target, context.cancelled));
   const pb::BackupDone::Disk disk = diskOf(context, target);
   // a station deletes what is Safe: one fault of a disk must not take the database and the backup
   const bool safe = disk == pb::BackupDone::ANOTHER_DISK || call.counts_as_safe();
   if (!safe) result.covered.clear();
-  std::string detail = fmt::format("{} bytes, {} chunks, {}", result.bytes, result.chunks_verified,
-                                   safe ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe"
-                                                                                : "Safe because it was asked for")
-                                        : "not on another disk: not Safe");
+  std::string detail = fmt::format(
+      "{} bytes, {} chunks, {}{}", result.bytes, result.chunks_verified,
+      key != nullptr ? "encrypted with the key " + key->idText() + ", " : "",
+      safe
+          ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe" : "Safe because it was asked for")
+          : "not on another disk: not Safe");
   if (result.undecodable_chunks > 0)
     detail += fmt::format(", and {} that cannot be decoded and are not Safe", result.undecodable_chunks);
   RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
@@ -79,6 +100,7 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   auto* done = reply.mutable_backup_done();
   done->set_disk(disk);
   done->set_safe(safe);
+  done->set_encrypted(key != nullptr);
   done->set_path(target.string());
   done->set_bytes(result.bytes);
   done->set_chunks_verified(result.chunks_verified);

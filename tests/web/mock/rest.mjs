@@ -755,6 +755,7 @@ export const kTable = [
     bytes: 12_400_000,
     chunks_verified: 914,
     undecodable_chunks: 0,
+    encrypted: false,
     removed: [],
     disk: body?.path ? 'ANOTHER_DISK' : 'SAME_DISK',
     safe: Boolean(body?.path || body?.counts_as_safe),

@@ -81,7 +81,7 @@ function Backup() {
       <div role="status">${
         done &&
         html`<p>
-             <${Mark} kind="good">verified<//> ${done.path}: ${bytes(done.bytes)}, ${counted(done.chunks_verified, 'piece')} of recordings read back, ${moment(done.at)}.
+             <${Mark} kind="good">verified<//> ${done.encrypted && html`<${Mark} kind="good">encrypted<//> `}${done.path}: ${bytes(done.bytes)}, ${counted(done.chunks_verified, 'piece')} of recordings read back, ${moment(done.at)}.
              ${done.undecodable_chunks > 0 && html`${counted(done.undecodable_chunks, 'piece')} cannot be decoded and ${done.undecodable_chunks === 1 ? 'is' : 'are'} not safe.`}
            </p>
            <${Place} done=${done} />`
