@@ -99,6 +99,37 @@ TEST_F(UpkeepCommands, aRestoreBringsBackThePeopleOfTheBackupAndNamesWhatIsValid
   EXPECT_EQ(good({"audit", "--limit", "1", "--json"}).rows().at(0).at("action"), "restore");
 }
 
+TEST_F(UpkeepCommands, anEncryptedBackupIsMadeByAKeyAndRestoredByIt) {
+  const Run key = run({"backup-key", "new", file("backup.key")});
+  EXPECT_EQ(key.code, 0) << key.err;
+  EXPECT_THAT(key.out, HasSubstr("apart from the server and from the backups"));
+  EXPECT_THAT(key.out, Not(HasSubstr(readWholeFile(file("backup.key"))->substr(0, 64))));
+  EXPECT_EQ(run({"backup-key", "new", file("backup.key")}).code, 1) << "never overwritten";
+  EXPECT_EQ(run({"backup-key"}).code, 2);
+
+  const auto made =
+      good({"backup", file("copy"), "--encrypt-with", file("backup.key"), "--json"}).rows().at(0);
+  EXPECT_EQ(made.at("encrypted"), true);
+  EXPECT_EQ(made.at("path"), file("copy.nlbk"));
+  EXPECT_THAT(good({"audit", "--limit", "1", "--json"}).rows().at(0).at("detail").get<std::string>(),
+              HasSubstr("encrypted with the key "));
+  const Run without = onData({"backup", file("plain.nlbk")});
+  EXPECT_EQ(without.code, 2);
+  EXPECT_THAT(without.err, HasSubstr("there is no key"));
+  const Run remote = run({"--server", "localhost:1", "--ca", file("none"), "--user", "ada", "backup", "/x.db",
+                          "--encrypt-with", file("backup.key")});
+  EXPECT_EQ(remote.code, 2);
+  EXPECT_THAT(remote.err, HasSubstr("the key never crosses the network"));
+
+  good({"user", "add", "late", "--role", "trainee"});
+  const Run no_key = onData({"restore", "--from", file("copy.nlbk")});
+  EXPECT_EQ(no_key.code, 2);
+  EXPECT_THAT(no_key.err, HasSubstr("--key FILE"));
+  EXPECT_EQ(names(), (std::vector<std::string>{"late", "tom"}));
+  good({"restore", "--from", file("copy.nlbk"), "--key", file("backup.key")});
+  EXPECT_EQ(names(), std::vector<std::string>{"tom"});
+}
+
 TEST_F(UpkeepCommands, whatIsNoBackupRestoresNothing) {
   folder.write("junk.db", "this is no database");
   fs::create_directory(file("folder.db"));
