@@ -327,8 +327,9 @@ Result<PlainHash> decryptFile(const fs::path& encrypted, const BackupKey& key,
     unsigned char tag = 0;
     if (crypto_secretstream_xchacha20poly1305_pull(&stream.state, piece.data(), nullptr, &tag, sealed.data(),
                                                    got, preamble.bytes.data(), preamble.bytes.size()) != 0)
-      return refused(fmt::format(
-          "bytes {} to {} were changed or damaged, are in another order, or are cut off", at, at + got - 1));
+      return refused(
+          fmt::format("bytes {} to {} were changed or damaged, cut off, added to, or put in another order",
+                      at, at + got - 1));
     at += got;
     last = tag == crypto_secretstream_xchacha20poly1305_TAG_FINAL;
     if (!last && (tag != crypto_secretstream_xchacha20poly1305_TAG_MESSAGE || got < sealed.size()))

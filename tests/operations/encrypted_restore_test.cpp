@@ -116,7 +116,7 @@ TEST_F(EncryptedRestore, refusesEveryDamageAndChangesNothing) {
   const auto bad = [&](const std::string& bytes) { return folder_.write("bad.nlbk", bytes); };
   for (const std::size_t left : {std::size_t{20}, std::size_t{56}, good.size() / 2, good.size() - 1})
     refused(bad(good.substr(0, left)), keyFile(), ErrorCode::kCorrupt, "cut off");
-  refused(bad(good + "more"), keyFile(), ErrorCode::kCorrupt, "has bytes after its end");
+  refused(bad(good + "more"), keyFile(), ErrorCode::kCorrupt, "added to");
   // the stream's header, the first piece, the middle, the last authenticator
   for (const std::size_t at : {std::size_t{40}, std::size_t{60}, good.size() / 2, good.size() - 1}) {
     std::string flipped = good;

@@ -2,6 +2,7 @@
 #include "db/service/restore.h"
 
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <fstream>
@@ -174,6 +175,20 @@ TEST_F(RestoreTest, aReplacedDatabaseThatCannotBeReadDoesNotKeepTheRestoreAndItI
   EXPECT_NE(result->not_compared, "");
   EXPECT_EQ(people(), std::vector<std::string>{"kept"});
   EXPECT_EQ(*readWholeFile(result->kept), std::string(20'000, 'x'));
+}
+
+TEST_F(RestoreTest, holdsTheFolderUntilItIsDone) {
+  static fs::path folder;
+  static bool taken;
+  folder = data();
+  taken = false;
+  const auto link = [](const char* from, const char* to) {
+    taken = taken || FolderLock::take(folder, "needlelab-server").ok();
+    return ::link(from, to);
+  };
+  ASSERT_TRUE(restoreFrom(data(), backup(), kNow, link).ok());
+  EXPECT_FALSE(taken) << "a server would have opened a half-restored folder";
+  EXPECT_TRUE(FolderLock::take(data(), "needlelab-server").ok()) << "free again";
 }
 
 TEST_F(RestoreTest, aDiskWithoutHardLinksKeepsTheReplacedDatabaseAsWellAndTheWayBackIsARename) {

@@ -249,6 +249,20 @@ TEST_F(ErasedPeople, areSaidToBeInBackupsAndReplacedDatabases) {
   EXPECT_EQ(other.files(0), folder.path() / "kept" / "two.db");
 }
 
+TEST_F(ErasedPeople, mayBeInEveryEncryptedBackup) {
+  addNamed("anna", "");
+  const auto key = BackupKey::make(folder.path() / "backup.key");
+  ASSERT_OK(key);
+  store->service().setBackupKey(*key);
+  std::filesystem::create_directory(folder.path() / "kept");
+  pb::Request backup;
+  backup.mutable_backup()->set_path((folder.path() / "kept" / "one").string());
+  get(admin, backup);
+  const auto erasure = get(admin, erase("anna")).erasure();
+  ASSERT_EQ(erasure.files_size(), 1) << "nobody can look into it";
+  EXPECT_EQ(erasure.files(0), folder.path() / "kept" / "one.nlbk");
+}
+
 TEST_F(ErasedPeople, areErasedAlsoWhenTheirDamagedChunksStay) {
   addStation();
   addNamed("anna", "");
