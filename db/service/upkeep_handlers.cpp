@@ -63,10 +63,11 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   // a station deletes what is Safe: one fault of a disk must not take the database and the backup
   const bool safe = disk == pb::BackupDone::ANOTHER_DISK || call.counts_as_safe();
   if (!safe) result.covered.clear();
-  std::string detail = fmt::format("{} bytes, {} chunks, {}", result.bytes, result.chunks_verified,
-                                   safe ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe"
-                                                                                : "Safe because it was asked for")
-                                        : "not on another disk: not Safe");
+  std::string detail = fmt::format(
+      "{} bytes, {} chunks, {}", result.bytes, result.chunks_verified,
+      safe
+          ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe" : "Safe because it was asked for")
+          : "not on another disk: not Safe");
   if (result.undecodable_chunks > 0)
     detail += fmt::format(", and {} that cannot be decoded and are not Safe", result.undecodable_chunks);
   RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
@@ -138,7 +139,9 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
   auto* list = reply.mutable_audit();
   PageRoom room;
   for (const AuditRow& row : entries) {
-    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
+    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() +
+                   row.imported_by.size() + row.imported_from.size() + 64))
+      break;
     // ids begin with 1: there is no further page
     list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());
     auto* entry = list->add_entries();
@@ -148,6 +151,8 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
     entry->set_action(row.action);
     entry->set_subject(row.subject);
     entry->set_detail(row.detail);
+    entry->set_imported_by(row.imported_by);
+    entry->set_imported_from(row.imported_from);
   }
   return reply;
 }
