@@ -259,7 +259,7 @@ TEST_F(AuditChainTest, aHeadIsReadFromAnyTextByItsNewestMention) {
   EXPECT_EQ(readAuditAnchor(db.folder.path() / "none").error().code, ErrorCode::kInvalidInput);
 }
 
-// tests/data/db/v8.sql was made by another program (Python's hashlib), from db/README.md alone.
+// The entries of tests/data/db/v8.sql were made by another program (Python's hashlib), as db/README.md describes them.
 TEST_F(AuditChainTest, theChainIsTheOneThatItsPageDescribes) {
   const auto sql = readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / "v8.sql");
   ASSERT_OK(sql);
