@@ -44,17 +44,12 @@ void figuresForScore(pb::SessionInfo& session) {
   }
 }
 
-/// Writes down that somebody reads the samples of another person's session: who, which session, whose. Many
-/// reads of one session by one person within an hour make one line.
+/// Writes down that somebody reads the samples of another person's session: who, which session, whose.
 Status noteView(const Context& context, const pb::SessionInfo& info) {
   const std::string& trainee = info.description().trainee();
   if (context.who.role == pb::TRAINEE || trainee == context.who.name) return {};
-  const std::string id = uuidText(*sessionId(info.description().session_id()));
-  if (!context.exports.isNew(context.who, "samples\n" + id, context.now_unix_ns)) return {};
-  const Status noted =
-      write(context, id, "samples of '" + trainee + "'", [](Connection&) { return Status(); });
-  // where nothing can be written, reading goes on
-  return context.writer.failed() ? Status() : noted;
+  return noteRead(context, uuidText(*sessionId(info.description().session_id())),
+                  "samples of '" + trainee + "'");
 }
 
 }  // namespace

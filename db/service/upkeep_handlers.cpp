@@ -5,6 +5,7 @@
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/erasure.h"
+#include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {
@@ -47,6 +48,13 @@ Status edit(const Context& context, const std::string& subject, const std::strin
   const auto found = row.step();
   if (found && *found && !row.text(0).empty()) conflict.message += ". What came first: " + row.text(0);
   return conflict;
+}
+
+Status noteRead(const Context& context, const std::string& subject, const std::string& detail) {
+  const std::string what = std::string(context.action) + "\n" + subject + "\n" + detail;
+  if (!context.exports.isNew(context.who, what, context.now_unix_ns)) return {};
+  const Status noted = write(context, subject, detail, [](Connection&) { return Status(); });
+  return context.writer.failed() ? Status() : noted;
 }
 
 pb::Reply doneReply() {
