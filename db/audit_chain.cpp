@@ -250,9 +250,11 @@ class ChainWalk {
   /// the line's columns (NULL: it is not there).
   void take(const Statement& row) {
     const std::uint64_t position = row.natural(0);
-    if (position != verdict_.head.position + 1)
+    if (position > verdict_.head.position + 1)
       fault(fmt::format("entries {} to {} are missing: lines were removed", verdict_.head.position + 1,
                         position - 1));
+    else if (position <= verdict_.head.position)
+      fault("an entry has no number: it was put in");
     const ByteView salt = row.bytes(1), commitment = row.bytes(2), mac = row.bytes(4);
     const bool amended = row.integer(6) != 0;
     if (!amended) ++verdict_.lines;
