@@ -11,6 +11,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
+#include "db/audit_chain.h"
 #include "db/connection.h"
 #include "db/schema.h"
 #include "db/service/erasures.h"
@@ -74,6 +75,8 @@ Result<Connection> openToWrite(const std::filesystem::path& path) {
                    Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
   RETURN_IF_ERROR(migrate(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
+  // a key that is no key is refused here, and not by the first change
+  RETURN_IF_ERROR(AuditKey::ofFolder(path.parent_path()));
   return connection;
 }
 
@@ -148,8 +151,8 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
                         : Result<Connection>(Error{ErrorCode::kNoRoom, options.read_only_because});
   std::size_t repeated = 0;
   if (connection) {
-    // before anybody is served: a restored backup does not know who was erased since, and a log from before the
-    // last end may still have what was erased
+    // before anybody is served: a restored backup does not know who was erased since, and a log from before
+    // the last end may still have what was erased
     ASSIGN_OR_RETURN(repeated, repeatErasures(*connection, wallNowNs()));
     const auto emptied = connection->emptyLog(0);
     if (!emptied) return emptied.error();

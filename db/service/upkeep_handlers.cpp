@@ -5,6 +5,7 @@
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/erasure.h"
+#include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {
@@ -49,6 +50,13 @@ Status edit(const Context& context, const std::string& subject, const std::strin
   return conflict;
 }
 
+Status noteRead(const Context& context, const std::string& subject, const std::string& detail) {
+  const std::string what = std::string(context.action) + "\n" + subject + "\n" + detail;
+  if (!context.exports.isNew(context.who, what, context.now_unix_ns)) return {};
+  const Status noted = write(context, subject, detail, [](Connection&) { return Status(); });
+  return context.writer.failed() ? Status() : noted;
+}
+
 pb::Reply doneReply() {
   pb::Reply reply;
   reply.mutable_done();
@@ -63,10 +71,11 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   // a station deletes what is Safe: one fault of a disk must not take the database and the backup
   const bool safe = disk == pb::BackupDone::ANOTHER_DISK || call.counts_as_safe();
   if (!safe) result.covered.clear();
-  std::string detail = fmt::format("{} bytes, {} chunks, {}", result.bytes, result.chunks_verified,
-                                   safe ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe"
-                                                                                : "Safe because it was asked for")
-                                        : "not on another disk: not Safe");
+  std::string detail = fmt::format(
+      "{} bytes, {} chunks, {}", result.bytes, result.chunks_verified,
+      safe
+          ? (disk == pb::BackupDone::ANOTHER_DISK ? "on another disk: Safe" : "Safe because it was asked for")
+          : "not on another disk: not Safe");
   if (result.undecodable_chunks > 0)
     detail += fmt::format(", and {} that cannot be decoded and are not Safe", result.undecodable_chunks);
   RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
@@ -138,7 +147,9 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
   auto* list = reply.mutable_audit();
   PageRoom room;
   for (const AuditRow& row : entries) {
-    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
+    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() +
+                   row.imported_by.size() + row.imported_from.size() + 64))
+      break;
     // ids begin with 1: there is no further page
     list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());
     auto* entry = list->add_entries();
@@ -148,6 +159,8 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
     entry->set_action(row.action);
     entry->set_subject(row.subject);
     entry->set_detail(row.detail);
+    entry->set_imported_by(row.imported_by);
+    entry->set_imported_from(row.imported_from);
   }
   return reply;
 }
