@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "common/base/text.h"
+#include "db/audit_chain.h"
 
 namespace needlelab {
 namespace {
@@ -26,9 +27,10 @@ std::string shown(const std::string& text) {
 }  // namespace
 
 Status AuditStore::add(const AuditRow& row) {
-  return connection_.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (?,?,?,?,?)",
-                         row.unix_ns, shown(row.who), shown(row.action), shown(row.subject),
-                         shown(row.detail));
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (?,?,?,?,?)",
+                      row.unix_ns, shown(row.who), shown(row.action), shown(row.subject), shown(row.detail)));
+  return AuditChain(connection_).append(connection_.lastRowId());
 }
 
 Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id,
@@ -36,13 +38,15 @@ Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_
   const std::uint32_t most = limit == 0 ? kMostLines : std::min(limit, kMostLines);
   return connection_
       .query(
-          "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0"
+          "SELECT id, unix_ns, who, action, subject, detail, coalesce(imported_by, ''),"
+          " coalesce(imported_from, '') FROM audit WHERE (?1 = 0"
           " OR id < ?1) AND (?2 = '' OR who = ?2) AND (?3 = '' OR action = ?3"
           " OR substr(action, 1, length(?3) + 1) = ?3 || ' ') ORDER BY id DESC"
           " LIMIT ?4",
           before_id, who, action, most)
       .all([](const Statement& row) {
-        return AuditRow{row.natural(0), row.integer(1), row.text(2), row.text(3), row.text(4), row.text(5)};
+        return AuditRow{row.natural(0), row.integer(1), row.text(2), row.text(3),
+                        row.text(4),    row.text(5),    row.text(6), row.text(7)};
       });
 }
 

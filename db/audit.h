@@ -1,4 +1,5 @@
-/// The audit log: who changed what, and when. Append-only; written in the same transaction as the change.
+/// The audit log: who changed what, and when. Append-only; written in the same transaction as the change,
+/// with its proof (audit_chain.h).
 #pragma once
 
 #include <cstdint>
@@ -15,9 +16,11 @@ struct AuditRow {
   std::uint64_t id = 0;
   std::int64_t unix_ns = 0;
   std::string who;
-  std::string action;   ///< e.g. "user add"
-  std::string subject;  ///< e.g. the user's name
-  std::string detail;   ///< never a secret
+  std::string action;           ///< e.g. "user add"
+  std::string subject;          ///< e.g. the user's name
+  std::string detail;           ///< never a secret
+  std::string imported_by{};    ///< who imported the line; empty: it was written here
+  std::string imported_from{};  ///< the import, and the line's number there
 };
 
 /// Does not own the connection. Thread: as its Connection; add() needs the writer's.
@@ -25,7 +28,7 @@ class AuditStore {
  public:
   explicit AuditStore(Connection& connection) : connection_(connection) {}
 
-  /// Ignores `row.id`. Truncates texts beyond 1,000 bytes, with a mark.
+  /// Ignores `row.id` and the import. Truncates texts beyond 1,000 bytes, with a mark.
   Status add(const AuditRow& row);
   /// Newest first; limit 0: 1000, at most 1000. Empty `who` and `action`: all. `action` also matches as a
   /// prefix of words: "user" matches "user add".

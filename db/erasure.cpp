@@ -11,6 +11,7 @@
 #include "common/base/files.h"
 #include "common/base/local_time.h"
 #include "common/base/text.h"
+#include "db/audit_chain.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/session_rows.h"
@@ -241,15 +242,24 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
       connection_.run("UPDATE unknown_trainees SET given = ? WHERE given = ? AND by_whom IS NOT NULL",
                       names.in_its_place, names.name));
   // the audit log keeps its lines and their order; only the name changes
-  ASSIGN_OR_RETURN(const auto lines,
-                   textRows(connection_.prepare("SELECT id, who, action, subject, detail FROM audit"), 4));
+  ASSIGN_OR_RETURN(
+      const auto lines,
+      textRows(connection_.prepare(
+                   "SELECT id, who, action, subject, detail, coalesce(imported_by, '') FROM audit"),
+               5));
   for (const TextRow& line : lines) {
-    const AuditRow before{0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3]};
-    const AuditRow after = withoutNames(before, names, sessions);
-    if (after.who == before.who && after.subject == before.subject && after.detail == before.detail) continue;
+    const AuditRow before{0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3], line.texts[4]};
+    AuditRow after = withoutNames(before, names, sessions);
+    if (before.imported_by == names.name) after.imported_by = names.in_its_place;
+    if (after.who == before.who && after.subject == before.subject && after.detail == before.detail &&
+        after.imported_by == before.imported_by)
+      continue;
     erasure.set_audit_lines(erasure.audit_lines() + 1);
-    RETURN_IF_ERROR(connection_.run("UPDATE audit SET who = ?, subject = ?, detail = ? WHERE id = ?",
-                                    after.who, after.subject, after.detail, line.id));
+    RETURN_IF_ERROR(
+        connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
+                        " imported_by = nullif(?4, '') WHERE id = ?5",
+                        after.who, after.subject, after.detail, after.imported_by, line.id));
+    RETURN_IF_ERROR(AuditChain(connection_).amend(line.id));
   }
   return {};
 }

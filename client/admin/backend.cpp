@@ -14,6 +14,7 @@
 #include "client/net/blocking_client.h"
 #include "common/wire/certificates.h"
 #include "common/wire/protocol.h"
+#include "db/audit_chain.h"
 #include "db/service/bootstrap.h"
 
 namespace needlelab {
@@ -45,10 +46,11 @@ class NewFolder {
     database_ = folder / "needlelab.db";
     lock_ = folder / "lock";
     const TlsFiles tls = tlsFilesIn(folder / "tls");
-    for (const auto& file : {database_, std::filesystem::path(database_.string() + "-wal"),
-                             std::filesystem::path(database_.string() + "-shm"),
-                             std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate,
-                             tls.ca_key, tls.certificate, tls.key, folder / "tls", lock_})
+    for (const auto& file :
+         {database_, std::filesystem::path(database_.string() + "-wal"),
+          std::filesystem::path(database_.string() + "-shm"),
+          std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate, tls.ca_key,
+          tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile, lock_})
       if (!std::filesystem::exists(file, error)) files_.push_back(file);
   }
   [[nodiscard]] bool hasData() const { return has_data_; }

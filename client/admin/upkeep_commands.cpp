@@ -9,6 +9,7 @@
 #include "common/base/local_time.h"
 #include "common/base/uuid.h"
 #include "common/wire/certificates.h"
+#include "db/audit_chain.h"
 #include "db/encrypted_backup.h"
 #include "db/service/bootstrap.h"
 #include "db/service/restore.h"
@@ -154,6 +155,13 @@ Status showLab(CommandContext& context, const pb::Request& request) {
                             {{"codes", reply.lab_settings().codes_required() ? "required" : "optional"}});
 }
 
+/// The detail; of an imported line also where it comes from.
+std::string shownDetail(const pb::AuditEntry& entry) {
+  if (entry.imported_by().empty()) return entry.detail();
+  return entry.detail() + (entry.detail().empty() ? "" : " ") + "(imported by " + entry.imported_by() +
+         " from " + entry.imported_from() + ")";
+}
+
 Status audit(CommandContext& context, std::uint32_t limit) {
   Json rows = Json::array();
   const auto done = eachPage(
@@ -170,7 +178,10 @@ Status audit(CommandContext& context, std::uint32_t limit) {
                           {"who", entry.who()},
                           {"action", entry.action()},
                           {"subject", entry.subject()},
-                          {"detail", entry.detail()}});
+                          {"detail", entry.detail()},
+                          {"imported_by", entry.imported_by()},
+                          {"imported_from", entry.imported_from()},
+                          {"shown", shownDetail(entry)}});
         }
         return limit != 0 && rows.size() >= limit ? std::string() : reply.audit().next_page();
       });
@@ -180,8 +191,54 @@ Status audit(CommandContext& context, std::uint32_t limit) {
                               {"who", "WHO"},
                               {"action", "ACTION"},
                               {"subject", "SUBJECT"},
-                              {"detail", "DETAIL"}},
+                              {"shown", "DETAIL"}},
                              rows, "no changes yet");
+}
+
+/// Only reads, so it may run beside the server: whoever could have changed the log should not be asked
+/// whether it did.
+Status verifyLog(const std::filesystem::path& folder, Output& output,
+                 const std::vector<std::string>& anchor_files, const std::vector<std::string>& key_files) {
+  std::vector<AuditKey> keys;
+  ASSIGN_OR_RETURN(auto key, AuditKey::ofFile(folder / kAuditKeyFile));
+  keys.push_back(key);
+  for (const std::string& file : key_files) {
+    ASSIGN_OR_RETURN(key, AuditKey::ofFile(file));
+    keys.push_back(key);
+  }
+  std::vector<AuditAnchor> anchors;
+  for (const std::string& file : anchor_files) {
+    ASSIGN_OR_RETURN(auto anchor, readAuditAnchor(file));
+    anchors.push_back(std::move(anchor));
+  }
+  ASSIGN_OR_RETURN(auto reader,
+                   Connection::open(folder / "needlelab.db", {.mode = Connection::Mode::kReader}));
+  ASSIGN_OR_RETURN(const auto verdict, verifyAudit(reader, keys, anchors));
+  std::uint64_t anchored = 0;
+  for (const AuditAnchor& anchor : anchors) anchored = std::max(anchored, anchor.head.position);
+  RETURN_IF_ERROR(output.one({{"ok", "as written"},
+                              {"lines", "lines proven"},
+                              {"outside", "lines of before schema 8, not proven"},
+                              {"anchored", "removal would show up to entry"},
+                              {"head", "keep elsewhere"}},
+                             {{"ok", verdict.ok()},
+                              {"lines", verdict.lines},
+                              {"outside", verdict.outside},
+                              {"anchored", anchored},
+                              {"entries", verdict.head.position},
+                              {"head", auditHeadText(verdict.head)},
+                              {"faults", verdict.texts}}));
+  for (const std::string& text : verdict.texts) output.text("fault: " + oneLine(text));
+  if (!verdict.ok())
+    return Error{ErrorCode::kCorrupt,
+                 fmt::format("the audit log is not as it was written: {} faults ({} are listed)",
+                             verdict.faults, verdict.texts.size())};
+  if (anchored < verdict.head.position)
+    output.text(
+        fmt::format("Nothing is promised about lines that were removed behind entry {}: give a later "
+                    "anchor, i.e. a backup, an export or a head that was kept (--anchor)",
+                    anchored));
+  return {};
 }
 
 Json policyRow(const pb::RetentionPolicy& policy) {
@@ -372,6 +429,7 @@ Status moveKey(const std::filesystem::path& folder, Output& output, const std::s
 void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen) {
   struct Values {
     std::string path, folder, from, codes, key, encrypt_with;
+    std::vector<std::string> anchors, keys;
     std::uint32_t limit = 100, keep = 14;
     bool counts_as_safe = false;
   };
@@ -466,7 +524,24 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
 
   auto* audit_command = app.add_subcommand("audit", "who changed what, newest first");
   audit_command->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
-  runs(audit_command, chosen, [values](CommandContext& context) { return audit(context, values->limit); });
+  audit_command->callback([&chosen, audit_command, values] {
+    if (!audit_command->get_subcommands().empty()) return;
+    chosen.run = [values](CommandContext& context) { return audit(context, values->limit); };
+  });
+  auto* verify = audit_command->add_subcommand(
+      "verify",
+      "whether lines were changed, reordered, put in or removed; also beside a server (needs --data)");
+  verify
+      ->add_option("--anchor", values->anchors,
+                   "a backup, an export of everything, or a file with a head that was kept: what was removed "
+                   "before it shows; may be repeated")
+      ->type_name("FILE");
+  verify->add_option("--key", values->keys, "an earlier audit.key; may be repeated")->type_name("FILE");
+  verify->callback([&chosen, values] {
+    chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
+      return verifyLog(folder, output, values->anchors, values->keys);
+    };
+  });
 }
 
 // Retention: thinning and deletion of old recordings.

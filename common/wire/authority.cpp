@@ -126,9 +126,12 @@ bool maySign(X509* authority, const std::string& host) {
   const auto constraints = constraintsOf(authority);
   if (!constraints) return true;
   const x509::Certificate probe(X509_new());
-  return probe &&
-         x509::addExtension(probe.get(), authority, NID_subject_alt_name, x509::alternativeNames({host})) &&
-         NAME_CONSTRAINTS_check(probe.get(), constraints.get()) == X509_V_OK;
+  if (!probe ||
+      !x509::addExtension(probe.get(), authority, NID_subject_alt_name, x509::alternativeNames({host})))
+    return false;
+  // makes OpenSSL read the extensions, which the check looks at
+  X509_get_extension_flags(probe.get());
+  return NAME_CONSTRAINTS_check(probe.get(), constraints.get()) == X509_V_OK;
 }
 
 Status checkSigns(X509* authority, const std::vector<std::string>& hosts) {

@@ -140,7 +140,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
   if (made_folder) RETURN_IF_ERROR(syncFolder(folder.parent_path()));
 
   // a key restored with the usual permissions is readable by everybody
-  for (const auto& key : {files.ca_key, files.key}) {
+  for (const auto& key : {files.ca_key, files.key, files.next_ca_key}) {
     const auto mode = std::filesystem::status(key, failed).permissions();
     using std::filesystem::perms;
     if (failed || (mode & (perms::group_all | perms::others_all)) == perms::none) continue;

@@ -11,6 +11,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
+#include "db/audit_chain.h"
 #include "db/backup.h"
 #include "db/connection.h"
 #include "db/schema.h"
@@ -75,6 +76,8 @@ Result<Connection> openToWrite(const std::filesystem::path& path) {
                    Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
   RETURN_IF_ERROR(migrate(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
+  // a key that is no key is refused here, and not by the first change
+  RETURN_IF_ERROR(AuditKey::ofFolder(path.parent_path()));
   return connection;
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/text.h"
+#include "db/audit_chain.h"
 #include "db/connection.h"
 #include "db/documents.h"
 #include "db/service/erasures.h"
@@ -131,8 +132,13 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
 /// An import of all records in one transaction of the writer.
 class Import {
  public:
-  Import(Connection& writer, pb::ImportReport& report, std::int64_t now_unix_ns)
-      : writer_(writer), report_(report), now_unix_ns_(now_unix_ns) {}
+  Import(Connection& writer, pb::ImportReport& report, std::int64_t now_unix_ns, std::string importer,
+         std::string import_id)
+      : writer_(writer),
+        report_(report),
+        now_unix_ns_(now_unix_ns),
+        importer_(std::move(importer)),
+        import_id_(std::move(import_id)) {}
 
   /// kFailed ends the import: the database failed. Faults of a record go into the report.
   Status take(const std::string& text) {
@@ -219,7 +225,7 @@ class Import {
   }
 
   /// Stores a line of the audit log, unless it exists: under its number, or, when another line has that
-  /// number, under a new one.
+  /// number, under a new one. Marks it as imported: what it says is as true as its source.
   Status storeLine(const RecordTable& table, RecordJson record) {
     RETURN_IF_ERROR(readLines(table));
     const std::string text = lineText(record);
@@ -228,8 +234,13 @@ class Import {
       return {};
     }
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, false));
+    const std::string from = import_id_ + ", line " + record["id"].dump();
     if (!there.is_null()) record["id"] = nullptr;  // SQLite gives it the next one
     RETURN_IF_ERROR(insertRecord(writer_, table, record));
+    const std::int64_t line = writer_.lastRowId();
+    RETURN_IF_ERROR(writer_.run("UPDATE audit SET imported_by = ?, imported_from = ? WHERE id = ?", importer_,
+                                from, line));
+    RETURN_IF_ERROR(AuditChain(writer_).append(line));
     lines_->insert(text);
     count(table.kind).set_added(count(table.kind).added() + 1);
     return {};
@@ -300,6 +311,7 @@ class Import {
   Connection& writer_;
   pb::ImportReport& report_;
   const std::int64_t now_unix_ns_;
+  const std::string importer_, import_id_;
   std::uint64_t number_ = 0;
   std::set<std::string> courses_, people_;  ///< by id and by name: in these records
   std::vector<NewSession> new_sessions_;
@@ -347,8 +359,13 @@ Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& c
 
 Result<pb::Reply> exportAll(const Context& context, const pb::ExportAll& call) {
   if (call.page().empty()) {
-    RETURN_IF_ERROR(write(context, "", call.with_passwords() ? "with hashes of passwords and keys" : "",
-                          [](Connection&) { return Status(); }));
+    // the head in the export's own line is an anchor outside of this store
+    std::string detail = call.with_passwords() ? "with hashes of passwords and keys; " : "";
+    RETURN_IF_ERROR(write(context, "", detail, [&](Connection& writer) -> Status {
+      ASSIGN_OR_RETURN(const auto head, AuditChain(writer).head());
+      detail += auditHeadText(head);
+      return {};
+    }));
   }
   return recordsReply(context, call.with_passwords() ? "all with hashes" : "all", call.page(), nullptr,
                       call.with_passwords());
@@ -384,7 +401,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
 
   std::string detail;
   const auto status = write(context, call.import_id(), detail, [&](Connection& writer) -> Status {
-    Import batch(writer, *report, context.now_unix_ns);
+    Import batch(writer, *report, context.now_unix_ns, context.who.name, call.import_id());
     RETURN_IF_ERROR(batch.begin());
     RETURN_IF_ERROR(eachRecord(writer, call.import_id(), [&](const std::string& text) {
       batch.foresee(text);

@@ -112,6 +112,8 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   RETURN_IF_ERROR(checkCourse(context.reader, call.course_id()));
   if (!call.group_id().empty()) RETURN_IF_ERROR(GroupStore(context.reader).get(call.group_id()));
+  RETURN_IF_ERROR(
+      noteRead(context, call.course_id(), call.group_id().empty() ? "" : "of group " + call.group_id()));
   // pages by key: rows added or removed meanwhile do not shift others
   auto rows = context.reader.query(
       "SELECT s.id, c.definition_version, s.number FROM scores c JOIN sessions s ON s.number = c.session "

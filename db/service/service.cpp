@@ -301,4 +301,9 @@ Status Service::note(const std::string& who, const std::string& action, const st
   });
 }
 
+Status Service::noteLogin(const Principal& who, const std::string& host) {
+  if (who.role == pb::TRAINEE || !exports_.isNew(who, "log-in\n" + host, wallNowNs())) return {};
+  return note(who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host);
+}
+
 }  // namespace needlelab

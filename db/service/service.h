@@ -128,6 +128,8 @@ class Service {
   /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
+  /// Writes down that staff or a researcher has logged in from `host`: for each person and host once an hour.
+  Status noteLogin(const Principal& who, const std::string& host);
 
  private:
   struct Settled {

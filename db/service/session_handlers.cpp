@@ -44,6 +44,14 @@ void figuresForScore(pb::SessionInfo& session) {
   }
 }
 
+/// Writes down that somebody reads the samples of another person's session: who, which session, whose.
+Status noteView(const Context& context, const pb::SessionInfo& info) {
+  const std::string& trainee = info.description().trainee();
+  if (context.who.role == pb::TRAINEE || trainee == context.who.name) return {};
+  return noteRead(context, uuidText(*sessionId(info.description().session_id())),
+                  "samples of '" + trainee + "'");
+}
+
 }  // namespace
 
 Result<Uuid> sessionId(const std::string& bytes) {
@@ -123,6 +131,12 @@ Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession&
 }
 
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call) {
+  ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
+  RETURN_IF_ERROR(noteView(context, info));
+  return readChunksUnnoted(context, call);
+}
+
+Result<pb::Reply> readChunksUnnoted(const Context& context, const pb::ReadChunks& call) {
   // one view, so that the session's row matches the chunks
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));

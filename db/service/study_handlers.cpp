@@ -270,7 +270,8 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
     read.set_session_id(session.id.data(), session.id.size());
     read.set_from_seq(call.from_seq());
     read.set_max_chunks(call.max_chunks());
-    auto reply = readChunks(context, read);
+    // its line is above, without a name
+    auto reply = readChunksUnnoted(context, read);
     if (!reply) return reply.error();
     RETURN_IF_ERROR(beginWithZero(context.reader, session.id, *reply->mutable_chunks()));
     // the id contains the time

@@ -5,6 +5,7 @@
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/erasure.h"
+#include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {
@@ -64,6 +65,13 @@ Status edit(const Context& context, const std::string& subject, const std::strin
   const auto found = row.step();
   if (found && *found && !row.text(0).empty()) conflict.message += ". What came first: " + row.text(0);
   return conflict;
+}
+
+Status noteRead(const Context& context, const std::string& subject, const std::string& detail) {
+  const std::string what = std::string(context.action) + "\n" + subject + "\n" + detail;
+  if (!context.exports.isNew(context.who, what, context.now_unix_ns)) return {};
+  const Status noted = write(context, subject, detail, [](Connection&) { return Status(); });
+  return context.writer.failed() ? Status() : noted;
 }
 
 pb::Reply doneReply() {
@@ -160,7 +168,9 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
   auto* list = reply.mutable_audit();
   PageRoom room;
   for (const AuditRow& row : entries) {
-    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
+    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() +
+                   row.imported_by.size() + row.imported_from.size() + 64))
+      break;
     // ids begin with 1: there is no further page
     list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());
     auto* entry = list->add_entries();
@@ -170,6 +180,8 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
     entry->set_action(row.action);
     entry->set_subject(row.subject);
     entry->set_detail(row.detail);
+    entry->set_imported_by(row.imported_by);
+    entry->set_imported_from(row.imported_from);
   }
   return reply;
 }

@@ -50,6 +50,14 @@ void noteLocked(ServerContext& context, const std::string& name, const std::stri
              });
 }
 
+/// The log-in does not wait for its line: on a full disk people log in, too.
+void noteWelcome(ServerContext& context, const Principal& who, const std::string& host) {
+  asio::post(context.workers, [&service = context.store.service(), who, host] {
+    const Status noted = service.noteLogin(who, host);
+    if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
+  });
+}
+
 /// On the passwords' thread. What it throws (no memory) fails this log-in alone.
 Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<const PersonSecret> secret) {
   std::function<Result<Principal>()> check = [&service = context.store.service(), secret] {
@@ -144,7 +152,9 @@ Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const Pers
     seen = context.access_changes;
     login = co_await checkOnce(context, secret, name, host, peer);
   } while (login.answer == Answer::kWelcome && seen != context.access_changes && !peer.gone());
-  if (login.answer == Answer::kWelcome) context.guard.succeeded(name, host, steadyNowNs());
+  if (login.answer != Answer::kWelcome) co_return login;
+  context.guard.succeeded(name, host, steadyNowNs());
+  noteWelcome(context, login.holder.who, hostOfAddress(peer.address));
   co_return login;
 }
 

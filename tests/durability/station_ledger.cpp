@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "client/net/spool_json.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
 
@@ -95,9 +96,9 @@ void StationLedger::closed(const pb::SessionClosed& closed) {
 }
 
 void StationLedger::end(const SpoolSession& session) {
-  const auto text = readWholeFile(session.folder() / "end.json");
-  Json end = text.ok() ? Json::parse(*text, nullptr, false) : Json();
-  if (!end.is_object()) throw std::runtime_error(session.folder().string() + " has no end");
+  const auto read = readSpoolJson(session.folder() / "end.json");
+  if (!read.ok() || !read->is_object()) throw std::runtime_error(session.folder().string() + " has no end");
+  Json end = *read;
   end["e"] = "end";
   end["id"] = hexText(session.description().session_id());
   line(end.dump());

@@ -13,7 +13,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr const char* kPassword = "correct horse battery";
+constexpr const char* kTheirPassword = "correct horse battery";
 constexpr std::size_t kConnections = 8, kRounds = 4;
 constexpr int kRecords = 524'200;  // as many empty ones as a message of 1 MiB holds
 
@@ -26,15 +26,15 @@ std::string importOfNothing(std::uint64_t id) {
 
 TEST(Parsing, whatATraineeMayNotAskCostsNobodyAnything) {
   RunningServer server;
-  server.addUser("tina", pb::TRAINEE, kPassword);
-  server.addUser("ines", pb::INSTRUCTOR, kPassword);
+  server.addUser("tina", pb::TRAINEE, kTheirPassword);
+  server.addUser("ines", pb::INSTRUCTOR, kTheirPassword);
   std::vector<std::unique_ptr<RawPeer>> attackers;
   for (std::size_t i = 0; i < kConnections; ++i) {
     attackers.push_back(std::make_unique<RawPeer>(server));
-    ASSERT_TRUE(attackers.back()->logIn(personLogin("tina", kPassword)).has_welcome());
+    ASSERT_TRUE(attackers.back()->logIn(personLogin("tina", kTheirPassword)).has_welcome());
   }
   RawPeer other(server);
-  ASSERT_TRUE(other.logIn(personLogin("ines", kPassword)).has_welcome());
+  ASSERT_TRUE(other.logIn(personLogin("ines", kTheirPassword)).has_welcome());
   const std::string bytes = importOfNothing(1);
   ASSERT_GT(bytes.size(), 1'000'000u);
   const std::uint64_t before = processFacts().rss_bytes;

@@ -1,4 +1,5 @@
--- A database of schema version 8 (needlelab 0.1.0): version 7's, with a chunk of session 2 that cannot be decoded. As sqlite3's .dump writes it.
+-- A database of schema version 8 (needlelab 0.1.0): version 7's, with a chunk of session 2 that cannot be decoded, and
+-- two proven lines of the audit log, one of them imported, one with an erased name; its audit.key is 32 bytes 01. As sqlite3's .dump writes it.
 -- Never edit.
 PRAGMA application_id=1852596578;
 PRAGMA foreign_keys=OFF;
@@ -20,9 +21,11 @@ CREATE TABLE audit (
   action  TEXT NOT NULL,
   subject TEXT NOT NULL,
   detail  TEXT NOT NULL
-) STRICT;
-INSERT INTO audit VALUES(1,1764000000000000000,'ina','user add','anna','trainee');
-INSERT INTO audit VALUES(2,1764000000000000107,'retention','retention thin','03000000-0000-0000-0000-000000000000','');
+, imported_by TEXT, imported_from TEXT) STRICT;
+INSERT INTO audit VALUES(1,1764000000000000000,'ina','user add','anna','trainee',NULL,NULL);
+INSERT INTO audit VALUES(2,1764000000000000107,'retention','retention thin','03000000-0000-0000-0000-000000000000','',NULL,NULL);
+INSERT INTO audit VALUES(3,1764000000000000300,'ada','user add','erased-0001','trainee',NULL,NULL);
+INSERT INTO audit VALUES(4,1764000000000000301,'bea','backup','/b','','ada','import-1, line 1');
 CREATE TABLE chunks (
   session INTEGER NOT NULL REFERENCES sessions (number),
   seq     INTEGER NOT NULL CHECK (seq >= 0),
@@ -86,6 +89,7 @@ CREATE TABLE meta (
   key   TEXT PRIMARY KEY,
   value TEXT NOT NULL
 ) STRICT, WITHOUT ROWID;
+INSERT INTO meta VALUES('audit_before_chain','2');
 INSERT INTO meta VALUES('codes_required','1');
 INSERT INTO meta VALUES('created_unix_ns','1764000000000000000');
 INSERT INTO meta VALUES('engine_version','0.1.0');
@@ -310,7 +314,7 @@ INSERT INTO unknown_trainees VALUES(1,'anna',NULL,NULL,1);
 INSERT INTO unknown_trainees VALUES(2,'anna',NULL,NULL,0);
 INSERT INTO unknown_trainees VALUES(3,'ana','mia',1764000000000000212,0);
 DELETE FROM sqlite_sequence;
-INSERT INTO sqlite_sequence VALUES('audit',2);
+INSERT INTO sqlite_sequence VALUES('audit',4);
 INSERT INTO sqlite_sequence VALUES('assignments',2);
 CREATE TABLE quarantined_chunks (
   session INTEGER NOT NULL REFERENCES sessions (number),
@@ -319,6 +323,17 @@ CREATE TABLE quarantined_chunks (
   PRIMARY KEY (session, seq)
 ) STRICT, WITHOUT ROWID;
 INSERT INTO quarantined_chunks VALUES(2,1,'gesture chunk: its columns end early or hold impossible values, though the CRC agrees');
+CREATE TABLE audit_chain (
+  position   INTEGER PRIMARY KEY CHECK (position >= 1),
+  line       INTEGER NOT NULL REFERENCES audit (id),
+  salt       BLOB CHECK (length(salt) = 32),           -- NULL: a later entry of the line has its text
+  commitment BLOB NOT NULL CHECK (length(commitment) = 32),
+  key_id     BLOB NOT NULL CHECK (length(key_id) = 8),
+  mac        BLOB NOT NULL CHECK (length(mac) = 32)
+) STRICT;
+INSERT INTO audit_chain VALUES(1,3,NULL,X'c65155c8a721bbb54592ee5982abe176415199145679e16d652e6078c4c0fe63',X'c1019f455ac71485',X'f796268eff5de369547061cbd7f0a7e45629db16415c66035f0947edcf0819ba');
+INSERT INTO audit_chain VALUES(2,4,X'0404040404040404040404040404040404040404040404040404040404040404',X'39bca6f515145469fee24aab3e6805f469fb2c70821e29f611596d05a223e9c1',X'c1019f455ac71485',X'939d2e3b1f2474dace843a55dcdb71716defecc3bdbb08efd829f35802ccfee1');
+INSERT INTO audit_chain VALUES(3,3,X'0505050505050505050505050505050505050505050505050505050505050505',X'26839e8ce921526e8250e4c2fb321a79a654543eb3beac82b2eae0b9462c1327',X'c1019f455ac71485',X'83f32f4ce93e2ccc9ca7a2a4a0bad845a01ad01abfcddb723c550bd6ecfdd748');
 CREATE INDEX exercises_by_curriculum ON exercises (curriculum_id, position);
 CREATE INDEX sessions_by_station ON sessions (station, state);
 CREATE INDEX sessions_by_trainee ON sessions (trainee);
@@ -352,5 +367,6 @@ CREATE VIEW uncounted_sessions AS
 CREATE TRIGGER quarantine_ends AFTER DELETE ON chunks BEGIN
   DELETE FROM quarantined_chunks WHERE session = OLD.session AND seq = OLD.seq;
 END;
+CREATE INDEX audit_chain_lines ON audit_chain (line, position);
 COMMIT;
 PRAGMA user_version=8;

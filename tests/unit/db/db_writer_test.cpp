@@ -248,13 +248,14 @@ TEST(DbWriter, aLogAboveItsBoundIsCutWithoutBeingAsked) {
   DbWriter writer(std::move(db.writer),
                   {.window = 0ms, .checkpoint_every = 3600s, .most_log_bytes = 200'000, .empty_every = 0ms},
                   {});
+  ASSERT_TRUE(writer.emptyLog(60s));  // of the migrations
   std::uint64_t most = 0;
   for (int i = 0; i < 300; ++i) {
     ASSERT_OK(writer.run(addStation("s" + std::to_string(i))));
     most = std::max(most, writer.counters().wal_bytes);
   }
   writer.stop();
-  EXPECT_GE(writer.counters().logs_emptied, 1u);
+  EXPECT_GE(writer.counters().logs_emptied, 2u);
   // one commit of some pages beyond the bound
   EXPECT_LE(most, 300'000u);
 }

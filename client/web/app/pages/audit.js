@@ -36,7 +36,7 @@ export function AuditPage({ query }) {
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
         ? html`
-            <${Empty} title="Nothing fits">Every change of data is listed here; change the filter above.<//>
+            <${Empty} title="Nothing fits">Every change of data is listed here, with exports and log-ins; change the filter above.<//>
             ${pages.button}
           `
         : html`
@@ -50,7 +50,7 @@ export function AuditPage({ query }) {
                   <th scope="row">${e.who}</th>
                   <td>${e.action}</td>
                   <td class="long">${e.subject}</td>
-                  <td class="long">${e.detail}</td>
+                  <td class="long">${e.detail}${e.imported_by ? ` (imported by ${e.imported_by} from ${e.imported_from})` : ''}</td>
                 </tr>`,
             )}<//>
             ${pages.button}

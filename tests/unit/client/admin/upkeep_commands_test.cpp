@@ -187,6 +187,39 @@ TEST_F(UpkeepCommands, anAuditLineIsOneLineOfTheTableWhateverItHolds) {
   EXPECT_EQ(row.at("detail"), "é\t\"x\"");
 }
 
+TEST_F(UpkeepCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
+  good({"user", "add", "ida", "--role", "trainee"});
+  auto fresh = good({"audit", "verify", "--json"}).rows().at(0);
+  EXPECT_EQ(fresh.at("ok"), true);
+  EXPECT_EQ(fresh.at("lines"), 2);
+  EXPECT_EQ(fresh.at("outside"), 0);
+  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("Nothing is promised about lines that were removed"));
+  good({"backup", file("copy.db")});
+  // beside a server, too: it holds the folder
+  {
+    const auto server = test::TestDb::must(Store::open(data(), {}));
+    EXPECT_EQ(good({"audit", "verify", "--anchor", file("copy.db"), "--json"}).rows().at(0).at("anchored"),
+              2);
+  }
+  // whoever has the file takes the last line away: the backup knows it
+  {
+    auto writer =
+        test::TestDb::must(Connection::open(data() + "/needlelab.db", {.mode = Connection::Mode::kWriter}));
+    ASSERT_OK(
+        writer.script("PRAGMA foreign_keys=OFF; DELETE FROM audit_chain WHERE line > 1;"
+                      "DELETE FROM audit WHERE id > 1"));
+  }
+  EXPECT_EQ(onData({"audit", "verify"}).code, 0);
+  const Run found = onData({"audit", "verify", "--anchor", file("copy.db")});
+  EXPECT_EQ(found.code, 1);
+  EXPECT_THAT(found.out, HasSubstr("fault: " + file("copy.db") + ": the log ends with entry 1, and had 2"));
+  folder.write("junk", "no head");
+  EXPECT_EQ(onData({"audit", "verify", "--anchor", file("junk")}).code, 2);
+  EXPECT_EQ(run({"--server", "localhost:1", "audit", "verify"}).code, 2) << "needs --data";
+  fs::remove(data() + "/audit.key");
+  EXPECT_THAT(onData({"audit", "verify"}).err, HasSubstr("audit.key: is not there"));
+}
+
 TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing) {
   const Run before_any = onData({"certificate", "show"});
   EXPECT_EQ(before_any.code, 2);

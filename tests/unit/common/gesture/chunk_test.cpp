@@ -86,12 +86,6 @@ void expectBitEqual(const std::vector<GestureSample>& given, const std::vector<G
   }
 }
 
-Bytes withGoodCrc(Bytes chunk) {
-  const std::uint32_t crc = crc32c(ByteView(chunk).first(chunk.size() - 4));
-  std::memcpy(chunk.data() + chunk.size() - 4, &crc, 4);
-  return chunk;
-}
-
 TEST(Chunk, smoothGestureComesBackWithinHalfAStep) {
   for (const std::size_t count : {1u, 2u, 3u, 32u, 33u, 34u, 64u, 65u, 1000u, 4097u}) {
     const auto samples = smoothGesture(count);
@@ -321,7 +315,7 @@ TEST(Chunk, everyTruncationAndEveryExtraByteIsRefused) {
     // even if the truncated bytes have a matching CRC
     if (size < 4) continue;
     ASSERT_FALSE(
-        decodeChunk(withGoodCrc({good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)})).ok())
+        decodeChunk(test::withGoodCrc({good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)})).ok())
         << size;
   }
   Bytes longer = good;
@@ -329,7 +323,7 @@ TEST(Chunk, everyTruncationAndEveryExtraByteIsRefused) {
   EXPECT_FALSE(decodeChunk(longer).ok());
   longer = good;
   longer.insert(longer.end() - 4, 0);
-  const auto refused = decodeChunk(withGoodCrc(longer));
+  const auto refused = decodeChunk(test::withGoodCrc(longer));
   ASSERT_FALSE(refused.ok());
   EXPECT_NE(refused.error().message.find("behind its last sample"), std::string::npos)
       << refused.error().message;
@@ -345,7 +339,7 @@ TEST(Chunk, cutOffBytesAreRefusedByName) {
 TEST(Chunk, unknownVersionIsNamed) {
   Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(3));
   chunk[4] = 9;
-  const auto refused = decodeChunk(withGoodCrc(chunk));
+  const auto refused = decodeChunk(test::withGoodCrc(chunk));
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kVersion);
   EXPECT_NE(refused.error().message.find("version 9"), std::string::npos);
@@ -354,7 +348,7 @@ TEST(Chunk, unknownVersionIsNamed) {
 TEST(Chunk, shortTextCannotAskForManySamples) {
   Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(3));
   chunk[6] = chunk[7] = 0xFF;  // claims 65,536 samples
-  const auto refused = inspectChunk(withGoodCrc(chunk));
+  const auto refused = inspectChunk(test::withGoodCrc(chunk));
   ASSERT_FALSE(refused.ok());
   EXPECT_NE(refused.error().message.find("take at least"), std::string::npos) << refused.error().message;
 }
@@ -377,7 +371,7 @@ TEST(Chunk, randomBytesNeverCrashTheReader) {
                                     0};
       std::memcpy(bytes.data(), start, sizeof start);
       std::memset(bytes.data() + 40, 0, 4);
-      bytes = withGoodCrc(bytes);
+      bytes = test::withGoodCrc(bytes);
     }
     readable += decodeChunk(bytes).ok();
     (void)inspectChunk(bytes).ok();
@@ -396,7 +390,7 @@ TEST(Chunk, changedColumnBytesNeverCrashTheReader) {
     Bytes bytes = chunks[round % 3];
     for (std::uint64_t n = 1 + random() % 3; n > 0; --n)
       bytes[8 + random() % (bytes.size() - 8)] = static_cast<std::uint8_t>(random());
-    refused += !decodeChunk(withGoodCrc(bytes)).ok();
+    refused += !decodeChunk(test::withGoodCrc(bytes)).ok();
   }
   // Both results occur: invalid bytes, and other valid columns.
   EXPECT_GT(refused, 3'000u);

@@ -8,6 +8,7 @@
 #include <random>
 #include <vector>
 
+#include "common/base/crc32c.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/sample.h"
 
@@ -78,6 +79,13 @@ inline bool within(double stored, double given, double step) {
 
 inline bool sameBits(double a, double b) {
   return std::memcmp(&a, &b, sizeof a) == 0;
+}
+
+/// The chunk with the checksum of its bytes as they are now.
+inline Bytes withGoodCrc(Bytes chunk) {
+  const std::uint32_t crc = crc32c(ByteView(chunk).first(chunk.size() - 4));
+  std::memcpy(chunk.data() + chunk.size() - 4, &crc, 4);
+  return chunk;
 }
 
 }  // namespace needlelab::test

@@ -16,14 +16,9 @@ namespace {
 
 using test::anySamples;
 using test::smoothGesture;
+using test::withGoodCrc;
 
 const std::filesystem::path kFolder = std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "tests/data/gesture";
-
-Bytes withGoodCrc(Bytes chunk) {
-  const std::uint32_t crc = crc32c(ByteView(chunk).first(chunk.size() - 4));
-  std::memcpy(chunk.data() + chunk.size() - 4, &crc, 4);
-  return chunk;
-}
 
 /// The check must say what the decoder says: a chunk passes exactly when it can be decoded.
 void expectSameAnswer(const Bytes& chunk) {

@@ -235,7 +235,8 @@ TEST(Tls, aSwitchThatWasCutOffServesAtEachStepAndIsRepeated) {
   EXPECT_TRUE(serves());
   folder.write("ca-next.key", next_key);
   folder.write("ca.key", old_key);
-  std::filesystem::permissions(files.ca_key, std::filesystem::perms(0600));
+  for (const auto& key : {files.ca_key, files.next_ca_key})
+    std::filesystem::permissions(key, std::filesystem::perms(0600));
   EXPECT_TRUE(serves());
   EXPECT_TRUE(switchAuthority(files).ok());
   EXPECT_TRUE(serves());

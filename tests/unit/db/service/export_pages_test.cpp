@@ -162,6 +162,26 @@ TEST_F(ExportPages, ofScoresStandWhenSomebodyIsErased) {
   }
 }
 
+TEST_F(ExportPages, ofScoresAreWrittenDownOnceAnHourWhereverTheyBegin) {
+  threeWithFourEach();
+  pb::Request list;
+  list.mutable_list_scores();
+  const std::string middle = get(manager, list).scores().next_page();
+  ASSERT_FALSE(middle.empty());
+  for (const std::string& page : {middle, middle, std::string()}) {
+    list.mutable_list_scores()->set_page(page);
+    get(instructor, list);
+  }
+  list.mutable_list_scores()->set_course_id("nowhere");
+  EXPECT_EQ(refusal(instructor, list), ErrorCode::kNotFound);
+  pb::Request log;
+  log.mutable_list_audit()->set_action("score list");
+  const auto lines = get(admin, log).audit();
+  ASSERT_EQ(lines.entries_size(), 2);
+  EXPECT_EQ(lines.entries(0).who(), "ina");
+  EXPECT_EQ(lines.entries(1).who(), "mia");
+}
+
 TEST_F(ExportPages, ofEverythingCanBeReadInAgainWhateverEndsMeanwhile) {
   threeWithFourEach();
   pb::Request ask;

@@ -1,4 +1,6 @@
 // Records of any shape are imported or refused without a crash; each log line is imported once.
+#include "common/base/files.h"
+#include "db/audit_chain.h"
 #include "tests/unit/db/service/records_fixture.h"
 
 namespace needlelab {
@@ -141,6 +143,58 @@ TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
   }
   EXPECT_EQ(lines["ina consent"], 1);
   for (const char* own : {"x backup", "y backup", "z backup"}) EXPECT_EQ(lines[own], 1);
+}
+
+TEST_F(Import, marksLinesOfTheLogWithWhoBroughtThemAndFromWhere) {
+  addPerson("anna", pb::TRAINEE);
+  consent("anna", true);
+  const auto records = exportAll(*store);
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  ASSERT_OK(other->service().note("x", "backup", "b", ""));  // has number 1, too
+  ASSERT_TRUE(importAll(*other, records, 100).done());
+  pb::Request list;
+  list.mutable_list_audit()->set_action("consent");
+  auto lines = other->service().execute(admin, list).reply.audit();
+  ASSERT_EQ(lines.entries_size(), 1);
+  EXPECT_EQ(lines.entries(0).who(), "ina");
+  EXPECT_EQ(lines.entries(0).imported_by(), "ada");
+  EXPECT_EQ(lines.entries(0).imported_from(), "import-1, line 1");
+  EXPECT_NE(lines.entries(0).id(), 1u);
+  for (const char* own : {"backup", "import-all"}) {
+    list.mutable_list_audit()->set_action(own);
+    lines = other->service().execute(admin, list).reply.audit();
+    ASSERT_EQ(lines.entries_size(), 1) << own;
+    EXPECT_EQ(lines.entries(0).imported_by(), "") << own;
+  }
+  auto reader = other->readers().borrow();
+  ASSERT_OK(reader);
+  const std::vector keys{test::TestDb::must(AuditKey::ofFile(elsewhere.path() / "data" / kAuditKeyFile))};
+  const auto verdict = verifyAudit(**reader, keys, {});
+  ASSERT_OK(verdict);
+  EXPECT_TRUE(verdict->ok()) << verdict->texts.front();
+  EXPECT_EQ(verdict->outside, 0u);
+}
+
+TEST_F(Import, anExportHasTheHeadOfTheLogWithoutItsOwnLine) {
+  addPerson("anna", pb::TRAINEE);
+  consent("anna", true);
+  AuditHead before;
+  {
+    auto reader = store->readers().borrow();
+    ASSERT_OK(reader);
+    const auto head = AuditChain(**reader).head();
+    ASSERT_OK(head);
+    before = *head;
+  }
+  EXPECT_EQ(before.position, 1u);
+  std::string text;
+  for (const std::string& record : exportAll(*store, true)) text += record + "\n";
+  ASSERT_OK(writeFileAtomically(folder.path() / "all.jsonl", viewOf(text)));
+  const auto anchor = readAuditAnchor(folder.path() / "all.jsonl");
+  ASSERT_OK(anchor);
+  EXPECT_EQ(anchor->head.position, before.position);
+  EXPECT_EQ(anchor->head.mac, before.mac);
 }
 
 // Schema 5 had no records of unknown trainees. Its export is today's without them.

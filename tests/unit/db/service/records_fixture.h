@@ -130,7 +130,7 @@ inline void fillAtRandom(Connection& c, std::uint64_t seed) {
   for (int i = 0; i < 12; ++i) {
     people.push_back("p" + std::to_string(i) + text());
     ASSERT_OK(PeopleStore(c).add({people.back(), i % 5 == 0 ? pb::INSTRUCTOR : pb::TRAINEE,
-                                  i % 5 == 0 ? "$hash" : "", number(2) == 0, number(1ull << 62), text()}));
+                                  i % 5 == 0 ? "$hash" : "", false, number(1ull << 62), text()}));
     ASSERT_OK(c.run("INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES (?,?,?,?,?)",
                     people.back(), number(2), number(1ull << 62), text(), text()));
   }
@@ -174,6 +174,9 @@ inline void fillAtRandom(Connection& c, std::uint64_t seed) {
               "WHERE id = ?",
               -number(1ull << 62), number(1ull << 40), number(2), number(2), ByteView(id)));
   }
+  // who is disabled opens no session
+  for (const auto& person : people)
+    if (number(2) == 0) ASSERT_OK(c.run("UPDATE people SET disabled = 1 WHERE name = ?", person));
   // one that waits, one that was assigned
   ASSERT_OK(c.run(
       "INSERT INTO unknown_trainees (session, given) VALUES ((SELECT min(number) FROM sessions), 'ghost')"));

@@ -1,5 +1,6 @@
 // Exports everything and imports it again; studies; exports and erases a person's data.
 #include "common/base/files.h"
+#include "db/audit_chain.h"
 #include "db/service/restore.h"
 #include "tests/unit/db/service/records_fixture.h"
 
@@ -289,6 +290,7 @@ TEST_F(Records, aBackupThatIsRestoredOnAnotherMachineIsErasedAnewByTheListBeside
   const auto erased = get(admin, erase("anna")).erasure();
   // the machine is lost, but for its backups and its keys
   std::filesystem::copy_file(folder.path() / "data/pseudonym.key", other / "pseudonym.key");
+  std::filesystem::copy_file(folder.path() / "data/audit.key", other / "audit.key");
   ASSERT_OK(restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000));
   const auto restored = test::openStore(other);
   EXPECT_EQ(restored->erasuresRepeated(), 1u);
@@ -296,6 +298,12 @@ TEST_F(Records, aBackupThatIsRestoredOnAnotherMachineIsErasedAnewByTheListBeside
   ASSERT_OK(reader);
   EXPECT_FALSE(PeopleStore(**reader).find("anna")->has_value());
   EXPECT_EQ(readErasures(other)->at(0).pseudonym, erased.pseudonym());
+  // the chain goes on there, with the erasure that was repeated
+  const std::vector keys{test::TestDb::must(AuditKey::ofFile(other / kAuditKeyFile))};
+  const std::vector anchors{test::TestDb::must(readAuditAnchor(kept / "before.db"))};
+  const auto verdict = verifyAudit(**reader, keys, anchors);
+  ASSERT_OK(verdict);
+  EXPECT_TRUE(verdict->ok()) << verdict->texts.front();
 }
 
 }  // namespace

@@ -75,6 +75,56 @@ TEST_F(SessionHandlers, chunksComeInPartsUnderOneMebibyte) {
   EXPECT_FALSE(get(instructor, request).chunks().end());
 }
 
+TEST_F(SessionHandlers, whoReadsTheSamplesOfAnotherIsWrittenDownOnceAnHourAndSession) {
+  addPerson("anna", pb::TRAINEE);
+  const Uuid first = addSession("anna", 2), second = addSession("anna", 1), own = addSession("ina", 1);
+  const auto lines = [&] {
+    pb::Request list;
+    list.mutable_list_audit()->set_action("session export");
+    std::vector<std::string> all;
+    const auto reply = get(admin, list);
+    for (const auto& entry : reply.audit().entries())
+      all.insert(all.begin(), entry.who() + "|" + entry.subject() + "|" + entry.detail());
+    return all;
+  };
+  const auto read = [&](const Principal& who, const Uuid& id, std::uint64_t from_seq) {
+    pb::Request request;
+    request.mutable_read_chunks()->set_session_id(test::bytesOfId(id));
+    request.mutable_read_chunks()->set_from_seq(from_seq);
+    get(who, request);
+  };
+  read(trainee, first, 0);
+  read(instructor, own, 0);
+  EXPECT_TRUE(lines().empty()) << "one's own";
+  for (int i = 0; i < 3; ++i)
+    for (const std::uint64_t seq : {1u, 0u}) read(instructor, first, seq);
+  read(manager, first, 0);
+  read(instructor, second, 0);
+  const std::string of_anna = "|samples of 'anna'";
+  EXPECT_EQ(lines(),
+            (std::vector<std::string>{"ina|" + uuidText(first) + of_anna, "mia|" + uuidText(first) + of_anna,
+                                      "ina|" + uuidText(second) + of_anna}));
+  pb::Request unknown;
+  unknown.mutable_read_chunks()->set_session_id(test::bytesOfId(makeUuidV7()));
+  EXPECT_EQ(refusal(instructor, unknown), ErrorCode::kNotFound);
+  EXPECT_EQ(lines().size(), 3u) << "what is refused shows nothing";
+}
+
+TEST_F(SessionHandlers, aLogInOfStaffIsWrittenDownOnceAnHourAndHost) {
+  for (const char* host : {"192.0.2.1", "192.0.2.1", "192.0.2.2"})
+    for (const Principal* who : {&trainee, &instructor, &admin})
+      ASSERT_OK(store->service().noteLogin(*who, host));
+  pb::Request list;
+  list.mutable_list_audit()->set_action("log-in");
+  std::vector<std::string> all;
+  const auto reply = get(admin, list);
+  for (const auto& entry : reply.audit().entries())
+    all.insert(all.begin(), entry.who() + "|" + entry.detail());
+  EXPECT_EQ(all,
+            (std::vector<std::string>{"ina|instructor from 192.0.2.1", "ada|administrator from 192.0.2.1",
+                                      "ina|instructor from 192.0.2.2", "ada|administrator from 192.0.2.2"}));
+}
+
 TEST_F(SessionHandlers, aLongListOfSessionsFitsIntoAReply) {
   ASSERT_OK(change([](Connection& c) -> Status {
     for (int i = 0; i < 1'500; ++i) {

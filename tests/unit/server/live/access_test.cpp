@@ -336,6 +336,17 @@ TEST(Access, aTokenEndsWithItsTimeButNotTheConnectionThatIsOpen) {
   EXPECT_TRUE(anna->call(list).ok());
 }
 
+TEST(Access, aLogInOfStaffIsInTheAuditLog) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  ASSERT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
+  ASSERT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
+  const auto lines = auditOf(server, "log-in");
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].who(), "anna");
+  EXPECT_EQ(lines[0].detail(), "instructor from 127.0.0.1");
+}
+
 TEST(Access, guessingElsewhereLocksNobodyOutOfTheLab) {
   RunningServer server([](ServerOptions& options) {
     options.guard.allowed_per_name = 2;

@@ -230,6 +230,7 @@ TEST(Access, aDisabledInstructorsLiveFramesEndAndATraineesLessonGoesOn) {
   subscribe.mutable_subscribe()->set_subscription(1);
   subscribe.mutable_subscribe()->set_station("bench-1");
   ASSERT_TRUE(ines->send(subscribe).ok());
+  (void)waitFor(*ines, [](const pb::Envelope& e) { return e.has_subscribed(); });
   EXPECT_TRUE(
       waitFor(*station, [](const pb::Envelope& e) { return e.has_watch_state(); }).watch_state().watched());
 

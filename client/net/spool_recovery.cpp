@@ -1,0 +1,266 @@
+// What a crash or a damaged disk left of a session: read on past damage, count what is missing, and number
+// what is there.
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "client/net/spool.h"
+#include "client/net/spool_json.h"
+#include "common/base/files.h"
+#include "common/gesture/chunk.h"
+
+namespace needlelab {
+namespace {
+
+// upper limit per chunk; a lossless chunk of this size fits an envelope
+constexpr std::size_t kMaxTailSamples = 4000;
+constexpr std::uint64_t kMostMissing = 1u << 20;  // chunks between two readable ones: 12 days at 1 kHz
+
+}  // namespace
+
+// ignores a damaged end: the chunks have their own checks, and the session ends as interrupted
+void SpoolSession::loadEnd() {
+  const auto end = readSpoolJson(folder_ / "end.json");
+  const auto has = [&](const char* key) { return end->contains(key); };
+  if (!end.ok() || !end->is_object() || !has("chunks") || !has("samples") || !has("hash") ||
+      !has("interrupted")) {
+    mended_ = true;
+    return;
+  }
+  const auto numbers = [](const nlohmann::json& of) {
+    End read{countAt(of, "chunks"), countAt(of, "samples"), {}, flagAt(of, "interrupted")};
+    const auto hash = of.find("hash");
+    const auto digest = hash != of.end() && hash->is_string() ? digestFromHex(hash->get<std::string>())
+                                                              : Result<Digest>(Error{});
+    if (digest.ok()) read.hash = *digest;
+    return std::pair{read, digest.ok()};
+  };
+  const auto damageAt = [&](const char* key) {
+    const nlohmann::json of = end->value(key, nlohmann::json::object());
+    return SpoolDamage{countAt(of, "chunks"), countAt(of, "samples"), countAt(of, "from_tick")};
+  };
+  const auto [last, hash_read] = numbers(*end);
+  ended_ = true;
+  interrupted_ = last.interrupted;
+  ended_contents_.chunks = last.chunks;
+  ended_contents_.samples = last.samples;
+  if (hash_read) ended_contents_.hash = last.hash;
+  ended_contents_.damage = damageAt("damage");
+  ended_records_ = has("records") ? countAt(*end, "records") : last.chunks;
+  tail_damage_ = damageAt("tail_damage");
+  if (has("settled")) settled_ = countAt(*end, "settled");
+  if (has("whole"))
+    if (const auto [whole, sound] = numbers((*end)["whole"]); sound) whole_ = whole;
+}
+
+// copies the chunks before truncating them; keeps an existing copy, because it holds more
+Status SpoolSession::keepDamaged() {
+  const auto copy = folder_ / "chunks.damaged";
+  damaged_ = copy;
+  std::error_code error;
+  if (std::filesystem::exists(copy, error)) return {};
+  const auto partial = folder_ / "chunks.damaged.partial";
+  std::filesystem::copy_file(folder_ / "chunks", partial, std::filesystem::copy_options::overwrite_existing,
+                             error);
+  if (!error) std::filesystem::rename(partial, copy, error);
+  if (!error) return {};
+  return Error{ErrorCode::kUnavailable, folder_.string() +
+                                            ": some of its chunks cannot be read, and no copy of them can be "
+                                            "kept (" +
+                                            error.message() + "): make room on that disk"};
+}
+
+Status SpoolSession::loadChunks() {
+  ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(folder_ / "chunks"));
+  chunks_ = std::move(chunks);
+  std::uint64_t listed_as_synced = 0;
+  auto good_end = chunks_.scan([&](const SpoolRecord& record) {
+    const auto info = inspectChunk(record.data);
+    if (!info.ok()) return false;
+    listed_as_synced = std::max<std::uint64_t>(listed_as_synced, record.part);
+    const std::scoped_lock lock(mutex_);
+    if (record.seq < next_seq_ || record.seq - next_seq_ > kMostMissing) return false;
+    // behind damage: a record of another time, which the disk brought back, is none of this session
+    if (record.seq > next_seq_ && !entries_.empty() && info->first_tick <= entries_.back().last_tick)
+      return false;
+    addEntry({record.offset, record.seq, 0, 0, info->first_tick, info->last_tick}, info->count,
+             record.data.size());
+    hash_.update(record.data);
+    return true;
+  });
+  if (!good_end.ok()) return good_end.error();
+
+  if (ended_ && entries_.size() != ended_records_) {
+    // the session ended well, but the disk has lost a part of it: the readable part becomes an interrupted
+    // session, and the damaged file stays for a manual rescue
+    RETURN_IF_ERROR(keepDamaged());
+    const std::scoped_lock lock(mutex_);
+    const SpoolContents& said = ended_contents_;
+    if (!whole_ && said.hash && said.damage == SpoolDamage{})
+      whole_ = End{said.chunks, said.samples, *said.hash, interrupted_};
+    ended_ = false;
+  }
+  if (!ended_) {
+    // What is missing before a good record was torn by a power cut, which keeps an arbitrary part of the
+    // unsynced data, unless a later record lists it as synced: that is damage, and the file is kept as found
+    std::uint64_t hole = 0;
+    {
+      const std::scoped_lock lock(mutex_);
+      hole = firstHole();
+    }
+    if (hole < listed_as_synced) RETURN_IF_ERROR(keepDamaged());
+    // cut off the torn end: new records must follow the last good one
+    if (*good_end < chunks_.size()) RETURN_IF_ERROR(chunks_.truncate(*good_end));
+    RETURN_IF_ERROR(recoverTail());
+    RETURN_IF_ERROR(sync());
+    RETURN_IF_ERROR(end(true));
+    return restartTail();
+  }
+  const std::scoped_lock lock(mutex_);
+  synced_ = entries_.size();
+  end_hash_ = hash_.digest();
+  return {};
+}
+
+Status SpoolSession::loadAgain() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (!entries_.empty() || ended_contents_.chunks == 0) return {};
+  }
+  return loadChunks();
+}
+
+// makes the last chunk from the tail's pieces that are not in a chunk yet
+Status SpoolSession::recoverTail() {
+  ASSIGN_OR_RETURN(auto tail, SpoolFile::open(folder_ / "tail"));
+  tail_ = std::move(tail);
+  std::uint64_t next = 0, tick = 0;
+  {
+    const std::scoped_lock lock(mutex_);
+    next = next_seq_;
+    if (!entries_.empty()) tick = entries_.back().last_tick + 1;
+  }
+  // a second crash came after the tail was made a chunk, and before the end was written
+  const auto counted = readSpoolJson(folder_ / "tail.json");
+  if (counted.ok() && next > 0 && countAt(*counted, "seq") == next - 1) {
+    const std::scoped_lock lock(mutex_);
+    tail_damage_ = {0, countAt(*counted, "samples"), countAt(*counted, "from_tick")};
+  }
+  std::optional<std::uint64_t> seq;
+  std::uint32_t part = 0;
+  SpoolDamage missing;
+  std::vector<GestureSample> samples;
+  // taken from the pieces, which have a checksum; the description of an earlier version has none
+  Resolution resolution = resolutionOf(description_);
+  auto stopped = tail_.scan([&](const SpoolRecord& record) {
+    // already in a chunk: the program died before the tail was emptied
+    if (record.seq < next) return true;
+    if (seq ? record.seq != *seq || record.part < part : record.seq - next > kMostMissing) return false;
+    const auto piece = decodeChunk(record.data);
+    if (!piece.ok() || samples.size() + piece->size() > kMaxTailSamples) return false;
+    const std::uint64_t first = piece->front().tick;
+    const bool gap = record.part > part || record.seq > next;
+    if (gap && first < tick) return false;
+    // the samples of whole chunks that are missing before the tail are counted with those chunks
+    if (record.part > part && (seq || record.seq == next)) {
+      if (missing.samples == 0) missing.from_tick = tick;
+      missing.samples += first - tick;
+    }
+    if (const auto info = inspectChunk(record.data); info.ok()) resolution = info->resolution;
+    samples.insert(samples.end(), piece->begin(), piece->end());
+    tick = samples.back().tick + 1;
+    seq = record.seq;
+    part = record.part + 1;
+    return true;
+  });
+  if (!stopped.ok()) return stopped.error();
+  if (samples.empty()) return {};
+  if (missing.samples > 0)
+    RETURN_IF_ERROR(
+        writeSpoolJson(folder_ / "tail.json",
+                       {{"seq", *seq}, {"samples", missing.samples}, {"from_tick", missing.from_tick}}));
+  {
+    const std::scoped_lock lock(mutex_);
+    next_seq_ = *seq;
+    tail_damage_ = missing;
+  }
+  RETURN_IF_ERROR(appendChunk(encodeChunk(resolution, samples), samples.size()));
+  const std::scoped_lock lock(mutex_);
+  entries_.back().first_tick = samples.front().tick;
+  entries_.back().last_tick = samples.back().tick;
+  return {};
+}
+
+// --- the numbers of chunks after damage
+
+// including those that the disk lost
+std::uint64_t SpoolSession::recordedChunks() const {
+  return std::max(next_seq_, whole_ ? whole_->chunks : 0);
+}
+
+// recordedChunks() when none is missing
+std::uint64_t SpoolSession::firstHole() const {
+  if (entries_.size() == recordedChunks()) return entries_.size();
+  const auto moved = std::partition_point(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+    return entry.seq == static_cast<std::uint64_t>(&entry - entries_.data());
+  });
+  return static_cast<std::uint64_t>(moved - entries_.begin());
+}
+
+// chunks 0 … n−1 keep their numbers, those behind close up
+std::uint64_t SpoolSession::kept() const {
+  return settled_ ? std::min(*settled_, recordedChunks()) : firstHole();
+}
+
+std::size_t SpoolSession::entriesBefore(std::uint64_t seq) const {
+  const auto at = std::partition_point(entries_.begin(), entries_.end(),
+                                       [seq](const Entry& entry) { return entry.seq < seq; });
+  return static_cast<std::size_t>(at - entries_.begin());
+}
+
+// how many of the server's first chunks are on disk
+std::size_t SpoolSession::entriesAmong(std::uint64_t chunks) const {
+  const std::uint64_t settled = kept();
+  if (chunks <= settled) return entriesBefore(chunks);
+  const std::size_t before = entriesBefore(settled);
+  return before +
+         static_cast<std::size_t>(std::min<std::uint64_t>(chunks - settled, entries_.size() - before));
+}
+
+std::uint64_t SpoolSession::chunksNow() const {
+  if (firstHole() == recordedChunks()) return synced_;
+  const std::uint64_t settled = kept();
+  return settled + (entries_.size() - entriesBefore(settled));
+}
+
+SpoolDamage SpoolSession::damageFrom(std::uint64_t seq) const {
+  SpoolDamage damage;
+  const auto chunk_samples =
+      static_cast<std::uint64_t>(std::clamp(std::round(description_.rate_hz()), 1.0, 1000.0));  // of a second
+  std::uint64_t next = 0, tick = 0, found = 0;
+  const auto upTo = [&](std::uint64_t end, std::uint64_t end_tick) {
+    const std::uint64_t from = std::max(next, seq);
+    if (end <= from) return;
+    if (damage.chunks == 0) damage.from_tick = tick;
+    damage.chunks += end - from;
+    const std::uint64_t ticks = end_tick > tick ? end_tick - tick : 0;
+    damage.samples += std::min(ticks, (end - from) * chunk_samples);
+  };
+  for (const Entry& entry : entries_) {
+    upTo(entry.seq, entry.first_tick);
+    next = entry.seq + 1;
+    tick = entry.last_tick + 1;
+    found = entry.samples_through;
+  }
+  upTo(recordedChunks(), UINT64_MAX);
+  // the end knows how many there were
+  if (whole_ && damage.chunks > 0 && seq <= firstHole())
+    damage.samples = whole_->samples - std::min(whole_->samples, found);
+  if (tail_damage_.samples > 0 && damage.samples == 0) damage.from_tick = tail_damage_.from_tick;
+  damage.samples += tail_damage_.samples;
+  return damage;
+}
+
+}  // namespace needlelab

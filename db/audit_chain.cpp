@@ -1,0 +1,353 @@
+#include "db/audit_chain.h"
+
+#include <fmt/core.h>
+#include <sodium.h>
+
+#include <algorithm>
+#include <fstream>
+#include <mutex>
+#include <utility>
+
+#include "common/base/files.h"
+#include "db/pseudonyms.h"
+#include "db/schema.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kHeadWords = "audit head ";
+/// In `meta`: the newest line of before schema 8.
+constexpr const char* kBeforeChain = "audit_before_chain";
+
+/// What an entry proves of a line. Who, subject, detail and importer may be replaced by an erasure.
+struct ProvenLine {
+  std::int64_t id = 0, unix_ns = 0;
+  std::string who, action, subject, detail;
+  std::optional<std::string> imported_by, imported_from;
+};
+
+/// Columns of `audit` in the order of lineAt().
+constexpr std::string_view kLineColumns =
+    "a.id, a.unix_ns, a.who, a.action, a.subject, a.detail, a.imported_by, a.imported_from";
+
+ProvenLine lineAt(const Statement& row, int at) {
+  const auto optional = [&](int column) {
+    return row.isNull(column) ? std::nullopt : std::optional(row.text(column));
+  };
+  return {row.integer(at),  row.integer(at + 1), row.text(at + 2), row.text(at + 3),
+          row.text(at + 4), row.text(at + 5),    optional(at + 6), optional(at + 7)};
+}
+
+/// Each text with its length: no two lines give the same bytes.
+void putText(ByteWriter& writer, std::string_view text) {
+  writer.put(static_cast<std::uint64_t>(text.size()));
+  writer.put(viewOf(text));
+}
+void putOptional(ByteWriter& writer, const std::optional<std::string>& text) {
+  writer.put(static_cast<std::uint8_t>(text ? 1 : 0));
+  if (text) putText(writer, *text);
+}
+
+AuditKey::Hash plainHash(ByteView message) {
+  AuditKey::Hash hash{};
+  crypto_generichash(hash.data(), hash.size(), message.data(), message.size(), nullptr, 0);
+  return hash;
+}
+
+/// Says nothing about the texts without the salt, and fits no other texts.
+AuditKey::Hash commitmentOf(ByteView salt, const ProvenLine& line) {
+  Bytes message;
+  ByteWriter writer(message);
+  putText(writer, "needlelab audit commitment");
+  writer.put(salt);
+  for (const std::string* text : {&line.who, &line.subject, &line.detail}) putText(writer, *text);
+  putOptional(writer, line.imported_by);
+  return plainHash(message);
+}
+
+/// What stands before the first entry: the lines of before schema 8 are outside, and no others.
+AuditKey::Hash startOf(std::string_view before_chain) {
+  Bytes message;
+  ByteWriter writer(message);
+  putText(writer, "needlelab audit chain after line");
+  putText(writer, before_chain);
+  return plainHash(message);
+}
+
+Bytes messageOf(std::uint64_t position, const ProvenLine& line, ByteView commitment, ByteView before) {
+  Bytes message;
+  ByteWriter writer(message);
+  putText(writer, "needlelab audit entry");
+  writer.put(position);
+  writer.put(line.id);
+  writer.put(line.unix_ns);
+  putText(writer, line.action);
+  putOptional(writer, line.imported_from);
+  writer.put(commitment);
+  writer.put(before);
+  return message;
+}
+
+bool sameBytes(ByteView a, ByteView b) {
+  return a.size() == b.size() && sodium_memcmp(a.data(), b.data(), a.size()) == 0;
+}
+
+/// "needlelab.db is from before …": a database without a chain. kInvalidInput.
+Status requireChain(Connection& connection) {
+  constexpr int kFirstSchema = 8;
+  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
+  if (found >= kFirstSchema) return {};
+  return Error{ErrorCode::kInvalidInput,
+               fmt::format("{}: has schema {}: lines of the audit log are proven from schema {} on",
+                           connection.origin().string(), found, kFirstSchema)};
+}
+
+/// The head in a text of the form auditHeadText(), at `at`.
+std::optional<AuditHead> headAt(std::string_view text, std::size_t at) {
+  text.remove_prefix(at + kHeadWords.size());
+  const std::size_t colon = text.find(':');
+  constexpr std::size_t kMostDigits = 18;
+  if (colon == 0 || colon > kMostDigits || text.size() < colon + 1 + 2 * sizeof(AuditKey::Hash))
+    return std::nullopt;
+  AuditHead head;
+  for (const char digit : text.substr(0, colon)) {
+    if (digit < '0' || digit > '9') return std::nullopt;
+    head.position = 10 * head.position + static_cast<std::uint64_t>(digit - '0');
+  }
+  const auto bytes = bytesOfHex(text.substr(colon + 1, 2 * sizeof(AuditKey::Hash)));
+  if (!bytes) return std::nullopt;
+  std::copy(bytes->begin(), bytes->end(), head.mac.begin());
+  return head;
+}
+
+}  // namespace
+
+AuditKey::AuditKey(const Hash& key) : key_(key), id_{} {
+  const Hash hash = macOf(viewOf("needlelab audit key"));
+  std::copy_n(hash.begin(), id_.size(), id_.begin());
+}
+
+AuditKey::Hash AuditKey::macOf(ByteView message) const {
+  Hash mac{};
+  crypto_generichash(mac.data(), mac.size(), message.data(), message.size(), key_.data(), key_.size());
+  return mac;
+}
+
+Result<AuditKey> AuditKey::ofFile(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error))
+    return Error{ErrorCode::kNotFound,
+                 path.string() + ": is not there; without the key nobody can tell what was changed"};
+  ASSIGN_OR_RETURN(const auto bytes, readWholeFile(path, 1000));
+  Hash key{};
+  if (bytes.size() != key.size())
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("{}: has {} bytes, a key has 32: put back the right file; with a new key the lines "
+                    "of before can be proven only by the old one",
+                    path.string(), bytes.size())};
+  std::copy(bytes.begin(), bytes.end(), key.begin());
+  return AuditKey(key);
+}
+
+Result<AuditKey> AuditKey::ofFolder(const std::filesystem::path& folder) {
+  static std::mutex one_at_a_time;
+  const std::scoped_lock lock(one_at_a_time);
+  const auto path = folder / kAuditKeyFile;
+  auto found = ofFile(path);
+  if (found || found.error().code != ErrorCode::kNotFound) return found;
+  if (sodium_init() < 0) return Error{ErrorCode::kFailed, "there is no source of random numbers"};
+  Hash key{};
+  randombytes_buf(key.data(), key.size());
+  RETURN_IF_ERROR(writeFileAtomically(path, key, 0600));
+  return AuditKey(key);
+}
+
+std::string auditHeadText(const AuditHead& head) {
+  return fmt::format("{}{}:{}", kHeadWords, head.position, hexDigitsOf(textOf(head.mac)));
+}
+
+Result<AuditHead> AuditChain::head() {
+  ASSIGN_OR_RETURN(const auto head,
+                   connection_.prepare("SELECT position, mac FROM audit_chain ORDER BY position DESC LIMIT 1")
+                       .first([](const Statement& row) {
+                         AuditHead last{row.natural(0), {}};
+                         const auto mac = row.bytes(1);
+                         std::copy_n(mac.begin(), std::min(mac.size(), last.mac.size()), last.mac.begin());
+                         return last;
+                       }));
+  return head.value_or(AuditHead{});
+}
+
+Status AuditChain::append(std::int64_t line_id) {
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
+  ASSIGN_OR_RETURN(const auto last, head());
+  auto before = last.mac;
+  if (last.position == 0) {
+    ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
+    before = startOf(before_chain.value_or(""));
+  }
+  ASSIGN_OR_RETURN(
+      const auto line,
+      connection_.query(fmt::format("SELECT {} FROM audit a WHERE a.id = ?", kLineColumns), line_id)
+          .first([](const Statement& row) { return lineAt(row, 0); }));
+  if (!line)
+    return Error{ErrorCode::kNotFound, fmt::format("the audit log has no line {} to prove", line_id)};
+  AuditKey::Hash salt{};
+  randombytes_buf(salt.data(), salt.size());
+  const auto commitment = commitmentOf(salt, *line);
+  const std::uint64_t position = last.position + 1;
+  const auto mac = key.macOf(messageOf(position, *line, commitment, before));
+  return connection_.run(
+      "INSERT INTO audit_chain (position, line, salt, commitment, key_id, mac) VALUES (?,?,?,?,?,?)",
+      position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(mac));
+}
+
+Status AuditChain::amend(std::int64_t line) {
+  RETURN_IF_ERROR(connection_.run("UPDATE audit_chain SET salt = NULL WHERE line = ?", line));
+  return connection_.changes() > 0 ? append(line) : Status();
+}
+
+Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string start(16, '\0');
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  constexpr std::string_view kMagic("SQLite format 3\0", 16);
+  if (in && start == kMagic) {
+    ASSIGN_OR_RETURN(auto backup, Connection::open(path, {.mode = Connection::Mode::kReader}));
+    RETURN_IF_ERROR(requireChain(backup));
+    ASSIGN_OR_RETURN(const auto head, AuditChain(backup).head());
+    return AuditAnchor{path.string(), head};
+  }
+  in.clear();
+  in.seekg(0);
+  // an export has a line of its own for each export: the newest is its own
+  std::optional<AuditHead> found;
+  for (std::string line; std::getline(in, line);) {
+    for (std::size_t at = line.find(kHeadWords); at != std::string::npos; at = line.find(kHeadWords, at + 1))
+      if (auto head = headAt(line, at)) found = head;
+  }
+  if (found) return AuditAnchor{path.string(), *found};
+  return Error{ErrorCode::kInvalidInput,
+               path.string() + ": is neither a backup nor a file with an \"" + std::string(kHeadWords) +
+                   "…\", e.g. an export of everything (decrypt an encrypted backup first)"};
+}
+
+namespace {
+
+/// One walk over the chain.
+class ChainWalk {
+ public:
+  ChainWalk(std::span<const AuditKey> keys, std::span<const AuditAnchor> anchors)
+      : keys_(keys), anchors_(anchors) {}
+
+  void begin(const std::optional<std::string>& before_chain) {
+    if (!before_chain) fault("the database does not say any more after which line its chain begins");
+    before_ = startOf(before_chain.value_or(""));
+  }
+
+  /// `row`: position, salt, commitment, key_id, mac, line, whether a later entry of the same line follows,
+  /// the line's columns (NULL: it is not there).
+  void take(const Statement& row) {
+    const std::uint64_t position = row.natural(0);
+    if (position > verdict_.head.position + 1)
+      fault(fmt::format("entries {} to {} are missing: lines were removed", verdict_.head.position + 1,
+                        position - 1));
+    else if (position <= verdict_.head.position)
+      fault("an entry has no number: it was put in");
+    const ByteView salt = row.bytes(1), commitment = row.bytes(2), mac = row.bytes(4);
+    const bool amended = row.integer(6) != 0;
+    if (!amended) ++verdict_.lines;
+    if (row.isNull(7)) {
+      fault(fmt::format("line {} was removed", row.integer(5)));
+    } else {
+      const ProvenLine line = lineAt(row, 7);
+      const auto key = std::find_if(keys_.begin(), keys_.end(),
+                                    [&](const auto& one) { return sameBytes(one.id(), row.bytes(3)); });
+      if (key == keys_.end())
+        fault(
+            fmt::format("line {}: is of another key ({}…): give the key of that time, or somebody forged it",
+                        line.id, hexDigitsOf(textOf(row.bytes(3))).substr(0, 8)));
+      else if (!sameBytes(mac, key->macOf(messageOf(position, line, commitment, before_))))
+        fault(
+            fmt::format("line {}: its time, action, source or place is not as it was written, or the line "
+                        "before it is not",
+                        line.id));
+      if (!amended && row.isNull(1))
+        fault(fmt::format("line {}: its salt was removed, so that nothing proves its text", line.id));
+      else if (!amended && !sameBytes(commitment, commitmentOf(salt, line)))
+        fault(fmt::format("line {}: its who, subject, detail or importer is not as it was written", line.id));
+    }
+    verdict_.head.position = position;
+    verdict_.head.mac = {};
+    std::copy_n(mac.begin(), std::min(mac.size(), verdict_.head.mac.size()), verdict_.head.mac.begin());
+    before_ = verdict_.head.mac;
+    for (const AuditAnchor& anchor : anchors_) {
+      if (anchor.head.position == position && !sameBytes(anchor.head.mac, mac))
+        fault(fmt::format("{}: entry {} is another one now: the log before it was changed", anchor.name,
+                          position));
+    }
+  }
+
+  void forged(std::int64_t line) { fault(fmt::format("line {}: nothing proves it: it was put in", line)); }
+
+  AuditVerdict end(std::uint64_t outside) {
+    verdict_.outside = outside;
+    for (const AuditAnchor& anchor : anchors_) {
+      if (anchor.head.position > verdict_.head.position)
+        fault(fmt::format(
+            "{}: the log ends with entry {}, and had {}: lines were removed, or an older backup was "
+            "restored",
+            anchor.name, verdict_.head.position, anchor.head.position));
+    }
+    return std::move(verdict_);
+  }
+
+ private:
+  void fault(std::string text) {
+    ++verdict_.faults;
+    if (verdict_.texts.size() < kMaxAuditFaults) verdict_.texts.push_back(std::move(text));
+  }
+
+  std::span<const AuditKey> keys_;
+  std::span<const AuditAnchor> anchors_;
+  AuditKey::Hash before_{};
+  AuditVerdict verdict_;
+};
+
+}  // namespace
+
+Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
+                                 std::span<const AuditAnchor> anchors) {
+  RETURN_IF_ERROR(requireChain(connection));
+  ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
+  ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection).get(kBeforeChain));
+  ChainWalk walk(keys, anchors);
+  walk.begin(before_chain);
+  auto entries = connection.prepare(fmt::format(
+      "SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, c.line,"
+      " EXISTS (SELECT 1 FROM audit_chain l WHERE l.line = c.line AND l.position > c.position), {}"
+      " FROM audit_chain c LEFT JOIN audit a ON a.id = c.line ORDER BY c.position",
+      kLineColumns));
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, entries.step());
+    if (!more) break;
+    walk.take(entries);
+  }
+  auto others = connection.query(
+      "SELECT id, id <= CAST(? AS INTEGER) FROM audit WHERE id NOT IN (SELECT line FROM audit_chain) ORDER "
+      "BY id",
+      before_chain.value_or(""));
+  std::uint64_t outside = 0;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, others.step());
+    if (!more) break;
+    if (others.integer(1) != 0)
+      ++outside;
+    else
+      walk.forged(others.integer(0));
+  }
+  return walk.end(outside);
+}
+
+}  // namespace needlelab

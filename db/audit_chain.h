@@ -1,0 +1,100 @@
+/// Tamper evidence of the audit log: each line has an entry with a MAC over itself and the entry before, by a
+/// key that is in no database, backup or export. What an erasure may replace stands in the MAC as a salted
+/// commitment (db/README.md, "Tamper evidence").
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+inline constexpr const char* kAuditKeyFile = "audit.key";
+
+/// DIR/audit.key: 32 random bytes, readable only by the server's user (0600), made at the first start. Who
+/// has it can forge lines; without it nobody can tell. Thread: immutable.
+class AuditKey {
+ public:
+  using Hash = std::array<std::uint8_t, 32>;
+  using Id = std::array<std::uint8_t, 8>;
+
+  /// Reads or makes the key of a data folder. kFailed, kCorrupt (the file is not a key). Thread: any; the
+  /// file is made once.
+  static Result<AuditKey> ofFolder(const std::filesystem::path& folder);
+  /// Reads a key and makes none. kNotFound, kCorrupt.
+  static Result<AuditKey> ofFile(const std::filesystem::path& path);
+  /// A key from these bytes, for tests.
+  explicit AuditKey(const Hash& key);
+
+  /// Keyed BLAKE2b-256.
+  [[nodiscard]] Hash macOf(ByteView message) const;
+  /// Tells keys apart, and says nothing about the key.
+  [[nodiscard]] const Id& id() const { return id_; }
+
+ private:
+  Hash key_;
+  Id id_;
+};
+
+/// The last entry of a chain. Whoever keeps it elsewhere can tell later that nothing before it was changed or
+/// removed.
+struct AuditHead {
+  std::uint64_t position = 0;  ///< 0: there is no entry
+  AuditKey::Hash mac{};
+};
+/// "audit head 17:" and 64 hexadecimal digits.
+std::string auditHeadText(const AuditHead& head);
+
+/// Does not own the connection. Thread: as its Connection; append() and amend() need the writer's, in the
+/// transaction that changes the line. Both make the key when the folder has none.
+class AuditChain {
+ public:
+  explicit AuditChain(Connection& connection) : connection_(connection) {}
+
+  /// For a line that was just inserted into `audit`.
+  Status append(std::int64_t line);
+  /// After an erasure replaced texts of a line: takes the salts of its entries away, so that nobody can try
+  /// names against their commitments, and appends an entry for the new text. Does nothing for a line outside
+  /// of the chain.
+  Status amend(std::int64_t line);
+  Result<AuditHead> head();
+
+ private:
+  Connection& connection_;
+};
+
+/// A head that was kept elsewhere.
+struct AuditAnchor {
+  std::string name;  ///< for messages
+  AuditHead head;
+};
+/// Of a backup: the head that its copy of the chain has. Of any other file, e.g. an export: the last text of
+/// the form auditHeadText() in it. kInvalidInput: it has neither. Reads the whole file.
+Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path);
+
+struct AuditVerdict {
+  std::uint64_t lines = 0;    ///< with a proof
+  std::uint64_t outside = 0;  ///< from before schema 8: nothing is known about them
+  std::uint64_t faults = 0;
+  std::vector<std::string> texts;  ///< the first faults, at most kMaxAuditFaults
+  AuditHead head;                  ///< nothing is promised about lines removed after the newest anchor
+  [[nodiscard]] bool ok() const { return faults == 0; }
+};
+inline constexpr std::size_t kMaxAuditFaults = 100;
+
+/// Finds lines that were changed, reordered, forged or removed: all but the removal of the last lines, which
+/// is found before the newest of `anchors`. `keys`: the folder's, and earlier ones. One read view; a time
+/// proportional to the log. An error means that the database could not be read. Thread: as the connection.
+Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
+                                 std::span<const AuditAnchor> anchors);
+
+}  // namespace needlelab

@@ -1,0 +1,316 @@
+// What `audit verify` finds: each test changes the database as somebody could who has its file, but not the
+// key.
+#include "db/audit_chain.h"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/base/files.h"
+#include "db/audit.h"
+#include "db/backup.h"
+#include "db/erasure.h"
+#include "db/people.h"
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class AuditChainTest : public testing::Test {
+ protected:
+  /// Adds a line; returns its number.
+  std::int64_t add(const std::string& who, const std::string& action, const std::string& subject,
+                   const std::string& detail = "") {
+    EXPECT_OK(AuditStore(db.writer).add({0, ++now, who, action, subject, detail}));
+    auto row = db.writer.prepare("SELECT max(id) FROM audit");
+    EXPECT_TRUE(*row.step());
+    return row.integer(0);
+  }
+  void addLines(int count) {
+    for (int i = 0; i < count; ++i) add("ada", "user add", "person-" + std::to_string(i), "trainee");
+  }
+  AuditVerdict verify(const std::vector<AuditAnchor>& anchors = {}, const std::vector<AuditKey>& more = {}) {
+    auto keys = more;
+    keys.push_back(test::TestDb::must(AuditKey::ofFile(db.folder.path() / kAuditKeyFile)));
+    return test::TestDb::must(verifyAudit(db.writer, keys, anchors));
+  }
+  std::vector<std::string> faults(const std::vector<AuditAnchor>& anchors = {}) {
+    return verify(anchors).texts;
+  }
+  AuditAnchor anchor() { return {"the anchor", *AuditChain(db.writer).head()}; }
+  /// As somebody does who has the file: no rule of the schema holds.
+  void tamper(const std::string& sql) {
+    ASSERT_OK(db.writer.script("PRAGMA foreign_keys=OFF; PRAGMA ignore_check_constraints=ON;" + sql));
+  }
+
+  test::TestDb db;
+  std::int64_t now = 1'700'000'000'000'000'000;
+};
+
+TEST_F(AuditChainTest, aLogAsItWasWrittenHasNoFaults) {
+  addLines(3);
+  const auto verdict = verify({anchor()});
+  EXPECT_THAT(verdict.texts, IsEmpty());
+  EXPECT_TRUE(verdict.ok());
+  EXPECT_EQ(verdict.lines, 3u);
+  EXPECT_EQ(verdict.outside, 0u);
+  EXPECT_EQ(verdict.head.position, 3u);
+  EXPECT_EQ(verdict.head.mac, anchor().head.mac);
+}
+
+TEST_F(AuditChainTest, aChangeOfEachFieldIsFoundAndNamesItsLine) {
+  addLines(3);
+  for (const auto& [column, value] :
+       std::vector<std::pair<std::string, std::string>>{{"unix_ns", "unix_ns + 1"},
+                                                        {"who", "'eve'"},
+                                                        {"action", "'user remove'"},
+                                                        {"subject", "'person-9'"},
+                                                        {"detail", "'trainee '"},
+                                                        {"imported_by", "'eve'"},
+                                                        {"imported_from", "'i, line 1'"}}) {
+    SCOPED_TRACE(column);
+    tamper("SAVEPOINT change; UPDATE audit SET " + column + " = " + value + " WHERE id = 2");
+    EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 2:")));
+    tamper("ROLLBACK TO change; RELEASE change");
+  }
+  EXPECT_THAT(faults(), IsEmpty());
+}
+
+TEST_F(AuditChainTest, textsThatMoveFromOneFieldToTheNextAreAChange) {
+  add("ada", "user add", "kurt", "trainee");
+  tamper("UPDATE audit SET subject = 'kurtt', detail = 'rainee' WHERE id = 1");
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 1:")));
+}
+
+TEST_F(AuditChainTest, aChangeOfTheProofItselfIsFound) {
+  addLines(3);
+  for (const char* change : {"salt = zeroblob(32)", "salt = NULL", "commitment = zeroblob(32)",
+                             "mac = zeroblob(32)", "mac = x''", "key_id = zeroblob(8)", "line = 3"}) {
+    SCOPED_TRACE(change);
+    tamper(std::string("SAVEPOINT change; UPDATE audit_chain SET ") + change + " WHERE position = 2");
+    EXPECT_FALSE(verify().ok());
+    tamper("ROLLBACK TO change; RELEASE change");
+  }
+  EXPECT_TRUE(verify().ok());
+}
+
+TEST_F(AuditChainTest, linesThatChangedPlacesAreFound) {
+  addLines(4);
+  // with their proofs
+  tamper(
+      "UPDATE audit SET id = -id WHERE id IN (2, 3); UPDATE audit SET id = 5 + id WHERE id < 0;"
+      "UPDATE audit_chain SET line = 5 - line WHERE line IN (2, 3)");
+  EXPECT_FALSE(verify().ok());
+  tamper(
+      "UPDATE audit_chain SET position = -position WHERE position IN (2, 3);"
+      "UPDATE audit_chain SET position = 5 + position WHERE position < 0");
+  EXPECT_FALSE(verify().ok());
+}
+
+TEST_F(AuditChainTest, aLineRemovedInTheMiddleIsFound) {
+  addLines(4);
+  tamper("DELETE FROM audit WHERE id = 2");
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 2 was removed")));
+  tamper("DELETE FROM audit_chain WHERE line = 2");
+  EXPECT_THAT(faults(), testing::Contains(HasSubstr("entries 2 to 2 are missing")));
+  // nor when the numbers are closed up
+  tamper("UPDATE audit_chain SET position = position - 1 WHERE position > 2");
+  EXPECT_FALSE(verify().ok());
+}
+
+TEST_F(AuditChainTest, aLineRemovedAtTheBeginningIsFound) {
+  addLines(3);
+  tamper("DELETE FROM audit WHERE id = 1; DELETE FROM audit_chain WHERE position = 1");
+  EXPECT_FALSE(verify().ok());
+  tamper("UPDATE audit_chain SET position = position - 1");
+  EXPECT_FALSE(verify().ok());
+  tamper("UPDATE meta SET value = '1' WHERE key = 'audit_before_chain'");
+  EXPECT_FALSE(verify().ok()) << "the first proof holds where the chain begins";
+}
+
+TEST_F(AuditChainTest, removalOfTheEndIsFoundBeforeTheAnchorAndNotBehindIt) {
+  addLines(3);
+  const auto kept = anchor();
+  addLines(2);
+  tamper("DELETE FROM audit WHERE id > 4; DELETE FROM audit_chain WHERE position > 4");
+  EXPECT_THAT(faults({kept}), IsEmpty()) << "what was written behind the anchor is promised to nobody";
+  EXPECT_EQ(verify({kept}).head.position, 4u);
+  tamper("DELETE FROM audit WHERE id > 2; DELETE FROM audit_chain WHERE position > 2");
+  EXPECT_THAT(faults(), IsEmpty()) << "without an anchor";
+  EXPECT_THAT(faults({kept}), ElementsAre(HasSubstr("ends with entry 2, and had 3")));
+  // nor by lines that the server itself writes afterwards
+  addLines(2);
+  EXPECT_THAT(faults(), IsEmpty());
+  EXPECT_THAT(faults({kept}), ElementsAre(HasSubstr("entry 3 is another one now")));
+}
+
+TEST_F(AuditChainTest, anAnchorHoldsAgainstThoseWhoHaveTheKey) {
+  addLines(2);
+  const auto kept = anchor();
+  tamper("DELETE FROM audit_chain; DELETE FROM audit");
+  addLines(2);  // by the folder's own key
+  EXPECT_THAT(faults(), IsEmpty());
+  EXPECT_THAT(faults({kept}), ElementsAre(HasSubstr("entry 2 is another one now")));
+}
+
+TEST_F(AuditChainTest, aLineForgedWithoutTheKeyIsFound) {
+  addLines(2);
+  tamper("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1, 'eve', 'user add', 'x', '')");
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 3: nothing proves it")));
+  // with a proof by another key, in another folder
+  const test::TempFolder elsewhere;
+  ASSERT_OK(writeFileAtomically(elsewhere.path() / "own.key", viewOf(std::string(32, 'e'))));
+  const auto real = db.folder.path() / kAuditKeyFile, aside = db.folder.path() / "aside";
+  std::filesystem::rename(real, aside);
+  std::filesystem::copy_file(elsewhere.path() / "own.key", real);
+  ASSERT_OK(AuditChain(db.writer).append(3));
+  std::filesystem::remove(real);
+  std::filesystem::rename(aside, real);
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 3: is of another key")));
+  // who says that it is the real key's, cannot make its MAC
+  tamper("UPDATE audit_chain SET key_id = (SELECT key_id FROM audit_chain WHERE position = 1)");
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 3:")));
+}
+
+TEST_F(AuditChainTest, linesOfAnEarlierKeyAreProvenByIt) {
+  addLines(2);
+  const auto first = test::TestDb::must(AuditKey::ofFolder(db.folder.path()));
+  std::filesystem::remove(db.folder.path() / kAuditKeyFile);  // lost: the log goes on
+  addLines(1);
+  EXPECT_EQ(verify().faults, 2u);
+  EXPECT_THAT(verify({}, {first}).texts, IsEmpty());
+}
+
+TEST_F(AuditChainTest, anErasureTakesTheNameAndLeavesTheEvidence) {
+  ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1, "Anna Berg"}));
+  add("ada", "user add", "anna", "trainee");
+  add("ada", "user change", "anna", "full name: '' to 'Anna Berg'");
+  add("ada", "user add", "ben", "trainee");
+  const auto kept = anchor();
+  const auto salts = [&](const std::string& condition) {
+    auto row = db.writer.prepare("SELECT count(*) FROM audit_chain WHERE " + condition);
+    EXPECT_TRUE(*row.step());
+    return row.integer(0);
+  };
+  const ErasureLine line{"erased-1234", PseudonymKey::ofFolder(db.folder.path())->nameHash("anna"), 5};
+  ASSERT_OK(ErasureStore(db.writer).erase("anna", line, "ada", "", 5));
+  const auto verdict = verify({kept});
+  EXPECT_THAT(verdict.texts, IsEmpty());
+  EXPECT_EQ(verdict.lines, 3u);
+  EXPECT_EQ(verdict.head.position, 5u) << "one more for each changed line";
+  EXPECT_EQ(test::dump(db.writer).find("anna"), std::string::npos);
+  EXPECT_EQ(salts("salt IS NULL AND position <= 2"), 2) << "nobody can try names against the commitments";
+  EXPECT_EQ(salts("salt IS NULL"), 2);
+  // an erasure is no excuse for other changes
+  tamper("UPDATE audit SET subject = 'erased-9999' WHERE id = 1");
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 1:")));
+  tamper(
+      "UPDATE audit SET subject = 'erased-1234' WHERE id = 1; UPDATE audit_chain SET salt = NULL WHERE line "
+      "= 3;"
+      "UPDATE audit SET subject = 'erased-1234' WHERE id = 3");
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 3: its salt was removed")));
+}
+
+TEST_F(AuditChainTest, aBackupIsAnAnchorAndARestoredOneIsSound) {
+  addLines(3);
+  const auto file = db.folder.path() / "backup.db";
+  {
+    auto reader = db.reader();
+    ASSERT_OK(backupTo(reader, file));
+  }
+  const auto backup = readAuditAnchor(file);
+  ASSERT_OK(backup);
+  EXPECT_EQ(backup->head.position, 3u);
+  EXPECT_EQ(backup->head.mac, anchor().head.mac);
+  addLines(2);
+  const auto later = anchor();
+  EXPECT_THAT(faults({*backup, later}), IsEmpty());
+  // the restored backup: sound in itself, and the lines behind it are gone
+  const auto key = test::TestDb::must(AuditKey::ofFile(db.folder.path() / kAuditKeyFile));
+  auto restored = test::TestDb::must(Connection::open(file, {}));
+  EXPECT_TRUE(verifyAudit(restored, std::vector{key}, std::vector{*backup})->ok());
+  EXPECT_THAT(verifyAudit(restored, std::vector{key}, std::vector{later})->texts,
+              ElementsAre(HasSubstr("lines were removed, or an older backup was restored")));
+}
+
+TEST_F(AuditChainTest, aHeadIsReadFromAnyTextByItsNewestMention) {
+  addLines(1);
+  const auto first = anchor();
+  addLines(1);
+  const auto second = anchor();
+  const auto file = db.folder.path() / "kept";
+  ASSERT_OK(writeFileAtomically(
+      file, viewOf("audit head nothing\n{\"detail\":\"" + auditHeadText(first.head) + "\"}\n{\"detail\":\"" +
+                   auditHeadText(second.head) + "\"}\naudit head 9:ab\n")));
+  const auto read = readAuditAnchor(file);
+  ASSERT_OK(read);
+  EXPECT_EQ(read->head.position, 2u);
+  EXPECT_EQ(read->head.mac, second.head.mac);
+  ASSERT_OK(writeFileAtomically(file, viewOf("audit head 12:" + std::string(63, 'a'))));
+  EXPECT_EQ(readAuditAnchor(file).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(readAuditAnchor(db.folder.path() / "none").error().code, ErrorCode::kInvalidInput);
+}
+
+// The entries of tests/data/db/v8.sql were made by another program (Python's hashlib), as db/README.md describes them.
+TEST_F(AuditChainTest, theChainIsTheOneThatItsPageDescribes) {
+  const auto sql = readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / "v8.sql");
+  ASSERT_OK(sql);
+  auto old = test::TestDb::must(
+      Connection::open(db.folder.path() / "old.db", {.mode = Connection::Mode::kWriter, .create = true}));
+  ASSERT_OK(old.script(*sql));
+  AuditKey::Hash bytes{};
+  bytes.fill(1);
+  const auto verdict = verifyAudit(old, std::vector{AuditKey(bytes)}, {});
+  ASSERT_OK(verdict);
+  EXPECT_THAT(verdict->texts, IsEmpty());
+  EXPECT_EQ(verdict->lines, 2u);
+  EXPECT_EQ(verdict->outside, 2u) << "from before schema 8";
+  EXPECT_EQ(verdict->head.position, 3u);
+}
+
+TEST_F(AuditChainTest, whatIsWrittenOutsideTheChainCannotLookLikeLinesOfBefore) {
+  const auto sql = readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / "v7.sql");
+  ASSERT_OK(sql);
+  const test::TempFolder folder;
+  auto old = test::TestDb::must(
+      Connection::open(folder.path() / "old.db", {.mode = Connection::Mode::kWriter, .create = true}));
+  ASSERT_OK(old.script(*sql));
+  ASSERT_OK(migrate(old));
+  ASSERT_OK(AuditStore(old).add({0, 1, "ada", "user add", "ben", ""}));
+  const std::vector keys{test::TestDb::must(AuditKey::ofFile(folder.path() / kAuditKeyFile))};
+  EXPECT_EQ(verifyAudit(old, keys, {})->outside, 2u);
+  EXPECT_TRUE(verifyAudit(old, keys, {})->ok());
+  ASSERT_OK(old.script("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1,'','','','')"));
+  EXPECT_FALSE(verifyAudit(old, keys, {})->ok());
+  ASSERT_OK(old.script("UPDATE meta SET value = '4' WHERE key = 'audit_before_chain'"));
+  EXPECT_FALSE(verifyAudit(old, keys, {})->ok());
+}
+
+TEST_F(AuditChainTest, aDatabaseOfBeforeAndAKeyThatIsNoneAreRefusedByName) {
+  const auto sql = readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / "v7.sql");
+  ASSERT_OK(sql);
+  const test::TempFolder folder;
+  auto old = test::TestDb::must(
+      Connection::open(folder.path() / "old.db", {.mode = Connection::Mode::kWriter, .create = true}));
+  ASSERT_OK(old.script(*sql));
+  EXPECT_EQ(verifyAudit(old, {}, {}).error().code, ErrorCode::kInvalidInput);
+  const auto key = folder.path() / kAuditKeyFile;
+  EXPECT_EQ(AuditKey::ofFile(key).error().code, ErrorCode::kNotFound);
+  EXPECT_FALSE(std::filesystem::exists(key)) << "verifying makes no key";
+  ASSERT_OK(AuditKey::ofFolder(folder.path()));
+  EXPECT_EQ(std::filesystem::status(key).permissions(),
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  ASSERT_OK(writeFileAtomically(key, viewOf("short")));
+  EXPECT_EQ(AuditKey::ofFolder(folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+}  // namespace
+}  // namespace needlelab
