@@ -46,6 +46,20 @@ class FaultProgram : public testing::Test {
   [[nodiscard]] bool says(const std::string& text) {
     return eventually([&] { return station_->said().find(text) != std::string::npos; });
   }
+  // acknowledges, and again when the station answers "not yet", because the cause lasts for some ticks
+  [[nodiscard]] bool acknowledged() {
+    std::size_t sent = 0;
+    return eventually([&] {
+      const std::string said = station_->said();
+      std::size_t refused = 0;
+      for (std::size_t at = 0; (at = said.find("not yet", at)) != std::string::npos; ++at) ++refused;
+      if (refused == sent) {
+        station_->signal(SIGUSR1);
+        ++sent;
+      }
+      return said.find("the fault is over") != std::string::npos;
+    });
+  }
   TempFolder folder_;
   std::unique_ptr<Process> station_;
 };
@@ -54,8 +68,7 @@ TEST_F(FaultProgram, acknowledgedWhileTheLessonGoesOnItEndsWell) {
   start({"--on-fault", "wait", "--seconds", "6"});
   ASSERT_TRUE(says("FAULT: the needle's tip jumped")) << station_->said();
   EXPECT_THAT(station_->said(), AllOf(HasSubstr("take the needle out"), HasSubstr("SIGUSR1")));
-  station_->signal(SIGUSR1);
-  ASSERT_TRUE(says("the fault is over")) << station_->said();
+  ASSERT_TRUE(acknowledged()) << station_->said();
   ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
