@@ -9,6 +9,7 @@
 #include "common/base/files.h"
 #include "common/base/local_time.h"
 #include "common/base/program.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/measures.h"
 
 namespace needlelab {
@@ -79,7 +80,7 @@ std::string oneLine(std::string_view text) {
 }
 
 Json storedJson(std::string_view text) {
-  Json value = Json::parse(text, nullptr, false);
+  Json value = readShallowJson<Json>(text);
   // a discarded value would be printed as <discarded>, which is no JSON
   return value.is_discarded() ? Json() : value;
 }

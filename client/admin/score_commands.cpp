@@ -6,6 +6,7 @@
 
 #include "client/admin/command.h"
 #include "common/base/files.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/measures.h"
 
 namespace needlelab {
@@ -13,7 +14,7 @@ namespace {
 
 /// Returns the rows of a list in a reply; an empty list for an invalid text.
 Json rowsOfText(const std::string& json) {
-  Json rows = Json::parse(json.empty() ? "[]" : json, nullptr, false);
+  Json rows = readShallowJson<Json>(json.empty() ? "[]" : json);
   return rows.is_array() ? rows : Json::array();
 }
 

@@ -14,6 +14,16 @@ namespace needlelab {
 /// and column.
 Result<nlohmann::json> readStrictJson(std::string_view text, std::string_view source, std::size_t max_bytes);
 
+/// Parses JSON that others wrote and we only pass on. What is nested deeper than 64 is left out: writing it,
+/// or freeing it, would take a stack frame a level, and a megabyte can nest a million. Returns a discarded
+/// value for what is not JSON.
+template <typename Json>
+Json readShallowJson(std::string_view text) {
+  constexpr int kMostDepth = 64;
+  return Json::parse(
+      text, [](int depth, auto, const Json&) { return depth <= kMostDepth; }, false);
+}
+
 /// Returns `PATH: words`, or the words alone if the path is empty.
 Error fieldError(const std::string& path, const std::string& words);
 

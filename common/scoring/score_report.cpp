@@ -11,6 +11,7 @@
 #include "common/base/range.h"
 #include "common/base/text.h"
 #include "common/haptics/limits.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/measure_groups.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
@@ -118,7 +119,7 @@ std::string scoreJson(std::span<const Measure> measures) {
 }
 
 Result<std::vector<Measure>> parseScore(const std::string& json) {
-  const auto rows = nlohmann::json::parse(json, nullptr, false);
+  const auto rows = readShallowJson<nlohmann::json>(json);
   const Error wrong{ErrorCode::kCorrupt, "a stored score is not a list of measures"};
   if (!rows.is_array()) return wrong;
   std::vector<Measure> measures;

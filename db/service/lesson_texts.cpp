@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/profile/profile.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/measures.h"
 #include "db/schema.h"
 
@@ -10,7 +11,7 @@ namespace needlelab {
 namespace {
 
 bool isCurriculum(std::string_view json) {
-  const auto value = nlohmann::json::parse(json, nullptr, false);
+  const auto value = readShallowJson<nlohmann::json>(json);
   return value.is_object() && value.contains("exercises");
 }
 
@@ -39,8 +40,7 @@ Result<StoredCurriculum> storedCurriculumOf(std::string_view json, std::string_v
 }
 
 std::string changedFields(std::string_view before, std::string_view after) {
-  const auto was = nlohmann::json::parse(before, nullptr, false),
-             is = nlohmann::json::parse(after, nullptr, false);
+  const auto was = readShallowJson<nlohmann::json>(before), is = readShallowJson<nlohmann::json>(after);
   if (!was.is_object() || !is.is_object()) return {};
   std::string names;
   const auto add = [&](const std::string& name) { names += (names.empty() ? ": " : ", ") + name; };

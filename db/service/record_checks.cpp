@@ -6,6 +6,7 @@
 
 #include "common/base/text.h"
 #include "common/base/uuid.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/measures.h"
 #include "db/lab_settings.h"
 #include "db/pseudonyms.h"
@@ -129,7 +130,7 @@ Status checkSessionRecord(const RecordJson& record) {
 }
 
 Status checkReferenceRecord(const RecordJson& record) {
-  const auto ids = RecordJson::parse(textIn(record, "sessions"), nullptr, false);
+  const auto ids = readShallowJson<RecordJson>(textIn(record, "sessions"));
   if (!ids.is_array()) return wrongField("sessions", "is no list of sessions");
   for (const auto& id : ids) {
     if (!id.is_string() || id.get_ref<const std::string&>().size() > 36)

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/text.h"
+#include "common/profile/strict_json.h"
 #include "db/audit_chain.h"
 #include "db/connection.h"
 #include "db/documents.h"
@@ -143,7 +144,7 @@ class Import {
   /// kFailed ends the import: the database failed. Faults of a record go into the report.
   Status take(const std::string& text) {
     ++number_;
-    const auto record = RecordJson::parse(text, nullptr, false);
+    const auto record = readShallowJson<RecordJson>(text);
     const auto kind = record.is_object() && record.contains("kind") && record["kind"].is_string()
                           ? record["kind"].get<std::string>()
                           : std::string();
@@ -166,7 +167,7 @@ class Import {
   }
 
   /// For every record, before the first is taken.
-  void foresee(const std::string& text) { erasures_->foresee(RecordJson::parse(text, nullptr, false)); }
+  void foresee(const std::string& text) { erasures_->foresee(readShallowJson<RecordJson>(text)); }
 
   /// Stores the exercises of the courses' newest revisions; flags sessions of trainees whom nobody knew.
   Status finish() {

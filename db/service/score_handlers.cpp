@@ -13,6 +13,7 @@
 #include "common/base/text.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
 #include "common/scoring/reference.h"
@@ -273,7 +274,7 @@ Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, co
 
 Verdicts verdictsOf(std::string_view measures_json) {
   Verdicts verdicts;
-  const auto rows = nlohmann::json::parse(measures_json, nullptr, false);
+  const auto rows = readShallowJson<nlohmann::json>(measures_json);
   if (!rows.is_array()) return verdicts;
   for (const auto& row : rows) {
     const auto passed = row.is_object() ? row.find("passed") : row.end();

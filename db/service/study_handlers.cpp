@@ -8,6 +8,7 @@
 
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
+#include "common/profile/strict_json.h"
 #include "db/assignments.h"
 #include "db/audit.h"
 #include "db/connection.h"
@@ -85,7 +86,7 @@ class Study {
   /// A session's profile: only its free texts are changed. Many sessions share a profile.
   Result<StudyJson> profileOf(const std::string& text) {
     if (const auto known = profiles_.find(text); known != profiles_.end()) return known->second;
-    StudyJson profile = StudyJson::parse(text, nullptr, false);
+    StudyJson profile = readShallowJson<StudyJson>(text);
     if (profile.is_discarded()) profile = nullptr;
     for (const char* field : {"name", "description", "sources"}) {
       if (!profile.is_object() || !profile.contains(field) || !profile[field].is_string()) continue;
@@ -132,7 +133,7 @@ class Study {
     std::vector<std::string> records{record.dump()};
     ASSIGN_OR_RETURN(const auto scores, ScoreStore(reader_).list(session.id));
     for (const pb::Score& score : scores) {
-      const auto measures = StudyJson::parse(score.measures_json(), nullptr, false);
+      const auto measures = readShallowJson<StudyJson>(score.measures_json());
       records.push_back(
           StudyJson({{"kind", "score"},
                      {"session", sessionName(session.id)},

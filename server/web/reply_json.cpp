@@ -6,6 +6,7 @@
 
 #include "common/base/uuid.h"
 #include "common/profile/message_json.h"
+#include "common/profile/strict_json.h"
 #include "server/web/web_call.h"
 
 namespace needlelab {
@@ -83,7 +84,7 @@ WebJson fieldJson(const Message& message, const FieldDescriptor& field, int inde
 
 /// Parses a text that contains JSON.
 WebJson innerJson(const std::string& text) {
-  WebJson inner = WebJson::parse(text, nullptr, false);
+  WebJson inner = readShallowJson<WebJson>(text);
   if (!inner.is_discarded()) return inner;
   return text.empty() ? WebJson(nullptr) : WebJson(text);
 }

@@ -11,6 +11,7 @@
 
 #include "common/base/csv.h"
 #include "common/base/uuid.h"
+#include "common/profile/strict_json.h"
 #include "server/web/routes.h"
 #include "server/web/session_views.h"
 
@@ -363,7 +364,7 @@ class ScoreLines {
   static const char* yesOrNo(bool yes) { return yes ? "yes" : "no"; }
   static void addLines(std::string& text, const pb::ScoreRow& row) {
     const pb::Attempt& attempt = row.attempt();
-    const auto measures = nlohmann::json::parse(row.score().measures_json(), nullptr, false);
+    const auto measures = readShallowJson<nlohmann::json>(row.score().measures_json());
     if (!measures.is_array()) return;
     const WebJson shown = jsonOf(attempt);
     const std::string head = fmt::format(

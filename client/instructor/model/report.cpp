@@ -16,6 +16,7 @@
 #include "common/gesture/sample_csv.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/syringe_events.h"
 
@@ -326,7 +327,7 @@ std::vector<std::string> layerNamesOf(const ReportData& data) {
 
 std::vector<StandingRow> standingRowsOf(const std::string& comparison_json) {
   std::vector<StandingRow> rows;
-  const auto list = ReplyJson::parse(comparison_json, nullptr, false);
+  const auto list = readShallowJson<ReplyJson>(comparison_json);
   if (!list.is_array()) return rows;
   for (const auto& row : list)
     if (row.is_object())
@@ -336,7 +337,7 @@ std::vector<StandingRow> standingRowsOf(const std::string& comparison_json) {
 
 std::vector<ProgressRow> progressRowsOf(const std::string& measures_json) {
   std::vector<ProgressRow> rows;
-  const auto list = ReplyJson::parse(measures_json, nullptr, false);
+  const auto list = readShallowJson<ReplyJson>(measures_json);
   if (!list.is_array()) return rows;
   for (const auto& row : list) {
     if (!row.is_object()) continue;
