@@ -203,24 +203,38 @@ Status removeFile(const std::filesystem::path& path) {
   return syncFolder(path.parent_path());
 }
 
-std::vector<X509*> pointersTo(const std::vector<x509::Certificate>& certificates) {
+bool has(const std::vector<x509::Certificate>& certificates, X509* wanted) {
+  return std::any_of(certificates.begin(), certificates.end(),
+                     [&](const x509::Certificate& one) { return X509_cmp(one.get(), wanted) == 0; });
+}
+
+// writes the file of `known` with one more at its end
+Status addTo(const std::filesystem::path& file, const std::vector<x509::Certificate>& known, X509* more) {
   std::vector<X509*> all;
-  for (const auto& one : certificates) all.push_back(one.get());
-  return all;
+  for (const auto& one : known) all.push_back(one.get());
+  all.push_back(more);
+  return x509::saveCertificates(file, all);
 }
 
 }  // namespace
 
 Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains) {
-  if (isThere(files.next_ca_certificate))
+  ASSIGN_OR_RETURN(const auto old, x509::loadCertificates(files.ca_certificate));
+  if (isThere(files.next_ca_certificate)) {
+    ASSIGN_OR_RETURN(const auto next, x509::loadCertificate(files.next_ca_certificate));
+    // cut off before its last step
+    if (!has(old, next.get())) return addTo(files.ca_certificate, old, next.get());
     return Error{ErrorCode::kInvalidInput,
                  "a new authority is prepared already (" + files.next_ca_certificate.string() + "): bring " +
                      files.ca_certificate.string() +
                      " to every station and browser, then `certificate authority switch`"};
-  ASSIGN_OR_RETURN(const auto old, x509::loadCertificates(files.ca_certificate));
+  }
   ASSIGN_OR_RETURN(const auto server, x509::loadCertificate(files.certificate));
   const auto hosts = x509::hostsOf(server.get());
-  ASSIGN_OR_RETURN(const auto permitted, permittedNames(domains, hosts));
+  // a name without a dot is the machine's own and lies in no domain
+  ASSIGN_OR_RETURN(auto permitted, permittedNames(domains, hosts));
+  for (const std::string& host : hosts)
+    if (!isAddress(host) && host.find('.') == std::string::npos) permitted += ",permitted;DNS:" + host;
   ASSIGN_OR_RETURN(const auto made, makeAuthority(permitted));
   for (const std::string& host : hosts)
     if (!maySign(made.certificate.get(), host))
@@ -229,9 +243,7 @@ Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& d
                                                  host + " as well"};
   RETURN_IF_ERROR(x509::saveKey(files.next_ca_key, made.key.get()));
   RETURN_IF_ERROR(x509::saveCertificates(files.next_ca_certificate, {made.certificate.get()}));
-  auto both = pointersTo(old);
-  both.push_back(made.certificate.get());
-  return x509::saveCertificates(files.ca_certificate, both);
+  return addTo(files.ca_certificate, old, made.certificate.get());
 }
 
 Status switchAuthority(const TlsFiles& files) {
@@ -239,6 +251,12 @@ Status switchAuthority(const TlsFiles& files) {
     return Error{ErrorCode::kInvalidInput,
                  "no new authority is prepared: `certificate authority prepare` first"};
   ASSIGN_OR_RETURN(auto next, x509::loadCertificate(files.next_ca_certificate));
+  ASSIGN_OR_RETURN(const auto known, x509::loadCertificates(files.ca_certificate));
+  if (!has(known, next.get()))
+    return Error{ErrorCode::kInvalidInput,
+                 files.ca_certificate.string() +
+                     " lacks the new authority: `certificate authority prepare` was "
+                     "cut off; repeat it, and bring ca.crt to all"};
   // Each step leaves files with which the server starts, and a switch that was cut off is repeated: the
   // server's certificate first, which peers of the common ca.crt accept whoever signed it; the key that fits
   // ca.crt then.
@@ -255,7 +273,6 @@ Status switchAuthority(const TlsFiles& files) {
                    "cannot rename " + files.next_ca_key.string() + ": " + error.message()};
     RETURN_IF_ERROR(syncFolder(files.ca_key.parent_path()));
   }
-  ASSIGN_OR_RETURN(const auto known, x509::loadCertificates(files.ca_certificate));
   std::vector<X509*> order = {next.get()};
   for (const auto& one : known)
     if (X509_cmp(one.get(), next.get()) != 0) order.push_back(one.get());

@@ -48,11 +48,13 @@ Status renewServerCertificate(const TlsFiles& files, const std::vector<std::stri
 // server may run; it takes each change within a minute (server/server.h).
 
 /// Makes ca-next.crt and ca-next.key, and adds the new authority to ca.crt, so that a peer with this ca.crt
-/// trusts both. `domains` as in CertificateNames. Errors: kInvalidInput (a domain, a name of the server that
-/// lies in none of them, or one is prepared already), kFailed.
+/// trusts both; the server's names without a dot are permitted besides. `domains` as in CertificateNames. May
+/// be repeated when it was cut off. Errors: kInvalidInput (a domain, a name of the server that lies in none
+/// of them, or one is prepared already), kFailed.
 Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains);
 /// Lets the new authority sign the server's certificate, and takes its key as ca.key. ca.crt keeps both. May
 /// be repeated when it was cut off. Peers with the ca.crt of before prepareAuthority no longer connect.
+/// Errors: kInvalidInput (none is prepared, or ca.crt lacks it), kFailed.
 Status switchAuthority(const TlsFiles& files);
 /// Leaves in ca.crt only the authority that signed the server's certificate.
 Status dropOldAuthorities(const TlsFiles& files);

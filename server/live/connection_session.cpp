@@ -69,7 +69,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     bool closed = false;
   };
   auto opened = std::make_shared<Opened>();
-  context_.disk_room.take(description.profile_json().size());
+  context_.disk_room.take(description.ByteSizeLong());
   DbWriter::Work work = [opened, description, id = *id, &quotas = context_.quotas,
                          room = context_.disk_room.level(),
                          no_room = context_.disk_room.text()](Connection& writer) -> Status {
@@ -86,7 +86,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     if (arrival.state == SessionArrival::State::kNew)
       RETURN_IF_ERROR(quotas.admit(description.station(),
                                    {.open_sessions = arrival.open_sessions,
-                                    .profile_bytes = description.profile_json().size(),
+                                    .description_bytes = description.ByteSizeLong(),
                                     .unknown_name = arrival.unknown_name},
                                    steadyNowNs()));
     opened->next_seq = next;

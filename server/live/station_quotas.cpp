@@ -28,22 +28,23 @@ Status StationQuotas::admit(const std::string& station, const NewSession& sessio
 
   Used used = used_[station];
   const double back = static_cast<double>(now_ns - used.at_ns) / kDay_ns;
-  used.profile_bytes = std::max(0.0, used.profile_bytes - back * settings_.profile_bytes) +
-                       static_cast<double>(session.profile_bytes);
+  used.description_bytes = std::max(0.0, used.description_bytes - back * settings_.description_bytes) +
+                           static_cast<double>(session.description_bytes);
   used.unknown_names =
       std::max(0.0, used.unknown_names - back * settings_.unknown_names) + (session.unknown_name ? 1 : 0);
   used.at_ns = now_ns;
   const auto waitOf = [](double used_now, double share) {
     return std::ceil((used_now - share) / share * 24 * 60 * (1 - kRounding));
   };
-  if (used.profile_bytes > settings_.profile_bytes * (1 + kRounding))
-    return usedUp(station,
-                  fmt::format("has brought {:.0f} MiB of profiles within a day, this session's has {} bytes",
-                              (used.profile_bytes - static_cast<double>(session.profile_bytes)) / 0x1p20,
-                              session.profile_bytes),
-                  fmt::format("there is room for it in {:.0f} min; if nobody practised so much, see who has "
-                              "its key",
-                              waitOf(used.profile_bytes, settings_.profile_bytes)));
+  if (used.description_bytes > settings_.description_bytes * (1 + kRounding))
+    return usedUp(
+        station,
+        fmt::format("has brought {:.0f} MiB of descriptions and profiles within a day, this one has {} bytes",
+                    (used.description_bytes - static_cast<double>(session.description_bytes)) / 0x1p20,
+                    session.description_bytes),
+        fmt::format("there is room for it in {:.0f} min; if nobody practised so much, see who has "
+                    "its key",
+                    waitOf(used.description_bytes, settings_.description_bytes)));
   if (session.unknown_name && used.unknown_names > settings_.unknown_names * (1 + kRounding))
     return usedUp(
         station, fmt::format("has brought {:.0f} names of trainees that nobody has", settings_.unknown_names),

@@ -19,9 +19,9 @@ class StationQuotas {
     /// Open at once. A station has one or two; more are left behind by crashes with a lost spool. As many as
     /// a Welcome names (kMaxWelcomed).
     std::uint64_t open_sessions = 1000;
-    /// Of profiles, which each session brings whole: 10 kB is usual, 900 kB the largest. 6,000 usual
-    /// sessions.
-    double profile_bytes = 64.0 * 1024 * 1024;
+    /// Of descriptions with the profile, which each session brings whole: 10 kB is usual, 1 MB the largest.
+    /// 6,000 usual sessions.
+    double description_bytes = 64.0 * 1024 * 1024;
     /// Names of trainees that nobody has and no session had: each waits in the managers' list. A class of 30
     /// who mistype their names every day of a week.
     double unknown_names = 200;
@@ -29,7 +29,7 @@ class StationQuotas {
   /// A session that is new to the server.
   struct NewSession {
     std::uint64_t open_sessions = 0;  ///< that this station has already
-    std::uint64_t profile_bytes = 0;
+    std::uint64_t description_bytes = 0;
     bool unknown_name = false;  ///< its trainee's name is nobody's, and no stored session has it
   };
 
@@ -42,7 +42,7 @@ class StationQuotas {
 
  private:
   struct Used {
-    double profile_bytes = 0, unknown_names = 0;
+    double description_bytes = 0, unknown_names = 0;
     std::int64_t at_ns = 0;
   };
   const Settings settings_;

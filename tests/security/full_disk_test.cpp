@@ -66,7 +66,7 @@ int readableChunks(BlockingClient& person, const FakeSession& session) {
 }
 
 TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfProfiles) {
-  RoomyServer s([](ServerOptions& options) { options.quotas.profile_bytes = 1'000'000; });
+  RoomyServer s([](ServerOptions& options) { options.quotas.description_bytes = 1'000'000; });
   auto thief = s.server.connect(stationLogin("bench-1", s.server.addStation("bench-1")));
   auto honest = s.server.connect(stationLogin("bench-2", s.server.addStation("bench-2")));
   ASSERT_TRUE(thief.ok() && honest.ok());

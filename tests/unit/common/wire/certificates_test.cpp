@@ -215,6 +215,33 @@ TEST(Tls, anAuthorityIsFollowedByAnotherWithoutABreak) {
   EXPECT_TRUE(shakes(after));
 }
 
+TEST(Certificates, aPreparationThatWasCutOffIsRepeatedBeforeTheSwitch) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  const auto old = *readWholeFile(files.ca_certificate);
+  ASSERT_TRUE(prepareAuthority(files, {}).ok());
+  folder.write("ca.crt", old);  // the last step is missing
+  const auto refused = switchAuthority(files);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("prepare` was cut off"));
+  ASSERT_TRUE(prepareAuthority(files, {}).ok());
+  EXPECT_EQ(readCertificates(files.ca_certificate)->size(), 2u);
+  EXPECT_TRUE(switchAuthority(files).ok());
+}
+
+TEST(Certificates, aServersShortNameGoesWithItToTheNewAuthority) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(ensureTlsFiles(files, {.hosts = {"needle.example.org"}, .own = {"box", "localhost"}}).ok());
+  EXPECT_EQ(prepareAuthority(files, {"other.example"}).error().code, ErrorCode::kInvalidInput);
+  EXPECT_FALSE(std::filesystem::exists(files.next_ca_certificate));
+  ASSERT_TRUE(prepareAuthority(files, {"example.org"}).ok());
+  ASSERT_TRUE(switchAuthority(files).ok());
+  EXPECT_THAT(readCertificate(files.certificate)->hosts,
+              testing::UnorderedElementsAre("box", "localhost", "needle.example.org"));
+}
+
 TEST(Tls, aSwitchThatWasCutOffServesAtEachStepAndIsRepeated) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
