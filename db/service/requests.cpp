@@ -267,6 +267,32 @@ RequestThreads threadsOf(const pb::Request& request, pb::Role role) {
   return row == nullptr ? kWorkers : row->threads;
 }
 
+bool storesMore(pb::Request::CallCase call) {
+  switch (call) {
+    case Call::kAddUser:
+    case Call::kAddStation:
+    case Call::kImportPeople:
+    case Call::kImportProfile:
+    case Call::kImportCurriculum:
+    case Call::kImportAll:
+    case Call::kSetConsent:
+    case Call::kPutGroup:
+    case Call::kAssign:
+    case Call::kSetReference:
+    case Call::kExcuseAttempt:
+    case Call::kAssignSession:
+    case Call::kAnnotate:
+    case Call::kRescoreSession:
+    case Call::kRescoreAll:
+    case Call::kTraineeMessage:
+    case Call::kNextExercise:
+    case Call::kSetAids:
+      return true;
+    default:
+      return false;
+  }
+}
+
 std::string_view callName(pb::Request::CallCase call) {
   const RequestRow* row = requestRow(call);
   return row == nullptr ? "?" : row->action;

@@ -74,6 +74,10 @@ const RequestRow* requestRow(pb::Request::CallCase call);
 /// and the bound on argon2's memory holds.
 RequestThreads threadsOf(const pb::Request& request, pb::Role role);
 
+/// True when the call stores more than it frees. Such calls are refused while the disk is too full for
+/// recordings; reading, access (passwords, codes, accounts), erasure, retention and backups go on.
+bool storesMore(pb::Request::CallCase call);
+
 /// "user add", "session list", …; "?" for an unknown call.
 std::string_view callName(pb::Request::CallCase call);
 /// True when the row permits `role`; false for numbers outside the enum.

@@ -100,6 +100,16 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
 
 Task<Executed> executeRequest(ServerContext& context, Principal who,
                               std::shared_ptr<const pb::Request> request) {
+  if (storesMore(request->call_case())) {
+    // before the check: a flood between two looks at the disk counts, too
+    context.disk_room.take(request->ByteSizeLong());
+    if (context.disk_room.level() == RoomLevel::kNoChunks) {
+      auto refused = std::make_shared<Outcome>();
+      refused->error = Error{ErrorCode::kNoRoom, context.disk_room.text()};
+      refused->reply.set_id(request->id());
+      co_return refused;
+    }
+  }
   const RequestThreads threads = threadsOf(*request, who.role);
   std::function<Executed()> work = [&service = context.store.service(), who, request, threads] {
     if (threads == RequestThreads::kHours) yieldToOthers();

@@ -66,7 +66,9 @@ int readableChunks(BlockingClient& person, const FakeSession& session) {
 }
 
 TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfProfiles) {
-  RoomyServer s([](ServerOptions& options) { options.quotas.description_bytes = 1'000'000; });
+  RoomyServer s([](ServerOptions& options) {  // four, with the other fields of their descriptions
+    options.quotas.description_bytes = 1'010'000;
+  });
   auto thief = s.server.connect(stationLogin("bench-1", s.server.addStation("bench-1")));
   auto honest = s.server.connect(stationLogin("bench-2", s.server.addStation("bench-2")));
   ASSERT_TRUE(thief.ok() && honest.ok());
@@ -115,6 +117,40 @@ TEST(FullDisk, oneStationsKeyBringsSoManyOpenSessionsAndUnknownNames) {
   const auto eleventh = answerTo(*client, open(std::string(kGuestName)));
   EXPECT_EQ(eleventh.refusal().reason(), pb::Refusal::NO_ROOM);
   EXPECT_THAT(eleventh.refusal().text(), HasSubstr("10 open sessions"));
+}
+
+TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
+  RoomyServer s;
+  s.server.addUser("tina", pb::TRAINEE, kPassword);
+  s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto tina = s.server.connect(personLogin("tina", kPassword));
+  auto chief = s.server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(tina.ok() && chief.ok());
+  pb::Request consent;
+  consent.mutable_set_consent()->set_name("tina");
+  consent.mutable_set_consent()->set_given(true);
+  consent.mutable_set_consent()->set_note(std::string(1000, 'x'));
+  ASSERT_TRUE(tina->call(consent).ok());
+  s.leave(20);
+  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  auto late = tina->call(consent);
+  while (late.ok() && std::chrono::steady_clock::now() < end) late = tina->call(consent);
+  ASSERT_FALSE(late.ok());
+  EXPECT_EQ(late.error().code, ErrorCode::kNoRoom);
+  EXPECT_THAT(late.error().message, HasSubstr("make room"));
+  pb::Request annotate, import, list, disable, erase;
+  annotate.mutable_annotate()->set_text("a remark");
+  import.mutable_import_all();
+  for (const pb::Request* stores : {&annotate, &import})
+    EXPECT_EQ(chief->call(*stores).error().code, ErrorCode::kNoRoom);
+  list.mutable_list_consents()->set_name("tina");
+  EXPECT_TRUE(chief->call(list).ok());
+  disable.mutable_disable_user()->set_name("tina");
+  EXPECT_TRUE(chief->call(disable).ok());
+  erase.mutable_erase_person()->set_name("tina");
+  erase.mutable_erase_person()->set_confirm("tina");
+  const auto erased = chief->call(erase);
+  EXPECT_TRUE(erased.ok()) << erased.error().message;
 }
 
 TEST(FullDisk, refusesFirstNewSessionsThenChunksAndReadsOn) {
