@@ -38,8 +38,7 @@ Status checkOldPassword(const Context& context, const pb::SetPassword& call) {
     context.codes.giveBack(counted);
     return right.error();
   }
-  if (!*right)
-    return Error{ErrorCode::kDenied, "old_password: is not the password of '" + call.name() + "'"};
+  if (!*right) return Error{ErrorCode::kDenied, "old_password: is not the password of '" + call.name() + "'"};
   context.codes.forget(counted);
   return {};
 }

@@ -34,7 +34,8 @@ class StartupTest : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(Store::open(data(), {}).ok());
-    ASSERT_TRUE(ensureTlsFiles(tls(), {.hosts = {"localhost", "127.0.0.1", "::1"}, .domains = {"lab.example"}}).ok());
+    ASSERT_TRUE(
+        ensureTlsFiles(tls(), {.hosts = {"localhost", "127.0.0.1", "::1"}, .domains = {"lab.example"}}).ok());
     // The certificate contains the server's name only after the first start with the authority's key.
     auto [code, said] = serveOnce({});
     ASSERT_EQ(code, kExitDone) << said;

@@ -259,7 +259,8 @@ TEST_F(AuditChainTest, aHeadIsReadFromAnyTextByItsNewestMention) {
   EXPECT_EQ(readAuditAnchor(db.folder.path() / "none").error().code, ErrorCode::kInvalidInput);
 }
 
-// The entries of tests/data/db/v8.sql were made by another program (Python's hashlib), as db/README.md describes them.
+// The entries of tests/data/db/v8.sql were made by another program (Python's hashlib), as db/README.md
+// describes them.
 TEST_F(AuditChainTest, theChainIsTheOneThatItsPageDescribes) {
   const auto sql = readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / "v8.sql");
   ASSERT_OK(sql);

@@ -27,7 +27,8 @@ class ScriptedServer {
   using Script = std::function<std::vector<pb::Envelope>(const pb::Envelope&)>;
 
   explicit ScriptedServer(Script script) : script_(std::move(script)) {
-    if (!ensureTlsFiles(files, {{"localhost", "127.0.0.1"}}).ok()) throw std::runtime_error("no certificates");
+    if (!ensureTlsFiles(files, {{"localhost", "127.0.0.1"}}).ok())
+      throw std::runtime_error("no certificates");
     tls_ = *makeServerTls(files.certificate, files.key);
     asio::co_spawn(io_, accept(), rethrow);
     thread_ = std::thread([this] { io_.run(); });

@@ -29,8 +29,7 @@ TEST(Listen, whatIsNoAddressIsInvalid) {
 TEST(Listen, theCertificateNamesWhatTheServerIsCalled) {
   const auto names = certificateNames("192.0.2.7:7750", {"lab.example"}, {"example"});
   EXPECT_THAT(names.hosts, ElementsAre("lab.example", "192.0.2.7"));
-  for (const char* host : {"localhost", "127.0.0.1", "::1"})
-    EXPECT_THAT(names.own, Contains(host).Times(1));
+  for (const char* host : {"localhost", "127.0.0.1", "::1"}) EXPECT_THAT(names.own, Contains(host).Times(1));
   EXPECT_THAT(names.domains, ElementsAre("example"));
   EXPECT_THAT(certificateNames("0.0.0.0:7750", {}, {}).hosts, IsEmpty());
   EXPECT_THAT(certificateNames("[::]:7750", {}, {}).hosts, IsEmpty());

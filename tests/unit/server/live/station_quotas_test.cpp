@@ -36,8 +36,10 @@ TEST(StationQuotas, profilesAreAShareThatComesBackWithinADay) {
   EXPECT_FALSE(all.admit("s1", {.description_bytes = 10'000}, kHour_ns - 1'000'000'000).ok());
   EXPECT_TRUE(all.admit("s1", {.description_bytes = 10'000}, kHour_ns).ok());
   EXPECT_FALSE(all.admit("s1", {.description_bytes = 10'000}, kHour_ns).ok());
-  for (int i = 0; i < 24; ++i) ASSERT_TRUE(all.admit("s1", {.description_bytes = 10'000}, 100 * kHour_ns).ok());
-  EXPECT_FALSE(all.admit("s1", {.description_bytes = 10'000}, 100 * kHour_ns).ok()) << "never more than a share";
+  for (int i = 0; i < 24; ++i)
+    ASSERT_TRUE(all.admit("s1", {.description_bytes = 10'000}, 100 * kHour_ns).ok());
+  EXPECT_FALSE(all.admit("s1", {.description_bytes = 10'000}, 100 * kHour_ns).ok())
+      << "never more than a share";
 }
 
 TEST(StationQuotas, namesThatNobodyHasAreAShare) {
