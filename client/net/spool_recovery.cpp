@@ -18,6 +18,88 @@ namespace {
 constexpr std::size_t kMaxTailSamples = 4000;
 constexpr std::uint64_t kMostMissing = 1u << 20;  // chunks between two readable ones: 12 days at 1 kHz
 
+std::uint64_t samplesOfASecond(const pb::SessionDescription& description) {
+  return static_cast<std::uint64_t>(std::clamp(std::round(description.rate_hz()), 1.0, 1000.0));
+}
+
+void addDamage(SpoolDamage& sum, const SpoolDamage& part) {
+  if (part.samples == 0) return;
+  if (sum.samples == 0) sum.from_tick = part.from_tick;
+  sum.samples += part.samples;
+}
+
+/// Reads the chunks that the pieces of a tail make, in order.
+struct TailReader {
+  struct Chunk {
+    std::uint64_t seq = 0;
+    std::vector<GestureSample> samples;
+    Resolution resolution;
+    SpoolDamage missing;  // between its pieces, and before the first
+  };
+  TailReader(const pb::SessionDescription& of, const SpoolFile& file) : description(of), tail(file) {}
+
+  /// Returns the next chunk, or none at the end.
+  Result<std::optional<Chunk>> read() {
+    while (true) {
+      // the first of those that are left
+      std::optional<std::uint64_t> seq;
+      auto stopped = tail.scan([&](const SpoolRecord& record) {
+        if (record.seq >= from && record.seq >= next && record.seq - next <= kMostMissing &&
+            record.seq < seq.value_or(UINT64_MAX))
+          seq = record.seq;
+        return true;
+      });
+      if (!stopped.ok()) return stopped.error();
+      if (!seq) return std::optional<Chunk>();
+      from = *seq + 1;
+      // the resolution is taken from the pieces, which have a checksum; the description of an earlier version
+      // has none
+      Chunk chunk{*seq, {}, resolutionOf(description), {}};
+      std::uint32_t part = 0;
+      stopped = tail.scan([&](const SpoolRecord& record) {
+        if (record.seq != *seq || record.part < part) return false;
+        const auto piece = decodeChunk(record.data);
+        if (!piece.ok() || piece->front().tick < tick ||
+            chunk.samples.size() + piece->size() > kMaxTailSamples)
+          return false;
+        const std::uint64_t first = piece->front().tick;
+        if (const auto lost = missingBefore(chunk, record.part, part, *piece); lost > 0)
+          addDamage(chunk.missing, {0, lost, first - lost});
+        if (const auto info = inspectChunk(record.data); info.ok()) chunk.resolution = info->resolution;
+        chunk.samples.insert(chunk.samples.end(), piece->begin(), piece->end());
+        tick = chunk.samples.back().tick + 1;
+        part = record.part + 1;
+        return true;
+      });
+      if (!stopped.ok()) return stopped.error();
+      if (chunk.samples.empty()) continue;
+      next = *seq + 1;
+      behind_tail = true;
+      return std::optional<Chunk>(std::move(chunk));
+    }
+  }
+
+  const pb::SessionDescription& description;
+  const SpoolFile& tail;
+  std::uint64_t next = 0;    // chunk after the last one that is known
+  std::uint64_t tick = 0;    // after the last sample that is known
+  bool behind_tail = false;  // that chunk was made from pieces: its end may be missing
+
+ private:
+  /// The samples of whole chunks that are missing before the piece are counted with those chunks.
+  [[nodiscard]] std::uint64_t missingBefore(const Chunk& chunk, std::uint32_t part, std::uint32_t expected,
+                                            const std::vector<GestureSample>& piece) const {
+    const std::uint64_t ticks = piece.front().tick - tick;
+    if (!chunk.samples.empty()) return part > expected ? ticks : 0;
+    if (chunk.seq == next) return part > 0 || behind_tail ? ticks : 0;
+    const std::uint64_t second = samplesOfASecond(description);
+    const std::uint64_t whole = std::min(ticks, (chunk.seq - next) * second);
+    return std::min(ticks - whole, part * piece.size() + (behind_tail ? second : 0));
+  }
+
+  std::uint64_t from = 0;  // chunks below were looked for
+};
+
 }  // namespace
 
 // ignores a damaged end: the chunks have their own checks, and the session ends as interrupted
@@ -132,64 +214,56 @@ Status SpoolSession::loadAgain() {
   return loadChunks();
 }
 
-// makes the last chunk from the tail's pieces that are not in a chunk yet
+// Makes the last chunks from the tail's pieces that are not in a chunk yet. They are two when a power cut
+// left some pieces of a tail that was emptied between those of the next one.
 Status SpoolSession::recoverTail() {
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(folder_ / "tail"));
   tail_ = std::move(tail);
-  std::uint64_t next = 0, tick = 0;
-  {
-    const std::scoped_lock lock(mutex_);
-    next = next_seq_;
-    if (!entries_.empty()) tick = entries_.back().last_tick + 1;
-  }
+  TailReader reader(description_, tail_);
   // a second crash came after the tail was made a chunk, and before the end was written
-  const auto counted = readSpoolJson(folder_ / "tail.json");
-  if (counted.ok() && next > 0 && countAt(*counted, "seq") == next - 1) {
-    const std::scoped_lock lock(mutex_);
-    tail_damage_ = {0, countAt(*counted, "samples"), countAt(*counted, "from_tick")};
-  }
-  std::optional<std::uint64_t> seq;
-  std::uint32_t part = 0;
-  SpoolDamage missing;
-  std::vector<GestureSample> samples;
-  // taken from the pieces, which have a checksum; the description of an earlier version has none
-  Resolution resolution = resolutionOf(description_);
-  auto stopped = tail_.scan([&](const SpoolRecord& record) {
-    // already in a chunk: the program died before the tail was emptied
-    if (record.seq < next) return true;
-    if (seq ? record.seq != *seq || record.part < part : record.seq - next > kMostMissing) return false;
-    const auto piece = decodeChunk(record.data);
-    if (!piece.ok() || samples.size() + piece->size() > kMaxTailSamples) return false;
-    const std::uint64_t first = piece->front().tick;
-    const bool gap = record.part > part || record.seq > next;
-    if (gap && first < tick) return false;
-    // the samples of whole chunks that are missing before the tail are counted with those chunks
-    if (record.part > part && (seq || record.seq == next)) {
-      if (missing.samples == 0) missing.from_tick = tick;
-      missing.samples += first - tick;
-    }
-    if (const auto info = inspectChunk(record.data); info.ok()) resolution = info->resolution;
-    samples.insert(samples.end(), piece->begin(), piece->end());
-    tick = samples.back().tick + 1;
-    seq = record.seq;
-    part = record.part + 1;
-    return true;
-  });
-  if (!stopped.ok()) return stopped.error();
-  if (samples.empty()) return {};
-  if (missing.samples > 0)
-    RETURN_IF_ERROR(
-        writeSpoolJson(folder_ / "tail.json",
-                       {{"seq", *seq}, {"samples", missing.samples}, {"from_tick", missing.from_tick}}));
+  nlohmann::json list = nlohmann::json::array();
   {
     const std::scoped_lock lock(mutex_);
-    next_seq_ = *seq;
-    tail_damage_ = missing;
+    reader.next = next_seq_;
+    if (!entries_.empty()) reader.tick = entries_.back().last_tick + 1;
+    const auto counted = readSpoolJson(folder_ / "tail.json");
+    if (counted.ok() && counted->contains("chunks") && (*counted)["chunks"].is_array())
+      for (const auto& of : (*counted)["chunks"])
+        if (of.is_object() && countAt(of, "seq") < next_seq_) list.push_back(of);
+    if (!list.empty()) tail_damage_ = {};
+    for (const auto& of : list) {
+      addDamage(tail_damage_, {0, countAt(of, "samples"), countAt(of, "from_tick")});
+      reader.behind_tail |= countAt(of, "seq") + 1 == next_seq_;
+    }
   }
-  RETURN_IF_ERROR(appendChunk(encodeChunk(resolution, samples), samples.size()));
-  const std::scoped_lock lock(mutex_);
-  entries_.back().first_tick = samples.front().tick;
-  entries_.back().last_tick = samples.back().tick;
+  const bool counted_before = !list.empty();
+  std::vector<TailReader::Chunk> made;
+  bool missing = false;
+  while (true) {
+    ASSIGN_OR_RETURN(auto chunk, reader.read());
+    if (!chunk) break;
+    missing |= chunk->missing.samples > 0;
+    list.push_back(
+        {{"seq", chunk->seq}, {"samples", chunk->missing.samples}, {"from_tick", chunk->missing.from_tick}});
+    made.push_back(std::move(*chunk));
+  }
+  if (missing || made.size() > 1 || (counted_before && !made.empty()))
+    RETURN_IF_ERROR(writeSpoolJson(folder_ / "tail.json", {{"chunks", list}}));
+  for (const auto& chunk : made) {
+    {
+      const std::scoped_lock lock(mutex_);
+      next_seq_ = chunk.seq;
+      addDamage(tail_damage_, chunk.missing);
+    }
+    RETURN_IF_ERROR(appendChunk(encodeChunk(chunk.resolution, chunk.samples), chunk.samples.size()));
+    {
+      const std::scoped_lock lock(mutex_);
+      entries_.back().first_tick = chunk.samples.front().tick;
+      entries_.back().last_tick = chunk.samples.back().tick;
+    }
+    // before the next one, so that no cut leaves that one alone
+    RETURN_IF_ERROR(sync());
+  }
   return {};
 }
 
@@ -237,8 +311,7 @@ std::uint64_t SpoolSession::chunksNow() const {
 
 SpoolDamage SpoolSession::damageFrom(std::uint64_t seq) const {
   SpoolDamage damage;
-  const auto chunk_samples =
-      static_cast<std::uint64_t>(std::clamp(std::round(description_.rate_hz()), 1.0, 1000.0));  // of a second
+  const std::uint64_t chunk_samples = samplesOfASecond(description_);
   std::uint64_t next = 0, tick = 0, found = 0;
   const auto upTo = [&](std::uint64_t end, std::uint64_t end_tick) {
     const std::uint64_t from = std::max(next, seq);

@@ -256,6 +256,39 @@ TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
   EXPECT_EQ(found.samples.size(), 100u);
 }
 
+TEST(Spool, aTailThatKeptPiecesOfTwoChunksGivesBothAlsoAfterASecondCrash) {
+  const TempFolder folder;
+  fs::path session;
+  {
+    auto spool = opened(folder.path());
+    auto made = *spool->create(describeSession(makeUuidV7()));
+    session = made->folder();
+    // a power cut left two pieces of the tail before, and lost the chunk that they went into; the third piece
+    // lies under one of the next tail
+    for (const std::uint64_t first : {0, 10}) ASSERT_TRUE(made->appendPiece(0, coded(first, 10)).ok());
+    for (const std::uint64_t first : {30, 40}) ASSERT_TRUE(made->appendPiece(1, coded(first, 10)).ok());
+  }
+  const auto tail = *readWholeFile(session / "tail");
+  const auto expectBoth = [&](const char* when) {
+    const Recovered found = recover(folder.path());
+    EXPECT_EQ(found.contents.chunks, 2u) << when;
+    EXPECT_EQ(found.samples.size(), 40u) << when;
+    EXPECT_EQ(found.contents.damage, (SpoolDamage{0, 10, 20})) << when;
+    expectTicksButTheMissing(found);
+  };
+  expectBoth("after the first crash");
+  // the second one came when the first of the two was a chunk, or both, and the end was not written
+  const auto chunks = *readWholeFile(session / "chunks");
+  const auto second = chunks.find("NLS1", 1);
+  ASSERT_NE(second, std::string::npos);
+  for (const auto size : {std::size_t{0}, second, chunks.size()}) {
+    fs::remove(session / "end.json");
+    fs::resize_file(session / "chunks", size);
+    std::ofstream(session / "tail", std::ios::binary) << tail;
+    expectBoth(("with " + std::to_string(size) + " bytes of chunks").c_str());
+  }
+}
+
 // three chunks of 100 samples, synced one by one or all at last; the program ended the session, or crashed.
 // Returns the session's folder.
 fs::path sessionOfThreeChunks(const fs::path& folder, bool ended, bool synced_each = true) {
