@@ -173,7 +173,7 @@ export function SessionPage({ params, person }) {
           html`<dt>Damage</dt>
             <dd>
               <${Mark} kind="bad">damaged<//> ${counted(session.quarantined_chunks, 'chunk')} cannot be decoded: kept as
-              the station sent them, left out of pictures and score
+              sent, left out of pictures and score
             </dd>`
         }
         <dt>Length</dt>
