@@ -79,11 +79,14 @@ def spool_purged_at_ack(lab):
 
 
 def sample_lost_at_reconnection(lab):
+    """The station records until it is told to end, so that it surely has more to send when it comes back."""
     lab.start_server()
-    lab.start_station("station-1", samples=1000)
+    lab.start_station("station-1", sessions=100, samples=2000)
     lab.wait_for_more("ack", 3)
     lab.stop_server()
     lab.start_server()
+    lab.wait_for_more("ack", 3)
+    lab.stop_station("station-1")
     lab.drain(["station-1"])
     lab.stop_server()
     return lab.judge(at_end=True).faults

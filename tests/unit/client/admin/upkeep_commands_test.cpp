@@ -25,6 +25,12 @@ class UpkeepCommands : public test::AdminTest {
     for (const auto& row : good({"user", "list", "--json"}).rows()) all.push_back(row.at("name"));
     return all;
   }
+  // not whole rows: the days that are left change from one second to the next
+  static std::vector<std::string> fingerprints(const nlohmann::json& rows) {
+    std::vector<std::string> all;
+    for (const auto& row : rows) all.push_back(row.at("sha256"));
+    return all;
+  }
   std::vector<std::string> filesIn(const std::string& name) const {
     std::vector<std::string> all;
     for (const auto& entry : fs::directory_iterator(file(name))) all.push_back(entry.path().filename());
@@ -265,19 +271,21 @@ TEST_F(UpkeepCommands, aNewAuthorityFollowsInThreeStepsAndTheKeyMayMove) {
   EXPECT_THAT(early.err, HasSubstr("`certificate authority prepare` first"));
   for (const char* bad : {"org", "a b", ""})
     EXPECT_EQ(onData({"certificate", "authority", "prepare", "--domain", bad}).code, 2) << bad;
-  EXPECT_EQ(good({"certificate", "show", "--json"}).rows(), old) << "nothing changed";
+  EXPECT_EQ(fingerprints(good({"certificate", "show", "--json"}).rows()), fingerprints(old))
+      << "nothing changed";
   EXPECT_THAT(good({"certificate", "authority", "prepare", "--domain", "example.org"}).out,
               HasSubstr("Bring this file to every station"));
   const auto both = good({"certificate", "show", "--json"}).rows();
   ASSERT_EQ(both.size(), 3u) << "two authorities and the server";
-  EXPECT_EQ(both[0], old[0]);
+  EXPECT_EQ(fingerprints(both),
+            (std::vector<std::string>{old[0].at("sha256"), both[1].at("sha256"), old[1].at("sha256")}));
   EXPECT_EQ(both[1].at("hosts"), "localhost, example.org, private addresses and those that it was made for");
-  EXPECT_EQ(both[2], old[1]);
   good({"certificate", "authority", "switch"});
   good({"certificate", "authority", "drop"});
   const auto now = good({"certificate", "show", "--json"}).rows();
   ASSERT_EQ(now.size(), 2u);
-  EXPECT_EQ(now[0], both[1]);
+  EXPECT_EQ(now[0].at("sha256"), both[1].at("sha256"));
+  EXPECT_EQ(now[0].at("hosts"), both[1].at("hosts"));
   EXPECT_NE(now[1].at("sha256"), old[1].at("sha256"));
   const std::string elsewhere = file("safe.key");
   good({"certificate", "move-key", elsewhere});
