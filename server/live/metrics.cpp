@@ -286,6 +286,8 @@ void browsers(PrometheusText& out, const ServerContext& context) {
 void process(PrometheusText& out, const ProcessFacts& facts) {
   out.counter("process_cpu_seconds_total", facts.cpu_s, "Processor time, user and system.");
   out.gauge("process_resident_memory_bytes", real(facts.rss_bytes), "Resident memory.");
+  out.gauge("needlelab_heap_live_bytes", real(facts.heap_live_bytes),
+            "Memory that the program has taken from the C library and not returned.");
   out.gauge("process_open_fds", real(facts.open_files), "Open files.");
   out.gauge("process_max_fds", real(facts.most_files), "Most files that may be open.");
   out.gauge("process_threads", real(facts.threads), "Threads.");

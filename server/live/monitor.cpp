@@ -1,6 +1,7 @@
 #include "server/live/monitor.h"
 
 #include <fmt/core.h>
+#include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
 #include <algorithm>
@@ -62,6 +63,8 @@ ProcessFacts processFacts() {
     ++facts.open_files;
   // exclude the descriptor that reads the folder
   if (facts.open_files > 0) --facts.open_files;
+  const struct mallinfo2 heap = ::mallinfo2();
+  facts.heap_live_bytes = heap.uordblks + heap.hblkhd;
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) facts.most_files = limit.rlim_cur;
   return facts;

@@ -14,11 +14,13 @@
 
 namespace needlelab {
 
-/// Resource usage of this process, from the kernel.
+/// Resource usage of this process, from the kernel and the C library.
 struct ProcessFacts {
   double cpu_s = 0;  ///< user and system
   double started_unix_s = 0;
   std::uint64_t rss_bytes = 0;
+  std::uint64_t heap_live_bytes =
+      0;  ///< that the program has taken and not returned: grows only by a leak or by work
   std::uint64_t threads = 0;
   std::uint64_t open_files = 0, most_files = 0;
 };

@@ -73,7 +73,7 @@ std::optional<PlannedFault> FaultPlan::at(double time_s) {
     for (std::size_t i = 0; i < count; ++i) who.push_back(random_.next() % of);
     return who;
   };
-  if (number == 1 || (number > 1 && kind < 0.2 && time_s < 0.5 * seconds_)) {
+  if (number == 1 || (number > 1 && kind < 0.2 && time_s < kKillShare * seconds_)) {
     fault.kind = PlannedFault::Kind::kKillServer;
     fault.time = std::chrono::milliseconds(random_.next() % 2000);
   } else if (number > 1 && kind < 0.5 && viewers_ > 0) {

@@ -52,9 +52,11 @@ struct PlannedFault {
   std::chrono::milliseconds time{0};
 };
 
+inline constexpr double kKillShare = 0.25;  ///< of a run's time, in which the server is killed
+
 /// Exponential times between faults, `fault_every_s` on average. The first is a cut, the second a kill, so
-/// that a short run has both; later kills come in the first half only: in the second one server lives long
-/// enough to show whether its memory stays flat. The same seed plans the same faults. Thread: one.
+/// that a short run has both; later kills come in the first part only (kKillShare): after it one server lives
+/// long enough to show whether its memory stays flat. The same seed plans the same faults. Thread: one.
 class FaultPlan {
  public:
   explicit FaultPlan(const LoadOptions& options);

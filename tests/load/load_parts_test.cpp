@@ -258,7 +258,7 @@ TEST(FaultPlan, isTheSameForASeedAndHasAKillSecond) {
     ++kinds[static_cast<std::size_t>(fault.kind)];
     for (const std::size_t who : fault.who)
       EXPECT_LT(who, fault.kind == PlannedFault::Kind::kSlowViewer ? 4u : 40u);
-    if (fault.kind == PlannedFault::Kind::kKillServer && one[i].first > 500) ++late_kills;
+    if (fault.kind == PlannedFault::Kind::kKillServer && one[i].first > 250) ++late_kills;
   }
   for (const std::size_t kind : kinds) EXPECT_GT(kind, 5u);
   EXPECT_EQ(late_kills, 0u);
@@ -300,6 +300,7 @@ LoadResult quietRun(double growth_KiB_per_min, double handles_per_min) {
     const double min = s / 60.0;
     row.server.rss_KiB = static_cast<std::uint64_t>(
         50'000 + (s < 600 ? 3000 * min : growth_KiB_per_min * min) + 40 * std::sin(s));
+    row.live_KiB = row.server.rss_KiB - 15'000;
     row.server.handles = static_cast<std::uint64_t>(227 + handles_per_min * min) - (s % 9 == 0 ? 30 : 0);
     result.rows.push_back(row);
   }
@@ -310,14 +311,23 @@ TEST(SoakOfTheLoad, judgesTheLastServersMemoryAndHandles) {
   EXPECT_EQ(verdictOf(judgeLoad(quietRun(0, 0))), Verdict::kGood);
   EXPECT_EQ(verdictOf(judgeLoad(quietRun(40, 0))), Verdict::kBad);
   EXPECT_EQ(verdictOf(judgeLoad(quietRun(0, 1))), Verdict::kBad);
+  LoadResult spread = quietRun(0, 0);
+  for (ServerRow& row : spread.rows) row.server.rss_KiB += static_cast<std::uint64_t>(row.time_s);
+  EXPECT_EQ(verdictOf(judgeLoad(spread)), Verdict::kGood) << "its live blocks lie on more pages";
+  for (ServerRow& row : spread.rows) row.server.rss_KiB += 70'000;
+  EXPECT_EQ(verdictOf(judgeLoad(spread)), Verdict::kBad) << "it holds far more than is live";
+  LoadResult silent = quietRun(0, 0);
+  for (ServerRow& row : silent.rows) row.live_KiB = 0;
+  EXPECT_EQ(verdictOf(judgeLoad(silent)), Verdict::kBad) << "nobody knows";
   LoadResult brief = quietRun(40, 0);
-  brief.options.seconds = 599;
+  brief.options.seconds = 899;
   EXPECT_EQ(soakForm(brief.options), SoakForm::kShort);
   EXPECT_EQ(verdictOf(judgeLoad(brief)), Verdict::kGood) << "the short form says nothing of memory";
   brief.options.seconds = 1199;
   EXPECT_EQ(soakForm(brief.options), SoakForm::kNightly);
   brief.options.faults = true;
-  EXPECT_EQ(soakForm(brief.options), SoakForm::kShort) << "the last server may live for ten minutes only";
+  EXPECT_EQ(soakForm(brief.options), SoakForm::kShort)
+      << "the last server may live for a quarter of an hour only";
   LoadResult lost = quietRun(0, 0);
   lost.stored.samples.lost = 1;
   EXPECT_EQ(verdictOf(judgeLoad(lost)), Verdict::kBad);

@@ -24,6 +24,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr double kLiveEvery_s = 10;
+
 double seconds(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-9;
 }
@@ -304,7 +306,13 @@ class LoadRun {
     if (!sample) return;
     result_.server_rss_KiB = std::max(result_.server_rss_KiB, sample->rss_KiB);
     result_.server_handles = std::max(result_.server_handles, sample->handles);
-    result_.rows.push_back({time_s, *sample, starts_, bytesBelow(server_->data())});
+    // the metrics cost the server a look into its database
+    if (options_.faults && time_s >= live_due_s_) {
+      live_due_s_ = time_s + kLiveEvery_s;
+      if (const auto live = server_->liveHeapBytes()) live_ = {starts_, *live / 1024};
+    }
+    const std::uint64_t live_KiB = live_.first == starts_ ? live_.second : 0;
+    result_.rows.push_back({time_s, *sample, starts_, bytesBelow(server_->data()), live_KiB});
   }
 
   void progress(double time_s, const CrowdState& state) const {
@@ -329,6 +337,8 @@ class LoadRun {
   std::optional<TempFolder> temporary_;
   std::optional<OwnServer> server_;
   std::uint64_t starts_ = 0;
+  std::pair<std::uint64_t, std::uint64_t> live_;  // which server, KiB
+  double live_due_s_ = 0;
   std::optional<StationCrowd> crowd_;
   std::optional<ViewerCrowd> viewers_;
   MadeTicks ticks_;

@@ -23,6 +23,7 @@ struct ServerRow {
   ProcessSample server;
   std::uint64_t starts = 0;  ///< of the server so far: memory and handles begin again with each
   std::uint64_t data_bytes = 0;
+  std::uint64_t live_KiB = 0;  ///< of its heap, with faults only: as the newest scrape of its metrics says
 };
 
 struct LoadResult {
@@ -55,11 +56,12 @@ Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& 
 
 // A long run with faults, judged: nothing lost, the server's memory and file handles flat.
 
-/// With faults, kills end at half time: what counts is how long the last server lives after that.
+/// What counts is how long the last server lives after its warm-up; with faults, kills end early
+/// (kKillShare).
 SoakForm soakForm(const LoadOptions& options);
 
-/// In table order. Memory and handles are those of the last server process, after a warm-up of a quarter of
-/// its life, at most 5 min: both start again with each restart.
+/// In table order. Memory and handles are those of the last server process, after a warm-up of
+/// ten minutes: both start again with each restart.
 std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});
 
 /// Creates `out` and writes samples.csv (one row per second), table.txt (the verdict is its last line),

@@ -17,7 +17,10 @@ set arrow 1 from first judged_min, graph 0 to first judged_min, graph 1 nohead d
 set label 1 'judged from here' at first judged_min, graph 0.1 offset 0.5,0 tc rgb '#606a75'
 set yrange [0:*]
 set ylabel "server's memory\n[MiB]"
-plot csv skip 1 using ($1/60):($2/1024) with lines lw 2 lc rgb '#0072b2'
+set key bottom right
+plot csv skip 1 using ($1/60):($2/1024) with lines lw 2 lc rgb '#0072b2' title 'resident', \
+     csv skip 1 using ($1/60):($9 > 0 ? $9/1024 : NaN) with lines lw 2 lc rgb '#cc79a7' title 'live heap'
+set key off
 unset label 1
 set ylabel 'open handles'
 plot csv skip 1 using ($1/60):4 with lines lw 2 lc rgb '#d55e00'

@@ -12,6 +12,7 @@
 #include "db/credentials.h"
 #include "db/people.h"
 #include "db/service/bootstrap.h"
+#include "tests/operations/prometheus_text.h"
 
 namespace needlelab::test {
 namespace {
@@ -95,12 +96,14 @@ Error OwnServer::failed(const std::string& what) const {
 
 Status OwnServer::start() {
   const auto port_file = folder_ / "port";
+  const auto metrics_port_file = folder_ / "metrics-port";
   std::error_code ignored;
   std::filesystem::remove(port_file, ignored);
   process_ = std::make_unique<Process>(
       server_,
       std::vector<std::string>{"--data", data(), "--listen", fmt::format("127.0.0.1:{}", port_),
-                               "--port-file", port_file, "--log-level", "warning"},
+                               "--port-file", port_file, "--metrics", "0", "--metrics-port-file",
+                               metrics_port_file, "--log-level", "warning"},
       log());
   std::string text;
   const bool up = eventually(
@@ -112,7 +115,18 @@ Status OwnServer::start() {
       60s);
   if (!up || text.empty()) return failed("the server did not start");
   port_ = static_cast<std::uint16_t>(std::stoi(text));
+  // written before that of the stations
+  ASSIGN_OR_RETURN(const auto metrics, readWholeFile(metrics_port_file));
+  metrics_port_ = static_cast<std::uint16_t>(std::stoi(metrics));
   return {};
+}
+
+std::optional<std::uint64_t> OwnServer::liveHeapBytes() const {
+  if (!process_) return std::nullopt;
+  const HttpReply reply =
+      httpSend(metrics_port_, "GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", 1s);
+  const double bytes = parsePrometheus(reply.body)["needlelab_heap_live_bytes"];
+  return bytes > 0 ? std::optional(static_cast<std::uint64_t>(bytes)) : std::nullopt;
 }
 
 std::optional<ProcessSample> OwnServer::sample() const {

@@ -49,13 +49,15 @@ class OwnServer {
   /// CPU time of the servers that were killed or stopped, up to the last sample of each; `sample` gives that
   /// of the running one.
   [[nodiscard]] std::optional<ProcessSample> sample() const;
+  /// Live bytes of its heap, from its metrics; none when it does not answer at once.
+  [[nodiscard]] std::optional<std::uint64_t> liveHeapBytes() const;
   [[nodiscard]] double earlierCpu_s() const { return earlier_cpu_s_; }
 
  private:
   Error failed(const std::string& what) const;
   std::filesystem::path server_, folder_;
   std::unique_ptr<Process> process_;
-  std::uint16_t port_ = 0;
+  std::uint16_t port_ = 0, metrics_port_ = 0;
   double earlier_cpu_s_ = 0;
 };
 

@@ -129,11 +129,10 @@ Slope slopeOf(std::span<const double> time_s, std::span<const double> value, std
   return slope;
 }
 
-Finding flatMemory(const std::string& process, std::span<const double> time_s,
-                   std::span<const double> rss_KiB, SoakForm form, const SoakLimits& limits) {
-  const Slope slope = slopeOf(time_s, rss_KiB);
-  Finding flat{"memory of the " + process + ", growth after " +
-                   fmt::format("{:.0f} s", time_s.empty() ? 0.0 : time_s.front()),
+Finding flatMemory(const std::string& what, std::span<const double> time_s, std::span<const double> KiB,
+                   SoakForm form, const SoakLimits& limits) {
+  const Slope slope = slopeOf(time_s, KiB);
+  Finding flat{what + ", growth after " + fmt::format("{:.0f} s", time_s.empty() ? 0.0 : time_s.front()),
                slope.blocks < 4
                    ? "too few samples"
                    : fmt::format("{:+.1f} ± {:.1f} KiB/min", slope.per_min, slope.half_width_per_min),
@@ -154,7 +153,7 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
     const std::string name = kSoakNames[which];
     const auto rss =
         column(data.rows, from_s, [which](const SoakRow& row) { return row.processes[which].rss_KiB; });
-    findings.push_back(flatMemory(name, times, rss, options.form(), limits));
+    findings.push_back(flatMemory("memory of the " + name, times, rss, options.form(), limits));
     if (!rss.empty())
       findings.push_back(
           {"memory of the " + name + " at the end", fmt::format("{:.1f} MiB", rss.back() / 1024), "", {}});

@@ -33,10 +33,11 @@ struct Finding {
   Verdict verdict = Verdict::kGood;
 };
 
-/// Memory of a process by its samples at these times, none of them before the warm-up's end. The nightly form
-/// judges it: good when the whole interval of the slope is below the limit. The short form only reports it.
-Finding flatMemory(const std::string& process, std::span<const double> time_s,
-                   std::span<const double> rss_KiB, SoakForm form, const SoakLimits& limits = {});
+/// Growth of some memory by its samples at these times, none of them before the warm-up's end. The nightly
+/// form judges it: good when the whole interval of the slope is below the limit. The short form only reports
+/// it.
+Finding flatMemory(const std::string& what, std::span<const double> time_s, std::span<const double> KiB,
+                   SoakForm form, const SoakLimits& limits = {});
 
 /// In table order.
 std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,

@@ -155,7 +155,7 @@ Finding growing(double run_s, double noise_KiB) {
   const auto times = seconds(static_cast<std::size_t>(run_s));
   for (const double t : times)
     rss_KiB.push_back(40'000 + t + noise_KiB * static_cast<double>(random() % 1000) / 1000);
-  return flatMemory("server", times, rss_KiB, options.form());
+  return flatMemory("memory of the server", times, rss_KiB, options.form());
 }
 
 TEST(SoakForms, theShortFormReportsMemoryAndTheNightlyOneJudgesIt) {
@@ -174,7 +174,8 @@ TEST(SoakForms, theShortFormReportsMemoryAndTheNightlyOneJudgesIt) {
 TEST(SoakForms, inTheNightlyFormMemoryMustBeShownToBeFlat) {
   // so noisy that the interval reaches from below the limit to above it
   EXPECT_EQ(growing(600, 20'000).verdict, Verdict::kBad);
-  EXPECT_EQ(flatMemory("server", {}, {}, SoakForm::kNightly).verdict, Verdict::kBad) << "no samples";
+  EXPECT_EQ(flatMemory("memory of the server", {}, {}, SoakForm::kNightly).verdict, Verdict::kBad)
+      << "no samples";
 }
 
 TEST(SoakProcessSample, seesThisProcess) {
