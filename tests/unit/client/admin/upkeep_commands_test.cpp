@@ -288,6 +288,29 @@ TEST_F(UpkeepCommands, aNewAuthorityFollowsInThreeStepsAndTheKeyMayMove) {
   good({"certificate", "renew", "--host-name", "desk.example.org"});
 }
 
+TEST_F(UpkeepCommands, theNextCertificateCommandRemovesTheKeyThatAKilledOneLeft) {
+  good({"station", "enrol", "s", "--server-name", "lab.example.org", "--out", file("s.enrol")});
+  const std::string kept = data() + "/tls/ca.key.backup", left = data() + "/tls/ca-next.key.aB3dE9";
+  std::ofstream(kept) << "kept";
+  const std::vector<std::vector<std::string>> commands = {{"authority", "prepare", "--domain", "example.org"},
+                                                          {"authority", "switch"},
+                                                          {"authority", "drop"},
+                                                          {"renew"},
+                                                          {"move-key", file("safe.key")}};
+  for (const auto& command : commands) {
+    std::ofstream(left) << "half a key";
+    std::vector<std::string> arguments = {"certificate"};
+    arguments.insert(arguments.end(), command.begin(), command.end());
+    const Run done = good(arguments);
+    EXPECT_FALSE(fs::exists(left)) << command[0];
+    EXPECT_THAT(done.err, HasSubstr("removed " + left + ", which a program that was cut off left"));
+    EXPECT_TRUE(fs::exists(kept));
+  }
+  std::ofstream(left) << "half a key";
+  good({"certificate", "show"});
+  EXPECT_TRUE(fs::exists(left)) << "showing changes nothing";
+}
+
 TEST_F(UpkeepCommands, theLabRequiresCodesUntilItDoesNot) {
   EXPECT_THAT(good({"lab", "show"}).out, HasSubstr("optional"));
   EXPECT_THAT(good({"lab", "set", "--codes", "required"}).out, HasSubstr("required"));
