@@ -4,7 +4,6 @@
 #include <sodium.h>
 
 #include <algorithm>
-#include <fstream>
 #include <mutex>
 #include <utility>
 
@@ -92,34 +91,6 @@ bool sameBytes(ByteView a, ByteView b) {
   return a.size() == b.size() && sodium_memcmp(a.data(), b.data(), a.size()) == 0;
 }
 
-/// "needlelab.db is from before …": a database without a chain. kInvalidInput.
-Status requireChain(Connection& connection) {
-  constexpr int kFirstSchema = 8;
-  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
-  if (found >= kFirstSchema) return {};
-  return Error{ErrorCode::kInvalidInput,
-               fmt::format("{}: has schema {}: lines of the audit log are proven from schema {} on",
-                           connection.origin().string(), found, kFirstSchema)};
-}
-
-/// The head in a text of the form auditHeadText(), at `at`.
-std::optional<AuditHead> headAt(std::string_view text, std::size_t at) {
-  text.remove_prefix(at + kHeadWords.size());
-  const std::size_t colon = text.find(':');
-  constexpr std::size_t kMostDigits = 18;
-  if (colon == 0 || colon > kMostDigits || text.size() < colon + 1 + 2 * sizeof(AuditKey::Hash))
-    return std::nullopt;
-  AuditHead head;
-  for (const char digit : text.substr(0, colon)) {
-    if (digit < '0' || digit > '9') return std::nullopt;
-    head.position = 10 * head.position + static_cast<std::uint64_t>(digit - '0');
-  }
-  const auto bytes = bytesOfHex(text.substr(colon + 1, 2 * sizeof(AuditKey::Hash)));
-  if (!bytes) return std::nullopt;
-  std::copy(bytes->begin(), bytes->end(), head.mac.begin());
-  return head;
-}
-
 }  // namespace
 
 AuditKey::AuditKey(const Hash& key) : key_(key), id_{} {
@@ -167,6 +138,24 @@ std::string auditHeadText(const AuditHead& head) {
   return fmt::format("{}{}:{}", kHeadWords, head.position, hexDigitsOf(textOf(head.mac)));
 }
 
+std::optional<AuditHead> auditHeadOf(std::string_view text) {
+  if (!text.starts_with(kHeadWords)) return std::nullopt;
+  std::string_view rest = text.substr(kHeadWords.size());
+  const std::size_t colon = rest.find(':');
+  constexpr std::size_t kMostDigits = 18;
+  if (colon == 0 || colon > kMostDigits) return std::nullopt;
+  AuditHead head;
+  for (const char digit : rest.substr(0, colon)) {
+    if (digit < '0' || digit > '9') return std::nullopt;
+    head.position = 10 * head.position + static_cast<std::uint64_t>(digit - '0');
+  }
+  const auto bytes = bytesOfHex(rest.substr(colon + 1));
+  if (!bytes || bytes->size() != head.mac.size()) return std::nullopt;
+  std::copy(bytes->begin(), bytes->end(), head.mac.begin());
+  // a number and hexadecimal digits have several forms, a head has one
+  return auditHeadText(head) == text ? std::optional(head) : std::nullopt;
+}
+
 Result<AuditHead> AuditChain::head() {
   ASSIGN_OR_RETURN(const auto head,
                    connection_.prepare("SELECT position, mac FROM audit_chain ORDER BY position DESC LIMIT 1")
@@ -208,29 +197,13 @@ Status AuditChain::amend(std::int64_t line) {
   return connection_.changes() > 0 ? append(line) : Status();
 }
 
-Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string start(16, '\0');
-  in.read(start.data(), static_cast<std::streamsize>(start.size()));
-  constexpr std::string_view kMagic("SQLite format 3\0", 16);
-  if (in && start == kMagic) {
-    ASSIGN_OR_RETURN(auto backup, Connection::open(path, {.mode = Connection::Mode::kReader}));
-    RETURN_IF_ERROR(requireChain(backup));
-    ASSIGN_OR_RETURN(const auto head, AuditChain(backup).head());
-    return AuditAnchor{path.string(), head};
-  }
-  in.clear();
-  in.seekg(0);
-  // an export has a line of its own for each export: the newest is its own
-  std::optional<AuditHead> found;
-  for (std::string line; std::getline(in, line);) {
-    for (std::size_t at = line.find(kHeadWords); at != std::string::npos; at = line.find(kHeadWords, at + 1))
-      if (auto head = headAt(line, at)) found = head;
-  }
-  if (found) return AuditAnchor{path.string(), *found};
+Status requireAuditChain(Connection& connection) {
+  constexpr int kFirstSchema = 8;
+  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
+  if (found >= kFirstSchema) return {};
   return Error{ErrorCode::kInvalidInput,
-               path.string() + ": is neither a backup nor a file with an \"" + std::string(kHeadWords) +
-                   "…\", e.g. an export of everything (decrypt an encrypted backup first)"};
+               fmt::format("{}: has schema {}: lines of the audit log are proven from schema {} on",
+                           connection.origin().string(), found, kFirstSchema)};
 }
 
 namespace {
@@ -319,7 +292,7 @@ class ChainWalk {
 
 Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
                                  std::span<const AuditAnchor> anchors) {
-  RETURN_IF_ERROR(requireChain(connection));
+  RETURN_IF_ERROR(requireAuditChain(connection));
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
   ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection).get(kBeforeChain));
   ChainWalk walk(keys, anchors);

@@ -53,6 +53,8 @@ struct AuditHead {
 };
 /// "audit head 17:" and 64 hexadecimal digits.
 std::string auditHeadText(const AuditHead& head);
+/// The head whose auditHeadText() is exactly this text; nothing for any other.
+std::optional<AuditHead> auditHeadOf(std::string_view text);
 
 /// Does not own the connection. Thread: as its Connection; append() and amend() need the writer's, in the
 /// transaction that changes the line. Both make the key when the folder has none.
@@ -77,9 +79,8 @@ struct AuditAnchor {
   std::string name;  ///< for messages
   AuditHead head;
 };
-/// Of a backup: the head that its copy of the chain has. Of any other file, e.g. an export: the last text of
-/// the form auditHeadText() in it. kInvalidInput: it has neither. Reads the whole file.
-Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path);
+/// kInvalidInput: a database of before schema 8, which has no chain.
+Status requireAuditChain(Connection& connection);
 
 struct AuditVerdict {
   std::uint64_t lines = 0;    ///< with a proof

@@ -10,6 +10,7 @@
 #include "common/base/uuid.h"
 #include "db/audit_chain.h"
 #include "db/encrypted_backup.h"
+#include "db/service/audit_anchor.h"
 #include "db/service/bootstrap.h"
 #include "db/service/restore.h"
 
