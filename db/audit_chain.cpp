@@ -4,6 +4,7 @@
 #include <sodium.h>
 
 #include <algorithm>
+#include <charconv>
 #include <mutex>
 #include <utility>
 
@@ -15,7 +16,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::string_view kHeadWords = "audit head ";
-/// In `meta`: the newest line of before schema 8.
+/// In `meta`: the newest line of before schema 8. The first entry's MAC holds it.
 constexpr const char* kBeforeChain = "audit_before_chain";
 
 /// What an entry proves of a line. Who, subject, detail and importer may be replaced by an erasure.
@@ -64,11 +65,12 @@ AuditKey::Hash commitmentOf(ByteView salt, const ProvenLine& line) {
   return plainHash(message);
 }
 
-/// What stands before the first entry: the lines of before schema 8 are outside, and no others.
-AuditKey::Hash startOf(std::string_view before_chain) {
+/// What stands before the first entry: whether the lines up to `before_chain` are in the chain, as they are
+/// today, or outside of it. Only development versions of schema 8 left them outside.
+AuditKey::Hash startOf(std::string_view before_chain, bool with_lines) {
   Bytes message;
   ByteWriter writer(message);
-  putText(writer, "needlelab audit chain after line");
+  putText(writer, with_lines ? "needlelab audit chain with lines to" : "needlelab audit chain after line");
   putText(writer, before_chain);
   return plainHash(message);
 }
@@ -168,14 +170,7 @@ Result<AuditHead> AuditChain::head() {
   return head.value_or(AuditHead{});
 }
 
-Status AuditChain::append(std::int64_t line_id) {
-  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
-  ASSIGN_OR_RETURN(const auto last, head());
-  auto before = last.mac;
-  if (last.position == 0) {
-    ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
-    before = startOf(before_chain.value_or(""));
-  }
+Result<AuditHead> AuditChain::entry(const AuditKey& key, const AuditHead& last, std::int64_t line_id) {
   ASSIGN_OR_RETURN(
       const auto line,
       connection_.query(fmt::format("SELECT {} FROM audit a WHERE a.id = ?", kLineColumns), line_id)
@@ -185,11 +180,37 @@ Status AuditChain::append(std::int64_t line_id) {
   AuditKey::Hash salt{};
   randombytes_buf(salt.data(), salt.size());
   const auto commitment = commitmentOf(salt, *line);
-  const std::uint64_t position = last.position + 1;
-  const auto mac = key.macOf(messageOf(position, *line, commitment, before));
-  return connection_.run(
+  AuditHead next{last.position + 1, {}};
+  next.mac = key.macOf(messageOf(next.position, *line, commitment, last.mac));
+  RETURN_IF_ERROR(connection_.run(
       "INSERT INTO audit_chain (position, line, salt, commitment, key_id, mac) VALUES (?,?,?,?,?,?)",
-      position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(mac));
+      next.position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(next.mac)));
+  return next;
+}
+
+Status AuditChain::begin() {
+  ASSIGN_OR_RETURN(auto last, head());
+  if (last.position > 0) return {};
+  ASSIGN_OR_RETURN(const auto lines,
+                   connection_.prepare("SELECT id FROM audit ORDER BY id").all([](const Statement& row) {
+                     return row.integer(0);
+                   }));
+  if (lines.empty()) return {};
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
+  ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
+  last.mac = startOf(before_chain.value_or(""), true);
+  for (const std::int64_t line : lines) {
+    ASSIGN_OR_RETURN(last, entry(key, last, line));
+  }
+  return {};
+}
+
+Status AuditChain::append(std::int64_t line) {
+  ASSIGN_OR_RETURN(const auto last, head());
+  if (last.position == 0) return begin();
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
+  RETURN_IF_ERROR(entry(key, last, line));
+  return {};
 }
 
 Status AuditChain::amend(std::int64_t line) {
@@ -216,7 +237,10 @@ class ChainWalk {
 
   void begin(const std::optional<std::string>& before_chain) {
     if (!before_chain) fault("the database does not say any more after which line its chain begins");
-    before_ = startOf(before_chain.value_or(""));
+    before_ = startOf(before_chain.value_or(""), true);
+    start_without_ = startOf(before_chain.value_or(""), false);
+    const std::string text = before_chain.value_or("");
+    std::from_chars(text.data(), text.data() + text.size(), last_before_);
   }
 
   /// `row`: position, salt, commitment, key_id, mac, line, whether a later entry of the same line follows,
@@ -231,12 +255,18 @@ class ChainWalk {
     const ByteView salt = row.bytes(1), commitment = row.bytes(2), mac = row.bytes(4);
     const bool amended = row.integer(6) != 0;
     if (!amended) ++verdict_.lines;
+    if (!amended && row.integer(5) <= last_before_) ++verdict_.earlier;
     if (row.isNull(7)) {
       fault(fmt::format("line {} was removed", row.integer(5)));
     } else {
       const ProvenLine line = lineAt(row, 7);
       const auto key = std::find_if(keys_.begin(), keys_.end(),
                                     [&](const auto& one) { return sameBytes(one.id(), row.bytes(3)); });
+      if (key != keys_.end() && position == 1 &&
+          sameBytes(mac, key->macOf(messageOf(position, line, commitment, start_without_)))) {
+        with_lines_ = false;
+        before_ = start_without_;
+      }
       if (key == keys_.end())
         fault(
             fmt::format("line {}: is of another key ({}…): give the key of that time, or somebody forged it",
@@ -250,6 +280,8 @@ class ChainWalk {
         fault(fmt::format("line {}: its salt was removed, so that nothing proves its text", line.id));
       else if (!amended && !sameBytes(commitment, commitmentOf(salt, line)))
         fault(fmt::format("line {}: its who, subject, detail or importer is not as it was written", line.id));
+      if (line.action == kAuditBreak && !line.imported_from)
+        fault(fmt::format("line {}: {}", line.id, line.detail));
     }
     verdict_.head.position = position;
     verdict_.head.mac = {};
@@ -262,10 +294,23 @@ class ChainWalk {
     }
   }
 
-  void forged(std::int64_t line) { fault(fmt::format("line {}: nothing proves it: it was put in", line)); }
+  /// A line without an entry.
+  void withoutEntry(std::int64_t line) {
+    const bool before = line >= 1 && line <= last_before_;
+    if (verdict_.head.position == 0)
+      ++unproven_;
+    else if (before && !with_lines_)
+      ++verdict_.outside;
+    else
+      fault(fmt::format("line {}: nothing proves it: it was put in", line));
+  }
 
-  AuditVerdict end(std::uint64_t outside) {
-    verdict_.outside = outside;
+  AuditVerdict end() {
+    if (unproven_ > 0)
+      fault(
+          fmt::format("none of {} lines has a proof: their proofs were removed, or no server has started "
+                      "since the update to schema 8",
+                      unproven_));
     for (const AuditAnchor& anchor : anchors_) {
       if (anchor.head.position > verdict_.head.position)
         fault(fmt::format(
@@ -285,6 +330,10 @@ class ChainWalk {
   std::span<const AuditKey> keys_;
   std::span<const AuditAnchor> anchors_;
   AuditKey::Hash before_{};
+  AuditKey::Hash start_without_{};  ///< of a chain that begins behind the lines of before
+  bool with_lines_ = true;          ///< the first entry's MAC says that the lines of before are in the chain
+  std::int64_t last_before_ = 0;
+  std::uint64_t unproven_ = 0;
   AuditVerdict verdict_;
 };
 
@@ -307,20 +356,14 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
     if (!more) break;
     walk.take(entries);
   }
-  auto others = connection.query(
-      "SELECT id, id <= CAST(? AS INTEGER) FROM audit WHERE id NOT IN (SELECT line FROM audit_chain) ORDER "
-      "BY id",
-      before_chain.value_or(""));
-  std::uint64_t outside = 0;
+  auto others =
+      connection.prepare("SELECT id FROM audit WHERE id NOT IN (SELECT line FROM audit_chain) ORDER BY id");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, others.step());
     if (!more) break;
-    if (others.integer(1) != 0)
-      ++outside;
-    else
-      walk.forged(others.integer(0));
+    walk.withoutEntry(others.integer(0));
   }
-  return walk.end(outside);
+  return walk.end();
 }
 
 }  // namespace needlelab

@@ -62,7 +62,11 @@ class AuditChain {
  public:
   explicit AuditChain(Connection& connection) : connection_(connection) {}
 
-  /// For a line that was just inserted into `audit`.
+  /// Gives the lines of before the chain, in the order of their numbers, its first entries: what they were
+  /// then is proven from then on, and no line can be put among them. Does nothing where the chain has begun.
+  /// A time proportional to the log, once.
+  Status begin();
+  /// For a line that was just inserted into `audit`. Begins the chain where it is empty.
   Status append(std::int64_t line);
   /// After an erasure replaced texts of a line: takes the salts of its entries away, so that nobody can try
   /// names against their commitments, and appends an entry for the new text. Does nothing for a line outside
@@ -71,8 +75,13 @@ class AuditChain {
   Result<AuditHead> head();
 
  private:
+  /// The entry of a line behind `last`.
+  Result<AuditHead> entry(const AuditKey& key, const AuditHead& last, std::int64_t line);
   Connection& connection_;
 };
+
+/// The action of a line by which a start says that the chain was not the one that was left (audit_head.h).
+inline constexpr const char* kAuditBreak = "audit break";
 
 /// A head that was kept elsewhere.
 struct AuditAnchor {
@@ -84,7 +93,8 @@ Status requireAuditChain(Connection& connection);
 
 struct AuditVerdict {
   std::uint64_t lines = 0;    ///< with a proof
-  std::uint64_t outside = 0;  ///< from before schema 8: nothing is known about them
+  std::uint64_t earlier = 0;  ///< of these, written before the chain began: proven as they were then
+  std::uint64_t outside = 0;  ///< from before the chain, which has none of them: nothing is known about them
   std::uint64_t faults = 0;
   std::vector<std::string> texts;  ///< the first faults, at most kMaxAuditFaults
   AuditHead head;                  ///< nothing is promised about lines removed after the newest anchor

@@ -444,7 +444,10 @@ Task<> Server::Parts::roomLoop() {
     room_timer.expires_after(options.room_every);
     co_await room_timer.async_wait(kUseTuple);
     if (stopping) co_return;
-    std::function<std::optional<DiskRoom::Look>()> look = [this] { return lookAtRoom(); };
+    std::function<std::optional<DiskRoom::Look>()> look = [this] {
+      (void)store->keepAuditHead();
+      return lookAtRoom();
+    };
     const auto seen = co_await offload(room_worker, std::move(look));
     if (stopping) co_return;
     noteRoom(seen);
