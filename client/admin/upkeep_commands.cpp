@@ -264,7 +264,7 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
                    Connection::open(folder / "needlelab.db", {.mode = Connection::Mode::kReader}));
   ASSIGN_OR_RETURN(const auto verdict, verifyAudit(reader, keys, anchors));
   ASSIGN_OR_RETURN(const auto notes, notesOn(reader, verdict, kept));
-  RETURN_IF_ERROR(output.one({{"ok", "as written"},
+  RETURN_IF_ERROR(output.one({{"ok", "what is proven is as written"},
                               {"lines", "lines proven"},
                               {"earlier", "of these, older than their proof"},
                               {"outside", "lines that cannot be checked"},

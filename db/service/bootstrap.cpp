@@ -137,7 +137,7 @@ Store::~Store() {
 
 Status Store::keepAuditHead() {
   if (read_only_) return {};
-  ASSIGN_OR_RETURN(const auto reader, readers_->borrow());
+  ASSIGN_OR_RETURN(auto reader, readers_->borrow());
   return advanceAuditHead(*reader);
 }
 
