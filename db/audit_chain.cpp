@@ -4,7 +4,7 @@
 #include <sodium.h>
 
 #include <algorithm>
-#include <fstream>
+#include <charconv>
 #include <mutex>
 #include <utility>
 
@@ -16,7 +16,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::string_view kHeadWords = "audit head ";
-/// In `meta`: the newest line of before schema 8.
+/// In `meta`: the newest line of before schema 8. The first entry's MAC holds it.
 constexpr const char* kBeforeChain = "audit_before_chain";
 
 /// What an entry proves of a line. Who, subject, detail and importer may be replaced by an erasure.
@@ -65,11 +65,12 @@ AuditKey::Hash commitmentOf(ByteView salt, const ProvenLine& line) {
   return plainHash(message);
 }
 
-/// What stands before the first entry: the lines of before schema 8 are outside, and no others.
-AuditKey::Hash startOf(std::string_view before_chain) {
+/// What stands before the first entry: whether the lines up to `before_chain` are in the chain, as they are
+/// today, or outside of it. Only development versions of schema 8 left them outside.
+AuditKey::Hash startOf(std::string_view before_chain, bool with_lines) {
   Bytes message;
   ByteWriter writer(message);
-  putText(writer, "needlelab audit chain after line");
+  putText(writer, with_lines ? "needlelab audit chain with lines to" : "needlelab audit chain after line");
   putText(writer, before_chain);
   return plainHash(message);
 }
@@ -90,34 +91,6 @@ Bytes messageOf(std::uint64_t position, const ProvenLine& line, ByteView commitm
 
 bool sameBytes(ByteView a, ByteView b) {
   return a.size() == b.size() && sodium_memcmp(a.data(), b.data(), a.size()) == 0;
-}
-
-/// "needlelab.db is from before …": a database without a chain. kInvalidInput.
-Status requireChain(Connection& connection) {
-  constexpr int kFirstSchema = 8;
-  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
-  if (found >= kFirstSchema) return {};
-  return Error{ErrorCode::kInvalidInput,
-               fmt::format("{}: has schema {}: lines of the audit log are proven from schema {} on",
-                           connection.origin().string(), found, kFirstSchema)};
-}
-
-/// The head in a text of the form auditHeadText(), at `at`.
-std::optional<AuditHead> headAt(std::string_view text, std::size_t at) {
-  text.remove_prefix(at + kHeadWords.size());
-  const std::size_t colon = text.find(':');
-  constexpr std::size_t kMostDigits = 18;
-  if (colon == 0 || colon > kMostDigits || text.size() < colon + 1 + 2 * sizeof(AuditKey::Hash))
-    return std::nullopt;
-  AuditHead head;
-  for (const char digit : text.substr(0, colon)) {
-    if (digit < '0' || digit > '9') return std::nullopt;
-    head.position = 10 * head.position + static_cast<std::uint64_t>(digit - '0');
-  }
-  const auto bytes = bytesOfHex(text.substr(colon + 1, 2 * sizeof(AuditKey::Hash)));
-  if (!bytes) return std::nullopt;
-  std::copy(bytes->begin(), bytes->end(), head.mac.begin());
-  return head;
 }
 
 }  // namespace
@@ -167,6 +140,24 @@ std::string auditHeadText(const AuditHead& head) {
   return fmt::format("{}{}:{}", kHeadWords, head.position, hexDigitsOf(textOf(head.mac)));
 }
 
+std::optional<AuditHead> auditHeadOf(std::string_view text) {
+  if (!text.starts_with(kHeadWords)) return std::nullopt;
+  std::string_view rest = text.substr(kHeadWords.size());
+  const std::size_t colon = rest.find(':');
+  constexpr std::size_t kMostDigits = 18;
+  if (colon == 0 || colon > kMostDigits) return std::nullopt;
+  AuditHead head;
+  for (const char digit : rest.substr(0, colon)) {
+    if (digit < '0' || digit > '9') return std::nullopt;
+    head.position = 10 * head.position + static_cast<std::uint64_t>(digit - '0');
+  }
+  const auto bytes = bytesOfHex(rest.substr(colon + 1));
+  if (!bytes || bytes->size() != head.mac.size()) return std::nullopt;
+  std::copy(bytes->begin(), bytes->end(), head.mac.begin());
+  // a number and hexadecimal digits have several forms, a head has one
+  return auditHeadText(head) == text ? std::optional(head) : std::nullopt;
+}
+
 Result<AuditHead> AuditChain::head() {
   ASSIGN_OR_RETURN(const auto head,
                    connection_.prepare("SELECT position, mac FROM audit_chain ORDER BY position DESC LIMIT 1")
@@ -179,14 +170,7 @@ Result<AuditHead> AuditChain::head() {
   return head.value_or(AuditHead{});
 }
 
-Status AuditChain::append(std::int64_t line_id) {
-  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
-  ASSIGN_OR_RETURN(const auto last, head());
-  auto before = last.mac;
-  if (last.position == 0) {
-    ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
-    before = startOf(before_chain.value_or(""));
-  }
+Result<AuditHead> AuditChain::entry(const AuditKey& key, const AuditHead& last, std::int64_t line_id) {
   ASSIGN_OR_RETURN(
       const auto line,
       connection_.query(fmt::format("SELECT {} FROM audit a WHERE a.id = ?", kLineColumns), line_id)
@@ -196,11 +180,37 @@ Status AuditChain::append(std::int64_t line_id) {
   AuditKey::Hash salt{};
   randombytes_buf(salt.data(), salt.size());
   const auto commitment = commitmentOf(salt, *line);
-  const std::uint64_t position = last.position + 1;
-  const auto mac = key.macOf(messageOf(position, *line, commitment, before));
-  return connection_.run(
+  AuditHead next{last.position + 1, {}};
+  next.mac = key.macOf(messageOf(next.position, *line, commitment, last.mac));
+  RETURN_IF_ERROR(connection_.run(
       "INSERT INTO audit_chain (position, line, salt, commitment, key_id, mac) VALUES (?,?,?,?,?,?)",
-      position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(mac));
+      next.position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(next.mac)));
+  return next;
+}
+
+Status AuditChain::begin() {
+  ASSIGN_OR_RETURN(auto last, head());
+  if (last.position > 0) return {};
+  ASSIGN_OR_RETURN(const auto lines,
+                   connection_.prepare("SELECT id FROM audit ORDER BY id").all([](const Statement& row) {
+                     return row.integer(0);
+                   }));
+  if (lines.empty()) return {};
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
+  ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
+  last.mac = startOf(before_chain.value_or(""), true);
+  for (const std::int64_t line : lines) {
+    ASSIGN_OR_RETURN(last, entry(key, last, line));
+  }
+  return {};
+}
+
+Status AuditChain::append(std::int64_t line) {
+  ASSIGN_OR_RETURN(const auto last, head());
+  if (last.position == 0) return begin();
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
+  RETURN_IF_ERROR(entry(key, last, line));
+  return {};
 }
 
 Status AuditChain::amend(std::int64_t line) {
@@ -208,29 +218,13 @@ Status AuditChain::amend(std::int64_t line) {
   return connection_.changes() > 0 ? append(line) : Status();
 }
 
-Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string start(16, '\0');
-  in.read(start.data(), static_cast<std::streamsize>(start.size()));
-  constexpr std::string_view kMagic("SQLite format 3\0", 16);
-  if (in && start == kMagic) {
-    ASSIGN_OR_RETURN(auto backup, Connection::open(path, {.mode = Connection::Mode::kReader}));
-    RETURN_IF_ERROR(requireChain(backup));
-    ASSIGN_OR_RETURN(const auto head, AuditChain(backup).head());
-    return AuditAnchor{path.string(), head};
-  }
-  in.clear();
-  in.seekg(0);
-  // an export has a line of its own for each export: the newest is its own
-  std::optional<AuditHead> found;
-  for (std::string line; std::getline(in, line);) {
-    for (std::size_t at = line.find(kHeadWords); at != std::string::npos; at = line.find(kHeadWords, at + 1))
-      if (auto head = headAt(line, at)) found = head;
-  }
-  if (found) return AuditAnchor{path.string(), *found};
+Status requireAuditChain(Connection& connection) {
+  constexpr int kFirstSchema = 8;
+  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
+  if (found >= kFirstSchema) return {};
   return Error{ErrorCode::kInvalidInput,
-               path.string() + ": is neither a backup nor a file with an \"" + std::string(kHeadWords) +
-                   "…\", e.g. an export of everything (decrypt an encrypted backup first)"};
+               fmt::format("{}: has schema {}: lines of the audit log are proven from schema {} on",
+                           connection.origin().string(), found, kFirstSchema)};
 }
 
 namespace {
@@ -243,7 +237,10 @@ class ChainWalk {
 
   void begin(const std::optional<std::string>& before_chain) {
     if (!before_chain) fault("the database does not say any more after which line its chain begins");
-    before_ = startOf(before_chain.value_or(""));
+    before_ = startOf(before_chain.value_or(""), true);
+    start_without_ = startOf(before_chain.value_or(""), false);
+    const std::string text = before_chain.value_or("");
+    std::from_chars(text.data(), text.data() + text.size(), last_before_);
   }
 
   /// `row`: position, salt, commitment, key_id, mac, line, whether a later entry of the same line follows,
@@ -258,12 +255,18 @@ class ChainWalk {
     const ByteView salt = row.bytes(1), commitment = row.bytes(2), mac = row.bytes(4);
     const bool amended = row.integer(6) != 0;
     if (!amended) ++verdict_.lines;
+    if (!amended && row.integer(5) <= last_before_) ++verdict_.earlier;
     if (row.isNull(7)) {
       fault(fmt::format("line {} was removed", row.integer(5)));
     } else {
       const ProvenLine line = lineAt(row, 7);
       const auto key = std::find_if(keys_.begin(), keys_.end(),
                                     [&](const auto& one) { return sameBytes(one.id(), row.bytes(3)); });
+      if (key != keys_.end() && position == 1 &&
+          sameBytes(mac, key->macOf(messageOf(position, line, commitment, start_without_)))) {
+        with_lines_ = false;
+        before_ = start_without_;
+      }
       if (key == keys_.end())
         fault(
             fmt::format("line {}: is of another key ({}…): give the key of that time, or somebody forged it",
@@ -277,6 +280,8 @@ class ChainWalk {
         fault(fmt::format("line {}: its salt was removed, so that nothing proves its text", line.id));
       else if (!amended && !sameBytes(commitment, commitmentOf(salt, line)))
         fault(fmt::format("line {}: its who, subject, detail or importer is not as it was written", line.id));
+      if (line.action == kAuditBreak && !line.imported_from)
+        fault(fmt::format("line {}: {}", line.id, line.detail));
     }
     verdict_.head.position = position;
     verdict_.head.mac = {};
@@ -289,10 +294,23 @@ class ChainWalk {
     }
   }
 
-  void forged(std::int64_t line) { fault(fmt::format("line {}: nothing proves it: it was put in", line)); }
+  /// A line without an entry.
+  void withoutEntry(std::int64_t line) {
+    const bool before = line >= 1 && line <= last_before_;
+    if (verdict_.head.position == 0)
+      ++unproven_;
+    else if (before && !with_lines_)
+      ++verdict_.outside;
+    else
+      fault(fmt::format("line {}: nothing proves it: it was put in", line));
+  }
 
-  AuditVerdict end(std::uint64_t outside) {
-    verdict_.outside = outside;
+  AuditVerdict end() {
+    if (unproven_ > 0)
+      fault(
+          fmt::format("none of {} lines has a proof: their proofs were removed, or no server has started "
+                      "since the update to schema 8",
+                      unproven_));
     for (const AuditAnchor& anchor : anchors_) {
       if (anchor.head.position > verdict_.head.position)
         fault(fmt::format(
@@ -312,6 +330,10 @@ class ChainWalk {
   std::span<const AuditKey> keys_;
   std::span<const AuditAnchor> anchors_;
   AuditKey::Hash before_{};
+  AuditKey::Hash start_without_{};  ///< of a chain that begins behind the lines of before
+  bool with_lines_ = true;          ///< the first entry's MAC says that the lines of before are in the chain
+  std::int64_t last_before_ = 0;
+  std::uint64_t unproven_ = 0;
   AuditVerdict verdict_;
 };
 
@@ -319,7 +341,7 @@ class ChainWalk {
 
 Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
                                  std::span<const AuditAnchor> anchors) {
-  RETURN_IF_ERROR(requireChain(connection));
+  RETURN_IF_ERROR(requireAuditChain(connection));
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
   ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection).get(kBeforeChain));
   ChainWalk walk(keys, anchors);
@@ -334,20 +356,14 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
     if (!more) break;
     walk.take(entries);
   }
-  auto others = connection.query(
-      "SELECT id, id <= CAST(? AS INTEGER) FROM audit WHERE id NOT IN (SELECT line FROM audit_chain) ORDER "
-      "BY id",
-      before_chain.value_or(""));
-  std::uint64_t outside = 0;
+  auto others =
+      connection.prepare("SELECT id FROM audit WHERE id NOT IN (SELECT line FROM audit_chain) ORDER BY id");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, others.step());
     if (!more) break;
-    if (others.integer(1) != 0)
-      ++outside;
-    else
-      walk.forged(others.integer(0));
+    walk.withoutEntry(others.integer(0));
   }
-  return walk.end(outside);
+  return walk.end();
 }
 
 }  // namespace needlelab

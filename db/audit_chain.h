@@ -53,6 +53,8 @@ struct AuditHead {
 };
 /// "audit head 17:" and 64 hexadecimal digits.
 std::string auditHeadText(const AuditHead& head);
+/// The head whose auditHeadText() is exactly this text; nothing for any other.
+std::optional<AuditHead> auditHeadOf(std::string_view text);
 
 /// Does not own the connection. Thread: as its Connection; append() and amend() need the writer's, in the
 /// transaction that changes the line. Both make the key when the folder has none.
@@ -60,7 +62,11 @@ class AuditChain {
  public:
   explicit AuditChain(Connection& connection) : connection_(connection) {}
 
-  /// For a line that was just inserted into `audit`.
+  /// Gives the lines of before the chain, in the order of their numbers, its first entries: what they were
+  /// then is proven from then on, and no line can be put among them. Does nothing where the chain has begun.
+  /// A time proportional to the log, once.
+  Status begin();
+  /// For a line that was just inserted into `audit`. Begins the chain where it is empty.
   Status append(std::int64_t line);
   /// After an erasure replaced texts of a line: takes the salts of its entries away, so that nobody can try
   /// names against their commitments, and appends an entry for the new text. Does nothing for a line outside
@@ -69,21 +75,26 @@ class AuditChain {
   Result<AuditHead> head();
 
  private:
+  /// The entry of a line behind `last`.
+  Result<AuditHead> entry(const AuditKey& key, const AuditHead& last, std::int64_t line);
   Connection& connection_;
 };
+
+/// The action of a line by which a start says that the chain was not the one that was left (audit_head.h).
+inline constexpr const char* kAuditBreak = "audit break";
 
 /// A head that was kept elsewhere.
 struct AuditAnchor {
   std::string name;  ///< for messages
   AuditHead head;
 };
-/// Of a backup: the head that its copy of the chain has. Of any other file, e.g. an export: the last text of
-/// the form auditHeadText() in it. kInvalidInput: it has neither. Reads the whole file.
-Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path);
+/// kInvalidInput: a database of before schema 8, which has no chain.
+Status requireAuditChain(Connection& connection);
 
 struct AuditVerdict {
   std::uint64_t lines = 0;    ///< with a proof
-  std::uint64_t outside = 0;  ///< from before schema 8: nothing is known about them
+  std::uint64_t earlier = 0;  ///< of these, written before the chain began: proven as they were then
+  std::uint64_t outside = 0;  ///< from before the chain, which has none of them: nothing is known about them
   std::uint64_t faults = 0;
   std::vector<std::string> texts;  ///< the first faults, at most kMaxAuditFaults
   AuditHead head;                  ///< nothing is promised about lines removed after the newest anchor

@@ -16,6 +16,7 @@
 #include "common/base/program.h"
 #include "common/wire/certificates.h"
 #include "common/wire/tls.h"
+#include "common/wire/tls_folder.h"
 #include "db/retention_store.h"
 #include "db/schema.h"
 #include "server/base/listen.h"
@@ -165,6 +166,13 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   if (!p.store->readOnly()) RETURN_IF_ERROR(logValidAgain(*p.store));
 
   p.files = tlsFilesIn(p.options.data / "tls");
+  const auto leftovers = removeTlsLeftovers(p.files);
+  if (!leftovers)
+    logEvent(LogLevel::kWarning, "tls_leftovers_not_removed", {{"text", leftovers.error().message}});
+  if (leftovers)
+    for (const std::string& path : *leftovers)
+      logEvent(LogLevel::kWarning, "tls_leftover_removed",
+               {{"path", path}, {"text", "a program that was cut off left it; it may hold a private key"}});
   p.names = certificateNames(p.options.listen, p.options.host_names, p.options.ca_domains);
   ASSIGN_OR_RETURN(const auto certificate, currentCertificate(p.files, p.names));
   p.tls = certificate.tls;
@@ -436,7 +444,10 @@ Task<> Server::Parts::roomLoop() {
     room_timer.expires_after(options.room_every);
     co_await room_timer.async_wait(kUseTuple);
     if (stopping) co_return;
-    std::function<std::optional<DiskRoom::Look>()> look = [this] { return lookAtRoom(); };
+    std::function<std::optional<DiskRoom::Look>()> look = [this] {
+      (void)store->keepAuditHead();
+      return lookAtRoom();
+    };
     const auto seen = co_await offload(room_worker, std::move(look));
     if (stopping) co_return;
     noteRoom(seen);

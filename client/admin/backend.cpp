@@ -14,7 +14,7 @@
 #include "client/net/blocking_client.h"
 #include "common/wire/certificates.h"
 #include "common/wire/protocol.h"
-#include "db/audit_chain.h"
+#include "db/audit_head.h"
 #include "db/service/bootstrap.h"
 
 namespace needlelab {
@@ -50,7 +50,7 @@ class NewFolder {
          {database_, std::filesystem::path(database_.string() + "-wal"),
           std::filesystem::path(database_.string() + "-shm"),
           std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate, tls.ca_key,
-          tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile, lock_})
+          tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile, folder / kAuditHeadFile, lock_})
       if (!std::filesystem::exists(file, error)) files_.push_back(file);
   }
   [[nodiscard]] bool hasData() const { return has_data_; }

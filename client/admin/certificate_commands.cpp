@@ -11,6 +11,7 @@
 #include "common/base/clock.h"
 #include "common/base/local_time.h"
 #include "common/wire/certificates.h"
+#include "common/wire/tls_folder.h"
 
 namespace needlelab {
 namespace {
@@ -45,8 +46,20 @@ Status show(const std::filesystem::path& folder, Output& output) {
                      rows);
 }
 
+/// The folder's files for a command that writes them, without what a command that was killed left there.
+TlsFiles filesToWrite(const std::filesystem::path& folder, Output& output) {
+  TlsFiles files = tlsFilesIn(folder / "tls");
+  const auto removed = removeTlsLeftovers(files);
+  if (!removed) output.remark(removed.error().message);
+  if (removed)
+    for (const std::string& path : *removed)
+      output.remark("removed " + oneLine(path) +
+                    ", which a program that was cut off left; it may hold a private key");
+  return files;
+}
+
 Status renew(const std::filesystem::path& folder, Output& output, const std::vector<std::string>& hosts) {
-  const TlsFiles files = tlsFilesIn(folder / "tls");
+  const TlsFiles files = filesToWrite(folder, output);
   RETURN_IF_ERROR(renewServerCertificate(files, hosts));
   ASSIGN_OR_RETURN(const auto facts, readCertificate(files.certificate));
   std::string names;
@@ -60,7 +73,7 @@ Status renew(const std::filesystem::path& folder, Output& output, const std::vec
 
 Status prepareNext(const std::filesystem::path& folder, Output& output,
                    const std::vector<std::string>& domains) {
-  const TlsFiles files = tlsFilesIn(folder / "tls");
+  const TlsFiles files = filesToWrite(folder, output);
   RETURN_IF_ERROR(prepareAuthority(files, domains));
   output.done("a new authority is prepared; " + files.ca_certificate.string() +
               " has the old and the new one. Bring this file to every station, instructor and browser; the "
@@ -69,7 +82,7 @@ Status prepareNext(const std::filesystem::path& folder, Output& output,
 }
 
 Status switchToNext(const std::filesystem::path& folder, Output& output) {
-  RETURN_IF_ERROR(switchAuthority(tlsFilesIn(folder / "tls")));
+  RETURN_IF_ERROR(switchAuthority(filesToWrite(folder, output)));
   output.done(
       "the new authority signs the server's certificate; a server that runs takes it within a minute. "
       "Whoever "
@@ -78,7 +91,7 @@ Status switchToNext(const std::filesystem::path& folder, Output& output) {
 }
 
 Status dropOld(const std::filesystem::path& folder, Output& output) {
-  const TlsFiles files = tlsFilesIn(folder / "tls");
+  const TlsFiles files = filesToWrite(folder, output);
   RETURN_IF_ERROR(dropOldAuthorities(files));
   output.done(files.ca_certificate.string() +
               " has only the authority in use; bring it to every station, so that they no longer trust the "
@@ -87,7 +100,7 @@ Status dropOld(const std::filesystem::path& folder, Output& output) {
 }
 
 Status moveKey(const std::filesystem::path& folder, Output& output, const std::string& to) {
-  const TlsFiles files = tlsFilesIn(folder / "tls");
+  const TlsFiles files = filesToWrite(folder, output);
   RETURN_IF_ERROR(moveAuthorityKey(files, to));
   output.done("the authority's key is in " + to +
               " and no longer here; keep it off the network. The server " +

@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "client/admin/command.h"
 #include "common/base/clock.h"
 #include "common/base/local_time.h"
 #include "common/base/uuid.h"
 #include "db/audit_chain.h"
+#include "db/audit_head.h"
 #include "db/encrypted_backup.h"
+#include "db/service/audit_anchor.h"
 #include "db/service/bootstrap.h"
 #include "db/service/restore.h"
 
@@ -194,6 +199,44 @@ Status audit(CommandContext& context, std::uint32_t limit) {
                              rows, "no changes yet");
 }
 
+/// What is right and still has to be said about the log: what nobody can check, and what a restore left
+/// behind.
+Result<std::vector<std::string>> notesOn(Connection& log, const AuditVerdict& verdict,
+                                         const std::optional<KeptAuditHead>& kept) {
+  const auto time = [&] { return localTime(kept->made_unix_ns, TimeForm::kZoned); };
+  std::vector<std::string> notes;
+  if (verdict.outside > 0)
+    notes.push_back(
+        fmt::format("{} lines were written before the chain began and cannot be checked", verdict.outside));
+  if (verdict.earlier > 0)
+    notes.push_back(fmt::format(
+        "{} lines were written before the chain began{}: they are as they were then; what was done to them "
+        "before cannot be checked",
+        verdict.earlier, kept && kept->made_position == 0 ? " (" + time() + ")" : ""));
+  if (!kept) {
+    notes.push_back(fmt::format(
+        "{} is not there: without it and without an anchor nobody can tell whether the last lines were "
+        "removed, or an older database put in place; the next start makes it",
+        kAuditHeadFile));
+    return notes;
+  }
+  if (kept->replaced) {
+    ASSIGN_OR_RETURN(const bool has, chainHas(log, *kept->replaced));
+    if (!has)
+      notes.push_back(
+          fmt::format("a backup was restored ({}): the log had {} entries until then, and the backup {}; "
+                      "what it lacks is "
+                      "in the database that was replaced",
+                      time(), kept->replaced->position, kept->made_position));
+  } else if (kept->made_position > 0) {
+    notes.push_back(
+        fmt::format("{} was made on {}, when the log had {} entries: what was removed from its end before "
+                    "shows with an anchor only",
+                    kAuditHeadFile, time(), kept->made_position));
+  }
+  return notes;
+}
+
 /// Only reads, so it may run beside the server: whoever could have changed the log should not be asked
 /// whether it did.
 Status verifyLog(const std::filesystem::path& folder, Output& output,
@@ -210,23 +253,36 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
     ASSIGN_OR_RETURN(auto anchor, readAuditAnchor(file));
     anchors.push_back(std::move(anchor));
   }
+  std::uint64_t anchored = 0;
+  for (const AuditAnchor& anchor : anchors) anchored = std::max(anchored, anchor.head.position);
+  // before the database is read: beside a server the log only grows
+  std::optional<KeptAuditHead> kept;
+  if (auto found = readKeptAuditHead(folder / kAuditHeadFile, keys)) {
+    kept = *found;
+    anchors.push_back({kAuditHeadFile, found->head});
+  } else if (found.error().code != ErrorCode::kNotFound) {
+    return found.error();
+  }
   ASSIGN_OR_RETURN(auto reader,
                    Connection::open(folder / "needlelab.db", {.mode = Connection::Mode::kReader}));
   ASSIGN_OR_RETURN(const auto verdict, verifyAudit(reader, keys, anchors));
-  std::uint64_t anchored = 0;
-  for (const AuditAnchor& anchor : anchors) anchored = std::max(anchored, anchor.head.position);
-  RETURN_IF_ERROR(output.one({{"ok", "as written"},
+  ASSIGN_OR_RETURN(const auto notes, notesOn(reader, verdict, kept));
+  RETURN_IF_ERROR(output.one({{"ok", "what is proven is as written"},
                               {"lines", "lines proven"},
-                              {"outside", "lines of before schema 8, not proven"},
+                              {"earlier", "of these, older than their proof"},
+                              {"outside", "lines that cannot be checked"},
                               {"anchored", "removal would show up to entry"},
                               {"head", "keep elsewhere"}},
                              {{"ok", verdict.ok()},
                               {"lines", verdict.lines},
+                              {"earlier", verdict.earlier},
                               {"outside", verdict.outside},
                               {"anchored", anchored},
                               {"entries", verdict.head.position},
                               {"head", auditHeadText(verdict.head)},
+                              {"notes", notes},
                               {"faults", verdict.texts}}));
+  for (const std::string& text : notes) output.text("note: " + oneLine(text));
   for (const std::string& text : verdict.texts) output.text("fault: " + oneLine(text));
   if (!verdict.ok())
     return Error{ErrorCode::kCorrupt,
@@ -234,8 +290,9 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
                              verdict.faults, verdict.texts.size())};
   if (anchored < verdict.head.position)
     output.text(
-        fmt::format("Nothing is promised about lines that were removed behind entry {}: give a later "
-                    "anchor, i.e. a backup, an export or a head that was kept (--anchor)",
+        fmt::format("Nothing is promised about lines that were removed behind entry {} by somebody who also "
+                    "put audit.head back or has the key: give a later anchor, i.e. a backup, an export or a "
+                    "head that was kept (--anchor)",
                     anchored));
   return {};
 }

@@ -12,6 +12,7 @@
 
 #include "common/base/files.h"
 #include "common/base/text.h"
+#include "common/wire/tls_folder.h"
 
 namespace needlelab {
 namespace {
@@ -219,6 +220,7 @@ Status addTo(const std::filesystem::path& file, const std::vector<x509::Certific
 }  // namespace
 
 Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains) {
+  const TlsFolderUse use(files);
   ASSIGN_OR_RETURN(const auto old, x509::loadCertificates(files.ca_certificate));
   if (isThere(files.next_ca_certificate)) {
     ASSIGN_OR_RETURN(const auto next, x509::loadCertificate(files.next_ca_certificate));
@@ -247,6 +249,7 @@ Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& d
 }
 
 Status switchAuthority(const TlsFiles& files) {
+  const TlsFolderUse use(files);
   if (!isThere(files.next_ca_certificate))
     return Error{ErrorCode::kInvalidInput,
                  "no new authority is prepared: `certificate authority prepare` first"};
@@ -281,6 +284,7 @@ Status switchAuthority(const TlsFiles& files) {
 }
 
 Status dropOldAuthorities(const TlsFiles& files) {
+  const TlsFolderUse use(files);
   if (isThere(files.next_ca_certificate))
     return Error{ErrorCode::kInvalidInput,
                  "the server still uses the old authority: `certificate authority "
@@ -295,6 +299,7 @@ Status dropOldAuthorities(const TlsFiles& files) {
 }
 
 Status moveAuthorityKey(const TlsFiles& files, const std::filesystem::path& to) {
+  const TlsFolderUse use(files);
   ASSIGN_OR_RETURN(const auto authority, loadAuthority(files));
   if (isThere(to))
     return Error{ErrorCode::kInvalidInput, to.string() + " is there already: give the name of a new file"};

@@ -17,6 +17,7 @@
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/wire/authority.h"
+#include "common/wire/tls_folder.h"
 #include "common/wire/x509.h"
 
 namespace needlelab {
@@ -138,6 +139,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
   if (made_folder) std::filesystem::permissions(folder, std::filesystem::perms::owner_all, failed);
   // a published CA must not vanish with its directory entry in a power cut
   if (made_folder) RETURN_IF_ERROR(syncFolder(folder.parent_path()));
+  const TlsFolderUse use(files);
 
   // a key restored with the usual permissions is readable by everybody
   for (const auto& key : {files.ca_key, files.key, files.next_ca_key}) {
@@ -180,6 +182,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
 Status renewServerCertificate(const TlsFiles& files, const std::vector<std::string>& hosts) {
   const auto all = withOldHosts(files, hosts);
   RETURN_IF_ERROR(checkHosts(all));
+  const TlsFolderUse use(files);
   ASSIGN_OR_RETURN(const auto authority, loadAuthority(files));
   return signServer(files, authority, all);
 }

@@ -14,7 +14,7 @@ END;
 
 -- Tamper evidence of the audit log (db/audit_chain.h): an entry for each line, and one more for each erasure that replaced its texts, which
 -- takes the salts of the earlier ones away. mac is keyed by DIR/audit.key, which is in no backup, and covers the entry before. Nothing deletes
--- lines. Lines of before this version, up to the one that meta names, have no entries.
+-- lines. Lines of before this version, up to the one that meta names, get the first entries when the chain begins.
 CREATE TABLE audit_chain (
   position   INTEGER PRIMARY KEY CHECK (position >= 1),
   line       INTEGER NOT NULL REFERENCES audit (id),

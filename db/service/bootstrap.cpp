@@ -11,7 +11,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
-#include "db/audit_chain.h"
+#include "db/audit_head.h"
 #include "db/backup.h"
 #include "db/connection.h"
 #include "db/schema.h"
@@ -77,7 +77,7 @@ Result<Connection> openToWrite(const std::filesystem::path& path) {
   RETURN_IF_ERROR(migrate(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
   // a key that is no key is refused here, and not by the first change
-  RETURN_IF_ERROR(AuditKey::ofFolder(path.parent_path()));
+  RETURN_IF_ERROR(beginAuditHead(connection, wallNowNs()));
   return connection;
 }
 
@@ -127,6 +127,18 @@ FolderLock::FolderLock(FolderLock&& other) noexcept : fd_(std::exchange(other.fd
 
 FolderLock::~FolderLock() {
   if (fd_ >= 0) ::close(fd_);
+}
+
+Store::~Store() {
+  if (!writer_) return;
+  writer_->stop();
+  (void)keepAuditHead();
+}
+
+Status Store::keepAuditHead() {
+  if (read_only_) return {};
+  ASSIGN_OR_RETURN(auto reader, readers_->borrow());
+  return advanceAuditHead(*reader);
 }
 
 Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, const Options& options) {

@@ -52,6 +52,14 @@ class Store {
   /// kInvalidInput (backup_key), kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
+  Store(const Store&) = delete;
+  Store& operator=(const Store&) = delete;
+  ~Store();
+
+  /// Keeps in DIR/audit.head how far the audit log has come (db/audit_head.h); what is written later is not
+  /// held until the next call, or the store's end. One thread at a time.
+  Status keepAuditHead();
+
   /// Why nothing can be written, until the folder is opened again; nothing: the writer works.
   [[nodiscard]] const std::optional<Error>& readOnly() const { return read_only_; }
 

@@ -17,6 +17,7 @@
 #include "common/base/bytes.h"
 #include "common/base/files.h"
 #include "db/audit.h"
+#include "db/audit_head.h"
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/encrypted_backup.h"
@@ -285,6 +286,10 @@ Status finishRestore(const fs::path& folder, LinkCall link) {
       return systemError(database, "put the backup into place");
     RETURN_IF_ERROR(syncFolder(folder));
   }
+  // the restored log ends earlier than the kept head says, rightly
+  const fs::path head = folder / kAuditHeadFile;
+  if (::rename(head.c_str(), (folder / kReplacedAuditHeadFile).c_str()) != 0 && errno != ENOENT)
+    return systemError(head, "put aside");
   RETURN_IF_ERROR(removeFile(pending));
   return syncFolder(folder);
 }

@@ -92,6 +92,16 @@ TEST_F(StartupTest, aTakenPortNamesItsHolder) {
   EXPECT_THAT(metrics.said, HasSubstr("--metrics"));
 }
 
+TEST_F(StartupTest, theKeyThatAKilledCommandLeftIsRemovedAndNamed) {
+  const auto left = data() / "tls" / "ca-next.key.aB3dE9", kept = data() / "tls" / "ca.key.backup";
+  for (const auto& path : {left, kept}) std::ofstream(path) << "half a key";
+  const auto [code, said] = serveOnce({});
+  EXPECT_EQ(code, kExitDone) << said;
+  EXPECT_THAT(said, AllOf(HasSubstr("tls_leftover_removed"), HasSubstr(left.string())));
+  EXPECT_FALSE(fs::exists(left));
+  EXPECT_TRUE(fs::exists(kept));
+}
+
 TEST_F(StartupTest, aFolderInUseNamesItsUser) {
   const auto lock = FolderLock::take(data(), "needlelab-server");
   ASSERT_TRUE(lock.ok());

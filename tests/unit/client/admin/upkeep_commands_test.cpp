@@ -215,7 +215,10 @@ TEST_F(UpkeepCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
         writer.script("PRAGMA foreign_keys=OFF; DELETE FROM audit_chain WHERE line > 1;"
                       "DELETE FROM audit WHERE id > 1"));
   }
-  EXPECT_EQ(onData({"audit", "verify"}).code, 0);
+  // and audit.head knows the backup's own line, too
+  const Run alone = onData({"audit", "verify"});
+  EXPECT_EQ(alone.code, 1);
+  EXPECT_THAT(alone.out, HasSubstr("fault: audit.head: the log ends with entry 1, and had 3"));
   const Run found = onData({"audit", "verify", "--anchor", file("copy.db")});
   EXPECT_EQ(found.code, 1);
   EXPECT_THAT(found.out, HasSubstr("fault: " + file("copy.db") + ": the log ends with entry 1, and had 2"));
@@ -224,6 +227,19 @@ TEST_F(UpkeepCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
   EXPECT_EQ(run({"--server", "localhost:1", "audit", "verify"}).code, 2) << "needs --data";
   fs::remove(data() + "/audit.key");
   EXPECT_THAT(onData({"audit", "verify"}).err, HasSubstr("audit.key: is not there"));
+}
+
+TEST_F(UpkeepCommands, verifySaysInPlainWordsWhatNobodyCanCheckAndWhatARestoreLeftOut) {
+  good({"backup", file("copy.db")});
+  good({"user", "add", "ida", "--role", "trainee"});
+  EXPECT_THAT(good({"audit", "verify"}).out, Not(HasSubstr("note: ")));
+  good({"restore", "--from", file("copy.db")});
+  // the backup has the line of tom; the lines of the backup and of ida are lost
+  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("the log had 3 entries until then, and the backup 1"));
+  fs::remove(data() + "/audit.head");
+  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("note: audit.head is not there"));
+  folder.write("data/audit.head", "needlelab audit head 1\n");
+  EXPECT_EQ(onData({"audit", "verify"}).code, 1);
 }
 
 TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing) {
@@ -294,6 +310,29 @@ TEST_F(UpkeepCommands, aNewAuthorityFollowsInThreeStepsAndTheKeyMayMove) {
   EXPECT_EQ(onData({"certificate", "renew"}).code, 2) << "the key is away";
   fs::copy_file(elsewhere, data() + "/tls/ca.key");
   good({"certificate", "renew", "--host-name", "desk.example.org"});
+}
+
+TEST_F(UpkeepCommands, theNextCertificateCommandRemovesTheKeyThatAKilledOneLeft) {
+  good({"station", "enrol", "s", "--server-name", "lab.example.org", "--out", file("s.enrol")});
+  const std::string kept = data() + "/tls/ca.key.backup", left = data() + "/tls/ca-next.key.aB3dE9";
+  std::ofstream(kept) << "kept";
+  const std::vector<std::vector<std::string>> commands = {{"authority", "prepare", "--domain", "example.org"},
+                                                          {"authority", "switch"},
+                                                          {"authority", "drop"},
+                                                          {"renew"},
+                                                          {"move-key", file("safe.key")}};
+  for (const auto& command : commands) {
+    std::ofstream(left) << "half a key";
+    std::vector<std::string> arguments = {"certificate"};
+    arguments.insert(arguments.end(), command.begin(), command.end());
+    const Run done = good(arguments);
+    EXPECT_FALSE(fs::exists(left)) << command[0];
+    EXPECT_THAT(done.err, HasSubstr("removed " + left + ", which a program that was cut off left"));
+    EXPECT_TRUE(fs::exists(kept));
+  }
+  std::ofstream(left) << "half a key";
+  good({"certificate", "show"});
+  EXPECT_TRUE(fs::exists(left)) << "showing changes nothing";
 }
 
 TEST_F(UpkeepCommands, theLabRequiresCodesUntilItDoesNot) {

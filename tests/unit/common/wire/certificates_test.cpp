@@ -3,10 +3,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <filesystem>
+#include <set>
+#include <string>
+#include <vector>
 
 #include "common/base/files.h"
 #include "common/wire/authority.h"
+#include "common/wire/tls_folder.h"
 #include "common/wire/x509.h"
 #include "tests/unit/common/wire/loopback.h"
 
@@ -283,6 +290,56 @@ TEST(Certificates, theMovedKeyIsTheSameAndNothingIsWrittenOver) {
   EXPECT_EQ(*readWholeFile(folder.path() / "stick.key"), key);
   EXPECT_FALSE(std::filesystem::exists(files.ca_key));
   EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "the server starts without it";
+}
+
+/// A writer of `path` that is killed before it has done.
+void leaveCutOff(const std::filesystem::path& path) {
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    auto file = GrowingFile::create(path);
+    if (file.ok()) (void)file->append(viewOf(std::string_view("half a key")));
+    ::_exit(0);  // as by a kill: nothing tidies up
+  }
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+}
+
+std::set<std::string> namesIn(const std::filesystem::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) names.insert(entry.path().filename());
+  return names;
+}
+
+TEST(TlsFolder, whatAKilledWriterLeavesIsRemovedAndNothingElse) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path() / "tls");
+  EXPECT_TRUE(removeTlsLeftovers(files)->empty()) << "without a folder";
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  // names that a person may have given, a folder, and links
+  for (const char* name : {"ca.key.backup1", "ca.key.old", "ca.key.a-b_cd", "other.key.Ab12Cd",
+                           "ca.keyXAb12Cd", "ca.key.Ab12Cd.crt", "Ab12Cd"})
+    folder.write(std::string("tls/") + name, "kept");
+  std::filesystem::create_directory(folder.path() / "tls/server.key.Ab12Cd");
+  std::filesystem::create_symlink(files.ca_key, folder.path() / "tls/ca.crt.Ab12Cd");
+  const auto before = namesIn(folder.path() / "tls");
+  for (const auto& path : {files.ca_key, files.ca_key, files.ca_certificate, files.key, files.certificate,
+                           files.next_ca_key, files.next_ca_certificate})
+    leaveCutOff(path);
+  std::vector<std::string> left;
+  for (const std::string& name : namesIn(folder.path() / "tls"))
+    if (!before.contains(name)) left.push_back((folder.path() / "tls" / name).string());
+  ASSERT_EQ(left.size(), 7u);
+  using std::filesystem::perms;
+  for (const std::string& path : left)
+    EXPECT_EQ(std::filesystem::status(path).permissions(), perms::owner_read | perms::owner_write) << path;
+  {
+    const TlsFolderUse somebody_writes(files);
+    const TlsFolderUse and_another(files);
+    EXPECT_TRUE(removeTlsLeftovers(files)->empty());
+  }
+  EXPECT_EQ(*removeTlsLeftovers(files), left);
+  EXPECT_EQ(namesIn(folder.path() / "tls"), before);
+  EXPECT_TRUE(removeTlsLeftovers(files)->empty());
 }
 
 TEST(Tls, anotherAuthoritysServerIsRefused) {

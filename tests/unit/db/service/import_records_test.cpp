@@ -1,6 +1,7 @@
 // Records of any shape are imported or refused without a crash; each log line is imported once.
 #include "common/base/files.h"
 #include "db/audit_chain.h"
+#include "db/service/audit_anchor.h"
 #include "tests/unit/db/service/records_fixture.h"
 
 namespace needlelab {

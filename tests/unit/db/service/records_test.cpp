@@ -1,6 +1,7 @@
 // Exports everything and imports it again; studies; exports and erases a person's data.
 #include "common/base/files.h"
 #include "db/audit_chain.h"
+#include "db/service/audit_anchor.h"
 #include "db/service/restore.h"
 #include "tests/unit/db/service/records_fixture.h"
 

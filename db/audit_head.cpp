@@ -1,0 +1,140 @@
+#include "db/audit_head.h"
+
+#include <fmt/core.h>
+#include <sodium.h>
+
+#include <array>
+#include <charconv>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/files.h"
+#include "db/audit.h"
+#include "db/pseudonyms.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kTitle = "needlelab audit head 1";
+
+/// All lines but that of the MAC.
+std::string textOfHead(const KeptAuditHead& kept) {
+  return fmt::format("{}\nmade {} {}\n{}\nreplaced {}\n", kTitle, kept.made_unix_ns, kept.made_position,
+                     auditHeadText(kept.head), kept.replaced ? auditHeadText(*kept.replaced) : "nothing");
+}
+
+std::string sealed(const KeptAuditHead& kept, const AuditKey& key) {
+  const std::string text = textOfHead(kept);
+  return text + "mac " + hexDigitsOf(textOf(key.macOf(viewOf(text)))) + "\n";
+}
+
+template <typename T>
+bool takeNumber(std::string_view& text, T& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc()) return false;
+  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  return true;
+}
+
+/// Without a look at the MAC.
+std::optional<KeptAuditHead> parsed(std::string_view text) {
+  std::array<std::string_view, 4> lines;
+  for (std::string_view& line : lines) {
+    const std::size_t end = text.find('\n');
+    if (end == std::string_view::npos) return std::nullopt;
+    line = text.substr(0, end);
+    text.remove_prefix(end + 1);
+  }
+  constexpr std::string_view kMade = "made ", kReplaced = "replaced ";
+  KeptAuditHead kept;
+  std::string_view made = lines[1], replaced = lines[3];
+  if (!made.starts_with(kMade) || !replaced.starts_with(kReplaced)) return std::nullopt;
+  made.remove_prefix(kMade.size());
+  replaced.remove_prefix(kReplaced.size());
+  if (!takeNumber(made, kept.made_unix_ns) || !made.starts_with(' ')) return std::nullopt;
+  made.remove_prefix(1);
+  if (!takeNumber(made, kept.made_position)) return std::nullopt;
+  const auto head = auditHeadOf(lines[2]);
+  if (!head) return std::nullopt;
+  kept.head = *head;
+  kept.replaced = auditHeadOf(replaced);
+  return kept;
+}
+
+Status writeKept(const std::filesystem::path& path, const KeptAuditHead& kept, const AuditKey& key) {
+  return writeFileAtomically(path, viewOf(sealed(kept, key)), 0600);
+}
+
+}  // namespace
+
+Result<KeptAuditHead> readKeptAuditHead(const std::filesystem::path& path, std::span<const AuditKey> keys) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error))
+    return Error{ErrorCode::kNotFound, path.string() + ": is not there"};
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, 1000));
+  if (const auto kept = parsed(text)) {
+    // a file has one form: whatever else stands in it shows here
+    for (const AuditKey& key : keys) {
+      const std::string right = sealed(*kept, key);
+      if (right.size() == text.size() && sodium_memcmp(right.data(), text.data(), text.size()) == 0)
+        return *kept;
+    }
+  }
+  return Error{ErrorCode::kCorrupt,
+               path.string() + ": is not as a server with this audit.key wrote it (--key: an earlier one)"};
+}
+
+Result<bool> chainHas(Connection& connection, const AuditHead& head) {
+  if (head.position == 0) return true;
+  auto row = connection.query("SELECT 1 FROM audit_chain WHERE position = ? AND mac = ?", head.position,
+                              ByteView(head.mac));
+  return row.step();
+}
+
+Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns) {
+  const auto folder = writer.path().parent_path();
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(folder));
+  const std::vector keys{key};
+  const auto found = readKeptAuditHead(folder / kAuditHeadFile, keys);
+  KeptAuditHead kept{now_unix_ns, 0, {}, {}};
+  {
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
+    AuditChain chain(writer);
+    ASSIGN_OR_RETURN(const auto before, chain.head());
+    RETURN_IF_ERROR(chain.begin());
+    if (found) {
+      kept = *found;
+      ASSIGN_OR_RETURN(const bool goes_on, chainHas(writer, kept.head));
+      if (!goes_on)
+        RETURN_IF_ERROR(AuditStore(writer).add(
+            {0, now_unix_ns, "local", kAuditBreak, "",
+             fmt::format(
+                 "the log had {} entries, the last with the MAC {}; this database has {} and not that "
+                 "one: lines were removed, or an older database was put in its place by hand",
+                 kept.head.position, hexDigitsOf(textOf(kept.head.mac)).substr(0, 16), before.position)}));
+    } else {
+      kept.made_position = before.position;
+      const auto replaced = readKeptAuditHead(folder / kReplacedAuditHeadFile, keys);
+      if (replaced) kept.replaced = replaced->head;
+    }
+    ASSIGN_OR_RETURN(kept.head, chain.head());
+    RETURN_IF_ERROR(transaction.commit());
+  }
+  (void)writeKept(folder / kAuditHeadFile, kept, key);
+  return {};
+}
+
+Status advanceAuditHead(Connection& connection) {
+  const auto folder = connection.path().parent_path();
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFile(folder / kAuditKeyFile));
+  ASSIGN_OR_RETURN(auto kept, readKeptAuditHead(folder / kAuditHeadFile, std::vector{key}));
+  ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
+  ASSIGN_OR_RETURN(const bool goes_on, chainHas(connection, kept.head));
+  ASSIGN_OR_RETURN(const auto head, AuditChain(connection).head());
+  if (!goes_on || head.position <= kept.head.position) return {};
+  kept.head = head;
+  return writeKept(folder / kAuditHeadFile, kept, key);
+}
+
+}  // namespace needlelab

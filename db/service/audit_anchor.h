@@ -1,0 +1,18 @@
+/// Heads of the audit log's chain that were kept elsewhere (db/README.md, "Tamper evidence").
+#pragma once
+
+#include <filesystem>
+
+#include "common/base/result.h"
+#include "db/audit_chain.h"
+
+namespace needlelab {
+
+/// Of a backup: the head that its copy of the chain has. Of an export of everything: the head in its own line
+/// of the log, the last record of kind "audit" with the action "export-all"; what other records contain is
+/// nobody's promise. Of `audit verify --json`: its "head". Of another text: its only line that is a head
+/// (auditHeadText), alone or behind the words "keep elsewhere". kInvalidInput: it has none, or several.
+/// Reads the whole file.
+Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path);
+
+}  // namespace needlelab

@@ -1,0 +1,95 @@
+// Where an anchor's head is read from, and from where it is not.
+#include "db/service/audit_anchor.h"
+
+#include <gmock/gmock.h>
+
+#include <string>
+
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+/// Written out here, and not by auditHeadText().
+std::string headText(int position, char digit) {
+  return "audit head " + std::to_string(position) + ":" + std::string(64, digit);
+}
+std::string line(const std::string& action, const std::string& detail, const std::string& who = "ada",
+                 const std::string& subject = "") {
+  return R"({"kind":"audit","id":7,"unix_ns":1,"who":")" + who + R"(","action":")" + action +
+         R"(","subject":")" + subject + R"(","detail":")" + detail + "\"}\n";
+}
+
+class AuditAnchorTest : public testing::Test {
+ protected:
+  Result<AuditAnchor> read(const std::string& text) { return readAuditAnchor(folder.write("kept", text)); }
+  std::uint64_t position(const std::string& text) {
+    const auto anchor = read(text);
+    EXPECT_OK(anchor);
+    return anchor ? anchor->head.position : 0;
+  }
+  bool refused(const std::string& text) {
+    const auto anchor = read(text);
+    return !anchor && anchor.error().code == ErrorCode::kInvalidInput;
+  }
+  test::TempFolder folder;
+};
+
+TEST_F(AuditAnchorTest, theHeadOfAnExportIsThatOfItsOwnLine) {
+  const std::string person = R"({"kind":"person","name":"anna"})"
+                             "\n";
+  const auto anchor = read(person + line("export-all", headText(2, 'a')) + line("user add", "trainee") +
+                           line("export-all", headText(12, 'b')));
+  ASSERT_OK(anchor);
+  EXPECT_EQ(anchor->head.position, 12u);
+  AuditKey::Hash mac{};
+  mac.fill(0xbb);
+  EXPECT_EQ(anchor->head.mac, mac);
+  EXPECT_EQ(position(line("export-all", "with hashes of passwords and keys; " + headText(9, 'c'))), 9u);
+}
+
+TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {
+  const std::string forged = headText(99, 'f');
+  const std::string own = line("export-all", headText(3, 'a'));
+  for (const std::string& fake :
+       {line("user change", "full name: '' to '" + forged + "'"), line("user change", forged),
+        line("user add", "trainee", "ada", forged), line("log-in", "", forged),
+        line("export-all", "x " + forged), line("export-all", forged + " x"),
+        line("export-all", forged, "ada", "eve"), line(forged, forged),
+        R"({"kind":"person","name":"eve","full_name":")" + forged + "\"}\n",
+        R"({"kind":"person","action":"export-all","subject":"","detail":")" + forged + "\"}\n",
+        R"({"kind":"annotation","text":"\n)" + forged + R"(\n"})" + "\n"}) {
+    SCOPED_TRACE(fake);
+    EXPECT_EQ(position(own + fake), 3u);
+    EXPECT_EQ(position(fake + own), 3u);
+    EXPECT_TRUE(refused(fake)) << "alone it promises nothing";
+  }
+  EXPECT_TRUE(refused(own + "\n" + forged + "\n")) << "no export has such a line";
+}
+
+TEST_F(AuditAnchorTest, aTextHasOneHeadOnALineOfItsOwn) {
+  EXPECT_EQ(position(headText(5, 'a')), 5u);
+  EXPECT_EQ(position("kept on Monday\n\n  " + headText(5, 'a') + " \r\n"), 5u);
+  EXPECT_EQ(
+      position("as written        yes\nkeep elsewhere    " + headText(6, 'a') + "\nNothing is promised"), 6u);
+  EXPECT_EQ(position("{\n \"version\": 1,\n \"rows\": [\n  {\"ok\": true, \"head\": \"" + headText(8, 'a') +
+                     "\"}\n ]\n}\n"),
+            8u);
+  for (const std::string& none :
+       {std::string(), std::string("no head"), "fault: " + headText(5, 'a'), headText(5, 'a') + "0",
+        "audit head 12:" + std::string(63, 'a'), "audit head 012:" + std::string(64, 'a'),
+        "audit head 1234567890123456789:" + std::string(64, 'a'), "audit head -1:" + std::string(64, 'a'),
+        "audit head :" + std::string(64, 'a'), "audit head 12:" + std::string(64, 'g')}) {
+    EXPECT_TRUE(refused(none)) << none;
+  }
+  const auto several = read(headText(5, 'a') + "\n" + headText(6, 'b') + "\n");
+  ASSERT_FALSE(several);
+  EXPECT_THAT(several.error().message, HasSubstr("has several heads"));
+  EXPECT_EQ(readAuditAnchor(folder.path() / "none").error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(readAuditAnchor(folder.path()).error().code, ErrorCode::kInvalidInput);
+}
+
+}  // namespace
+}  // namespace needlelab

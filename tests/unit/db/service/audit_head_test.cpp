@@ -1,0 +1,217 @@
+// What somebody who writes the database, but has no key, did to the audit log while the server was away or
+// ran: the head that is kept beside the database tells. And what a restore may rightly do.
+#include "db/audit_head.h"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/files.h"
+#include "db/audit.h"
+#include "db/backup.h"
+#include "db/service/restore.h"
+#include "tests/unit/db/service/test_service.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+namespace fs = std::filesystem;
+using test::TestDb;
+using testing::AllOf;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr std::int64_t kNow = 1'800'000'000'000'000'000;
+
+class AuditHeadTest : public testing::Test {
+ protected:
+  [[nodiscard]] fs::path data() const { return folder.path() / "data"; }
+  [[nodiscard]] fs::path database() const { return data() / "needlelab.db"; }
+  /// Starts a server, which writes so many lines, and ends it.
+  void serve(int lines = 0) const {
+    const auto store = test::openStore(data());
+    ASSERT_OK(store->writer().run([&](Connection& writer) -> Status {
+      for (int i = 0; i < lines; ++i)
+        RETURN_IF_ERROR(AuditStore(writer).add({0, 1, "ada", "user add", "x", ""}));
+      return {};
+    }));
+  }
+  /// A database of before schema 8 with the lines 2 and 3: the number 1 is free.
+  void makeOld() const {
+    fs::create_directory(data());
+    auto old =
+        TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kWriter, .create = true}));
+    ASSERT_OK(migrate(old, embeddedMigrations().first(7)));
+    ASSERT_OK(
+        old.script("INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES"
+                   " (2, 1, 'ada', 'user add', 'anna', ''), (3, 2, 'ada', 'user add', 'ben', '')"));
+  }
+  void tamper(const std::string& sql) const {
+    auto writer = TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kWriter}));
+    ASSERT_OK(writer.script("PRAGMA foreign_keys=OFF; PRAGMA ignore_check_constraints=ON;" + sql));
+  }
+  [[nodiscard]] std::vector<AuditKey> keys() const {
+    return {TestDb::must(AuditKey::ofFile(data() / kAuditKeyFile))};
+  }
+  [[nodiscard]] KeptAuditHead kept() const {
+    return TestDb::must(readKeptAuditHead(data() / kAuditHeadFile, keys()));
+  }
+  /// As `audit verify` without anchors.
+  [[nodiscard]] AuditVerdict verify() const {
+    auto reader = TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kReader}));
+    const std::vector<AuditAnchor> own = {{kAuditHeadFile, kept().head}};
+    return TestDb::must(verifyAudit(reader, keys(), own));
+  }
+  test::TempFolder folder;
+};
+
+TEST_F(AuditHeadTest, theHeadIsKeptAtTheStartAtTheEndAndWhenAsked) {
+  {
+    const auto store = test::openStore(data());
+    EXPECT_EQ(kept().head.position, 0u);
+    EXPECT_EQ(kept().made_position, 0u);
+    ASSERT_OK(store->service().note("x", "backup", "b", ""));
+    EXPECT_EQ(kept().head.position, 0u);
+    ASSERT_OK(store->keepAuditHead());
+    EXPECT_EQ(kept().head.position, 1u);
+    ASSERT_OK(store->service().note("x", "backup", "b", ""));
+  }
+  EXPECT_EQ(kept().head.position, 2u);
+  EXPECT_EQ(kept().head.mac, verify().head.mac);
+  EXPECT_THAT(verify().texts, IsEmpty());
+  using fs::perms;
+  EXPECT_EQ(fs::status(data() / kAuditHeadFile).permissions(), perms::owner_read | perms::owner_write);
+}
+
+TEST_F(AuditHeadTest, aLinePutAmongThoseOfBeforeTheChainIsFound) {
+  makeOld();
+  serve(1);
+  EXPECT_THAT(verify().texts, IsEmpty());
+  EXPECT_EQ(verify().lines, 3u);
+  EXPECT_EQ(verify().earlier, 2u);
+  EXPECT_EQ(verify().outside, 0u);
+  for (const char* id : {"1", "0", "-5"}) {
+    SCOPED_TRACE(id);
+    tamper(std::string("INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES (") + id +
+           ", 1, 'eve', 'consent', 'anna', '')");
+    EXPECT_THAT(verify().texts,
+                testing::ElementsAre(HasSubstr(std::string("line ") + id + ": nothing proves it")));
+    serve(1);  // nor does a start take it in
+    EXPECT_FALSE(verify().ok());
+    tamper(std::string("DELETE FROM audit WHERE id = ") + id);
+    EXPECT_TRUE(verify().ok());
+  }
+  // nor may those be changed or removed, nor the boundary be moved
+  for (const auto& [sql, back] : std::vector<std::pair<std::string, std::string>>{
+           {"UPDATE audit SET subject = 'ben' WHERE id = 2",
+            "UPDATE audit SET subject = 'anna' WHERE id = 2"},
+           {"UPDATE meta SET value = '4' WHERE key = 'audit_before_chain'",
+            "UPDATE meta SET value = '3' WHERE key = 'audit_before_chain'"},
+           {"UPDATE meta SET value = '0' WHERE key = 'audit_before_chain'",
+            "UPDATE meta SET value = '3' WHERE key = 'audit_before_chain'"},
+           {"DELETE FROM audit WHERE id = 2",
+            "INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES"
+            " (2, 1, 'ada', 'user add', 'anna', '')"}}) {
+    SCOPED_TRACE(sql);
+    tamper(sql);
+    EXPECT_FALSE(verify().ok());
+    tamper(back);
+    EXPECT_TRUE(verify().ok());
+  }
+}
+
+TEST_F(AuditHeadTest, aChainThatWasTakenAwayWithARaisedBoundaryIsFoundAlsoAfterTheNextStart) {
+  serve(3);
+  tamper(
+      "DELETE FROM audit_chain; UPDATE audit SET who = 'eve' WHERE id = 2;"
+      "UPDATE meta SET value = '3' WHERE key = 'audit_before_chain'");
+  EXPECT_THAT(verify().texts, AllOf(Contains(HasSubstr("none of 3 lines has a proof")),
+                                    Contains(HasSubstr("audit.head: the log ends with entry 0, and had 3"))));
+  serve();  // proves the lines anew, and says what it found
+  EXPECT_THAT(verify().texts, testing::ElementsAre(HasSubstr("the log had 3 entries")));
+  serve(2);
+  EXPECT_EQ(verify().faults, 1u) << "once, and for ever";
+  EXPECT_EQ(verify().lines, 6u);
+  // its line cannot be taken away again
+  tamper("DELETE FROM audit WHERE id >= 4; DELETE FROM audit_chain WHERE line >= 4");
+  EXPECT_THAT(verify().texts, Contains(HasSubstr("audit.head: the log ends with entry 3, and had 6")));
+}
+
+TEST_F(AuditHeadTest, aChainTakenAwayUnderARunningServerIsFound) {
+  {
+    const auto store = test::openStore(data());
+    for (int i = 0; i < 3; ++i) ASSERT_OK(store->service().note("x", "backup", "b", ""));
+    ASSERT_OK(store->keepAuditHead());
+    tamper("DELETE FROM audit_chain; UPDATE meta SET value = '3' WHERE key = 'audit_before_chain'");
+    ASSERT_OK(store->service().note("x", "backup", "b", ""));  // begins another chain
+    ASSERT_OK(store->keepAuditHead());
+    EXPECT_EQ(kept().head.position, 3u) << "the head of before stays";
+    EXPECT_THAT(verify().texts, Contains(HasSubstr("audit.head: entry 3 is another one now")));
+  }
+  serve();
+  EXPECT_THAT(verify().texts, Contains(HasSubstr("the log had 3 entries")));
+}
+
+TEST_F(AuditHeadTest, anOlderCopyPutBackByHandIsFoundAndARestoreIsNone) {
+  serve(2);
+  const auto backup = folder.path() / "backup.db";
+  {
+    auto reader = TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kReader}));
+    ASSERT_OK(backupTo(reader, backup));
+  }
+  serve(3);
+  const auto newest = kept().head;
+  EXPECT_EQ(newest.position, 5u);
+  ASSERT_OK(restoreFrom(data(), backup, kNow));
+  serve(1);
+  EXPECT_THAT(verify().texts, IsEmpty());
+  EXPECT_EQ(verify().head.position, 3u);
+  ASSERT_TRUE(kept().replaced.has_value());
+  EXPECT_EQ(kept().replaced->position, newest.position);
+  EXPECT_EQ(kept().replaced->mac, newest.mac);
+  EXPECT_EQ(kept().made_position, 2u);
+  // the same by hand
+  for (const char* log : {"-wal", "-shm"}) fs::remove(database().string() + log);
+  fs::copy_file(backup, database(), fs::copy_options::overwrite_existing);
+  EXPECT_THAT(verify().texts, Contains(HasSubstr("audit.head: the log ends with entry 2, and had 3")));
+  serve(1);
+  EXPECT_THAT(verify().texts, testing::ElementsAre(HasSubstr("an older database was put in its place")));
+}
+
+// The text and its MAC were made by another program (Python's hashlib), as db/README.md describes them.
+TEST_F(AuditHeadTest, theFileIsTheOneThatItsPageDescribesAndNoByteOfItCanBeChanged) {
+  const std::string right =
+      "needlelab audit head 1\nmade 1764000000000000000 0\n"
+      "audit head 3:6c970a2ac34b855aefa0a321150f25a4754e8f875498e6a3c951758cfefce7c1\nreplaced nothing\n"
+      "mac b2d4b7067c62c0f420bd1bc58027f5da3d34ee3da931b72ee49a560694adbebe\n";
+  AuditKey::Hash bytes{};
+  bytes.fill(1);
+  const std::vector ours{AuditKey(bytes)};
+  const auto read = readKeptAuditHead(folder.write("head", right), ours);
+  ASSERT_OK(read);
+  EXPECT_EQ(read->made_unix_ns, 1'764'000'000'000'000'000);
+  EXPECT_EQ(read->made_position, 0u);
+  EXPECT_EQ(read->head.position, 3u);
+  EXPECT_EQ(read->head.mac[0], 0x6c);
+  EXPECT_FALSE(read->replaced.has_value());
+  for (std::size_t at = 0; at < right.size(); ++at) {
+    std::string wrong = right;
+    wrong[at] = static_cast<char>(wrong[at] ^ 1);
+    const auto refused = readKeptAuditHead(folder.write("head", wrong), ours);
+    ASSERT_FALSE(refused) << at;
+    EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+  }
+  EXPECT_FALSE(readKeptAuditHead(folder.write("head", right + "x"), ours));
+  EXPECT_FALSE(readKeptAuditHead(folder.write("head", ""), ours));
+  bytes.fill(2);
+  EXPECT_FALSE(readKeptAuditHead(folder.write("head", right), std::vector{AuditKey(bytes)}));
+  EXPECT_EQ(readKeptAuditHead(folder.path() / "none", ours).error().code, ErrorCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace needlelab
