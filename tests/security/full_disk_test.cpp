@@ -119,8 +119,47 @@ TEST(FullDisk, oneStationsKeyBringsSoManyOpenSessionsAndUnknownNames) {
   EXPECT_THAT(eleventh.refusal().text(), HasSubstr("10 open sessions"));
 }
 
+TEST(FullDisk, oneAccountHasNoMoreThanItsShareStoredOverAllItsConnections) {
+  RoomyServer s([](ServerOptions& options) {  // of the longest consents, with what each costs besides
+    options.shares.own_bytes = 5.0 * (1100 + PeopleShares::kRequestBytes);
+  });
+  for (const char* name : {"tina", "tom"}) s.server.addUser(name, pb::TRAINEE, kPassword);
+  s.server.addUser("ina", pb::INSTRUCTOR, kPassword);
+  pb::Request consent;
+  const auto say = [&](BlockingClient& client, const std::string& name, int turn) {
+    consent.mutable_set_consent()->set_name(name);
+    consent.mutable_set_consent()->set_given(turn % 2 == 0);
+    consent.mutable_set_consent()->set_note(std::string(1000, 'x'));
+    return client.call(consent);
+  };
+  auto first = s.server.connect(personLogin("tina", kPassword));
+  auto second = s.server.connect(personLogin("tina", kPassword));
+  ASSERT_TRUE(first.ok() && second.ok());
+  int stored = 0;
+  for (int i = 0; i < 300; ++i) {
+    const auto reply = say(i % 3 == 0 ? *second : *first, "tina", i);
+    if (reply.ok()) {
+      ++stored;
+      continue;
+    }
+    ASSERT_EQ(reply.error().code, ErrorCode::kNoRoom) << reply.error().message;
+    EXPECT_THAT(reply.error().message, testing::AllOf(HasSubstr("within a day"), HasSubstr(" min")));
+  }
+  EXPECT_EQ(stored, 5);
+  auto tom = s.server.connect(personLogin("tom", kPassword));
+  auto ina = s.server.connect(personLogin("ina", kPassword));
+  ASSERT_TRUE(tom.ok() && ina.ok());
+  EXPECT_TRUE(say(*tom, "tom", 0).ok());
+  EXPECT_TRUE(say(*ina, "tina", 1).ok()) << "whoever asks pays, not whom it is about";
+  pb::Request list;
+  list.mutable_list_consents()->set_name("tina");
+  const auto listed = first->call(list);
+  ASSERT_TRUE(listed.ok()) << "reading goes on";
+  EXPECT_EQ(listed->consents().consents_size(), 6);
+}
+
 TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
-  RoomyServer s;
+  RoomyServer s([](ServerOptions& options) { options.shares.own_bytes = 1e12; });
   s.server.addUser("tina", pb::TRAINEE, kPassword);
   s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
   auto tina = s.server.connect(personLogin("tina", kPassword));
