@@ -251,10 +251,16 @@ Status ConsentStore::add(const std::string& person, const pb::Consent& consent) 
       consent.given(), consent.unix_ns(), consent.recorded_by(), consent.note());
 }
 
-Result<std::vector<pb::Consent>> ConsentStore::list(std::string_view person) {
-  return connection_
-      .query("SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id", person)
-      .all(consentOf);
+Result<std::vector<pb::Consent>> ConsentStore::newestOnes(
+    std::string_view person, const std::function<bool(const pb::Consent&)>& take) {
+  auto rows = connection_.query(
+      "SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id DESC", person);
+  std::vector<pb::Consent> consents;
+  for (;;) {
+    ASSIGN_OR_RETURN(auto consent, rows.first(consentOf));
+    if (!consent || !take(*consent)) return consents;
+    consents.push_back(*std::move(consent));
+  }
 }
 
 Result<std::optional<pb::Consent>> ConsentStore::newest(std::string_view person) {
@@ -268,8 +274,8 @@ Result<std::optional<pb::Consent>> ConsentStore::newest(std::string_view person)
 Result<std::vector<std::string>> ConsentStore::consenting() {
   return connection_
       .prepare(
-          "SELECT person FROM consents c WHERE id = (SELECT max(id) FROM consents"
-          " WHERE person = c.person) AND given = 1 ORDER BY person")
+          "SELECT name FROM people WHERE (SELECT given FROM consents WHERE person = name"
+          " ORDER BY id DESC LIMIT 1) = 1 ORDER BY name")
       .all(firstText);
 }
 

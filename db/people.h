@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -102,8 +103,10 @@ class ConsentStore {
 
   /// kNotFound: no such person; kInvalidInput: the note.
   Status add(const std::string& person, const pb::Consent& consent);
-  /// Oldest first.
-  Result<std::vector<pb::Consent>> list(std::string_view person);
+  /// The newest ones, newest first, as far as `take` returns true. The first that it refuses is the last that
+  /// is read: the work does not grow with a person's history.
+  Result<std::vector<pb::Consent>> newestOnes(std::string_view person,
+                                              const std::function<bool(const pb::Consent&)>& take);
   /// Nothing: the person has made no statement.
   Result<std::optional<pb::Consent>> newest(std::string_view person);
   /// Names of the people in the database whose latest statement is consent, sorted.

@@ -196,6 +196,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .admission = Admission(p.options.admission),
                                   .disk_room = DiskRoom(p.options.min_free_bytes),
                                   .quotas = StationQuotas(p.options.quotas),
+                                  .shares = PeopleShares(p.options.shares),
                                   .handshakes = HandshakeTurns(p.options.handshakes),
                                   .connections = {}});
   p.noteRoom(p.lookAtRoom());

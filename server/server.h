@@ -32,6 +32,7 @@ struct ServerOptions {
   FreeBytes free_bytes = freeBytesOf;           ///< for tests: how much is free
   std::chrono::milliseconds room_every{1'000};  ///< between two looks at the disk
   StationQuotas::Settings quotas;
+  PeopleShares::Settings shares;
   MonitorSettings monitor;
   std::filesystem::path backup_key;     ///< the file of the key that encrypts backups; empty: none
   std::filesystem::path port_file;      ///< written after listening; empty: none

@@ -209,6 +209,16 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
   return userReply(context, call.name());
 }
 
+namespace {
+
+/// True when the same person said or recorded the same: nothing new, and the first time counts.
+bool sameWords(const pb::Consent& before, const pb::Consent& now) {
+  return before.given() == now.given() && before.note() == now.note() &&
+         before.recorded_by() == now.recorded_by();
+}
+
+}  // namespace
+
 Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call) {
   RETURN_IF_ERROR(ownOnly(context, call.name(), "consent"));
   pb::Consent consent;
@@ -216,6 +226,8 @@ Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call)
   consent.set_note(call.note());
   consent.set_recorded_by(context.who.name);
   consent.set_unix_ns(context.now_unix_ns);
+  ASSIGN_OR_RETURN(const auto newest, ConsentStore(context.reader).newest(call.name()));
+  if (newest && sameWords(*newest, consent)) return userReply(context, call.name());
   RETURN_IF_ERROR(write(context, call.name(), call.given() ? "given" : "withdrawn",
                         [&](Connection& writer) { return ConsentStore(writer).add(call.name(), consent); }));
   return userReply(context, call.name());
@@ -224,14 +236,16 @@ Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call)
 Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call) {
   RETURN_IF_ERROR(ownOnly(context, call.name(), "consent"));
   RETURN_IF_ERROR(knownPerson(context.reader, call.name()));
-  ASSIGN_OR_RETURN(const auto consents, ConsentStore(context.reader).list(call.name()));
+  PageRoom room;
+  // limit the list for a person with thousands of statements: the newest count
+  ASSIGN_OR_RETURN(const auto consents,
+                   ConsentStore(context.reader).newestOnes(call.name(), [&](const pb::Consent& consent) {
+                     return room.take(consent.ByteSizeLong());
+                   }));
   pb::Reply reply;
   auto* list = reply.mutable_consents();
-  PageRoom room;
-  // limit the list for a person with a thousand statements: the newest count
-  std::size_t first = consents.size();
-  while (first > 0 && room.take(consents[first - 1].ByteSizeLong())) --first;
-  for (; first < consents.size(); ++first) *list->add_consents() = consents[first];
+  for (auto consent = consents.rbegin(); consent != consents.rend(); ++consent)
+    *list->add_consents() = *consent;
   return reply;
 }
 

@@ -81,6 +81,8 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
             ? room >= RoomLevel::kNoNewSessions
             : arrival.state == SessionArrival::State::kOpen && room >= RoomLevel::kNoChunks;
     if (needs_room) return Error{ErrorCode::kNoRoom, no_room};
+    if (arrival.state != SessionArrival::State::kClosed)
+      RETURN_IF_ERROR(quotas.roomForChunks(description.station(), steadyNowNs()));
     ASSIGN_OR_RETURN(auto next, store.open(description, wallNowNs()));
     // last: an error takes the session back, and an invalid one costs its station nothing
     if (arrival.state == SessionArrival::State::kNew)
@@ -149,9 +151,14 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   chunk_bytes_in_flight_ += chunk.data().size();
   auto shared = std::make_shared<const pb::Chunk>(std::move(chunk));
   auto appended = std::make_shared<Appended>();
-  DbWriter::Work work = [shared, appended, id = *id, station = who_.name](Connection& writer) -> Status {
+  DbWriter::Work work = [shared, appended, id = *id, station = who_.name,
+                         &quotas = context_.quotas](Connection& writer) -> Status {
     ASSIGN_OR_RETURN(auto result,
                      SessionStore(writer).append(id, shared->seq(), viewOf(shared->data()), station));
+    // last: an error takes the chunk back, and one that was not stored costs its station nothing
+    if (result.kind == Appended::Kind::kStored)
+      RETURN_IF_ERROR(quotas.admitChunk(
+          station, {.bytes = shared->data().size(), .undecodable = result.quarantined}, steadyNowNs()));
     *appended = std::move(result);
     return {};
   };
@@ -170,6 +177,16 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
   chunk_bytes_in_flight_ -= chunk.data().size();
   freed_.notify();
   if (context_.chunks_in_flight.remove(chunk.data().size())) context_.chunk_room.notify();
+  if (!status.ok() && status.error().code == ErrorCode::kNoRoom) {
+    // its station's share is used up; as without room on the disk
+    ++context_.counters.refused_for_room;
+    if (over()) return;
+    logEvent(LogLevel::kWarning, "no_room",
+             {{"conn", id_}, {"who", who_.name}, {"text", status.error().message}});
+    refuseAndClose(
+        sessionRefusal(pb::Refusal::NO_ROOM, status.error().message, chunk.session_id(), chunk.seq()));
+    return;
+  }
   if (!status.ok()) {
     // not stored and not acknowledged: the station keeps the chunk and sends it again on its next connection
     logEvent(LogLevel::kError, "chunk_not_stored",
@@ -205,6 +222,8 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
 
 void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appended) {
   ++context_.counters.chunks_refused;
+  // behind a chunk that ended the connection, all others of its session are gaps: its line is enough
+  if (over() && appended.kind == Appended::Kind::kGap) return;
   const auto reason = [&] {
     switch (appended.kind) {
       case Appended::Kind::kGap:

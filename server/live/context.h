@@ -26,6 +26,7 @@
 #include "server/live/login_guard.h"
 #include "server/live/login_queue.h"
 #include "server/live/offload.h"
+#include "server/live/people_shares.h"
 #include "server/live/station_quotas.h"
 #include "server/live/tokens.h"
 
@@ -123,6 +124,7 @@ struct ServerContext {
   Signal chunk_room{io.get_executor()};            ///< chunks_in_flight is no longer full
   DiskRoom disk_room{0};
   StationQuotas quotas{};  ///< the writer's thread only
+  PeopleShares shares{};
   HandshakeTurns handshakes{};
   asio::steady_timer handshakes_due{io};  ///< the next place of a handshake becomes free by itself
   bool stopping = false;

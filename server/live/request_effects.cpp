@@ -4,6 +4,7 @@
 #include <boost/asio/post.hpp>
 #include <utility>
 
+#include "common/base/clock.h"
 #include "common/base/text.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests.h"
@@ -77,6 +78,17 @@ void addToAuditLog(ServerContext& context, const std::string& who, const std::st
   });
 }
 
+/// Takes the room of a request that stores, from the disk's and from the person's share. kNoRoom.
+Status roomFor(ServerContext& context, const Principal& who, std::size_t bytes) {
+  if (who.role != pb::STATION)
+    RETURN_IF_ERROR(context.shares.admit(who.name, who.role, bytes, steadyNowNs()));
+  // before the check: a flood between two looks at the disk counts, too
+  context.disk_room.take(bytes);
+  if (context.disk_room.level() == RoomLevel::kNoChunks)
+    return Error{ErrorCode::kNoRoom, context.disk_room.text()};
+  return {};
+}
+
 using Executed = std::shared_ptr<Outcome>;
 
 Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, const std::string& who,
@@ -101,11 +113,9 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
 Task<Executed> executeRequest(ServerContext& context, Principal who,
                               std::shared_ptr<const pb::Request> request) {
   if (storesMore(request->call_case())) {
-    // before the check: a flood between two looks at the disk counts, too
-    context.disk_room.take(request->ByteSizeLong());
-    if (context.disk_room.level() == RoomLevel::kNoChunks) {
+    if (const Status room = roomFor(context, who, request->ByteSizeLong()); !room.ok()) {
       auto refused = std::make_shared<Outcome>();
-      refused->error = Error{ErrorCode::kNoRoom, context.disk_room.text()};
+      refused->error = room.error();
       refused->reply.set_id(request->id());
       co_return refused;
     }

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cstring>
 #include <memory>
 
+#include "common/base/crc32c.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
 #include "tests/unit/server/live/running_server.h"
@@ -119,8 +121,119 @@ TEST(FullDisk, oneStationsKeyBringsSoManyOpenSessionsAndUnknownNames) {
   EXPECT_THAT(eleventh.refusal().text(), HasSubstr("10 open sessions"));
 }
 
+TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfChunksAndLosesNothing) {
+  constexpr std::uint64_t kTaken = 5;
+  double share = 0;
+  for (std::uint64_t seq = 0; seq < kTaken; ++seq)
+    share += static_cast<double>(FakeSession::bytes(seq).size() + StationQuotas::kChunkRowBytes);
+  share += 1;  // for rounding: too little for a chunk, and for opening a session
+  RoomyServer s([share](ServerOptions& options) { options.quotas.chunk_bytes = share; });
+  const std::string key = s.server.addStation("bench-1");
+  s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto thief = s.server.connect(stationLogin("bench-1", key));
+  auto honest = s.server.connect(stationLogin("bench-2", s.server.addStation("bench-2")));
+  ASSERT_TRUE(thief.ok() && honest.ok());
+  const FakeSession stolen("bench-1"), lesson("bench-2");
+  ASSERT_TRUE(isOpened(answerTo(*thief, stolen.open())));
+  for (std::uint64_t seq = 0; seq < kTaken; ++seq) ASSERT_TRUE(thief->send(stolen.chunk(seq)).ok());
+  stolen.waitForAck(*thief, kTaken);
+  ASSERT_TRUE(thief->send(stolen.chunk(0)).ok());
+  ASSERT_TRUE(thief->send(stolen.chunk(kTaken)).ok());
+  const pb::Refusal refused = waitForRefusal(*thief);
+  EXPECT_EQ(refused.reason(), pb::Refusal::NO_ROOM) << refused.text();
+  EXPECT_EQ(refused.expected_seq(), kTaken) << "what was stored before is repeated and costs nothing";
+  EXPECT_TRUE(refused.fatal()) << "so that the station sends again what came after it";
+  EXPECT_THAT(refused.text(), testing::AllOf(HasSubstr("of recordings within a day"), HasSubstr(" min")));
+
+  thief = s.server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(thief.ok()) << "log-in goes on";
+  for (const auto& open : {stolen.open(), FakeSession("bench-1").open()}) {
+    const auto answer = answerTo(*thief, open);
+    EXPECT_EQ(answer.refusal().reason(), pb::Refusal::NO_ROOM) << answer.refusal().text();
+    EXPECT_FALSE(answer.refusal().fatal()) << "it asks again until there is room";
+  }
+  ASSERT_TRUE(isOpened(answerTo(*honest, lesson.open())));
+  for (std::uint64_t seq = 0; seq < kTaken; ++seq) ASSERT_TRUE(honest->send(lesson.chunk(seq)).ok());
+  lesson.waitForAck(*honest, kTaken);
+  auto chief = s.server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok()) << chief.error().message;
+  EXPECT_EQ(readableChunks(*chief, stolen), static_cast<int>(kTaken)) << "what was acknowledged stays";
+  EXPECT_EQ(readableChunks(*chief, lesson), static_cast<int>(kTaken));
+}
+
+TEST(FullDisk, chunksThatCannotBeDecodedHaveASmallShareAndTheSessionGoesOnWithSoundOnes) {
+  const FakeSession session("bench-1");
+  const auto impossible = [&](std::uint64_t seq) {
+    pb::Envelope envelope = session.chunk(seq);
+    std::string& data = *envelope.mutable_chunk()->mutable_data();
+    data[16] = static_cast<char>(data[16] ^ 1);  // another last tick
+    const std::uint32_t crc = crc32c(viewOf(data).first(data.size() - 4));
+    std::memcpy(data.data() + data.size() - 4, &crc, 4);
+    return envelope;
+  };
+  RoomyServer s([](ServerOptions& options) {
+    options.quotas.undecodable_bytes =
+        static_cast<double>(FakeSession::bytes(1).size() + StationQuotas::kChunkRowBytes);
+  });
+  const std::string key = s.server.addStation("bench-1");
+  auto station = s.server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(station.ok());
+  ASSERT_TRUE(isOpened(answerTo(*station, session.open())));
+  ASSERT_TRUE(station->send(session.chunk(0)).ok());
+  ASSERT_TRUE(station->send(impossible(1)).ok());
+  ASSERT_TRUE(station->send(impossible(2)).ok());
+  const pb::Refusal refused = waitForRefusal(*station);
+  EXPECT_EQ(refused.reason(), pb::Refusal::NO_ROOM) << refused.text();
+  EXPECT_EQ(refused.expected_seq(), 2u);
+  EXPECT_THAT(refused.text(), HasSubstr("chunks that cannot be decoded"));
+  station = s.server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(station.ok());
+  EXPECT_EQ(answerTo(*station, session.open()).session_opened().next_seq(), 2u);
+  ASSERT_TRUE(station->send(session.chunk(2)).ok());
+  session.waitForAck(*station, 3);
+}
+
+TEST(FullDisk, oneAccountHasNoMoreThanItsShareStoredOverAllItsConnections) {
+  RoomyServer s([](ServerOptions& options) {  // of the longest consents, with what each costs besides
+    options.shares.own_bytes = 5.0 * (1100 + PeopleShares::kRequestBytes);
+  });
+  for (const char* name : {"tina", "tom"}) s.server.addUser(name, pb::TRAINEE, kPassword);
+  s.server.addUser("ina", pb::INSTRUCTOR, kPassword);
+  pb::Request consent;
+  const auto say = [&](BlockingClient& client, const std::string& name, int turn) {
+    consent.mutable_set_consent()->set_name(name);
+    consent.mutable_set_consent()->set_given(turn % 2 == 0);
+    consent.mutable_set_consent()->set_note(std::string(1000, 'x'));
+    return client.call(consent);
+  };
+  auto first = s.server.connect(personLogin("tina", kPassword));
+  auto second = s.server.connect(personLogin("tina", kPassword));
+  ASSERT_TRUE(first.ok() && second.ok());
+  int stored = 0;
+  for (int i = 0; i < 300; ++i) {
+    const auto reply = say(i % 3 == 0 ? *second : *first, "tina", i);
+    if (reply.ok()) {
+      ++stored;
+      continue;
+    }
+    ASSERT_EQ(reply.error().code, ErrorCode::kNoRoom) << reply.error().message;
+    EXPECT_THAT(reply.error().message, testing::AllOf(HasSubstr("within a day"), HasSubstr(" min")));
+  }
+  EXPECT_EQ(stored, 5);
+  auto tom = s.server.connect(personLogin("tom", kPassword));
+  auto ina = s.server.connect(personLogin("ina", kPassword));
+  ASSERT_TRUE(tom.ok() && ina.ok());
+  EXPECT_TRUE(say(*tom, "tom", 0).ok());
+  EXPECT_TRUE(say(*ina, "tina", 1).ok()) << "whoever asks pays, not whom it is about";
+  pb::Request list;
+  list.mutable_list_consents()->set_name("tina");
+  const auto listed = first->call(list);
+  ASSERT_TRUE(listed.ok()) << "reading goes on";
+  EXPECT_EQ(listed->consents().consents_size(), 6);
+}
+
 TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
-  RoomyServer s;
+  RoomyServer s([](ServerOptions& options) { options.shares.own_bytes = 1e12; });
   s.server.addUser("tina", pb::TRAINEE, kPassword);
   s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
   auto tina = s.server.connect(personLogin("tina", kPassword));

@@ -237,9 +237,42 @@ TEST_F(TeachingStores, consentIsTheLastWordAndAllWordsAreKept) {
   // A clock that went back does not undo a later decision.
   ASSERT_OK(say("anna", false, 0));
   EXPECT_EQ(*consents.consenting(), std::vector<std::string>{"ben"});
-  EXPECT_EQ(consents.list("anna")->size(), 2u);
+  EXPECT_EQ(consents.newestOnes("anna", [](const pb::Consent&) { return true; })->size(), 2u);
   EXPECT_FALSE((*consents.newest("anna"))->given());
   EXPECT_EQ(say("nobody", true, 1).error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(TeachingStores, ofALongHistoryOfConsentOnlyWhatIsTakenIsRead) {
+  ConsentStore consents(db.writer);
+  pb::Consent consent;
+  consent.set_recorded_by("ina");
+  ASSERT_OK(db.writer.script("BEGIN"));
+  for (std::int64_t when = 1; when <= 2000; ++when) {
+    consent.set_unix_ns(when);
+    ASSERT_OK(consents.add(when % 2 == 0 ? "anna" : "ben", consent));
+  }
+  ASSERT_OK(db.writer.script("COMMIT"));
+  std::vector<std::int64_t> seen;
+  const auto three = consents.newestOnes("anna", [&](const pb::Consent& one) {
+    seen.push_back(one.unix_ns());
+    return seen.size() <= 3;
+  });
+  ASSERT_OK(three);
+  ASSERT_EQ(three->size(), 3u);
+  EXPECT_EQ(three->front().unix_ns(), 2000);
+  EXPECT_EQ(three->back().unix_ns(), 1996);
+  EXPECT_EQ(seen, (std::vector<std::int64_t>{2000, 1998, 1996, 1994})) << "none behind the first refused";
+  EXPECT_EQ((*consents.newest("ben"))->unix_ns(), 1999);
+  // in the order of an index: nothing is sorted, so nothing else is read first
+  auto plan = db.writer.query(
+      "EXPLAIN QUERY PLAN SELECT given FROM consents WHERE person = ? ORDER BY id DESC", "anna");
+  for (;;) {
+    const auto there = plan.step();
+    ASSERT_OK(there);
+    if (!*there) break;
+    EXPECT_EQ(plan.text(3).find("SCAN"), std::string::npos) << plan.text(3);
+    EXPECT_EQ(plan.text(3).find("TEMP B-TREE"), std::string::npos) << plan.text(3);
+  }
 }
 
 TEST_F(TeachingStores, peopleAreChangedFromTheirNewestRevision) {

@@ -455,6 +455,25 @@ TEST_F(UplinkSessionTest, aServerWithoutRoomIsAskedAgainLaterAndNothingIsGivenUp
   EXPECT_FALSE(session_->receipt().closed);
 }
 
+TEST_F(UplinkSessionTest, aChunkForWhichItsStationHasNoShareLeftIsDeliveredLaterOnAnotherConnection) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends(), (Names{"chunk 0", "chunk 1", "chunk 2"}));
+  ack(1);
+  refuse(pb::Refusal::NO_ROOM);
+  upload_->onConnectionLost();  // to a chunk the refusal is fatal
+  EXPECT_FALSE(upload_->refused());
+  time_.advance(14'900'000'000);
+  EXPECT_EQ(sends(), Names{}) << "the new connection is no reason to ask at once";
+  time_.advance(200'000'000);
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::NO_ROOM);
+  time_.advance(15'100'000'000);
+  EXPECT_EQ(sends(), Names{"open"}) << "as long as it lasts";
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+}
+
 TEST_F(UplinkSessionTest, acksBeyondWhatThereIsAreNotBelieved) {
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(0);

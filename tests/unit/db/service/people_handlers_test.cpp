@@ -56,6 +56,67 @@ TEST_F(PeopleHandlers, onlyTraineesMayBeWithoutPassword) {
   EXPECT_FALSE(users.users(0).has_password());
 }
 
+TEST_F(PeopleHandlers, sayingTheSameAgainOnStudiesStoresNothing) {
+  addPerson("anna", pb::TRAINEE);
+  const auto stored = [&] {
+    auto reader = store->readers().borrow();
+    EXPECT_OK(reader);
+    auto rows = (*reader)->query(
+        "SELECT (SELECT count(*) FROM consents), (SELECT count(*) FROM audit WHERE action = 'consent')");
+    EXPECT_TRUE(*rows.step());
+    return std::pair(rows.integer(0), rows.integer(1));
+  };
+  const auto say = [&](const Principal& who, bool given, const std::string& note) {
+    pb::Request request;
+    request.mutable_set_consent()->set_name("anna");
+    request.mutable_set_consent()->set_given(given);
+    request.mutable_set_consent()->set_note(note);
+    return get(who, request).user().consent();
+  };
+  const pb::Consent first = say(trainee, true, "");
+  EXPECT_EQ(stored(), std::pair(std::int64_t{1}, std::int64_t{1}));
+  for (int i = 0; i < 3; ++i) {
+    const pb::Consent again = say(trainee, true, "");
+    EXPECT_EQ(again.unix_ns(), first.unix_ns()) << "since the first time";
+    EXPECT_TRUE(again.given());
+  }
+  EXPECT_EQ(stored(), std::pair(std::int64_t{1}, std::int64_t{1}));
+  // other words, another recorder, another decision are news
+  EXPECT_EQ(say(trainee, true, "paper 7").note(), "paper 7");
+  EXPECT_EQ(say(instructor, true, "paper 7").recorded_by(), "ina");
+  EXPECT_FALSE(say(instructor, false, "paper 7").given());
+  EXPECT_TRUE(say(instructor, true, "paper 7").given()) << "an earlier statement is not the newest one";
+  EXPECT_EQ(stored(), std::pair(std::int64_t{5}, std::int64_t{5}));
+  pb::Request list;
+  list.mutable_list_consents()->set_name("anna");
+  const auto all = get(trainee, list).consents();
+  ASSERT_EQ(all.consents_size(), 5);
+  EXPECT_EQ(all.consents(0).unix_ns(), first.unix_ns()) << "oldest first";
+  EXPECT_EQ(all.consents(4).recorded_by(), "ina");
+}
+
+TEST_F(PeopleHandlers, ofMoreStatementsThanAReplyHoldsTheNewestAreListedOldestFirst) {
+  addPerson("anna", pb::TRAINEE);
+  ASSERT_OK(change([](Connection& c) -> Status {
+    pb::Consent consent;
+    consent.set_recorded_by("ina");
+    consent.set_note(std::string(1000, 'x'));
+    for (std::int64_t when = 1; when <= 1200; ++when) {
+      consent.set_unix_ns(when);
+      RETURN_IF_ERROR(ConsentStore(c).add("anna", consent));
+    }
+    return {};
+  }));
+  pb::Request list;
+  list.mutable_list_consents()->set_name("anna");
+  const auto reply = get(trainee, list);
+  EXPECT_LT(reply.ByteSizeLong(), 1u << 20);
+  const auto& listed = reply.consents().consents();
+  ASSERT_GT(listed.size(), 900);
+  ASSERT_LT(listed.size(), 1200);
+  for (int i = 0; i < listed.size(); ++i) ASSERT_EQ(listed[i].unix_ns(), 1200 - listed.size() + 1 + i);
+}
+
 TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnybodys) {
   const std::vector<std::pair<std::string, pb::Role>> people = {{"tia", pb::TRAINEE},
                                                                 {"ina", pb::INSTRUCTOR},

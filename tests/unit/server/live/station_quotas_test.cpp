@@ -67,6 +67,94 @@ TEST(StationQuotas, oneStationDoesNotUseUpAnothers) {
   EXPECT_TRUE(all.admit("s2", {.description_bytes = 10'000, .unknown_name = true}, 0).ok());
 }
 
+constexpr std::uint64_t kRows = StationQuotas::kChunkRowBytes, kMiB = 1u << 20;
+
+/// Brings chunks of 1 MiB with their rows until one is refused. Returns how many.
+int chunksTaken(StationQuotas& all, const std::string& station, std::int64_t now_ns,
+                bool undecodable = false) {
+  int taken = 0;
+  while (all.admitChunk(station, {.bytes = kMiB - kRows, .undecodable = undecodable}, now_ns).ok()) ++taken;
+  return taken;
+}
+
+StationQuotas chunkQuotas() {
+  return StationQuotas({.chunk_bytes = 240.0 * kMiB, .undecodable_bytes = 24.0 * kMiB});
+}
+
+TEST(StationQuotas, chunksAreAShareThatComesBackWithinADay) {
+  StationQuotas all = chunkQuotas();
+  EXPECT_EQ(chunksTaken(all, "s1", 0), 240);
+  const Status refused = all.admitChunk("s1", {.bytes = 10 * kMiB - kRows}, 0);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom) << "a station asks again: nothing is lost";
+  EXPECT_THAT(refused.error().message, AllOf(HasSubstr("'s1'"), HasSubstr("240 MiB of recordings"),
+                                             HasSubstr("60 min"), HasSubstr("keeps the session")));
+  EXPECT_EQ(chunksTaken(all, "s2", 0), 240);
+  // 10 MiB an hour come back
+  EXPECT_EQ(chunksTaken(all, "s1", kHour_ns), 10);
+  EXPECT_EQ(chunksTaken(all, "s1", 100 * kHour_ns), 240) << "never more than a share";
+}
+
+TEST(StationQuotas, aBacklogOfAnySizeGetsThroughShareByShare) {
+  StationQuotas all = chunkQuotas();
+  int delivered = 0;
+  std::int64_t hours = 0;
+  for (; delivered < 1200; ++hours) delivered += chunksTaken(all, "s1", hours * kHour_ns);
+  EXPECT_EQ(hours, 97) << "a whole share at once, then 10 MiB an hour for 96 hours";
+}
+
+TEST(StationQuotas, aSessionIsOpenedOnlyWithRoomForMoreThanAFewChunks) {
+  StationQuotas all = chunkQuotas();
+  EXPECT_TRUE(all.roomForChunks("s1", 0).ok());
+  ASSERT_EQ(chunksTaken(all, "s1", 0), 240);
+  const Status refused = all.roomForChunks("s1", 0);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom);
+  // 1/256 of a day are 5.625 min
+  EXPECT_THAT(refused.error().message, HasSubstr("6 min"));
+  EXPECT_FALSE(all.roomForChunks("s1", 5 * kHour_ns / 60).ok());
+  EXPECT_TRUE(all.roomForChunks("s1", 6 * kHour_ns / 60).ok());
+  EXPECT_TRUE(all.roomForChunks("s2", 0).ok());
+}
+
+TEST(StationQuotas, chunksThatCannotBeDecodedAreASmallerShareAndSoundOnesGoOn) {
+  StationQuotas all = chunkQuotas();
+  EXPECT_EQ(chunksTaken(all, "s1", 0, true), 24);
+  const Status refused = all.admitChunk("s1", {.bytes = kMiB - kRows, .undecodable = true}, 0);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom);
+  EXPECT_THAT(refused.error().message, AllOf(HasSubstr("24 MiB"), HasSubstr("cannot be decoded")));
+  EXPECT_EQ(chunksTaken(all, "s1", 0), 216) << "they count among all, and those refused cost nothing";
+}
+
+TEST(StationQuotas, manySmallChunksCostTheirRows) {
+  StationQuotas all({.chunk_bytes = 100.0 * (kRows + 64)});
+  int taken = 0;
+  while (all.admitChunk("s1", {.bytes = 64}, 0).ok()) ++taken;
+  EXPECT_EQ(taken, 100);
+}
+
+TEST(StationQuotas, aStationWithAFullSpoolAndADayOfLessonsIsNotRefused) {
+  StationQuotas all;
+  for (int i = 0; i < 4096; ++i) ASSERT_EQ(all.admitChunk("s1", {.bytes = kMiB - 1024}, 0).ok(), true) << i;
+  ASSERT_TRUE(all.roomForChunks("s1", 0).ok());
+  // 4 kHz day and night, each second a chunk of 30 kB
+  for (std::int64_t s = 0; s < 86'400; ++s)
+    ASSERT_TRUE(all.admitChunk("s1", {.bytes = 30'000}, s * 1'000'000'000).ok()) << s;
+}
+
+TEST(StationQuotas, aStolenKeyBringsAtMostTwoSharesOfChunksInADay) {
+  StationQuotas all;
+  double brought = 0;
+  for (std::int64_t minute = 0; minute < 24 * 60; ++minute)
+    brought += chunksTaken(all, "s1", minute * kHour_ns / 60, true) * static_cast<double>(kMiB);
+  EXPECT_LE(brought, 2 * StationQuotas::Settings{}.undecodable_bytes);
+  for (std::int64_t minute = 24 * 60; minute < 48 * 60; ++minute)
+    brought += chunksTaken(all, "s1", minute * kHour_ns / 60) * static_cast<double>(kMiB);
+  EXPECT_LE(brought,
+            2 * StationQuotas::Settings{}.chunk_bytes + 2 * StationQuotas::Settings{}.undecodable_bytes);
+}
+
 TEST(StationQuotas, aStolenKeyBringsAtMostTwoSharesOfProfilesInADay) {
   StationQuotas all;
   const double share = StationQuotas::Settings{}.description_bytes;
