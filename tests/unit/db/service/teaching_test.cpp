@@ -416,6 +416,31 @@ TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
   EXPECT_GT(get(researcher, measures).measures().measures_size(), 20);
 }
 
+TEST_F(Teaching, whoWatchesLiveIsInTheAuditLogOnceAnHour) {
+  addStation();
+  const Uuid open = addSession("anna", 1);
+  const Principal other{"mia", pb::CURRICULUM_MANAGER};
+  for (int again = 0; again < 3; ++again) {
+    store->service().noteWatching(instructor, "station-1", "");
+    store->service().noteWatching(instructor, "", test::bytesOfId(open));
+    store->service().noteWatching(instructor, "", "");
+    store->service().noteWatching(instructor, "made up", "");
+    store->service().noteWatching(instructor, "", test::bytesOfId(makeUuidV7()));
+  }
+  store->service().noteWatching(other, "station-1", "");
+  // the writer comes to the end of them
+  ASSERT_OK(change([](Connection&) { return Status(); }));
+  pb::Request list;
+  list.mutable_list_audit()->set_action("watch live");
+  std::vector<std::string> lines;
+  const auto log = get(admin, list).audit();
+  for (const auto& line : log.entries()) lines.push_back(line.who() + " " + line.subject());
+  std::sort(lines.begin(), lines.end());
+  std::vector<std::string> expected{"ina " + uuidText(open), "ina station-1", "mia station-1"};
+  std::sort(expected.begin(), expected.end());
+  EXPECT_EQ(lines, expected);
+}
+
 // A band of one is that session's result, which a trainee may not read (score show: NOT_FOUND).
 TEST_F(Teaching, aTraineeIsShownExpertsOnlyFromFiveGesturesOn) {
   addStation();
