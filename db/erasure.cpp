@@ -15,7 +15,6 @@
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/session_rows.h"
-#include "needlelab/types.pb.h"
 
 namespace needlelab {
 namespace {
@@ -112,6 +111,8 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
                                           name)
                                    .all(firstText));
   names.given = std::move(given);
+  // before the names of groups count as other names, which stay
+  ASSIGN_OR_RETURN(const auto group_ids, eraseInGroups(names));
   RETURN_IF_ERROR(addOthers(connection_, names));
   pb::Erasure erasure;
   erasure.set_pseudonym(line.pseudonym);
@@ -127,6 +128,8 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
   RETURN_IF_ERROR(eraseWords(names, sessions, erasure));
+  ASSIGN_OR_RETURN(auto left, leftOver(names, group_ids));
+  erasure.set_text(std::move(left));
   RETURN_IF_ERROR(connection_.run(
       "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
       " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
@@ -169,6 +172,7 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, 
     if (!description.ParseFromString(session.description))
       return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
     description.set_trainee(pseudonym);
+    clearDeviceWords(description);
     RETURN_IF_ERROR(
         connection_.run("UPDATE sessions"
                         " SET trainee = ?, description = ?, erased = 1, score_json = NULL,"
@@ -228,6 +232,56 @@ Status ErasureStore::eraseRemarks(const ErasedNames& names) {
     }
   }
   return {};
+}
+
+Result<std::vector<std::string>> ErasureStore::eraseInGroups(ErasedNames names) {
+  RETURN_IF_ERROR(addOthers(connection_, names, false));
+  struct Group {
+    std::string id, name;
+  };
+  ASSIGN_OR_RETURN(
+      const auto groups,
+      connection_.prepare("SELECT id, name FROM groups ORDER BY id").all([](const Statement& row) {
+        return Group{row.text(0), row.text(1)};
+      }));
+  std::vector<std::string> ids;
+  for (const Group& group : groups) {
+    if (withoutNames(group.id, names, false) != group.id) ids.push_back(group.id);
+    const std::string name = withoutNames(group.name, names, false);
+    if (name == group.name) continue;
+    // another revision: an edit that was begun before would bring the name back
+    RETURN_IF_ERROR(
+        connection_.run("UPDATE groups SET name = ?, revision = revision + 1 WHERE id = ?", name, group.id));
+  }
+  return ids;
+}
+
+Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
+                                           const std::vector<std::string>& group_ids) {
+  std::string text;
+  for (const std::string& id : group_ids)
+    text += (text.empty() ? "" : "; ") + ("the id of the group '" + id + "' (make the group anew)");
+  // not replaced: a person may be called as a device is, and the station sends its words again
+  constexpr std::size_t kNamed = 3;
+  std::size_t found = 0;
+  std::string ids;
+  const auto hasName = [&](const std::string& words) { return withoutNames(words, names, false) != words; };
+  auto rows = connection_.prepare("SELECT id, description FROM sessions WHERE erased = 0 ORDER BY number");
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) break;
+    pb::SessionDescription description;
+    if (!description.ParseFromString(std::string(textOf(rows.bytes(1))))) continue;  // `check` says it
+    const auto& notes = description.device_notes();
+    if (!hasName(description.device()) && !hasName(description.axial_model()) &&
+        std::none_of(notes.begin(), notes.end(), hasName))
+      continue;
+    if (++found <= kNamed) ids += (ids.empty() ? "" : ", ") + sessionText(rows.text(0));
+  }
+  if (found > 0)
+    text += fmt::format("{}the words about the device in {} sessions of others, such as {}",
+                        text.empty() ? "" : "; ", found, ids);
+  return text.empty() ? text : "These have the name and stay as they are: " + text + ". ";
 }
 
 Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::string>& sessions,
@@ -371,6 +425,13 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
       if (line.name_hash == hash && before) repeat.push_back({names.text(0), line, restored});
     }
   }
+}
+
+void clearDeviceWords(pb::SessionDescription& description) {
+  description.clear_device();
+  description.clear_axial_model();
+  description.clear_live_effects();
+  description.clear_device_notes();
 }
 
 std::string erasureToRepeatText(const ErasureToRepeat& erasure) {

@@ -14,6 +14,7 @@
 #include "db/connection.h"
 #include "db/pseudonyms.h"
 #include "needlelab/teaching.pb.h"
+#include "needlelab/types.pb.h"
 
 namespace needlelab {
 
@@ -61,8 +62,9 @@ class ErasureStore {
   /// In one transaction (db/README.md, "An erasure"). Sessions keep their rows, closed, under the pseudonym,
   /// without score, events and attempts' verdicts. Retention removes their chunks later
   /// (RetentionStore::leftovers). Sessions that wait for a manager under the name of an account stay as they
-  /// are, unless `with_waiting`: they may be another person's. kNotFound: the name has neither a person nor
-  /// sessions; kDenied: the last administrator who can log in.
+  /// are, unless `with_waiting`: they may be another person's. `text` of the reply: places that still have
+  /// the name. kNotFound: the name has neither a person nor sessions; kDenied: the last administrator who can
+  /// log in.
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
 
@@ -92,8 +94,17 @@ class ErasureStore {
   Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
                        const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure);
   Status eraseRemarks(const ErasedNames& names);
+  /// Replaces the person in the names of groups. Returns the ids that have the name: they stay, because
+  /// assignments and addresses refer to them. `names`: without `others`.
+  Result<std::vector<std::string>> eraseInGroups(ErasedNames names);
+  /// Where the name is left, for the administrator; empty: nowhere.
+  Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids);
   Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure);
   Connection& connection_;
 };
+
+/// Clears what a station wrote in words of its own about the device and how it renders. A station may put a
+/// name there.
+void clearDeviceWords(pb::SessionDescription& description);
 
 }  // namespace needlelab

@@ -105,6 +105,17 @@ std::string withoutListed(std::string text, const std::string& name, const std::
   return text;
 }
 
+/// In a group's line "…; name: 'The class'; joined: …", replaces names in the group's name.
+std::string withoutInGroupName(std::string text, const ErasedNames& names) {
+  constexpr std::string_view kName = "; name: '";
+  const std::size_t at = text.find(kName);
+  if (at == std::string::npos) return text;
+  const std::size_t begin = at + kName.size();
+  const std::size_t end =
+      std::min({text.find("'; joined: ", begin), text.find("'; left: ", begin), text.size()});
+  return text.replace(begin, end - begin, withoutNames(text.substr(begin, end - begin), names, false));
+}
+
 bool isPersonSubject(const AuditRow& line, const std::string& name) {
   if (line.action == "log-in locked") return line.subject == name || line.subject == "person " + name;
   if (line.subject != name) return false;
@@ -189,13 +200,14 @@ Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::st
   }
 }
 
-Status addOthers(Connection& connection, ErasedNames& names) {
+Status addOthers(Connection& connection, ErasedNames& names, bool of_groups) {
   std::set<std::string> others;
-  auto rows = connection.prepare(
+  auto rows = connection.query(
       "SELECT name FROM people UNION SELECT full_name FROM people"
       " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
-      " UNION SELECT id FROM groups UNION SELECT name FROM groups UNION SELECT id"
-      " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises");
+      " UNION SELECT id FROM groups WHERE ?1 UNION SELECT name FROM groups WHERE ?1 UNION SELECT id"
+      " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises",
+      of_groups);
   std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
   own.push_back(names.name);
   own.insert(own.end(), names.given.begin(), names.given.end());
@@ -229,7 +241,7 @@ AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
       without.detail = line.detail.substr(0, at) + "full name changed";
   }
   if (line.action == "group set") {
-    without.detail = withoutListed(line.detail, names.name, names.in_its_place);
+    without.detail = withoutInGroupName(withoutListed(line.detail, names.name, names.in_its_place), names);
   } else if (about || own_sessions.contains(line.subject)) {
     without.detail = withoutNames(without.detail, names, true);
   } else if (by || line.action == "attempt excuse" || line.action == "session assign") {

@@ -136,7 +136,10 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   ASSIGN_OR_RETURN(const auto pseudonym,
                    ErasureStore(connection_).pseudonymOf(given.trainee(), given.started_unix_ns()));
   pb::SessionDescription description = given;
-  if (pseudonym) description.set_trainee(*pseudonym);
+  if (pseudonym) {
+    description.set_trainee(*pseudonym);
+    clearDeviceWords(description);
+  }
   const std::string bytes = bytesOf(description);
 
   // a known session: the same description is a reconnect, another one an error that must not be stored

@@ -2,6 +2,7 @@
 /// users may read their file.
 #pragma once
 
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 
@@ -32,12 +33,20 @@ class WipeAtEnd {
   std::string& secret_;
 };
 
-/// Disables core dumps of this program: they would hold keys and passwords. The program stays visible in
-/// /proc, so that its memory and files can be monitored; systemd-coredump and the kernel both respect the
-/// limit. To investigate a crash, run the program under a debugger.
+/// Disables core dumps of this program: they would hold keys and passwords. A limit of 0 does so for files
+/// only: a `core_pattern` that is a pipe (systemd-coredump, apport) gets the whole memory all the same. A
+/// limit of 1 byte refuses both (Linux, fs/coredump.c: a pipe gets nothing when the limit is 1, "RLIMIT_CORE
+/// is set to 1, aborting core"; a file is not written below the format's `min_coredump`, for ELF a page).
+/// Where 1 is more than the hard limit allows, the limit becomes 0 and the program is made not dumpable,
+/// which hides its /proc/PID/fd and the like from other programs of the same user; otherwise it stays
+/// visible in /proc, so that its memory and files can be monitored. To investigate a crash, run the program
+/// under a debugger.
 inline void keepOutOfCoreDumps() {
+  const rlimit one_byte{1, 1};
+  if (::setrlimit(RLIMIT_CORE, &one_byte) == 0) return;
   const rlimit none{0, 0};
   static_cast<void>(::setrlimit(RLIMIT_CORE, &none));
+  static_cast<void>(::prctl(PR_SET_DUMPABLE, 0, 0, 0, 0));
 }
 
 /// Warns on standard error when users other than the owner may read a file that holds a secret.

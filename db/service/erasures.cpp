@@ -159,7 +159,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     named += (named.empty() ? "" : ", ") + file.string();
   }
   erasure.set_text(
-      textOnWaiting(call.name(), erasure.waiting_sessions()) +
+      textOnWaiting(call.name(), erasure.waiting_sessions()) + erasure.text() +
       (files.empty()
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")
@@ -367,6 +367,11 @@ Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, R
     for (const ErasedNames& names : met_)
       record["text"] = withoutNames(textOfField(record, "text"), names, false);
   }
+  if (table.kind == "group") {
+    for (const ErasedNames& names : met_)
+      if (pseudonymOf(names.name, timeOfField(record, "changed_unix_ns")))
+        record["name"] = withoutNames(textOfField(record, "name"), names, false);
+  }
   if (table.kind == "audit") {
     AuditRow line{0,
                   timeOfField(record, "unix_ns"),
@@ -395,9 +400,12 @@ bool ImportErasures::isErasuresWork(const RecordTable& table, const RecordJson& 
                                     const RecordJson& record) const {
   if (!key_) return false;
   RecordJson a = there, b = record;
-  // a removed member gives the group another revision; a remark has a pseudonym in place of a name
-  if (table.kind == "group" && timeOfField(a, "revision") > timeOfField(b, "revision"))
+  // a removed member gives the group another revision; a remark and a group's name have a pseudonym in place
+  // of a name
+  if (table.kind == "group" && timeOfField(a, "revision") > timeOfField(b, "revision")) {
     a["revision"] = b["revision"];
+    if (textOfField(a, "name").find("erased-") != std::string::npos) a["name"] = b["name"];
+  }
   if (table.kind == "annotation" && textOfField(a, "text").find("erased-") != std::string::npos)
     a["text"] = b["text"];
   if (table.kind == "unknown_trainee" && textOfField(a, "given").starts_with("erased-"))

@@ -35,13 +35,20 @@ namespace needlelab {
 /// values: from each reference to the nearest other one, and from the session to the nearest of all. The
 /// references at the time of scoring do not matter.
 
-/// Fills in bands and definition_version from the newest scores of the reference's sessions. Uses only scores
-/// of one version, the newest available.
-Status addBands(Connection& reader, ReferencePaths& paths, pb::Reference& reference);
+/// The least number of gestures in a band that this role is shown. A band of one is the exact result of a
+/// session, and one of few nearly so: who may read own sessions only gets those that a comparison needs.
+std::size_t leastInBandFor(pb::Role role) {
+  return role == pb::TRAINEE ? kLeastForZScore : 1;
+}
 
-/// Returns JSON (scoring/reference.h); empty when the exercise has no reference of the score's version.
-Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, const std::string& exercise_id,
-                                   const pb::Score& score);
+/// Fills in bands of at least `least_n` gestures, and definition_version, from the newest scores of the
+/// reference's sessions. Uses only scores of one version, the newest available.
+Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, pb::Reference& reference);
+
+/// Returns JSON (scoring/reference.h) with bands of at least `least_n` gestures; empty when the exercise has
+/// no reference of the score's version.
+Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
+                                   const std::string& exercise_id, const pb::Score& score);
 
 }  // namespace needlelab
 
@@ -49,7 +56,7 @@ namespace needlelab::handlers {
 namespace {
 
 Result<pb::Reply> referenceReply(const Context& context, pb::Reference reference) {
-  RETURN_IF_ERROR(addBands(context.reader, *context.paths, reference));
+  RETURN_IF_ERROR(addBands(context.reader, *context.paths, leastInBandFor(context.who.role), reference));
   pb::Reply reply;
   *reply.mutable_reference() = std::move(reference);
   return reply;
@@ -101,7 +108,8 @@ Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
   ASSIGN_OR_RETURN(auto score,
                    ScoreStore(context.reader).get(*sessionId(call.session_id()), call.definition_version()));
   ASSIGN_OR_RETURN(auto comparison,
-                   comparisonWith(context.reader, *context.paths, info.description().exercise_id(), score));
+                   comparisonWith(context.reader, *context.paths, leastInBandFor(context.who.role),
+                                  info.description().exercise_id(), score));
   score.set_comparison_json(std::move(comparison));
   pb::Reply reply;
   *reply.mutable_score() = std::move(score);
@@ -207,22 +215,24 @@ Result<ReferenceScores> referenceScores(Connection& reader, const pb::Reference&
 
 constexpr const char* kDistance = "dtw_distance_m";
 
-/// The bands of stored measures, and of the distances among the current references.
-std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths,
+/// The bands of stored measures, and of the distances among the current references; those of fewer than
+/// `least_n` gestures are left out.
+std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
                                      const pb::Reference& reference, const ReferenceScores& scores) {
   auto bands = referenceBands(scores.gestures);
   std::erase_if(bands, [](const ReferenceBand& band) { return band.name == kDistance; });
   const auto distances = distancesAmong(paths.ofReference(reader, reference, std::nullopt));
   if (!distances.empty()) bands.push_back(bandOf(kDistance, "m", distances));
+  std::erase_if(bands, [&](const ReferenceBand& band) { return band.n < least_n; });
   return bands;
 }
 
 }  // namespace
 
-Status addBands(Connection& reader, ReferencePaths& paths, pb::Reference& reference) {
+Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, pb::Reference& reference) {
   ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, 0));
   reference.set_definition_version(scores.version);
-  for (const ReferenceBand& band : bandsWith(reader, paths, reference, scores)) {
+  for (const ReferenceBand& band : bandsWith(reader, paths, least_n, reference, scores)) {
     auto* row = reference.add_bands();
     row->set_measure(band.name);
     row->set_unit(band.unit);
@@ -240,14 +250,14 @@ Status addBands(Connection& reader, ReferencePaths& paths, pb::Reference& refere
   return {};
 }
 
-Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, const std::string& exercise_id,
-                                   const pb::Score& score) {
+Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
+                                   const std::string& exercise_id, const pb::Score& score) {
   ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
   if (reference.session_ids().empty()) return std::string();
   ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, score.definition_version()));
   if (scores.gestures.empty()) return std::string();
   ASSIGN_OR_RETURN(auto measures, parseScore(score.measures_json()));
-  const auto bands = bandsWith(reader, paths, reference, scores);
+  const auto bands = bandsWith(reader, paths, least_n, reference, scores);
   std::erase_if(measures, [](const Measure& measure) { return measure.name == kDistance; });
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(score.session_id()));
   if (const TipPath path = paths.of(reader, id); !path.empty()) {

@@ -12,6 +12,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/local_time.h"
+#include "db/audit.h"
 #include "db/credentials.h"
 #include "db/erasure.h"
 #include "db/people.h"
@@ -19,6 +20,7 @@
 #include "db/schema.h"
 #include "db/service/handlers.h"
 #include "db/service/rescoring.h"
+#include "db/session_rows.h"
 
 namespace needlelab {
 namespace {
@@ -304,6 +306,28 @@ Status Service::note(const std::string& who, const std::string& action, const st
 Status Service::noteLogin(const Principal& who, const std::string& host) {
   if (who.role == pb::TRAINEE || !exports_.isNew(who, "log-in\n" + host, wallNowNs())) return {};
   return note(who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host);
+}
+
+void Service::noteWatching(const Principal& who, const std::string& station, const std::string& session) {
+  if (station.empty() && session.empty()) return;
+  const std::int64_t now_unix_ns = wallNowNs();
+  if (!exports_.isNew(who, "watch\n" + station + "\n" + session, now_unix_ns)) return;
+  const AuditRow line{0,
+                      now_unix_ns,
+                      who.name,
+                      "watch live",
+                      session.empty() ? station : sessionText(session),
+                      session.empty() ? "a station" : "a session"};
+  // without the line watching goes on: nobody may wait on the network's thread
+  static_cast<void>(writer_.post(
+      [line, station, session](Connection& writer) -> Status {
+        auto known = session.empty() ? writer.query("SELECT 1 FROM stations WHERE name = ?", station)
+                                     : writer.query("SELECT 1 FROM sessions WHERE id = ? AND state = ?",
+                                                    viewOf(session), static_cast<int>(pb::SESSION_OPEN));
+        ASSIGN_OR_RETURN(const bool found, known.step());
+        return found ? AuditStore(writer).add(line) : Status();
+      },
+      [](const Status&) {}));
 }
 
 }  // namespace needlelab

@@ -128,6 +128,10 @@ class Service {
   /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
+  /// Writes down that `who` begins to watch a station or, if `session` is not empty, a session live: for each
+  /// person and what is watched once an hour. Only stations and open sessions that exist get a line, so that
+  /// made-up ones fill nothing. Does not wait; thread: any.
+  void noteWatching(const Principal& who, const std::string& station, const std::string& session);
   /// Writes down that staff or a researcher has logged in from `host`: for each person and host once an hour.
   Status noteLogin(const Principal& who, const std::string& host);
 

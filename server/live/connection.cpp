@@ -306,8 +306,12 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, std::optional<DecodedBudg
                      rethrow);
       break;
     case pb::Envelope::kSubscribe: {
-      auto refusal = context_.hub.subscribe(*this, envelope.subscribe(), steadyNowNs());
-      if (refusal) refuse(std::move(*refusal));
+      const pb::Subscribe& wanted = envelope.subscribe();
+      auto refusal = context_.hub.subscribe(*this, wanted, steadyNowNs());
+      if (refusal)
+        refuse(std::move(*refusal));
+      else
+        context_.store.service().noteWatching(who_, wanted.station(), wanted.session_id());
       break;
     }
     case pb::Envelope::kUnsubscribe: {

@@ -45,9 +45,10 @@ std::vector<std::string> formsOf(const std::string& secret) {
   return {secret, hex, hex.substr(0, 16), upper.substr(0, 16), escaped.substr(0, 32)};
 }
 
-// Each program sees to that in its first milliseconds.
+// Each program sees to that in its first milliseconds. Not 0: that would not keep the dump from
+// a pipe.
 bool writesNoCore(pid_t pid) {
-  return readProc(pid, "limits").find("Max core file size        0                    0 ") !=
+  return readProc(pid, "limits").find("Max core file size        1                    1 ") !=
          std::string::npos;
 }
 

@@ -1,6 +1,8 @@
 #include "db/erasure.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <sstream>
 
@@ -10,6 +12,7 @@
 #include "db/people.h"
 #include "db/retention_store.h"
 #include "db/session_results.h"
+#include "db/session_rows.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/test_db.h"
 
@@ -137,6 +140,71 @@ TEST_F(ErasureStoreTest, linesOfTheLogAboutOthersStayAsTheyWere) {
             "Bone hit; ANN-Maria and x looked at Page 3");
 }
 
+TEST_F(ErasureStoreTest, groupsKeepTheirNamesWithoutThePerson) {
+  ASSERT_OK(PeopleStore(db.writer).add({"anna-lena", pb::TRAINEE, "", false, 1}));
+  GroupStore groups(db.writer);
+  const auto put = [&](const std::string& id, const std::string& name) {
+    pb::Group group;
+    group.set_id(id);
+    group.set_name(name);
+    group.add_members("ben");
+    ASSERT_OK(groups.put(group, std::nullopt, "ada", 1));
+  };
+  put("friends", "Friends of ANNA, Annabel and anna-lena");
+  put("anna-2", "Anna Östlund-Berg");
+  put("other", "For anna-lena");
+  ASSERT_OK(AuditStore(db.writer).add(
+      {0, 1, "ada", "group set", "friends", "revision 1; name: 'Friends of ANNA, anna-lena'; joined: ben"}));
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  const auto friends = groups.get("friends"), second = groups.get("anna-2"), other = groups.get("other");
+  ASSERT_TRUE(friends.ok() && second.ok() && other.ok());
+  EXPECT_EQ(friends->name(), "Friends of erased-1234, Annabel and anna-lena");
+  EXPECT_EQ(friends->revision(), 2u) << "an edit of before would bring the name back";
+  EXPECT_EQ(second->name(), "erased-1234");
+  EXPECT_EQ(other->name(), "For anna-lena");
+  EXPECT_EQ(other->revision(), 1u);
+  EXPECT_EQ(auditLines(db.writer).front(),
+            "ada|group set|friends|revision 1; name: 'Friends of erased-1234, anna-lena'; joined: ben");
+  EXPECT_EQ(erased->text(),
+            "These have the name and stay as they are: the id of the group 'anna-2' (make the group anew). ");
+}
+
+TEST_F(ErasureStoreTest, wordsAboutTheDeviceGoFromOwnSessionsAndAreListedOfOthers) {
+  SessionStore sessions(db.writer);
+  const auto opened = [&](const std::string& trainee) {
+    auto d = test::describe(makeUuidV7());
+    d.set_trainee(trainee);
+    d.set_device("Falcon of anna");
+    d.set_axial_model("Anna's");
+    d.add_device_notes("as Östlund-Berg holds it");
+    EXPECT_OK(sessions.open(d, 1));
+    return d;
+  };
+  const auto own = opened("anna"), bens = opened("ben");
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  const auto shown = [&](const pb::SessionDescription& d) {
+    Uuid id{};
+    std::copy(d.session_id().begin(), d.session_id().end(), id.begin());
+    const auto info = sessions.info(id);
+    EXPECT_OK(info);
+    return info->description();
+  };
+  EXPECT_EQ(shown(own).device(), "");
+  EXPECT_EQ(shown(own).axial_model(), "");
+  EXPECT_EQ(shown(own).device_notes_size(), 0);
+  // a person may be called as a device is: an administrator looks at it
+  EXPECT_EQ(shown(bens).device(), "Falcon of anna");
+  EXPECT_EQ(erased->text(),
+            "These have the name and stay as they are: the words about the device in 1 sessions of others, "
+            "such as " +
+                sessionText(bens.session_id()) + ". ");
+  // both stations come again after a cut
+  EXPECT_OK(sessions.open(own, 5));
+  EXPECT_OK(sessions.open(bens, 5));
+}
+
 TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {
   const Uuid id = session("ben", 1, true), other = session("anna", 1, true);
   for (const char* change :
@@ -215,6 +283,7 @@ TEST_F(ErasureStoreTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndE
   d.set_trainee("anna");
   ASSERT_OK(sessions.open(d, 5));
   EXPECT_EQ(sessions.info(id)->description().trainee(), "erased-1234");
+  EXPECT_EQ(sessions.info(id)->description().device(), "") << "a station may have put the name there";
   EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
   EXPECT_TRUE(sessions.close(test::closeOf(id, 1), 6)->taken());
   EXPECT_EQ(sessions.info(id)->chunks(), 0u);

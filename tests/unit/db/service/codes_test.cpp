@@ -441,6 +441,30 @@ TEST_F(Codes, thatNobodyCheckedCountForNobodyUntilAManagerConfirmsThem) {
   EXPECT_THAT(details("session assign"), testing::ElementsAre("mia " + uuidText(waits) + " from tom to tom"));
 }
 
+// The server takes a station's word for what it answered (SECURITY.md): what a stolen key can do with that is
+// found by its station, and taken back.
+TEST_F(Codes, thatAStationOnlySaysWereCheckedAreTakenBackByExcusingItsSessions) {
+  get(manager, code("tom", "2468"));
+  const Uuid forged = record("tom", true);
+  ASSERT_OK(change([&](Connection& c) {
+    auto score = test::scoreOf(forged, "[]");
+    score.set_passed(true);
+    return ScoreStore(c).put(score);
+  }));
+  EXPECT_EQ(stateOf(forged), "counts");
+  EXPECT_EQ(said(begin("tom", "2468", "second")), "") << "it unlocks what comes next";
+
+  pb::Request list, excuse;
+  list.mutable_list_sessions()->set_station(info(forged).description().station());
+  const auto found = get(instructor, list).sessions();
+  ASSERT_EQ(found.sessions_size(), 1);
+  excuse.mutable_excuse_attempt()->set_session_id(found.sessions(0).description().session_id());
+  excuse.mutable_excuse_attempt()->set_excused(true);
+  excuse.mutable_excuse_attempt()->set_reason("the station was stolen");
+  EXPECT_TRUE(get(instructor, excuse).attempt().excused());
+  EXPECT_THAT(said(begin("tom", "2468", "second")), HasSubstr("ROLE: ")) << "it unlocks nothing any more";
+}
+
 TEST_F(Codes, thatNobodyCheckedMayBeOfSomebodyElse) {
   get(manager, code("tom", "2468"));
   const Uuid waits = attempt("tom", "first", true);

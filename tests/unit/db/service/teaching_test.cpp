@@ -416,6 +416,57 @@ TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
   EXPECT_GT(get(researcher, measures).measures().measures_size(), 20);
 }
 
+TEST_F(Teaching, whoWatchesLiveIsInTheAuditLogOnceAnHour) {
+  addStation();
+  const Uuid open = addSession("anna", 1);
+  const Principal other{"mia", pb::CURRICULUM_MANAGER};
+  for (int again = 0; again < 3; ++again) {
+    store->service().noteWatching(instructor, "station-1", "");
+    store->service().noteWatching(instructor, "", test::bytesOfId(open));
+    store->service().noteWatching(instructor, "", "");
+    store->service().noteWatching(instructor, "made up", "");
+    store->service().noteWatching(instructor, "", test::bytesOfId(makeUuidV7()));
+  }
+  store->service().noteWatching(other, "station-1", "");
+  // the writer comes to the end of them
+  ASSERT_OK(change([](Connection&) { return Status(); }));
+  pb::Request list;
+  list.mutable_list_audit()->set_action("watch live");
+  std::vector<std::string> lines;
+  const auto log = get(admin, list).audit();
+  for (const auto& line : log.entries()) lines.push_back(line.who() + " " + line.subject());
+  std::sort(lines.begin(), lines.end());
+  std::vector<std::string> expected{"ina " + uuidText(open), "ina station-1", "mia station-1"};
+  std::sort(expected.begin(), expected.end());
+  EXPECT_EQ(lines, expected);
+}
+
+// A band of one is that session's result, which a trainee may not read (score show: NOT_FOUND).
+TEST_F(Teaching, aTraineeIsShownExpertsOnlyFromFiveGesturesOn) {
+  addStation();
+  putCourse();
+  addPerson("anna", pb::TRAINEE);
+  pb::Request own, set, show;
+  own.mutable_get_score()->set_session_id(test::bytesOfId(attempt("anna", "first", false)));
+  set.mutable_set_reference()->set_exercise_id("first");
+  show.mutable_get_reference()->set_exercise_id("first");
+  const auto compared = [&](const Principal& who) {
+    const std::string text = get(who, own).score().comparison_json();
+    return text.empty() ? std::size_t{0} : nlohmann::json::parse(text).size();
+  };
+  for (int n = 1; n <= 5; ++n) {
+    set.mutable_set_reference()->add_session_ids(test::bytesOfId(attempt("eva", "first", true)));
+    const auto chosen = get(instructor, set).reference();
+    set.mutable_set_reference()->set_base_revision(chosen.revision());
+    EXPECT_EQ(get(instructor, show).reference().bands_size(), 1) << n;
+    EXPECT_EQ(compared(instructor), 1u) << n;
+    const auto seen = get(trainee, show).reference();
+    EXPECT_EQ(seen.session_ids_size(), n);
+    EXPECT_EQ(seen.bands_size(), n < 5 ? 0 : 1) << n;
+    EXPECT_EQ(compared(trainee), n < 5 ? 0u : 1u) << n;
+  }
+}
+
 TEST_F(Teaching, anAttemptThatMissedTheTargetIsNowhereBetterThanTheExperts) {
   addStation();
   putCourse();
