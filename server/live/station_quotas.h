@@ -12,9 +12,9 @@
 namespace needlelab {
 
 /// Each share but the first is one of a day (DayShare): a station that was offline for weeks delivers in one
-/// go, and one that is used up goes on in the same day. In memory: a restart of the server gives every station
-/// its whole shares again. Memory: some 150 bytes a station that opened a session. Times: steady clock (ns),
-/// from the caller, never going back. Thread: one.
+/// go, and one that is used up goes on in the same day. In memory: a restart of the server gives every
+/// station its whole shares again. Memory: some 150 bytes a station that opened a session. Times: steady
+/// clock (ns), from the caller, never going back. Thread: one.
 class StationQuotas {
  public:
   struct Settings {

@@ -67,24 +67,24 @@ TEST(StationQuotas, oneStationDoesNotUseUpAnothers) {
   EXPECT_TRUE(all.admit("s2", {.description_bytes = 10'000, .unknown_name = true}, 0).ok());
 }
 
-constexpr std::uint64_t kRows = StationQuotas::kChunkRowBytes, kMiB = 1u << 20;
+constexpr std::uint64_t kRows = StationQuotas::kChunkRowBytes, kMebi = 1u << 20;
 
 /// Brings chunks of 1 MiB with their rows until one is refused. Returns how many.
 int chunksTaken(StationQuotas& all, const std::string& station, std::int64_t now_ns,
                 bool undecodable = false) {
   int taken = 0;
-  while (all.admitChunk(station, {.bytes = kMiB - kRows, .undecodable = undecodable}, now_ns).ok()) ++taken;
+  while (all.admitChunk(station, {.bytes = kMebi - kRows, .undecodable = undecodable}, now_ns).ok()) ++taken;
   return taken;
 }
 
 StationQuotas chunkQuotas() {
-  return StationQuotas({.chunk_bytes = 240.0 * kMiB, .undecodable_bytes = 24.0 * kMiB});
+  return StationQuotas({.chunk_bytes = 240.0 * kMebi, .undecodable_bytes = 24.0 * kMebi});
 }
 
 TEST(StationQuotas, chunksAreAShareThatComesBackWithinADay) {
   StationQuotas all = chunkQuotas();
   EXPECT_EQ(chunksTaken(all, "s1", 0), 240);
-  const Status refused = all.admitChunk("s1", {.bytes = 10 * kMiB - kRows}, 0);
+  const Status refused = all.admitChunk("s1", {.bytes = 10 * kMebi - kRows}, 0);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom) << "a station asks again: nothing is lost";
   EXPECT_THAT(refused.error().message, AllOf(HasSubstr("'s1'"), HasSubstr("240 MiB of recordings"),
@@ -120,7 +120,7 @@ TEST(StationQuotas, aSessionIsOpenedOnlyWithRoomForMoreThanAFewChunks) {
 TEST(StationQuotas, chunksThatCannotBeDecodedAreASmallerShareAndSoundOnesGoOn) {
   StationQuotas all = chunkQuotas();
   EXPECT_EQ(chunksTaken(all, "s1", 0, true), 24);
-  const Status refused = all.admitChunk("s1", {.bytes = kMiB - kRows, .undecodable = true}, 0);
+  const Status refused = all.admitChunk("s1", {.bytes = kMebi - kRows, .undecodable = true}, 0);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom);
   EXPECT_THAT(refused.error().message, AllOf(HasSubstr("24 MiB"), HasSubstr("cannot be decoded")));
@@ -136,7 +136,7 @@ TEST(StationQuotas, manySmallChunksCostTheirRows) {
 
 TEST(StationQuotas, aStationWithAFullSpoolAndADayOfLessonsIsNotRefused) {
   StationQuotas all;
-  for (int i = 0; i < 4096; ++i) ASSERT_EQ(all.admitChunk("s1", {.bytes = kMiB - 1024}, 0).ok(), true) << i;
+  for (int i = 0; i < 4096; ++i) ASSERT_EQ(all.admitChunk("s1", {.bytes = kMebi - 1024}, 0).ok(), true) << i;
   ASSERT_TRUE(all.roomForChunks("s1", 0).ok());
   // 4 kHz day and night, each second a chunk of 30 kB
   for (std::int64_t s = 0; s < 86'400; ++s)
@@ -147,10 +147,10 @@ TEST(StationQuotas, aStolenKeyBringsAtMostTwoSharesOfChunksInADay) {
   StationQuotas all;
   double brought = 0;
   for (std::int64_t minute = 0; minute < 24 * 60; ++minute)
-    brought += chunksTaken(all, "s1", minute * kHour_ns / 60, true) * static_cast<double>(kMiB);
+    brought += chunksTaken(all, "s1", minute * kHour_ns / 60, true) * static_cast<double>(kMebi);
   EXPECT_LE(brought, 2 * StationQuotas::Settings{}.undecodable_bytes);
   for (std::int64_t minute = 24 * 60; minute < 48 * 60; ++minute)
-    brought += chunksTaken(all, "s1", minute * kHour_ns / 60) * static_cast<double>(kMiB);
+    brought += chunksTaken(all, "s1", minute * kHour_ns / 60) * static_cast<double>(kMebi);
   EXPECT_LE(brought,
             2 * StationQuotas::Settings{}.chunk_bytes + 2 * StationQuotas::Settings{}.undecodable_bytes);
 }
