@@ -47,7 +47,7 @@ TEST(MotionCost, countsThePointsThatARunWillHave) {
     for (const std::size_t each : {1u, 2u, 3u, 50u}) {
       const auto samples = inPieces(5, each, static_cast<std::uint64_t>(0.2 * rate_hz));
       std::uint64_t points = 0, terms = 0;
-      for (const Run& run : runsOf(samples, rate_hz)) {
+      for (const needlelab::Run& run : runsOf(samples, rate_hz)) {
         points += run.points.size();
         if (run.points.size() > 1) terms += run.points.size() * reachOf(run.period_s);
       }
