@@ -63,8 +63,9 @@ Status checkDescription(const pb::SessionDescription& d) {
   for (Status& check : checks) {
     if (!check) return std::move(check);
   }
-  if (!std::isfinite(d.rate_hz()) || d.rate_hz() <= 0 || d.rate_hz() > 1e5) {
-    return invalid("rate_hz", fmt::format("{:f}, allowed is above 0 to 100000", d.rate_hz()));
+  if (!std::isfinite(d.rate_hz()) || d.rate_hz() <= 0 || d.rate_hz() > 40'000) {
+    // the fastest loop that a station runs (kMaxRateHz of common/haptics/limits.h)
+    return invalid("rate_hz", fmt::format("{:f}, allowed is above 0 to 40000", d.rate_hz()));
   }
   if (d.started_unix_ns() <= 0)
     return invalid("started_unix_ns", fmt::format("{}, allowed is above 0", d.started_unix_ns()));

@@ -308,7 +308,7 @@ void Server::Parts::accepted(Tcp::socket socket) {
   }
   auto channel = Channel::make(TlsStream(std::move(socket), *tls), options.limits);
   auto connection = std::make_shared<PeerConnection>(*context, id, std::move(channel));
-  asio::co_spawn(io, PeerConnection::run(std::move(connection)), rethrow);
+  asio::co_spawn(io, PeerConnection::run(connection), PeerConnection::endsAlone(connection));
 }
 
 void Server::Parts::refuseConnection(const std::string& host) {
@@ -350,7 +350,8 @@ void Server::Parts::beginStop(const std::string& reason) {
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {
-    asio::co_spawn(io, PeerConnection::shutDown(connection->shared_from_this(), reason), rethrow);
+    asio::co_spawn(io, PeerConnection::shutDown(connection->shared_from_this(), reason),
+                   PeerConnection::endsAlone(connection->shared_from_this()));
   }
   asio::co_spawn(io, drainLoop(), rethrow);
 }
@@ -445,12 +446,14 @@ Task<> Server::Parts::roomLoop() {
     room_timer.expires_after(options.room_every);
     co_await room_timer.async_wait(kUseTuple);
     if (stopping) co_return;
-    std::function<std::optional<DiskRoom::Look>()> look = [this] {
+    using Seen = std::optional<DiskRoom::Look>;
+    std::function<Result<Seen>()> look = [this]() -> Result<Seen> {
       (void)store->keepAuditHead();
       return lookAtRoom();
     };
-    const auto seen = co_await offload(room_worker, std::move(look));
+    const auto looked = co_await offload(room_worker, std::move(look));
     if (stopping) co_return;
+    const Seen seen = looked.ok() ? *looked : std::nullopt;
     noteRoom(seen);
     // a disk that refuses although it has room (a quota) would refuse again
     if (!store->readOnly() || !seen || context->disk_room.level() == RoomLevel::kNoChunks ||

@@ -7,6 +7,7 @@
 
 #include "common/haptics/limits.h"
 #include "common/scoring/measure_groups.h"
+#include "common/scoring/motion_cost.h"
 
 namespace needlelab {
 namespace {
@@ -153,7 +154,7 @@ TipPath tipPathOf(std::span<const GestureSample> samples, double rate_hz, const 
 }
 
 TipPath tipPathOf(const RecordedSamples& samples, double rate_hz, const Pose& X_WL) {
-  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
+  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz) || !checkMotion(samples, rate_hz)) return {};
   const Gesture gesture{samples, rate_hz, runsOf(samples, rate_hz), {}, nullptr, std::nullopt};
   return tipPathOf(gesture, X_WL);
 }

@@ -7,6 +7,7 @@
 #include "common/haptics/limits.h"
 #include "common/scoring/measure_groups.h"
 #include "common/scoring/measure_table.h"
+#include "common/scoring/motion_cost.h"
 #include "common/scoring/syringe_events.h"
 #include "common/scoring/track.h"
 
@@ -213,7 +214,7 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
 std::vector<Measure> scoreGesture(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
                                   const Pose& X_WL, const pb::Exercise* exercise,
                                   std::span<const TipPath> references) {
-  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
+  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz) || !checkMotion(samples, rate_hz)) return {};
   const Gesture gesture{samples,
                         rate_hz,
                         runsOf(samples, rate_hz),

@@ -53,7 +53,8 @@ struct Measure {
 ///   counts in `elapsed_s` only).
 /// - Samples that are not finite, absurd (1 km, 1 MN) or not in ascending order of ticks are skipped.
 ///
-/// `rate_hz`: rate of the loop; outside 50-40,000 there is no score. `X_WL`: pose of the profile's frame in
+/// `rate_hz`: rate of the loop; outside 50-40,000 there is no score, nor for a motion that is too long or in
+/// too many pieces (checkMotion of motion_cost.h says why). `X_WL`: pose of the profile's frame in
 /// W. `exercise`: errors are taken from its plan; its requirements (and its time limit, as a requirement on
 /// `elapsed_s`) fill min, max, passed; a requirement on a measure that this gesture does not have makes a row
 /// that is not passed and states the reason. `references`: paths of gestures to compare with (dtw.h); without

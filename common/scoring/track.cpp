@@ -10,6 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "common/scoring/motion_cost.h"
+#include "common/scoring/smoothing.h"
+
 namespace needlelab {
 namespace {
 
@@ -81,9 +84,8 @@ void binMeans(const RecordedSamples& samples, const Run& run, double rate_hz, st
 
 /// Half of a Gaussian's weights, the middle first; they sum to 1 with the other half.
 std::vector<double> gaussianHalf(double period_s) {
-  // |H(f)|² = exp(−(2π f σ)²) is ½ at the cut-off
-  const double sigma = std::sqrt(std::numbers::ln2) / (2 * std::numbers::pi * kAnalysisCutoffHz) / period_s;
-  const auto reach = static_cast<std::size_t>(std::ceil(4 * sigma));
+  const double sigma = kernelSigma(period_s);
+  const std::size_t reach = kernelReach(period_s);
   std::vector<double> half(reach + 1);
   double sum = 0;
   for (std::size_t i = 0; i <= reach; ++i) {
@@ -93,32 +95,6 @@ std::vector<double> gaussianHalf(double period_s) {
   }
   for (double& weight : half) weight /= sum;
   return half;
-}
-
-/// Smooths one channel. Beyond an end the signal is taken as its point reflection about the end's value.
-std::vector<double> smoothed(const std::vector<double>& values, const std::vector<double>& half) {
-  const auto count = static_cast<std::ptrdiff_t>(values.size());
-  const auto at = [&](std::ptrdiff_t i) {
-    // reflections repeat when the kernel is longer than the signal
-    double offset = 0, sign = 1;
-    while (i < 0 || i >= count) {
-      const std::ptrdiff_t end = i < 0 ? 0 : count - 1;
-      offset += sign * 2 * values[static_cast<std::size_t>(end)];
-      sign = -sign;
-      i = 2 * end - i;
-    }
-    return offset + sign * values[static_cast<std::size_t>(i)];
-  };
-  std::vector<double> result(values.size());
-  for (std::ptrdiff_t i = 0; i < count; ++i) {
-    double sum = half[0] * values[static_cast<std::size_t>(i)];
-    for (std::size_t k = 1; k < half.size(); ++k) {
-      const auto step = static_cast<std::ptrdiff_t>(k);
-      sum += half[k] * (at(i - step) + at(i + step));
-    }
-    result[static_cast<std::size_t>(i)] = sum;
-  }
-  return result;
 }
 
 void setVelocities(Run& run) {
@@ -140,12 +116,11 @@ TrackPoint pointOf(const Channels& c) {
 void fill(Run& run, const RecordedSamples& samples, double rate_hz) {
   const GestureSample first = samples[run.first];
   const double duration_s = secondsBetween(first, samples[run.last], rate_hz);
-  if (run.first == run.last) {
+  if (!(duration_s > 0)) {  // a single sample; or after a fault, samples without ticks
     run.points.push_back(pointOf(channelsOf(first)));
     return;
   }
-  const auto intervals =
-      std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(duration_s / kAnalysisPeriod_s - 1e-9)));
+  const std::size_t intervals = motionSteps(duration_s);
   run.period_s = duration_s / static_cast<double>(intervals);
   run.inside.reserve(intervals);
   run.force_W_N.reserve(intervals);

@@ -65,8 +65,9 @@ inline bool isInside(const GestureSample& sample) {
   return sample.layer >= 0;
 }
 
-/// The runs of a recording, in order. Memory: some 200 bytes a point; at most about 15 points per sample, for
-/// any size of gaps, and a tenth of a point at 1 kHz without gaps.
+/// The runs of a recording, in order. Memory: some 220 bytes a point; a tenth of a point per sample at 1 kHz
+/// without gaps, and up to 11 at the lowest rate with gaps of nearly 0.1 s: call checkMotion (motion_cost.h)
+/// before, unless the samples are one's own.
 std::vector<Run> runsOf(const RecordedSamples& samples, double rate_hz);
 /// The same of samples in memory.
 std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz);

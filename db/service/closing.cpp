@@ -1,6 +1,9 @@
 // Closes a session: computes and stores its hash, state, score and events.
 #include <fmt/core.h>
 #include <algorithm>
+#include <exception>
+#include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -55,6 +58,31 @@ Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& requ
   const auto added = AnnotationStore(writer).add(remark);
   return added ? Status() : Status(added.error());
 }
+
+// The remark on a session that is stored and replayed but never scored: for people, and so that nothing reads
+// all of it again only to find the same.
+const std::string kUnscoredAuthor = "server", kUnscoredText = "cannot be scored: ";
+
+Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(reader).list(session));
+  for (const StoredAnnotation& remark : remarks) {
+    if (remark.author == kUnscoredAuthor && remark.text.starts_with(kUnscoredText))
+      return std::optional(remark.text.substr(kUnscoredText.size()));
+  }
+  return std::optional<std::string>();
+}
+
+Status noteNeverScored(Connection& writer, const Uuid& session, const std::string& why) {
+  StoredAnnotation remark;
+  remark.session = session;
+  remark.author = kUnscoredAuthor;
+  remark.text = kUnscoredText + why;
+  remark.created_unix_ns = wallNowNs();
+  const auto added = AnnotationStore(writer).add(remark);
+  return added ? Status() : Status(added.error());
+}
+
+constexpr std::size_t kMostKnownFaults = 1000;
 
 }  // namespace
 
@@ -112,18 +140,54 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
     outcome.score_json = info->score_json();
     return outcome;
   }
+  if (outcome.closed.kind == Closed::Kind::kRepeated) {
+    const std::scoped_lock lock(faults_mutex_);
+    if (const auto failed = score_faults_.find(id); failed != score_faults_.end()) {
+      outcome.score_fault = failed->second;
+      return outcome;
+    }
+  }
   ASSIGN_OR_RETURN(auto settled, settle(*reader, id));
   outcome.score_json = std::move(settled.score_json);
-  if (settled.fault) outcome.score_fault = settled.fault->message;
+  if (settled.fault) {
+    outcome.score_fault = settled.fault->message;
+    const std::scoped_lock lock(faults_mutex_);
+    if (score_faults_.size() >= kMostKnownFaults) score_faults_.clear();
+    score_faults_[id] = outcome.score_fault;
+  }
   return outcome;
 }
 
 Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session) {
+  // what it throws (no memory) is a fault of this session alone
+  try {
+    return settleOrThrow(reader, session);
+  } catch (const std::exception& thrown) {
+    Settled settled;
+    settled.fault = Error{ErrorCode::kFailed, fmt::format("scoring failed inside: {}", thrown.what())};
+    return settled;
+  }
+}
+
+Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& session) {
   Settled settled;
+  ASSIGN_OR_RETURN(const auto never, whyNeverScored(reader, session));
+  if (never) {
+    settled.fault = Error{ErrorCode::kInvalidInput, *never};
+    settled.final = true;
+    return settled;
+  }
   const auto read = samplesOf(reader, session);
   auto score = read ? scoreOf(reader, *read) : Result<std::string>(read.error());
   if (!score) settled.fault = score.error();
   settled.final = !read && read.error().code == ErrorCode::kInvalidInput;
+  if (settled.final) {
+    ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(session));
+    // a profile that is not valid is found before anything is decoded
+    if (!info.has_removed_original() && parseProfile(info.description().profile_json(), "profile"))
+      RETURN_IF_ERROR(writer_.run(
+          [&](Connection& writer) { return noteNeverScored(writer, session, settled.fault->message); }));
+  }
   if (!read) return settled;
   const auto events = eventsOf(*read);
   if (const Status& fault = read->samples.fault(); !fault.ok()) {

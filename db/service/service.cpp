@@ -214,7 +214,15 @@ std::string Service::emptyLogOfErased() {
 RetentionTools Service::retentionTools() {
   return {writer_,
           readers_,
-          [this](const Uuid& id) { return settleRecording(id); },
+          [this](const Uuid& id) -> Status {
+            // what it throws (no memory) leaves this recording alone, not all of them
+            try {
+              return settleRecording(id);
+            } catch (const std::exception& thrown) {
+              return Error{ErrorCode::kFailed,
+                           fmt::format("session {}: scoring failed inside: {}", uuidText(id), thrown.what())};
+            }
+          },
           [this] { return backup_running_.load(std::memory_order_relaxed); },
           stop_retention_,
           retention_pace_,

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -13,6 +14,7 @@
 #include "common/base/physical_disks.h"
 #include "common/base/result.h"
 #include "common/base/time_source.h"
+#include "common/base/uuid.h"
 #include "db/audit.h"
 #include "db/db_writer.h"
 #include "db/encrypted_backup.h"
@@ -75,12 +77,12 @@ class Service {
   Result<bool> stillAllowed(const Principal& principal);
 
   /// Hashes the stored chunks on a reader, closes the session on the writer, then computes and stores score
-  /// and events. Returns after the commit.
+  /// and events. Returns after the commit. A session that could not be scored gets the same answer when it is
+  /// closed again, and is not read again for it.
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
 
   /// Scores a session's gesture (common/scoring/README.md) from its stored chunks and its profile; returns
-  /// JSON rows. kInvalidInput: the profile text is not valid, or the gesture is longer than
-  /// kMaxScoredSamples.
+  /// JSON rows. kInvalidInput: as samplesOf().
   Result<std::string> scoreSession(Connection& reader, const Uuid& session);
 
   /// One run of retention (retention.h): minutes to hours. Fails at once with kUnavailable while another run
@@ -139,10 +141,13 @@ class Service {
   struct Settled {
     std::string score_json;      ///< empty when there is nothing to measure
     std::optional<Error> fault;  ///< the reason when scoring failed
-    bool final = false;          ///< the fault is permanent: too long, or its profile is not valid
+    /// The fault is permanent: too long, a motion beyond its bounds, or a profile that is not valid. The
+    /// first two get a remark, "cannot be scored: …", and are not read again.
+    bool final = false;
   };
   /// Computes and stores a closed session's score and events. Errors: the database's.
   Result<Settled> settle(Connection& reader, const Uuid& session);
+  Result<Settled> settleOrThrow(Connection& reader, const Uuid& session);
   /// The same before its recording is thinned or deleted, when score or events are missing. Returns an error
   /// for a temporary fault (memory, an exercise that may be imported again …): the original must stay until
   /// it passes.
@@ -165,6 +170,9 @@ class Service {
   std::atomic<bool> backup_running_ = false;
   std::mutex retention_mutex_;  ///< guards the text below; held only briefly
   std::string retention_run_;   ///< of the current run: "since … by …"; one at a time
+  std::mutex faults_mutex_;
+  std::map<Uuid, std::string>
+      score_faults_;  ///< of sessions closed by this process; guarded by faults_mutex_
   ReferencePaths reference_paths_;
   std::mutex rescore_mutex_;  ///< one run at a time
   std::atomic<bool> stop_retention_ = false;

@@ -7,6 +7,7 @@
 
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
+#include "common/scoring/motion_cost.h"
 #include "common/scoring/syringe_events.h"
 #include "db/session_store.h"
 
@@ -14,6 +15,9 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kReadBytes = 4u << 20;
+
+// 0.1 points a sample at 1 kHz: the longest session has room for twice its motion
+static_assert(kMostMotionPoints == 2 * kMaxScoredSamples / 10);
 
 Pose poseOf(const google::protobuf::RepeatedField<double>& numbers) {
   Pose pose;
@@ -58,6 +62,10 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
                      return samplesOfChunk(reader, session, seq);
                    }));
   all.samples = std::move(samples);
+  const Status motion = checkMotion(all.samples, all.info.description().rate_hz());
+  RETURN_IF_ERROR(all.samples.fault());
+  if (!motion)
+    return Error{motion.error().code, "session " + uuidText(session) + ": " + motion.error().message};
   return all;
 }
 

@@ -16,7 +16,8 @@
 namespace needlelab {
 
 /// Longer gestures are stored and replayed, but not scored: 30 minutes at 1 kHz, some 70 MB during scoring
-/// (26 MB of decoded samples at most, and the smoothed motion at 100 Hz).
+/// (26 MB of decoded samples at most, and the smoothed motion at 100 Hz). At other rates the bounds of
+/// common/scoring/motion_cost.h may come first; with them it is some 110 MB at most.
 inline constexpr std::uint64_t kMaxScoredSamples = 1'800'000;
 
 struct SessionSamples {
@@ -30,7 +31,8 @@ struct SessionSamples {
 };
 
 /// Reads and checks the whole session once, and holds a part of it. kInvalidInput: the profile text is not
-/// valid, the gesture is longer than kMaxScoredSamples, or retention has removed the original; kCorrupt: a
+/// valid, the gesture is longer than kMaxScoredSamples or its motion beyond the bounds of
+/// common/scoring/motion_cost.h, or retention has removed the original; kCorrupt: a
 /// chunk fails its check; kNotFound. A session without samples has no profile here.
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
 

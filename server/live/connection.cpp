@@ -298,12 +298,13 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, std::optional<DecodedBudg
     }
     case pb::Envelope::kCloseSession:
       asio::co_spawn(context_.io,
-                     closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())), rethrow);
+                     closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())),
+                     endsAlone(shared_from_this()));
       break;
     case pb::Envelope::kRequest:
       asio::co_spawn(context_.io,
                      execute(shared_from_this(), std::move(*envelope.mutable_request()), std::move(share)),
-                     rethrow);
+                     endsAlone(shared_from_this()));
       break;
     case pb::Envelope::kSubscribe: {
       const pb::Subscribe& wanted = envelope.subscribe();
@@ -427,6 +428,27 @@ void PeerConnection::cut(const std::string& reason) {
   if (!over()) setState(ConnectionState::kClosing);
   channel_->close(CloseReason::kLocal, reason);
   freed_.notify();
+}
+
+std::function<void(std::exception_ptr)> PeerConnection::endsAlone(std::shared_ptr<PeerConnection> self) {
+  return [self = std::move(self)](std::exception_ptr error) {
+    if (!error) return;
+    std::string text = "an unknown fault";
+    try {
+      std::rethrow_exception(error);
+    } catch (const std::exception& thrown) {
+      text = thrown.what();
+    } catch (...) {  // not of this program's libraries
+    }
+    logEvent(LogLevel::kError, "connection_failed",
+             {{"conn", self->id_}, {"who", self->who_.name}, {"text", text}});
+    if (self->state_ == ConnectionState::kClosed) return;
+    self->cut("its work failed inside: " + text);
+    // when it was run() that failed, nobody else does this; otherwise run() finds it done
+    self->context_.handshakes.left(self->id_);
+    self->leave();
+    giveTurns(self->context_);
+  };
 }
 
 void PeerConnection::sendControl(const pb::Envelope& envelope) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -39,6 +41,10 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   /// Closes the connection now, without a last message.
   void cut(const std::string& reason);
+
+  /// For co_spawn of a connection's work. What it throws (no memory) becomes a log line and ends this
+  /// connection alone.
+  static std::function<void(std::exception_ptr)> endsAlone(std::shared_ptr<PeerConnection> self);
 
   /// After a verified backup: tells the station the sessions and chunks that it covers.
   static Task<> tellSafe(std::shared_ptr<PeerConnection> self);

@@ -247,12 +247,9 @@ void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appende
   refuse(sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq));
   if (appended.kind != Appended::Kind::kContradiction) return;
   // two recordings with one session id: record it for a later investigation
-  asio::post(context_.workers, [&service = context_.store.service(), who = who_.name,
-                                session = sessionText(chunk.session_id()), text = appended.text] {
-    if (const Status noted = service.note(who, "chunk contradicts", session, text); !noted.ok()) {
-      logEvent(LogLevel::kError, "audit_failed", {{"session", session}, {"text", noted.error().message}});
-    }
-  });
+  postLogged(context_.workers, "audit_failed",
+             [&service = context_.store.service(), who = who_.name, session = sessionText(chunk.session_id()),
+              text = appended.text] { return service.note(who, "chunk contradicts", session, text); });
 }
 
 void PeerConnection::scheduleAcks() {

@@ -179,10 +179,17 @@ Task<HttpAnswer> Monitor::answer(std::string path) {
 }
 
 Task<> Monitor::read(Monitor& self) {
-  std::function<StoreFacts()> work = [&store = self.context_.store, file = self.certificate_] {
+  std::function<Result<StoreFacts>()> work = [&store = self.context_.store,
+                                              file = self.certificate_]() -> Result<StoreFacts> {
     return readStoreFacts(store, file);
   };
-  self.facts_ = co_await offload(self.worker_, std::move(work));
+  auto read = co_await offload(self.worker_, std::move(work));
+  if (read.ok()) {
+    self.facts_ = std::move(*read);
+  } else {
+    if (!self.facts_) self.facts_.emplace();
+    self.facts_->fault = read.error().message;
+  }
   self.facts_ns_ = steadyNowNs();
   self.reading_ = false;
   self.read_.notify();

@@ -8,6 +8,24 @@
 
 namespace needlelab {
 
+Error thrownByWork(const std::exception& thrown) {
+  logEvent(LogLevel::kError, "work_threw", {{"text", thrown.what()}});
+  return {ErrorCode::kFailed, std::string("the work failed inside: ") + thrown.what() +
+                                  ": please report this as a fault of the program"};
+}
+
+void postLogged(asio::thread_pool& pool, std::string event, std::function<Status()> work) {
+  asio::post(pool, [event = std::move(event), work = std::move(work)] {
+    // an exception that left the pool's thread would end the server
+    try {
+      if (const Status done = work(); !done.ok())
+        logEvent(LogLevel::kError, event, {{"text", done.error().message}});
+    } catch (const std::exception& thrown) {
+      logEvent(LogLevel::kError, event, {{"text", thrown.what()}});
+    }
+  });
+}
+
 void yieldToOthers() {
   if (::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), 10) != 0)
     logEvent(LogLevel::kWarning, "retention_priority_not_lowered", {});

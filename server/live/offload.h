@@ -9,9 +9,11 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "common/base/result.h"
 #include "common/wire/asio.h"
 #include "db/db_writer.h"
 #include "server/live/fair_pool.h"
@@ -60,7 +62,18 @@ class Inbox {
   std::vector<std::function<void()>> items_;  ///< guarded by mutex_
 };
 
-/// Runs `work` where `post` puts it and returns its result on the caller's executor.
+/// Writes what offloaded work threw (e.g. out of memory) into the log and says it as an error, kFailed.
+Error thrownByWork(const std::exception& thrown);
+
+/// Whether T can say an error itself.
+template <typename T>
+inline constexpr bool kSaysErrors = std::is_same_v<T, Status>;
+template <typename T>
+inline constexpr bool kSaysErrors<Result<T>> = true;
+
+/// Runs `work` where `post` puts it and returns its result on the caller's executor. What it throws becomes
+/// the error of its Result or Status, so that it fails this work alone; for other results it is thrown on the
+/// caller's executor.
 template <typename T>
 Task<T> offloadBy(std::function<void(std::function<void()>)> post, std::function<T()> work) {
   struct Answer {
@@ -75,10 +88,14 @@ Task<T> offloadBy(std::function<void(std::function<void()>)> post, std::function
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
   auto state = std::make_shared<State>(executor);
   std::function<void()> run = [state, executor, work = std::move(work)]() mutable {
-    // an exception (e.g. out of memory) crosses the threads and is rethrown on the caller's executor
     Answer answer;
     try {
       answer.value.emplace(work());
+    } catch (const std::exception& thrown) {
+      if constexpr (kSaysErrors<T>)
+        answer.value.emplace(thrownByWork(thrown));
+      else
+        answer.error = std::current_exception();
     } catch (...) {
       answer.error = std::current_exception();
     }
@@ -111,6 +128,9 @@ Task<T> offload(FairPool& pool, std::string who, std::function<T()> work) {
   };
   return offloadBy(std::move(post), std::move(work));
 }
+
+/// Runs `work`, for which nobody waits, on the pool. An error, and what it throws, is a log line `event`.
+void postLogged(asio::thread_pool& pool, std::string event, std::function<Status()> work);
 
 /// Lowers this thread's priority below the threads that serve people and stations; for retention, which is
 /// not urgent.

@@ -43,31 +43,24 @@ void noteLocked(ServerContext& context, const std::string& name, const std::stri
   const std::string text = fmt::format("too many failed log-ins from {}: waits {} s",
                                        hostOfAddress(peer.address), wait.count() / 1000 + 1);
   logEvent(LogLevel::kWarning, "login_locked", {{"conn", peer.connection}, {"name", shown}, {"text", text}});
-  asio::post(context.workers,
+  postLogged(context.workers, "audit_failed",
              [&service = context.store.service(), subject = printable(shown.substr(0, 100)), text] {
-               const Status noted = service.note("server", "log-in locked", subject, text);
-               if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
+               return service.note("server", "log-in locked", subject, text);
              });
 }
 
 /// The log-in does not wait for its line: on a full disk people log in, too.
 void noteWelcome(ServerContext& context, const Principal& who, const std::string& host) {
-  asio::post(context.workers, [&service = context.store.service(), who, host] {
-    const Status noted = service.noteLogin(who, host);
-    if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
-  });
+  postLogged(context.workers, "audit_failed",
+             [&service = context.store.service(), who, host] { return service.noteLogin(who, host); });
 }
 
-/// On the passwords' thread. What it throws (no memory) fails this log-in alone.
+/// On the passwords' thread.
 Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<const PersonSecret> secret) {
   std::function<Result<Principal>()> check = [&service = context.store.service(), secret] {
     return service.loginPerson(secret->user, secret->password);
   };
-  try {
-    co_return co_await offload(context.passwords, std::move(check));
-  } catch (const std::exception& fault) {
-    co_return Error{ErrorCode::kFailed, fmt::format("the password check failed inside: {}", fault.what())};
-  }
+  co_return co_await offload(context.passwords, std::move(check));
 }
 
 /// One check when its turn comes.

@@ -72,10 +72,10 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
 /// Adds to the audit log, after the line with the intended delivery.
 void addToAuditLog(ServerContext& context, const std::string& who, const std::string& action,
                    const std::string& subject, const std::string& detail) {
-  asio::post(context.workers, [&service = context.store.service(), who, action, subject, detail] {
-    const Status noted = service.note(who, action, subject, detail);
-    if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
-  });
+  postLogged(context.workers, "audit_failed",
+             [&service = context.store.service(), who, action, subject, detail] {
+               return service.note(who, action, subject, detail);
+             });
 }
 
 /// Takes the room of a request that stores, from the disk's and from the person's share. kNoRoom.
@@ -167,7 +167,8 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
     ++context.counters.backups;
     for (const auto& [id, peer] : context.connections) {
       if (peer->who().role == pb::STATION)
-        asio::co_spawn(context.io, PeerConnection::tellSafe(peer->shared_from_this()), rethrow);
+        asio::co_spawn(context.io, PeerConnection::tellSafe(peer->shared_from_this()),
+                       PeerConnection::endsAlone(peer->shared_from_this()));
     }
   }
   if (request.has_revoke_station())

@@ -207,13 +207,9 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
   const Error ended{ErrorCode::kDenied, "the session that asked for it has ended"};
   if (accessEnded(server->context(), *stream)) co_return ended;
   std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
-  try {
-    auto piece = co_await offload(*server->context().views_of_people, stream->who, std::move(work));
-    if (accessEnded(server->context(), *stream)) co_return ended;
-    co_return piece;
-  } catch (const std::exception& fault) {
-    co_return Error{ErrorCode::kFailed, fault.what()};
-  }
+  auto piece = co_await offload(*server->context().views_of_people, stream->who, std::move(work));
+  if (accessEnded(server->context(), *stream)) co_return ended;
+  co_return piece;
 }
 
 Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call,

@@ -224,6 +224,90 @@ TEST_F(Closing, anEmptySessionHasNoScore) {
   EXPECT_EQ(outcome->score_fault, "");
 }
 
+/// As a hostile station declares them: 50 Hz and ticks just under the longest bridge apart, 10 points of the
+/// motion a sample.
+class ClosedBeyondBounds : public Closing {
+ protected:
+  void SetUp() override {
+    Closing::SetUp();
+    auto samples = test::someSamples(0, 36'002);
+    for (std::size_t i = 0; i < samples.size(); ++i) samples[i].tick = 5 * i;
+    chunk = encodeChunk(Resolution::standard(), samples);
+    auto d = test::describe(id);
+    d.set_rate_hz(50);
+    d.set_profile_json(kneeProfile());
+    ASSERT_OK(change([&](Connection& c) -> Status {
+      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+      if (auto appended = SessionStore(c).append(id, 0, chunk); !appended) return appended.error();
+      return {};
+    }));
+  }
+  pb::CloseSession closing() const {
+    pb::CloseSession close;
+    close.set_session_id(test::bytesOfId(id));
+    close.set_chunks(1);
+    close.set_samples(36'002);
+    SessionHash hash;
+    hash.update(chunk);
+    const Digest digest = hash.digest();
+    close.set_hash(digest.data(), digest.size());
+    return close;
+  }
+  pb::Annotations remarks() {
+    pb::Request list;
+    list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+    return get(instructor, list).annotations();
+  }
+  const Uuid id = makeUuidV7();
+  Bytes chunk;
+};
+
+TEST_F(ClosedBeyondBounds, aMotionBeyondItsBoundsIsNotScoredAndARemarkSaysWhyOnce) {
+  for (int time = 0; time < 2; ++time) {
+    const auto outcome = store->service().closeSession(closing(), "station-1");
+    ASSERT_OK(outcome);
+    EXPECT_TRUE(outcome->closed.taken()) << outcome->closed.text;
+    EXPECT_EQ(outcome->score_json, "");
+    EXPECT_NE(outcome->score_fault.find("360011 points at 100 Hz, at most 360000"), std::string::npos)
+        << outcome->score_fault;
+    ASSERT_EQ(remarks().annotations_size(), 1);
+  }
+  EXPECT_EQ(remarks().annotations(0).author(), "server");
+  EXPECT_EQ(remarks().annotations(0).text().find("cannot be scored: "), 0u)
+      << remarks().annotations(0).text();
+  EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
+}
+
+TEST_F(ClosedBeyondBounds, whatTheRemarkSaysIsBelievedAfterARestartWithoutReadingARecording) {
+  ASSERT_OK(store->service().closeSession(closing(), "station-1"));
+  // unreadable now: whoever decoded it would find another fault
+  ASSERT_OK(
+      change([](Connection& c) { return c.script("UPDATE chunks SET bytes = zeroblob(length(bytes))"); }));
+  store.reset();
+  store = test::openStore(folder.path() / "data");
+  const auto outcome = store->service().closeSession(closing(), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_NE(outcome->score_fault.find("at most 360000"), std::string::npos) << outcome->score_fault;
+}
+
+TEST_F(Closing, aRepeatedCloseDoesNotTryAgainToScore) {
+  const Uuid id = addSession("anna", 1, 20, kneeProfile());
+  ASSERT_OK(change([](Connection& c) {
+    return c.script(
+        "INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json)"
+        " VALUES ('knee-1', 'course', 0, 'Knee', 'knee-adult', '{')");
+  }));
+  const auto first = store->service().closeSession(test::closeOf(id, 1), "station-1");
+  ASSERT_OK(first);
+  ASSERT_NE(first->score_fault, "");
+  // readable now: whoever decoded and scored it would find no fault
+  ASSERT_OK(change([](Connection& c) { return c.script("DELETE FROM exercises"); }));
+  const auto again = store->service().closeSession(test::closeOf(id, 1), "station-1");
+  ASSERT_OK(again);
+  EXPECT_EQ(again->closed.kind, Closed::Kind::kRepeated);
+  EXPECT_EQ(again->score_fault, first->score_fault);
+}
+
 TEST_F(Closing, refusalsComeThrough) {
   const Uuid id = addSession("anna", 2);
   auto& service = store->service();

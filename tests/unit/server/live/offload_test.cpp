@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <boost/asio/executor_work_guard.hpp>
+#include <new>
 #include <stdexcept>
 #include <thread>
+
+#include "server/base/log.h"
 
 namespace needlelab {
 namespace {
@@ -46,6 +49,42 @@ TEST(Offload, anExceptionComesOutWhereTheResultWould) {
   asio::co_spawn(io, job(pool, &caught), rethrow);
   io.run();
   EXPECT_EQ(caught, "no memory");
+}
+
+TEST(Offload, whatIsThrownBecomesTheErrorOfAResultThatCanSayIt) {
+  setLogLevel(LogLevel::kOff);
+  asio::io_context io{1};
+  asio::thread_pool pool{1};
+  std::vector<Error> errors;
+  const auto job = [](asio::thread_pool& on, std::vector<Error>* out) -> Task<> {
+    std::function<Result<int>()> number = []() -> Result<int> { throw std::bad_alloc(); };
+    const auto none = co_await offload(on, std::move(number));
+    out->push_back(none.error());
+    std::function<Status()> deed = []() -> Status { throw std::length_error("vector::reserve"); };
+    const auto undone = co_await offload(on, std::move(deed));
+    out->push_back(undone.error());
+  };
+  bool threw = false;
+  asio::co_spawn(io, job(pool, &errors), [&](const std::exception_ptr& error) { threw = error != nullptr; });
+  io.run();
+  EXPECT_FALSE(threw);
+  ASSERT_EQ(errors.size(), 2u);
+  for (const Error& error : errors) EXPECT_EQ(error.code, ErrorCode::kFailed);
+  EXPECT_NE(errors[0].message.find("bad_alloc"), std::string::npos) << errors[0].message;
+  EXPECT_NE(errors[1].message.find("vector::reserve"), std::string::npos) << errors[1].message;
+}
+
+TEST(Offload, workForWhichNobodyWaitsDoesNotEndTheProgramWhenItThrows) {
+  setLogLevel(LogLevel::kOff);
+  asio::thread_pool pool{1};
+  bool next_done = false;
+  postLogged(pool, "audit_failed", []() -> Status { throw std::bad_alloc(); });
+  postLogged(pool, "audit_failed", [&]() -> Status {
+    next_done = true;
+    return Error{ErrorCode::kFailed, "no line"};
+  });
+  pool.join();
+  EXPECT_TRUE(next_done);
 }
 
 TEST(Inbox, whatComesTogetherIsTakenTogetherAndInOrder) {
