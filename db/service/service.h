@@ -125,7 +125,7 @@ class Service {
   Result<pb::Reply> rescoreAllNow(const Principal& who, const pb::RescoreAll& call);
   Result<pb::Reply> runRetentionNow(const Principal& who, const pb::RunRetention& call);
 
-  /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
+  /// Writes a line to the audit log, e.g. refused log-ins.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
   /// Writes down that `who` begins to watch a station or, if `session` is not empty, a session live: for each
