@@ -43,8 +43,9 @@ struct Outcome {
 /// The outcome of a station's request to close a session.
 struct CloseOutcome {
   Closed closed;
-  std::string score_json;   ///< when taken: the stored measures; empty when there is nothing to measure
-  std::string score_fault;  ///< the reason when scoring failed; the session is closed nevertheless
+  std::string score_json;         ///< when taken: the stored measures; empty when there is nothing to measure
+  std::string score_fault;        ///< the reason when scoring failed; the session is closed nevertheless
+  std::uint64_t event_bytes = 0;  ///< of the syringe's events that were stored now
 };
 
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
@@ -137,9 +138,10 @@ class Service {
 
  private:
   struct Settled {
-    std::string score_json;      ///< empty when there is nothing to measure
-    std::optional<Error> fault;  ///< the reason when scoring failed
-    bool final = false;          ///< the fault is permanent: too long, or its profile is not valid
+    std::string score_json;         ///< empty when there is nothing to measure
+    std::optional<Error> fault;     ///< the reason when scoring failed
+    bool final = false;             ///< the fault is permanent: too long, or its profile is not valid
+    std::uint64_t event_bytes = 0;  ///< as in CloseOutcome
   };
   /// Computes and stores a closed session's score and events. Errors: the database's.
   Result<Settled> settle(Connection& reader, const Uuid& session);

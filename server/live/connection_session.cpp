@@ -314,6 +314,15 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
     co_return;
   }
   ++peer.context_.counters.sessions_closed;
+  if (const std::uint64_t bytes = outcome->event_bytes; bytes > 0) {
+    // they are made from its chunks and cost its station the same
+    peer.context_.disk_room.take(bytes);
+    static_cast<void>(peer.context_.store.writer().post(
+        [bytes, station = peer.who_.name, &quotas = peer.context_.quotas](Connection&) -> Status {
+          return quotas.admitChunk(station, {.bytes = bytes, .undecodable = false}, steadyNowNs());
+        },
+        {}));
+  }
   logEvent(LogLevel::kInfo, "session_closed",
            {{"conn", peer.id_},
             {"session", sessionText(session_id)},
