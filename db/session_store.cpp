@@ -91,9 +91,25 @@ Result<std::optional<Appended>> takeNext(Connection& connection, const OpenRow& 
   return std::optional(std::move(stored));
 }
 
+/// Refuses a chunk for what is stored in its place. The session's first one gets a line in the audit log: two
+/// recordings have one id. One line a session, which nobody can take away: a station must not be able to fill
+/// the log. `meta` remembers it, so that nothing has to be searched for.
+Result<Appended> refuseContradicting(Connection& connection, const SessionRow& row, const Uuid& session,
+                                     std::string_view station, std::string text) {
+  RETURN_IF_ERROR(connection.run("INSERT INTO meta (key, value) VALUES (?, '') ON CONFLICT (key) DO NOTHING",
+                                 "contradicted " + uuidText(session)));
+  if (connection.changes() > 0) {
+    const std::string who = station.empty() ? "station" : std::string(station);
+    RETURN_IF_ERROR(
+        AuditStore(connection).add({0, wallNowNs(), who, "chunk contradicts", uuidText(session), text}));
+  }
+  return Appended{Appended::Kind::kContradiction, row.chunks, std::move(text)};
+}
+
 /// Compares a chunk with one that retention has removed, by its stored CRC.
-Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& row, const std::string& chunk,
-                                    std::uint64_t seq, ByteView bytes) {
+Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& row, const Uuid& session,
+                                    std::uint64_t seq, ByteView bytes, std::string_view station) {
+  const std::string chunk = fmt::format("session {}, chunk {}", uuidText(session), seq);
   auto kept = connection.query("SELECT substr(crcs, ?, 4) FROM removed_originals WHERE session = ?",
                                4 * seq + 1, row.number);
   ASSIGN_OR_RETURN(const bool there, kept.step());
@@ -102,8 +118,8 @@ Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& ro
   if (stationCrcOf(kept.bytes(0)) == stationCrcOf(bytes) && inspectChunk(bytes).ok())
     return Appended{Appended::Kind::kRepeated, row.chunks, {}};
   ASSIGN_OR_RETURN(const auto why, removalText(connection, row));
-  return Appended{Appended::Kind::kContradiction, row.chunks,
-                  chunk + " was stored with other bytes before " + why + ": it is not taken"};
+  return refuseContradicting(connection, row, session, station,
+                             chunk + " was stored with other bytes before " + why + ": it is not taken");
 }
 
 }  // namespace
@@ -212,7 +228,7 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
 
   // a chunk with this seq is stored: identical bytes, or a contradiction
   if (seq < row.chunks && row.recording != StoredRecording::Kind::kOriginal)
-    return compareWithRemoved(connection_, row, chunk, seq, bytes);
+    return compareWithRemoved(connection_, row, session, seq, bytes, station);
   if (seq < row.chunks) {
     auto stored =
         connection_.query("SELECT bytes FROM chunks WHERE session = ? AND seq = ?", row.number, seq);
@@ -225,12 +241,13 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
       if (planted(PlantedBug::kRepeatedChunkStoredTwice)) return append(session, row.chunks, bytes, station);
       return Appended{Appended::Kind::kRepeated, row.chunks, {}};
     }
-    return Appended{Appended::Kind::kContradiction, row.chunks,
-                    chunk + " is stored with other bytes: it stays as it was"};
+    return refuseContradicting(connection_, row, session, station,
+                               chunk + " is stored with other bytes: it stays as it was");
   }
   if (row.state != pb::SESSION_OPEN) {
-    return Appended{Appended::Kind::kContradiction, row.chunks,
-                    chunk + " comes after the session was closed with " + times(row.chunks, "chunks")};
+    return refuseContradicting(
+        connection_, row, session, station,
+        chunk + " comes after the session was closed with " + times(row.chunks, "chunks"));
   }
   if (seq > row.chunks && !planted(PlantedBug::kGapAccepted)) {
     return Appended{Appended::Kind::kGap, row.chunks,

@@ -155,7 +155,8 @@ class SessionStore {
   /// Checks the chunk and stores it when it is the next one. Decodes it without keeping the samples
   /// (checkChunk: some 10 µs for a second of gesture at 1 kHz). A chunk with a right CRC that cannot be
   /// decoded is stored as it came and quarantined, so that the session goes on; the session's first one gets
-  /// a line of the audit log. `station`: the session must belong to it; empty = any.
+  /// a line of the audit log, as its first contradiction does. `station`: the session must belong to it;
+  /// empty = any.
   Result<Appended> append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                           std::string_view station = {});
 

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
 
 #include "common/haptics/limits.h"
 #include "common/haptics/scene_model.h"
@@ -128,8 +131,18 @@ void addShares(const Surroundings& around, const RecordedSamples& samples, const
     event.set_in_tissue_share(std::clamp(in_tissue / all, 0.0, 1.0));
     event.set_in_target_share(std::clamp(in_target / all, 0.0, 1.0));
   }
-  for (std::size_t h = 0; h < met.size(); ++h)
-    if (met[h]) event.add_hazards(around.anatomy.hazards[h].name);
+  std::size_t bytes = 0, more = 0;
+  for (std::size_t h = 0; h < met.size(); ++h) {
+    if (!met[h]) continue;
+    const std::string& name = around.anatomy.hazards[h].name;
+    if (more > 0 || bytes + name.size() > kMaxEventHazardBytes) {
+      ++more;
+      continue;
+    }
+    bytes += name.size();
+    event.add_hazards(name);
+  }
+  if (more > 0) event.add_hazards(fmt::format("and {} more", more));
 }
 
 constexpr double kBin_s = 0.01;
@@ -174,12 +187,16 @@ double signOf(double value) {
   return value < 0 ? -1 : 1;
 }
 
-/// Follows the plunger from bin to bin: at rest about a level, or moving in one direction.
+/// Follows the plunger from bin to bin: at rest about a level, or moving in one direction. `take` gets each
+/// movement at its end.
 class Follower {
  public:
-  explicit Follower(const std::vector<Bin>& bins) : bins_(bins) { rest(0); }
+  Follower(const std::vector<Bin>& bins, std::function<void(Move)> take)
+      : bins_(bins), take_(std::move(take)) {
+    rest(0);
+  }
 
-  std::vector<Move> run() {
+  void run() {
     for (std::size_t i = 1; i < bins_.size(); ++i) {
       if (moving_)
         goOn(i);
@@ -187,7 +204,6 @@ class Follower {
         start(began_, from_, i);
     }
     if (moving_) finish();
-    return std::move(moves_);
   }
 
  private:
@@ -228,10 +244,10 @@ class Follower {
     }
   }
 
-  void finish() { moves_.push_back({began_, at_, from_, extreme_}); }
+  void finish() { take_({began_, at_, from_, extreme_}); }
 
   const std::vector<Bin>& bins_;
-  std::vector<Move> moves_;
+  const std::function<void(Move)> take_;
   bool moving_ = false;
   std::size_t began_ = 0;  // for a movement: the bin at its start; for a rest: its first bin
   double from_ = 0;        // for a movement: its starting level; for a rest: its level
@@ -293,32 +309,33 @@ Json placeJson(const pb::SyringePlace& place) {
           {"hazard", textOrNull(place.hazard())}};
 }
 
-/// The strokes of a cleaned recording, in order (defined in syringe_events.h).
+/// The strokes of a cleaned recording, in order (defined in syringe_events.h); the first kMaxSyringeEvents.
 std::vector<Stroke> strokesOf(const RecordedSamples& samples, double rate_hz) {
   const std::vector<Bin> bins = binsOf(samples, rate_hz);
-  if (bins.empty()) return {};
-  std::vector<Move> joined;
-  for (Move& move : Follower(bins).run()) {
-    trim(bins, move);
-    // the same direction again after a short rest: one stroke
-    if (!joined.empty()) {
-      Move& before = joined.back();
-      const bool same_way = signOf(before.to - before.from) == signOf(move.to - move.from);
-      const double rest_s = bins[move.first].begin_s - bins[before.last].end_s;
-      if (same_way && rest_s < kPause_s && std::abs(move.from - before.to) < kTurnBack) {
-        before.last = move.last;
-        before.to = move.to;
-        continue;
-      }
-    }
-    joined.push_back(move);
-  }
   std::vector<Stroke> strokes;
-  for (const Move& move : joined) {
+  if (bins.empty()) return strokes;
+  const auto keep = [&](const Move& move) {
     // rounding of the stored plunger must not decide about a stroke of exactly that length
-    if (std::abs(move.to - move.from) < kLeastStroke - 1e-4) continue;
+    if (std::abs(move.to - move.from) < kLeastStroke - 1e-4 || strokes.size() == kMaxSyringeEvents) return;
     strokes.push_back({bins[move.first].last, bins[move.last].last, move.from, move.to});
-  }
+  };
+  std::optional<Move> before;
+  Follower(bins, [&](Move move) {
+    trim(bins, move);
+    if (before) {
+      // the same direction again after a short rest: one stroke
+      const bool same_way = signOf(before->to - before->from) == signOf(move.to - move.from);
+      const double rest_s = bins[move.first].begin_s - bins[before->last].end_s;
+      if (same_way && rest_s < kPause_s && std::abs(move.from - before->to) < kTurnBack) {
+        before->last = move.last;
+        before->to = move.to;
+        return;
+      }
+      keep(*before);
+    }
+    before = move;
+  }).run();
+  if (before) keep(*before);
   return strokes;
 }
 

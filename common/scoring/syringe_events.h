@@ -16,6 +16,7 @@
 /// surface; its layer is the layer at its depth.
 #pragma once
 
+#include <cstddef>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,9 +33,17 @@ inline constexpr double kLeastStroke = 0.02;  ///< share of the plunger's whole 
 inline constexpr double kBand = 0.002;        ///< a movement within it counts as rest; same unit
 inline constexpr double kTurnBack = 0.01;     ///< a reversal by this share ends a stroke
 inline constexpr double kPause_s = 0.3;
+/// Of one recording: two strokes a second, without a rest, for the 30 min at 1 kHz that are scored
+/// (kMaxScoredSamples). A hand makes some in a lesson; a recording made to have one in each 10 ms would cost
+/// the server a hundred times this.
+inline constexpr std::size_t kMaxSyringeEvents = 3600;
+/// Of all names of one event's hazards: a needle is in a few at once, with names of some 20 bytes each. A
+/// last name "and 12 more" stands for those beyond.
+inline constexpr std::size_t kMaxEventHazardBytes = 512;
 
-/// Returns aspirations and injections in order of time. Skips the samples that `scoreGesture` skips; returns
-/// none outside 50-40,000 Hz. `X_WL`: pose of the profile's frame in W. Thread: any.
+/// Returns aspirations and injections in order of time: the first kMaxSyringeEvents. Skips the samples that
+/// `scoreGesture` skips; returns none outside 50-40,000 Hz. `X_WL`: pose of the profile's frame in W. Thread:
+/// any.
 std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> samples, double rate_hz,
                                             const pb::Profile& profile, const Pose& X_WL);
 /// The same of a recording that is decoded block by block; see samples.fault() afterwards.

@@ -10,6 +10,7 @@
 #include "common/base/clock.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/syringe_events.h"
 #include "db/audit.h"
 #include "db/documents.h"
 #include "db/service/handlers.h"
@@ -82,6 +83,33 @@ Status noteNeverScored(Connection& writer, const Uuid& session, const std::strin
   return added ? Status() : Status(added.error());
 }
 
+// two strokes a second for as long as a recording at 1 kHz may be and is scored
+static_assert(kMaxSyringeEvents == 2 * kMaxScoredSamples / 1000);
+
+// a recording with more strokes than are kept gets a remark, once, in the same transaction
+Status storeEvents(Connection& writer, const Uuid& id, const std::vector<pb::SyringeEvent>& events) {
+  EventStore store(writer);
+  bool cut = false;
+  if (events.size() >= kMaxSyringeEvents) {
+    ASSIGN_OR_RETURN(const auto stored, store.list(id));
+    cut = !stored.has_value();
+  }
+  RETURN_IF_ERROR(store.put(id, events));
+  if (!cut) return {};
+  StoredAnnotation remark;
+  remark.session = id;
+  remark.tick = std::min<std::uint64_t>(events.back().end_tick(), INT64_MAX);
+  remark.author = "server";
+  remark.text = fmt::format(
+      "The plunger made {} strokes up to here, which is the most that are kept: no later ones are stored, "
+      "shown "
+      "or scored",
+      events.size());
+  remark.created_unix_ns = wallNowNs();
+  const auto added = AnnotationStore(writer).add(remark);
+  return added ? Status() : Status(added.error());
+}
+
 constexpr std::size_t kMostKnownFaults = 1000;
 
 }  // namespace
@@ -149,6 +177,7 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
   }
   ASSIGN_OR_RETURN(auto settled, settle(*reader, id));
   outcome.score_json = std::move(settled.score_json);
+  outcome.event_bytes = settled.event_bytes;
   if (settled.fault) {
     outcome.score_fault = settled.fault->message;
     const std::scoped_lock lock(faults_mutex_);
@@ -195,10 +224,11 @@ Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& 
     return settled;
   }
   const Status written = writer_.run([&](Connection& writer) -> Status {
-    RETURN_IF_ERROR(EventStore(writer).put(session, events));
+    RETURN_IF_ERROR(storeEvents(writer, session, events));
     return score && !score->empty() ? ScoreStore(writer).put(newScore(session, *score)) : Status();
   });
   if (!written) return written.error();
+  for (const pb::SyringeEvent& event : events) settled.event_bytes += event.ByteSizeLong();
   if (score) settled.score_json = std::move(*score);
   return settled;
 }
@@ -214,7 +244,7 @@ Status Service::settleRecording(const Uuid& session) {
     if (!read) return read.error().code == ErrorCode::kInvalidInput ? Status() : Status(read.error());
     const auto made = eventsOf(*read);
     RETURN_IF_ERROR(read->samples.fault());
-    return writer_.run([&](Connection& writer) { return EventStore(writer).put(session, made); });
+    return writer_.run([&](Connection& writer) { return storeEvents(writer, session, made); });
   }
   ASSIGN_OR_RETURN(const auto settled, settle(*reader, session));
   if (!settled.fault || settled.final) return {};

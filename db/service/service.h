@@ -45,8 +45,9 @@ struct Outcome {
 /// The outcome of a station's request to close a session.
 struct CloseOutcome {
   Closed closed;
-  std::string score_json;   ///< when taken: the stored measures; empty when there is nothing to measure
-  std::string score_fault;  ///< the reason when scoring failed; the session is closed nevertheless
+  std::string score_json;         ///< when taken: the stored measures; empty when there is nothing to measure
+  std::string score_fault;        ///< the reason when scoring failed; the session is closed nevertheless
+  std::uint64_t event_bytes = 0;  ///< of the syringe's events that were stored now
 };
 
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
@@ -127,7 +128,7 @@ class Service {
   Result<pb::Reply> rescoreAllNow(const Principal& who, const pb::RescoreAll& call);
   Result<pb::Reply> runRetentionNow(const Principal& who, const pb::RunRetention& call);
 
-  /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
+  /// Writes a line to the audit log, e.g. refused log-ins.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
   /// Writes down that `who` begins to watch a station or, if `session` is not empty, a session live: for each
@@ -144,6 +145,7 @@ class Service {
     /// The fault is permanent: too long, a motion beyond its bounds, or a profile that is not valid. The
     /// first two get a remark, "cannot be scored: …", and are not read again.
     bool final = false;
+    std::uint64_t event_bytes = 0;  ///< as in CloseOutcome
   };
   /// Computes and stores a closed session's score and events. Errors: the database's.
   Result<Settled> settle(Connection& reader, const Uuid& session);

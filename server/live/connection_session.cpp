@@ -222,8 +222,11 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
 
 void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appended) {
   ++context_.counters.chunks_refused;
-  // behind a chunk that ended the connection, all others of its session are gaps: its line is enough
-  if (over() && appended.kind == Appended::Kind::kGap) return;
+  const bool contradicts = appended.kind == Appended::Kind::kContradiction;
+  if (contradicts) ++context_.counters.chunks_contradicting;
+  // behind a chunk that ended the connection, all others of its session are gaps, or contradict as it did:
+  // its line is enough
+  if (over() && (contradicts || appended.kind == Appended::Kind::kGap)) return;
   const auto reason = [&] {
     switch (appended.kind) {
       case Appended::Kind::kGap:
@@ -244,12 +247,13 @@ void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appende
             {"reason", reasonName(reason)},
             {"expected_seq", appended.next_seq}});
   if (over()) return;
-  refuse(sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq));
-  if (appended.kind != Appended::Kind::kContradiction) return;
-  // two recordings with one session id: record it for a later investigation
-  postLogged(context_.workers, "audit_failed",
-             [&service = context_.store.service(), who = who_.name, session = sessionText(chunk.session_id()),
-              text = appended.text] { return service.note(who, "chunk contradicts", session, text); });
+  pb::Refusal refusal = sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq);
+  // two recordings with one session id: nothing that follows can be stored, and the audit log has its line
+  // (SessionStore::append)
+  if (contradicts)
+    refuseAndClose(std::move(refusal));
+  else
+    refuse(std::move(refusal));
 }
 
 void PeerConnection::scheduleAcks() {
@@ -310,6 +314,15 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
     co_return;
   }
   ++peer.context_.counters.sessions_closed;
+  if (const std::uint64_t bytes = outcome->event_bytes; bytes > 0) {
+    // they are made from its chunks and cost its station the same
+    peer.context_.disk_room.take(bytes);
+    static_cast<void>(peer.context_.store.writer().post(
+        [bytes, station = peer.who_.name, &quotas = peer.context_.quotas](Connection&) -> Status {
+          return quotas.admitChunk(station, {.bytes = bytes, .undecodable = false}, steadyNowNs());
+        },
+        {}));
+  }
   logEvent(LogLevel::kInfo, "session_closed",
            {{"conn", peer.id_},
             {"session", sessionText(session_id)},

@@ -60,7 +60,8 @@ struct ServerCounters {
   std::uint64_t connections = 0;
   std::uint64_t logins = 0, logins_refused = 0;
   std::uint64_t chunks_stored = 0, chunks_repeated = 0, chunks_refused = 0;
-  std::uint64_t chunks_quarantined = 0;  ///< of the stored ones
+  std::uint64_t chunks_quarantined = 0;    ///< of the stored ones
+  std::uint64_t chunks_contradicting = 0;  ///< of the refused ones
   std::uint64_t sessions_closed = 0;
   std::uint64_t messages_refused = 0;
   std::uint64_t messages_refused_unparsed = 0;       ///< of those: by their first bytes
@@ -88,7 +89,7 @@ struct WebCounters {
   std::size_t connections_open = 0, live_open = 0;  ///< now
 };
 
-inline constexpr std::size_t kWorkerThreads = 2, kViewThreads = 2;
+inline constexpr std::size_t kWorkerThreads = 2, kViewThreads = 2, kSlowThreads = 1;
 
 struct ServerContext {
   asio::io_context& io;
@@ -98,7 +99,7 @@ struct ServerContext {
   asio::thread_pool& parsers;       ///< large messages: milliseconds each
   asio::thread_pool& workers;       ///< short reads and scoring; kWorkerThreads
   asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson; kViewThreads
-  asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes
+  asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes; kSlowThreads
   /// Two threads: one for a run, perhaps hours with pauses, one for answers.
   asio::thread_pool& retention_workers;
   ConnectionBounds bounds;
@@ -108,9 +109,10 @@ struct ServerContext {
   ServerCounters counters;
   WebCounters web{};
   Admission admission{};
-  /// What people ask for, on `workers` and on `views`.
+  /// What people ask for, on `workers`, on `views` and on `slow_workers`.
   std::unique_ptr<FairPool> workers_of_people = std::make_unique<FairPool>(workers, kWorkerThreads);
   std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kViewThreads);
+  std::unique_ptr<FairPool> slow_workers_of_people = std::make_unique<FairPool>(slow_workers, kSlowThreads);
   /// A log-in's turn has ended, or its place was taken.
   std::shared_ptr<Signal> login_turns = std::make_shared<Signal>(io.get_executor());
   LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};

@@ -181,6 +181,8 @@ void durablePlane(PrometheusText& out, const ServerContext& context, const Store
   out.sample(real(counters.chunks_refused), {{"result", "refused"}});
   out.counter("needlelab_chunks_quarantined_total", real(counters.chunks_quarantined),
               "Chunks stored as they came that cannot be decoded.");
+  out.counter("needlelab_chunks_contradicting_total", real(counters.chunks_contradicting),
+              "Chunks refused because other bytes are stored in their place.");
   out.gauge("needlelab_chunks_in_flight", real(context.chunks_in_flight.chunks()),
             "Chunks received and not yet committed.");
   out.gauge("needlelab_chunk_bytes_in_flight", real(context.chunks_in_flight.bytes()),

@@ -257,7 +257,8 @@ void LoadStation::handle(const pb::Envelope& envelope) {
 
 void LoadStation::onRefusal(const pb::Refusal& refusal) {
   last_error_ = std::string(reasonName(refusal.reason())) + ": " + refusal.text();
-  if (refusal.fatal() || refusal.session_id() != session_id_) return;
+  const bool contradicts = refusal.reason() == pb::Refusal::CONTRADICTION;
+  if ((refusal.fatal() && !contradicts) || refusal.session_id() != session_id_) return;
   if (refusal.reason() == pb::Refusal::GAP || refusal.reason() == pb::Refusal::UNKNOWN_SESSION) {
     // ask for the session's state; the server also refuses the chunks in flight before its answer
     if (state_ != State::kOpen && state_ != State::kClosing) return;

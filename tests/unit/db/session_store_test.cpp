@@ -1,4 +1,5 @@
 #include "db/session_store.h"
+#include "db/audit.h"
 #include "db/people.h"
 
 #include "db/session_results.h"
@@ -92,6 +93,31 @@ TEST_F(SessionStoreTest, aPrefixOfAStoredChunkIsAContradiction) {
   cut.pop_back();
   EXPECT_EQ(store.append(id, 0, cut)->kind, Appended::Kind::kContradiction);
   EXPECT_EQ(store.append(id, 0, {})->kind, Appended::Kind::kContradiction);
+}
+
+TEST_F(SessionStoreTest, allContradictionsOfASessionGiveOneLineInTheLog) {
+  openAndAppend(2);
+  const auto lines = [&] { return AuditStore(db.writer).list(0, 0, {}, "chunk contradicts"); };
+  const auto contradict = [&](const Uuid& session, std::uint64_t seq, ByteView bytes) {
+    const auto refused = store.append(session, seq, bytes, "station-1");
+    ASSERT_OK(refused);
+    EXPECT_EQ(refused->kind, Appended::Kind::kContradiction);
+  };
+  const Bytes one = {'x'};
+  for (int n = 0; n < 100; ++n) contradict(id, static_cast<std::uint64_t>(n % 2), one);
+  ASSERT_OK(store.close(closeOf(id, 2), 7));
+  for (int n = 0; n < 100; ++n) contradict(id, 2, chunkOf(2));
+  ASSERT_EQ(lines()->size(), 1u);
+  EXPECT_EQ(lines()->front().who, "station-1");
+  EXPECT_EQ(lines()->front().subject, uuidText(id));
+  EXPECT_NE(lines()->front().detail.find("chunk 0 is stored with other bytes"), std::string::npos);
+
+  const Uuid other = makeUuidV7();
+  ASSERT_OK(store.open(describe(other), 5));
+  ASSERT_OK(store.append(other, 0, chunkOf(0)));
+  contradict(other, 0, one);
+  ASSERT_EQ(lines()->size(), 2u) << "one line a session, not one in all";
+  EXPECT_EQ(lines()->front().subject, uuidText(other));
 }
 
 TEST_F(SessionStoreTest, everyDamagedByteOfAChunkIsNoticed) {

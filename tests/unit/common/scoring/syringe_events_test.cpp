@@ -281,6 +281,39 @@ TEST(SyringeEvents, hazardsAreNamed) {
   EXPECT_THAT(eventText(events[0]), ::testing::HasSubstr("into nerve"));
 }
 
+TEST(SyringeEvents, namesOfHazardsHaveABoundAndTheRestIsCounted) {
+  constexpr std::size_t kHazards = 64, kNameBytes = 100, kKept = kMaxEventHazardBytes / kNameBytes;
+  pb::Profile profile = halfSpace();
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < kHazards; ++i) {
+    names.push_back(std::to_string(100 + i) + std::string(kNameBytes - 3, 'h'));
+    addBallHazard(profile, names.back(), {0, 0, -0.015}, 0.005);
+  }
+  const auto events = eventsOf(held({{0, 0.1}, {1, 0.1}, {2, 0.5}, {3, 0.5}}), 1000, profile);
+  ASSERT_EQ(events.size(), 1u);
+  names.resize(kKept);
+  names.push_back("and " + std::to_string(kHazards - kKept) + " more");
+  EXPECT_THAT(std::vector<std::string>(events[0].hazards().begin(), events[0].hazards().end()),
+              ::testing::ElementsAreArray(names));
+}
+
+TEST(SyringeEvents, aPlungerThatJumpsInEachBinGivesTheFirstStrokesAndNoMore) {
+  const auto jumps = [](std::size_t samples) {
+    auto all = held({{0, 0}, {0.01 * static_cast<double>(samples), 0}}, 100);
+    all.resize(samples);
+    for (std::size_t i = 0; i < samples; ++i) all[i].plunger = static_cast<double>(i % 2);
+    return all;
+  };
+  // a stroke between each two samples
+  EXPECT_EQ(eventsOf(jumps(101), 100).size(), 100u);
+  EXPECT_EQ(eventsOf(jumps(kMaxSyringeEvents), 100).size(), kMaxSyringeEvents - 1);
+  const auto most = eventsOf(jumps(kMaxSyringeEvents + 1), 100);
+  EXPECT_EQ(most.size(), kMaxSyringeEvents);
+  const auto more = eventsOf(jumps(2 * kMaxSyringeEvents), 100);
+  ASSERT_EQ(more.size(), kMaxSyringeEvents);
+  EXPECT_EQ(more.back().end_tick(), most.back().end_tick()) << "the first ones";
+}
+
 TEST(SyringeEvents, aPlacedLimbMovesTheSurroundings) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.015}, 0.001);

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "common/scoring/syringe_events.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -186,6 +187,9 @@ TEST_F(ClosedWithEvents, theSyringesEventsAreStoredAndListed) {
   EXPECT_EQ(refusal(station, question()), ErrorCode::kDenied);
   ASSERT_OK(store->service().closeSession(closing(), "station-1"));
   check(get(instructor, question()).events(), true);
+  pb::Request remarks;
+  remarks.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+  EXPECT_EQ(get(instructor, remarks).annotations().annotations_size(), 0) << "nothing was left out";
 
   // the session's profile says what people call the layer
   ASSERT_OK(change([](Connection& c) {
@@ -202,6 +206,78 @@ TEST_F(ClosedWithEvents, theSyringesEventsAreStoredAndListed) {
     return c.script("DELETE FROM session_events; UPDATE sessions SET events = NULL");
   }));
   check(get(instructor, question()).events(), false);
+}
+
+/// A station's key in the wrong hands: one chunk whose plunger jumps in each sample, within all hazards.
+TEST_F(Closing, aPlungerThatNeverRestsCostsTheStoreSomeMegabytesAndARemarkSaysWhatIsMissing) {
+  constexpr std::size_t kSamples = 20'000;
+  auto samples = test::someSamples(0, kSamples);
+  for (auto& sample : samples) {
+    sample.time_ns = static_cast<std::int64_t>(sample.tick) * 10'000'000;
+    sample.layer = -1;
+    sample.plunger = static_cast<double>(sample.tick % 2);
+  }
+  const Bytes chunk = encodeChunk(Resolution::standard(), samples);
+  auto profile = nlohmann::json::parse(kneeProfile());
+  profile["hazards"] = nlohmann::json::array();
+  for (int i = 0; i < 64; ++i)
+    profile["hazards"].push_back({{"name", std::to_string(100 + i) + std::string(97, 'h')},
+                                  {"kind", "NERVE"},
+                                  {"center_m", {{"x", 0}, {"y", 0}, {"z", 0}}},
+                                  {"radius_m", 0.5}});
+  const Uuid id = makeUuidV7();
+  auto d = test::describe(id);
+  d.set_rate_hz(100);
+  d.set_profile_json(profile.dump());
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+    if (auto appended = SessionStore(c).append(id, 0, chunk); !appended) return appended.error();
+    return {};
+  }));
+  const auto storeBytes = [&] {
+    auto reader = store->readers().borrow();
+    auto size = (*reader)->query("SELECT page_count * page_size FROM pragma_page_count, pragma_page_size");
+    return size.step().ok() ? size.natural(0) : 0;
+  };
+  const std::uint64_t before = storeBytes();
+  pb::CloseSession close;
+  close.set_session_id(test::bytesOfId(id));
+  close.set_chunks(1);
+  close.set_samples(kSamples);
+  SessionHash hash;
+  hash.update(chunk);
+  const Digest digest = hash.digest();
+  close.set_hash(digest.data(), digest.size());
+  const auto outcome = store->service().closeSession(close, "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_EQ(outcome->score_fault, "");
+
+  // 33 numbers of up to 9 bytes; target, hazard and tissue at both ends; the names of hazards, their line
+  // ends and the last one: below half a page of 4 KiB, so two events or more are on each
+  constexpr std::uint64_t kEventBytes = 33 * 9 + 2 * (100 + 100 + 32) + kMaxEventHazardBytes + 64 + 16;
+  static_assert(kEventBytes < 2000);
+  EXPECT_GT(before, 0u);
+  EXPECT_LT(storeBytes() - before, kMaxSyringeEvents * 2048 + (1u << 20))
+      << "unbounded, it was 3.5 kB a sample";
+  EXPECT_GT(outcome->event_bytes, kMaxSyringeEvents * kMaxEventHazardBytes * 3 / 4);
+  EXPECT_LT(outcome->event_bytes, kMaxSyringeEvents * kEventBytes);
+
+  int aspirations = 0, injections = 0;
+  for (const auto& row : nlohmann::json::parse(outcome->score_json)) {
+    if (row.at("measure") == "aspirations") aspirations = row.at("value").get<int>();
+    if (row.at("measure") == "injections") injections = row.at("value").get<int>();
+  }
+  EXPECT_EQ(static_cast<std::size_t>(aspirations + injections), kMaxSyringeEvents);
+  const auto remarks = [&] {
+    pb::Request list;
+    list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+    return get(instructor, list).annotations();
+  };
+  ASSERT_EQ(remarks().annotations_size(), 1);
+  EXPECT_EQ(remarks().annotations(0).tick(), kMaxSyringeEvents) << "the end of the last one";
+  EXPECT_NE(remarks().annotations(0).text().find("3600 strokes"), std::string::npos);
+  ASSERT_OK(store->service().closeSession(close, "station-1"));
+  EXPECT_EQ(remarks().annotations_size(), 1);
 }
 
 TEST_F(Closing, aSessionThatCannotBeScoredHasNoEventsButSaysWhy) {

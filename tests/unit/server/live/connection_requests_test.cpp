@@ -180,6 +180,47 @@ TEST(Requests, whatARoleMayNotDoIsRefusedAndTheConnectionGoesOn) {
   }
 }
 
+TEST(Requests, whatOnePersonAsksOfTheSlowThreadIsNotInFrontOfAnothers) {
+  constexpr int kConnections = 3, kEach = 8;  // as many as a connection has at work
+  RunningServer server([](ServerOptions& options) { options.writer.window = milliseconds(20); });
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  pb::Request list, get;
+  list.mutable_list_profiles();
+  get.mutable_get_profile()->set_id(server.asAdmin(list).profiles().profiles(0).id());
+  const FakeSession session("bench-1");
+  ASSERT_TRUE(station->send(session.open(server.asAdmin(get).profile().json())).ok());
+  for (std::uint64_t seq = 0; seq < 5; ++seq) ASSERT_TRUE(station->send(session.chunk(seq)).ok());
+  ASSERT_TRUE(station->send(session.close(5)).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_closed(); });
+
+  server.addUser("ines", pb::INSTRUCTOR, "correct horse battery");
+  server.addUser("ada", pb::ADMINISTRATOR, "correct horse battery");
+  auto admin = server.connect(personLogin("ada", "correct horse battery"));
+  ASSERT_TRUE(admin.ok());
+  std::vector<BlockingClient> clients;
+  for (int n = 0; n < kConnections; ++n) {
+    auto client = server.connect(personLogin("ines", "correct horse battery"));
+    ASSERT_TRUE(client.ok()) << client.error().message;
+    clients.push_back(std::move(*client));
+  }
+  pb::Envelope rescore;
+  rescore.mutable_request()->mutable_rescore_session()->set_session_id(session.id());
+  for (BlockingClient& client : clients) {
+    for (int n = 1; n <= kEach; ++n) {
+      rescore.mutable_request()->set_id(static_cast<std::uint64_t>(1000 + n));
+      ASSERT_TRUE(client.send(rescore).ok());
+    }
+    (void)client.receive(milliseconds(1));  // sends them
+  }
+  pb::Request check, audit;
+  check.mutable_check();
+  ASSERT_TRUE(admin->call(check).ok());
+  audit.mutable_list_audit()->set_action("rescore");
+  // each writes a line, a commit's time after the one before
+  EXPECT_LT(server.asAdmin(audit).audit().entries_size(), kConnections * kEach);
+}
+
 TEST(Requests, aRequestWithoutACallIsInvalid) {
   Lab lab;
   const auto refused = lab.instructor.call(pb::Request{});
