@@ -55,6 +55,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   void sendControl(const pb::Envelope& envelope) override;
   void sendLive(Frame frame, bool counted) override;
+  [[nodiscard]] std::string account() const override { return who_.name; }
 
   [[nodiscard]] std::uint64_t id() const { return id_; }
   [[nodiscard]] ConnectionState state() const { return state_; }

@@ -26,6 +26,7 @@
 #include "server/live/login_guard.h"
 #include "server/live/login_queue.h"
 #include "server/live/offload.h"
+#include "server/live/password_pool.h"
 #include "server/live/people_shares.h"
 #include "server/live/station_quotas.h"
 #include "server/live/tokens.h"
@@ -113,6 +114,8 @@ struct ServerContext {
   std::unique_ptr<FairPool> workers_of_people = std::make_unique<FairPool>(workers, kWorkerThreads);
   std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kViewThreads);
   std::unique_ptr<FairPool> slow_workers_of_people = std::make_unique<FairPool>(slow_workers, kSlowThreads);
+  /// Whatever hashes, on `passwords`.
+  std::unique_ptr<PasswordPool> passwords_in_turn = std::make_unique<PasswordPool>(passwords);
   /// A log-in's turn has ended, or its place was taken.
   std::shared_ptr<Signal> login_turns = std::make_shared<Signal>(io.get_executor());
   LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};

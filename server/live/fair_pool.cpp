@@ -27,6 +27,11 @@ FairQueue::Work FairQueue::take() {
   return work;
 }
 
+std::size_t FairQueue::waitingOf(const std::string& who) const {
+  const auto theirs = waiting_.find(who);
+  return theirs == waiting_.end() ? 0 : theirs->second.size();
+}
+
 void FairPool::post(const std::string& who, FairQueue::Work work) {
   const std::lock_guard lock(mutex_);
   queue_.put(who, std::move(work));

@@ -21,6 +21,7 @@ class FairQueue {
   /// The next piece; an empty function: there is none.
   Work take();
   [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] std::size_t waitingOf(const std::string& who) const;
 
  private:
   std::unordered_map<std::string, std::deque<Work>> waiting_;  // by person; without empty entries

@@ -37,10 +37,30 @@ double finite(double value) {
   return std::isfinite(value) ? value : 0;
 }
 
+}  // namespace
+
+/// The station's entry. A new one gets the viewers who wait for this name.
+Hub::Station& Hub::known(const std::string& name) {
+  const auto [entry, is_new] = stations_.try_emplace(name);
+  if (!is_new) return entry->second;
+  for (const auto& [peer, viewer] : viewers_) {
+    if (const auto waits = viewer.by_station.find(name); waits != viewer.by_station.end())
+      entry->second.watchers.push_back(viewer.by_number.at(waits->second).get());
+  }
+  return entry->second;
+}
+
 /// Clears the fields that belong to another session.
-void setSession(pb::StationStatus& status, std::string_view session_id) {
+void Hub::setSession(Station& station, std::string_view session_id) {
+  pb::StationStatus& status = station.status;
   if (status.session_id() == session_id) return;
+  if (const auto before = stations_by_session_.find(status.session_id());
+      before != stations_by_session_.end()) {
+    before->second.erase(&station);
+    if (before->second.empty()) stations_by_session_.erase(before);
+  }
   status.set_session_id(std::string(session_id));
+  if (!session_id.empty()) stations_by_session_[status.session_id()].insert(&station);
   status.clear_peak_force_n();
   status.clear_peak_since_unix_ns();
   status.clear_hazards_touched();
@@ -49,15 +69,24 @@ void setSession(pb::StationStatus& status, std::string_view session_id) {
   status.clear_started_unix_ns();
 }
 
-}  // namespace
+template <typename Act>
+void Hub::forEachOfSession(const std::string& session_id, Act act) {
+  const auto found = stations_by_session_.find(session_id);
+  if (found == stations_by_session_.end()) return;
+  for (Station* station : found->second) {
+    ++looked_at_;
+    act(*station);
+  }
+}
 
 HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
-  Station& station = stations_[name];
+  Station& station = known(name);
   HubPeer* const older = std::exchange(station.peer, &peer);
   if (older != nullptr) older->station_ = nullptr;
   peer.station_ = &station;
   if (older == nullptr) ++online_;
   station.told_watched = false;
+  setSession(station, {});
   station.status.Clear();
   station.status.set_station(name);
   station.status.set_online(true);
@@ -95,7 +124,7 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
   Station& station = found->second;
   const bool other_session = status.session_id() != station.status.session_id();
-  setSession(station.status, status.session_id());
+  setSession(station, status.session_id());
   const double seen_N = station.status.peak_force_n();
   const std::int64_t seen_since = station.status.peak_since_unix_ns();
   station.status = status;
@@ -149,7 +178,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
   const std::string& name = station.status.station();
   ++frames_in_;
   if (frame.session_id != station.status.session_id()) {
-    setSession(station.status, frame.session_id);
+    setSession(station, frame.session_id);
     refreshWatch(station);
   }
 
@@ -191,7 +220,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
 void Hub::onSession(const std::string& name, const std::string& session_id) {
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer == nullptr) return;
-  setSession(found->second.status, session_id);
+  setSession(found->second, session_id);
   refreshWatch(found->second);
 }
 
@@ -216,19 +245,28 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   if (!wanted.station().empty() && !wanted.session_id().empty()) {
     return refuse(pb::Refusal::INVALID, "subscribe: either a station or a session, not both");
   }
-  auto& mine = viewers_[&viewer];
-  if (mine.contains(wanted.subscription())) {
-    return refuse(pb::Refusal::CONFLICT,
-                  fmt::format("subscription {} exists already", wanted.subscription()));
-  }
-  if (mine.size() >= settings_.max_subscriptions) {
-    return refuse(pb::Refusal::TOO_LARGE,
-                  fmt::format("a viewer has at most {} subscriptions", settings_.max_subscriptions));
-  }
-  for (const auto& [number, other] : mine) {
-    if (other->station == wanted.station() && other->session_id == wanted.session_id()) {
-      return refuse(pb::Refusal::CONFLICT, fmt::format("subscription {} watches the same already", number));
+  const auto known_viewer = viewers_.find(&viewer);
+  const std::string account = viewer.account();
+  const auto counted = subscriptions_of_.find(account);
+  std::size_t held = counted == subscriptions_of_.end() ? 0 : counted->second;
+  if (known_viewer != viewers_.end()) {
+    const Viewer& mine = known_viewer->second;
+    if (mine.by_number.contains(wanted.subscription())) {
+      return refuse(pb::Refusal::CONFLICT,
+                    fmt::format("subscription {} exists already", wanted.subscription()));
     }
+    const auto& same_kind = wanted.session_id().empty() ? mine.by_station : mine.by_session;
+    const auto same = same_kind.find(wanted.session_id().empty() ? wanted.station() : wanted.session_id());
+    if (same != same_kind.end()) {
+      return refuse(pb::Refusal::CONFLICT,
+                    fmt::format("subscription {} watches the same already", same->second));
+    }
+    if (account.empty()) held = mine.by_number.size();
+  }
+  if (held >= settings_.max_subscriptions) {
+    return refuse(pb::Refusal::TOO_LARGE, fmt::format("an account has at most {} subscriptions, by all of "
+                                                      "its connections together: end one of them first",
+                                                      settings_.max_subscriptions));
   }
 
   auto owned = std::make_unique<Subscription>();
@@ -238,7 +276,14 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   subscription.station = wanted.station();
   subscription.session_id = wanted.session_id();
   subscription.rate_hz = wanted.rate_hz();
-  mine.emplace(wanted.subscription(), std::move(owned));
+  Viewer& mine = viewers_[&viewer];
+  mine.account = account;
+  mine.by_number.emplace(subscription.number, std::move(owned));
+  if (subscription.session_id.empty())
+    mine.by_station.emplace(subscription.station, subscription.number);
+  else
+    mine.by_session.emplace(subscription.session_id, subscription.number);
+  if (!account.empty()) ++subscriptions_of_[account];
 
   pb::Envelope answer;
   answer.mutable_subscribed()->set_subscription(wanted.subscription());
@@ -248,6 +293,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
     overviews_.push_back(&subscription);
     std::size_t bytes = 0;
     for (auto& [name, station] : stations_) {
+      ++looked_at_;
       if (station.peer == nullptr) continue;
       // not more at once than a viewer's queue can take; the other statuses follow with their next lines
       if ((bytes += station.status.ByteSizeLong()) > kMostStatusBytes) break;
@@ -259,15 +305,21 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   if (wanted.rate_hz() > 0) subscription.decimator.emplace(wanted.rate_hz());
   if (!subscription.session_id.empty()) {
     by_session_[subscription.session_id].push_back(&subscription);
-    for (auto& [name, station] : stations_) {
-      if (station.status.session_id() != subscription.session_id) continue;
+    forEachOfSession(subscription.session_id, [&](Station& station) {
       sendStatus(viewer, station.status);
       refreshWatch(station);
-    }
+    });
     return std::nullopt;
   }
-  Station& station = stations_[subscription.station];
-  station.status.set_station(subscription.station);
+  const auto found = stations_.find(subscription.station);
+  if (found == stations_.end()) {
+    pb::StationStatus offline;
+    offline.set_station(subscription.station);
+    sendStatus(viewer, offline);
+    return std::nullopt;
+  }
+  Station& station = found->second;
+  ++looked_at_;
   station.watchers.push_back(&subscription);
   sendStatus(viewer, station.status);
   refreshWatch(station);
@@ -276,40 +328,56 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
 
 std::optional<pb::Refusal> Hub::unsubscribe(HubPeer& viewer, std::uint32_t subscription) {
   const auto mine = viewers_.find(&viewer);
-  if (mine == viewers_.end() || !mine->second.contains(subscription)) {
+  if (mine == viewers_.end() || !mine->second.by_number.contains(subscription)) {
     return makeRefusal(pb::Refusal::NOT_FOUND, fmt::format("no subscription {}", subscription));
   }
-  auto owned = std::move(mine->second.extract(subscription).mapped());
-  if (mine->second.empty()) viewers_.erase(mine);
-  remove(std::move(owned));
+  Viewer& all = mine->second;
+  auto owned = std::move(all.by_number.extract(subscription).mapped());
+  if (owned->session_id.empty())
+    all.by_station.erase(owned->station);
+  else
+    all.by_session.erase(owned->session_id);
+  remove(all, std::move(owned));
+  if (all.by_number.empty()) viewers_.erase(mine);
   return std::nullopt;
 }
 
 void Hub::detachViewer(const HubPeer& viewer) {
   const auto mine = viewers_.find(&viewer);
   if (mine == viewers_.end()) return;
-  auto all = std::move(mine->second);
+  Viewer all = std::move(mine->second);
   viewers_.erase(mine);
-  for (auto& [number, subscription] : all) remove(std::move(subscription));
+  for (auto& [number, subscription] : all.by_number) remove(all, std::move(subscription));
 }
 
-void Hub::remove(std::unique_ptr<Subscription> subscription) {
+void Hub::remove(const Viewer& of, std::unique_ptr<Subscription> subscription) {
   Subscription* const gone = subscription.get();
-  std::erase(overviews_, gone);
+  if (const auto counted = subscriptions_of_.find(of.account); counted != subscriptions_of_.end()) {
+    if (--counted->second == 0) subscriptions_of_.erase(counted);
+  }
   if (!gone->session_id.empty()) {
     const auto found = by_session_.find(gone->session_id);
     std::erase(found->second, gone);
     if (found->second.empty()) by_session_.erase(found);
-    for (auto& [name, station] : stations_) {
-      if (station.status.session_id() == gone->session_id) refreshWatch(station);
-    }
+    forEachOfSession(gone->session_id, [this](Station& station) { refreshWatch(station); });
+    return;
   }
-  if (!gone->station.empty()) {
-    Station& station = stations_.at(gone->station);
-    std::erase(station.watchers, gone);
-    refreshWatch(station);
-    forgetIfUnused(gone->station);
+  if (gone->station.empty()) {
+    std::erase(overviews_, gone);
+    return;
   }
+  const auto found = stations_.find(gone->station);
+  if (found == stations_.end()) return;  // it has not been online meanwhile
+  ++looked_at_;
+  std::erase(found->second.watchers, gone);
+  refreshWatch(found->second);
+  forgetIfUnused(gone->station);
+}
+
+std::size_t Hub::subscriptions() const {
+  std::size_t sum = 0;
+  for (const auto& [peer, viewer] : viewers_) sum += viewer.by_number.size();
+  return sum;
 }
 
 void Hub::fillStations(pb::Stations& stations) const {
@@ -353,7 +421,7 @@ void Hub::forEachWatcher(const Station& station, Act act) const {
 
 void Hub::refreshWatch(Station& station) {
   if (station.peer == nullptr) return;
-  const bool watched = !station.watchers.empty() || (!by_session_.empty() && !watchersOf(station).empty());
+  const bool watched = !station.watchers.empty() || by_session_.contains(station.status.session_id());
   if (watched == station.told_watched) return;
   station.told_watched = watched;
   pb::Envelope envelope;
@@ -363,7 +431,11 @@ void Hub::refreshWatch(Station& station) {
 
 void Hub::forgetIfUnused(const std::string& name) {
   const auto found = stations_.find(name);
-  if (found->second.peer == nullptr && found->second.watchers.empty()) stations_.erase(found);
+  Station& station = found->second;
+  if (station.peer != nullptr || !station.watchers.empty()) return;
+  setSession(station, {});
+  for (Subscription* overview : overviews_) overview->last_line_ns.erase(&station);
+  stations_.erase(found);
 }
 
 void Hub::announce(const std::string& name, Station& station) {
@@ -417,8 +489,8 @@ void Hub::sendDecimated(Subscription& subscription, const std::string& name, con
 }
 
 void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last) {
+  setSession(station, frame.session_id);
   pb::StationStatus& status = station.status;
-  setSession(status, frame.session_id);
   status.set_phase(last.phase);
   status.set_layer(last.layer);
   status.set_insertion_m(last.insertion_m);

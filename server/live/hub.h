@@ -6,8 +6,10 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <vector>
 
@@ -46,6 +48,8 @@ class HubPeer {
   virtual void sendControl(const pb::Envelope& envelope) = 0;
   /// Never blocks: a slow peer drops its own oldest frames. `counted`: a LiveFrame.
   virtual void sendLive(Frame frame, bool counted) = 0;
+  /// Whose subscriptions these are; empty: the peer's alone. Does not change once the peer subscribes.
+  [[nodiscard]] virtual std::string account() const { return {}; }
 
  private:
   friend class Hub;
@@ -56,7 +60,7 @@ struct HubSettings {
   /// Minimum interval between lines of one station in an overview.
   std::chrono::milliseconds status_period{100};
   double overview_lines_per_s = 500;        ///< of all stations together, for one viewer
-  std::size_t max_subscriptions = 2000;     ///< of one viewer
+  std::size_t max_subscriptions = 2000;     ///< of one account, by all of its connections together
   std::size_t max_frame_bytes = 64u << 10;  ///< of a live frame's data
   std::size_t max_frame_samples = 1000;     ///< of a live frame; stations send 20
   std::size_t max_status_bytes = 2048;      ///< of a station's status line
@@ -107,6 +111,11 @@ class Hub {
 
   [[nodiscard]] std::size_t stationsOnline() const { return online_; }
   [[nodiscard]] bool isWatched(const std::string& station) const;
+  /// Stations that are online, and those that went offline while somebody watches them.
+  [[nodiscard]] std::size_t stationsKnown() const { return stations_.size(); }
+  [[nodiscard]] std::size_t subscriptions() const;
+  /// Stations looked at for the beginnings and ends of subscriptions, since the start: what they cost.
+  [[nodiscard]] std::uint64_t stationsLookedAt() const { return looked_at_; }
   [[nodiscard]] std::uint64_t framesIn() const { return frames_in_; }
   [[nodiscard]] std::uint64_t framesOut() const { return frames_out_; }
 
@@ -123,14 +132,24 @@ class Hub {
     std::unordered_map<const Station*, std::int64_t>
         last_line_ns;  // overview: time of the last line for each station
   };
+  /// A viewer's subscriptions, by number and by what they watch: a station's name, or a session's id.
+  struct Viewer {
+    std::string account;
+    std::map<std::uint32_t, std::unique_ptr<Subscription>> by_number;
+    std::map<std::string, std::uint32_t> by_station, by_session;  // an overview: a station without a name
+  };
   struct Station {
-    HubPeer* peer = nullptr;  // null: offline, but a viewer waits for it
+    HubPeer* peer = nullptr;  // null: offline, but a viewer watches it
     bool told_watched = false;
     pb::StationStatus status;
     std::int64_t status_ns = 0;
     std::vector<Subscription*> watchers;
   };
 
+  Station& known(const std::string& name);
+  void setSession(Station& station, std::string_view session_id);
+  template <typename Act>
+  void forEachOfSession(const std::string& session_id, Act act);
   void refreshWatch(Station& station);
   void forgetIfUnused(const std::string& name);
   void announce(const std::string& name, Station& station);
@@ -138,17 +157,22 @@ class Hub {
   void sendDecimated(Subscription& subscription, const std::string& name, const LiveFrameView& frame,
                      std::span<const GestureSample> samples);
   void statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last);
-  void remove(std::unique_ptr<Subscription> subscription);
+  void remove(const Viewer& of, std::unique_ptr<Subscription> subscription);
   [[nodiscard]] std::vector<Subscription*> watchersOf(const Station& station) const;
   template <typename Act>
   void forEachWatcher(const Station& station, Act act) const;
 
   HubSettings settings_;
+  /// A name that somebody only waits for has no entry: it lies with its viewer, until that station connects.
   std::unordered_map<std::string, Station> stations_;
-  std::unordered_map<std::string, std::vector<Subscription*>> by_session_;
-  std::unordered_map<const HubPeer*, std::map<std::uint32_t, std::unique_ptr<Subscription>>> viewers_;
+  // ordered: viewers choose these ids, and could choose them to be slow in a hash table
+  std::map<std::string, std::set<Station*>> stations_by_session_;  // as in their statuses
+  std::map<std::string, std::vector<Subscription*>> by_session_;
+  std::unordered_map<const HubPeer*, Viewer> viewers_;
+  std::unordered_map<std::string, std::size_t> subscriptions_of_;  // by account; without zeros
   std::vector<Subscription*> overviews_;
   std::size_t online_ = 0;
+  std::uint64_t looked_at_ = 0;
   std::uint64_t frames_in_ = 0, frames_out_ = 0;
 };
 

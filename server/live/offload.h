@@ -17,6 +17,7 @@
 #include "common/wire/asio.h"
 #include "db/db_writer.h"
 #include "server/live/fair_pool.h"
+#include "server/live/password_pool.h"
 
 namespace needlelab {
 
@@ -125,6 +126,16 @@ template <typename T>
 Task<T> offload(FairPool& pool, std::string who, std::function<T()> work) {
   std::function<void(std::function<void()>)> post = [&pool, who = std::move(who)](std::function<void()> run) {
     pool.post(who, std::move(run));
+  };
+  return offloadBy(std::move(post), std::move(work));
+}
+
+/// The same on the passwords' thread.
+template <typename T>
+Task<T> offload(PasswordPool& pool, PasswordPool::Line line, std::string who, std::function<T()> work) {
+  std::function<void(std::function<void()>)> post = [&pool, line,
+                                                     who = std::move(who)](std::function<void()> run) {
+    pool.post(line, who, std::move(run));
   };
   return offloadBy(std::move(post), std::move(work));
 }

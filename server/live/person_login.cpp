@@ -60,7 +60,8 @@ Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<co
   std::function<Result<Principal>()> check = [&service = context.store.service(), secret] {
     return service.loginPerson(secret->user, secret->password);
   };
-  co_return co_await offload(context.passwords, std::move(check));
+  co_return co_await offload(*context.passwords_in_turn, PasswordPool::Line::kLogin, secret->user,
+                             std::move(check));
 }
 
 /// One check when its turn comes.
@@ -97,7 +98,7 @@ Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const Person
   std::function<Result<bool>()> look = [&service = context.store.service(), secret] {
     return service.isKnownName(secret->user, false);
   };
-  const auto is_known = co_await offload(context.passwords, std::move(look));
+  const auto is_known = co_await offload(context.logins, std::move(look));
   const std::string shown = is_known.ok() && *is_known ? name : std::string(kUnknownName);
   logEvent(
       denied ? LogLevel::kWarning : LogLevel::kError, denied ? "login_refused" : "login_not_checked",

@@ -91,41 +91,62 @@ Status roomFor(ServerContext& context, const Principal& who, std::size_t bytes) 
 
 using Executed = std::shared_ptr<Outcome>;
 
-Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, const std::string& who,
+PasswordPool::Line passwordLineOf(const Principal& who) {
+  return who.role == pb::STATION ? PasswordPool::Line::kStation : PasswordPool::Line::kPerson;
+}
+
+/// Whether one more of the peer's hashes may wait. A station shows the text to the trainee (kCode); on
+/// another refusal it would begin the lesson from its cache.
+Status mayWait(ServerContext& context, RequestThreads threads, const Principal& who) {
+  if (threads != RequestThreads::kPasswords ||
+      context.passwords_in_turn->hasRoom(passwordLineOf(who), who.name))
+    return {};
+  return Error{who.role == pb::STATION ? ErrorCode::kCode : ErrorCode::kUnavailable,
+               fmt::format("{} passwords and codes of '{}' wait to be computed already: try again when one "
+                           "of them is done",
+                           PasswordQueue::kMostWaiting, who.name)};
+}
+
+std::shared_ptr<Outcome> refusedBefore(const pb::Request& request, Error error) {
+  auto refused = std::make_shared<Outcome>();
+  refused->error = std::move(error);
+  refused->reply.set_id(request.id());
+  return refused;
+}
+
+Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, const Principal& who,
                             std::function<Executed()> work) {
   switch (threads) {
     case RequestThreads::kWorkers:
       break;
     case RequestThreads::kPasswords:
-      return offload(context.passwords, std::move(work));
+      return offload(*context.passwords_in_turn, passwordLineOf(who), who.name, std::move(work));
     case RequestThreads::kViews:
-      return offload(*context.views_of_people, who, std::move(work));
+      return offload(*context.views_of_people, who.name, std::move(work));
     case RequestThreads::kSlow:
       return offload(*context.slow_workers_of_people, who, std::move(work));
     case RequestThreads::kHours:
       return offload(context.retention_workers, std::move(work));
   }
-  return offload(*context.workers_of_people, who, std::move(work));
+  return offload(*context.workers_of_people, who.name, std::move(work));
 }
 
 }  // namespace
 
 Task<Executed> executeRequest(ServerContext& context, Principal who,
                               std::shared_ptr<const pb::Request> request) {
-  if (storesMore(request->call_case())) {
-    if (const Status room = roomFor(context, who, request->ByteSizeLong()); !room.ok()) {
-      auto refused = std::make_shared<Outcome>();
-      refused->error = room.error();
-      refused->reply.set_id(request->id());
-      co_return refused;
-    }
-  }
   const RequestThreads threads = threadsOf(*request, who.role);
+  if (const Status may = mayWait(context, threads, who); !may.ok())
+    co_return refusedBefore(*request, may.error());
+  if (storesMore(request->call_case())) {
+    if (const Status room = roomFor(context, who, request->ByteSizeLong()); !room.ok())
+      co_return refusedBefore(*request, room.error());
+  }
   std::function<Executed()> work = [&service = context.store.service(), who, request, threads] {
     if (threads == RequestThreads::kHours) yieldToOthers();
     return std::make_shared<Outcome>(service.execute(who, *request));
   };
-  co_return co_await onItsThreads(context, threads, who.name, std::move(work));
+  co_return co_await onItsThreads(context, threads, who, std::move(work));
 }
 
 BudgetOwner budgetOwner(const Principal& who, std::string connection) {

@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <future>
 #include <thread>
 #include <vector>
 
@@ -62,6 +64,67 @@ TEST(Requests, aLessonBeginsWithTheTraineesCodeOnly) {
   const auto begun = lab.station.call(lesson);
   ASSERT_TRUE(begun.ok()) << begun.error().message;
   EXPECT_TRUE(begun->has_lesson());
+}
+
+// The finding: 96 new codes of a trainee, and nobody could log in.
+TEST(Requests, aPersonsNewCodesWaitEightAtATimeOverAllConnections) {
+  const char* const password = "correct horse battery";
+  RunningServer server;
+  server.addUser("tom", pb::TRAINEE, password);
+  server.addUser("ines", pb::INSTRUCTOR, password);
+  RawPeer peers[] = {RawPeer(server), RawPeer(server), RawPeer(server)};
+  for (RawPeer& peer : peers) ASSERT_TRUE(peer.logIn(personLogin("tom", password)).has_welcome());
+  // The first code waits for the writer; so none is done, and none makes room for another one.
+  std::promise<void> go;
+  const auto held = [gone = go.get_future().share()](Connection&) -> Status {
+    gone.wait();
+    return {};
+  };
+  ASSERT_TRUE(server.server().store().writer().post(held, {}).ok());
+  int done = 0;
+  std::vector<pb::Refusal> refusals;
+  const auto count = [&](const pb::Envelope& got) {
+    done += got.has_reply() ? 1 : 0;
+    if (got.has_refusal()) refusals.push_back(got.refusal());
+  };
+  for (RawPeer& peer : peers) {
+    pb::Envelope code, ping;
+    code.mutable_request()->mutable_set_code()->set_name("tom");
+    code.mutable_request()->mutable_set_code()->set_code("1234");
+    for (std::uint64_t id = 1; id <= 7; ++id) {  // one less than stops the reading of this connection
+      code.mutable_request()->set_id(id);
+      peer.send(code);
+    }
+    ping.mutable_ping()->set_id(1);
+    peer.send(ping);
+    bool read = false;
+    while (!read) {
+      const auto got = peer.receive();
+      ASSERT_TRUE(got.has_value());
+      read = got->has_pong() && got->pong().id() == 1;
+      count(*got);
+    }
+  }
+  const auto readSome = [&] {
+    for (RawPeer& peer : peers)
+      if (const auto got = peer.receive(milliseconds(1))) count(*got);
+  };
+  for (int tries = 0; refusals.size() < 12 && tries < 20'000; ++tries) readSome();
+  EXPECT_EQ(done, 0);
+  EXPECT_GE(refusals.size(), 12u) << "of 21, one at work and eight waiting";
+  go.set_value();
+  EXPECT_TRUE(RawPeer(server).logIn(personLogin("ines", password)).has_welcome());
+  for (RawPeer& peer : peers) {
+    pb::Envelope last;
+    last.mutable_request()->set_id(8);
+    last.mutable_request()->mutable_get_user()->set_name("tom");
+    peer.send(last);
+  }
+  for (int tries = 0; done + static_cast<int>(refusals.size()) < 3 * 8 && tries < 20'000; ++tries) readSome();
+  const int codes = done - 3;
+  EXPECT_TRUE(codes == 8 || codes == 9) << codes << ": those that wait, and perhaps the one at work";
+  for (const pb::Refusal& refusal : refusals)
+    EXPECT_THAT(refusal.text(), HasSubstr("8 passwords and codes of 'tom' wait"));
 }
 
 TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
