@@ -169,7 +169,11 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   if (found) {
     // its station goes on giving the name that a manager may have replaced
     pb::SessionDescription now = description;
-    if (known.integer(4) != 0) now.set_trainee(known.text(5));
+    if (known.integer(4) != 0) {
+      // of another person with the erased one's name, it has kept the words about the device
+      if (known.text(5) != pseudonym) now = given;
+      now.set_trainee(known.text(5));
+    }
     if (known.integer(3) != 0 ||
         (textOf(known.bytes(1)) == bytesOf(now) && known.text(2) == description.profile_json()))
       return known.natural(0);

@@ -11,6 +11,8 @@
 
 #include "common/base/files.h"
 
+#include "common/base/temporary_name.h"
+
 namespace needlelab {
 namespace {
 
@@ -182,7 +184,7 @@ Error cannotCreate(const std::filesystem::path& path) {
 Status writeFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
   if (isStream(name)) return writeToStream(name, bytes);
   ASSIGN_OR_RETURN(const std::filesystem::path path, replaceableFile(name));
-  std::string temporary = path.string() + ".XXXXXX";
+  std::string temporary = path.string() + std::string(kTemporaryMark) + "XXXXXX";
   const int fd = ::mkostemp(temporary.data(), O_CLOEXEC);
   if (fd < 0) return cannotCreate(path);
   const auto fail = [&](const std::string& what) -> Status {
@@ -203,7 +205,7 @@ Result<GrowingFile> GrowingFile::create(const std::filesystem::path& path) {
   ASSIGN_OR_RETURN(const auto replaced, replaceableFile(path));
   GrowingFile file;
   file.path_ = replaced;
-  file.temporary_ = file.path_.string() + ".XXXXXX";
+  file.temporary_ = file.path_.string() + std::string(kTemporaryMark) + "XXXXXX";
   file.fd_ = ::mkostemp(file.temporary_.data(), O_CLOEXEC);
   if (file.fd_ < 0) return cannotCreate(file.path_);
   return file;

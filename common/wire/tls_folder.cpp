@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "common/base/files.h"
+#include "common/base/temporary_name.h"
 
 namespace needlelab {
 namespace {
@@ -20,7 +21,7 @@ int openFolder(const TlsFiles& files) {
 
 /// Whether a writer of `path` names its temporary file so.
 bool isTemporaryOf(const std::filesystem::path& path, std::string_view name) {
-  const std::string start = path.filename().string() + ".";
+  const std::string start = path.filename().string() + std::string(kTemporaryMark);
   constexpr std::size_t kLetters = 6;
   const auto fits = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');

@@ -93,7 +93,8 @@ TEST_F(StartupTest, aTakenPortNamesItsHolder) {
 }
 
 TEST_F(StartupTest, theKeyThatAKilledCommandLeftIsRemovedAndNamed) {
-  const auto left = data() / "tls" / "ca-next.key.aB3dE9", kept = data() / "tls" / "ca.key.backup";
+  const auto left = data() / "tls" / "ca-next.key.being-written-aB3dE9",
+             kept = data() / "tls" / "ca.key.backup";
   for (const auto& path : {left, kept}) std::ofstream(path) << "half a key";
   const auto [code, said] = serveOnce({});
   EXPECT_EQ(code, kExitDone) << said;

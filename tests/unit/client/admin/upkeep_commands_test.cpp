@@ -314,7 +314,8 @@ TEST_F(UpkeepCommands, aNewAuthorityFollowsInThreeStepsAndTheKeyMayMove) {
 
 TEST_F(UpkeepCommands, theNextCertificateCommandRemovesTheKeyThatAKilledOneLeft) {
   good({"station", "enrol", "s", "--server-name", "lab.example.org", "--out", file("s.enrol")});
-  const std::string kept = data() + "/tls/ca.key.backup", left = data() + "/tls/ca-next.key.aB3dE9";
+  const std::string kept = data() + "/tls/ca.key.backup",
+                    left = data() + "/tls/ca-next.key.being-written-aB3dE9";
   std::ofstream(kept) << "kept";
   const std::vector<std::vector<std::string>> commands = {{"authority", "prepare", "--domain", "example.org"},
                                                           {"authority", "switch"},

@@ -316,11 +316,12 @@ TEST(TlsFolder, whatAKilledWriterLeavesIsRemovedAndNothingElse) {
   EXPECT_TRUE(removeTlsLeftovers(files)->empty()) << "without a folder";
   ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
   // names that a person may have given, a folder, and links
-  for (const char* name : {"ca.key.backup1", "ca.key.old", "ca.key.a-b_cd", "other.key.Ab12Cd",
-                           "ca.keyXAb12Cd", "ca.key.Ab12Cd.crt", "Ab12Cd"})
+  for (const char* name :
+       {"ca.key.backup", "ca.key.202611", "ca.key.being-written-a-b_cd", "other.key.being-written-Ab12Cd",
+        "ca.keyXAb12Cd", "ca.key.being-written-Ab12Cd.crt", "being-written-Ab12Cd"})
     folder.write(std::string("tls/") + name, "kept");
-  std::filesystem::create_directory(folder.path() / "tls/server.key.Ab12Cd");
-  std::filesystem::create_symlink(files.ca_key, folder.path() / "tls/ca.crt.Ab12Cd");
+  std::filesystem::create_directory(folder.path() / "tls/server.key.being-written-Ab12Cd");
+  std::filesystem::create_symlink(files.ca_key, folder.path() / "tls/ca.crt.being-written-Ab12Cd");
   const auto before = namesIn(folder.path() / "tls");
   for (const auto& path : {files.ca_key, files.ca_key, files.ca_certificate, files.key, files.certificate,
                            files.next_ca_key, files.next_ca_certificate})

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
@@ -385,14 +386,18 @@ TEST_F(FalconDeviceThreads, closeInMidLoadOfALostDeviceGivesTheLoadUp) {
   const auto device = opened(options);
   falcon_->unplug();
   ASSERT_TRUE(loopUntil(*device, [&] { return (reading_.condition & kDeviceLost) != 0; }));
-  with([](FakeFalcon& f) {
+  // the loading thread holds the fake's lock nearly always: a look at `loaded` might wait for the end of the
+  // load
+  std::atomic<bool> loads = false;
+  with([&](FakeFalcon& f) {
     f.runs = false;
-    f.on_load = [] {
+    f.on_load = [&] {
+      loads = true;
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     };  // the whole load takes long
   });
   falcon_->plugIn();
-  ASSERT_TRUE(loopUntil(*device, [&] { return with([](FakeFalcon& f) { return f.loaded.size(); }) > 0; }));
+  ASSERT_TRUE(loopUntil(*device, [&] { return loads.load(); }));
   device->close();
   EXPECT_LT(with([](FakeFalcon& f) { return f.loaded.size(); }), kLong);
 }
