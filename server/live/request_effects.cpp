@@ -124,7 +124,7 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
     case RequestThreads::kViews:
       return offload(*context.views_of_people, who.name, std::move(work));
     case RequestThreads::kSlow:
-      return offload(*context.slow_workers_of_people, who, std::move(work));
+      return offload(*context.slow_workers_of_people, who.name, std::move(work));
     case RequestThreads::kHours:
       return offload(context.retention_workers, std::move(work));
   }
