@@ -32,9 +32,13 @@ def repeated_chunk_stored_twice(lab):
     lab.start_server()
     client = RudeClient(lab)
     client.record(2)
-    for seq in (0, 0, 1):
-        client.chunk(seq)
-    client.end(2)
+    try:
+        for seq in (0, 0, 1):
+            client.chunk(seq)
+        client.end(2)
+    except ConnectionError:
+        if not lab.plant:  # stored twice, chunk 0 takes the place of chunk 1: a contradiction, which ends the connection
+            raise
     lab.stop_server()
     return lab.judge(at_end=True).faults
 
