@@ -54,8 +54,8 @@ class RawPeer {
       if (!frame.ok()) return std::nullopt;
       if (frame->has_value()) return *decodeFrame(**frame);
       if (SSL_pending(ssl_.get()) == 0) {
-        const auto left =
-            std::chrono::duration_cast<milliseconds>(end - std::chrono::steady_clock::now()).count();
+        // rounded up: a wait of one millisecond is a wait
+        const auto left = std::chrono::ceil<milliseconds>(end - std::chrono::steady_clock::now()).count();
         pollfd wait{socket_.native_handle(), POLLIN, 0};
         if (left <= 0 || ::poll(&wait, 1, static_cast<int>(left)) <= 0) return std::nullopt;
       }
