@@ -274,7 +274,13 @@ class FakeServer {
       *no.mutable_refusal() = makeRefusal(reason, "the test says so");
       no.mutable_refusal()->set_session_id(chunk.session_id());
       no.mutable_refusal()->set_expected_seq(session.chunks.size());
-      channel->send(no);
+      // as the server does: two recordings have one id, and no later chunk can be right
+      const bool ends = reason == pb::Refusal::CONTRADICTION;
+      no.mutable_refusal()->set_fatal(ends);
+      if (ends)
+        channel->finish(CloseReason::kRefused, "contradiction", &no);
+      else
+        channel->send(no);
     };
     if (faults.contradict) return refuse(pb::Refusal::CONTRADICTION);
     if (faults.forget_session.exchange(false)) return refuse(pb::Refusal::UNKNOWN_SESSION);

@@ -246,7 +246,7 @@ TEST_F(UplinkTest, aSessionThatTheServerForgotIsOpenedAgain) {
   expectWhole(keptOf(server, *session), *session);
 }
 
-TEST_F(UplinkTest, aContradictionParksThatSessionAndTheOthersGoOn) {
+TEST_F(UplinkTest, aContradictionParksThatSessionAndTheOthersGoOnOverANewConnection) {
   FakeServer server;
   server.faults.contradict = true;
   auto bad = makeSession(3, true), good = makeSession(3, true);
