@@ -153,7 +153,7 @@ constexpr RequestRow kRows[] = {
    {{"GET /exercises?course&page", "Exercises of a course, or of all"}}},
   {Call::kListMeasures,            "measures",             kReaders,              to<listMeasures>,              Reply::kMeasures, kWorkers,
    {{"GET /measures", "What scores measure"}}},
-  {Call::kGetReference,            "reference show",       kPeople,               to<getReference>,              Reply::kReference, kWorkers,
+  {Call::kGetReference,            "reference show",       kPeople,               to<getReference>,              Reply::kReference, kViews,
    {{"GET /exercises/{id}/reference", "Bands of chosen sessions of experts"}}},
   {Call::kSetReference,            "reference set",        kStaff,                to<setReference>,              Reply::kReference, kWorkers,
    {{"PUT /exercises/{id}/reference", "Chooses them (If-Match)"}}},
@@ -196,7 +196,7 @@ constexpr RequestRow kRows[] = {
    {{"POST /sessions/{id}/annotations", "A remark"}}},
 
   // --- scores
-  {Call::kGetScore,                "score show",           kPeople,               to<getScore>,                  Reply::kScore, kWorkers,
+  {Call::kGetScore,                "score show",           kPeople,               to<getScore>,                  Reply::kScore, kViews,
    {{"GET /sessions/{id}/score?definition_version", "Its score; definition_version: by default the newest"}}},
   {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore>,         Reply::kScore, kSlow,
    {{"POST /sessions/{id}/rescore", "Scores it by the definitions of now"}}},
