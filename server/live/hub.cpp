@@ -42,7 +42,8 @@ double finite(double value) {
 /// The station's entry. A new one gets the viewers who wait for this name.
 Hub::Station& Hub::known(const std::string& name) {
   const auto [entry, is_new] = stations_.try_emplace(name);
-  if (!is_new) return entry->second;
+  // no station waits under the empty name: it stands for the viewers of all stations
+  if (!is_new || name.empty()) return entry->second;
   for (const auto& [peer, viewer] : viewers_) {
     if (const auto waits = viewer.by_station.find(name); waits != viewer.by_station.end())
       entry->second.watchers.push_back(viewer.by_number.at(waits->second).get());
