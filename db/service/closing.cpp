@@ -101,9 +101,8 @@ Status storeEvents(Connection& writer, const Uuid& id, const std::vector<pb::Syr
   remark.tick = std::min<std::uint64_t>(events.back().end_tick(), INT64_MAX);
   remark.author = "server";
   remark.text = fmt::format(
-      "The plunger made {} strokes up to here, which is the most that are kept: no later ones are stored, "
-      "shown "
-      "or scored",
+      "The plunger made {} strokes up to here, the most that are kept: later ones are not stored, shown or "
+      "scored",
       events.size());
   remark.created_unix_ns = wallNowNs();
   const auto added = AnnotationStore(writer).add(remark);

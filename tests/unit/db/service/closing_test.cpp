@@ -15,6 +15,25 @@ class Closing : public test::ServiceTest {
     request.mutable_get_profile()->set_id("knee-adult");
     return get(admin, request).profile().json();
   }
+  // a session of one chunk
+  void recordChunk(const Uuid& id, const pb::SessionDescription& d, const Bytes& chunk) {
+    ASSERT_OK(change([&](Connection& c) -> Status {
+      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+      if (auto appended = SessionStore(c).append(id, 0, chunk); !appended) return appended.error();
+      return {};
+    }));
+  }
+  static pb::CloseSession closingOf(const Uuid& id, const Bytes& chunk, std::uint64_t samples) {
+    pb::CloseSession close;
+    close.set_session_id(test::bytesOfId(id));
+    close.set_chunks(1);
+    close.set_samples(samples);
+    SessionHash hash;
+    hash.update(chunk);
+    const Digest digest = hash.digest();
+    close.set_hash(digest.data(), digest.size());
+    return close;
+  }
   pb::SessionInfo info(const Uuid& id) {
     pb::Request request;
     request.mutable_get_session()->set_session_id(test::bytesOfId(id));
@@ -140,23 +159,9 @@ class ClosedWithEvents : public Closing {
     auto d = test::describe(id);
     d.set_trainee("anna");
     d.set_profile_json(kneeProfile());
-    ASSERT_OK(change([&](Connection& c) -> Status {
-      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
-      if (auto appended = SessionStore(c).append(id, 0, chunk); !appended) return appended.error();
-      return {};
-    }));
+    recordChunk(id, d, chunk);
   }
-  pb::CloseSession closing() const {
-    pb::CloseSession close;
-    close.set_session_id(test::bytesOfId(id));
-    close.set_chunks(1);
-    close.set_samples(6000);
-    SessionHash hash;
-    hash.update(chunk);
-    const Digest digest = hash.digest();
-    close.set_hash(digest.data(), digest.size());
-    return close;
-  }
+  pb::CloseSession closing() const { return closingOf(id, chunk, 6000); }
   pb::Request question() const {
     pb::Request request;
     request.mutable_list_events()->set_session_id(test::bytesOfId(id));
@@ -312,23 +317,9 @@ class ClosedBeyondBounds : public Closing {
     auto d = test::describe(id);
     d.set_rate_hz(50);
     d.set_profile_json(kneeProfile());
-    ASSERT_OK(change([&](Connection& c) -> Status {
-      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
-      if (auto appended = SessionStore(c).append(id, 0, chunk); !appended) return appended.error();
-      return {};
-    }));
+    recordChunk(id, d, chunk);
   }
-  pb::CloseSession closing() const {
-    pb::CloseSession close;
-    close.set_session_id(test::bytesOfId(id));
-    close.set_chunks(1);
-    close.set_samples(36'002);
-    SessionHash hash;
-    hash.update(chunk);
-    const Digest digest = hash.digest();
-    close.set_hash(digest.data(), digest.size());
-    return close;
-  }
+  pb::CloseSession closing() const { return closingOf(id, chunk, 36'002); }
   pb::Annotations remarks() {
     pb::Request list;
     list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
