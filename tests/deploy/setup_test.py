@@ -19,7 +19,7 @@ def packages():
     for line in (ROOT / "deploy" / "packages.txt").read_text(encoding="utf-8").splitlines():
         if line.startswith("#"):
             continue
-        words = re.fullmatch(r"([a-z0-9.+-]+) +(demo|test)( +#.*)?", line)
+        words = re.fullmatch(r"([a-z0-9.+-]+) +(demo|test|nightly)( +#.*)?", line)
         assert words, line
         assert words[1] not in found, f"{words[1]} stands twice"
         found[words[1]] = words[2]
@@ -53,13 +53,18 @@ class OtherSystem:
 
 
 class Setup(unittest.TestCase):
-    def test_lists_the_packages_of_both_groups_or_of_the_demo_only(self):
+    def test_lists_the_packages_of_the_demo_with_those_of_the_tests_and_with_those_of_the_fuzzers(self):
         wanted = packages()
-        self.assertEqual(listed(), list(wanted))
+        self.assertEqual(listed("--nightly"), list(wanted))
+        self.assertEqual(listed(), [name for name, group in wanted.items() if group != "nightly"])
         self.assertEqual(listed("--demo"), [name for name, group in wanted.items() if group == "demo"])
 
-    def test_the_demo_needs_no_compiler_of_the_fuzzers_no_browser_no_node_and_no_test_library(self):
-        heavy = {"chromium", "clang", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
+    def test_the_tests_need_no_compiler_of_the_fuzzers(self):
+        self.assertIn("clang", packages())
+        self.assertNotIn("clang", listed())
+
+    def test_the_demo_needs_no_browser_no_node_and_no_test_library(self):
+        heavy = {"chromium", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
         self.assertLessEqual(heavy, set(packages()))
         self.assertFalse(heavy & set(listed("--demo")))
 
@@ -121,7 +126,7 @@ class Containerfile(unittest.TestCase):
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(ROOT / name, target)
             done = subprocess.run([f"{folder}/deploy/setup", "--list"], capture_output=True, encoding="utf-8", check=False)
-            self.assertEqual(done.stdout.split(), list(packages()), done.stderr)
+            self.assertEqual(done.stdout.split(), listed(), done.stderr)
             self.assertTrue(pathlib.Path(folder, "tests/web/package-lock.json").exists())
         self.assertEqual(lines[-1], 'CMD ["deploy/test"]')
 
