@@ -5,6 +5,7 @@
 #include <ctime>
 #include <exception>
 #include <ostream>
+#include <utility>
 
 #include "client/admin/command.h"
 #include "client/net/credentials.h"
@@ -63,6 +64,10 @@ int fail(std::ostream& err, const Error& error) {
 }
 
 }  // namespace
+
+void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run) {
+  command->callback([&chosen, run = std::move(run)] { chosen.run = run; });
+}
 
 int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream& err) try {
   CLI::App app{

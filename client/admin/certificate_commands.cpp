@@ -1,6 +1,7 @@
 // The server's certificate and the authority that signs it. Works on DIR/tls, with the server running or
 // stopped.
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
 #include <string>

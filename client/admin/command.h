@@ -1,17 +1,19 @@
 /// The base of the subcommands. Each *_commands.cpp adds its own to the command line.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
-#include <utility>
 
 #include "client/admin/backend.h"
 #include "client/admin/output.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
+
+namespace CLI {
+class App;
+}
 
 namespace needlelab {
 
@@ -44,9 +46,7 @@ struct ChosenCommand {
 };
 
 /// Sets the function of `command`.
-inline void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run) {
-  command->callback([&chosen, run = std::move(run)] { chosen.run = run; });
-}
+void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run);
 
 void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
 void addStationCommands(CLI::App& app, ChosenCommand& chosen);

@@ -1,4 +1,5 @@
 // Groups, results, progress, scores.
+#include <CLI/CLI.hpp>
 #include <fmt/core.h>
 
 #include <algorithm>

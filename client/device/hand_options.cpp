@@ -1,5 +1,6 @@
 #include "client/device/hand_options.h"
 
+#include <CLI/CLI.hpp>
 #include <fmt/core.h>
 
 #include <algorithm>

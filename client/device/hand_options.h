@@ -1,7 +1,6 @@
 /// The hand's command line: the `--hand-…` options, levels of skill, and the plans of `--hand-plan`.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +9,10 @@
 #include "client/device/hand_plan.h"
 #include "common/base/result.h"
 #include "common/haptics/scene_spec.h"
+
+namespace CLI {
+class App;
+}
 
 namespace needlelab {
 

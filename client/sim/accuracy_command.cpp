@@ -1,5 +1,6 @@
 /// `needlelab-sim accuracy`: the cost of accuracy in time, as tables, JSON, CSV and pictures.
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <cstdlib>

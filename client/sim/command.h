@@ -1,10 +1,13 @@
 /// The subcommands of needlelab-sim: each file of this folder named *_command.cpp adds one.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 
 #include "common/base/result.h"
+
+namespace CLI {
+class App;
+}
 
 namespace needlelab {
 

@@ -1,5 +1,6 @@
 /// `needlelab-sim effects`: the cost of each set of live effects.
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <cmath>
 #include <cstdio>

@@ -1,4 +1,5 @@
 /// `needlelab-sim figures`: the paper's experiments again, as tables and pictures.
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>

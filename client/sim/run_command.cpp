@@ -1,4 +1,5 @@
 /// `needlelab-sim run`: a trajectory through the engine, tick by tick.
+#include <CLI/CLI.hpp>
 #include <fmt/core.h>
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 /// `needlelab-sim score`: the measures of a trajectory, equal to the server's for that gesture.
+#include <CLI/CLI.hpp>
 #include <fmt/core.h>
 
 #include <cmath>

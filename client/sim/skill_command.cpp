@@ -1,6 +1,7 @@
 /// `needlelab-sim skill`: finds the measures that separate simulated hands of different skill.
 #include <fmt/core.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <cmath>
 #include <cstdio>

@@ -1,6 +1,7 @@
 /// `needlelab-sim stability`: the hard cases (tests/stability/README.md) over all axial models.
 #include <fmt/core.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,6 @@
 #include "client/sim/tools/json_output.h"
 
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 

@@ -1,11 +1,14 @@
 /// The common JSON output of the subcommands.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "common/base/result.h"
+
+namespace CLI {
+class App;
+}
 
 namespace needlelab {
 

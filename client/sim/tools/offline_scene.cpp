@@ -1,5 +1,6 @@
 #include "client/sim/tools/offline_scene.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <utility>

@@ -1,7 +1,6 @@
 /// A profile and a recorded trajectory, ready for the engine; input of `run` and `score`.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -12,6 +11,10 @@
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
 #include "needlelab/profile.pb.h"
+
+namespace CLI {
+class App;
+}
 
 namespace needlelab {
 

@@ -1,5 +1,6 @@
 // Commands for people and stations: hard names, bad tables, people who are gone, keys.
 #include <gmock/gmock.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <filesystem>

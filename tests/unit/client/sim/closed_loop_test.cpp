@@ -1,6 +1,7 @@
 #include "client/sim/tools/closed_loop.h"
 
 #include <gmock/gmock.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cmath>
