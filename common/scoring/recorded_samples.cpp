@@ -47,24 +47,21 @@ std::size_t RecordedSamples::countOf(std::size_t block) const {
 void RecordedSamples::hold(std::size_t block, std::vector<GestureSample> samples) const {
   // the one that was asked for longest ago gives way
   while (held_.size() >= kLeastHeld && held_samples_ + samples.size() > limit_) {
-    const auto oldest = std::min_element(held_.begin(), held_.end(), [this](std::size_t a, std::size_t b) {
-      return blocks_[a].used < blocks_[b].used;
-    });
-    Block& given_up = blocks_[*oldest];
+    Block& given_up = blocks_[held_.front()];
     held_samples_ -= given_up.samples.size();
     given_up.samples = {};
-    given_up.used = 0;
-    held_.erase(oldest);
+    given_up.held = false;
+    held_.pop_front();
   }
   held_samples_ += samples.size();
   most_held_ = std::max(most_held_, held_samples_);
   blocks_[block].samples = std::move(samples);
-  blocks_[block].used = ++asked_;
-  held_.push_back(block);
+  blocks_[block].held = true;
+  blocks_[block].place = held_.insert(held_.end(), block);
 }
 
 void RecordedSamples::show(std::size_t block) const {
-  blocks_[block].used = ++asked_;
+  held_.splice(held_.end(), held_, blocks_[block].place);
   data_ = blocks_[block].samples.data();
   first_ = blocks_[block].first;
   count_ = blocks_[block].samples.size();
@@ -76,7 +73,7 @@ void RecordedSamples::find(std::size_t i) const {
   const auto after = std::upper_bound(blocks_.begin(), blocks_.end(), i,
                                       [](std::size_t number, const Block& b) { return number < b.first; });
   const auto block = static_cast<std::size_t>(after - blocks_.begin()) - 1;
-  if (blocks_[block].used == 0) {
+  if (!blocks_[block].held) {
     const std::size_t count = countOf(block);
     std::vector<GestureSample> samples;
     if (fault_.ok()) {

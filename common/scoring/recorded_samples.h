@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <list>
 #include <span>
 #include <vector>
 
@@ -59,7 +60,8 @@ class RecordedSamples {
     std::uint64_t last_tick = 0;         // of the usable samples before
     bool any_before = false;             // whether there are such
     std::vector<GestureSample> samples;  // usable ones, when held
-    std::uint64_t used = 0;              // when it was last asked for; 0: not held
+    bool held = false;
+    std::list<std::size_t>::iterator place;  // in held_, when held
   };
   RecordedSamples() = default;
   [[nodiscard]] std::size_t countOf(std::size_t block) const;
@@ -73,9 +75,8 @@ class RecordedSamples {
   Read read_;
   std::size_t limit_ = kMostHeld;
   mutable std::vector<Block> blocks_;
-  mutable std::vector<std::size_t> held_;  // numbers of the blocks that are held
+  mutable std::list<std::size_t> held_;  // numbers of the blocks that are held, the longest unused first
   mutable std::size_t held_samples_ = 0, most_held_ = 0;
-  mutable std::uint64_t asked_ = 0;
   mutable Status fault_;
   // the part that was asked for last
   mutable const GestureSample* data_ = nullptr;

@@ -49,13 +49,28 @@ Result<std::string> ExportLedger::open(const Principal& who, std::string_view wh
 }
 
 bool ExportLedger::isNew(const Principal& who, std::string_view what, std::int64_t now_unix_ns) {
+  const auto isOld = [now_unix_ns](std::int64_t noted_unix_ns) {
+    return now_unix_ns - noted_unix_ns > kNotedAgainAfter_ns || noted_unix_ns > now_unix_ns;
+  };
   const std::lock_guard lock(mutex_);
-  std::erase_if(noted_, [&](const auto& entry) {
-    return now_unix_ns - entry.second > kNotedAgainAfter_ns || entry.second > now_unix_ns;
-  });
+  while (!in_order_.empty() && isOld(in_order_.front().second)) dropFirst();
+  const std::string key = who.name + "\n" + std::string(what);
+  const auto note = noted_.find(key);
+  // behind one that a clock that was set back has made young, an old one may stand
+  if (note != noted_.end() && !isOld(note->second)) return false;
   // an additional line in the audit log is better than an unbounded table
-  if (noted_.size() >= kMostNoted) noted_.clear();
-  return noted_.emplace(who.name + "\n" + std::string(what), now_unix_ns).second;
+  if (in_order_.size() >= kMostNoted) dropFirst();
+  noted_[key] = now_unix_ns;
+  in_order_.emplace_back(key, now_unix_ns);
+  return true;
+}
+
+void ExportLedger::dropFirst() {
+  const auto& [key, noted_unix_ns] = in_order_.front();
+  const auto note = noted_.find(key);
+  // the same read may have been noted again since
+  if (note != noted_.end() && note->second == noted_unix_ns) noted_.erase(note);
+  in_order_.pop_front();
 }
 
 }  // namespace needlelab

@@ -4,10 +4,12 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <mutex>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "common/base/result.h"
 #include "db/service/requests.h"
@@ -29,14 +31,17 @@ class ExportLedger {
                                          std::string_view page) const;
 
   /// True when the audit log should record that `who` reads `what` now: once an hour, for data that takes
-  /// many requests to read.
+  /// many requests to read. Logarithmic in the number of notes, also on average when old ones end.
   bool isNew(const Principal& who, std::string_view what, std::int64_t now_unix_ns);
 
  private:
   [[nodiscard]] std::string seal16(const Principal& who, std::string_view what, std::string_view place) const;
+  void dropFirst();
   std::array<unsigned char, 32> key_{};
   std::mutex mutex_;
-  std::map<std::string, std::int64_t> noted_;  ///< guarded by mutex_: time of the last entry
+  // guarded by mutex_: the time of each note, and the notes in the order in which they were made
+  std::map<std::string, std::int64_t> noted_;
+  std::deque<std::pair<std::string, std::int64_t>> in_order_;
 };
 
 }  // namespace needlelab

@@ -43,7 +43,14 @@ struct Context {
   const BackupKey* backup_key = nullptr;         ///< null: backups are not encrypted
 };
 
-/// Runs `work` on the writer and adds a line to the audit log, both or neither; returns after the commit.
+/// Whether the person is there, is not disabled and has this role; or the station is there and is not
+/// revoked.
+Result<bool> accessHolds(Connection& connection, const Principal& who);
+/// kDenied when `who` came by a log-in and its access does not hold any more.
+Status checkAccess(Connection& connection, const Principal& who);
+
+/// Checks the asker's access, runs `work` on the writer and adds a line to the audit log, all or nothing;
+/// returns after the commit.
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work);
 

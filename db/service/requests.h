@@ -15,10 +15,13 @@ namespace needlelab {
 
 class Service;
 
-/// A logged-in person or station.
+/// The asker of a request: a person or a station.
 struct Principal {
   std::string name;
   pb::Role role = pb::ROLE_UNSPECIFIED;
+  /// Came by a log-in. The account may be disabled, or change its role, while its requests wait for their
+  /// turn: each is refused unless the account still holds then, and once more where a change is written.
+  bool logged_in = false;
 };
 
 /// The thread pool that executes a request. Separate pools keep a backup of minutes or a flood of passwords

@@ -81,6 +81,10 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
     // an unexpected exception fails only this request and must not affect lessons
     try {
       RETURN_IF_ERROR(checkRole(principal, request.call_case()));
+      {
+        ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+        RETURN_IF_ERROR(handlers::checkAccess(*reader, principal));
+      }
       return row->handler.run(*this, principal, request);
     } catch (const std::exception& thrown) {
       return Error{
@@ -263,14 +267,14 @@ Result<Principal> Service::loginPerson(const std::string& user, const std::strin
   ASSIGN_OR_RETURN(const bool right,
                    verifyPassword(person ? person->password_hash : std::string(), password));
   if (!right || !person || person->disabled) return loginRefused();
-  return Principal{person->name, person->role};
+  return Principal{person->name, person->role, true};
 }
 
 Result<Principal> Service::loginStation(const std::string& station, const std::string& key) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   ASSIGN_OR_RETURN(const auto right, StationStore(*reader).checkKey(station, key));
   if (!right) return loginRefused();
-  return Principal{station, pb::STATION};
+  return Principal{station, pb::STATION, true};
 }
 
 Result<bool> Service::isKnownName(const std::string& name, bool station) {
@@ -285,12 +289,7 @@ Result<bool> Service::isKnownName(const std::string& name, bool station) {
 
 Result<bool> Service::stillAllowed(const Principal& principal) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  if (principal.role == pb::STATION) {
-    ASSIGN_OR_RETURN(const auto station, StationStore(*reader).find(principal.name));
-    return station && !station->revoked;
-  }
-  ASSIGN_OR_RETURN(const auto person, PeopleStore(*reader).find(principal.name));
-  return person && !person->disabled && person->role == principal.role;
+  return handlers::accessHolds(*reader, principal);
 }
 
 Result<std::vector<std::string>> Service::erasuresToRepeat() {

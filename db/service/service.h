@@ -59,7 +59,8 @@ class Service {
   Service(DbWriter& writer, ReaderPool& readers, TimeSource& time = machineTime())
       : writer_(writer), readers_(readers), codes_(time) {}
 
-  /// Checks the role (requests.h), executes the request and writes the audit log.
+  /// Checks the role (requests.h) and, of who logged in, that the account still has it; executes the request
+  /// and writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
 
   /// At the program's end: cancels running and later backups, checks and verifications. Thread: any.

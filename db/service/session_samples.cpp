@@ -53,6 +53,11 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
                  fmt::format("session {} has {} samples, at most {} are scored", uuidText(session),
                              all.info.samples(), kMaxScoredSamples)};
   }
+  if (const std::uint64_t most = kScoredChunksBesides + all.info.samples() / 500; all.info.chunks() > most) {
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("session {} has its {} samples in {} chunks, at most {} are scored",
+                             uuidText(session), all.info.samples(), all.info.chunks(), most)};
+  }
   ASSIGN_OR_RETURN(auto profile, parseProfile(all.info.description().profile_json(),
                                               "profile of session " + uuidText(session)));
   all.profile = std::move(profile);

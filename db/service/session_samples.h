@@ -19,6 +19,10 @@ namespace needlelab {
 /// (26 MB of decoded samples at most, and the smoothed motion at 100 Hz). At other rates the bounds of
 /// common/scoring/motion_cost.h may come first; with them it is some 110 MB at most.
 inline constexpr std::uint64_t kMaxScoredSamples = 1'800'000;
+/// A chunk is read and decoded by itself, in a long session a dozen times. A station's chunks have 1,000
+/// samples each, but for those that a power cut or the end left shorter; a session in more chunks than these,
+/// and one for each 500 samples, is not scored.
+inline constexpr std::uint64_t kScoredChunksBesides = 1'000;
 
 struct SessionSamples {
   pb::SessionInfo info;
@@ -31,9 +35,9 @@ struct SessionSamples {
 };
 
 /// Reads and checks the whole session once, and holds a part of it. kInvalidInput: the profile text is not
-/// valid, the gesture is longer than kMaxScoredSamples or its motion beyond the bounds of
-/// common/scoring/motion_cost.h, or retention has removed the original; kCorrupt: a
-/// chunk fails its check; kNotFound. A session without samples has no profile here.
+/// valid, the gesture is longer than kMaxScoredSamples, in more chunks than kScoredChunksBesides allows, or
+/// its motion beyond the bounds of common/scoring/motion_cost.h, or retention has removed the original;
+/// kCorrupt: a chunk fails its check; kNotFound. A session without samples has no profile here.
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
 
 /// The session's aspirations and injections (scoring/syringe_events.h).

@@ -4,7 +4,9 @@
 #include "db/backup.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/credentials.h"
 #include "db/erasure.h"
+#include "db/people.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 
@@ -43,9 +45,27 @@ Result<std::filesystem::path> backupTarget(const Context& context, const pb::Bac
 
 }  // namespace
 
+Result<bool> accessHolds(Connection& connection, const Principal& who) {
+  if (who.role == pb::STATION) {
+    ASSIGN_OR_RETURN(const auto station, StationStore(connection).find(who.name));
+    return station && !station->revoked;
+  }
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(who.name));
+  return person && !person->disabled && person->role == who.role;
+}
+
+Status checkAccess(Connection& connection, const Principal& who) {
+  if (!who.logged_in) return {};
+  ASSIGN_OR_RETURN(const bool holds, accessHolds(connection, who));
+  if (holds) return {};
+  return Error{ErrorCode::kDenied,
+               who.name + ": access was withdrawn, or the role was changed: log in again"};
+}
+
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work) {
   return context.writer.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(checkAccess(writer, context.who));
     RETURN_IF_ERROR(work(writer));
     return AuditStore(writer).add(
         {0, context.now_unix_ns, context.who.name, std::string(context.action), subject, detail});

@@ -115,6 +115,17 @@ TEST(RecordedSamples, areThoseThatCleanedKeeps) {
   for (std::size_t i = kept.size(); i-- > 0;) ASSERT_EQ(blocks[i].tick, kept[i].tick) << i;
 }
 
+TEST(RecordedSamples, theBlockThatWasUnusedLongestGivesWay) {
+  InBlocks source(ContinuousGesture(3).samples(kRate_hz), 100);
+  const RecordedSamples blocks = source.open(500);  // five blocks
+  for (const std::size_t block : {0u, 1u, 2u, 3u, 4u, 0u, 5u}) (void)blocks[block * 100];
+  const std::size_t decoded = source.decoded;
+  (void)blocks[0];
+  EXPECT_EQ(source.decoded, decoded) << "0 was used again, so 1 gave way";
+  (void)blocks[100];
+  EXPECT_EQ(source.decoded, decoded + 1);
+}
+
 TEST(RecordedSamples, aReferenceOutlivesThreeOtherBlocks) {
   InBlocks source(ContinuousGesture(3).samples(kRate_hz), 100);
   const RecordedSamples blocks = source.open(0);

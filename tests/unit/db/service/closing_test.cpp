@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/scoring/syringe_events.h"
+#include "db/service/session_samples.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -303,6 +304,22 @@ TEST_F(Closing, anEmptySessionHasNoScore) {
   EXPECT_TRUE(outcome->closed.taken());
   EXPECT_EQ(outcome->score_json, "");
   EXPECT_EQ(outcome->score_fault, "");
+}
+
+// as a hostile station sends them: each chunk costs a query and a decoding, a dozen times
+TEST_F(Closing, aSessionInTinyChunksIsNotScoredBeyondTheirBound) {
+  for (const std::uint64_t chunks : {kScoredChunksBesides + 2, kScoredChunksBesides + 3}) {
+    const Uuid id = addSession("anna", chunks, 1, kneeProfile());
+    const auto outcome = store->service().closeSession(test::closeOf(id, chunks, 1), "station-1");
+    ASSERT_OK(outcome);
+    EXPECT_TRUE(outcome->closed.taken()) << outcome->closed.text;
+    if (chunks == kScoredChunksBesides + 2)  // 1,002 samples: 1,000 and one for each 500
+      EXPECT_EQ(outcome->score_fault, "");
+    else
+      EXPECT_NE(outcome->score_fault.find("has its 1003 samples in 1003 chunks, at most 1002 are scored"),
+                std::string::npos)
+          << outcome->score_fault;
+  }
 }
 
 /// As a hostile station declares them: 50 Hz and ticks just under the longest bridge apart, 10 points of the

@@ -2,6 +2,7 @@
 #include <utility>
 #include <vector>
 
+#include "db/service/handlers.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -40,6 +41,56 @@ TEST_F(PeopleHandlers, aPersonCanLogInUntilDisabled) {
   disable.mutable_disable_user()->set_enable(true);
   get(admin, disable);
   EXPECT_OK(service.loginPerson("ina", "correct horse"));
+}
+
+// requests wait for their turn behind others of their account: seconds behind an import with many codes
+TEST_F(PeopleHandlers, whatAnAccountAskedForBeforeItWasDisabledIsNotDoneAfterwards) {
+  get(admin, addUser("mallory", pb::ADMINISTRATOR, "correct horse"));
+  auto& service = store->service();
+  const auto in = service.loginPerson("mallory", "correct horse");
+  ASSERT_OK(in);
+  const auto disable = [&](bool enable) {
+    pb::Request request;
+    request.mutable_disable_user()->set_name("mallory");
+    request.mutable_disable_user()->set_enable(enable);
+    get(admin, request);
+  };
+  pb::Request list;
+  list.mutable_list_users();
+  get(*in, list);
+  disable(false);
+  EXPECT_EQ(refusal(*in, addUser("heir", pb::ADMINISTRATOR, "correct horse")), ErrorCode::kDenied);
+  EXPECT_EQ(refusal(*in, list), ErrorCode::kDenied);
+  disable(true);
+  get(*in, list);
+  pb::Request demote;
+  demote.mutable_change_user()->set_name("mallory");
+  demote.mutable_change_user()->set_role(pb::TRAINEE);
+  get(admin, demote);
+  EXPECT_EQ(refusal(*in, list), ErrorCode::kDenied) << "the role of the log-in is no longer the account's";
+}
+
+TEST_F(PeopleHandlers, anAccountThatIsDisabledWhileItsChangeIsPreparedChangesNothing) {
+  get(admin, addUser("mallory", pb::ADMINISTRATOR, "correct horse"));
+  auto& service = store->service();
+  const auto in = service.loginPerson("mallory", "correct horse");
+  ASSERT_OK(in);
+  bool worked = false;
+  const auto reply =
+      service.withReader(*in, "user add", [&](const handlers::Context& context) -> Result<pb::Reply> {
+        // as in the 0.1 s in which a password is hashed
+        pb::Request disable;
+        disable.mutable_disable_user()->set_name("mallory");
+        get(admin, disable);
+        RETURN_IF_ERROR(handlers::write(context, "heir", "", [&](Connection&) {
+          worked = true;
+          return Status();
+        }));
+        return handlers::doneReply();
+      });
+  ASSERT_FALSE(reply.ok());
+  EXPECT_EQ(reply.error().code, ErrorCode::kDenied);
+  EXPECT_FALSE(worked);
 }
 
 TEST_F(PeopleHandlers, onlyTraineesMayBeWithoutPassword) {
