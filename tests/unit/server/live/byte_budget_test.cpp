@@ -84,5 +84,25 @@ TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
   EXPECT_EQ(freed, 2) << "a share may end after the budget";
 }
 
+TEST(ByteBudget, aShareThatNeedsLessThanItTookGivesTheRestBackAtOnce) {
+  int freed = 0;
+  ByteBudget budget(kLimits, [&] { ++freed; });
+  auto share = budget.take(personAt("anna", 1), 10);
+  ASSERT_TRUE(share.has_value());
+  share->lower(12);
+  EXPECT_EQ(budget.taken(), 10u) << "it has no more than it took";
+  EXPECT_EQ(freed, 0);
+  share->lower(4);
+  EXPECT_EQ(budget.taken(), 4u);
+  EXPECT_EQ(freed, 1);
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 6).has_value());
+  share.reset();
+  EXPECT_EQ(budget.taken(), 0u);
+  EXPECT_EQ(budget.mostTaken(), 10u);
+  auto all = budget.take(personAt("anna", 1), 10);
+  all->lower(0);
+  EXPECT_EQ(budget.taken(), 0u);
+}
+
 }  // namespace
 }  // namespace needlelab
