@@ -266,6 +266,7 @@ TEST_F(Scoring, aDistanceBetweenTwoPathsIsComputedOnceWhoeverAsks) {
 }
 
 TEST_F(Scoring, afterAnErasureNothingIsKeptOfTheErasedPaths) {
+  addPerson("ada", pb::ADMINISTRATOR);
   addPerson("anna", pb::TRAINEE);
   std::vector<Uuid> experts;
   for (int i = 0; i < 5; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
