@@ -1,32 +1,25 @@
 #include "server/server.h"
 
 #include <fmt/core.h>
-#include <malloc.h>
 
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/post.hpp>
-#include <boost/asio/signal_set.hpp>
 #include <csignal>
 #include <optional>
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
-#include "common/base/program.h"
-#include "common/wire/certificates.h"
-#include "common/wire/tls.h"
-#include "common/wire/tls_folder.h"
-#include "db/retention_store.h"
 #include "db/schema.h"
 #include "server/base/listen.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/startup.h"
+#include "server/server_parts.h"
 #include "server/service_manager.h"
 
 namespace needlelab {
-
 namespace {
 
 /// Logs once, after a restore, the accesses that had been withdrawn and are valid again (service/restore.h).
@@ -40,79 +33,6 @@ Status logValidAgain(Store& store) {
   }
   return store.writer().run([](Connection& c) { return MetaStore(c).set("access_valid_again", ""); });
 }
-
-}  // namespace
-
-/// Destroyed in reverse order: the pools (joined) before the store, the store (drained) before the
-/// io_context.
-struct Server::Parts {
-  explicit Parts(ServerOptions given) : options(std::move(given)) {}
-
-  ServerOptions options;
-  asio::io_context io{1};
-  TlsContext tls;  // for connections from now on
-  TlsFiles files;
-  CertificateNames names;
-  std::string certificate_sha256;
-  std::unique_ptr<Store> store;
-  // of the retention threads, one runs retention; the other answers further requests and makes dry runs
-  asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{kWorkerThreads}, views{kViewThreads},
-      slow_workers{kSlowThreads}, retention_workers{2};
-  asio::thread_pool room_worker{1};  // looks at the disk, which may hang
-  std::optional<ServerContext> context;
-  std::optional<Tcp::acceptor> acceptor;
-  std::unique_ptr<Monitor> monitor;
-  std::shared_ptr<MonitorPort> monitor_port;
-  std::shared_ptr<WebServer> web;
-  asio::signal_set signals{io};
-  asio::steady_timer watchdog_timer{io};
-  asio::steady_timer drain_timer{io};
-  asio::steady_timer retention_timer{io};
-  asio::steady_timer heap_timer{io};
-  asio::steady_timer certificate_timer{io};
-  asio::steady_timer room_timer{io};
-  std::uint16_t port = 0;
-  std::uint64_t next_id = 1;
-  bool stopping = false;
-  int exit_code = kExitDone;
-  std::uint64_t refused_unlogged = 0;
-  std::int64_t refused_logged_ns = 0;
-  std::uint64_t free_at_start = 0;
-
-  Task<> signalLoop();
-  Task<> drainLoop();
-  Task<> watchdogLoop(std::chrono::microseconds period);
-  Status startMonitor();
-  Task<> retentionLoop();
-  Task<> heapLoop();
-  Task<> certificateLoop();
-  [[nodiscard]] std::optional<DiskRoom::Look> lookAtRoom() const;
-  void noteRoom(const std::optional<DiskRoom::Look>& look);
-  Task<> roomLoop();
-  void accepted(Tcp::socket socket);
-  void refuseConnection(const std::string& host);
-  void beginStop(const std::string& reason);
-};
-
-namespace {
-
-struct ServerCertificate {
-  TlsContext tls;
-  std::string sha256;
-  bool made = false;
-};
-
-/// The certificate of the files, made or renewed if need be. Thread: any.
-Result<ServerCertificate> currentCertificate(const TlsFiles& files, const CertificateNames& names) {
-  ServerCertificate current;
-  ASSIGN_OR_RETURN(current.made, ensureTlsFiles(files, names));
-  ASSIGN_OR_RETURN(current.tls, makeServerTls(files.certificate, files.key));
-  ASSIGN_OR_RETURN(const auto facts, readCertificate(files.certificate));
-  current.sha256 = facts.sha256;
-  return current;
-}
-/// A read-only server believes that somebody made room when so much more is free than at its start.
-constexpr std::uint64_t kMadeRoom = 8u << 20;
 
 void logThrown(const std::string& text) {
   logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
@@ -356,114 +276,6 @@ void Server::Parts::beginStop(const std::string& reason) {
   asio::co_spawn(io, drainLoop(), rethrow);
 }
 
-Task<> Server::Parts::retentionLoop() {
-  auto wait = options.retention_first;
-  // beginStop cancels the timer once: a run that ends later must not start it again
-  while (!stopping) {
-    retention_timer.expires_after(std::exchange(wait, options.retention_every));
-    co_await retention_timer.async_wait(kUseTuple);
-    if (stopping) co_return;
-    std::function<Result<pb::RetentionReport>()> work = [this] {
-      yieldToOthers();
-      return store->service().dailyRetention();
-    };
-    const auto report = co_await offload(retention_workers, std::move(work));
-    if (!report.ok()) {
-      logEvent(LogLevel::kWarning, "retention_not_run", {{"text", report.error().message}});
-      continue;
-    }
-    logEvent(LogLevel::kInfo, "retention",
-             {{"thinned", report->thinned()},
-              {"deleted", report->deleted()},
-              {"waiting_for_backup", report->waiting_for_backup()},
-              {"left_alone", report->left_alone()},
-              {"bytes_before", report->bytes_before()},
-              {"bytes_after", report->bytes_after()},
-              {"stopped", report->stopped() ? "yes" : "no"}});
-  }
-}
-
-/// Returns free memory to the system. Each burst (many reconnections, a viewer that does not read) takes
-/// memory; afterwards the C library keeps the gaps between live blocks, so that without this the heap would
-/// stay as large as after the largest burst.
-Task<> Server::Parts::heapLoop() {
-  while (!stopping) {
-    heap_timer.expires_after(options.heap_every);
-    co_await heap_timer.async_wait(kUseTuple);
-    if (stopping) co_return;
-    asio::post(workers, [] { ::malloc_trim(0); });
-  }
-}
-
-/// Renews the certificate in time and takes one that a technician made (certificates.h). Connections that are
-/// there keep theirs.
-Task<> Server::Parts::certificateLoop() {
-  std::string fault;
-  while (!stopping) {
-    certificate_timer.expires_after(options.certificate_every);
-    co_await certificate_timer.async_wait(kUseTuple);
-    if (stopping) co_return;
-    std::function<Result<ServerCertificate>()> work = [this] { return currentCertificate(files, names); };
-    const auto now = co_await offload(workers, std::move(work));
-    if (!now.ok()) {
-      // once for each fault: the old certificate serves on
-      if (std::exchange(fault, now.error().message) != now.error().message)
-        logEvent(LogLevel::kWarning, "certificate_not_renewed", {{"text", now.error().message}});
-      continue;
-    }
-    fault.clear();
-    if (std::exchange(certificate_sha256, now->sha256) == now->sha256) continue;
-    tls = now->tls;
-    if (web) web->useTls(tls);
-    logEvent(LogLevel::kInfo, "certificate_taken", {{"sha256", now->sha256}});
-  }
-}
-
-/// Thread: any; blocks while the disk hangs. Nothing: the system does not tell.
-std::optional<DiskRoom::Look> Server::Parts::lookAtRoom() const {
-  const auto free = options.free_bytes(options.data);
-  if (!free) return std::nullopt;
-  DiskRoom::Look look{.disk_bytes = *free};
-  if (auto reader = store->readers().borrow(); reader.ok())
-    if (const auto space = RetentionStore(**reader).space(); space.ok()) look.file_bytes = space->free_bytes;
-  return look;
-}
-
-void Server::Parts::noteRoom(const std::optional<DiskRoom::Look>& look) {
-  if (!look) return;  // what was seen before still counts
-  DiskRoom& room = context->disk_room;
-  const RoomLevel before = room.level();
-  room.look(*look);
-  if (const RoomLevel now = room.level(); now != before)
-    logEvent(now == RoomLevel::kPlenty ? LogLevel::kInfo : LogLevel::kWarning, "disk_room",
-             {{"level", nameOf(now)}, {"left_bytes", room.leftBytes()}, {"text", room.text()}});
-}
-
-/// Looks at the disk and sets what is refused. A read-only server ends when there is room: whoever started it
-/// starts it again, for writing.
-Task<> Server::Parts::roomLoop() {
-  while (!stopping) {
-    room_timer.expires_after(options.room_every);
-    co_await room_timer.async_wait(kUseTuple);
-    if (stopping) co_return;
-    using Seen = std::optional<DiskRoom::Look>;
-    std::function<Result<Seen>()> look = [this]() -> Result<Seen> {
-      (void)store->keepAuditHead();
-      return lookAtRoom();
-    };
-    const auto looked = co_await offload(room_worker, std::move(look));
-    if (stopping) co_return;
-    const Seen seen = looked.ok() ? *looked : std::nullopt;
-    noteRoom(seen);
-    // a disk that refuses although it has room (a quota) would refuse again
-    if (!store->readOnly() || !seen || context->disk_room.level() == RoomLevel::kNoChunks ||
-        seen->disk_bytes < free_at_start + kMadeRoom)
-      continue;
-    exit_code = kExitFailed;
-    beginStop("there is room on the disk again: start the server again, for writing");
-  }
-}
-
 Task<> Server::Parts::drainLoop() {
   const auto end = std::chrono::steady_clock::now() + options.drain;
   const auto all_gone = [this] { return context->connections.empty() && (!web || web->idle()); };
@@ -474,15 +286,6 @@ Task<> Server::Parts::drainLoop() {
   const auto left = context->connections;
   for (const auto& [id, connection] : left) connection->cut("the server's time to drain has passed");
   if (web) web->cutAll("the server's time to drain has passed");
-}
-
-/// Tells systemd that this thread still runs: systemd kills and restarts a server that hangs.
-Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
-  while (!stopping) {
-    notifyManager("WATCHDOG=1");
-    watchdog_timer.expires_after(period);
-    co_await watchdog_timer.async_wait(kUseTuple);
-  }
 }
 
 std::uint16_t Server::metricsPort() const {

@@ -149,10 +149,16 @@ std::vector<ReferenceBand> referenceBands(std::span<const std::vector<Measure>> 
 }
 
 std::vector<double> distancesAmong(std::span<const TipPath> references) {
-  std::vector<std::optional<double>> nearest(references.size());
-  for (std::size_t i = 0; i < references.size(); ++i) {
-    for (std::size_t j = i + 1; j < references.size(); ++j) {
-      const auto distance = dtwDistance(references[i], references[j]);
+  return distancesAmong(references.size(), [&](std::size_t i, std::size_t j) {
+    return dtwDistance(references[i], references[j]);
+  });
+}
+
+std::vector<double> distancesAmong(std::size_t references, const DistanceBetween& between) {
+  std::vector<std::optional<double>> nearest(references);
+  for (std::size_t i = 0; i < references; ++i) {
+    for (std::size_t j = i + 1; j < references; ++j) {
+      const auto distance = between(i, j);
       if (!distance) continue;
       for (auto* const one : {&nearest[i], &nearest[j]}) {
         if (!*one || *distance < **one) *one = distance;

@@ -7,7 +7,9 @@
 /// difference (measure_table.h), so that experts who are alike do not make everybody else a stranger.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -42,6 +44,10 @@ ReferenceBand bandOf(std::string name, std::string unit, std::span<const double>
 /// Returns the distance of each reference from the nearest other reference: the scale for a gesture's
 /// `dtw_distance_m`. Empty for fewer than two references.
 std::vector<double> distancesAmong(std::span<const TipPath> references);
+/// The distance of two references by their places in the list, in m; nothing: one of both has no path.
+using DistanceBetween = std::function<std::optional<double>(std::size_t, std::size_t)>;
+/// The same of so many references, for a caller that knows distances: asks once for each pair.
+std::vector<double> distancesAmong(std::size_t references, const DistanceBetween& between);
 
 enum class Standing : std::uint8_t {
   kLikeReference,  ///< within the expected range of another expert's gesture

@@ -12,8 +12,6 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kBatchBytes = 16u << 10;  // about one TLS record
-
 std::int64_t nsOf(std::chrono::milliseconds time) {
   return std::chrono::nanoseconds(time).count();
 }
@@ -124,7 +122,7 @@ Task<Result<pb::Envelope>> Channel::receive() {
   }
 }
 
-bool Channel::send(const pb::Envelope& envelope) {
+bool Channel::send(const pb::Envelope& envelope, std::shared_ptr<const void> until_sent) {
   auto frame = encodeFrame(envelope);
   if (!frame.ok()) {
     // a message that we cannot send is our fault; the peer would wait in vain, so report it to both sides and
@@ -134,10 +132,10 @@ bool Channel::send(const pb::Envelope& envelope) {
     finish(CloseReason::kLocal, frame.error().message, &last);
     return false;
   }
-  return send(std::move(*frame));
+  return send(std::move(*frame), std::move(until_sent));
 }
 
-bool Channel::send(Frame frame) {
+bool Channel::send(Frame frame, std::shared_ptr<const void> until_sent) {
   if (closing()) return false;
   if (control_bytes_ + frame->size() > limits_.control_queue_bytes) {
     control_.clear();
@@ -150,7 +148,7 @@ bool Channel::send(Frame frame) {
     return false;
   }
   control_bytes_ += frame->size();
-  control_.push_back(std::move(frame));
+  control_.push_back({std::move(frame), std::move(until_sent)});
   wakeWriter();
   return true;
 }
@@ -171,7 +169,7 @@ void Channel::finish(CloseReason reason, std::string text, const pb::Envelope* l
   }
   live_.clear();
   if (last != nullptr) {
-    if (auto frame = encodeFrame(*last); frame.ok()) control_.push_back(std::move(*frame));
+    if (auto frame = encodeFrame(*last); frame.ok()) control_.push_back({std::move(*frame), nullptr});
   }
   times_.finishing = true;
   times_.finish_started_ns = steadyNowNs();
@@ -186,6 +184,7 @@ void Channel::close(CloseReason reason, std::string text) {
   boost::system::error_code ignored;
   socket_.close(ignored);
   control_.clear();
+  being_sent_.clear();
   control_bytes_ = 0;
   live_.clear();
   gather_.cancel();
@@ -204,12 +203,11 @@ Error Channel::closedError() const {
 }
 
 bool Channel::fillBatch() {
-  // release the large buffer of a large message
-  if (batch_.capacity() > 4 * kBatchBytes) std::string().swap(batch_);
   batch_.clear();
   while (!control_.empty() && batch_.size() < kBatchBytes) {
-    const Frame frame = std::move(control_.front());
+    const auto [frame, until_sent] = std::move(control_.front());
     control_.pop_front();
+    if (until_sent) being_sent_.push_back(until_sent);
     control_bytes_ -= std::min(control_bytes_, frame->size());
     appendFrameHeader(batch_, frame->size());
     batch_ += *frame;

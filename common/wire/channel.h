@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/wire/asio.h"
@@ -103,8 +104,9 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// Queues a control message; it is never dropped. Returns false when the channel is closing, or when this
   /// message overflows the queue: then the peer gets Refusal QUEUE_OVERFLOW as its last message, and the
   /// channel closes.
-  bool send(const pb::Envelope& envelope);
-  bool send(Frame frame);
+  /// `until_sent` is released when the network has taken the message, or will not get it.
+  bool send(const pb::Envelope& envelope, std::shared_ptr<const void> until_sent = {});
+  bool send(Frame frame, std::shared_ptr<const void> until_sent = {});
   /// Queues a live message; it is dropped when it gets too old. `counted`: the message is a LiveFrame, and
   /// the receiver is told of its drops.
   void sendLive(Frame frame, bool counted);
@@ -131,6 +133,12 @@ class Channel : public std::enable_shared_from_this<Channel> {
   [[nodiscard]] SSL* ssl() const { return tls_.ssl(); }
 
  private:
+  static constexpr std::size_t kBatchBytes = 16u << 10;  // about one TLS record
+  struct Control {
+    Frame frame;
+    std::shared_ptr<const void> until_sent;
+  };
+
   Channel(TlsStream& stream, ChannelLimits limits);
   // static with a shared pointer by value: the coroutine keeps its channel alive
   static Task<> watchLoop(std::shared_ptr<Channel> self);
@@ -155,9 +163,10 @@ class Channel : public std::enable_shared_from_this<Channel> {
   std::string peer_;
   FrameSplitter splitter_;
   LiveQueue live_;
-  std::deque<Frame> control_;
+  std::deque<Control> control_;
   std::size_t control_bytes_ = 0;
   std::string batch_;  // the bytes of the current write: many small frames in one TLS record
+  std::vector<std::shared_ptr<const void>> being_sent_;  // of the messages in that write
   asio::steady_timer gather_, watch_;
   bool watching_ = false, closed_ = false;
   bool flush_posted_ = false, gathering_ = false;  // a flush is scheduled

@@ -234,6 +234,8 @@ void Channel::flush() {
     times_.write_started_ns = steadyNowNs();
     if (tls_.write(batch_) != TlsStep::kDone)
       close(CloseReason::kNetwork, "writing failed: " + tls_.failure());
+    // it is encrypted: release the large buffer of a large message
+    if (batch_.capacity() > 4 * kBatchBytes) std::string().swap(batch_);
     if (writes == kWritesInARow) return;
   }
   if (closed_ || !times_.finishing || std::exchange(discarding_, true)) return;
@@ -254,6 +256,7 @@ bool Channel::sendOutput() {
     }
     tls_.sent(static_cast<std::size_t>(count));
   }
+  being_sent_.clear();
   if (times_.write_started_ns != 0) {
     times_.write_started_ns = 0;
     times_.last_sent_ns = steadyNowNs();

@@ -30,14 +30,12 @@ std::string lossText(const pb::CloseSession& request) {
   if (refused > 0)
     text = fmt::format(
         "{} samples from tick {} on were lost at the station: its disk refused them for longer than its "
-        "memory "
-        "lasted",
+        "memory lasted",
         refused, request.lost_from_tick());
   if (damaged > 0)
     text += fmt::format(
         "{}{} samples ({} whole chunks) from tick {} on are missing: the station's disk lost them, by damage "
-        "or "
-        "in a power cut",
+        "or in a power cut",
         text.empty() ? "" : ". ", damaged, request.chunks_damaged(), request.lost_from_tick());
   if (request.hash().empty())
     text += fmt::format(
@@ -55,29 +53,6 @@ Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& requ
   remark.tick = std::min<std::uint64_t>(request.lost_from_tick(), INT64_MAX);
   remark.author = station.empty() ? "station" : "station " + station;
   remark.text = std::move(text);
-  remark.created_unix_ns = wallNowNs();
-  const auto added = AnnotationStore(writer).add(remark);
-  return added ? Status() : Status(added.error());
-}
-
-// The remark on a session that is stored and replayed but never scored: for people, and so that nothing reads
-// all of it again only to find the same.
-const std::string kUnscoredAuthor = "server", kUnscoredText = "cannot be scored: ";
-
-Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session) {
-  ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(reader).list(session));
-  for (const StoredAnnotation& remark : remarks) {
-    if (remark.author == kUnscoredAuthor && remark.text.starts_with(kUnscoredText))
-      return std::optional(remark.text.substr(kUnscoredText.size()));
-  }
-  return std::optional<std::string>();
-}
-
-Status noteNeverScored(Connection& writer, const Uuid& session, const std::string& why) {
-  StoredAnnotation remark;
-  remark.session = session;
-  remark.author = kUnscoredAuthor;
-  remark.text = kUnscoredText + why;
   remark.created_unix_ns = wallNowNs();
   const auto added = AnnotationStore(writer).add(remark);
   return added ? Status() : Status(added.error());

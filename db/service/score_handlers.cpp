@@ -14,7 +14,6 @@
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
-#include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
 #include "common/scoring/reference.h"
 #include "db/assignments.h"
@@ -24,7 +23,6 @@
 #include "db/service/handlers.h"
 #include "db/service/reference_paths.h"
 #include "db/service/score_rows.h"
-#include "db/service/session_samples.h"
 #include "db/session_results.h"
 #include "db/session_store.h"
 #include "needlelab/teaching.pb.h"
@@ -221,7 +219,7 @@ std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths, 
                                      const pb::Reference& reference, const ReferenceScores& scores) {
   auto bands = referenceBands(scores.gestures);
   std::erase_if(bands, [](const ReferenceBand& band) { return band.name == kDistance; });
-  const auto distances = distancesAmong(paths.ofReference(reader, reference, std::nullopt));
+  const auto distances = paths.distancesAmongSessions(reader, reference);
   if (!distances.empty()) bands.push_back(bandOf(kDistance, "m", distances));
   std::erase_if(bands, [&](const ReferenceBand& band) { return band.n < least_n; });
   return bands;
@@ -260,19 +258,12 @@ Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, st
   const auto bands = bandsWith(reader, paths, least_n, reference, scores);
   std::erase_if(measures, [](const Measure& measure) { return measure.name == kDistance; });
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(score.session_id()));
-  if (const TipPath path = paths.of(reader, id); !path.empty()) {
-    std::optional<double> nearest;
-    for (const TipPath& other : paths.ofReference(reader, reference, id)) {
-      const auto distance = dtwDistance(path, other);
-      if (distance && (!nearest || *distance < *nearest)) nearest = distance;
-    }
-    if (nearest) {
-      Measure row;
-      row.name = kDistance;
-      row.unit = "m";
-      row.value = *nearest;
-      measures.push_back(row);
-    }
+  if (const auto nearest = paths.nearestDistance(reader, id, reference)) {
+    Measure row;
+    row.name = kDistance;
+    row.unit = "m";
+    row.value = *nearest;
+    measures.push_back(row);
   }
   const auto passed = score.has_passed() ? std::optional(score.passed()) : std::nullopt;
   // a session of an old program may have a profile that is not readable now: its layers are numbers then
@@ -304,53 +295,6 @@ pb::Score newScore(const Uuid& session, const std::string& measures_json) {
   score.set_made_unix_ns(wallNowNs());
   score.set_engine_version(NEEDLELAB_VERSION);
   return score;
-}
-
-namespace {
-
-/// At most 144 KiB each; when the cache is full, all paths are dropped and read again on demand.
-constexpr std::size_t kMostKnownPaths = 200;
-
-}  // namespace
-
-TipPath ReferencePaths::of(Connection& reader, const Uuid& session) {
-  {
-    const std::scoped_lock lock(mutex_);
-    if (const auto found = known_.find(session); found != known_.end()) return found->second;
-  }
-  const auto read = samplesOf(reader, session);
-  // do not cache a failed read: it may succeed later
-  if (!read) return {};
-  TipPath path = tipPathOf(read->samples, read->info.description().rate_hz(), read->X_WL);
-  if (!read->samples.fault().ok()) return {};
-  const std::scoped_lock lock(mutex_);
-  if (known_.size() >= kMostKnownPaths) known_.clear();
-  known_.emplace(session, path);
-  return path;
-}
-
-std::vector<TipPath> ReferencePaths::ofReference(Connection& reader, const pb::Reference& reference,
-                                                 std::optional<Uuid> except) {
-  std::vector<TipPath> paths;
-  const int count = std::min(reference.session_ids_size(), kMostReferencePaths);
-  for (int i = 0; i < count; ++i) {
-    const auto id = handlers::sessionId(reference.session_ids(i));
-    if (!id || (except && *id == *except)) continue;
-    TipPath path = of(reader, *id);
-    if (!path.empty()) paths.push_back(std::move(path));
-  }
-  return paths;
-}
-
-Result<std::vector<TipPath>> ReferencePaths::ofExercise(Connection& reader, const std::string& exercise_id,
-                                                        std::optional<Uuid> except) {
-  ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
-  return ofReference(reader, reference, except);
-}
-
-void ReferencePaths::forget() {
-  const std::scoped_lock lock(mutex_);
-  known_.clear();
 }
 
 }  // namespace needlelab

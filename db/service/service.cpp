@@ -163,7 +163,10 @@ Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool 
       return Error{ErrorCode::kUnavailable, "a run of retention is under way " + turn->other() +
                                                 ": try again when it is done; a dry run says what is left"};
   }
-  return runRetention(retentionTools(), by_whom, now, dry_run);
+  auto report = runRetention(retentionTools(), by_whom, now, dry_run);
+  // an original that is gone has no path, as after a restart
+  if (!dry_run) reference_paths_.forget();
+  return report;
 }
 
 Result<pb::RescoreReport> Service::rescoreAll(const std::string& by_whom, const pb::RescoreAll& call) {

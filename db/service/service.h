@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <mutex>
@@ -113,6 +114,9 @@ class Service {
 
   /// After an erasure: removes the chunks, and has the log emptied. Returns a sentence about what remains.
   std::string finishErasure() { return removeErased() + emptyLogOfErased(); }
+
+  /// Distances between the paths of tips that comparisons with references took since the start.
+  [[nodiscard]] std::uint64_t distancesComputed() const { return reference_paths_.distancesComputed(); }
 
   // --- for the rows of requests.cpp
 

@@ -267,6 +267,11 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
   list->set_stored(stored->has_value());
   // a session that was closed before events were stored, or could not be scored then
   if (!*stored) {
+    // a session that has a score was read since, by a program with other bounds
+    if (info.score_json().empty()) {
+      ASSIGN_OR_RETURN(const auto never, whyNeverScored(context.reader, *id));
+      if (never) return Error{ErrorCode::kInvalidInput, *never};
+    }
     ASSIGN_OR_RETURN(const auto read, samplesOf(context.reader, *id));
     *stored = eventsOf(read);
     RETURN_IF_ERROR(read.samples.fault());

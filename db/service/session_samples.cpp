@@ -5,16 +5,20 @@
 #include <string>
 #include <vector>
 
+#include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
 #include "common/scoring/motion_cost.h"
 #include "common/scoring/syringe_events.h"
+#include "db/session_results.h"
 #include "db/session_store.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::size_t kReadBytes = 4u << 20;
+
+const std::string kUnscoredAuthor = "server", kUnscoredText = "cannot be scored: ";
 
 // 0.1 points a sample at 1 kHz: the longest session has room for twice its motion
 static_assert(kMostMotionPoints == 2 * kMaxScoredSamples / 10);
@@ -77,6 +81,25 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session) {
   if (session.info.samples() == 0) return {};
   return syringeEvents(session.samples, session.info.description().rate_hz(), session.profile, session.X_WL);
+}
+
+Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(reader).list(session));
+  for (const StoredAnnotation& remark : remarks) {
+    if (remark.author == kUnscoredAuthor && remark.text.starts_with(kUnscoredText))
+      return std::optional(remark.text.substr(kUnscoredText.size()));
+  }
+  return std::optional<std::string>();
+}
+
+Status noteNeverScored(Connection& writer, const Uuid& session, const std::string& why) {
+  StoredAnnotation remark;
+  remark.session = session;
+  remark.author = kUnscoredAuthor;
+  remark.text = kUnscoredText + why;
+  remark.created_unix_ns = wallNowNs();
+  const auto added = AnnotationStore(writer).add(remark);
+  return added ? Status() : Status(added.error());
 }
 
 }  // namespace needlelab

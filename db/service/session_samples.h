@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "common/base/result.h"
@@ -42,5 +44,11 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
 
 /// The session's aspirations and injections (scoring/syringe_events.h).
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session);
+
+/// The remark on a session that is stored and replayed but never scored: for people, and so that nothing
+/// reads all of it again only to find the same. Nothing: there is no such remark. Errors: the database's.
+Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session);
+/// Adds that remark: `why` is what samplesOf() said. On the writer's thread.
+Status noteNeverScored(Connection& writer, const Uuid& session, const std::string& why);
 
 }  // namespace needlelab

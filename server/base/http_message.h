@@ -50,6 +50,8 @@ struct HttpAnswer {
   /// for the whole. The server asks for the next piece after it has sent the last one.
   HttpPieces pieces = {};
   std::shared_ptr<HttpTakeover> takeover = {};  ///< set: another protocol takes over the connection
+  std::shared_ptr<const void> until_sent =
+      {};  ///< released when the answer has been written, or the peer is gone
   bool no_store = true;
   bool close = false;  ///< close the connection afterwards
 };

@@ -78,23 +78,39 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     bool open = false;  // here: its close has not been answered on this connection
   };
 
-  // --- connection.cpp: lifetime and dispatch
+  /// A request's parts of the budgets.
+  struct Shares {
+    std::optional<ByteBudget::Share> decoded;  // of a message that is not small
+    std::optional<ByteBudget::Share> reply;    // of a request
+  };
+
+  // --- connection.cpp: lifetime
   Task<Status> shakeHands();
   static void giveTurns(ServerContext& context);
   void setState(ConnectionState next);
-  bool passLive(ByteView frame);
-  Task<Status> take(ByteView frame);
-  [[nodiscard]] bool mayRead(const EnvelopeHead& head);
-  Task<std::optional<DecodedBudget::Share>> shareOfBudget(std::size_t bytes, std::uint64_t request);
-  Task<Result<pb::Envelope>> parse(ByteView frame, const PayloadCost& cost);
-  Task<> dispatch(pb::Envelope envelope, std::optional<DecodedBudget::Share> share);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
   void refusedByPeer(const pb::Refusal& refusal);
   void leave();
   [[nodiscard]] bool busy() const;
+  /// `until_sent`: as Channel::send.
+  void sendHolding(const pb::Envelope& envelope, std::shared_ptr<const void> until_sent);
+
+  // --- connection_messages.cpp
+  bool passLive(ByteView frame);
+  Task<Status> take(ByteView frame);
+  [[nodiscard]] bool mayRead(const EnvelopeHead& head);
+  Task<std::optional<ByteBudget::Share>> roomForDecoded(std::size_t bytes, std::uint64_t request);
+  Task<std::optional<ByteBudget::Share>> waitForRoom(ByteBudget& budget, std::shared_ptr<Signal> freed,
+                                                     std::size_t bytes);
+  Task<Result<pb::Envelope>> parse(ByteView frame, const PayloadCost& cost);
+  Task<> dispatch(pb::Envelope envelope, Shares shares);
   void answerPing(const pb::Ping& ping);
   [[nodiscard]] bool tooOften(pb::Envelope::BodyCase body);
+
+  // --- connection_requests.cpp
+  static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request, Shares shares);
+  Task<> answer(const pb::Request& request, Outcome outcome, ByteBudget::Share room);
 
   // --- connection_login.cpp
   void greet(const pb::Hello& hello);
@@ -112,10 +128,6 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request);
   void takeClockOffset(const pb::ClockOffset& offset);
   Watermarks& watermarks(const std::string& session_id);
-
-  static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request,
-                        std::optional<DecodedBudget::Share> share);
-  Task<> answer(const pb::Request& request, Outcome outcome);
 
   ServerContext& context_;
   const std::uint64_t id_;

@@ -17,8 +17,8 @@
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
 #include "server/live/admission.h"
+#include "server/live/byte_budget.h"
 #include "server/live/chunk_budget.h"
-#include "server/live/decoded_budget.h"
 #include "server/live/disk_room.h"
 #include "server/live/fair_pool.h"
 #include "server/live/handshake_turns.h"
@@ -53,7 +53,14 @@ struct ConnectionBounds {
   std::size_t parsed_here_bytes = 16u << 10;
   /// A message that becomes no more than this has no part in the budget: `requests_at_work` bounds it.
   std::size_t uncounted_decoded_bytes = 4u << 10;
-  DecodedBudget::Limits decoded;  ///< of both ports together
+  /// Memory of messages that are parsed and not done yet, of both ports together. A connection's is more than
+  /// a message of 1 MiB can become (kMostPayloadFields).
+  ByteBudget::Limits decoded{
+      .connection = 8u << 20, .owner = 16u << 20, .people = 24u << 20, .server = 32u << 20};
+  /// Replies that are being made or are not read yet, of both ports together. While a reply is made it has
+  /// the room of the longest, 1 MiB: so a person has at most 12 such requests at work on all connections.
+  ByteBudget::Limits replies{
+      .connection = 8u << 20, .owner = 12u << 20, .people = 96u << 20, .server = 128u << 20};
 };
 
 /// Totals since the start.
@@ -69,6 +76,7 @@ struct ServerCounters {
   std::uint64_t messages_parsed = 0;                 ///< all but live frames, which are forwarded as bytes
   std::uint64_t messages_parsed_elsewhere = 0;       ///< of those: not on the network's thread
   std::uint64_t decoded_bytes = 0;                   ///< of parsed messages: an estimate (PayloadCost)
+  std::uint64_t most_reply_bytes = 0;                ///< of replies that were made or unread at once
   std::uint64_t refused_for_room = 0;                ///< of those: sessions and chunks for want of room
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections
@@ -121,7 +129,10 @@ struct ServerContext {
   LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};
   /// A message was done with: there may be room for another one.
   std::shared_ptr<Signal> decoded_room = std::make_shared<Signal>(io.get_executor());
-  DecodedBudget decoded{bounds.decoded, [room = decoded_room] { room->notify(); }};
+  ByteBudget decoded{bounds.decoded, [room = decoded_room] { room->notify(); }};
+  /// A reply was read, or was shorter than its room: there may be room for another one.
+  std::shared_ptr<Signal> reply_room = std::make_shared<Signal>(io.get_executor());
+  ByteBudget replies{bounds.replies, [room = reply_room] { room->notify(); }};
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
   ChunkBudget chunks_in_flight{bounds.all_chunks_in_flight};  ///< of all connections
   std::unique_ptr<Inbox> committed =

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "common/gesture/chunk.h"
@@ -15,14 +16,6 @@ pb::Envelope statusEnvelope(const pb::StationStatus& status) {
   pb::Envelope envelope;
   *envelope.mutable_station_status() = status;
   return envelope;
-}
-
-/// Maximum size of the statuses in one message or one overview answer; leaves space for its other fields.
-constexpr std::size_t kMostStatusBytes = kMaxFrameBytes - (64u << 10);
-
-/// Skips a message that cannot be encoded: it must not cost the viewer its connection.
-void sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
-  if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
 }
 
 /// Session ids are stored and forwarded to viewers: limits their length.
@@ -38,6 +31,10 @@ double finite(double value) {
 }
 
 }  // namespace
+
+void Hub::sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
+  if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
+}
 
 /// The station's entry. A new one gets the viewers who wait for this name.
 Hub::Station& Hub::known(const std::string& name) {
@@ -70,16 +67,6 @@ void Hub::setSession(Station& station, std::string_view session_id) {
   status.clear_started_unix_ns();
 }
 
-template <typename Act>
-void Hub::forEachOfSession(const std::string& session_id, Act act) {
-  const auto found = stations_by_session_.find(session_id);
-  if (found == stations_by_session_.end()) return;
-  for (Station* station : found->second) {
-    ++looked_at_;
-    act(*station);
-  }
-}
-
 HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
   Station& station = known(name);
   HubPeer* const older = std::exchange(station.peer, &peer);
@@ -91,7 +78,7 @@ HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
   station.status.Clear();
   station.status.set_station(name);
   station.status.set_online(true);
-  announce(name, station);
+  announce(station);
   refreshWatch(station);
   return older;
 }
@@ -110,7 +97,7 @@ void Hub::detachStation(const std::string& name, const HubPeer& peer) {
   --online_;
   station.told_watched = false;
   station.status.set_online(false);
-  announce(name, station);
+  announce(station);
   forgetIfUnused(name);
 }
 
@@ -148,7 +135,7 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
       for (Subscription* watcher : watchers) watcher->viewer->sendLive(*frame, false);
     }
   }
-  sendOverview(name, station, now_ns);
+  sendOverview(station, now_ns);
   return std::nullopt;
 }
 
@@ -183,38 +170,36 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     refreshWatch(station);
   }
 
-  // decode at most once, and only when needed
-  std::optional<std::vector<GestureSample>> samples;
-  const auto decoded = [&]() -> std::span<const GestureSample> {
-    if (!samples) {
-      auto result = decodeChunk(viewOf(frame.data));
-      samples = result.ok() ? std::move(*result) : std::vector<GestureSample>{};
-    }
-    return *samples;
-  };
-
-  // all full-rate viewers share one encoded frame
-  Frame shared;
+  // all full-rate viewers share one encoded frame, and so do all viewers of each lower rate
+  LiveSamples samples(frame.data);
+  Frame full;
+  std::map<double, Frame> thinned;
   forEachWatcher(station, [&](Subscription& watcher) {
-    if (watcher.decimator) {
-      sendDecimated(watcher, name, frame, decoded());
-      return;
+    Frame* to_send = &full;
+    if (watcher.rate_hz > 0) {
+      const auto [made, is_new] = thinned.try_emplace(watcher.rate_hz);
+      if (is_new) made->second = thin(station, watcher.rate_hz, frame, samples);
+      to_send = &made->second;
+    } else if (!full) {
+      full = encodeLiveFrame(frame, name);
     }
-    if (!shared) shared = encodeLiveFrame(frame, name);
-    if (!shared) return;
-    watcher.viewer->sendLive(shared, true);
+    if (!*to_send) return;
+    watcher.viewer->sendLive(*to_send, true);
     ++frames_out_;
   });
+  // nobody watches at the other rates any more
+  std::erase_if(station.thinned, [&](const auto& entry) { return !thinned.contains(entry.first); });
 
   // a station that sends frames need not send status lines: build the overview's lines from the samples
   if (!overviews_.empty() &&
       now_ns - station.status_ns >= std::chrono::nanoseconds(settings_.status_period).count()) {
-    if (const auto all = decoded(); !all.empty()) {
-      statusFromSamples(station, frame, all.back());
+    if (const auto all = samples.all(); !all.empty()) {
+      statusFromSamples(station, all.back());
       station.status_ns = now_ns;
-      sendOverview(name, station, now_ns);
+      sendOverview(station, now_ns);
     }
   }
+  if (samples.decoded()) ++frames_decoded_;
   return std::nullopt;
 }
 
@@ -230,155 +215,6 @@ bool Hub::sendToStation(const std::string& name, const pb::Envelope& envelope) {
   if (found == stations_.end() || found->second.peer == nullptr) return false;
   found->second.peer->sendControl(envelope);
   return true;
-}
-
-std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& wanted, std::int64_t now_ns) {
-  const auto refuse = [](pb::Refusal::Reason reason, std::string text) {
-    return makeRefusal(reason, std::move(text));
-  };
-  if (!std::isfinite(wanted.rate_hz()) || wanted.rate_hz() < 0 || wanted.rate_hz() > 1e6) {
-    return refuse(pb::Refusal::INVALID,
-                  fmt::format("subscribe.rate_hz {:f} is not in [0, 1e6]", wanted.rate_hz()));
-  }
-  if (wanted.station().size() > 256 || (!wanted.session_id().empty() && wanted.session_id().size() != 16)) {
-    return refuse(pb::Refusal::INVALID, "subscribe.station is at most 256 bytes, session_id 16 or none");
-  }
-  if (!wanted.station().empty() && !wanted.session_id().empty()) {
-    return refuse(pb::Refusal::INVALID, "subscribe: either a station or a session, not both");
-  }
-  const auto known_viewer = viewers_.find(&viewer);
-  const std::string account = viewer.account();
-  const auto counted = subscriptions_of_.find(account);
-  std::size_t held = counted == subscriptions_of_.end() ? 0 : counted->second;
-  if (known_viewer != viewers_.end()) {
-    const Viewer& mine = known_viewer->second;
-    if (mine.by_number.contains(wanted.subscription())) {
-      return refuse(pb::Refusal::CONFLICT,
-                    fmt::format("subscription {} exists already", wanted.subscription()));
-    }
-    const auto& same_kind = wanted.session_id().empty() ? mine.by_station : mine.by_session;
-    const auto same = same_kind.find(wanted.session_id().empty() ? wanted.station() : wanted.session_id());
-    if (same != same_kind.end()) {
-      return refuse(pb::Refusal::CONFLICT,
-                    fmt::format("subscription {} watches the same already", same->second));
-    }
-    if (account.empty()) held = mine.by_number.size();
-  }
-  if (held >= settings_.max_subscriptions) {
-    return refuse(pb::Refusal::TOO_LARGE, fmt::format("an account has at most {} subscriptions, by all of "
-                                                      "its connections together: end one of them first",
-                                                      settings_.max_subscriptions));
-  }
-
-  auto owned = std::make_unique<Subscription>();
-  Subscription& subscription = *owned;
-  subscription.viewer = &viewer;
-  subscription.number = wanted.subscription();
-  subscription.station = wanted.station();
-  subscription.session_id = wanted.session_id();
-  subscription.rate_hz = wanted.rate_hz();
-  Viewer& mine = viewers_[&viewer];
-  mine.account = account;
-  mine.by_number.emplace(subscription.number, std::move(owned));
-  if (subscription.session_id.empty())
-    mine.by_station.emplace(subscription.station, subscription.number);
-  else
-    mine.by_session.emplace(subscription.session_id, subscription.number);
-  if (!account.empty()) ++subscriptions_of_[account];
-
-  pb::Envelope answer;
-  answer.mutable_subscribed()->set_subscription(wanted.subscription());
-  viewer.sendControl(answer);
-
-  if (subscription.station.empty() && subscription.session_id.empty()) {
-    overviews_.push_back(&subscription);
-    std::size_t bytes = 0;
-    for (auto& [name, station] : stations_) {
-      ++looked_at_;
-      if (station.peer == nullptr) continue;
-      // not more at once than a viewer's queue can take; the other statuses follow with their next lines
-      if ((bytes += station.status.ByteSizeLong()) > kMostStatusBytes) break;
-      sendStatus(viewer, station.status);
-      subscription.last_line_ns[&station] = now_ns;
-    }
-    return std::nullopt;
-  }
-  if (wanted.rate_hz() > 0) subscription.decimator.emplace(wanted.rate_hz());
-  if (!subscription.session_id.empty()) {
-    by_session_[subscription.session_id].push_back(&subscription);
-    forEachOfSession(subscription.session_id, [&](Station& station) {
-      sendStatus(viewer, station.status);
-      refreshWatch(station);
-    });
-    return std::nullopt;
-  }
-  const auto found = stations_.find(subscription.station);
-  if (found == stations_.end()) {
-    pb::StationStatus offline;
-    offline.set_station(subscription.station);
-    sendStatus(viewer, offline);
-    return std::nullopt;
-  }
-  Station& station = found->second;
-  ++looked_at_;
-  station.watchers.push_back(&subscription);
-  sendStatus(viewer, station.status);
-  refreshWatch(station);
-  return std::nullopt;
-}
-
-std::optional<pb::Refusal> Hub::unsubscribe(HubPeer& viewer, std::uint32_t subscription) {
-  const auto mine = viewers_.find(&viewer);
-  if (mine == viewers_.end() || !mine->second.by_number.contains(subscription)) {
-    return makeRefusal(pb::Refusal::NOT_FOUND, fmt::format("no subscription {}", subscription));
-  }
-  Viewer& all = mine->second;
-  auto owned = std::move(all.by_number.extract(subscription).mapped());
-  if (owned->session_id.empty())
-    all.by_station.erase(owned->station);
-  else
-    all.by_session.erase(owned->session_id);
-  remove(all, std::move(owned));
-  if (all.by_number.empty()) viewers_.erase(mine);
-  return std::nullopt;
-}
-
-void Hub::detachViewer(const HubPeer& viewer) {
-  const auto mine = viewers_.find(&viewer);
-  if (mine == viewers_.end()) return;
-  Viewer all = std::move(mine->second);
-  viewers_.erase(mine);
-  for (auto& [number, subscription] : all.by_number) remove(all, std::move(subscription));
-}
-
-void Hub::remove(const Viewer& of, std::unique_ptr<Subscription> subscription) {
-  Subscription* const gone = subscription.get();
-  if (const auto counted = subscriptions_of_.find(of.account); counted != subscriptions_of_.end()) {
-    if (--counted->second == 0) subscriptions_of_.erase(counted);
-  }
-  if (!gone->session_id.empty()) {
-    const auto found = by_session_.find(gone->session_id);
-    std::erase(found->second, gone);
-    if (found->second.empty()) by_session_.erase(found);
-    forEachOfSession(gone->session_id, [this](Station& station) { refreshWatch(station); });
-    return;
-  }
-  if (gone->station.empty()) {
-    std::erase(overviews_, gone);
-    return;
-  }
-  const auto found = stations_.find(gone->station);
-  if (found == stations_.end()) return;  // it has not been online meanwhile
-  ++looked_at_;
-  std::erase(found->second.watchers, gone);
-  refreshWatch(found->second);
-  forgetIfUnused(gone->station);
-}
-
-std::size_t Hub::subscriptions() const {
-  std::size_t sum = 0;
-  for (const auto& [peer, viewer] : viewers_) sum += viewer.by_number.size();
-  return sum;
 }
 
 void Hub::fillStations(pb::Stations& stations) const {
@@ -439,15 +275,13 @@ void Hub::forgetIfUnused(const std::string& name) {
   stations_.erase(found);
 }
 
-void Hub::announce(const std::string& name, Station& station) {
-  station.status.set_station(name);
+void Hub::announce(const Station& station) const {
   for (Subscription* watcher : watchersOf(station)) sendStatus(*watcher->viewer, station.status);
   for (Subscription* overview : overviews_) sendStatus(*overview->viewer, station.status);
 }
 
-void Hub::sendOverview(const std::string& name, Station& station, std::int64_t now_ns) {
+void Hub::sendOverview(const Station& station, std::int64_t now_ns) {
   if (overviews_.empty()) return;
-  station.status.set_station(name);
   // with many stations, send fewer lines of each, so that a viewer gets a readable number
   const double many_ns = 1e9 * static_cast<double>(online_) / settings_.overview_lines_per_s;
   const double least_ns =
@@ -468,29 +302,14 @@ void Hub::sendOverview(const std::string& name, Station& station, std::int64_t n
   }
 }
 
-void Hub::sendDecimated(Subscription& subscription, const std::string& name, const LiveFrameView& frame,
-                        std::span<const GestureSample> samples) {
-  // show frames that the station's queue dropped as a gap in this subscription's numbers
-  if (subscription.last_upstream_seq && frame.frame_seq > *subscription.last_upstream_seq + 1) {
-    subscription.frames += frame.frame_seq - *subscription.last_upstream_seq - 1;
-  }
-  subscription.last_upstream_seq = frame.frame_seq;
-  const auto kept = subscription.decimator->keep(samples);
-  if (kept.empty()) return;
-  const auto info = inspectChunk(viewOf(frame.data));
-  if (!info.ok()) return;
-  const Bytes data = encodeChunk(info->resolution, kept);
-  LiveFrameView thinned = frame;
-  thinned.frame_seq = subscription.frames++;
-  thinned.data = textOf(data);
-  if (Frame encoded = encodeLiveFrame(thinned, name)) {
-    subscription.viewer->sendLive(std::move(encoded), true);
-    ++frames_out_;
-  }
+Frame Hub::thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples) {
+  const auto entry = station.thinned.try_emplace(rate_hz, rate_hz).first;
+  Frame made = entry->second.next(frame, samples, station.status.station());
+  if (made) ++frames_thinned_;
+  return made;
 }
 
-void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last) {
-  setSession(station, frame.session_id);
+void Hub::statusFromSamples(Station& station, const GestureSample& last) {
   pb::StationStatus& status = station.status;
   status.set_phase(last.phase);
   status.set_layer(last.layer);
@@ -500,32 +319,6 @@ void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const 
   status.set_peak_force_n(std::max(status.peak_force_n(), finite(status.force_n())));
   status.set_fault(last.fault);
   status.set_samples(last.tick + 1);
-}
-
-Decimator::Decimator(double rate_hz)
-    : period_ns_(std::max<std::int64_t>(
-          1, static_cast<std::int64_t>(std::llround(1e9 / std::max(rate_hz, 1e-3))))) {}
-
-std::vector<GestureSample> Decimator::keep(std::span<const GestureSample> samples) {
-  std::vector<GestureSample> kept;
-  for (const GestureSample& sample : samples) {
-    // a new session or a restarted station: its clock has another origin
-    const bool jumped = started_ && sample.time_ns < last_ns_;
-    if (!started_ || jumped) {
-      started_ = true;
-      due_ns_ = sample.time_ns;
-    }
-    last_ns_ = sample.time_ns;
-    if (sample.time_ns < due_ns_) continue;
-    kept.push_back(sample);
-    // the next grid point in the future
-    const auto periods = (static_cast<std::uint64_t>(sample.time_ns) - static_cast<std::uint64_t>(due_ns_)) /
-                             static_cast<std::uint64_t>(period_ns_) +
-                         1;
-    due_ns_ = static_cast<std::int64_t>(static_cast<std::uint64_t>(due_ns_) +
-                                        periods * static_cast<std::uint64_t>(period_ns_));
-  }
-  return kept;
 }
 
 }  // namespace needlelab

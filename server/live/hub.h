@@ -7,7 +7,6 @@
 #include <memory>
 #include <optional>
 #include <set>
-#include <span>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -16,27 +15,12 @@
 #include "common/base/clock.h"
 #include "common/gesture/sample.h"
 #include "common/wire/live_frames.h"
+#include "common/wire/protocol.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/envelope.pb.h"
+#include "server/live/live_thinning.h"
 
 namespace needlelab {
-
-/// Reduces the sample rate for a viewer: keeps the first sample at or after each point of a time grid at the
-/// viewer's rate, by the station's own times, so the result does not depend on the loop's rate. Thread: one.
-class Decimator {
- public:
-  /// rate_hz > 0
-  explicit Decimator(double rate_hz);
-
-  /// Returns the samples to forward; often none.
-  std::vector<GestureSample> keep(std::span<const GestureSample> samples);
-
- private:
-  std::int64_t period_ns_;
-  std::int64_t due_ns_ = 0;
-  std::int64_t last_ns_ = 0;
-  bool started_ = false;
-};
 
 /// A receiver of the hub's messages: a connection of the server, or a test.
 class HubPeer {
@@ -118,6 +102,10 @@ class Hub {
   [[nodiscard]] std::uint64_t stationsLookedAt() const { return looked_at_; }
   [[nodiscard]] std::uint64_t framesIn() const { return frames_in_; }
   [[nodiscard]] std::uint64_t framesOut() const { return frames_out_; }
+  /// Of the received frames: those whose samples were needed here.
+  [[nodiscard]] std::uint64_t framesDecoded() const { return frames_decoded_; }
+  /// Frames made for viewers with a rate: one for all viewers of a station and a rate.
+  [[nodiscard]] std::uint64_t framesThinned() const { return frames_thinned_; }
 
  private:
   struct Station;
@@ -125,10 +113,7 @@ class Hub {
     HubPeer* viewer = nullptr;
     std::uint32_t number = 0;
     std::string station, session_id;  // both empty: the overview
-    std::optional<Decimator> decimator;
-    double rate_hz = 0;
-    std::uint64_t frames = 0;  // decimated frames: renumbered, keeping the gaps of the station's numbers
-    std::optional<std::uint64_t> last_upstream_seq;
+    double rate_hz = 0;               // 0: the station's; of an overview: lines a second
     std::unordered_map<const Station*, std::int64_t>
         last_line_ns;  // overview: time of the last line for each station
   };
@@ -144,19 +129,23 @@ class Hub {
     pb::StationStatus status;
     std::int64_t status_ns = 0;
     std::vector<Subscription*> watchers;
+    std::map<double, ThinnedFrames> thinned;  // by rate: those at which somebody watched the last frame
   };
+  /// Maximum size of the statuses in one message or one overview answer; leaves space for its other fields.
+  static constexpr std::size_t kMostStatusBytes = kMaxFrameBytes - (64u << 10);
 
+  /// Skips a message that cannot be encoded: it must not cost the viewer its connection.
+  static void sendStatus(HubPeer& viewer, const pb::StationStatus& status);
   Station& known(const std::string& name);
   void setSession(Station& station, std::string_view session_id);
   template <typename Act>
   void forEachOfSession(const std::string& session_id, Act act);
   void refreshWatch(Station& station);
   void forgetIfUnused(const std::string& name);
-  void announce(const std::string& name, Station& station);
-  void sendOverview(const std::string& name, Station& station, std::int64_t now_ns);
-  void sendDecimated(Subscription& subscription, const std::string& name, const LiveFrameView& frame,
-                     std::span<const GestureSample> samples);
-  void statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last);
+  void announce(const Station& station) const;
+  void sendOverview(const Station& station, std::int64_t now_ns);
+  Frame thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples);
+  static void statusFromSamples(Station& station, const GestureSample& last);
   void remove(const Viewer& of, std::unique_ptr<Subscription> subscription);
   [[nodiscard]] std::vector<Subscription*> watchersOf(const Station& station) const;
   template <typename Act>
@@ -173,7 +162,7 @@ class Hub {
   std::vector<Subscription*> overviews_;
   std::size_t online_ = 0;
   std::uint64_t looked_at_ = 0;
-  std::uint64_t frames_in_ = 0, frames_out_ = 0;
+  std::uint64_t frames_in_ = 0, frames_out_ = 0, frames_decoded_ = 0, frames_thinned_ = 0;
 };
 
 }  // namespace needlelab

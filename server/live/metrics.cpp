@@ -165,6 +165,8 @@ void connections(PrometheusText& out, const ServerContext& context, const Open& 
               "Memory that parsed messages took, an estimate.");
   out.gauge("needlelab_decoded_bytes_in_flight", real(context.decoded.taken()),
             "Memory of larger messages and bodies that are not done yet, an estimate.");
+  out.gauge("needlelab_reply_bytes_unread", real(context.replies.taken()),
+            "Bytes of replies that are being made (1 MiB each) or are not read yet.");
   out.gauge("needlelab_logins_waiting", real(context.logins_waiting.size()),
             "Log-ins of people that wait for the password check.");
   out.counter("needlelab_received_bytes_total", real(counters.bytes_received + open.bytes_received),

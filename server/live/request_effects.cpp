@@ -1,6 +1,7 @@
 #include "server/live/request_effects.h"
 
 #include <fmt/core.h>
+#include <algorithm>
 #include <boost/asio/post.hpp>
 #include <utility>
 
@@ -154,6 +155,13 @@ BudgetOwner budgetOwner(const Principal& who, std::string connection) {
   return {std::move(connection), (person ? "person " : "station ") + who.name, person};
 }
 
+std::size_t replyRoomOf(const ServerContext& context, pb::Request::CallCase call) {
+  constexpr std::size_t kDoneBytes = 4u << 10;
+  const RequestRow* const row = requestRow(call);
+  const bool done_only = row != nullptr && row->reply == pb::Reply::kDone;
+  return std::min(done_only ? kDoneBytes : kMaxFrameBytes, context.replies.mostBytes());
+}
+
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {
   return {new pb::Request(std::move(request)), [](pb::Request* held) {
             wipeSecrets(*held);
@@ -186,7 +194,9 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
               const std::string& by, const PeerConnection* asker) {
   if (reply.has_backup_done()) {
     ++context.counters.backups;
-    for (const auto& [id, peer] : context.connections) {
+    // copy: what ends a connection removes it from the map
+    const auto all = context.connections;
+    for (const auto& [id, peer] : all) {
       if (peer->who().role == pb::STATION)
         asio::co_spawn(context.io, PeerConnection::tellSafe(peer->shared_from_this()),
                        PeerConnection::endsAlone(peer->shared_from_this()));

@@ -14,6 +14,10 @@ namespace needlelab {
 /// The owner of messages from this connection, in the budget that both ports share. `connection`: unique.
 BudgetOwner budgetOwner(const Principal& who, std::string connection);
 
+/// The room that a reply to this call takes while it is made: of the longest reply; little where the reply
+/// says "done" only. At most what the budget has (ServerContext::replies).
+std::size_t replyRoomOf(const ServerContext& context, pb::Request::CallCase call);
+
 /// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 

@@ -244,23 +244,33 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
   return std::nullopt;
 }
 
+/// Waits until so many bytes fit beside what others have taken. Nothing: the browser is gone.
+Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
+                                                   std::shared_ptr<Signal> freed, std::size_t bytes) {
+  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
+  while (!request->gone()) {
+    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
+    co_await freed->wait();
+  }
+  co_return std::nullopt;
+}
+
+HttpAnswer browserGone() {
+  return errorAnswer(503, "unavailable", "the browser is gone");
+}
+
 /// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the
 /// browser is gone.
 Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Principal who,
-                                          std::optional<DecodedBudget::Share>& share) {
+                                          std::optional<ByteBudget::Share>& share) {
   ServerContext& context = server->context();
   if (request->body.size() <= kSmallBody) co_return std::nullopt;
-  const auto room = context.decoded_room;
-  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
   const std::size_t bytes = jsonBytes(request->body);
   if (!context.decoded.mayFit(bytes))
     co_return errorAnswer(413, "too_large", "the body has too many values: send less at once");
-  while (!request->gone()) {
-    share = context.decoded.take(owner, bytes);
-    if (share) co_return std::nullopt;
-    co_await room->wait();
-  }
-  co_return errorAnswer(503, "unavailable", "the browser is gone");
+  share = co_await waitForRoom(request, std::move(who), context.decoded, context.decoded_room, bytes);
+  if (share) co_return std::nullopt;
+  co_return browserGone();
 }
 
 Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::shared_ptr<WebCall> call) {
@@ -330,8 +340,16 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   if (route.call != pb::Request::CALL_NOT_SET) {
     if (const Status role = checkRole(call->who, route.call); !role) co_return errorAnswer(role.error());
   }
+  // before anything else is held; goes on with the answer, until the browser has read it
+  std::optional<ByteBudget::Share> reply_room;
+  if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork) {
+    reply_room = co_await waitForRoom(request, call->who, context.replies, context.reply_room,
+                                      replyRoomOf(context, route.call));
+    if (!reply_room) co_return browserGone();
+    context.counters.most_reply_bytes = context.replies.mostTaken();
+  }
   // given back here, on the network's thread, when the request is answered
-  std::optional<DecodedBudget::Share> share;
+  std::optional<ByteBudget::Share> share;
   if (auto refused = co_await takeShare(server, request, call->who, share)) co_return std::move(*refused);
   if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
   if (!request->if_match.empty()) {
@@ -363,8 +381,16 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
   if (route.how.action == WebAction::kStream)
     co_return co_await throughStream(server, route, call, session->token, seen);
-  if (route.how.action == WebAction::kWork) co_return co_await throughWork(server, route, call);
-  co_return co_await throughService(server, route, call);
+  HttpAnswer answer;
+  if (route.how.action == WebAction::kWork)  // not ?: around co_await, which g++ 12 miscompiles
+    answer = co_await throughWork(server, route, call);
+  else
+    answer = co_await throughService(server, route, call);
+  if (reply_room) {
+    reply_room->lower(answer.body.size());
+    answer.until_sent = std::make_shared<const ByteBudget::Share>(std::move(*reply_room));
+  }
+  co_return answer;
 }
 
 }  // namespace

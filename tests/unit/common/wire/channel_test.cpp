@@ -221,6 +221,31 @@ TEST(Channel, aSlowReaderOfControlMessagesIsDisconnectedByName) {
   }
 }
 
+TEST(Channel, whatIsHeldForAMessageIsReleasedWhenTheNetworkHasTakenAllOfItOrWillNot) {
+  Loopback loop;
+  ChannelLimits limits;
+  limits.socket_buffer_bytes = 8192;
+  loop.connect(limits, limits);
+  loop.server->established();
+  loop.client->established();
+  const auto held = std::make_shared<const int>(0);
+  ASSERT_TRUE(loop.server->send(chunk(0, 900'000), held));
+  ASSERT_TRUE(loop.server->send(chunk(1), held));
+  for (int turn = 0; turn < 1000; ++turn) loop.io.poll();
+  EXPECT_LT(loop.server->controlQueueBytes(), 1000u) << "the long message has left the queue";
+  EXPECT_EQ(held.use_count(), 3) << "but nobody has read it";
+  ASSERT_TRUE(loop.receive(loop.client).ok());
+  ASSERT_TRUE(loop.receive(loop.client).ok());
+  EXPECT_TRUE(loop.runUntil([&] { return held.use_count() == 1; }));
+  ASSERT_TRUE(loop.server->send(chunk(2, 900'000), held));
+  for (int turn = 0; turn < 1000; ++turn) loop.io.poll();
+  EXPECT_EQ(held.use_count(), 2);
+  loop.server->close(CloseReason::kLocal, "the test cuts it");
+  EXPECT_EQ(held.use_count(), 1);
+  EXPECT_FALSE(loop.server->send(chunk(3), held));
+  EXPECT_EQ(held.use_count(), 1);
+}
+
 TEST(Channel, aPeerThatStopsReadingIsCutByTheWriteTimeOut) {
   Loopback loop;
   ChannelLimits limits;

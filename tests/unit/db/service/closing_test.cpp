@@ -372,6 +372,12 @@ TEST_F(ClosedBeyondBounds, whatTheRemarkSaysIsBelievedAfterARestartWithoutReadin
   const auto outcome = store->service().closeSession(closing(), "station-1");
   ASSERT_OK(outcome);
   EXPECT_NE(outcome->score_fault.find("at most 360000"), std::string::npos) << outcome->score_fault;
+  pb::Request events;
+  events.mutable_list_events()->set_session_id(test::bytesOfId(id));
+  const Outcome listed = ask(instructor, events);
+  ASSERT_TRUE(listed.error.has_value());
+  EXPECT_EQ(listed.error->code, ErrorCode::kInvalidInput);
+  EXPECT_NE(listed.error->message.find("at most 360000"), std::string::npos) << listed.error->message;
 }
 
 TEST_F(Closing, aRepeatedCloseDoesNotTryAgainToScore) {

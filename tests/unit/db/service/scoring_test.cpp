@@ -219,5 +219,72 @@ TEST_F(Scoring, aSessionIsComparedWithTheExpertsPathsToo) {
   }
 }
 
+TEST_F(Scoring, aDistanceBetweenTwoPathsIsComputedOnceWhoeverAsks) {
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 7; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
+  const auto setReference = [&](std::size_t count, std::uint32_t base) {
+    pb::Request set;
+    set.mutable_set_reference()->set_exercise_id("knee-recess");
+    set.mutable_set_reference()->set_base_revision(base);
+    for (std::size_t i = 0; i < count; ++i)
+      set.mutable_set_reference()->add_session_ids(test::bytesOfId(experts[i]));
+    return get(instructor, set).reference();
+  };
+  const auto computed = [&] { return store->service().distancesComputed(); };
+  pb::Request show;
+  show.mutable_get_reference()->set_exercise_id("knee-recess");
+
+  const auto first = setReference(6, 0);
+  EXPECT_EQ(computed(), 15u) << "6·5/2 pairs";
+  const auto shown = get(instructor, show).reference();
+  ASSERT_EQ(shown.bands_size(), first.bands_size());
+  for (int i = 0; i < shown.bands_size(); ++i)
+    EXPECT_EQ(shown.bands(i).SerializeAsString(), first.bands(i).SerializeAsString()) << i;
+  EXPECT_EQ(computed(), 15u);
+
+  // the next revision has one gesture more: only its distances are new; one gesture less needs none
+  setReference(7, first.revision());
+  EXPECT_EQ(computed(), 21u);
+  const auto fewer = setReference(5, first.revision() + 1);
+  EXPECT_EQ(computed(), 21u);
+  const auto band = std::find_if(fewer.bands().begin(), fewer.bands().end(),
+                                 [](const auto& b) { return b.measure() == "dtw_distance_m"; });
+  ASSERT_NE(band, fewer.bands().end());
+  EXPECT_EQ(band->n(), 5u) << "the band is of the gestures of now";
+
+  // a session against the five: once, too, and again with a score by other definitions
+  const Uuid novice = closed(gestureAside(0.014));
+  const auto before = scoreOf(novice).comparison_json();
+  EXPECT_EQ(computed(), 26u);
+  EXPECT_EQ(scoreOf(novice).comparison_json(), before);
+  makeOld();
+  rescore(false);
+  EXPECT_EQ(scoreOf(novice).comparison_json(), before);
+  // an expert's own comparison is part of what the band needed
+  scoreOf(experts[2]);
+  EXPECT_EQ(computed(), 26u);
+}
+
+TEST_F(Scoring, afterAnErasureNothingIsKeptOfTheErasedPaths) {
+  addPerson("ada", pb::ADMINISTRATOR);
+  addPerson("anna", pb::TRAINEE);
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 5; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
+  pb::Request set;
+  set.mutable_set_reference()->set_exercise_id("knee-recess");
+  for (const Uuid& id : experts) set.mutable_set_reference()->add_session_ids(test::bytesOfId(id));
+  get(instructor, set);
+  ASSERT_EQ(store->service().distancesComputed(), 10u);
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("anna");
+  erase.mutable_erase_person()->set_confirm("anna");
+  erase.mutable_erase_person()->set_reason("asked for it");
+  get(admin, erase);
+  pb::Request show;
+  show.mutable_get_reference()->set_exercise_id("knee-recess");
+  const auto shown = get(instructor, show).reference();
+  for (const auto& band : shown.bands()) EXPECT_NE(band.measure(), "dtw_distance_m");
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -169,6 +169,59 @@ TEST(Hub, aLowerRateGetsFewerSamplesAndKeepsItsOwnNumbers) {
   for (std::size_t i = 1; i < ticks.size(); ++i) EXPECT_GT(ticks[i], ticks[i - 1]);
 }
 
+/// 1,000 samples at 1 kHz: the longest frame that a station may send.
+pb::LiveFrame longFrame(std::uint64_t n) {
+  std::vector<GestureSample> samples(1000);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].tick = n * 1000 + i;
+    samples[i].time_ns = static_cast<std::int64_t>(samples[i].tick) * kMs;
+  }
+  const Bytes data = encodeChunk(Resolution::standard(), samples);
+  pb::LiveFrame frame = frameNumber(n);
+  frame.set_data(data.data(), data.size());
+  return frame;
+}
+
+TEST(Hub, aFrameIsDecodedOnceAndThinnedOnceForEachRateHoweverManyWatch) {
+  Hub hub;
+  FakePeer station;
+  std::vector<FakePeer> viewers(10);
+  hub.attachStation("bench-1", station);
+  for (std::size_t i = 0; i < viewers.size(); ++i)
+    ASSERT_FALSE(hub.subscribe(viewers[i], toStation(1, "bench-1", i % 2 == 0 ? 25 : 60), 0));
+  constexpr std::uint64_t kFrames = 7;
+  for (std::uint64_t n = 0; n < kFrames; ++n) ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(n), 0));
+  EXPECT_EQ(hub.framesDecoded(), kFrames);
+  EXPECT_EQ(hub.framesThinned(), 2 * kFrames) << "25 Hz and 60 Hz";
+  EXPECT_EQ(hub.framesOut(), 10 * kFrames);
+  for (std::size_t i = 0; i < viewers.size(); ++i) {
+    ASSERT_EQ(viewers[i].frames.size(), kFrames);
+    EXPECT_EQ(viewers[i].frames[3].get(), viewers[i % 2].frames[3].get()) << "shared by all of a rate";
+  }
+  EXPECT_EQ(decodeChunk(viewOf(viewers[0].live[3].live_frame().data()))->size(), 25u);
+  EXPECT_EQ(decodeChunk(viewOf(viewers[1].live[3].live_frame().data()))->size(), 60u);
+
+  // who comes later joins, without another thinning; a rate that nobody watches any more costs nothing
+  FakePeer late;
+  ASSERT_FALSE(hub.subscribe(late, toStation(1, "bench-1", 25), 0));
+  for (std::size_t i = 1; i < viewers.size(); i += 2) hub.detachViewer(viewers[i]);
+  ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(kFrames), 0));
+  EXPECT_EQ(hub.framesThinned(), 2 * kFrames + 1);
+  ASSERT_EQ(late.frames.size(), 1u);
+  EXPECT_EQ(late.frames[0].get(), viewers[0].frames.back().get());
+}
+
+TEST(Hub, nobodyDecodesAFrameForViewersOfAllOfIt) {
+  Hub hub;
+  FakePeer station, anna;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
+  ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(0), 0));
+  EXPECT_EQ(anna.frames.size(), 1u);
+  EXPECT_EQ(hub.framesDecoded(), 0u);
+  EXPECT_EQ(hub.framesThinned(), 0u);
+}
+
 TEST(Hub, aGarbageFrameReachesFullRateViewersAndIsNoneForOthers) {
   Hub hub;
   FakePeer station, fast, slow, overview;
@@ -486,61 +539,6 @@ TEST(Hub, aSlowViewerLosesItsOwnFramesAndNobodyElses) {
   EXPECT_EQ(fast.queue.dropped(), 0u);
   EXPECT_EQ(slow_got, 100u);
   EXPECT_NEAR(static_cast<double>(slow.queue.dropped()), 400, 6);
-}
-
-// --- Decimator
-
-std::vector<GestureSample> samplesAt(double rate_hz, double seconds, std::int64_t start_ns = 12345) {
-  std::vector<GestureSample> samples(static_cast<std::size_t>(rate_hz * seconds));
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    samples[i].tick = i;
-    samples[i].time_ns = start_ns + static_cast<std::int64_t>(static_cast<double>(i) * 1e9 / rate_hz);
-  }
-  return samples;
-}
-
-TEST(Decimator, theRateComesOutWhateverTheLoopsRate) {
-  for (const double loop_hz : {250.0, 1000.0, 4000.0}) {
-    for (const double wanted_hz : {1.0, 30.0, 60.0, 100.0}) {
-      Decimator decimator(wanted_hz);
-      const auto samples = samplesAt(loop_hz, 10);
-      std::size_t kept = 0;
-      // in frames of 20
-      for (std::size_t at = 0; at < samples.size(); at += 20) {
-        kept += decimator.keep(std::span(samples).subspan(at, std::min<std::size_t>(20, samples.size() - at)))
-                    .size();
-      }
-      EXPECT_NEAR(static_cast<double>(kept), 10 * wanted_hz, 1) << loop_hz << " " << wanted_hz;
-    }
-  }
-}
-
-TEST(Decimator, aRateAboveTheLoopsKeepsAll) {
-  Decimator decimator(5000);
-  EXPECT_EQ(decimator.keep(samplesAt(1000, 1)).size(), 1000u);
-}
-
-TEST(Decimator, aPauseIsNotCaughtUpByABurst) {
-  Decimator decimator(10);
-  EXPECT_EQ(decimator.keep(samplesAt(1000, 1, 0)).size(), 10u);
-  // an hour later
-  EXPECT_LE(decimator.keep(samplesAt(1000, 1, 3'600'000'000'000)).size(), 10u);
-}
-
-TEST(Decimator, aClockThatStartsAgainIsFollowed) {
-  Decimator decimator(10);
-  (void)decimator.keep(samplesAt(1000, 1, 1'000'000'000'000));
-  EXPECT_EQ(decimator.keep(samplesAt(1000, 1, 5)).size(), 10u);
-}
-
-TEST(Decimator, hostileTimesDoNoHarm) {
-  std::vector<GestureSample> samples(4);
-  samples[0].time_ns = INT64_MIN;
-  samples[1].time_ns = INT64_MAX;
-  samples[2].time_ns = INT64_MIN;
-  samples[3].time_ns = 0;
-  Decimator decimator(1e6);
-  EXPECT_LE(decimator.keep(samples).size(), 4u);
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -165,6 +167,62 @@ TEST(MessageBounds, whoFindsNoRoomWaitsForIt) {
     ASSERT_TRUE(got.has_value());
     EXPECT_EQ(got->reply().id(), id) << "one at a time, so in order; " << got->ShortDebugString();
   }
+}
+
+// The finding: a trainee asked for 8 × 0.8 MB on 40 connections and read nothing: 110 MB.
+TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
+  constexpr int kConnections = 4, kPeople = 500;
+  constexpr std::uint64_t kEach = 8, kOthers = 40;
+  constexpr std::size_t kLongest = 1u << 20, kBound = 3 * kLongest;
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.replies.owner = kBound;
+    options.limits.socket_buffer_bytes = 8 << 10;
+    options.limits.write_timeout = std::chrono::minutes(1);
+  });
+  std::string csv = "name,full_name\n";
+  for (int i = 0; i < kPeople; ++i) csv += "s" + std::to_string(i) + "," + std::string(190, 'x') + "\n";
+  pb::Request import;
+  import.mutable_import_people()->set_csv(csv);
+  ASSERT_TRUE(server.asAdmin(import).people_import().done());
+  server.addUser("ines", pb::INSTRUCTOR, kLongPassword);
+  server.addUser("bert", pb::INSTRUCTOR, kLongPassword);
+  std::vector<std::unique_ptr<RawPeer>> peers;
+  for (int i = 0; i < kConnections; ++i) {
+    peers.push_back(std::make_unique<RawPeer>(server));
+    ASSERT_TRUE(peers.back()->logIn(personLogin("ines", kLongPassword)).has_welcome());
+  }
+  RawPeer bert(server);
+  ASSERT_TRUE(bert.logIn(personLogin("bert", kLongPassword)).has_welcome());
+  pb::Envelope list, own;
+  list.mutable_request()->mutable_list_users();
+  own.mutable_request()->mutable_get_user()->set_name("bert");
+  for (const auto& peer : peers) {
+    for (std::uint64_t id = 1; id <= kEach; ++id) {
+      list.mutable_request()->set_id(id);
+      peer->send(list);
+    }
+  }
+  // the workers take turns: with each of these one of the others is done, if it may be
+  for (std::uint64_t id = 1; id <= kOthers; ++id) {
+    own.mutable_request()->set_id(id);
+    bert.send(own);
+    const auto got = bert.receive();
+    ASSERT_TRUE(got.has_value());
+    EXPECT_EQ(got->reply().id(), id) << "others go on; " << got->ShortDebugString();
+  }
+  // who reads gets all of it
+  for (const auto& peer : peers) {
+    for (std::uint64_t answered = 0; answered < kEach; ++answered) {
+      const auto got = peer->receive();
+      ASSERT_TRUE(got.has_value());
+      EXPECT_GE(got->reply().users().users_size(), kPeople) << got->ShortDebugString().substr(0, 200);
+      EXPECT_GT(got->ByteSizeLong(), 190u * kPeople);
+    }
+  }
+  EXPECT_EQ(server.stop(), 0);
+  const std::uint64_t most = server.counters().most_reply_bytes;
+  EXPECT_GT(most, kBound / 2);
+  EXPECT_LE(most, kBound + kLongest) << "and the room of the other person's reply";
 }
 
 TEST(MessageBounds, twoCallsInOneRequestEndTheConnection) {

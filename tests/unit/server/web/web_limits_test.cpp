@@ -272,6 +272,22 @@ TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
   EXPECT_EQ(ask(mara, of_mara), 200);
 }
 
+TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome) {
+  constexpr std::size_t kLongest = 1u << 20;  // the room of a reply while it is made
+  WebLab lab([](ServerOptions& options) { options.bounds.replies.owner = 2 * kLongest; });
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  std::vector<std::unique_ptr<WebWire>> open;
+  for (int i = 0; i < 12; ++i) {
+    open.push_back(std::make_unique<WebWire>(lab.port()));
+    (void)open.back()->send(requestText("GET", "/api/v1/people", "", ines.own("GET")));
+  }
+  EXPECT_EQ(mara.get("/api/v1/people").status, 200);
+  for (const auto& wire : open) EXPECT_EQ(wire->read().status, 200);
+  EXPECT_EQ(lab.server().stop(), 0);
+  EXPECT_GE(lab.server().counters().most_reply_bytes, kLongest);
+  EXPECT_LE(lab.server().counters().most_reply_bytes, 3 * kLongest) << "two of one person and one of another";
+}
+
 TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
   WebLab lab([](ServerOptions& options) { options.web.admission.max_strangers = 3; });
   std::vector<std::unique_ptr<WebWire>> open;

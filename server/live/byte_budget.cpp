@@ -1,4 +1,4 @@
-#include "server/live/decoded_budget.h"
+#include "server/live/byte_budget.h"
 
 #include <algorithm>
 #include <unordered_map>
@@ -6,12 +6,12 @@
 
 namespace needlelab {
 
-struct DecodedBudget::State {
+struct ByteBudget::State {
   Limits limits;
   std::function<void()> freed;
   // without zero entries
   std::unordered_map<std::string, std::size_t> by_connection, by_owner;
-  std::size_t people = 0, server = 0;
+  std::size_t people = 0, server = 0, most = 0;
 
   void giveBack(const BudgetOwner& owner, std::size_t bytes) {
     const auto less = [bytes](auto& entries, const std::string& key) {
@@ -25,25 +25,29 @@ struct DecodedBudget::State {
   }
 };
 
-DecodedBudget::DecodedBudget(Limits limits, std::function<void()> freed) : state_(std::make_shared<State>()) {
+ByteBudget::ByteBudget(Limits limits, std::function<void()> freed) : state_(std::make_shared<State>()) {
   state_->limits = limits;
   state_->freed = std::move(freed);
 }
 
-std::size_t DecodedBudget::mostBytes() const {
+std::size_t ByteBudget::mostBytes() const {
   const Limits& limits = state_->limits;
   return std::min({limits.connection, limits.owner, limits.people, limits.server});
 }
 
-bool DecodedBudget::mayFit(std::size_t bytes) const {
+bool ByteBudget::mayFit(std::size_t bytes) const {
   return bytes <= mostBytes();
 }
 
-std::size_t DecodedBudget::taken() const {
+std::size_t ByteBudget::taken() const {
   return state_->server;
 }
 
-std::optional<DecodedBudget::Share> DecodedBudget::take(const BudgetOwner& owner, std::size_t bytes) {
+std::size_t ByteBudget::mostTaken() const {
+  return state_->most;
+}
+
+std::optional<ByteBudget::Share> ByteBudget::take(const BudgetOwner& owner, std::size_t bytes) {
   State& state = *state_;
   const Limits& limits = state.limits;
   const auto room = [bytes](std::size_t used, std::size_t limit) {
@@ -62,22 +66,30 @@ std::optional<DecodedBudget::Share> DecodedBudget::take(const BudgetOwner& owner
     state.by_owner[owner.name] += bytes;
     if (owner.person) state.people += bytes;
     state.server += bytes;
+    state.most = std::max(state.most, state.server);
   }
   return Share(state_, owner, bytes);
 }
 
-DecodedBudget::Share::Share(std::shared_ptr<State> state, BudgetOwner owner, std::size_t bytes)
+ByteBudget::Share::Share(std::shared_ptr<State> state, BudgetOwner owner, std::size_t bytes)
     : state_(std::move(state)), owner_(std::move(owner)), bytes_(bytes) {}
 
-DecodedBudget::Share& DecodedBudget::Share::operator=(Share&& other) noexcept {
+ByteBudget::Share& ByteBudget::Share::operator=(Share&& other) noexcept {
   std::swap(state_, other.state_);
   std::swap(owner_, other.owner_);
   std::swap(bytes_, other.bytes_);
   return *this;
 }
 
-DecodedBudget::Share::~Share() {
+ByteBudget::Share::~Share() {
   if (state_ && bytes_ > 0) state_->giveBack(owner_, bytes_);
+}
+
+void ByteBudget::Share::lower(std::size_t bytes) {
+  if (!state_ || bytes >= bytes_) return;
+  const std::size_t less = bytes_ - bytes;
+  bytes_ = bytes;
+  state_->giveBack(owner_, less);
 }
 
 }  // namespace needlelab

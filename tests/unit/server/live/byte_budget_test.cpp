@@ -1,4 +1,4 @@
-#include "server/live/decoded_budget.h"
+#include "server/live/byte_budget.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-constexpr DecodedBudget::Limits kLimits{.connection = 10, .owner = 25, .people = 60, .server = 80};
+constexpr ByteBudget::Limits kLimits{.connection = 10, .owner = 25, .people = 60, .server = 80};
 
 BudgetOwner personAt(const std::string& name, int connection) {
   return {name + " " + std::to_string(connection), "person " + name, true};
@@ -19,8 +19,8 @@ BudgetOwner stationNamed(const std::string& name) {
   return {"live " + name, "station " + name, false};
 }
 
-TEST(DecodedBudget, aConnectionHasItsPartAndGetsItBack) {
-  DecodedBudget budget(kLimits);
+TEST(ByteBudget, aConnectionHasItsPartAndGetsItBack) {
+  ByteBudget budget(kLimits);
   auto first = budget.take(personAt("anna", 1), 6);
   ASSERT_TRUE(first.has_value());
   EXPECT_FALSE(budget.take(personAt("anna", 1), 5).has_value());
@@ -31,9 +31,9 @@ TEST(DecodedBudget, aConnectionHasItsPartAndGetsItBack) {
   EXPECT_TRUE(budget.take(personAt("anna", 1), 10).has_value());
 }
 
-TEST(DecodedBudget, aPersonHasItsPartHoweverManyConnectionsItHas) {
-  DecodedBudget budget(kLimits);
-  std::vector<DecodedBudget::Share> shares;
+TEST(ByteBudget, aPersonHasItsPartHoweverManyConnectionsItHas) {
+  ByteBudget budget(kLimits);
+  std::vector<ByteBudget::Share> shares;
   for (int connection = 0; connection < 100; ++connection)
     if (auto share = budget.take(personAt("anna", connection), 10)) shares.push_back(std::move(*share));
   EXPECT_EQ(shares.size(), 2u) << "of 25";
@@ -41,9 +41,9 @@ TEST(DecodedBudget, aPersonHasItsPartHoweverManyConnectionsItHas) {
   EXPECT_TRUE(budget.take(personAt("bert", 7), 10).has_value()) << "others have theirs";
 }
 
-TEST(DecodedBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
-  DecodedBudget budget(kLimits);
-  std::vector<DecodedBudget::Share> shares;
+TEST(ByteBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
+  ByteBudget budget(kLimits);
+  std::vector<ByteBudget::Share> shares;
   const auto fill = [&](auto owner_of) {
     const std::size_t before = shares.size();
     for (int i = 0; i < 100; ++i)
@@ -57,20 +57,20 @@ TEST(DecodedBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
   EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 8u) << "stations may have all";
 }
 
-TEST(DecodedBudget, whatFitsNeverIsKnownAtOnce) {
-  const DecodedBudget budget(kLimits);
+TEST(ByteBudget, whatFitsNeverIsKnownAtOnce) {
+  const ByteBudget budget(kLimits);
   EXPECT_TRUE(budget.mayFit(10));
   EXPECT_FALSE(budget.mayFit(11));
   EXPECT_EQ(budget.mostBytes(), 10u);
 }
 
-TEST(DecodedBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
+TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
   int freed = 0;
-  std::optional<DecodedBudget::Share> kept;
+  std::optional<ByteBudget::Share> kept;
   {
-    DecodedBudget budget(kLimits, [&] { ++freed; });
+    ByteBudget budget(kLimits, [&] { ++freed; });
     auto share = budget.take(personAt("anna", 1), 6);
-    DecodedBudget::Share moved = std::move(*share);
+    ByteBudget::Share moved = std::move(*share);
     share.reset();
     EXPECT_EQ(freed, 0) << "moved from";
     auto other = budget.take(personAt("bert", 1), 6);
@@ -82,6 +82,26 @@ TEST(DecodedBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
   }
   kept.reset();
   EXPECT_EQ(freed, 2) << "a share may end after the budget";
+}
+
+TEST(ByteBudget, aShareThatNeedsLessThanItTookGivesTheRestBackAtOnce) {
+  int freed = 0;
+  ByteBudget budget(kLimits, [&] { ++freed; });
+  auto share = budget.take(personAt("anna", 1), 10);
+  ASSERT_TRUE(share.has_value());
+  share->lower(12);
+  EXPECT_EQ(budget.taken(), 10u) << "it has no more than it took";
+  EXPECT_EQ(freed, 0);
+  share->lower(4);
+  EXPECT_EQ(budget.taken(), 4u);
+  EXPECT_EQ(freed, 1);
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 6).has_value());
+  share.reset();
+  EXPECT_EQ(budget.taken(), 0u);
+  EXPECT_EQ(budget.mostTaken(), 10u);
+  auto all = budget.take(personAt("anna", 1), 10);
+  all->lower(0);
+  EXPECT_EQ(budget.taken(), 0u);
 }
 
 }  // namespace

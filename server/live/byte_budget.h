@@ -1,4 +1,5 @@
-/// Bounds the memory of messages that are parsed and not yet done.
+/// Bounds bytes that many share: of messages that are parsed and not yet done, of replies that are not read
+/// yet.
 #pragma once
 
 #include <cstddef>
@@ -9,28 +10,28 @@
 
 namespace needlelab {
 
-/// Who sends a message: each name has a budget of its own.
+/// Whose bytes they are: each name has a budget of its own.
 struct BudgetOwner {
   std::string connection;  ///< unique among all connections of both ports
   std::string name;        ///< of the person or station, on all its connections
   bool person = true;      ///< not a station
 };
 
-/// Bytes of decoded messages in flight: of a connection, of a person or station, of all people, of the
-/// server. What people leave free is the stations': after an outage they open their sessions all at once,
-/// whatever people do. Who finds no room waits, and reads nothing meanwhile. Thread: one.
-class DecodedBudget {
+/// Bytes in use: of a connection, of a person or station, of all people, of the server. What people leave
+/// free is the stations': after an outage they open their sessions all at once, whatever people do. Who finds
+/// no room waits, and reads nothing meanwhile. Thread: one.
+class ByteBudget {
  public:
   struct Limits {
-    std::size_t connection = 8u << 20;  ///< more than a message of 1 MiB can become (kMostPayloadFields)
-    std::size_t owner = 16u << 20;
-    std::size_t people = 24u << 20;
-    std::size_t server = 32u << 20;
+    std::size_t connection = 0;
+    std::size_t owner = 0;
+    std::size_t people = 0;
+    std::size_t server = 0;
   };
   class Share;
 
   /// `freed` is called whenever bytes were given back; it must outlive the last share.
-  explicit DecodedBudget(Limits limits, std::function<void()> freed = {});
+  explicit ByteBudget(Limits limits, std::function<void()> freed = {});
 
   /// Takes `bytes` until the share's end. Nothing: at the moment a budget has less room.
   std::optional<Share> take(const BudgetOwner& owner, std::size_t bytes);
@@ -39,6 +40,8 @@ class DecodedBudget {
   [[nodiscard]] std::size_t mostBytes() const;
   /// Of all.
   [[nodiscard]] std::size_t taken() const;
+  /// The most that was taken at once so far.
+  [[nodiscard]] std::size_t mostTaken() const;
 
  private:
   struct State;
@@ -46,7 +49,7 @@ class DecodedBudget {
 };
 
 /// Gives its bytes back when it ends.
-class DecodedBudget::Share {
+class ByteBudget::Share {
  public:
   Share(Share&& other) noexcept = default;
   Share& operator=(Share&& other) noexcept;
@@ -54,8 +57,11 @@ class DecodedBudget::Share {
   Share& operator=(const Share&) = delete;
   ~Share();
 
+  /// Gives back all but `bytes`, if it has more.
+  void lower(std::size_t bytes);
+
  private:
-  friend class DecodedBudget;
+  friend class ByteBudget;
   Share(std::shared_ptr<State> state, BudgetOwner owner, std::size_t bytes);
   std::shared_ptr<State> state_;  // null: moved from
   BudgetOwner owner_;

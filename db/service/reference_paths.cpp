@@ -1,0 +1,139 @@
+#include "db/service/reference_paths.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "common/scoring/reference.h"
+#include "db/service/handlers.h"
+#include "db/service/session_samples.h"
+#include "db/session_results.h"
+
+namespace needlelab {
+namespace {
+
+/// At most 144 KiB each; when there are more, all paths are dropped and read again on demand.
+constexpr std::size_t kMostKnownPaths = 200;
+/// Some 100 bytes each. When there are more, all are dropped and computed again on demand.
+constexpr std::size_t kMostKnownDistances = 20'000;
+
+std::vector<Uuid> sessionsOf(const pb::Reference& reference, std::optional<Uuid> except) {
+  std::vector<Uuid> sessions;
+  const int count = std::min(reference.session_ids_size(), kMostReferencePaths);
+  for (int i = 0; i < count; ++i) {
+    const auto id = handlers::sessionId(reference.session_ids(i));
+    if (id && (!except || *id != *except)) sessions.push_back(*id);
+  }
+  return sessions;
+}
+
+}  // namespace
+
+/// One call's use of what is known. It reads each path at most once, even one that cannot be read now, and
+/// only where a distance is not known.
+class ReferencePaths::Lookup {
+ public:
+  Lookup(ReferencePaths& known, Connection& reader) : known_(known), reader_(reader) {
+    const std::scoped_lock lock(known_.mutex_);
+    forgotten_ = known_.forgotten_;
+  }
+
+  /// Nothing: it cannot be read now. Valid while this lives.
+  const std::optional<TipPath>& path(const Uuid& session) {
+    const auto [entry, is_new] = paths_.try_emplace(session);
+    if (!is_new) return entry->second;
+    {
+      const std::scoped_lock lock(known_.mutex_);
+      if (const auto found = known_.paths_.find(session); found != known_.paths_.end()) {
+        entry->second = found->second;
+        return entry->second;
+      }
+    }
+    entry->second = readPath(session);
+    if (!entry->second) return entry->second;
+    const std::scoped_lock lock(known_.mutex_);
+    if (known_.forgotten_ != forgotten_) return entry->second;
+    if (known_.paths_.size() >= kMostKnownPaths) known_.paths_.clear();
+    known_.paths_.emplace(session, *entry->second);
+    return entry->second;
+  }
+
+  /// Nothing: one of both has no path.
+  std::optional<double> distance(const Uuid& a, const Uuid& b) {
+    const Pair pair(std::min(a, b), std::max(a, b));
+    {
+      const std::scoped_lock lock(known_.mutex_);
+      if (const auto found = known_.distances_.find(pair); found != known_.distances_.end())
+        return found->second;
+    }
+    const auto& one = path(pair.first);
+    const auto& other = path(pair.second);
+    if (!one || !other) return std::nullopt;
+    const auto distance = dtwDistance(*one, *other);
+    const std::scoped_lock lock(known_.mutex_);
+    ++known_.computed_;
+    if (known_.forgotten_ != forgotten_) return distance;
+    if (known_.distances_.size() >= kMostKnownDistances) known_.distances_.clear();
+    known_.distances_.emplace(pair, distance);
+    return distance;
+  }
+
+ private:
+  std::optional<TipPath> readPath(const Uuid& session) {
+    const auto read = samplesOf(reader_, session);
+    // what will never be scored has no path; any other failure may pass
+    if (!read) return read.error().code == ErrorCode::kInvalidInput ? std::optional(TipPath()) : std::nullopt;
+    TipPath path = tipPathOf(read->samples, read->info.description().rate_hz(), read->X_WL);
+    if (!read->samples.fault().ok()) return std::nullopt;
+    return path;
+  }
+
+  ReferencePaths& known_;
+  Connection& reader_;
+  std::uint64_t forgotten_ = 0;
+  std::map<Uuid, std::optional<TipPath>> paths_;
+};
+
+Result<std::vector<TipPath>> ReferencePaths::ofExercise(Connection& reader, const std::string& exercise_id,
+                                                        std::optional<Uuid> except) {
+  ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
+  Lookup lookup(*this, reader);
+  std::vector<TipPath> paths;
+  for (const Uuid& session : sessionsOf(reference, except)) {
+    if (const auto& path = lookup.path(session); path && !path->empty()) paths.push_back(*path);
+  }
+  return paths;
+}
+
+std::vector<double> ReferencePaths::distancesAmongSessions(Connection& reader,
+                                                           const pb::Reference& reference) {
+  const auto sessions = sessionsOf(reference, std::nullopt);
+  Lookup lookup(*this, reader);
+  return distancesAmong(sessions.size(), [&](std::size_t i, std::size_t j) {
+    return lookup.distance(sessions[i], sessions[j]);
+  });
+}
+
+std::optional<double> ReferencePaths::nearestDistance(Connection& reader, const Uuid& session,
+                                                      const pb::Reference& reference) {
+  Lookup lookup(*this, reader);
+  std::optional<double> nearest;
+  for (const Uuid& other : sessionsOf(reference, session)) {
+    const auto distance = lookup.distance(session, other);
+    if (distance && (!nearest || *distance < *nearest)) nearest = distance;
+  }
+  return nearest;
+}
+
+void ReferencePaths::forget() {
+  const std::scoped_lock lock(mutex_);
+  ++forgotten_;
+  paths_.clear();
+  distances_.clear();
+}
+
+std::uint64_t ReferencePaths::distancesComputed() const {
+  const std::scoped_lock lock(mutex_);
+  return computed_;
+}
+
+}  // namespace needlelab

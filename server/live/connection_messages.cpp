@@ -1,0 +1,233 @@
+// A connection's messages: which are read at all, what they cost, where each one goes.
+#include <fmt/core.h>
+#include <algorithm>
+#include <functional>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/wire/protocol.h"
+#include "db/service/requests.h"
+#include "server/live/connection.h"
+#include "server/live/request_effects.h"
+
+namespace needlelab {
+
+/// False: the message is not a plain live frame allowed now; take() checks it and reports any fault.
+bool PeerConnection::passLive(ByteView bytes) {
+  if (checkMessage(pb::Envelope::kLiveFrame, state_, who_.role) != Verdict::kAllowed) return false;
+  const auto frame = viewLiveFrame(bytes);
+  if (!frame || tooOften(pb::Envelope::kLiveFrame)) return false;
+  if (auto refusal = context_.hub.onLiveFrame(*this, *frame, steadyNowNs())) refuse(std::move(*refusal));
+  return true;
+}
+
+/// A message, from its bytes: checked by its first tags, counted, parsed, done. Error: the bytes are not an
+/// Envelope. `frame` stays valid: nothing is read from this socket meanwhile.
+Task<Status> PeerConnection::take(ByteView frame) {
+  const auto head = scanEnvelope(frame);
+  if (!head.ok()) co_return head.error();
+  if (!mayRead(*head)) co_return Status{};
+  const auto cost = measurePayload(*head);
+  if (!cost.ok()) {
+    if (cost.error().code == ErrorCode::kCorrupt) co_return cost.error();
+    ++context_.counters.messages_refused_unparsed;
+    refuse(pb::Refusal::TOO_LARGE, cost.error().message, head->request_id);
+    co_return Status{};
+  }
+  // whose replies are not read waits here with the next request, and holds nothing else meanwhile
+  Shares shares;
+  if (head->body == pb::Envelope::kRequest) {
+    shares.reply =
+        co_await waitForRoom(context_.replies, context_.reply_room, replyRoomOf(context_, head->call));
+    if (!shares.reply) co_return Status{};
+    context_.counters.most_reply_bytes = context_.replies.mostTaken();
+  }
+  // chunks have limits of their own (busy); before log-in a message is small, and done at once
+  if (head->body != pb::Envelope::kChunk && who_.role != pb::ROLE_UNSPECIFIED &&
+      cost->decoded_bytes > context_.bounds.uncounted_decoded_bytes) {
+    shares.decoded = co_await roomForDecoded(cost->decoded_bytes, head->request_id);
+    if (!shares.decoded) co_return Status{};
+  }
+  auto envelope = co_await parse(frame, *cost);
+  if (!envelope.ok()) co_return envelope.error();
+  // what is done is what was checked
+  if (envelope->body_case() != head->body || envelope->request().call_case() != head->call)
+    co_return Error{ErrorCode::kCorrupt, "a message that is another one than it seems"};
+  if (over() || channel_->closing()) co_return Status{};
+  co_await dispatch(std::move(*envelope), std::move(shares));
+  co_return Status{};
+}
+
+/// Whether this message is allowed now, and from this peer; false: it is refused, or of no interest. Nothing
+/// of it has been parsed.
+bool PeerConnection::mayRead(const EnvelopeHead& head) {
+  const auto text = [&](const char* what) {
+    const auto* field = pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body));
+    return "'" + (field != nullptr ? field->name() : "unknown") + "' " + what + " (state " + nameOf(state_) +
+           ")";
+  };
+  const auto refuseUnparsed = [&](pb::Refusal refusal) {
+    ++context_.counters.messages_refused_unparsed;
+    refuse(std::move(refusal), head.request_id);
+    return false;
+  };
+  if (!over() && tooOften(head.body)) {
+    pb::Refusal refusal = makeRefusal(pb::Refusal::RATE_LIMITED, text("comes too often"));
+    // so that the station can match the refusal to its request
+    refusal.set_session_id(std::string(head.session_id));
+    return refuseUnparsed(std::move(refusal));
+  }
+  switch (checkMessage(head.body, state_, who_.role)) {
+    case Verdict::kAllowed:
+      break;
+    case Verdict::kIgnored:
+      return head.body == pb::Envelope::kPong;
+    case Verdict::kUnknown:
+      return refuseUnparsed(makeRefusal(pb::Refusal::INVALID, "a message without a body that protocol " +
+                                                                  versionText(ourVersion()) + " knows"));
+    case Verdict::kWrongState:
+      return refuseUnparsed(makeRefusal(pb::Refusal::STATE, text("is not legal now")));
+    case Verdict::kWrongRole:
+      return refuseUnparsed(makeRefusal(pb::Refusal::ROLE, text("is not for your role")));
+    case Verdict::kNeverFromPeer:
+      return refuseUnparsed(makeRefusal(pb::Refusal::STATE, text("is sent by servers only")));
+  }
+  if (head.body == pb::Envelope::kRequest) {
+    if (const Status role = checkRole(who_, head.call); !role.ok())
+      return refuseUnparsed(refusalOf(role.error()));
+  }
+  return true;
+}
+
+/// Waits until the message fits beside those that are not done yet; meanwhile this socket is not read.
+/// Nothing: it is refused, or the connection ends.
+Task<std::optional<ByteBudget::Share>> PeerConnection::roomForDecoded(std::size_t bytes,
+                                                                      std::uint64_t request) {
+  if (!context_.decoded.mayFit(bytes)) {
+    ++context_.counters.messages_refused_unparsed;
+    refuse(pb::Refusal::TOO_LARGE,
+           fmt::format("the message would take some {} bytes of memory, at most {} are allowed: send less at "
+                       "once",
+                       bytes, context_.decoded.mostBytes()),
+           request);
+    co_return std::nullopt;
+  }
+  co_return co_await waitForRoom(context_.decoded, context_.decoded_room, bytes);
+}
+
+/// Nothing: the connection ends.
+Task<std::optional<ByteBudget::Share>> PeerConnection::waitForRoom(ByteBudget& budget,
+                                                                   std::shared_ptr<Signal> freed,
+                                                                   std::size_t bytes) {
+  const BudgetOwner owner = budgetOwner(who_, fmt::format("live {}", id_));
+  while (!over() && !channel_->closing()) {
+    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
+    co_await freed->wait();
+  }
+  co_return std::nullopt;
+}
+
+Task<Result<pb::Envelope>> PeerConnection::parse(ByteView frame, const PayloadCost& cost) {
+  ++context_.counters.messages_parsed;
+  context_.counters.decoded_bytes += cost.decoded_bytes;
+  if (cost.parsed_bytes <= context_.bounds.parsed_here_bytes) co_return decodeFrame(frame);
+  ++context_.counters.messages_parsed_elsewhere;
+  std::function<Result<pb::Envelope>()> work = [frame] { return decodeFrame(frame); };
+  co_return co_await offload(context_.parsers, std::move(work));
+}
+
+Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
+  switch (envelope.body_case()) {
+    case pb::Envelope::kHello:
+      greet(envelope.hello());
+      break;
+    case pb::Envelope::kLogin:
+      co_await logIn(std::move(*envelope.mutable_login()));
+      break;
+    case pb::Envelope::kPing:
+      answerPing(envelope.ping());
+      break;
+    case pb::Envelope::kPong:
+      // only confirms that the peer has read all earlier messages
+      if (envelope.pong().id() <= pings_asked_) {
+        pings_answered_ = std::max(pings_answered_, envelope.pong().id());
+        pong_.notify();
+      }
+      break;
+    case pb::Envelope::kOpenSession:
+      co_await openSession(std::move(*envelope.mutable_open_session()));
+      break;
+    case pb::Envelope::kChunk:
+      takeChunk(std::move(*envelope.mutable_chunk()));
+      break;
+    case pb::Envelope::kClockOffset:
+      takeClockOffset(envelope.clock_offset());
+      break;
+    case pb::Envelope::kStationStatus: {
+      auto refusal = context_.hub.onStatus(who_.name, envelope.station_status(), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kLiveFrame: {
+      auto refusal = context_.hub.onLiveFrame(who_.name, envelope.live_frame(), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kCloseSession:
+      asio::co_spawn(context_.io,
+                     closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())),
+                     endsAlone(shared_from_this()));
+      break;
+    case pb::Envelope::kRequest:
+      asio::co_spawn(context_.io,
+                     execute(shared_from_this(), std::move(*envelope.mutable_request()), std::move(shares)),
+                     endsAlone(shared_from_this()));
+      break;
+    case pb::Envelope::kSubscribe: {
+      const pb::Subscribe& wanted = envelope.subscribe();
+      auto refusal = context_.hub.subscribe(*this, wanted, steadyNowNs());
+      if (refusal)
+        refuse(std::move(*refusal));
+      else
+        context_.store.service().noteWatching(who_, wanted.station(), wanted.session_id());
+      break;
+    }
+    case pb::Envelope::kUnsubscribe: {
+      auto refusal = context_.hub.unsubscribe(*this, envelope.unsubscribe().subscription());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kRefusal:
+      refusedByPeer(envelope.refusal());
+      break;
+    case pb::Envelope::kBye:
+      setState(ConnectionState::kClosing);
+      channel_->finish(CloseReason::kPeerClosed, "the peer said bye: " + envelope.bye().reason());
+      break;
+    default:
+      break;  // mayRead permits no other body
+  }
+}
+
+bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
+  // limited by pending work instead: busy()
+  if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest || body == pb::Envelope::kCloseSession)
+    return false;
+  const std::int64_t now = steadyNowNs();
+  const double leaked =
+      context_.bounds.small_messages_per_s * 1e-9 * static_cast<double>(now - small_messages_at_ns_);
+  small_messages_ = std::max(0.0, small_messages_ - leaked) + 1;
+  small_messages_at_ns_ = now;
+  return small_messages_ > context_.bounds.small_messages_at_once;
+}
+
+void PeerConnection::answerPing(const pb::Ping& ping) {
+  pb::Envelope envelope;
+  pb::Pong& pong = *envelope.mutable_pong();
+  pong.set_id(ping.id());
+  pong.set_sender_steady_ns(ping.sender_steady_ns());
+  pong.set_receiver_steady_ns(steadyNowNs());
+  sendControl(envelope);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,70 @@
+// Requests of people and stations: the service executes them on worker threads; this completes them.
+#include <fmt/core.h>
+#include <chrono>
+#include <memory>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/secret.h"
+#include "common/wire/protocol.h"
+#include "server/live/connection.h"
+#include "server/live/request_effects.h"
+
+namespace needlelab {
+
+/// `shares`: the request's parts of the budgets. That of the decoded message ends when it is answered.
+Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request request, Shares shares) {
+  PeerConnection& peer = *self;
+  const std::shared_ptr<const pb::Request> shared = wipedWhenReleased(std::move(request));
+  ++peer.requests_at_work_;
+  const auto outcome = co_await executeRequest(peer.context_, peer.who_, shared);
+  co_await peer.answer(*shared, std::move(*outcome), std::move(*shares.reply));
+  --peer.requests_at_work_;
+  peer.freed_.notify();
+}
+
+/// `room`: the reply's; it goes on with the reply, until that is read. `request` outlives this call, because
+/// execute waits for it.
+Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteBudget::Share room) {
+  auto refusal = co_await complete(context_, request, who_.name, outcome);
+  if (refusal) {
+    refuse(std::move(*refusal), request.id());
+    co_return;
+  }
+  pb::Envelope envelope;
+  *envelope.mutable_reply() = std::move(outcome.reply);
+  envelope.mutable_reply()->set_id(request.id());
+  // a reply that is too long is an error for the requester and must not end the connection
+  const std::size_t bytes = envelope.ByteSizeLong();
+  if (bytes > kMaxFrameBytes) {
+    refuse(pb::Refusal::TOO_LARGE,
+           fmt::format("the reply has {} bytes, at most {} can be sent: ask for less at once", bytes,
+                       kMaxFrameBytes),
+           request.id());
+  } else {
+    room.lower(bytes);
+    sendHolding(envelope, std::make_shared<const ByteBudget::Share>(std::move(room)));
+    if (envelope.reply().has_new_code()) wipe(*envelope.mutable_reply()->mutable_new_code()->mutable_code());
+  }
+  followUp(context_, request, envelope.reply(), who_.name, this);
+}
+
+Task<bool> PeerConnection::sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope) {
+  PeerConnection& peer = *self;
+  const std::uint64_t id = ++peer.pings_asked_;
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(id);
+  ping.mutable_ping()->set_sender_steady_ns(steadyNowNs());
+  peer.sendControl(envelope);
+  peer.sendControl(ping);
+  const auto end = std::chrono::steady_clock::now() + peer.context_.bounds.confirm_timeout;
+  asio::steady_timer limit(peer.context_.io, end);
+  limit.async_wait([self](const boost::system::error_code&) { self->pong_.notify(); });
+  while (peer.pings_answered_ < id && !peer.over() && !peer.channel_->closing() &&
+         std::chrono::steady_clock::now() < end) {
+    co_await peer.pong_.wait();
+  }
+  co_return peer.pings_answered_ >= id;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,63 @@
+#include "server/live/live_thinning.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/gesture/chunk.h"
+
+namespace needlelab {
+
+Decimator::Decimator(double rate_hz)
+    : period_ns_(std::max<std::int64_t>(
+          1, static_cast<std::int64_t>(std::llround(1e9 / std::max(rate_hz, 1e-3))))) {}
+
+std::vector<GestureSample> Decimator::keep(std::span<const GestureSample> samples) {
+  std::vector<GestureSample> kept;
+  for (const GestureSample& sample : samples) {
+    // a new session or a restarted station: its clock has another origin
+    const bool jumped = started_ && sample.time_ns < last_ns_;
+    if (!started_ || jumped) {
+      started_ = true;
+      due_ns_ = sample.time_ns;
+    }
+    last_ns_ = sample.time_ns;
+    if (sample.time_ns < due_ns_) continue;
+    kept.push_back(sample);
+    // the next grid point in the future
+    const auto periods = (static_cast<std::uint64_t>(sample.time_ns) - static_cast<std::uint64_t>(due_ns_)) /
+                             static_cast<std::uint64_t>(period_ns_) +
+                         1;
+    due_ns_ = static_cast<std::int64_t>(static_cast<std::uint64_t>(due_ns_) +
+                                        periods * static_cast<std::uint64_t>(period_ns_));
+  }
+  return kept;
+}
+
+std::span<const GestureSample> LiveSamples::all() {
+  if (std::exchange(decoded_, true)) return samples_;
+  const auto info = inspectChunk(viewOf(data_));
+  if (!info.ok()) return samples_;
+  resolution_ = info->resolution;
+  if (auto samples = decodeChunk(viewOf(data_)); samples.ok()) samples_ = std::move(*samples);
+  return samples_;
+}
+
+Frame ThinnedFrames::next(const LiveFrameView& frame, LiveSamples& samples, std::string_view station) {
+  // show frames that the station's queue dropped as a gap in these numbers
+  if (last_of_station_ && frame.frame_seq > *last_of_station_ + 1)
+    number_ += frame.frame_seq - *last_of_station_ - 1;
+  last_of_station_ = frame.frame_seq;
+  const auto all = samples.all();
+  const auto kept = decimator_.keep(all);
+  if (kept.empty()) return nullptr;
+  LiveFrameView thinned = frame;
+  thinned.frame_seq = number_++;
+  // at a rate above the station's its own bytes go on
+  if (kept.size() == all.size()) return encodeLiveFrame(thinned, station);
+  const Bytes data = encodeChunk(samples.resolution(), kept);
+  thinned.data = textOf(data);
+  return encodeLiveFrame(thinned, station);
+}
+
+}  // namespace needlelab

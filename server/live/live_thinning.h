@@ -1,0 +1,67 @@
+/// Live frames at a lower rate than the station's.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "common/gesture/sample.h"
+#include "common/wire/live_frames.h"
+
+namespace needlelab {
+
+/// Reduces the sample rate: keeps the first sample at or after each point of a time grid at the wanted rate,
+/// by the station's own times, so the result does not depend on the loop's rate. Thread: one.
+class Decimator {
+ public:
+  /// rate_hz > 0
+  explicit Decimator(double rate_hz);
+
+  /// Returns the samples to forward; often none.
+  std::vector<GestureSample> keep(std::span<const GestureSample> samples);
+
+ private:
+  std::int64_t period_ns_;
+  std::int64_t due_ns_ = 0;
+  std::int64_t last_ns_ = 0;
+  bool started_ = false;
+};
+
+/// The samples of a received live frame: decoded when somebody first asks, and once however many ask.
+class LiveSamples {
+ public:
+  /// `data` must outlive this.
+  explicit LiveSamples(std::string_view data) : data_(data) {}
+
+  /// Empty: the bytes are no chunk.
+  std::span<const GestureSample> all();
+  /// As the station declared it. Call only if all() is not empty.
+  [[nodiscard]] const Resolution& resolution() const { return resolution_; }
+  [[nodiscard]] bool decoded() const { return decoded_; }
+
+ private:
+  std::string_view data_;
+  std::vector<GestureSample> samples_;
+  Resolution resolution_;
+  bool decoded_ = false;
+};
+
+/// A station's frames at one lower rate, for all who watch it at that rate: they get the same frames, with
+/// numbers of their own. Thread: one.
+class ThinnedFrames {
+ public:
+  /// rate_hz > 0
+  explicit ThinnedFrames(double rate_hz) : decimator_(rate_hz) {}
+
+  /// The frame to send for the station's next one; null: it has no sample of the grid. `station`: its name.
+  Frame next(const LiveFrameView& frame, LiveSamples& samples, std::string_view station);
+
+ private:
+  Decimator decimator_;
+  std::uint64_t number_ = 0;  // of the next frame: keeps the gaps of the station's numbers
+  std::optional<std::uint64_t> last_of_station_;
+};
+
+}  // namespace needlelab

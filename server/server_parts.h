@@ -1,0 +1,87 @@
+/// The objects of one server, for server.cpp (start, run, end) and server_upkeep.cpp (what it does by the
+/// clock). Private to this folder.
+#pragma once
+
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "common/base/program.h"
+#include "common/base/result.h"
+#include "common/wire/asio.h"
+#include "common/wire/certificates.h"
+#include "common/wire/tls.h"
+#include "common/wire/tls_folder.h"
+#include "server/live/context.h"
+#include "server/live/disk_room.h"
+#include "server/live/monitor.h"
+#include "server/server.h"
+
+namespace needlelab {
+
+struct ServerCertificate {
+  TlsContext tls;
+  std::string sha256;
+  bool made = false;
+};
+
+/// The certificate of the files, made or renewed if need be. Thread: any.
+Result<ServerCertificate> currentCertificate(const TlsFiles& files, const CertificateNames& names);
+
+/// Destroyed in reverse order: the pools (joined) before the store, the store (drained) before the
+/// io_context.
+struct Server::Parts {
+  explicit Parts(ServerOptions given) : options(std::move(given)) {}
+
+  ServerOptions options;
+  asio::io_context io{1};
+  TlsContext tls;  // for connections from now on
+  TlsFiles files;
+  CertificateNames names;
+  std::string certificate_sha256;
+  std::unique_ptr<Store> store;
+  // of the retention threads, one runs retention; the other answers further requests and makes dry runs
+  asio::thread_pool passwords{1}, logins{1}, parsers{1}, workers{kWorkerThreads}, views{kViewThreads},
+      slow_workers{kSlowThreads}, retention_workers{2};
+  asio::thread_pool room_worker{1};  // looks at the disk, which may hang
+  std::optional<ServerContext> context;
+  std::optional<Tcp::acceptor> acceptor;
+  std::unique_ptr<Monitor> monitor;
+  std::shared_ptr<MonitorPort> monitor_port;
+  std::shared_ptr<WebServer> web;
+  asio::signal_set signals{io};
+  asio::steady_timer watchdog_timer{io};
+  asio::steady_timer drain_timer{io};
+  asio::steady_timer retention_timer{io};
+  asio::steady_timer heap_timer{io};
+  asio::steady_timer certificate_timer{io};
+  asio::steady_timer room_timer{io};
+  std::uint16_t port = 0;
+  std::uint64_t next_id = 1;
+  bool stopping = false;
+  int exit_code = kExitDone;
+  std::uint64_t refused_unlogged = 0;
+  std::int64_t refused_logged_ns = 0;
+  std::uint64_t free_at_start = 0;
+
+  Task<> signalLoop();
+  Task<> drainLoop();
+  Task<> watchdogLoop(std::chrono::microseconds period);
+  Status startMonitor();
+  Task<> retentionLoop();
+  Task<> heapLoop();
+  Task<> certificateLoop();
+  [[nodiscard]] std::optional<DiskRoom::Look> lookAtRoom() const;
+  void noteRoom(const std::optional<DiskRoom::Look>& look);
+  Task<> roomLoop();
+  void accepted(Tcp::socket socket);
+  void refuseConnection(const std::string& host);
+  void beginStop(const std::string& reason);
+};
+
+}  // namespace needlelab

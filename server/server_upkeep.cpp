@@ -1,0 +1,149 @@
+// What a server does by the clock: retention, free memory, its certificate, the disk's room, systemd's
+// watchdog.
+#include <malloc.h>
+
+#include <boost/asio/post.hpp>
+#include <functional>
+#include <utility>
+
+#include "db/retention_store.h"
+#include "server/base/log.h"
+#include "server/server_parts.h"
+#include "server/service_manager.h"
+
+namespace needlelab {
+namespace {
+
+/// A read-only server believes that somebody made room when so much more is free than at its start.
+constexpr std::uint64_t kMadeRoom = 8u << 20;
+
+}  // namespace
+
+Result<ServerCertificate> currentCertificate(const TlsFiles& files, const CertificateNames& names) {
+  ServerCertificate current;
+  ASSIGN_OR_RETURN(current.made, ensureTlsFiles(files, names));
+  ASSIGN_OR_RETURN(current.tls, makeServerTls(files.certificate, files.key));
+  ASSIGN_OR_RETURN(const auto facts, readCertificate(files.certificate));
+  current.sha256 = facts.sha256;
+  return current;
+}
+
+Task<> Server::Parts::retentionLoop() {
+  auto wait = options.retention_first;
+  // beginStop cancels the timer once: a run that ends later must not start it again
+  while (!stopping) {
+    retention_timer.expires_after(std::exchange(wait, options.retention_every));
+    co_await retention_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    std::function<Result<pb::RetentionReport>()> work = [this] {
+      yieldToOthers();
+      return store->service().dailyRetention();
+    };
+    const auto report = co_await offload(retention_workers, std::move(work));
+    if (!report.ok()) {
+      logEvent(LogLevel::kWarning, "retention_not_run", {{"text", report.error().message}});
+      continue;
+    }
+    logEvent(LogLevel::kInfo, "retention",
+             {{"thinned", report->thinned()},
+              {"deleted", report->deleted()},
+              {"waiting_for_backup", report->waiting_for_backup()},
+              {"left_alone", report->left_alone()},
+              {"bytes_before", report->bytes_before()},
+              {"bytes_after", report->bytes_after()},
+              {"stopped", report->stopped() ? "yes" : "no"}});
+  }
+}
+
+/// Returns free memory to the system. Each burst (many reconnections, a viewer that does not read) takes
+/// memory; afterwards the C library keeps the gaps between live blocks, so that without this the heap would
+/// stay as large as after the largest burst.
+Task<> Server::Parts::heapLoop() {
+  while (!stopping) {
+    heap_timer.expires_after(options.heap_every);
+    co_await heap_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    asio::post(workers, [] { ::malloc_trim(0); });
+  }
+}
+
+/// Renews the certificate in time and takes one that a technician made (certificates.h). Connections that are
+/// there keep theirs.
+Task<> Server::Parts::certificateLoop() {
+  std::string fault;
+  while (!stopping) {
+    certificate_timer.expires_after(options.certificate_every);
+    co_await certificate_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    std::function<Result<ServerCertificate>()> work = [this] { return currentCertificate(files, names); };
+    const auto now = co_await offload(workers, std::move(work));
+    if (stopping) co_return;
+    if (!now.ok()) {
+      // once for each fault: the old certificate serves on
+      if (std::exchange(fault, now.error().message) != now.error().message)
+        logEvent(LogLevel::kWarning, "certificate_not_renewed", {{"text", now.error().message}});
+      continue;
+    }
+    fault.clear();
+    if (std::exchange(certificate_sha256, now->sha256) == now->sha256) continue;
+    tls = now->tls;
+    if (web) web->useTls(tls);
+    logEvent(LogLevel::kInfo, "certificate_taken", {{"sha256", now->sha256}});
+  }
+}
+
+/// Thread: any; blocks while the disk hangs. Nothing: the system does not tell.
+std::optional<DiskRoom::Look> Server::Parts::lookAtRoom() const {
+  const auto free = options.free_bytes(options.data);
+  if (!free) return std::nullopt;
+  DiskRoom::Look look{.disk_bytes = *free};
+  if (auto reader = store->readers().borrow(); reader.ok())
+    if (const auto space = RetentionStore(**reader).space(); space.ok()) look.file_bytes = space->free_bytes;
+  return look;
+}
+
+void Server::Parts::noteRoom(const std::optional<DiskRoom::Look>& look) {
+  if (!look) return;  // what was seen before still counts
+  DiskRoom& room = context->disk_room;
+  const RoomLevel before = room.level();
+  room.look(*look);
+  if (const RoomLevel now = room.level(); now != before)
+    logEvent(now == RoomLevel::kPlenty ? LogLevel::kInfo : LogLevel::kWarning, "disk_room",
+             {{"level", nameOf(now)}, {"left_bytes", room.leftBytes()}, {"text", room.text()}});
+}
+
+/// Looks at the disk and sets what is refused. A read-only server ends when there is room: whoever started it
+/// starts it again, for writing.
+Task<> Server::Parts::roomLoop() {
+  while (!stopping) {
+    room_timer.expires_after(options.room_every);
+    co_await room_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    using Seen = std::optional<DiskRoom::Look>;
+    std::function<Result<Seen>()> look = [this]() -> Result<Seen> {
+      (void)store->keepAuditHead();
+      return lookAtRoom();
+    };
+    const auto looked = co_await offload(room_worker, std::move(look));
+    if (stopping) co_return;
+    const Seen seen = looked.ok() ? *looked : std::nullopt;
+    noteRoom(seen);
+    // a disk that refuses although it has room (a quota) would refuse again
+    if (!store->readOnly() || !seen || context->disk_room.level() == RoomLevel::kNoChunks ||
+        seen->disk_bytes < free_at_start + kMadeRoom)
+      continue;
+    exit_code = kExitFailed;
+    beginStop("there is room on the disk again: start the server again, for writing");
+  }
+}
+
+/// Tells systemd that this thread still runs: systemd kills and restarts a server that hangs.
+Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
+  while (!stopping) {
+    notifyManager("WATCHDOG=1");
+    watchdog_timer.expires_after(period);
+    co_await watchdog_timer.async_wait(kUseTuple);
+  }
+}
+
+}  // namespace needlelab
