@@ -29,8 +29,13 @@ std::string textIn(const Json& record, const char* field) {
 
 /// The head in an export's own line of the log; nothing for every other record.
 std::optional<AuditHead> headOfExport(const Json& record) {
+  // what was imported may say anything; older exports do not tell it apart
+  const auto is_given = [&](const char* field) {
+    const auto found = record.find(field);
+    return found != record.end() && !found->is_null();
+  };
   if (textIn(record, "kind") != "audit" || textIn(record, "action") != "export-all" ||
-      !textIn(record, "subject").empty())
+      !textIn(record, "subject").empty() || is_given("imported_by") || is_given("imported_from"))
     return std::nullopt;
   const std::string detail = textIn(record, "detail");
   std::string_view head = detail;

@@ -69,6 +69,25 @@ TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {
   EXPECT_TRUE(refused(own + "\n" + forged + "\n")) << "no export has such a line";
 }
 
+TEST_F(AuditAnchorTest, anImportedLineIsNoHeadWhereverItStands) {
+  const std::string own =
+      R"({"kind":"audit","id":7,"unix_ns":1,"who":"ada","action":"export-all","subject":"",)"
+      R"("detail":")" +
+      headText(3, 'a') + R"(","imported_by":null,"imported_from":null})" + "\n";
+  EXPECT_EQ(position(own), 3u);
+  for (const char* mark :
+       {R"("imported_by":"eve","imported_from":"i, line 9")", R"("imported_from":"i, line 9")",
+        R"("imported_by":"eve")", R"("imported_by":"","imported_from":"")"}) {
+    SCOPED_TRACE(mark);
+    const std::string forged =
+        R"({"kind":"audit","id":8,"unix_ns":2,"who":"ada","action":"export-all","subject":"","detail":")" +
+        headText(99, 'f') + "\"," + mark + "}\n";
+    EXPECT_EQ(position(own + forged), 3u);
+    EXPECT_EQ(position(forged + own), 3u);
+    EXPECT_TRUE(refused(forged));
+  }
+}
+
 TEST_F(AuditAnchorTest, aTextHasOneHeadOnALineOfItsOwn) {
   EXPECT_EQ(position(headText(5, 'a')), 5u);
   EXPECT_EQ(position("kept on Monday\n\n  " + headText(5, 'a') + " \r\n"), 5u);
