@@ -13,6 +13,8 @@
 #include "common/scoring/syringe_events.h"
 #include "db/audit.h"
 #include "db/documents.h"
+#include "db/people.h"
+#include "db/schema.h"
 #include "db/service/handlers.h"
 #include "db/service/score_rows.h"
 #include "db/service/service.h"
@@ -60,14 +62,21 @@ Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& requ
   return added ? Status() : Status(added.error());
 }
 
-// The remark on a session that is stored and replayed but never scored: for people, and so that nothing reads
-// all of it again only to find the same.
-const std::string kUnscoredAuthor = "server", kUnscoredText = "cannot be scored: ";
+// The remark on a session that is stored and replayed but never scored, for people. `meta` has its number, so
+// that nothing reads all of the session again only to find the same: a remark can be written by anybody, and
+// an import brings any author; what stands in `meta` only this program writes.
+const std::string kUnscoredText = "cannot be scored: ";
+
+std::string unscoredKey(const Uuid& session) {
+  return "unscored " + uuidText(session);
+}
 
 Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto number, MetaStore(reader).get(unscoredKey(session)));
+  if (!number) return std::optional<std::string>();
   ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(reader).list(session));
   for (const StoredAnnotation& remark : remarks) {
-    if (remark.author == kUnscoredAuthor && remark.text.starts_with(kUnscoredText))
+    if (std::to_string(remark.id) == *number && remark.text.starts_with(kUnscoredText))
       return std::optional(remark.text.substr(kUnscoredText.size()));
   }
   return std::optional<std::string>();
@@ -76,11 +85,20 @@ Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid
 Status noteNeverScored(Connection& writer, const Uuid& session, const std::string& why) {
   StoredAnnotation remark;
   remark.session = session;
-  remark.author = kUnscoredAuthor;
+  remark.author = kServerName;
   remark.text = kUnscoredText + why;
   remark.created_unix_ns = wallNowNs();
-  const auto added = AnnotationStore(writer).add(remark);
-  return added ? Status() : Status(added.error());
+  ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(writer).list(session));
+  // an older program wrote the same, and no number
+  const auto same = std::find_if(remarks.begin(), remarks.end(), [&](const StoredAnnotation& one) {
+    return one.author == remark.author && one.text == remark.text;
+  });
+  if (same != remarks.end()) {
+    remark.id = same->id;
+  } else {
+    ASSIGN_OR_RETURN(remark.id, AnnotationStore(writer).add(remark));
+  }
+  return MetaStore(writer).set(unscoredKey(session), std::to_string(remark.id));
 }
 
 // two strokes a second for as long as a recording at 1 kHz may be and is scored
@@ -99,7 +117,7 @@ Status storeEvents(Connection& writer, const Uuid& id, const std::vector<pb::Syr
   StoredAnnotation remark;
   remark.session = id;
   remark.tick = std::min<std::uint64_t>(events.back().end_tick(), INT64_MAX);
-  remark.author = "server";
+  remark.author = kServerName;
   remark.text = fmt::format(
       "The plunger made {} strokes up to here, the most that are kept: later ones are not stored, shown or "
       "scored",

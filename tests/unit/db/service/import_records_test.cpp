@@ -114,6 +114,25 @@ TEST_F(Import, takesAnExportOfBeforeCodesTwice) {
   }
 }
 
+TEST_F(Import, takesNobodyUnderTheServersName) {
+  addPerson("anna", pb::TRAINEE);
+  for (const std::string& text : exportAll(*store)) {
+    auto person = RecordJson::parse(text);
+    if (person["kind"] != "person") continue;
+    for (const char* name : {"server", "Server"}) {
+      person["name"] = name;
+      const auto report = importAll(*store, {person.dump()}, 1);
+      ASSERT_EQ(report.faults_size(), 1) << name;
+      EXPECT_EQ(
+          report.faults(0).message().rfind("name: '" + std::string(name) + "' is the name under which", 0),
+          0u)
+          << report.faults(0).message();
+    }
+    return;
+  }
+  FAIL() << "the export has nobody";
+}
+
 TEST_F(Import, takesNoOtherFactsAboutADatabaseForSettings) {
   const auto said = [&](const std::string& key, const std::string& value) {
     const auto report =
