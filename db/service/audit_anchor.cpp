@@ -6,7 +6,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
+#include <utility>
 
+#include "db/backup.h"
 #include "db/connection.h"
 
 namespace needlelab {
@@ -106,8 +109,10 @@ Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
   if (in && std::string_view(start.data(), start.size()) == kMagic) {
     ASSIGN_OR_RETURN(auto backup, Connection::open(path, {.mode = Connection::Mode::kReader}));
     RETURN_IF_ERROR(requireAuditChain(backup));
-    ASSIGN_OR_RETURN(const auto head, AuditChain(backup).head());
-    return AuditAnchor{path.string(), head};
+    AuditChain chain(backup);
+    ASSIGN_OR_RETURN(const auto head, chain.head());
+    ASSIGN_OR_RETURN(const auto first, chain.firstMac());
+    return AuditAnchor{path.string(), head, first};
   }
   in.clear();
   in.seekg(0);
@@ -117,6 +122,31 @@ Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
   in.seekg(0);
   ASSIGN_OR_RETURN(const auto head, first == '{' ? headOfRecords(in, path) : headOfText(in, path));
   return AuditAnchor{path.string(), head};
+}
+
+Result<std::vector<AuditAnchor>> readAuditAnchors(const std::filesystem::path& path) {
+  std::vector<AuditAnchor> anchors;
+  std::error_code error;
+  if (!std::filesystem::is_directory(path, error)) {
+    ASSIGN_OR_RETURN(auto anchor, readAuditAnchor(path));
+    anchors.push_back(std::move(anchor));
+    return anchors;
+  }
+  ASSIGN_OR_RETURN(const auto backups, backupsIn(path));
+  for (const std::filesystem::path& backup : backups) {
+    if (backup.extension() != kPlainEnding) continue;
+    auto anchor = readAuditAnchor(backup);
+    // of before schema 8: it has no chain
+    if (!anchor && anchor.error().code == ErrorCode::kInvalidInput) continue;
+    if (!anchor) return anchor.error();
+    anchors.push_back(std::move(*anchor));
+  }
+  if (anchors.empty())
+    return Error{ErrorCode::kInvalidInput,
+                 path.string() +
+                     ": has no plain backup that is named by its time (needlelab-….db) and has a "
+                     "chain; decrypt an encrypted one first"};
+  return anchors;
 }
 
 }  // namespace needlelab

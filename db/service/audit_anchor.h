@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <vector>
 
 #include "common/base/result.h"
 #include "db/audit_chain.h"
@@ -14,5 +15,9 @@ namespace needlelab {
 /// that is a head (auditHeadText), alone or behind the words "keep elsewhere". kInvalidInput: it has none, or
 /// several. Reads the whole file.
 Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path);
+
+/// The same; of a folder each of its plain backups (backupsIn()) that has a chain. kInvalidInput: it has
+/// none.
+Result<std::vector<AuditAnchor>> readAuditAnchors(const std::filesystem::path& path);
 
 }  // namespace needlelab
