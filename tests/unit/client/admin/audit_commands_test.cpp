@@ -8,6 +8,7 @@
 
 #include "common/base/files.h"
 #include "db/audit.h"
+#include "db/connection.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
@@ -110,6 +111,90 @@ TEST_F(AuditCommands, verifySaysInPlainWordsWhatNobodyCanCheckAndWhatARestoreLef
   EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("note: audit.head is not there"));
   folder.write("data/audit.head", "needlelab audit head 1\n");
   EXPECT_EQ(onData({"audit", "verify"}).code, 1);
+}
+
+TEST_F(AuditCommands, aBreakIsAFaultUntilItIsAcknowledgedAndTheNextOneIsAFaultAgain) {
+  good({"user", "add", "ida", "--role", "trainee"});
+  const auto cutLast = [&] {
+    auto writer =
+        test::TestDb::must(Connection::open(data() + "/needlelab.db", {.mode = Connection::Mode::kWriter}));
+    ASSERT_OK(
+        writer.script("PRAGMA foreign_keys=OFF; CREATE TEMP TABLE last AS SELECT max(id) AS id FROM audit;"
+                      "DELETE FROM audit_chain WHERE line = (SELECT id FROM last);"
+                      "DELETE FROM audit WHERE id = (SELECT id FROM last)"));
+  };
+  const Run none = onData({"audit", "acknowledge", "1"});
+  EXPECT_EQ(none.code, 2);
+  EXPECT_THAT(none.err,
+              HasSubstr("line 1 of the audit log is no \"audit break\" of this log; there is none"));
+  cutLast();
+  const Run found = onData({"audit", "acknowledge", "1"});  // a start, which finds the break
+  EXPECT_EQ(found.code, 2);
+  EXPECT_THAT(found.err, HasSubstr("there are: 3"));
+  const Run broken = onData({"audit", "verify"});
+  EXPECT_EQ(broken.code, 1);
+  EXPECT_THAT(broken.out, HasSubstr("fault: line 3: the log had 2 entries"));
+  EXPECT_THAT(broken.out, HasSubstr("`audit acknowledge LINE`"));
+  {
+    const auto server = test::TestDb::must(Store::open(data(), {}));
+    EXPECT_EQ(onData({"audit", "acknowledge", "3"}).code, 1) << "a server is running on the folder";
+  }
+  good({"audit", "acknowledge", "3"});
+  const Run sound = good({"audit", "verify"});
+  EXPECT_THAT(sound.out, HasSubstr("note: line 3: break of 20"));
+  EXPECT_THAT(sound.out, HasSubstr(", acknowledged by local:"));
+  EXPECT_THAT(sound.out, Not(HasSubstr("fault: ")));
+  const auto row = good({"audit", "verify", "--json"}).rows().at(0);
+  ASSERT_EQ(row.at("breaks").size(), 1u);
+  EXPECT_EQ(row.at("breaks")[0].at("line"), 3);
+  EXPECT_EQ(row.at("breaks")[0].at("acknowledged_by").get<std::string>().rfind("local:", 0), 0u);
+  const auto line = good({"audit", "--limit", "1", "--json"}).rows().at(0);
+  EXPECT_EQ(line.at("action"), "audit acknowledge");
+  EXPECT_EQ(line.at("subject"), "line 3");
+  const Run again = onData({"audit", "acknowledge", "3"});
+  EXPECT_EQ(again.code, 1);
+  EXPECT_THAT(again.err, HasSubstr("acknowledged by local:"));
+  // the acknowledgement itself is cut off: that is a new break, and the first one is open again
+  cutLast();
+  EXPECT_EQ(onData({"audit", "acknowledge", "1"}).code, 2);
+  EXPECT_THAT(onData({"audit", "verify"}).out, HasSubstr("fault: line 3: the log had 2 entries"));
+  good({"audit", "acknowledge", "3"});
+  const Run next = onData({"audit", "verify"});
+  EXPECT_EQ(next.code, 1);
+  EXPECT_THAT(next.out, HasSubstr("note: line 3: break of 20"));
+  EXPECT_THAT(next.out, HasSubstr("fault: line 5: the log had 4 entries"));
+  for (const char* wrong : {"0", "-1", "x"})
+    EXPECT_EQ(onData({"audit", "acknowledge", wrong}).code, 2) << wrong;
+  EXPECT_EQ(run({"--server", "localhost:1", "audit", "acknowledge", "3"}).code, 2) << "needs --data";
+}
+
+TEST_F(AuditCommands, verifyTakesTheNewestBackupForAnAnchorOrAFolderOfThem) {
+  fs::create_directory(file("kept"));
+  const std::string backup = good({"backup", "--dir", file("kept"), "--json"}).rows().at(0).at("path");
+  good({"user", "add", "ida", "--role", "trainee"});
+  EXPECT_EQ(good({"audit", "verify", "--json"}).rows().at(0).at("anchored"), 1);
+  EXPECT_EQ(good({"audit", "verify", "--anchor", file("kept"), "--json"}).rows().at(0).at("anchored"), 1);
+  // whoever writes the whole folder takes the chain away with audit.head: the next start makes both anew
+  {
+    auto writer =
+        test::TestDb::must(Connection::open(data() + "/needlelab.db", {.mode = Connection::Mode::kWriter}));
+    ASSERT_OK(
+        writer.script("PRAGMA foreign_keys=OFF; DELETE FROM audit_chain; DELETE FROM audit WHERE id = 2"));
+  }
+  fs::remove(data() + "/audit.head");
+  good({"user", "add", "zoe", "--role", "trainee"});
+  for (const std::vector<std::string>& more :
+       {std::vector<std::string>{}, {"--anchor", file("kept")}, {"--anchor", backup}}) {
+    std::vector<std::string> arguments = {"audit", "verify"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Run found = onData(arguments);
+    EXPECT_EQ(found.code, 1);
+    EXPECT_THAT(found.out, HasSubstr("fault: " + backup + ": this chain begins after it"));
+  }
+  fs::remove(backup);
+  const Run without = good({"audit", "verify"});
+  EXPECT_THAT(without.out, HasSubstr("note: the newest backup is no anchor here: " + backup));
+  EXPECT_EQ(onData({"audit", "verify", "--anchor", file("kept")}).code, 2);
 }
 
 }  // namespace
