@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <map>
 #include <mutex>
 #include <utility>
 
@@ -89,6 +90,13 @@ Bytes messageOf(std::uint64_t position, const ProvenLine& line, ByteView commitm
   return message;
 }
 
+/// A MAC of a wrong length (somebody wrote it) is cut, or filled up with zeros.
+AuditHead headOf(std::uint64_t position, ByteView mac) {
+  AuditHead head{position, {}};
+  std::copy_n(mac.begin(), std::min(mac.size(), head.mac.size()), head.mac.begin());
+  return head;
+}
+
 bool sameBytes(ByteView a, ByteView b) {
   return a.size() == b.size() && sodium_memcmp(a.data(), b.data(), a.size()) == 0;
 }
@@ -158,16 +166,20 @@ std::optional<AuditHead> auditHeadOf(std::string_view text) {
   return auditHeadText(head) == text ? std::optional(head) : std::nullopt;
 }
 
+std::string acknowledgedSubject(std::int64_t line) {
+  return fmt::format("line {}", line);
+}
+
 Result<AuditHead> AuditChain::head() {
   ASSIGN_OR_RETURN(const auto head,
                    connection_.prepare("SELECT position, mac FROM audit_chain ORDER BY position DESC LIMIT 1")
-                       .first([](const Statement& row) {
-                         AuditHead last{row.natural(0), {}};
-                         const auto mac = row.bytes(1);
-                         std::copy_n(mac.begin(), std::min(mac.size(), last.mac.size()), last.mac.begin());
-                         return last;
-                       }));
+                       .first([](const Statement& row) { return headOf(row.natural(0), row.bytes(1)); }));
   return head.value_or(AuditHead{});
+}
+
+Result<std::optional<AuditKey::Hash>> AuditChain::firstMac() {
+  return connection_.prepare("SELECT mac FROM audit_chain ORDER BY position LIMIT 1")
+      .first([](const Statement& row) { return headOf(0, row.bytes(0)).mac; });
 }
 
 Result<AuditHead> AuditChain::entry(const AuditKey& key, const AuditHead& last, std::int64_t line_id) {
@@ -246,7 +258,7 @@ class ChainWalk {
   /// `row`: position, salt, commitment, key_id, mac, line, whether a later entry of the same line follows,
   /// the line's columns (NULL: it is not there).
   void take(const Statement& row) {
-    const std::uint64_t position = row.natural(0);
+    const std::uint64_t position = row.natural(0), faults_before = verdict_.faults;
     if (position > verdict_.head.position + 1)
       fault(fmt::format("entries {} to {} are missing: lines were removed", verdict_.head.position + 1,
                         position - 1));
@@ -280,15 +292,23 @@ class ChainWalk {
         fault(fmt::format("line {}: its salt was removed, so that nothing proves its text", line.id));
       else if (!amended && !sameBytes(commitment, commitmentOf(salt, line)))
         fault(fmt::format("line {}: its who, subject, detail or importer is not as it was written", line.id));
+      const bool sound = verdict_.faults == faults_before;
+      // what was imported tells of another log
       if (line.action == kAuditBreak && !line.imported_from)
-        fault(fmt::format("line {}: {}", line.id, line.detail));
+        breaks_.try_emplace(line.id, AuditBreak{line.id, line.unix_ns, line.detail, headOf(position, mac)});
+      if (line.action == kAuditAcknowledge && !line.imported_from && !amended && sound) acknowledge(line);
     }
-    verdict_.head.position = position;
-    verdict_.head.mac = {};
-    std::copy_n(mac.begin(), std::min(mac.size(), verdict_.head.mac.size()), verdict_.head.mac.begin());
+    verdict_.head = headOf(position, mac);
+    if (position == 1) first_ = verdict_.head.mac;
     before_ = verdict_.head.mac;
     for (const AuditAnchor& anchor : anchors_) {
-      if (anchor.head.position == position && !sameBytes(anchor.head.mac, mac))
+      if (position == 1 && isOfAnotherChain(anchor))
+        fault(fmt::format(
+            "{}: this chain begins after it: the one that it has, of {} entries, was removed, and "
+            "lines may be gone with it (or it is another server's)",
+            anchor.name, anchor.head.position));
+      else if (anchor.head.position == position && !isOfAnotherChain(anchor) &&
+               !sameBytes(anchor.head.mac, mac))
         fault(fmt::format("{}: entry {} is another one now: the log before it was changed", anchor.name,
                           position));
     }
@@ -312,16 +332,36 @@ class ChainWalk {
                       "since the update to schema 8",
                       unproven_));
     for (const AuditAnchor& anchor : anchors_) {
-      if (anchor.head.position > verdict_.head.position)
+      if (anchor.head.position > verdict_.head.position && !isOfAnotherChain(anchor))
         fault(fmt::format(
             "{}: the log ends with entry {}, and had {}: lines were removed, or an older backup was "
             "restored",
             anchor.name, verdict_.head.position, anchor.head.position));
     }
+    for (auto& [line, found] : breaks_) {
+      if (found.acknowledged_by.empty()) fault(fmt::format("line {}: {}", line, found.detail));
+      verdict_.breaks.push_back(std::move(found));
+    }
     return std::move(verdict_);
   }
 
  private:
+  /// Whoever takes a chain away gets another first entry: its MAC holds a new salt.
+  [[nodiscard]] bool isOfAnotherChain(const AuditAnchor& anchor) const {
+    return first_ && anchor.first && *first_ != *anchor.first;
+  }
+
+  /// An acknowledgement holds for the one break that it names, if that stands before it.
+  void acknowledge(const ProvenLine& line) {
+    for (auto& [number, found] : breaks_) {
+      if (!found.acknowledged_by.empty() || line.subject != acknowledgedSubject(number) ||
+          line.detail != auditHeadText(found.entry))
+        continue;
+      found.acknowledged_by = line.who;
+      found.acknowledged_unix_ns = line.unix_ns;
+    }
+  }
+
   void fault(std::string text) {
     ++verdict_.faults;
     if (verdict_.texts.size() < kMaxAuditFaults) verdict_.texts.push_back(std::move(text));
@@ -330,10 +370,12 @@ class ChainWalk {
   std::span<const AuditKey> keys_;
   std::span<const AuditAnchor> anchors_;
   AuditKey::Hash before_{};
-  AuditKey::Hash start_without_{};  ///< of a chain that begins behind the lines of before
-  bool with_lines_ = true;          ///< the first entry's MAC says that the lines of before are in the chain
+  std::optional<AuditKey::Hash> first_;  ///< the first entry's MAC
+  AuditKey::Hash start_without_{};       ///< of a chain that begins behind the lines of before
+  bool with_lines_ = true;  ///< the first entry's MAC says that the lines of before are in the chain
   std::int64_t last_before_ = 0;
   std::uint64_t unproven_ = 0;
+  std::map<std::int64_t, AuditBreak> breaks_;  ///< by line
   AuditVerdict verdict_;
 };
 

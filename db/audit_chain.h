@@ -73,6 +73,8 @@ class AuditChain {
   /// of the chain.
   Status amend(std::int64_t line);
   Result<AuditHead> head();
+  /// The MAC of the first entry; nothing: there is none.
+  Result<std::optional<AuditKey::Hash>> firstMac();
 
  private:
   /// The entry of a line behind `last`.
@@ -82,11 +84,25 @@ class AuditChain {
 
 /// The action of a line by which a start says that the chain was not the one that was left (audit_head.h).
 inline constexpr const char* kAuditBreak = "audit break";
+/// The action of a line by which somebody says to have looked into a break. Its subject is
+/// acknowledgedSubject(), its detail auditHeadText() of the break's first entry; it counts only as a line of
+/// this chain with a proof of its own, written here and behind the break.
+inline constexpr const char* kAuditAcknowledge = "audit acknowledge";
+std::string acknowledgedSubject(std::int64_t line);
+
+struct AuditBreak {
+  std::int64_t line = 0, unix_ns = 0;
+  std::string detail;
+  AuditHead entry;                        ///< the line's first one
+  std::string acknowledged_by = {};       ///< empty: by nobody
+  std::int64_t acknowledged_unix_ns = 0;  ///< the first time
+};
 
 /// A head that was kept elsewhere.
 struct AuditAnchor {
   std::string name;  ///< for messages
   AuditHead head;
+  std::optional<AuditKey::Hash> first = {};  ///< the MAC of its chain's first entry, where that is known
 };
 /// kInvalidInput: a database of before schema 8, which has no chain.
 Status requireAuditChain(Connection& connection);
@@ -97,6 +113,7 @@ struct AuditVerdict {
   std::uint64_t outside = 0;  ///< from before the chain, which has none of them: nothing is known about them
   std::uint64_t faults = 0;
   std::vector<std::string> texts;  ///< the first faults, at most kMaxAuditFaults
+  std::vector<AuditBreak> breaks;  ///< by line; each that nobody has acknowledged is a fault, too
   AuditHead head;                  ///< nothing is promised about lines removed after the newest anchor
   [[nodiscard]] bool ok() const { return faults == 0; }
 };

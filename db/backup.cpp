@@ -253,37 +253,51 @@ std::string backupName(std::int64_t now_unix_ns, std::string_view ending) {
   return text + std::string(ending);
 }
 
-Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep) {
-  // only this program's names: other files in the folder belong to others
-  static constexpr std::string_view kShape = "needlelab-00000000T000000Z";
-  const auto is_ours = [](const std::string& name) {
-    if (name.size() < kShape.size()) return false;
-    for (std::size_t i = 0; i < kShape.size(); ++i) {
-      const bool digit = name[i] >= '0' && name[i] <= '9';
-      if (kShape[i] == '0' ? !digit : name[i] != kShape[i]) return false;
-    }
-    const std::string_view ending = std::string_view(name).substr(kShape.size());
-    return ending == kPlainEnding || ending == kEncryptedEnding;
-  };
-  const std::filesystem::path folder = target.parent_path();
-  const std::string newest = target.filename().string();
-  std::vector<std::filesystem::path> older;
-  OldBackups old;
+namespace {
+
+constexpr std::string_view kNameShape = "needlelab-00000000T000000Z";
+
+/// Only this program's names: other files in the folder belong to others.
+bool isBackupName(std::string_view name) {
+  if (name.size() < kNameShape.size()) return false;
+  for (std::size_t i = 0; i < kNameShape.size(); ++i) {
+    const bool digit = name[i] >= '0' && name[i] <= '9';
+    if (kNameShape[i] == '0' ? !digit : name[i] != kNameShape[i]) return false;
+  }
+  const std::string_view ending = name.substr(kNameShape.size());
+  return ending == kPlainEnding || ending == kEncryptedEnding;
+}
+
+}  // namespace
+
+Result<std::vector<std::filesystem::path>> backupsIn(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> found;
   std::error_code error;
   for (auto at = std::filesystem::directory_iterator(folder, error);
        !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
     std::error_code ignored;
-    const std::string name = at->path().filename().string();
-    if (!is_ours(name) || name == newest || !at->is_regular_file(ignored)) continue;
-    // a name in the future was given while the clock was ahead: the backup's real age is unknown
-    const bool is_later = name.substr(0, kShape.size()) > newest.substr(0, kShape.size());
-    (is_later ? old.later : older).push_back(at->path());
+    if (isBackupName(at->path().filename().string()) && at->is_regular_file(ignored))
+      found.push_back(at->path());
   }
   if (error)
     return Error{ErrorCode::kFailed, folder.string() + ": cannot list the backups: " + error.message()};
   // names sort by time, whatever their ends
-  std::sort(older.begin(), older.end());
-  std::sort(old.later.begin(), old.later.end());
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep) {
+  const std::string newest = target.filename().string();
+  std::vector<std::filesystem::path> older;
+  OldBackups old;
+  ASSIGN_OR_RETURN(const auto backups, backupsIn(target.parent_path()));
+  for (const std::filesystem::path& backup : backups) {
+    const std::string name = backup.filename().string();
+    if (name == newest) continue;
+    // a name in the future was given while the clock was ahead: the backup's real age is unknown
+    const bool is_later = name.substr(0, kNameShape.size()) > newest.substr(0, kNameShape.size());
+    (is_later ? old.later : older).push_back(backup);
+  }
   // the new backup counts towards `keep`
   const std::size_t stay = keep > 0 ? keep - 1 : 0;
   if (older.size() <= stay) return old;

@@ -71,6 +71,9 @@ inline constexpr std::string_view kPlainEnding = ".db";
 /// The file name of a backup made at this time: needlelab-20260131T020000Z.db, or with kEncryptedEnding.
 std::string backupName(std::int64_t now_unix_ns, std::string_view ending = kPlainEnding);
 
+/// The files of this folder that are named so, plain and encrypted ones, by the time in their names. kFailed.
+Result<std::vector<std::filesystem::path>> backupsIn(const std::filesystem::path& folder);
+
 /// Older backups in the same folder as a new one.
 struct OldBackups {
   std::vector<std::filesystem::path> removed;

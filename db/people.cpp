@@ -75,8 +75,16 @@ pb::Consent consentOf(const Statement& row) {
 
 }  // namespace
 
+Status checkNotTheServer(std::string_view field, std::string_view name) {
+  if (lowerCase(name) != kServerName) return {};
+  return Error{ErrorCode::kInvalidInput,
+               std::string(field) + ": '" + std::string(name) +
+                   "' is the name under which the server itself writes: take another one"};
+}
+
 Status PeopleStore::add(const Person& person) {
   RETURN_IF_ERROR(checkNewName("name", person.name));
+  RETURN_IF_ERROR(checkNotTheServer("name", person.name));
   RETURN_IF_ERROR(checkRoleOfPerson(person.role));
   RETURN_IF_ERROR(checkText("full_name", person.full_name, 0, 200));
   ASSIGN_OR_RETURN(const auto known, find(person.name));

@@ -103,6 +103,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addSessionCommands(app, chosen);
   addCertificateCommands(app, chosen);
   addUpkeepCommands(app, global, chosen);
+  addAuditCommands(app, chosen);
   addRetentionCommands(app, chosen);
   addTeachingCommands(app, chosen);
   addScoreCommands(app, chosen);

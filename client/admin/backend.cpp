@@ -20,13 +20,6 @@
 namespace needlelab {
 namespace {
 
-/// The audit log's name for a person who works directly on the folder.
-std::string localName() {
-  const passwd* entry = ::getpwuid(::getuid());
-  return "local:" + (entry != nullptr && entry->pw_name != nullptr ? std::string(entry->pw_name)
-                                                                   : std::to_string(::getuid()));
-}
-
 /// What is missing of a data folder before a command that may make it, and how to take that away again. Names
 /// that are not this program's, and what was there before, always stay.
 class NewFolder {
@@ -122,6 +115,12 @@ class ServerBackend : public Backend {
 };
 
 }  // namespace
+
+std::string localName() {
+  const passwd* entry = ::getpwuid(::getuid());
+  return "local:" + (entry != nullptr && entry->pw_name != nullptr ? std::string(entry->pw_name)
+                                                                   : std::to_string(::getuid()));
+}
 
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create,
                                             const std::filesystem::path& backup_key) {

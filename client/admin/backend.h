@@ -26,6 +26,9 @@ class Backend {
   virtual void discardIfNew() {}
 };
 
+/// The audit log's name for a person who works directly on the folder: "local:" and the system's user.
+std::string localName();
+
 /// Opens DIR of a stopped server, as administrator. `create`: creates a missing folder. `backup_key`: the
 /// file of the key that encrypts its backups; empty: none. Errors: as Store::open; kUnavailable when a server
 /// is running there.

@@ -55,6 +55,7 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen);
 void addSessionCommands(CLI::App& app, ChosenCommand& chosen);
 void addCertificateCommands(CLI::App& app, ChosenCommand& chosen);
 void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
+void addAuditCommands(CLI::App& app, ChosenCommand& chosen);
 void addRetentionCommands(CLI::App& app, ChosenCommand& chosen);
 void addTeachingCommands(CLI::App& app, ChosenCommand& chosen);
 void addScoreCommands(CLI::App& app, ChosenCommand& chosen);

@@ -6,7 +6,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
+#include <utility>
 
+#include "db/backup.h"
 #include "db/connection.h"
 
 namespace needlelab {
@@ -29,8 +32,13 @@ std::string textIn(const Json& record, const char* field) {
 
 /// The head in an export's own line of the log; nothing for every other record.
 std::optional<AuditHead> headOfExport(const Json& record) {
+  // what was imported may say anything; older exports do not tell it apart
+  const auto is_given = [&](const char* field) {
+    const auto found = record.find(field);
+    return found != record.end() && !found->is_null();
+  };
   if (textIn(record, "kind") != "audit" || textIn(record, "action") != "export-all" ||
-      !textIn(record, "subject").empty())
+      !textIn(record, "subject").empty() || is_given("imported_by") || is_given("imported_from"))
     return std::nullopt;
   const std::string detail = textIn(record, "detail");
   std::string_view head = detail;
@@ -101,8 +109,10 @@ Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
   if (in && std::string_view(start.data(), start.size()) == kMagic) {
     ASSIGN_OR_RETURN(auto backup, Connection::open(path, {.mode = Connection::Mode::kReader}));
     RETURN_IF_ERROR(requireAuditChain(backup));
-    ASSIGN_OR_RETURN(const auto head, AuditChain(backup).head());
-    return AuditAnchor{path.string(), head};
+    AuditChain chain(backup);
+    ASSIGN_OR_RETURN(const auto head, chain.head());
+    ASSIGN_OR_RETURN(const auto first, chain.firstMac());
+    return AuditAnchor{path.string(), head, first};
   }
   in.clear();
   in.seekg(0);
@@ -112,6 +122,31 @@ Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
   in.seekg(0);
   ASSIGN_OR_RETURN(const auto head, first == '{' ? headOfRecords(in, path) : headOfText(in, path));
   return AuditAnchor{path.string(), head};
+}
+
+Result<std::vector<AuditAnchor>> readAuditAnchors(const std::filesystem::path& path) {
+  std::vector<AuditAnchor> anchors;
+  std::error_code error;
+  if (!std::filesystem::is_directory(path, error)) {
+    ASSIGN_OR_RETURN(auto anchor, readAuditAnchor(path));
+    anchors.push_back(std::move(anchor));
+    return anchors;
+  }
+  ASSIGN_OR_RETURN(const auto backups, backupsIn(path));
+  for (const std::filesystem::path& backup : backups) {
+    if (backup.extension() != kPlainEnding) continue;
+    auto anchor = readAuditAnchor(backup);
+    // of before schema 8: it has no chain
+    if (!anchor && anchor.error().code == ErrorCode::kInvalidInput) continue;
+    if (!anchor) return anchor.error();
+    anchors.push_back(std::move(*anchor));
+  }
+  if (anchors.empty())
+    return Error{ErrorCode::kInvalidInput,
+                 path.string() +
+                     ": has no plain backup that is named by its time (needlelab-….db) and has a "
+                     "chain; decrypt an encrypted one first"};
+  return anchors;
 }
 
 }  // namespace needlelab

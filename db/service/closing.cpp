@@ -13,6 +13,8 @@
 #include "common/scoring/syringe_events.h"
 #include "db/audit.h"
 #include "db/documents.h"
+#include "db/people.h"
+#include "db/schema.h"
 #include "db/service/handlers.h"
 #include "db/service/score_rows.h"
 #include "db/service/service.h"
@@ -74,7 +76,7 @@ Status storeEvents(Connection& writer, const Uuid& id, const std::vector<pb::Syr
   StoredAnnotation remark;
   remark.session = id;
   remark.tick = std::min<std::uint64_t>(events.back().end_tick(), INT64_MAX);
-  remark.author = "server";
+  remark.author = kServerName;
   remark.text = fmt::format(
       "The plunger made {} strokes up to here, the most that are kept: later ones are not stored, shown or "
       "scored",

@@ -14,6 +14,7 @@
 #include "db/audit.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
+#include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
 #include "db/service/handlers.h"
@@ -186,14 +187,14 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
   for (const ErasureToRepeat& one : *repeat) {
     if (!one.restored) continue;
     ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
-    const auto done = store.erase(one.name, one.line, "server", "repeated after a restore", now_unix_ns,
+    const auto done = store.erase(one.name, one.line, kServerName, "repeated after a restore", now_unix_ns,
                                   one.line.with_waiting);
     // the last administrator, or a name that an erasure before this one took: they stay as they are
     if (!done && (done.error().code == ErrorCode::kDenied || done.error().code == ErrorCode::kNotFound))
       continue;
     if (!done) return done.error();
     RETURN_IF_ERROR(
-        AuditStore(writer).add({0, now_unix_ns, "server", "person erase", one.line.pseudonym,
+        AuditStore(writer).add({0, now_unix_ns, kServerName, "person erase", one.line.pseudonym,
                                 fmt::format("repeated after a restore: {} sessions, {} recordings, {} scores",
                                             done->sessions(), done->recordings(), done->scores())}));
     RETURN_IF_ERROR(transaction.commit());

@@ -313,8 +313,9 @@ class PeopleTable {
       row.what = pb::PeopleImport::ADD;
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
                  (row.has_code ? ", with a code" : "");
-      if (auto valid = checkNewName("name", row.person.name); !valid)
-        row.fault("name", valid.error().message);
+      for (const auto& valid :
+           {checkNewName("name", row.person.name), checkNotTheServer("name", row.person.name)})
+        if (!valid) row.fault("name", valid.error().message);
       if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
       if (!row.has_password && row.person.role != pb::TRAINEE)
         row.fault("password", "is missing: only trainees do without");

@@ -9,6 +9,7 @@
 #include "common/profile/strict_json.h"
 #include "common/scoring/measures.h"
 #include "db/lab_settings.h"
+#include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/service/lesson_texts.h"
 #include "proto/session_rules.h"
@@ -161,6 +162,7 @@ Status checkFields(const RecordTable& table, const RecordJson& record) {
 
 Status checkRecord(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "person") {
+    RETURN_IF_ERROR(checkNotTheServer("name", textIn(record, "name")));
     RETURN_IF_ERROR(checkText("full_name", textIn(record, "full_name"), 0, 200));
     RETURN_IF_ERROR(checkText("password_hash", textIn(record, "password_hash"), 0, 200));
     RETURN_IF_ERROR(checkText("code_hash", textIn(record, "code_hash"), 0, 200));

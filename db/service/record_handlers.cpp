@@ -226,7 +226,8 @@ class Import {
   }
 
   /// Stores a line of the audit log, unless it exists: under its number, or, when another line has that
-  /// number, under a new one. Marks it as imported: what it says is as true as its source.
+  /// number, under a new one. Marks it as imported, whatever the record says of that: what the line tells is
+  /// as true as its source.
   Status storeLine(const RecordTable& table, RecordJson record) {
     RETURN_IF_ERROR(readLines(table));
     const std::string text = lineText(record);
@@ -235,21 +236,19 @@ class Import {
       return {};
     }
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, false));
-    const std::string from = import_id_ + ", line " + record["id"].dump();
+    record["imported_by"] = importer_;
+    record["imported_from"] = import_id_ + ", line " + record["id"].dump();
     if (!there.is_null()) record["id"] = nullptr;  // SQLite gives it the next one
     RETURN_IF_ERROR(insertRecord(writer_, table, record));
-    const std::int64_t line = writer_.lastRowId();
-    RETURN_IF_ERROR(writer_.run("UPDATE audit SET imported_by = ?, imported_from = ? WHERE id = ?", importer_,
-                                from, line));
-    RETURN_IF_ERROR(AuditChain(writer_).append(line));
+    RETURN_IF_ERROR(AuditChain(writer_).append(writer_.lastRowId()));
     lines_->insert(text);
     count(table.kind).set_added(count(table.kind).added() + 1);
     return {};
   }
 
-  /// The text of a line, without its number.
+  /// The text of a line, without its number and the way that it came.
   static std::string lineText(RecordJson record) {
-    record.erase("id");
+    for (const char* field : {"id", "imported_by", "imported_from"}) record.erase(field);
     return record.dump();
   }
 

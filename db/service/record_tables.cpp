@@ -149,7 +149,9 @@ constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
                                       RecordColumn{"who"},
                                       RecordColumn{"action"},
                                       RecordColumn{"subject"},
-                                      RecordColumn{"detail"}};
+                                      RecordColumn{"detail"},
+                                      RecordColumn{"imported_by", K::kText, false, false, "null"},
+                                      RecordColumn{"imported_from", K::kText, false, false, "null"}};
 
 // A person's sessions: not those that count for nobody. A macro, because conditions are put together when
 // this is compiled.

@@ -1,6 +1,8 @@
 #include "db/service/session_samples.h"
 
 #include <fmt/core.h>
+
+#include <algorithm>
 #include <span>
 #include <string>
 #include <vector>
@@ -10,6 +12,8 @@
 #include "common/profile/profile.h"
 #include "common/scoring/motion_cost.h"
 #include "common/scoring/syringe_events.h"
+#include "db/people.h"
+#include "db/schema.h"
 #include "db/session_results.h"
 #include "db/session_store.h"
 
@@ -18,7 +22,11 @@ namespace {
 
 constexpr std::size_t kReadBytes = 4u << 20;
 
-const std::string kUnscoredAuthor = "server", kUnscoredText = "cannot be scored: ";
+const std::string kUnscoredText = "cannot be scored: ";
+
+std::string unscoredKey(const Uuid& session) {
+  return "unscored " + uuidText(session);
+}
 
 // 0.1 points a sample at 1 kHz: the longest session has room for twice its motion
 static_assert(kMostMotionPoints == 2 * kMaxScoredSamples / 10);
@@ -84,9 +92,11 @@ std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session) {
 }
 
 Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto number, MetaStore(reader).get(unscoredKey(session)));
+  if (!number) return std::optional<std::string>();
   ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(reader).list(session));
   for (const StoredAnnotation& remark : remarks) {
-    if (remark.author == kUnscoredAuthor && remark.text.starts_with(kUnscoredText))
+    if (std::to_string(remark.id) == *number && remark.text.starts_with(kUnscoredText))
       return std::optional(remark.text.substr(kUnscoredText.size()));
   }
   return std::optional<std::string>();
@@ -95,11 +105,20 @@ Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid
 Status noteNeverScored(Connection& writer, const Uuid& session, const std::string& why) {
   StoredAnnotation remark;
   remark.session = session;
-  remark.author = kUnscoredAuthor;
+  remark.author = kServerName;
   remark.text = kUnscoredText + why;
   remark.created_unix_ns = wallNowNs();
-  const auto added = AnnotationStore(writer).add(remark);
-  return added ? Status() : Status(added.error());
+  ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(writer).list(session));
+  // an older program wrote the same, and no number
+  const auto same = std::find_if(remarks.begin(), remarks.end(), [&](const StoredAnnotation& one) {
+    return one.author == remark.author && one.text == remark.text;
+  });
+  if (same != remarks.end()) {
+    remark.id = same->id;
+  } else {
+    ASSIGN_OR_RETURN(remark.id, AnnotationStore(writer).add(remark));
+  }
+  return MetaStore(writer).set(unscoredKey(session), std::to_string(remark.id));
 }
 
 }  // namespace needlelab

@@ -46,6 +46,14 @@ class AuditChainTest : public testing::Test {
     return verify(anchors).texts;
   }
   AuditAnchor anchor() { return {"the anchor", *AuditChain(db.writer).head()}; }
+  /// A line that says of another that its break was looked into.
+  std::int64_t acknowledge(std::int64_t line, const AuditHead& entry, const std::string& who = "local:ada") {
+    return add(who, kAuditAcknowledge, "line " + std::to_string(line), auditHeadText(entry));
+  }
+  AuditHead addBreak(std::int64_t& line) {
+    line = add("local", kAuditBreak, "", "the log had 9 entries");
+    return *AuditChain(db.writer).head();
+  }
   /// As somebody does who has the file: no rule of the schema holds.
   void tamper(const std::string& sql) {
     ASSERT_OK(db.writer.script("PRAGMA foreign_keys=OFF; PRAGMA ignore_check_constraints=ON;" + sql));
@@ -178,6 +186,91 @@ TEST_F(AuditChainTest, aLineForgedWithoutTheKeyIsFound) {
   // who says that it is the real key's, cannot make its MAC
   tamper("UPDATE audit_chain SET key_id = (SELECT key_id FROM audit_chain WHERE position = 1)");
   EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 3:")));
+}
+
+TEST_F(AuditChainTest, anAcknowledgedBreakIsNoFaultAndSaysByWhomAndWhen) {
+  addLines(2);
+  std::int64_t line = 0;
+  const AuditHead entry = addBreak(line);
+  const std::int64_t broken_unix_ns = now;
+  EXPECT_THAT(faults(), ElementsAre("line 3: the log had 9 entries"));
+  ASSERT_EQ(verify().breaks.size(), 1u);
+  EXPECT_EQ(verify().breaks[0].acknowledged_by, "");
+  acknowledge(line, entry);
+  const std::int64_t acknowledged_unix_ns = now;
+  acknowledge(line, entry, "local:eve");  // the first one stays
+  const auto verdict = verify();
+  EXPECT_THAT(verdict.texts, IsEmpty());
+  ASSERT_EQ(verdict.breaks.size(), 1u);
+  EXPECT_EQ(verdict.breaks[0].line, 3);
+  EXPECT_EQ(verdict.breaks[0].unix_ns, broken_unix_ns);
+  EXPECT_EQ(verdict.breaks[0].detail, "the log had 9 entries");
+  EXPECT_EQ(verdict.breaks[0].acknowledged_by, "local:ada");
+  EXPECT_EQ(verdict.breaks[0].acknowledged_unix_ns, acknowledged_unix_ns);
+  // another entry of the same line, as an erasure adds it, makes no other break of it
+  ASSERT_OK(AuditChain(db.writer).amend(line));
+  EXPECT_THAT(faults(), IsEmpty());
+  EXPECT_EQ(verify().breaks.size(), 1u);
+}
+
+TEST_F(AuditChainTest, anAcknowledgementThatIsRepeatedOrForgedHidesNoOtherBreak) {
+  std::int64_t first = 0, second = 0;
+  const AuditHead first_entry = addBreak(first);
+  const std::int64_t said = acknowledge(first, first_entry);
+  EXPECT_THAT(faults(), IsEmpty());
+  const AuditHead second_entry = addBreak(second);
+  const std::string open = "line " + std::to_string(second) + ": the log had 9 entries";
+  EXPECT_THAT(faults(), ElementsAre(open));
+  // the same again, of the other line with this one's entry, and of this one with the other's
+  acknowledge(first, first_entry);
+  acknowledge(second, first_entry);
+  acknowledge(first, second_entry);
+  acknowledge(second, {second_entry.position, first_entry.mac});
+  add("local:ada", kAuditAcknowledge, "line " + std::to_string(second), auditHeadText(second_entry) + " ");
+  add("local:ada", "audit acknowledged", "line " + std::to_string(second), auditHeadText(second_entry));
+  EXPECT_THAT(faults(), ElementsAre(open));
+  // one that was imported, with a proof of this chain
+  const std::int64_t imported = acknowledge(second, second_entry) + 1;
+  tamper("DELETE FROM audit_chain WHERE line = " + std::to_string(imported - 1) +
+         "; DELETE FROM audit WHERE id = " + std::to_string(imported - 1));
+  ASSERT_OK(db.writer.run(
+      "INSERT INTO audit (id, unix_ns, who, action, subject, detail, imported_by, imported_from)"
+      " VALUES (?, 1, 'local:ada', ?, ?, ?, 'eve', 'i, line 1')",
+      imported, kAuditAcknowledge, "line " + std::to_string(second), auditHeadText(second_entry)));
+  ASSERT_OK(AuditChain(db.writer).append(imported));
+  EXPECT_THAT(faults(), ElementsAre(open));
+  // one that somebody without the key makes of another line, or of nothing
+  tamper("SAVEPOINT forged; UPDATE audit SET subject = 'line " + std::to_string(second) + "', detail = '" +
+         auditHeadText(second_entry) + "' WHERE id = " + std::to_string(said));
+  EXPECT_THAT(faults(), testing::Contains(open));
+  tamper("ROLLBACK TO forged; RELEASE forged");
+  tamper("SAVEPOINT forged; INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1, 'x', '" +
+         std::string(kAuditAcknowledge) + "', 'line " + std::to_string(second) + "', '" +
+         auditHeadText(second_entry) + "')");
+  EXPECT_THAT(faults(), testing::Contains(open));
+  tamper("ROLLBACK TO forged; RELEASE forged");
+  // the right one
+  acknowledge(second, second_entry);
+  EXPECT_THAT(faults(), IsEmpty());
+}
+
+TEST_F(AuditChainTest, aChainThatWasBegunAnewIsNamedByABackupOfBeforeWhateverItsLength) {
+  addLines(3);
+  auto backup = anchor();
+  backup.first = test::TestDb::must(AuditChain(db.writer).firstMac());
+  addLines(2);
+  EXPECT_THAT(faults({backup}), IsEmpty());
+  tamper("DELETE FROM audit_chain");
+  for (int lines = 0; lines < 4; ++lines) {
+    addLines(1);  // the first begins the chain anew, with the lines that are there
+    EXPECT_THAT(faults(), IsEmpty()) << "nothing else tells";
+    EXPECT_THAT(faults({backup}), ElementsAre(HasSubstr("the anchor: this chain begins after it")));
+  }
+  // also a shorter one, with lines gone
+  tamper("DELETE FROM audit_chain; DELETE FROM audit");
+  EXPECT_THAT(faults({backup}), ElementsAre(HasSubstr("the log ends with entry 0, and had 3")));
+  addLines(1);
+  EXPECT_THAT(faults({backup}), ElementsAre(HasSubstr("the anchor: this chain begins after it")));
 }
 
 TEST_F(AuditChainTest, linesOfAnEarlierKeyAreProvenByIt) {

@@ -7,20 +7,15 @@
 #include <fstream>
 #include <iterator>
 #include <map>
-#include <sstream>
-#include <thread>
 
 #include "client/admin/app.h"
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
-#include "client/admin/output.h"
 #include "common/base/crc32c.h"
 #include "common/base/files.h"
 #include "db/schema.h"
 #include "db/session_results.h"
-#include "server/server.h"
 #include "tests/support/temp_folder.h"
-#include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -452,191 +447,6 @@ TEST_F(Admin, helpAndVersionAreZero) {
   EXPECT_EQ(run({"--help"}).code, 0);
   EXPECT_EQ(run({"user", "add", "--help"}).code, 0);
   EXPECT_EQ(run({"--version"}).out, "needlelab-admin " NEEDLELAB_VERSION "\n");
-}
-
-class AdminOnServer : public test::AdminTest {
- protected:
-  void SetUp() override {
-    password_ = folder.write("pw", "correct horse").string();
-    good({"user", "add", "ada", "--role", "administrator", "--password-file", password_});
-    good({"user", "add", "ines", "--role", "instructor", "--password-file", password_});
-    good({"user", "add", "tom", "--role", "trainee", "--password-file", password_});
-    session_ = addSession(40);
-    ServerOptions options;
-    options.data = data();
-    options.listen = "127.0.0.1:0";
-    auto server = Server::start(options);
-    ASSERT_OK(server);
-    server_ = std::move(*server);
-    thread_ = std::thread([this] { EXPECT_EQ(server_->run(), 0); });
-  }
-  void TearDown() override {
-    if (server_) server_->stop();
-    if (thread_.joinable()) thread_.join();
-  }
-  Run as(const std::string& user, std::vector<std::string> arguments) const {
-    const std::string address = "127.0.0.1:" + std::to_string(server_->port());
-    arguments.insert(arguments.begin(), {"--server", address, "--ca", server_->caFile().string(), "--user",
-                                         user, "--password-file", password_});
-    return run(arguments);
-  }
-  std::string password_;
-  Uuid session_{};
-  std::unique_ptr<Server> server_;
-  std::thread thread_;
-};
-
-TEST_F(AdminOnServer, theSameCommandsWork) {
-  const Run users = as("ada", {"user", "list", "--json"});
-  EXPECT_EQ(users.code, 0) << users.err;
-  EXPECT_EQ(users.rows().size(), 3u);
-  EXPECT_EQ(as("ada", {"station", "add", "lab 2", "--out", file("lab2.key")}).code, 0);
-  const auto stations = as("ines", {"station", "list", "--json"}).rows();
-  ASSERT_EQ(stations.size(), 2u);
-  EXPECT_EQ(stations[0].at("online"), false);
-  EXPECT_EQ(as("ada", {"check"}).code, 0);
-  EXPECT_EQ(as("ada", {"backup", file("copy.db")}).code, 0);
-  EXPECT_TRUE(std::filesystem::exists(file("copy.db")));
-  EXPECT_EQ(as("ada", {"backup", "relative.db"}).code, 2);
-  EXPECT_EQ(as("ada", {"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json"}).code, 0);
-  const auto id = uuidText(session_);
-  EXPECT_EQ(as("ines", {"session", "verify", id}).code, 0);
-  EXPECT_EQ(as("ines", {"annotate", id, "--text", "well done"}).code, 0);
-  const Run exported = as("ines", {"session", "export", id, "--out", file("g.csv")});
-  EXPECT_EQ(exported.code, 0) << exported.err;
-  std::ifstream in(file("g.csv"));
-  EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 40 * 20 + 1);
-}
-
-TEST_F(AdminOnServer, partsAreExportedAndRetentionRuns) {
-  const auto id = uuidText(session_);
-  const Run part =
-      as("ines", {"session", "export", id, "--from", "0.4", "--to", "0.5", "--out", file("p.csv")});
-  EXPECT_EQ(part.code, 0) << part.err;
-  std::ifstream in(file("p.csv"));
-  EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 100 + 1);
-  EXPECT_EQ(as("ines", {"retention", "run"}).code, 1) << "not for instructors";
-  EXPECT_EQ(as("ada", {"backup", file("copy.db"), "--counts-as-safe"}).code, 0);
-  EXPECT_EQ(as("ada", {"retention", "set", "--default", "--thin-after", "0", "--rate", "50"}).code, 0);
-  const Run done = as("ada", {"retention", "run"});
-  EXPECT_EQ(done.code, 0) << done.err;
-  EXPECT_NE(done.out.find("1 thinned"), std::string::npos) << done.out;
-  EXPECT_EQ(as("ines", {"session", "verify", id}).code, 0);
-  EXPECT_EQ(as("ada", {"check"}).code, 0);
-  EXPECT_EQ(as("ines", {"session", "export", id, "--from", "0.4", "--out", file("p.csv")}).code, 0);
-}
-
-TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {
-  const auto fresh = folder.write("pw2", "another horse").string();
-  const Run added =
-      as("ada", {"user", "add", "mia", "--role", "curriculum-manager", "--password-file", fresh});
-  EXPECT_EQ(added.code, 0) << added.err;
-  password_ = fresh;
-  EXPECT_EQ(as("mia", {"profile", "list"}).code, 0);
-  EXPECT_EQ(as("ada", {"profile", "list"}).code, 1);
-  // If only one file is given, it is the password for the log-in.
-  password_ = file("pw");
-  const std::string address = "127.0.0.1:" + std::to_string(server_->port());
-  EXPECT_EQ(run({"--server", address, "--ca", server_->caFile().string(), "--user", "ada", "user", "add",
-                 "new one", "--role", "trainee", "--password-file", password_})
-                .code,
-            0);
-  EXPECT_EQ(as("ada", {"user", "list", "--json"}).rows()[3].at("has_password"), false);
-}
-
-TEST_F(AdminOnServer, theOwnPasswordIsChangedWithTheOneOfTheLogIn) {
-  const auto fresh = folder.write("pw3", "a third horse").string();
-  const Run changed = as("ines", {"user", "passwd", "ines", "--new-password-file", fresh});
-  EXPECT_EQ(changed.code, 0) << changed.err;
-  EXPECT_EQ(as("ines", {"profile", "list"}).code, 1);
-  password_ = fresh;
-  EXPECT_EQ(as("ines", {"profile", "list"}).code, 0);
-}
-
-TEST_F(AdminOnServer, rolesAreTheServersAffair) {
-  const Run refused = as("tom", {"user", "list"});
-  EXPECT_EQ(refused.code, 1);
-  EXPECT_NE(refused.err.find("trainee"), std::string::npos) << refused.err;
-  EXPECT_EQ(as("ines", {"backup", file("x.db")}).code, 1);
-  EXPECT_EQ(as("ines", {"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json"}).code, 1);
-}
-
-TEST_F(AdminOnServer, wrongPasswordWrongCaAndNobodyThereAreOne) {
-  password_ = folder.write("wrong", "wrong horse").string();
-  const Run wrong = as("ada", {"user", "list"});
-  EXPECT_EQ(wrong.code, 1);
-  EXPECT_EQ(std::count(wrong.err.begin(), wrong.err.end(), '\n'), 1) << wrong.err;
-  EXPECT_EQ(as("nobody", {"user", "list"}).code, 1);
-  password_ = file("pw");
-  EXPECT_EQ(onData({"user", "list"}).code, 1) << "the folder is the server's";
-  server_->stop();
-  thread_.join();
-  EXPECT_EQ(as("ada", {"user", "list"}).code, 1);
-}
-
-TEST(OutputText, timesInATableAreLocalAndNameTheirZone) {
-  const test::WithZone zone(test::kStJohns);
-  const std::vector<Column> when = {{"at", "AT", Column::Kind::kTime}};
-  const auto table = [&](std::int64_t unix_ns) { return tableText(when, Json::array({{{"at", unix_ns}}})); };
-  EXPECT_EQ(table(0), "AT\n-\n");
-  // 2026-07-01 12:00 UTC, in summer 2 h 30 min earlier
-  EXPECT_EQ(table((20635 * 86'400LL + 12 * 3600) * 1'000'000'000), "AT\n2026-07-01 09:30:00 NDT\n");
-}
-
-TEST(OutputText, sizesAreRounded) {
-  EXPECT_EQ(bytesText(0), "0 B");
-  EXPECT_EQ(bytesText(999), "999 B");
-  EXPECT_EQ(bytesText(1'000), "1 kB");
-  EXPECT_EQ(bytesText(999'600), "1 MB");
-  EXPECT_EQ(bytesText(12'345'678), "12.3 MB");
-}
-
-TEST(OutputText, nothingReachesATerminalButText) {
-  EXPECT_EQ(oneLine("a\x1b[2J\nb\tc\x7f"), "a [2J b c ");
-  EXPECT_EQ(oneLine("a\xc2\x9b"
-                    "2Jb"),
-            "a 2Jb")
-      << "U+009B means ESC [ to a terminal";
-  EXPECT_EQ(oneLine("é, ü, \xc2\xa0, \xc2"), "é, ü, \xc2\xa0, \xc2");
-}
-
-TEST(OutputText, aStoredTextThatIsNoJsonIsNull) {
-  EXPECT_EQ(storedJson(R"({"a":[1]})").dump(), R"({"a":[1]})");
-  for (const char* bad : {"", "{", "not json", "[1] 2"}) EXPECT_EQ(storedJson(bad).dump(), "null") << bad;
-}
-
-TEST(OutputTable, columnsStandUnderEachOtherWhateverTheAlphabet) {
-  const Json rows = Json::array(
-      {{{"name", "Jürgen"}, {"n", 1}}, {{"name", "x"}, {"n", 20.5}}, {{"name", nullptr}, {"n", true}}});
-  EXPECT_EQ(tableText({{"name", "NAME"}, {"n", "N"}, {"missing", "M"}}, rows),
-            "NAME    N     M\n"
-            "Jürgen  1     -\n"
-            "x       20.5  -\n"
-            "-       yes   -\n");
-}
-
-TEST(OutputTable, aVerdictIsInTheWordsOfTheScreensWhateverItsCode) {
-  Json rows = Json::array();
-  for (const Json& code : {Json("passed"), Json("failed"), Json(true), Json(false), Json()})
-    rows.push_back({{"verdict", code}});
-  EXPECT_EQ(tableText({{"verdict", "VERDICT", Column::Kind::kVerdict}}, rows),
-            "VERDICT\n"
-            "passed\n"
-            "not passed\n"
-            "passed\n"
-            "not passed\n"
-            "-\n");
-}
-
-TEST(OutputJson, remarksNeverMixWithIt) {
-  std::ostringstream out, err;
-  Output output(out, err, "");
-  output.done("added");
-  output.text("a table");
-  ASSERT_TRUE(
-      output.list({{"a", "A"}}, Json::array({{{"a", "caf\xe9"}}})).ok());  // not UTF-8: must not throw
-  EXPECT_EQ(err.str(), "added\n");
-  EXPECT_EQ(Json::parse(out.str()).at("rows").size(), 1u);
 }
 
 TEST(PasswordFile, itsFirstLineCounts) {

@@ -231,6 +231,7 @@ TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
       {",Nobody,,,", "name", "has 0 bytes"},
       {std::string(65, 'z') + ",,,,", "name", "has 65 bytes, allowed are 1 to 64"},
       {"a/b,,,,", "name", "holds a '/'"},
+      {"server,,,,", "name", "'server' is the name under which the server itself writes"},
       {"\"two\nlines\",,,,", "name", "holds a control character"},
       {"zoe," + std::string(201, 'z') + ",,,", "full_name", "has 201 bytes"},
       {"zoe,,instructor,,", "password", "is missing"},

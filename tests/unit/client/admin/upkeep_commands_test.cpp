@@ -1,12 +1,10 @@
-// Commands for backups, restores, the audit log and certificates.
+// Commands for backups, restores and certificates.
 #include <gmock/gmock.h>
 
 #include <algorithm>
 #include <filesystem>
 
 #include "common/base/files.h"
-#include "db/audit.h"
-#include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -151,95 +149,6 @@ TEST_F(UpkeepCommands, whatIsNoBackupRestoresNothing) {
   EXPECT_EQ(run({"--server", "localhost:1", "restore", "--from", file("junk.db")}).code, 2) << "needs --data";
   EXPECT_EQ(names(), std::vector<std::string>{"tom"});
   for (const auto& name : filesIn("data")) EXPECT_THAT(name, Not(HasSubstr("replaced")));
-}
-
-TEST_F(UpkeepCommands, theAuditLogTellsEachChangeOnceAndNoRefusal) {
-  const std::string name = R"(Zoë "Z" O'Neil)";
-  good({"user", "add", name, "--role", "trainee"});
-  EXPECT_EQ(onData({"user", "add", name, "--role", "trainee"}).code, 1);
-  EXPECT_EQ(onData({"user", "add", "x/y", "--role", "trainee"}).code, 2);
-  good({"user", "change", name, "--full-name", "Zoë Z"});
-  good({"user", "disable", name});
-  good({"user", "list"});
-  const auto rows = good({"audit", "--json"}).rows();
-  std::vector<std::string> actions;
-  for (const auto& row : rows) actions.push_back(row.at("action"));
-  EXPECT_EQ(actions, (std::vector<std::string>{"user disable", "user change", "user add", "user add"}));
-  EXPECT_EQ(rows[0].at("subject"), name);
-  EXPECT_EQ(rows[0].at("detail"), "disabled");
-  EXPECT_EQ(rows[1].at("detail"), "full name: '' to 'Zoë Z'");
-  EXPECT_EQ(rows[2].at("detail"), "trainee");
-  EXPECT_EQ(rows[3].at("subject"), "tom");
-  for (const auto& row : rows)
-    EXPECT_THAT(row.at("who").get<std::string>(), testing::StartsWith("local:")) << row;
-  EXPECT_EQ(good({"audit", "--limit", "1", "--json"}).rows(), nlohmann::json::array({rows[0]}));
-  EXPECT_EQ(good({"audit", "--limit", "0", "--json"}).rows(), rows);
-  for (const char* wrong : {"-1", "x"}) EXPECT_EQ(onData({"audit", "--limit", wrong}).code, 2) << wrong;
-}
-
-TEST_F(UpkeepCommands, anAuditLineIsOneLineOfTheTableWhateverItHolds) {
-  {
-    auto store = test::TestDb::must(Store::open(data(), {}));
-    ASSERT_OK(store->writer().run([](Connection& c) {
-      return AuditStore(c).add({0, 1'000'000'000, "who", "action", "two\nlines\x1b[2J", "é\t\"x\""});
-    }));
-  }
-  const test::WithZone zone(test::kStJohns);
-  const std::string table = good({"audit", "--limit", "1"}).out;
-  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 2) << "the head, and the line";
-  EXPECT_THAT(table, HasSubstr("1969-12-31 20:30:01 NST  who  action  two lines [2J  é \"x\"\n"));
-  const auto row = good({"audit", "--limit", "1", "--json"}).rows().at(0);
-  EXPECT_EQ(row.at("subject"), "two\nlines\x1b[2J");
-  EXPECT_EQ(row.at("detail"), "é\t\"x\"");
-}
-
-TEST_F(UpkeepCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
-  good({"user", "add", "ida", "--role", "trainee"});
-  auto fresh = good({"audit", "verify", "--json"}).rows().at(0);
-  EXPECT_EQ(fresh.at("ok"), true);
-  EXPECT_EQ(fresh.at("lines"), 2);
-  EXPECT_EQ(fresh.at("outside"), 0);
-  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("Nothing is promised about lines that were removed"));
-  good({"backup", file("copy.db")});
-  // beside a server, too: it holds the folder
-  {
-    const auto server = test::TestDb::must(Store::open(data(), {}));
-    EXPECT_EQ(good({"audit", "verify", "--anchor", file("copy.db"), "--json"}).rows().at(0).at("anchored"),
-              2);
-  }
-  // whoever has the file takes the last line away: the backup knows it
-  {
-    auto writer =
-        test::TestDb::must(Connection::open(data() + "/needlelab.db", {.mode = Connection::Mode::kWriter}));
-    ASSERT_OK(
-        writer.script("PRAGMA foreign_keys=OFF; DELETE FROM audit_chain WHERE line > 1;"
-                      "DELETE FROM audit WHERE id > 1"));
-  }
-  // and audit.head knows the backup's own line, too
-  const Run alone = onData({"audit", "verify"});
-  EXPECT_EQ(alone.code, 1);
-  EXPECT_THAT(alone.out, HasSubstr("fault: audit.head: the log ends with entry 1, and had 3"));
-  const Run found = onData({"audit", "verify", "--anchor", file("copy.db")});
-  EXPECT_EQ(found.code, 1);
-  EXPECT_THAT(found.out, HasSubstr("fault: " + file("copy.db") + ": the log ends with entry 1, and had 2"));
-  folder.write("junk", "no head");
-  EXPECT_EQ(onData({"audit", "verify", "--anchor", file("junk")}).code, 2);
-  EXPECT_EQ(run({"--server", "localhost:1", "audit", "verify"}).code, 2) << "needs --data";
-  fs::remove(data() + "/audit.key");
-  EXPECT_THAT(onData({"audit", "verify"}).err, HasSubstr("audit.key: is not there"));
-}
-
-TEST_F(UpkeepCommands, verifySaysInPlainWordsWhatNobodyCanCheckAndWhatARestoreLeftOut) {
-  good({"backup", file("copy.db")});
-  good({"user", "add", "ida", "--role", "trainee"});
-  EXPECT_THAT(good({"audit", "verify"}).out, Not(HasSubstr("note: ")));
-  good({"restore", "--from", file("copy.db")});
-  // the backup has the line of tom; the lines of the backup and of ida are lost
-  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("the log had 3 entries until then, and the backup 1"));
-  fs::remove(data() + "/audit.head");
-  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("note: audit.head is not there"));
-  folder.write("data/audit.head", "needlelab audit head 1\n");
-  EXPECT_EQ(onData({"audit", "verify"}).code, 1);
 }
 
 TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing) {

@@ -3,8 +3,11 @@
 
 #include <gmock/gmock.h>
 
+#include <filesystem>
 #include <string>
 
+#include "db/audit.h"
+#include "db/backup.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -67,6 +70,53 @@ TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {
     EXPECT_TRUE(refused(fake)) << "alone it promises nothing";
   }
   EXPECT_TRUE(refused(own + "\n" + forged + "\n")) << "no export has such a line";
+}
+
+TEST_F(AuditAnchorTest, anImportedLineIsNoHeadWhereverItStands) {
+  const std::string own =
+      R"({"kind":"audit","id":7,"unix_ns":1,"who":"ada","action":"export-all","subject":"",)"
+      R"("detail":")" +
+      headText(3, 'a') + R"(","imported_by":null,"imported_from":null})" + "\n";
+  EXPECT_EQ(position(own), 3u);
+  for (const char* mark :
+       {R"("imported_by":"eve","imported_from":"i, line 9")", R"("imported_from":"i, line 9")",
+        R"("imported_by":"eve")", R"("imported_by":"","imported_from":"")"}) {
+    SCOPED_TRACE(mark);
+    const std::string forged =
+        R"({"kind":"audit","id":8,"unix_ns":2,"who":"ada","action":"export-all","subject":"","detail":")" +
+        headText(99, 'f') + "\"," + mark + "}\n";
+    EXPECT_EQ(position(own + forged), 3u);
+    EXPECT_EQ(position(forged + own), 3u);
+    EXPECT_TRUE(refused(forged));
+  }
+}
+
+TEST_F(AuditAnchorTest, ofAFolderEachPlainBackupIsAnAnchorAndOtherFilesAreNone) {
+  test::TestDb db;
+  const auto backups = folder.path() / "backups";
+  std::filesystem::create_directory(backups);
+  EXPECT_THAT(readAuditAnchors(backups).error().message, HasSubstr("has no plain backup"));
+  for (const char* name : {"needlelab-20260102T000000Z.db", "needlelab-20260101T000000Z.db"}) {
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, "ada", "user add", "x", ""}));
+    auto reader = db.reader();
+    ASSERT_OK(backupTo(reader, backups / name));
+  }
+  for (const char* other : {"backups/mine.txt", "backups/needlelab-20260103T000000Z.nlbk",
+                            "backups/needlelab-20260104T000000Z.db"})
+    folder.write(other, "audit head 9:x");
+  const auto anchors = readAuditAnchors(backups);
+  ASSERT_OK(anchors);
+  ASSERT_EQ(anchors->size(), 2u);
+  EXPECT_EQ((*anchors)[0].name, (backups / "needlelab-20260101T000000Z.db").string());
+  EXPECT_EQ((*anchors)[0].head.position, 2u);
+  EXPECT_EQ((*anchors)[1].head.position, 1u);
+  ASSERT_TRUE((*anchors)[0].first.has_value());
+  EXPECT_EQ((*anchors)[0].first, (*anchors)[1].first);
+  EXPECT_EQ(*(*anchors)[0].first, (*anchors)[1].head.mac) << "that chain has one entry";
+  const auto one = readAuditAnchors(backups / "needlelab-20260102T000000Z.db");
+  ASSERT_OK(one);
+  ASSERT_EQ(one->size(), 1u);
+  EXPECT_EQ(one->front().head.position, 1u);
 }
 
 TEST_F(AuditAnchorTest, aTextHasOneHeadOnALineOfItsOwn) {

@@ -380,6 +380,38 @@ TEST_F(ClosedBeyondBounds, whatTheRemarkSaysIsBelievedAfterARestartWithoutReadin
   EXPECT_NE(listed.error->message.find("at most 360000"), std::string::npos) << listed.error->message;
 }
 
+TEST_F(ClosedBeyondBounds, theRemarkOfAnOlderProgramIsNotRepeatedWhenTheSessionIsReadOnceMore) {
+  ASSERT_OK(store->service().closeSession(closing(), "station-1"));
+  ASSERT_OK(change([](Connection& c) { return c.script("DELETE FROM meta WHERE key LIKE 'unscored %'"); }));
+  for (int time = 0; time < 2; ++time) {
+    store.reset();
+    store = test::openStore(folder.path() / "data");
+    const auto outcome = store->service().closeSession(closing(), "station-1");
+    ASSERT_OK(outcome);
+    EXPECT_NE(outcome->score_fault.find("at most 360000"), std::string::npos) << outcome->score_fault;
+    EXPECT_EQ(remarks().annotations_size(), 1);
+    // from the second time on nothing is read
+    ASSERT_OK(
+        change([](Connection& c) { return c.script("UPDATE chunks SET bytes = zeroblob(length(bytes))"); }));
+  }
+}
+
+TEST_F(Closing, aRemarkInTheServersWordsDoesNotKeepASessionFromItsScore) {
+  const Uuid id = addSession("anna", 5, 100, kneeProfile());
+  // a person of this name may be there from an older program
+  const Principal impostor{"server", pb::INSTRUCTOR};
+  pb::Request remark;
+  remark.mutable_annotate()->set_session_id(test::bytesOfId(id));
+  remark.mutable_annotate()->set_text(
+      "cannot be scored: the motion has 999999 points at 100 Hz, at most 360000");
+  get(impostor, remark);
+  const auto outcome = store->service().closeSession(test::closeOf(id, 5, 100), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_EQ(outcome->score_fault, "");
+  EXPECT_FALSE(outcome->score_json.empty());
+  EXPECT_EQ(info(id).score_json(), outcome->score_json);
+}
+
 TEST_F(Closing, aRepeatedCloseDoesNotTryAgainToScore) {
   const Uuid id = addSession("anna", 1, 20, kneeProfile());
   ASSERT_OK(change([](Connection& c) {

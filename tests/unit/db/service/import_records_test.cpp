@@ -114,6 +114,25 @@ TEST_F(Import, takesAnExportOfBeforeCodesTwice) {
   }
 }
 
+TEST_F(Import, takesNobodyUnderTheServersName) {
+  addPerson("anna", pb::TRAINEE);
+  for (const std::string& text : exportAll(*store)) {
+    auto person = RecordJson::parse(text);
+    if (person["kind"] != "person") continue;
+    for (const char* name : {"server", "Server"}) {
+      person["name"] = name;
+      const auto report = importAll(*store, {person.dump()}, 1);
+      ASSERT_EQ(report.faults_size(), 1) << name;
+      EXPECT_EQ(
+          report.faults(0).message().rfind("name: '" + std::string(name) + "' is the name under which", 0),
+          0u)
+          << report.faults(0).message();
+    }
+    return;
+  }
+  FAIL() << "the export has nobody";
+}
+
 TEST_F(Import, takesNoOtherFactsAboutADatabaseForSettings) {
   const auto said = [&](const std::string& key, const std::string& value) {
     const auto report =
@@ -196,6 +215,48 @@ TEST_F(Import, anExportHasTheHeadOfTheLogWithoutItsOwnLine) {
   ASSERT_OK(anchor);
   EXPECT_EQ(anchor->head.position, before.position);
   EXPECT_EQ(anchor->head.mac, before.mac);
+}
+
+// The first page of an export is read after its own line is written: what is imported between stands behind
+// it.
+TEST_F(Import, aLineThatSomebodyImportsBehindAnExportsOwnIsNotItsHead) {
+  addPerson("anna", pb::TRAINEE);
+  consent("anna", true);
+  const auto first = exportAll(*store);
+  const auto own = nlohmann::json::parse(first.back());
+  ASSERT_EQ(own.at("action"), "export-all");
+  ASSERT_TRUE(own.at("imported_from").is_null());
+  auto forged = own;
+  forged["id"] = own.at("id").get<int>() + 1;
+  forged["detail"] = "audit head 99:" + std::string(64, 'f');
+  for (const char* field : {"imported_by", "imported_from"}) {
+    SCOPED_TRACE(field);
+    forged["unix_ns"] = forged["unix_ns"].get<std::int64_t>() + 1;
+    forged.erase(field);  // as an older program wrote it; or null, as if it were this store's
+    ASSERT_TRUE(importAll(*store, {forged.dump()}, 1).done());
+  }
+  auto records = exportAll(*store);
+  records
+      .pop_back();  // the second export's own line: what is left is what the first one's page would have had
+  std::string text;
+  for (const std::string& record : records) text += record + "\n";
+  ASSERT_NE(text.find("audit head 99:"), std::string::npos);
+  ASSERT_OK(writeFileAtomically(folder.path() / "all.jsonl", viewOf(text)));
+  const auto anchor = readAuditAnchor(folder.path() / "all.jsonl");
+  ASSERT_OK(anchor);
+  EXPECT_EQ(anchor->head.position, 1u) << "the consent, before the first export's own line";
+  // nor does the mark get lost on the way through another store
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  ASSERT_TRUE(importAll(*other, records, 100).done());
+  for (const std::string& record : exportAll(*other)) {
+    const auto json = nlohmann::json::parse(record);
+    if (json.at("kind") == "audit" && json.at("detail") == forged.at("detail")) {
+      EXPECT_FALSE(json.at("imported_from").is_null());
+    }
+  }
+  EXPECT_TRUE(importAll(*store, records, 100).done());
+  EXPECT_EQ(exportAll(*store).size(), records.size() + 3) << "the import's line, and two of exports";
 }
 
 // Schema 5 had no records of unknown trainees. Its export is today's without them.

@@ -11,6 +11,13 @@ namespace {
 using Records = test::RecordsTest;
 using test::fillAtRandom, test::seedOfRecords;
 
+/// A record without the marks of an import, which every line of the log has there and none has here.
+std::string unmarked(const std::string& text) {
+  auto record = nlohmann::ordered_json::parse(text);
+  for (const char* field : {"imported_by", "imported_from"}) record.erase(field);
+  return record.dump();
+}
+
 TEST_F(Records, everythingComesBackExactly) {
   const std::uint64_t seed = seedOfRecords();
   RecordProperty("seed", std::to_string(seed));
@@ -42,6 +49,8 @@ TEST_F(Records, everythingComesBackExactly) {
     auto before = records;
     std::erase_if(
         before, [](const std::string& r) { return r.find(R"("action":"export-all")") != std::string::npos; });
+    std::transform(before.begin(), before.end(), before.begin(), unmarked);
+    std::transform(again.begin(), again.end(), again.begin(), unmarked);
     EXPECT_EQ(before, again);
     // The imported database passes its check, and the same import again changes nothing.
     pb::Request check;

@@ -1,0 +1,271 @@
+// A person's data, consent, studies, and the export of all records.
+#include <CLI/CLI.hpp>
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/admin/command.h"
+#include "client/admin/session_export.h"
+#include "common/base/files.h"
+#include "common/base/uuid.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kMostPieceBytes = 700'000;  // of records in one request, which must fit into 1 MiB
+constexpr int kMostPieceRecords = 10'000;         // the server takes 20,000 (teaching.proto)
+constexpr std::size_t kMostRecordsFile = 512u << 20;
+
+/// Writes pages of records as lines, to a file (atomically, readable only by its owner) or to the output.
+Status writeRecords(CommandContext& context, const std::string& file,
+                    const std::function<void(pb::Request&, const std::string&)>& ask,
+                    const std::string& what) {
+  std::string text;
+  std::uint64_t count = 0;
+  const auto done = eachPage(context.backend, ask, [&](const pb::Reply& reply) {
+    for (const std::string& record : reply.records().records()) {
+      text += record + "\n";
+      ++count;
+    }
+    return reply.records().next_page();
+  });
+  if (!done) return done;
+  if (file.empty()) {
+    if (!text.empty()) text.pop_back();
+    context.output.document(text);
+    return {};
+  }
+  RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text), 0600));
+  context.output.done(fmt::format("wrote {} records of {} to {}", count, what, file));
+  return {};
+}
+
+Status importAll(CommandContext& context, const std::string& file, const std::string& text, bool dry_run) {
+  pb::Request request;
+  auto* import_all = request.mutable_import_all();
+  import_all->set_import_id(uuidText(makeUuidV7()));
+  import_all->set_dry_run(dry_run);
+  std::size_t bytes = 0;
+  pb::ImportReport report;
+  const auto send = [&](bool last) -> Status {
+    import_all->set_last(last);
+    ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+    report = reply.import_report();
+    import_all->clear_records();
+    bytes = 0;
+    return {};
+  };
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    if ((bytes + (end - at) > kMostPieceBytes && bytes > 0) ||
+        import_all->records_size() == kMostPieceRecords) {
+      RETURN_IF_ERROR(send(false));
+    }
+    import_all->add_records(text.substr(at, end - at));
+    bytes += end - at + 8;
+    at = end + 1;
+  }
+  RETURN_IF_ERROR(send(true));
+  Json rows = Json::array();
+  for (const auto& count : report.counts())
+    rows.push_back({{"kind", count.kind()},
+                    {"added", count.added()},
+                    {"unchanged", count.unchanged()},
+                    {"faults", count.faults()}});
+  if (auto done = context.output.list(
+          {{"kind", "KIND"}, {"added", "ADDED"}, {"unchanged", "UNCHANGED"}, {"faults", "FAULTS"}}, rows,
+          "no records");
+      !done)
+    return done;
+  for (const auto& fault : report.faults())
+    context.output.remark(oneLine(file + ": " + fault.path() + ": " + fault.message()));
+  if (!report.faults().empty())
+    return Error{ErrorCode::kInvalidInput, file + ": nothing was imported, see the faults above"};
+  context.output.done(report.done() ? "imported" : "a dry run: nothing was changed");
+  return {};
+}
+
+void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
+  struct Values {
+    std::string name, note;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* consent = app.add_subcommand("consent", "what people said to studies");
+  consent->require_subcommand(1);
+  for (const bool given : {true, false}) {
+    auto* command =
+        given ? consent->add_subcommand("give", "somebody consents to studies")
+              : consent->add_subcommand("withdraw", "somebody does so no more: from now on in no export");
+    command->add_option("name", values->name)->required();
+    command->add_option("--note", values->note, "e.g. where the signed paper is");
+    runs(command, chosen, [values, given](CommandContext& context) -> Status {
+      pb::Request request;
+      request.mutable_set_consent()->set_name(values->name);
+      request.mutable_set_consent()->set_given(given);
+      request.mutable_set_consent()->set_note(values->note);
+      RETURN_IF_ERROR(context.backend.call(request));
+      context.output.done("'" + values->name + (given ? "' consents" : "' consents no more"));
+      return {};
+    });
+  }
+  auto* list = consent->add_subcommand("list", "all that a person ever said");
+  list->add_option("name", values->name)->required();
+  runs(list, chosen, [values](CommandContext& context) -> Status {
+    pb::Request request;
+    request.mutable_list_consents()->set_name(values->name);
+    ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+    Json rows = Json::array();
+    for (const auto& one : reply.consents().consents())
+      rows.push_back(
+          {{"given", one.given()},
+           {"unix_ns", one.unix_ns()},
+           {"recorded_by", one.recorded_by()},
+           {"how", one.recorded_by() == values->name ? "by the person" : "on paper, by " + one.recorded_by()},
+           {"note", one.note()}});
+    return context.output.list(
+        {{"unix_ns", "WHEN", Column::Kind::kTime}, {"given", "CONSENTS"}, {"how", "HOW"}, {"note", "NOTE"}},
+        rows, "never asked");
+  });
+}
+
+void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
+  struct Values {
+    std::string name, out, confirm, reason;
+    bool with_open = false, with_waiting = false;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* person = app.add_subcommand("person", "all of a person's data");
+  person->require_subcommand(1);
+  auto* out = person->add_subcommand("export", "everything but recordings, as JSON lines");
+  out->add_option("name", values->name)->required();
+  out->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  runs(out, chosen, [values](CommandContext& context) {
+    return writeRecords(
+        context, values->out,
+        [&](pb::Request& request, const std::string& page) {
+          request.mutable_export_person()->set_name(values->name);
+          request.mutable_export_person()->set_page(page);
+        },
+        "'" + values->name + "'");
+  });
+  auto* erase = person->add_subcommand("erase", "erase a person's data for ever");
+  erase->add_option("name", values->name)->required();
+  erase->add_option("--confirm", values->confirm, "the name again")->required()->type_name("NAME");
+  erase->add_option("--reason", values->reason, "for the record of erasures");
+  erase->add_flag("--with-open-sessions", values->with_open,
+                  "sessions that are open, too: what is still sent is not kept");
+  erase->add_flag("--with-waiting", values->with_waiting,
+                  "sessions that wait for a manager under this name, too: they may be another person's");
+  runs(erase, chosen, [values](CommandContext& context) -> Status {
+    pb::Request request;
+    auto* call = request.mutable_erase_person();
+    call->set_name(values->name);
+    call->set_confirm(values->confirm);
+    call->set_reason(values->reason);
+    call->set_with_open_sessions(values->with_open);
+    call->set_with_waiting_sessions(values->with_waiting);
+    ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+    const auto& erasure = reply.erasure();
+    if (auto done = context.output.one(
+            {{"pseudonym", "known as"},
+             {"sessions", "sessions"},
+             {"recordings", "recordings removed"},
+             {"scores", "scores removed"},
+             {"remarks_kept", "remarks by others kept, without the name"},
+             {"audit_lines", "lines of the audit log with the name replaced"},
+             {"waiting_sessions", "sessions that wait under the name, left"},
+             {"state", "the erasure"}},
+            {{"pseudonym", erasure.pseudonym()},
+             {"sessions", erasure.sessions()},
+             {"recordings", erasure.recordings()},
+             {"scores", erasure.scores()},
+             {"remarks_kept", erasure.remarks_kept()},
+             {"audit_lines", erasure.audit_lines()},
+             {"waiting_sessions", erasure.waiting_sessions()},
+             {"state", erasure.pending() ? "pending: see below" : "complete here"},
+             {"pending", erasure.pending()},
+             {"files", std::vector<std::string>(erasure.files().begin(), erasure.files().end())},
+             {"text", erasure.text()}});
+        !done)
+      return done;
+    context.output.remark(erasure.text());
+    return {};
+  });
+}
+
+}  // namespace
+
+void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
+  addOnePersonCommands(app, chosen);
+  addConsentCommands(app, chosen);
+  struct Values {
+    std::string study, out, exercise, file, text, session, format = "csv";
+    bool remarks = false, setup = false, passwords = false, dry_run = false;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* study = app.add_subcommand("study", "for researchers: those who consent, under pseudonyms");
+  study->require_subcommand(1);
+  auto* out = study->add_subcommand("export", "sessions and scores as JSON lines");
+  out->add_option("study", values->study,
+                  "its name: pseudonyms are the same within it, and others in another")
+      ->required();
+  out->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  out->add_option("--exercise", values->exercise, "default: all");
+  out->add_flag("--with-remarks", values->remarks, "with what instructors wrote; names in it are replaced");
+  out->add_flag("--with-setup", values->setup,
+                "with device, placement and tool, by which stations can be told apart");
+  runs(out, chosen, [values](CommandContext& context) {
+    return writeRecords(
+        context, values->out,
+        [&](pb::Request& request, const std::string& page) {
+          auto* call = request.mutable_export_study();
+          call->set_with_setup(values->setup);
+          call->set_study(values->study);
+          call->set_exercise_id(values->exercise);
+          call->set_with_remarks(values->remarks);
+          call->set_page(page);
+        },
+        "study '" + values->study + "'");
+  });
+  auto* recording =
+      study->add_subcommand("recording", "the samples of one of its sessions; times begin with 0");
+  recording->add_option("study", values->study)->required();
+  recording->add_option("session", values->session, "as study export names it")->required();
+  recording->add_option("--format", values->format)->check(CLI::IsMember({"csv", "json", "recording"}));
+  recording->add_option("--out", values->out)->required()->type_name("FILE");
+  runs(recording, chosen, [values](CommandContext& context) {
+    return exportStudyRecording(context.backend, context.output, values->study, values->session,
+                                values->format, values->out);
+  });
+  auto* all = app.add_subcommand("export-all", "everything but recordings, as JSON lines");
+  all->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  all->add_flag("--with-passwords", values->passwords, "with the hashes of passwords and of stations' keys");
+  runs(all, chosen, [values](CommandContext& context) {
+    return writeRecords(
+        context, values->out,
+        [&](pb::Request& request, const std::string& page) {
+          request.mutable_export_all()->set_with_passwords(values->passwords);
+          request.mutable_export_all()->set_page(page);
+        },
+        "everything");
+  });
+  auto* import_all = app.add_subcommand("import-all", "read in what export-all wrote: all of it or nothing");
+  import_all->add_option("file", values->file)->required()->type_name("FILE");
+  import_all->add_flag("--dry-run", values->dry_run, "only say what would happen");
+  import_all->callback([&chosen, values] {
+    chosen.may_create = true;
+    // a file that cannot be read makes no folder
+    chosen.check = [values]() -> Status {
+      ASSIGN_OR_RETURN(values->text, readWholeFile(values->file, kMostRecordsFile));
+      return {};
+    };
+    chosen.run = [values](CommandContext& context) {
+      return importAll(context, values->file, values->text, values->dry_run);
+    };
+  });
+}
+
+}  // namespace needlelab
