@@ -94,10 +94,10 @@ Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_b
   const auto near = nearNames(name, people);
   return Error{
       ErrorCode::kNotFound,
-      fmt::format(
-          "the server knows nobody named '{}' who may practise. {}Give the name of a trainee's account, "
-          "practise as '{}', or ask a manager to add this person, or to assign it a lesson",
-          printable(name), near.empty() ? "" : "Did you mean " + orList(near) + "? ", kGuestName)};
+      fmt::format("the server knows nobody named '{}' who may practise. {}Give the name of a "
+                  "trainee's account, practise as '{}', or ask a manager to add this person; staff practise "
+                  "as members of a group with an assignment",
+                  printable(name), near.empty() ? "" : "Did you mean " + orList(near) + "? ", kGuestName)};
 }
 
 namespace handlers {

@@ -100,8 +100,9 @@ TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
   EXPECT_EQ(refused->message,
             "the server knows nobody named 'tomm' who may practise. Did you mean 'tom' (Tom Smith)? Give the "
             "name of "
-            "a trainee's account, practise as 'guest', or ask a manager to add this person, or to assign it "
-            "a lesson");
+            "a trainee's account, practise as 'guest', or ask a manager to add this person; staff practise "
+            "as members "
+            "of a group with an assignment");
   EXPECT_THAT(begin("txm")->message, HasSubstr("'tim' or 'tom' (Tom Smith)?"));
   for (const char* hidden : {"'tam'", "'tum'", "'tem'"})
     EXPECT_THAT(begin("txm")->message, Not(HasSubstr(hidden)));
@@ -161,8 +162,13 @@ TEST_F(UnknownTrainees, lookLikeStaffAndLikeThoseWhoseAccessHasEnded) {
   every.mutable_list_assignments();
   EXPECT_EQ(get(station, every).assignments().assignments_size(), 0);
   EXPECT_EQ(get(manager, every).assignments().assignments_size(), 1) << "staff sees all";
-  // an expert records under the own name once somebody has assigned a lesson
-  assignCourse("Quirin");
+  // an expert records under the own name once in a group that has something to do
+  get(manager, putGroup("experts", {"Quirin"}, 0));
+  EXPECT_EQ(heard("Quirin"), unknown);
+  pb::Request assign;
+  assign.mutable_assign()->set_course_id("course");
+  assign.mutable_assign()->set_group_id("experts");
+  get(manager, assign);
   EXPECT_THAT(heard("Quirin"), HasSubstr("may begin"));
   EXPECT_THAT(heard("Quirin"), HasSubstr("Secret Full Name"));
 }
