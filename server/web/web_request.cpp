@@ -157,6 +157,15 @@ void wipeSecrets(nlohmann::json& body) {
   }
 }
 
+/// Counts a request that was refused for want of room and logs it, as the stations' port does.
+void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
+  if (error.code != ErrorCode::kNoRoom) return;
+  ++context.counters.refused_for_room;
+  if (context.shares.shouldTell(call.who.name, steadyNowNs()))
+    logEvent(LogLevel::kWarning, "no_room",
+             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
+}
+
 Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
   ServerContext& context = server->context();
   // parsing a class or a course of a megabyte takes time: not on the network's thread
@@ -171,6 +180,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   const auto request = wipedWhenReleased(std::move(*built));
   const auto outcome = co_await executeRequest(context, call->who, request);
+  if (outcome->error) noteNoRoom(context, *call, *outcome->error);
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
   followUp(context, *request, outcome->reply, call->who.name, nullptr);

@@ -214,6 +214,36 @@ TEST(WebLimits, onlyStrangersAreCountedByAddress) {
   EXPECT_EQ(fresh.read().status, 200);
 }
 
+TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
+  WebLab lab([](ServerOptions& options) {  // of two consents, with what each costs besides
+    options.shares.own_bytes = 2.0 * (200 + PeopleShares::kRequestBytes);
+    options.metrics = "127.0.0.1:0";
+  });
+  testing::internal::CaptureStderr();
+  setLogLevel(LogLevel::kWarning);
+  Browser tina = lab.browserOf("tina");
+  int stored = 0, refused = 0;
+  for (int i = 0; i < 7; ++i) {
+    const json body = {{"consent", i % 2 == 0}, {"note", std::string(100, 'x')}};
+    const WebReply reply = askChecked(tina, "PATCH", "/api/v1/people/tina", body.dump());
+    stored += reply.status == 200;
+    if (reply.status != 503) continue;
+    ++refused;
+    EXPECT_EQ(reply.json()["error"]["code"], "no_room");
+  }
+  setLogLevel(LogLevel::kOff);
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(stored, 2);
+  EXPECT_EQ(refused, 5);
+  const std::size_t line = log.find("no_room");
+  ASSERT_NE(line, std::string::npos) << log;
+  EXPECT_EQ(log.find("no_room", line + 1), std::string::npos) << log;
+  EXPECT_THAT(log, testing::AllOf(HasSubstr("port=web"), HasSubstr("who=tina")));
+  WebWire wire(lab.server().server().metricsPort(), false);
+  (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+  EXPECT_THAT(wire.receivePlain(), HasSubstr("needlelab_refused_for_room_total 5\n"));
+}
+
 TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
   const auto guess = [](WebLab& lab, const char* from) {
     WebWire wire(lab.port());
