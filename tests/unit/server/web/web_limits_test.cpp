@@ -1,4 +1,7 @@
 // Tests the limits for every peer: sizes, times, numbers, and input that is not HTTP.
+#include <atomic>
+#include <memory>
+
 #include "tests/unit/server/web/web_lab.h"
 
 namespace needlelab {
@@ -242,6 +245,35 @@ TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
   WebWire wire(lab.server().server().metricsPort(), false);
   (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
   EXPECT_THAT(wire.receivePlain(), HasSubstr("needlelab_refused_for_room_total 5\n"));
+}
+
+TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
+  constexpr std::uint64_t kMiB = 1u << 20;
+  const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
+  WebLab lab([&](ServerOptions& options) {
+    options.free_bytes = [free_bytes](const std::filesystem::path&) {
+      return std::optional(free_bytes->load());
+    };
+    options.room_every = milliseconds(5);
+    options.min_free_bytes = 64 * kMiB;
+  });
+  Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
+  // the server looks from time to time only
+  const auto levelBecomes = [&](const std::string& wanted) {
+    json room;
+    for (int i = 0; i < 2000; ++i) {
+      room = askChecked(ada, "GET", "/api/v1/session").json()["disk_room"];
+      if (room["level"] == wanted) return room["left_bytes"].get<std::uint64_t>();
+    }
+    ADD_FAILURE() << room.dump();
+    return std::uint64_t{0};
+  };
+  EXPECT_GE(levelBecomes("plenty"), 10'000 * kMiB);
+  *free_bytes = 200 * kMiB;  // below four floors
+  EXPECT_GE(levelBecomes("no_new_sessions"), 100 * kMiB);
+  *free_bytes = 20 * kMiB;
+  EXPECT_LT(levelBecomes("no_chunks"), 64 * kMiB);
+  EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("disk_room"));
 }
 
 TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
