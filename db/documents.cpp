@@ -18,7 +18,7 @@ StoredExercise exerciseOf(const Statement& row) {
 
 Result<std::uint32_t> ProfileStore::put(const StoredProfile& profile, std::optional<std::uint32_t> base) {
   for (const Status& valid :
-       {checkName("profile id", profile.id), checkText("profile name", profile.name, 1, 200),
+       {checkName("profile id", profile.id), checkNewText("profile name", profile.name, 1, 200),
         checkNote("profile '" + profile.id + "'", profile.json, 2, kMaxJsonBytes)}) {
     if (!valid) return valid.error();
   }
@@ -28,6 +28,8 @@ Result<std::uint32_t> ProfileStore::put(const StoredProfile& profile, std::optio
     before = {stored->revision, stored->author, stored->created_unix_ns};
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
+  } else {
+    RETURN_IF_ERROR(checkVisible("profile id", profile.id));
   }
   RETURN_IF_ERROR(checkBase("profile '" + profile.id + "'", base, before));
   if (stored && stored->json == profile.json) return stored->revision;
@@ -94,9 +96,14 @@ Status checkBase(const std::string& what, std::optional<std::uint32_t> base, con
 Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
                                            std::optional<std::uint32_t> base) {
   for (const Status& valid :
-       {checkName("curriculum id", curriculum.id), checkText("curriculum name", curriculum.name, 1, 200),
+       {checkName("curriculum id", curriculum.id), checkNewText("curriculum name", curriculum.name, 1, 200),
         checkNote("curriculum '" + curriculum.id + "'", curriculum.json, 2, kMaxJsonBytes)}) {
     if (!valid) return valid.error();
+  }
+  for (const StoredExercise& item : curriculum.exercises) {
+    const std::string field = "curriculum '" + curriculum.id + "', exercise '" + item.id + "'";
+    RETURN_IF_ERROR(checkVisible(field + ", id", item.id));
+    RETURN_IF_ERROR(checkVisible(field + ", name", item.name));
   }
   NewestRevision before;
   const auto stored = get(curriculum.id, 0);
@@ -104,6 +111,8 @@ Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
     before = {stored->revision, stored->author, stored->created_unix_ns};
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
+  } else {
+    RETURN_IF_ERROR(checkVisible("curriculum id", curriculum.id));
   }
   RETURN_IF_ERROR(checkBase("course '" + curriculum.id + "'", base, before));
   if (stored && stored->json == curriculum.json) return stored->revision;

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <functional>
+#include <map>
 #include <sstream>
 #include <utility>
 
@@ -175,10 +177,10 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, 
     clearDeviceWords(description);
     RETURN_IF_ERROR(
         connection_.run("UPDATE sessions"
-                        " SET trainee = ?, description = ?, erased = 1, score_json = NULL,"
+                        " SET trainee = ?, description = ?, profile_json = ?, erased = 1, score_json = NULL,"
                         " passed = NULL, events = 0, recording = 3, clock_offset_ns = NULL,"
                         " clock_round_trip_ns = NULL WHERE number = ?",
-                        pseudonym, viewOf(description.SerializeAsString()), session.number));
+                        pseudonym, viewOf(description.SerializeAsString()), kErasedProfile, session.number));
     // close an open session; its hash was never computed, and no chunks will be left to hash
     if (session.state == pb::SESSION_OPEN) {
       RETURN_IF_ERROR(connection_.run(
@@ -261,25 +263,43 @@ Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
   std::string text;
   for (const std::string& id : group_ids)
     text += (text.empty() ? "" : "; ") + ("the id of the group '" + id + "' (make the group anew)");
-  // not replaced: a person may be called as a device is, and the station sends its words again
+  const auto hasName = [&](const std::string& words) { return withoutNames(words, names, false) != words; };
+  ASSIGN_OR_RETURN(const auto documents,
+                   connection_
+                       .prepare("SELECT 'profile', id, json FROM profiles UNION ALL"
+                                " SELECT 'course', id, json FROM curricula")
+                       .all([](const Statement& row) {
+                         return std::pair{row.text(0) + " '" + row.text(1) + "'", row.text(2)};
+                       }));
+  std::set<std::string> named;
+  for (const auto& [which, json] : documents)
+    if (hasName(json)) named.insert(which);
+  for (const std::string& which : named)
+    text += (text.empty() ? "" : "; ") + ("revisions of the " + which + " (nobody can remove them)");
+  // not replaced: a person may be called as a device is, and the station sends its words and its profile
+  // again
   constexpr std::size_t kNamed = 3;
   std::size_t found = 0;
   std::string ids;
-  const auto hasName = [&](const std::string& words) { return withoutNames(words, names, false) != words; };
-  auto rows = connection_.prepare("SELECT id, description FROM sessions WHERE erased = 0 ORDER BY number");
+  std::map<std::size_t, bool> profiles;  // by the hash of their text: many sessions share one
+  auto rows = connection_.prepare(
+      "SELECT id, description, profile_json FROM sessions WHERE erased = 0 ORDER BY number");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) break;
     pb::SessionDescription description;
     if (!description.ParseFromString(std::string(textOf(rows.bytes(1))))) continue;  // `check` says it
+    const std::string profile = rows.text(2);
+    const auto [known, is_new] = profiles.try_emplace(std::hash<std::string>()(profile), false);
+    if (is_new) known->second = hasName(profile);
     const auto& notes = description.device_notes();
-    if (!hasName(description.device()) && !hasName(description.axial_model()) &&
+    if (!known->second && !hasName(description.device()) && !hasName(description.axial_model()) &&
         std::none_of(notes.begin(), notes.end(), hasName))
       continue;
     if (++found <= kNamed) ids += (ids.empty() ? "" : ", ") + sessionText(rows.text(0));
   }
   if (found > 0)
-    text += fmt::format("{}the words about the device in {} sessions of others, such as {}",
+    text += fmt::format("{}the words about device and patient in {} sessions of others, such as {}",
                         text.empty() ? "" : "; ", found, ids);
   return text.empty() ? text : "These have the name and stay as they are: " + text + ". ";
 }

@@ -103,6 +103,11 @@ class ErasureStore {
   Connection& connection_;
 };
 
+/// The profile of an erased person's session. A station sends the profile with the session, and a name may
+/// stand anywhere in its texts; nothing reads it once the recording is gone. The session keeps its id and
+/// revision.
+inline constexpr std::string_view kErasedProfile = "{}";
+
 /// Clears what a station wrote in words of its own about the device and how it renders. A station may put a
 /// name there.
 void clearDeviceWords(pb::SessionDescription& description);

@@ -86,7 +86,7 @@ Status PeopleStore::add(const Person& person) {
   RETURN_IF_ERROR(checkNewName("name", person.name));
   RETURN_IF_ERROR(checkNotTheServer("name", person.name));
   RETURN_IF_ERROR(checkRoleOfPerson(person.role));
-  RETURN_IF_ERROR(checkText("full_name", person.full_name, 0, 200));
+  RETURN_IF_ERROR(checkNewText("full_name", person.full_name, 0, 200));
   ASSIGN_OR_RETURN(const auto known, find(person.name));
   if (known) return Error{ErrorCode::kAlreadyExists, "there is already a person named '" + person.name + "'"};
   return connection_.run(
@@ -122,7 +122,7 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
   now.disabled = change.disabled.value_or(now.disabled);
   now.full_name = change.full_name.value_or(now.full_name);
   RETURN_IF_ERROR(checkRoleOfPerson(now.role));
-  RETURN_IF_ERROR(checkText("full_name", now.full_name, 0, 200));
+  if (now.full_name != before.full_name) RETURN_IF_ERROR(checkNewText("full_name", now.full_name, 0, 200));
   if (now.role == before.role && now.disabled == before.disabled && now.full_name == before.full_name)
     return now;
 
@@ -185,6 +185,8 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
   if (last == 0) {
     RETURN_IF_ERROR(checkNewName("group id", group.id()));
   }
+  if (!before || before->name() != group.name())
+    RETURN_IF_ERROR(checkVisible("group '" + group.id() + "', name", group.name()));
   if (before && before->name() == group.name() &&
       std::equal(wanted.begin(), wanted.end(), before->members().begin(), before->members().end()))
     return *before;

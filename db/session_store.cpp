@@ -155,6 +155,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   if (pseudonym) {
     description.set_trainee(*pseudonym);
     clearDeviceWords(description);
+    description.set_profile_json(std::string(kErasedProfile));
   }
   const std::string bytes = bytesOf(description);
 

@@ -9,6 +9,7 @@
 #include "common/base/files.h"
 #include "common/base/local_time.h"
 #include "common/base/program.h"
+#include "common/base/text.h"
 #include "common/profile/strict_json.h"
 #include "common/scoring/measures.h"
 
@@ -76,7 +77,7 @@ std::string oneLine(std::string_view text) {
     if (c1) ++i;
     line += c1 || code < 0x20 || code == 0x7f ? ' ' : text[i];
   }
-  return line;
+  return showHidden(line);
 }
 
 Json storedJson(std::string_view text) {

@@ -62,7 +62,8 @@ class Output {
 
 /// 12 B, 3.4 kB, 5.6 MB …
 std::string bytesText(std::uint64_t bytes);
-/// Makes a text safe for a terminal: control characters and line ends become spaces.
+/// Makes a text safe for a terminal: control characters and line ends become spaces, hidden characters are
+/// written out (showHidden).
 std::string oneLine(std::string_view text);
 
 /// Reads a stored JSON text; null when it is none.

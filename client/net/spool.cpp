@@ -106,12 +106,9 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
       continue;
     }
     if (!parseUuid(name).ok()) continue;
-    if (!fs::exists(path / "session.json", error)) {
+    if (!fs::exists(path / "session.json", error) && bytesRecordedIn(path) == 0) {
       // the program died before the session began: nothing is recorded, and the description may be incomplete
-      if (bytesRecordedIn(path) == 0)
-        fs::remove_all(path, error);
-      else
-        spool->notes_.push_back(path.string() + ": has no session.json; left as it is");
+      fs::remove_all(path, error);
       continue;
     }
     auto session = SpoolSession::load(path, spool->clock_);
@@ -120,6 +117,11 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
       continue;
     }
     const SpoolContents contents = (*session)->contents();
+    if ((*session)->restored())
+      spool->notes_.push_back(fmt::format(
+          "session {}: its description was damaged and was taken from its copy; nothing of it is lost. See "
+          "whether that disk fails",
+          name));
     if ((*session)->mended())
       spool->notes_.push_back(fmt::format(
           "session {} was cut off: {} samples in {} chunks were saved{}, it is closed as interrupted", name,

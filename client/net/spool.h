@@ -96,6 +96,8 @@ class SpoolSession {
   // --- reading ---
   /// Returns the copy of the chunk file as found on disk, when some chunks could not be read; else empty.
   [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
+  /// Whether loading the session took its description from the copy, because session.json was damaged.
+  [[nodiscard]] bool restored() const { return restored_; }
   /// Whether loading the session wrote its end, because a crash, a power cut or a damaged disk left none.
   [[nodiscard]] bool mended() const { return mended_; }
   [[nodiscard]] SpoolContents contents() const;
@@ -139,6 +141,7 @@ class SpoolSession {
                                                       std::shared_ptr<SpoolClock> clock);
   static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder,
                                                     std::shared_ptr<SpoolClock> clock);
+  Status loadDescription();
   Status loadChunks();
   Status keepDamaged();
   Status recoverTail();
@@ -160,7 +163,7 @@ class SpoolSession {
   std::shared_ptr<SpoolClock> clock_;
   std::filesystem::path folder_;
   std::filesystem::path damaged_;
-  bool mended_ = false;
+  bool mended_ = false, restored_ = false;
   Uuid id_{};
   pb::SessionDescription description_;
   SpoolFile chunks_, tail_;       // written by the writing thread

@@ -11,6 +11,9 @@
 
 namespace needlelab {
 
+/// A session's description again, for when session.json is damaged. Sessions of earlier versions have none.
+inline constexpr const char* kDescriptionCopy = "session.copy.json";
+
 /// Returns the text with a last line "crc32c HHHHHHHH": the CRC-32C, in hex digits, of everything before it.
 std::string sealed(std::string text);
 

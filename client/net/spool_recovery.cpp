@@ -2,8 +2,10 @@
 // what is there.
 
 #include <fmt/core.h>
+#include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
 #include "client/net/spool.h"
@@ -26,6 +28,43 @@ void addDamage(SpoolDamage& sum, const SpoolDamage& part) {
   if (part.samples == 0) return;
   if (sum.samples == 0) sum.from_tick = part.from_tick;
   sum.samples += part.samples;
+}
+
+Result<pb::SessionDescription> descriptionIn(const std::filesystem::path& file, const Uuid& id) {
+  const auto broken = [&](const std::string& why) {
+    return Error{ErrorCode::kCorrupt, file.string() + ": " + why};
+  };
+  ASSIGN_OR_RETURN(auto text, readWholeFile(file, 16u << 20));
+  const auto json = unsealed(std::move(text));
+  if (!json.ok()) return broken(json.error().message);
+  pb::SessionDescription description;
+  const auto parsed = google::protobuf::util::JsonStringToMessage(*json, &description);
+  if (!parsed.ok()) return broken(parsed.ToString());
+  if (description.session_id() != std::string(id.begin(), id.end()))
+    return broken("names another session than its folder");
+  if (const auto valid = validate(resolutionOf(description)); !valid.ok())
+    return broken(valid.error().message);
+  return description;
+}
+
+/// "5,000 samples in 5 chunks and 3 pieces": what can be read of a session without its description.
+std::string readableText(const std::filesystem::path& folder) {
+  std::uint64_t samples = 0, chunks = 0, pieces = 0;
+  for (const char* name : {"chunks", "tail"}) {
+    std::error_code error;
+    if (!std::filesystem::exists(folder / name, error)) continue;
+    const auto file = SpoolFile::open(folder / name);
+    if (!file.ok()) continue;
+    std::uint64_t& records = std::string_view(name) == "tail" ? pieces : chunks;
+    (void)file->scan([&](const SpoolRecord& record) {
+      const auto info = inspectChunk(record.data);
+      if (!info.ok()) return true;
+      ++records;
+      samples += info->count;
+      return true;
+    });
+  }
+  return fmt::format("{} samples in {} chunks and {} pieces of a tail", samples, chunks, pieces);
 }
 
 /// Reads the chunks that the pieces of a tail make, in order.
@@ -101,6 +140,33 @@ struct TailReader {
 };
 
 }  // namespace
+
+// the copy takes the place of a damaged description
+Status SpoolSession::loadDescription() {
+  auto own = descriptionIn(folder_ / "session.json", id_);
+  if (own.ok()) {
+    description_ = std::move(*own);
+    return {};
+  }
+  auto copy = descriptionIn(folder_ / kDescriptionCopy, id_);
+  if (!copy.ok()) {
+    std::error_code error;
+    const bool has_copy = std::filesystem::exists(folder_ / kDescriptionCopy, error);
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("{}. {}, so the server cannot be told whose session it is. {} of it can be read. For "
+                    "a technician: copy the folder {} elsewhere, correct session.json in an editor (it is "
+                    "text), remove its last line (crc32c …) and start the station again",
+                    own.error().message, has_copy ? "Its copy is damaged, too" : "There is no copy of it",
+                    readableText(folder_), folder_.string())};
+  }
+  description_ = std::move(*copy);
+  restored_ = true;
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(folder_ / kDescriptionCopy, 16u << 20));
+  // when the disk refuses, the copy is read at the next start again
+  (void)writeFileAtomically(folder_ / "session.json", viewOf(text), 0600);
+  return {};
+}
 
 // ignores a damaged end: the chunks have their own checks, and the session ends as interrupted
 void SpoolSession::loadEnd() {

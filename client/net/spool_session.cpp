@@ -19,13 +19,6 @@
 #include "proto/session_rules.h"
 
 namespace needlelab {
-namespace {
-
-Error broken(const std::filesystem::path& path, const std::string& why) {
-  return Error{ErrorCode::kCorrupt, path.string() + ": " + why};
-}
-
-}  // namespace
 
 Resolution resolutionOf(const pb::SessionDescription& description) {
   const pb::Resolution& r = description.resolution();
@@ -71,8 +64,11 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   if (!written.ok())
     return Error{ErrorCode::kFailed,
                  "the session's description cannot be written as JSON: " + written.ToString()};
-  auto status = writeFileAtomically(session->folder_ / "session.json", viewOf(sealed(json)), 0600);
-  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
+  // twice: without it nobody knows whose the chunks are
+  Status status;
+  for (const char* name : {"session.json", kDescriptionCopy})
+    if (status = writeFileAtomically(session->folder_ / name, viewOf(sealed(json)), 0600); !status.ok())
+      return Error{ErrorCode::kUnavailable, status.error().message};
   ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(session->folder_ / "chunks"));
   session->chunks_ = std::move(chunks);
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(session->folder_ / "tail"));
@@ -94,15 +90,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
   session->folder_ = folder;
   ASSIGN_OR_RETURN(auto id, parseUuid(folder.filename().string()));
   session->id_ = id;
-  ASSIGN_OR_RETURN(auto text, readWholeFile(folder / "session.json", 16u << 20));
-  const auto json = unsealed(std::move(text));
-  if (!json.ok()) return broken(folder / "session.json", json.error().message);
-  const auto parsed = google::protobuf::util::JsonStringToMessage(*json, &session->description_);
-  if (!parsed.ok()) return broken(folder / "session.json", parsed.ToString());
-  if (session->description_.session_id() != std::string(id.begin(), id.end()))
-    return broken(folder / "session.json", "names another session than its folder");
-  if (auto valid = validate(resolutionOf(session->description_)); !valid.ok())
-    return broken(folder / "session.json", valid.error().message);
+  RETURN_IF_ERROR(session->loadDescription());
 
   session->loadLoss();
   auto receipt = readSpoolJson(folder / "acked.json");

@@ -3,11 +3,96 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "common/base/text.h"
 
 namespace needlelab {
 namespace {
+
+/// Nobody sees these. client/web/app/lib/visible_text.js has the same table for the console.
+struct HiddenCharacters {
+  std::uint32_t first, last;
+  const char* name;
+};
+constexpr HiddenCharacters kHidden[] = {
+    {0x00ad, 0x00ad, "soft hyphen"},
+    {0x061c, 0x061c, "Arabic letter mark"},
+    {0x180e, 0x180e, "Mongolian vowel separator"},
+    {0x200b, 0x200b, "zero width space"},
+    {0x200c, 0x200c, "zero width non-joiner"},
+    {0x200d, 0x200d, "zero width joiner"},
+    {0x200e, 0x200e, "left-to-right mark"},
+    {0x200f, 0x200f, "right-to-left mark"},
+    {0x2028, 0x2028, "line separator"},
+    {0x2029, 0x2029, "paragraph separator"},
+    {0x202a, 0x202a, "left-to-right embedding"},
+    {0x202b, 0x202b, "right-to-left embedding"},
+    {0x202c, 0x202c, "pop directional formatting"},
+    {0x202d, 0x202d, "left-to-right override"},
+    {0x202e, 0x202e, "right-to-left override"},
+    {0x2060, 0x2060, "word joiner"},
+    {0x2061, 0x2064, "invisible operator"},
+    {0x2066, 0x2066, "left-to-right isolate"},
+    {0x2067, 0x2067, "right-to-left isolate"},
+    {0x2068, 0x2068, "first strong isolate"},
+    {0x2069, 0x2069, "pop directional isolate"},
+    {0x206a, 0x206f, "deprecated format character"},
+    {0xfeff, 0xfeff, "zero width no-break space"},
+    {0xfff9, 0xfffb, "interlinear annotation"},
+    {0xe0000, 0xe007f, "tag"},
+};
+// U+200C and U+200D between characters from here on: behind the Latin, Greek and Cyrillic letters
+constexpr std::uint32_t kFirstJoined = 0x0590;
+
+struct Character {
+  std::uint32_t point = 0;
+  std::size_t bytes = 0;
+};
+
+/// The character at byte `at` of valid UTF-8; nothing at the end.
+Character characterAt(std::string_view text, std::size_t at) {
+  if (at >= text.size()) return {};
+  const auto lead = static_cast<unsigned char>(text[at]);
+  const std::size_t bytes = lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : lead >= 0x80 ? 2 : 1;
+  std::uint32_t point = bytes == 1 ? lead : lead & (0x7fu >> bytes);
+  for (std::size_t k = 1; k < bytes; ++k)
+    point = point << 6 | (static_cast<unsigned char>(text[at + k]) & 0x3fu);
+  return {point, bytes};
+}
+
+const char* hiddenName(std::uint32_t point) {
+  for (const HiddenCharacters& row : kHidden)
+    if (point >= row.first && point <= row.last) return row.name;
+  return nullptr;
+}
+
+struct HiddenAt {
+  std::size_t at = 0;
+  Character character;
+  const char* name = nullptr;
+};
+
+/// The hidden characters of valid UTF-8, in order.
+std::vector<HiddenAt> hiddenIn(std::string_view text) {
+  std::vector<HiddenAt> found;
+  std::uint32_t before = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    const Character now = characterAt(text, at);
+    const char* name = hiddenName(now.point);
+    if (name != nullptr && (now.point == 0x200c || now.point == 0x200d)) {
+      const std::uint32_t behind = characterAt(text, at + now.bytes).point;
+      const auto joins = [](std::uint32_t point) {
+        return point >= kFirstJoined && hiddenName(point) == nullptr;
+      };
+      if (joins(before) && joins(behind)) name = nullptr;
+    }
+    if (name != nullptr) found.push_back({at, now, name});
+    before = now.point;
+    at += now.bytes;
+  }
+  return found;
+}
 
 Error invalid(std::string_view field, const std::string& why) {
   return {ErrorCode::kInvalidInput, std::string(field) + ": " + why};
@@ -18,17 +103,14 @@ Status check(std::string_view field, std::string_view value, std::size_t min, st
     return invalid(field, fmt::format("has {} bytes, allowed are {} to {}", value.size(), min, max));
   }
   if (!isUtf8(value)) return invalid(field, "is no valid UTF-8 text");
-  const auto is_control = [&](char c) {
-    const auto code = static_cast<unsigned char>(c);
-    return (code < 0x20 && !(lines && (c == '\n' || c == '\r' || c == '\t'))) || code == 0x7f;
-  };
-  // U+0080 to U+009F are control characters, too: a terminal takes U+009B for ESC [
-  bool c1 = false;
-  for (std::size_t i = 0; i + 1 < value.size(); ++i) {
-    c1 = c1 || (value[i] == '\xc2' && static_cast<unsigned char>(value[i + 1]) < 0xa0);
+  for (std::size_t at = 0; at < value.size();) {
+    const auto [point, bytes] = characterAt(value, at);
+    at += bytes;
+    if (lines && (point == '\n' || point == '\r' || point == '\t')) continue;
+    // U+0080 to U+009F are control characters, too: a terminal takes U+009B for ESC [
+    if (point < 0x20 || (point >= 0x7f && point < 0xa0))
+      return invalid(field, fmt::format("holds a control character (U+{:04X})", point));
   }
-  if (c1 || std::any_of(value.begin(), value.end(), is_control))
-    return invalid(field, "holds a control character");
   return {};
 }
 
@@ -67,7 +149,20 @@ std::string printable(std::string_view text) {
     // U+0080 to U+009F
     if (code == 0xc2 && utf8 && static_cast<unsigned char>(out[i + 1]) < 0xa0) out[i] = out[i + 1] = '?';
   }
-  return out;
+  return utf8 ? showHidden(out) : out;
+}
+
+std::string showHidden(std::string_view text) {
+  if (!isUtf8(text)) return std::string(text);
+  std::string shown;
+  std::size_t from = 0;
+  for (const HiddenAt& hidden : hiddenIn(text)) {
+    shown += text.substr(from, hidden.at - from);
+    shown += fmt::format("[U+{:04X}]", hidden.character.point);
+    from = hidden.at + hidden.character.bytes;
+  }
+  shown += text.substr(from);
+  return shown;
 }
 
 std::string fixedText(double value, int decimals, Sign sign) {
@@ -94,8 +189,25 @@ Status checkName(std::string_view field, std::string_view value) {
   return {};
 }
 
+Status checkVisible(std::string_view field, std::string_view value) {
+  if (!isUtf8(value)) return invalid(field, "is no valid UTF-8 text");
+  const auto hidden = hiddenIn(value);
+  if (hidden.empty()) return {};
+  const HiddenAt& first = hidden.front();
+  return invalid(field,
+                 fmt::format("holds U+{:04X} ({}) at byte {}, which nobody sees and which can make a name "
+                             "look like another: type it again without that character",
+                             first.character.point, first.name, first.at + 1));
+}
+
+Status checkNewText(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
+  RETURN_IF_ERROR(checkText(field, value, min, max));
+  return checkVisible(field, value);
+}
+
 Status checkNewName(std::string_view field, std::string_view value) {
   RETURN_IF_ERROR(checkName(field, value));
+  RETURN_IF_ERROR(checkVisible(field, value));
   if (value.find('/') != std::string_view::npos)
     return invalid(field, "holds a '/', which addresses of the web use for themselves: take '-' or a space");
   if (value == "." || value == "..")

@@ -24,8 +24,14 @@ inline constexpr std::string_view kGuestName = "guest";
 bool isUtf8(std::string_view text);
 
 /// Makes untrusted text safe for a terminal and for a message: replaces control characters and invalid UTF-8
-/// by '?'.
+/// by '?', and writes hidden characters as showHidden does.
 std::string printable(std::string_view text);
+/// Writes each hidden character as "[U+202E]". Hidden are characters that nobody sees and that turn the
+/// direction of the text behind them or make two names look alike (the table in text.cpp): marks, embeddings,
+/// overrides and isolates of direction, characters without width. A joiner (U+200C, U+200D) between two
+/// characters from U+0590 on is not hidden: Persian and Indian names are spelt with it. What is no UTF-8
+/// stays as it is.
+std::string showHidden(std::string_view text);
 
 enum class Sign : std::uint8_t { kMinus, kBoth };
 /// A number for people with that many decimals; `kBoth` writes a plus too. What rounds to zero has no sign:
@@ -57,8 +63,14 @@ constexpr int hexDigit(char c) {
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
 /// As checkText, 1 to kMaxNameBytes bytes, without a space at the start or end. For names that already exist.
 Status checkName(std::string_view field, std::string_view value);
-/// For new names: as checkName, and the name contains no '/' and is not "." or "..", which have a meaning in
-/// URLs.
+/// `value` has no hidden character (showHidden). kInvalidInput names field, character and place. For new text
+/// that people choose by or trust: names of people, groups, stations, profiles, courses and exercises. What
+/// is stored already stays valid, and is shown by showHidden.
+Status checkVisible(std::string_view field, std::string_view value);
+/// As checkText and checkVisible.
+Status checkNewText(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
+/// For new names: as checkName and checkVisible, and the name contains no '/' and is not "." or "..", which
+/// have a meaning in URLs.
 Status checkNewName(std::string_view field, std::string_view value);
 /// As checkText, but line ends and tabs are allowed.
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max);

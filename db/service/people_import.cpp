@@ -283,7 +283,7 @@ class PeopleTable {
       if (!valid) row.fault(column, valid.error().message);
     };
     check("name", checkName("name", row.person.name));
-    check("full_name", checkText("full_name", row.person.full_name, 0, 200));
+    check("full_name", checkNewText("full_name", row.person.full_name, 0, 200));
     for (const std::string& group : row.groups) check("group", checkName("group", group));
     if (!row.password.empty() &&
         (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))

@@ -163,14 +163,15 @@ Status checkFields(const RecordTable& table, const RecordJson& record) {
 Status checkRecord(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "person") {
     RETURN_IF_ERROR(checkNotTheServer("name", textIn(record, "name")));
-    RETURN_IF_ERROR(checkText("full_name", textIn(record, "full_name"), 0, 200));
+    RETURN_IF_ERROR(checkNewText("full_name", textIn(record, "full_name"), 0, 200));
     RETURN_IF_ERROR(checkText("password_hash", textIn(record, "password_hash"), 0, 200));
     RETURN_IF_ERROR(checkText("code_hash", textIn(record, "code_hash"), 0, 200));
   }
+  // the names themselves are those of before: sessions have them, and nobody can change them
   if (table.kind == "person" || table.kind == "station") return checkName("name", textIn(record, "name"));
   if (table.kind == "group") {
     RETURN_IF_ERROR(checkName("id", textIn(record, "id")));
-    return checkText("name", textIn(record, "name"), 1, 200);
+    return checkNewText("name", textIn(record, "name"), 1, 200);
   }
   if (table.kind == "lab_setting") return checkSettingRecord(record);
   if (table.kind == "consent") return checkText("note", textIn(record, "note"), 0, 1000);

@@ -123,7 +123,10 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     pb::ResultRow row;
     row.set_trainee(name);
     ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
-    if (names_only && !stationMayList(person, name)) continue;
+    if (by_station) {
+      ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, name));
+      if (!known) continue;
+    }
     if (person) row.set_full_name(person->full_name);
     for (const CourseExercise& exercise : exercises) {
       if (names_only) break;
@@ -255,15 +258,27 @@ Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignme
     return Error{ErrorCode::kDenied, "a trainee sees own assignments only"};
   }
   ASSIGN_OR_RETURN(const auto from, numberOfPage(call.page()));
+  const bool by_station = context.who.role == pb::STATION;
+  pb::Reply reply;
+  auto* list = reply.mutable_assignments();
+  if (by_station && !call.trainee().empty()) {
+    // groups' assignments, too, would tell that there is such an account
+    ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.trainee()));
+    ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, call.trainee()));
+    if (!known) return reply;
+  }
   ASSIGN_OR_RETURN(const auto assignments,
                    AssignmentStore(context.reader)
                        .list({own ? context.who.name : call.trainee(), call.course_id(), call.group_id()}));
-  pb::Reply reply;
-  auto* list = reply.mutable_assignments();
   PageRoom room;
   for (const pb::Assignment& assignment : assignments) {
     // newest ids first; the page token is the last id, so additions and removals do not shift rows
     if (from != 0 && assignment.id() >= from) continue;
+    if (by_station && !assignment.trainee().empty()) {
+      ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(assignment.trainee()));
+      ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, assignment.trainee()));
+      if (!known) continue;
+    }
     if (!room.take(assignment.ByteSizeLong())) {
       list->set_next_page(std::to_string(list->assignments().rbegin()->id()));
       break;

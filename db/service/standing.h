@@ -46,12 +46,14 @@ Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exer
 /// attempt.
 Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& course_id,
                                          const std::string& group_id);
-/// Whether a list of names for a station has `name`: neither people whose access has ended nor names that
-/// nobody has (`person` is nothing then), except kGuestName.
-bool stationMayList(const std::optional<Person>& person, const std::string& name);
-/// Whether a lesson of `name` may begin; several reads: call it within one view. kDenied: disabled;
-/// kNotFound, to a station: nobody has this name; the text gives similar names that a station may list. Staff
-/// may look at the lesson of any name.
+/// Whether a station hears of `name` (`person`: its account): kGuestName; an enabled trainee; enabled staff
+/// to whom somebody assigned a lesson, such as an expert who records a reference. All others look like names
+/// that nobody has. A session under a name is no reason: whoever has a station's key can send one under any
+/// name.
+Result<bool> stationMayKnow(Connection& reader, const std::optional<Person>& person, const std::string& name);
+/// Whether a lesson of `name` may begin; several reads: call it within one view. kNotFound, to a station: it
+/// may not know the name (stationMayKnow); the text gives similar names that it may. kDenied, to others:
+/// disabled. Staff may look at the lesson of any name.
 Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_by);
 
 }  // namespace needlelab

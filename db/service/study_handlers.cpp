@@ -1,6 +1,8 @@
 // Exports for researchers: sessions of consenting people, under pseudonyms. Records contain no name, station
 // or time of day. Measured data is unchanged, so that anyone who has the same data from another source can
 // recognise it.
+#include <google/protobuf/descriptor.h>
+
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -19,6 +21,7 @@
 #include "db/service/handlers.h"
 #include "db/session_results.h"
 #include "db/session_store.h"
+#include "needlelab/profile.pb.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -83,17 +86,25 @@ class Study {
     return marked;
   }
 
-  /// A session's profile: only its free texts are changed. Many sessions share a profile.
+  /// A session's profile without names. Many sessions share a profile.
   Result<StudyJson> profileOf(const std::string& text) {
     if (const auto known = profiles_.find(text); known != profiles_.end()) return known->second;
     StudyJson profile = readShallowJson<StudyJson>(text);
     if (profile.is_discarded()) profile = nullptr;
-    for (const char* field : {"name", "description", "sources"}) {
-      if (!profile.is_object() || !profile.contains(field) || !profile[field].is_string()) continue;
-      ASSIGN_OR_RETURN(auto words, withoutNames(profile[field].get<std::string>()));
-      profile[field] = std::move(words);
-    }
+    RETURN_IF_ERROR(eraseNames(profile, pb::Profile::descriptor(), nullptr));
     return profiles_.emplace(text, std::move(profile)).first->second;
+  }
+
+  /// The rows of a score without names: tissues and hazards are called as the profile calls them.
+  Result<StudyJson> measuresOf(const std::string& text) {
+    StudyJson rows = readShallowJson<StudyJson>(text);
+    if (rows.is_discarded()) return StudyJson::array();
+    for (StudyJson& row : rows) {
+      if (!row.is_object()) continue;
+      for (const auto& [key, value] : row.items())
+        if (key != "measure" && key != "unit") RETURN_IF_ERROR(eraseNames(value, nullptr, nullptr));
+    }
+    return rows;
   }
 
   Result<std::vector<std::string>> recordsOf(const StudySession& session, bool with_remarks,
@@ -133,7 +144,8 @@ class Study {
     std::vector<std::string> records{record.dump()};
     ASSIGN_OR_RETURN(const auto scores, ScoreStore(reader_).list(session.id));
     for (const pb::Score& score : scores) {
-      const auto measures = readShallowJson<StudyJson>(score.measures_json());
+      auto measures = measuresOf(score.measures_json());
+      if (!measures) return measures.error();
       records.push_back(
           StudyJson({{"kind", "score"},
                      {"session", sessionName(session.id)},
@@ -141,7 +153,7 @@ class Study {
                      {"first", score.first()},
                      {"engine_version", score.engine_version()},
                      {"passed", score.has_passed() ? StudyJson(score.passed()) : StudyJson(nullptr)},
-                     {"measures", measures.is_discarded() ? StudyJson::array() : measures}})
+                     {"measures", std::move(*measures)}})
               .dump());
     }
     if (!with_remarks) return records;
@@ -161,6 +173,36 @@ class Study {
  private:
   Study(Connection& reader, std::string name, PseudonymKey key)
       : reader_(reader), name_(std::move(name)), key_(key) {}
+
+  /// Replaces names in all texts of `value`, at any depth. `type`: the message that an object is; `field`:
+  /// the one that a text belongs to; nothing where our messages do not know it, and then the names of fields
+  /// are texts, too. The profile's id and enumerators are no texts.
+  Status eraseNames(StudyJson& value, const google::protobuf::Descriptor* type,
+                    const google::protobuf::FieldDescriptor* field) {
+    if (value.is_string()) {
+      const std::string text = value.get<std::string>();
+      const auto* enumerators = field != nullptr ? field->enum_type() : nullptr;
+      if (enumerators != nullptr && enumerators->FindValueByName(text) != nullptr) return {};
+      ASSIGN_OR_RETURN(value, withoutNames(text));
+    } else if (value.is_array()) {
+      for (StudyJson& item : value) RETURN_IF_ERROR(eraseNames(item, type, field));
+    } else if (value.is_object()) {
+      StudyJson without = StudyJson::object();
+      for (const auto& [key, below] : value.items()) {
+        const auto* known = type != nullptr ? type->FindFieldByName(key) : nullptr;
+        std::string name = key;
+        if (known == nullptr) {
+          ASSIGN_OR_RETURN(name, withoutNames(key));
+        }
+        const bool is_id = known != nullptr && type == pb::Profile::descriptor() && key == "id";
+        if (!is_id)
+          RETURN_IF_ERROR(eraseNames(below, known != nullptr ? known->message_type() : nullptr, known));
+        without[name] = std::move(below);
+      }
+      value = std::move(without);
+    }
+    return {};
+  }
   Connection& reader_;
   std::string name_;
   PseudonymKey key_;

@@ -29,7 +29,9 @@ Result<std::vector<KnownName>> listedPeople(Connection& reader) {
   std::vector<KnownName> people;
   for (const std::string& name : names) {
     ASSIGN_OR_RETURN(const auto person, PeopleStore(reader).find(name));
-    if (person && stationMayList(person, name)) people.push_back({name, person->full_name});
+    if (!person) continue;
+    ASSIGN_OR_RETURN(const bool known, stationMayKnow(reader, person, name));
+    if (known) people.push_back({name, person->full_name});
   }
   return people;
 }
@@ -40,7 +42,7 @@ std::string orList(const std::vector<KnownName>& people) {
   for (std::size_t i = 0; i < people.size(); ++i) {
     if (i > 0) text += i + 1 == people.size() ? " or " : ", ";
     text += "'" + people[i].name + "'";
-    if (!people[i].full_name.empty()) text += " (" + people[i].full_name + ")";
+    if (!people[i].full_name.empty()) text += " (" + printable(people[i].full_name) + ")";
   }
   return text;
 }
@@ -67,23 +69,35 @@ Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& 
   return names;
 }
 
-bool stationMayList(const std::optional<Person>& person, const std::string& name) {
-  return person ? !person->disabled : name == kGuestName;
+Result<bool> stationMayKnow(Connection& reader, const std::optional<Person>& person,
+                            const std::string& name) {
+  if (!person) return name == kGuestName;
+  if (person->disabled) return false;
+  if (person->role == pb::TRAINEE) return true;
+  ASSIGN_OR_RETURN(const auto assigned, AssignmentStore(reader).list({name, "", ""}));
+  return !assigned.empty();
 }
 
 Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_by) {
   if (name.empty()) return {};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(reader).find(name));
-  if (person && person->disabled)
-    return Error{ErrorCode::kDenied, "'" + name + "' is disabled: ask an administrator"};
-  if (person || name == kGuestName || asked_by != pb::STATION) return {};
+  if (asked_by != pb::STATION) {
+    if (person && person->disabled)
+      return Error{ErrorCode::kDenied, "'" + printable(name) + "' is disabled: ask an administrator"};
+    return {};
+  }
+  ASSIGN_OR_RETURN(const bool known, stationMayKnow(reader, person, name));
+  if (known) return {};
+  // the same for a name that nobody has, for staff, and for those whose access has ended
   RETURN_IF_ERROR(checkName("trainee", name));
   ASSIGN_OR_RETURN(const auto people, listedPeople(reader));
   const auto near = nearNames(name, people);
-  return Error{ErrorCode::kNotFound,
-               fmt::format("the server knows nobody named '{}'. {}Give the name of an account, practise as "
-                           "'{}', or ask a manager to add this person",
-                           name, near.empty() ? "" : "Did you mean " + orList(near) + "? ", kGuestName)};
+  return Error{
+      ErrorCode::kNotFound,
+      fmt::format("the server knows nobody named '{}' who may practise. {}Give the name of a "
+                  "trainee's account, practise as '{}', or ask a manager to add this person; staff practise "
+                  "as members of a group with an assignment",
+                  printable(name), near.empty() ? "" : "Did you mean " + orList(near) + "? ", kGuestName)};
 }
 
 namespace handlers {

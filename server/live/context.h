@@ -77,7 +77,7 @@ struct ServerCounters {
   std::uint64_t messages_parsed_elsewhere = 0;       ///< of those: not on the network's thread
   std::uint64_t decoded_bytes = 0;                   ///< of parsed messages: an estimate (PayloadCost)
   std::uint64_t most_reply_bytes = 0;                ///< of replies that were made or unread at once
-  std::uint64_t refused_for_room = 0;                ///< of those: sessions and chunks for want of room
+  std::uint64_t refused_for_room = 0;                ///< for want of room, on both ports
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections
   std::uint64_t handshakes_failed = 0;               ///< TLS failed or timed out

@@ -237,8 +237,10 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
             "0: there is room; 1: no new session is taken; 2: nothing recorded is stored.");
   out.gauge("needlelab_read_only", context.store.readOnly() ? 1 : 0,
             "1 when the disk was too full at the start to open the database for writing.");
-  out.counter("needlelab_refused_for_room_total", real(context.counters.refused_for_room),
-              "Sessions and chunks refused because the disk, or a station's share, is used up.");
+  out.counter(
+      "needlelab_refused_for_room_total", real(context.counters.refused_for_room),
+      "Sessions, chunks and requests refused because the disk, or a station's or a person's share, is "
+      "used up.");
   out.gauge("needlelab_disk_size_bytes", real(facts.disk_bytes), "Size of the database's disk.");
   out.gauge("needlelab_database_readable", facts.fault.empty() ? 1 : 0,
             "0 when the database could not be read.");

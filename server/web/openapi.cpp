@@ -298,7 +298,9 @@ class Description {
       "required": ["error"], "additionalProperties": false})json");
     components_["LogIn"] = WebJson::parse(R"json({"type": "object", "properties": {"name": {"type": "string"},
       "full_name": {"type": "string"}, "role": {"$ref": "#/components/schemas/Role"}, "csrf_token": {"type": "string"},
-      "expires_unix_ms": {"type": "number"}},
+      "expires_unix_ms": {"type": "number"}, "disk_room": {"type": "object", "description": "for administrators",
+        "properties": {"level": {"type": "string", "enum": ["plenty", "no_new_sessions", "no_chunks", "read_only"]},
+          "left_bytes": {"type": "integer"}}, "required": ["level"], "additionalProperties": false}},
       "required": ["name", "full_name", "role", "csrf_token", "expires_unix_ms"], "additionalProperties": false})json");
     components_["Role"] = enumSchema(*pb::Role_descriptor());
     // a remark at its time in the recording

@@ -70,6 +70,15 @@ std::optional<HttpAnswer> foreignPage(const HttpRequest& request, bool needs_ori
   return errorAnswer(403, "wrong_origin", "only pages of this server may ask for that");
 }
 
+/// The room on the database's disk, for administrators, who can make some.
+WebJson diskRoom(const ServerContext& context) {
+  const std::uint64_t left = context.disk_room.leftBytes();
+  const bool read_only = context.store.readOnly().has_value();
+  WebJson room = {{"level", std::string(read_only ? "read_only" : nameOf(context.disk_room.level()))}};
+  if (left != UINT64_MAX) room["left_bytes"] = left;  // before the first look
+  return room;
+}
+
 Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   pb::Request own;
   own.mutable_get_user()->set_name(who.name);
@@ -79,11 +88,13 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   const Outcome person = co_await offload(*server->context().workers_of_people, who.name, std::move(read));
   const std::int64_t now = steadyNowNs();
   const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
-  co_return WebJson{{"name", who.name},
-                    {"full_name", person.reply.user().full_name()},
-                    {"role", pb::Role_Name(who.role)},
-                    {"csrf_token", server->sessions().csrfOf(token)},
-                    {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
+  WebJson state = {{"name", who.name},
+                   {"full_name", person.reply.user().full_name()},
+                   {"role", pb::Role_Name(who.role)},
+                   {"csrf_token", server->sessions().csrfOf(token)},
+                   {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
+  if (who.role == pb::ADMINISTRATOR) state["disk_room"] = diskRoom(server->context());
+  co_return state;
 }
 
 Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
@@ -157,6 +168,15 @@ void wipeSecrets(nlohmann::json& body) {
   }
 }
 
+/// Counts a request that was refused for want of room and logs it, as the stations' port does.
+void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
+  if (error.code != ErrorCode::kNoRoom) return;
+  ++context.counters.refused_for_room;
+  if (context.shares.shouldTell(call.who.name, steadyNowNs()))
+    logEvent(LogLevel::kWarning, "no_room",
+             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
+}
+
 Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
   ServerContext& context = server->context();
   // parsing a class or a course of a megabyte takes time: not on the network's thread
@@ -171,6 +191,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   const auto request = wipedWhenReleased(std::move(*built));
   const auto outcome = co_await executeRequest(context, call->who, request);
+  if (outcome->error) noteNoRoom(context, *call, *outcome->error);
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
   followUp(context, *request, outcome->reply, call->who.name, nullptr);

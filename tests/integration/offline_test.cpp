@@ -207,7 +207,7 @@ TEST_F(OfflineTest, aDisabledPersonIsRefusedWithAProfileFromAFileToo) {
   lab_.startServer();
   auto refused = lab_.startStation("refused", lesson);
   EXPECT_EQ(refused->wait(60s), kExitFailed) << refused->said();
-  EXPECT_THAT(refused->said(), HasSubstr("'tom' is disabled"));
+  EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tom' who may practise"));
   EXPECT_TRUE(lab_.sessions().empty());
 }
 

@@ -73,6 +73,10 @@ function logIn(lab, { name, password }) {
   return token;
 }
 
+/** Only administrators are told; a test may set `lab.disk_room`. */
+const roomFor = (lab, { role }) =>
+  role === 'ADMINISTRATOR' ? { disk_room: lab.disk_room ?? { level: 'plenty', left_bytes: 250e9 } } : {};
+
 function find(method, parts) {
   let other = false;
   for (const [wanted, path, roles, handler, status = 200] of kTable) {
@@ -100,15 +104,21 @@ async function answer(lab, request, response, url) {
   const who = lab.logins.get(cookieOf(request));
   if (parts.join('/') === 'session' && request.method === 'POST') {
     const token = logIn(lab, await bodyOf(request));
-    return send(response, 200, lab.logins.get(token), {
-      'Set-Cookie': `${kCookie}=${token}; Path=/; HttpOnly; Secure; SameSite=Strict`,
-    });
+    const state = lab.logins.get(token);
+    return send(
+      response,
+      200,
+      { ...state, ...roomFor(lab, state) },
+      {
+        'Set-Cookie': `${kCookie}=${token}; Path=/; HttpOnly; Secure; SameSite=Strict`,
+      },
+    );
   }
   if (!who || who.expires_unix_ms < Date.now()) throw new Refusal(401, 'login', 'log in first');
   if (request.method !== 'GET' && request.headers['x-csrf-token'] !== who.csrf_token)
     throw new Refusal(403, 'csrf', 'X-CSRF-Token is missing or wrong');
   if (parts.join('/') === 'session') {
-    if (request.method === 'GET') return send(response, 200, who);
+    if (request.method === 'GET') return send(response, 200, { ...who, ...roomFor(lab, who) });
     lab.logins.delete(cookieOf(request));
     return send(response, 200, {}, { 'Set-Cookie': `${kCookie}=; Path=/; Max-Age=0; Secure` });
   }

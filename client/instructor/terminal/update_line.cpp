@@ -28,10 +28,9 @@ std::string sessionText(const std::string& bytes) {
   return uuidText(id);
 }
 
-/// A name from the network, safe for a terminal: no control characters.
+/// A name from the network, safe for a terminal, at least so many bytes wide.
 std::string printable(const std::string& text, std::size_t width) {
-  std::string out;
-  for (const char c : text) out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
+  std::string out = needlelab::printable(text);
   if (out.size() < width) out.resize(width, ' ');
   return out;
 }

@@ -55,6 +55,18 @@ TEST(ProfileStore, hugeOrEmptyFieldsAreRefused) {
   EXPECT_FALSE(profiles.put(profile("knee", std::string(1'000'000, ' '))).ok());
 }
 
+TEST(ProfileStore, aNameThatHoldsWhatNobodySeesIsRefused) {
+  test::TestDb db;
+  ProfileStore profiles(db.writer);
+  EXPECT_FALSE(profiles.put({"kn\u200bee", 0, "A knee", "{}", "bea", 1}).ok());
+  const auto refused = profiles.put({"knee", 0, "A \u2066knee", "{}", "bea", 1});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().message.rfind("profile name: holds U+2066 (left-to-right isolate) at byte 3", 0),
+            0u)
+      << refused.error().message;
+  EXPECT_OK(profiles.put({"knee", 0, "ברך", "{}", "bea", 1}));
+}
+
 class CurriculumStoreTest : public testing::Test {
  protected:
   void SetUp() override { ASSERT_OK(ProfileStore(db.writer).put({"knee", 0, "A knee", "{}", "bea", 1})); }
@@ -94,6 +106,18 @@ TEST_F(CurriculumStoreTest, unknownProfilesAndTakenExerciseIdsAreRefused) {
   ASSERT_FALSE(taken.ok());
   EXPECT_EQ(taken.error().code, ErrorCode::kAlreadyExists);
   EXPECT_NE(taken.error().message.find("'basics'"), std::string::npos) << taken.error().message;
+}
+
+TEST_F(CurriculumStoreTest, titlesThatHoldWhatNobodySeesAreRefused) {
+  StoredCurriculum course = curriculum("basics", "{}", {"a"});
+  course.exercises[0].name = "Easy\u202e";
+  const auto refused = store.put(course);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().message.rfind("curriculum 'basics', exercise 'a', name: holds U+202E", 0), 0u)
+      << refused.error().message;
+  course.exercises[0].name = "Easy";
+  course.name = "Bas\u200bics";
+  EXPECT_FALSE(store.put(course).ok());
 }
 
 TEST_F(CurriculumStoreTest, assignsExercisesToTrainees) {

@@ -9,6 +9,7 @@
 #include "common/base/files.h"
 #include "db/audit.h"
 #include "db/check.h"
+#include "db/documents.h"
 #include "db/people.h"
 #include "db/retention_store.h"
 #include "db/session_results.h"
@@ -196,13 +197,47 @@ TEST_F(ErasureStoreTest, wordsAboutTheDeviceGoFromOwnSessionsAndAreListedOfOther
   EXPECT_EQ(shown(own).device_notes_size(), 0);
   // a person may be called as a device is: an administrator looks at it
   EXPECT_EQ(shown(bens).device(), "Falcon of anna");
-  EXPECT_EQ(erased->text(),
-            "These have the name and stay as they are: the words about the device in 1 sessions of others, "
-            "such as " +
-                sessionText(bens.session_id()) + ". ");
+  EXPECT_EQ(
+      erased->text(),
+      "These have the name and stay as they are: the words about device and patient in 1 sessions of others, "
+      "such as " +
+          sessionText(bens.session_id()) + ". ");
   // both stations come again after a cut
   EXPECT_OK(sessions.open(own, 5));
   EXPECT_OK(sessions.open(bens, 5));
+}
+
+TEST_F(ErasureStoreTest, profilesGoFromOwnSessionsAndAreListedOfOthers) {
+  SessionStore sessions(db.writer);
+  const std::string profile =
+      R"({"id":"knee","layers":[{"name":"muscle of anna"}],"hazards":[{"name":"Wqjvornov"}]})";
+  const auto opened = [&](const std::string& trainee, const std::string& profile_json) {
+    auto d = test::describe(makeUuidV7());
+    d.set_trainee(trainee);
+    d.set_profile_json(profile_json);
+    EXPECT_OK(sessions.open(d, 1));
+    return d;
+  };
+  ASSERT_OK(
+      ProfileStore(db.writer).put({"knee-of", 0, "Anna's knee", R"({"name":"Anna's knee"})", "bea", 1}));
+  ASSERT_OK(ProfileStore(db.writer).put({"hip", 0, "A hip", R"({"name":"A hip"})", "bea", 1}));
+  const auto own = opened("anna", profile);
+  const auto bens = opened("ben", R"({"id":"knee","targets":[{"name":"where ANNA missed"}]})");
+  (void)opened("ben", R"({"id":"knee","targets":[{"name":"annabel"}]})");
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  const std::string all = test::dump(db.writer);
+  for (const char* text : {"muscle of", "Wqjvornov"}) EXPECT_EQ(all.find(text), std::string::npos) << text;
+  EXPECT_NE(all.find("where ANNA missed"), std::string::npos) << "its station sends it again";
+  EXPECT_EQ(erased->text(),
+            "These have the name and stay as they are: revisions of the profile 'knee-of' (nobody can remove "
+            "them); the words about device and patient in 1 sessions of others, such as " +
+                sessionText(bens.session_id()) + ". ");
+  // both stations come again after a cut, and one that was away sends what it has
+  EXPECT_OK(sessions.open(own, 5));
+  EXPECT_OK(sessions.open(bens, 5));
+  (void)opened("anna", profile);
+  EXPECT_EQ(test::dump(db.writer).find("Wqjvornov"), std::string::npos);
 }
 
 TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {

@@ -52,6 +52,25 @@ TEST(PeopleStore, nobodyIsAddedUnderTheServersName) {
   EXPECT_EQ(people.list()->size(), 1u);
 }
 
+TEST(PeopleStore, aFullNameThatTurnsTheDirectionIsRefusedAndOneFromBeforeHindersNothing) {
+  test::TestDb db;
+  PeopleStore people(db.writer);
+  const std::string turned = "Tom \u202eegroeG", hebrew = "אברהם בן־דוד";
+  const Status refused = people.add({"tom", pb::TRAINEE, "", false, 1, turned});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().message.rfind("full_name: holds U+202E (right-to-left override) at byte 5", 0),
+            0u)
+      << refused.error().message;
+  EXPECT_FALSE(people.add({"to\u200bm", pb::TRAINEE, "", false, 1, "Tom"}).ok());
+  ASSERT_OK(people.add({"tom", pb::TRAINEE, "", false, 1, hebrew}));
+  EXPECT_FALSE(people.change("tom", {}, {.full_name = turned}, "root", 2).ok());
+  EXPECT_EQ(people.find("tom")->value().full_name, hebrew);
+  // stored by a version of before
+  ASSERT_OK(db.writer.run("UPDATE people SET full_name = ? WHERE name = 'tom'", turned));
+  ASSERT_OK(people.setDisabled("tom", true));
+  EXPECT_OK(people.change("tom", {}, {.full_name = "Tom George"}, "root", 3));
+}
+
 TEST(PeopleStore, setsPasswordsAndDisables) {
   test::TestDb db;
   PeopleStore people(db.writer);

@@ -87,6 +87,23 @@ TEST_F(TeachingStores, aGroupsMembersArePeopleEachOnce) {
   EXPECT_EQ(groups.put(group("", {}), 0, "mia", 1).error().code, ErrorCode::kInvalidInput);
 }
 
+TEST_F(TeachingStores, aGroupsNameHoldsNothingThatNobodySeesUnlessItIsFromBefore) {
+  GroupStore groups(db.writer);
+  pb::Group turned = group("g", {"anna"});
+  turned.set_name("Monday\u202e");
+  const auto refused = groups.put(turned, 0, "mia", 1);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(
+      refused.error().message.rfind("group 'g', name: holds U+202E (right-to-left override) at byte 7", 0),
+      0u)
+      << refused.error().message;
+  ASSERT_OK(groups.put(group("g", {"anna"}), 0, "mia", 1));
+  EXPECT_FALSE(groups.put(turned, 1, "mia", 2).ok());
+  ASSERT_OK(db.writer.run("UPDATE groups SET name = ?", turned.name()));
+  turned.add_members("ben");
+  EXPECT_OK(groups.put(turned, 1, "mia", 3)) << "its members change under the old name";
+}
+
 TEST_F(TeachingStores, aRemovedGroupTakesItsAssignmentsAndGoesOnCountingWhenItComesBack) {
   GroupStore groups(db.writer);
   ASSERT_OK(groups.put(group("g", {"anna"}), 0, "mia", 1));

@@ -286,6 +286,7 @@ export function upkeep(t) {
   it('backup and check while the lab goes on; scores anew; all of it in the audit', async () => {
     const page = await t.browser.as('ada');
     await open(page, t.lab, '#/upkeep', 'Upkeep');
+    await page.getByText(/Room left on the disk of the database: \d/).waitFor();
     const copy = t.lab.path('copy.db');
     await page.getByLabel(/^File on the server/).fill(copy);
     await page.getByRole('button', { name: 'Back up now' }).click();

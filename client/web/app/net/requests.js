@@ -142,6 +142,8 @@ export async function studyRecords(study, { exercise, remarks }, said) {
 export const upkeep = {
   backup: (path, counts_as_safe) => post(['backup'], { ...(path && { path }), counts_as_safe }),
   check: () => post(['check'], {}),
+  /** The room on the disk of the server's database; it does not prolong the log-in. */
+  room: async (signal) => (await get(['session'], { signal })).disk_room,
   rescore: (exercise_id, dry_run) => post(['scores', 'rescore'], { exercise_id, dry_run }),
   audit: (query, signal) => get(['audit'], { signal, query }),
 };

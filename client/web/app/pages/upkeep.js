@@ -1,11 +1,12 @@
-// A backup now, whether everything can be read, scores anew, and what holds for the whole lab.
+// Room on the disk, a backup now, whether everything can be read, scores anew, and what holds for the whole lab.
+import { roomLevel } from '../lib/disk_room.js';
 import { moment } from '../lib/time.js';
 import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
-import { Heading, Mark, Problem } from '../ui/widgets.js';
+import { Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { CodesRequired } from './codes.js';
 
 /** Shows that something long is under way: a moving bar, and how long it has taken so far. */
@@ -25,6 +26,25 @@ function Working({ busy, children }) {
       </span>
     </p>`
   );
+}
+
+const kRoomAgain_ms = 15_000;
+
+/** The room on the database's disk, what the server refuses, and what to do. */
+export function RoomText({ room }) {
+  const { kind, name, means, next } = roomLevel(room.level);
+  const left = room.left_bytes === undefined ? 'not known yet' : bytes(room.left_bytes);
+  return html`<p><${Mark} kind=${kind}>${name}<//> ${`Room left on the disk of the database: ${left}. ${means}`}</p>
+    <p>${next}</p>`;
+}
+
+function Room() {
+  const room = useLoad((signal) => upkeep.room(signal), []);
+  useEvery(kRoomAgain_ms, room.reload);
+  return html`<fieldset>
+    <legend>Room on the disk</legend>
+    <${Loaded} load=${room}>${(data) => html`<div role="status"><${RoomText} room=${data} /></div>`}<//>
+  </fieldset>`;
 }
 
 const kDisks = {
@@ -178,5 +198,5 @@ function Rescore() {
 }
 
 export function UpkeepPage() {
-  return html`<${Heading} title="Upkeep" /><${Backup} /><${Check} /><${Rescore} /><${CodesRequired} />`;
+  return html`<${Heading} title="Upkeep" /><${Room} /><${Backup} /><${Check} /><${Rescore} /><${CodesRequired} />`;
 }

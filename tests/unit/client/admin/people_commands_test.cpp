@@ -78,7 +78,9 @@ TEST_F(PeopleCommands, aNameOrRoleThatIsNotAllowedIsNamedAndNobodyIsAdded) {
       {"tom", "station", "", "--role: 'station', allowed are"},
       {"tom", "", "", "--role: '', allowed are"},
       {"tom", "trainee", std::string(201, 'x'), "full_name: has 201 bytes, allowed are 0 to 200"},
-      {"tom", "trainee", "two\nlines", "full_name: holds a control character"},
+      {"tom", "trainee", "two\nlines", "full_name: holds a control character (U+000A)"},
+      {"tom", "trainee", "Tom \u202eegroeG", "full_name: holds U+202E (right-to-left override) at byte 5"},
+      {"to\u200bm", "trainee", "", "name: holds U+200B (zero width space) at byte 3"},
   };
   for (const Case& c : cases) {
     const Run result = onData({"user", "add", "--role", c.role, "--full-name", c.full_name, "--", c.name});
@@ -234,6 +236,7 @@ TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
       {"server,,,,", "name", "'server' is the name under which the server itself writes"},
       {"\"two\nlines\",,,,", "name", "holds a control character"},
       {"zoe," + std::string(201, 'z') + ",,,", "full_name", "has 201 bytes"},
+      {"zoe,Zo\u2067e,,,", "full_name", "holds U+2067 (right-to-left isolate) at byte 3"},
       {"zoe,,instructor,,", "password", "is missing"},
       {"zoe,,,,short", "password", "has 5 bytes, allowed are 8 to 256"},
       {"anna,,,,", "name", "stands in line 2 already"},

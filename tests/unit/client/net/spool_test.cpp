@@ -407,6 +407,7 @@ TEST(Spool, aRecordOfAnotherTimeBehindDamageIsNotTaken) {
 TEST(Spool, aDescriptionOfAnEarlierVersionHasNoChecksumAndIsReadAndAChangedOneIsNot) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  fs::remove(session / "session.copy.json");  // as in an earlier version
   const std::string text = *readWholeFile(session / "session.json");
   const std::string before = text.substr(0, text.rfind("\ncrc32c "));
   ASSERT_LT(before.size(), text.size());
@@ -418,8 +419,47 @@ TEST(Spool, aDescriptionOfAnEarlierVersionHasNoChecksumAndIsReadAndAChangedOneIs
     std::ofstream(session / "session.json", std::ios::binary) << damaged;
     const auto spool = opened(folder.path());
     ASSERT_TRUE(spool->unfinished().empty()) << "byte " << at << " was believed";
-    ASSERT_THAT(spool->notes(), testing::ElementsAre(HasSubstr("left as it is")));
+    ASSERT_THAT(spool->notes(), testing::ElementsAre(testing::AllOf(
+                                    HasSubstr("There is no copy of it"), HasSubstr("300 samples in 3 chunks"),
+                                    HasSubstr("correct session.json"), HasSubstr("left as it is"))));
   }
+  // what the note asks for
+  std::ofstream(session / "session.json", std::ios::binary) << before;
+  EXPECT_EQ(recover(folder.path()).samples.size(), 300u);
+}
+
+TEST(Spool, aDamagedDescriptionIsTakenFromItsCopyWhicheverByteItIs) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  const std::string text = *readWholeFile(session / "session.json");
+  std::vector<std::string> damages = {"", "{}", text.substr(0, text.size() / 2)};
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    damages.push_back(text);
+    damages.back()[at] = static_cast<char>(text[at] ^ (1 << (at % 8)));
+  }
+  for (const std::string& damaged : damages) {
+    std::ofstream(session / "session.json", std::ios::binary) << damaged;
+    {
+      const auto spool = opened(folder.path());
+      ASSERT_EQ(spool->unfinished().size(), 1u) << damaged;
+      ASSERT_EQ(spool->unfinished()[0]->contents().samples, 300u);
+      ASSERT_FALSE(spool->unfinished()[0]->contents().interrupted) << "nothing of it is lost";
+      ASSERT_THAT(spool->notes(), testing::ElementsAre(HasSubstr("taken from its copy")));
+    }
+    ASSERT_EQ(*readWholeFile(session / "session.json"), text) << "and is whole again";
+  }
+  EXPECT_THAT(opened(folder.path())->notes(), testing::IsEmpty());
+  fs::remove(session / "session.json");
+  EXPECT_EQ(recover(folder.path()).samples.size(), 300u) << "gone altogether";
+  // a damaged copy hurts nobody while the description is whole; both together go to a technician
+  std::ofstream(session / "session.copy.json", std::ios::binary) << text.substr(1);
+  EXPECT_EQ(recover(folder.path()).samples.size(), 300u);
+  std::ofstream(session / "session.json", std::ios::binary) << text.substr(2);
+  const auto spool = opened(folder.path());
+  EXPECT_TRUE(spool->unfinished().empty());
+  EXPECT_THAT(spool->notes(), testing::ElementsAre(testing::AllOf(HasSubstr("Its copy is damaged, too"),
+                                                                  HasSubstr("left as it is"))));
+  EXPECT_TRUE(fs::exists(session / "chunks"));
 }
 
 TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {

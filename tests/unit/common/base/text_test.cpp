@@ -79,6 +79,70 @@ TEST(TextRules, newNamesFitIntoAddressesOfTheWeb) {
   EXPECT_FALSE(checkNewName("name", " a").ok()) << "what is no name is no new one";
 }
 
+TEST(TextRules, aControlCharacterIsNamed) {
+  EXPECT_EQ(checkText("note", "a\x1b[2J", 0, 9).error().message, "note: holds a control character (U+001B)");
+  EXPECT_EQ(checkText("note", "a\xc2\x9b", 0, 9).error().message, "note: holds a control character (U+009B)");
+  EXPECT_EQ(checkText("note", "\x7f", 0, 9).error().message, "note: holds a control character (U+007F)");
+}
+
+TEST(TextRules, newTextHoldsNothingThatNobodySees) {
+  struct Row {
+    const char *text, *character;
+    int byte;  // of the character, from 1
+  };
+  for (const Row& row : {
+           Row{"Tom \u202eegroeG", "U+202E (right-to-left override)", 5},
+           Row{"\u202aTom", "U+202A (left-to-right embedding)", 1},
+           Row{"To\u202cm", "U+202C (pop directional formatting)", 3},
+           Row{"To\u2066m", "U+2066 (left-to-right isolate)", 3},
+           Row{"To\u2069m", "U+2069 (pop directional isolate)", 3},
+           Row{"Tom\u200e", "U+200E (left-to-right mark)", 4},
+           Row{"אברהם\u200f", "U+200F (right-to-left mark)", 11},
+           Row{"\u061cTom", "U+061C (Arabic letter mark)", 1},
+           Row{"To\u200bm", "U+200B (zero width space)", 3},
+           Row{"T\u00adom", "U+00AD (soft hyphen)", 2},
+           Row{"To\u200cm", "U+200C (zero width non-joiner)", 3},
+           Row{"To\u200dm", "U+200D (zero width joiner)", 3},
+           Row{"علی\u200d", "U+200D (zero width joiner)", 7},
+           Row{"علی\u200c\u200cرضا", "U+200C (zero width non-joiner)", 7},
+           Row{"\ufeffTom", "U+FEFF (zero width no-break space)", 1},
+           Row{"Tom\u2028", "U+2028 (line separator)", 4},
+           Row{"\xf3\xa0\x81\x81", "U+E0041 (tag)", 1},
+       }) {
+    EXPECT_TRUE(checkText("full_name", row.text, 0, 200).ok()) << row.character << " may be there already";
+    for (const Status& refused :
+         {checkVisible("full_name", row.text), checkNewText("full_name", row.text, 0, 200),
+          checkNewName("full_name", row.text)}) {
+      ASSERT_FALSE(refused.ok()) << row.character;
+      EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+      EXPECT_EQ(
+          refused.error().message,
+          "full_name: holds " + std::string(row.character) + " at byte " + std::to_string(row.byte) +
+              ", which nobody sees and which can make a name look like another: type it again without that "
+              "character");
+    }
+  }
+}
+
+TEST(TextRules, namesOfAllScriptsAreNames) {
+  for (const char* name : {"Zoë Müller", "אברהם בן־דוד", "محمد رضا", "علی\u200cرضا", "क्\u200dष", "ދިވެހި",
+                           "Nguyễn Văn", "李小龍", "Владимир", "O’Neill"}) {
+    EXPECT_TRUE(checkNewText("full_name", name, 1, 200).ok()) << name;
+    EXPECT_TRUE(checkNewName("name", name).ok()) << name;
+    EXPECT_EQ(showHidden(name), name);
+    EXPECT_EQ(printable(name), name);
+  }
+}
+
+TEST(TextRules, hiddenCharactersFromBeforeAreWrittenOut) {
+  EXPECT_EQ(showHidden("Tom \u202eegroeG\u202c!"), "Tom [U+202E]egroeG[U+202C]!");
+  EXPECT_EQ(printable("a\u200b\x1b\u2066"), "a[U+200B]?[U+2066]");
+  EXPECT_EQ(showHidden("\xf3\xa0\x81\x81"), "[U+E0041]");
+  EXPECT_EQ(showHidden("\xff\u202e"), "\xff\u202e") << "no UTF-8 stays as it is";
+  EXPECT_EQ(printable("\xff\u202e"), "????");
+  EXPECT_EQ(showHidden(""), "");
+}
+
 TEST(TextRules, notesMayHaveLines) {
   EXPECT_TRUE(checkNote("text", "one\ntwo\tthree\r\n", 1, 100).ok());
   EXPECT_FALSE(checkNote("text", std::string("a\0b", 3), 1, 100).ok());

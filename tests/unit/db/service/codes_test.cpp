@@ -148,7 +148,7 @@ TEST_F(Codes, comeAfterTheNameAndBeforeTheRestOfTheLesson) {
   EXPECT_THAT(said(begin("tom", "", "second")), HasSubstr("CODE: tom has a code"));
   EXPECT_THAT(said(begin("tom", "2468", "second")), HasSubstr("ROLE: ")) << "the first is not passed";
   ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("tom", true); }));
-  EXPECT_EQ(said(begin("tom", "")), "ROLE: 'tom' is disabled: ask an administrator");
+  EXPECT_THAT(said(begin("tom", "2468")), HasSubstr("NOT_FOUND: the server knows nobody named 'tom'"));
 }
 
 TEST_F(Codes, waitAfterFiveWrongOnes) {

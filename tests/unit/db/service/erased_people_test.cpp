@@ -186,9 +186,11 @@ TEST_F(ErasedPeople, areInNoByteOfTheFolder) {
   addStation();
   addNamed("qzxanna", "Wqjvornov");
   closedSession("qzxanna", 1, "Wqjvornov holds still, qzxanna");
+  (void)addSession("qzxanna", 1, 20,
+                   R"({"layers":[{"name":"qzxanna's skin"}],"hazards":[{"name":"Wqjvornov"}]})");
   const auto data = folder.path() / "data";
   EXPECT_FALSE(filesWith(data, "qzxanna").empty());
-  const auto erasure = get(admin, erase("qzxanna")).erasure();
+  const auto erasure = get(admin, erase("qzxanna", true)).erasure();
   EXPECT_FALSE(erasure.pending()) << erasure.text();
   EXPECT_EQ(filesWith(data, "qzxanna"), std::vector<std::string>()) << "while it serves";
   EXPECT_EQ(filesWith(data, "Wqjvornov"), std::vector<std::string>());

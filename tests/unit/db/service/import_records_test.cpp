@@ -79,6 +79,24 @@ TEST_F(Import, refusesRecordsOfAnyShapeAndNeverEndsTheServer) {
 }
 
 /// Without code_hash and code_unchecked, which schema 7 added.
+TEST_F(Import, refusesAFullNameThatHoldsWhatNobodySees) {
+  RecordJson person;
+  for (const std::string& text : exportAll(*store))
+    if (auto record = RecordJson::parse(text); record["kind"] == "person") person = record;
+  ASSERT_TRUE(person.is_object());
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  person["name"] = "tom";
+  person["full_name"] = "Tom \u202eegroeG";
+  const auto refused = importAll(*other, {person.dump()}, 10, true);
+  ASSERT_EQ(refused.faults_size(), 1) << refused.ShortDebugString();
+  EXPECT_EQ(
+      refused.faults(0).message().rfind("full_name: holds U+202E (right-to-left override) at byte 5", 0), 0u)
+      << refused.faults(0).message();
+  person["full_name"] = "אברהם בן־דוד";
+  EXPECT_EQ(importAll(*other, {person.dump()}, 10, true).faults_size(), 0);
+}
+
 TEST_F(Import, takesAnExportOfBeforeCodesTwice) {
   addStation();
   ASSERT_OK(change([&](Connection& c) -> Status {

@@ -179,6 +179,48 @@ TEST_F(Records, aStudyHoldsThoseWhoConsentAndNoNameAnywhere) {
   EXPECT_EQ(refusal(researcher, list), ErrorCode::kDenied);
 }
 
+TEST_F(Records, aStudysProfilesAndScoresHaveNoNameAtAnyDepth) {
+  addStation();
+  addNamed("anna", "Anna Wqjvornov");
+  addNamed("muscle", "");  // is called as a tissue and a measure are
+  addNamed("peak_force_n", "");
+  consent("anna", true);
+  const std::string profile =
+      R"({"id":"knee-of-anna","name":"Anna's knee","needle":{"source":"of anna","synthetic":["ask wqjvornov"]},)"
+      R"("layers":[{"tissue":"MUSCLE","name":"Wqjvornov's muscle","thickness_m":0.02}],)"
+      R"("targets":[{"name":"where ANNA missed"}],"hazards":[{"name":"nerve of Anna","radius_m":0.001}],)"
+      R"("effects":["PUNCTURE"],"unknown":{"wqjvornov":[[{"deep":"\u0041nna anna"}]]}})";
+  const Uuid id = addSession("anna", 1, 20, profile);
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    if (auto closed = SessionStore(c).close(test::closeOf(id, 1), 2); !closed) return closed.error();
+    return ScoreStore(c).put(test::scoreOf(
+        id, R"([{"measure":"peak_force_n","value":1.5,"unit":"N","words":"in the nerve of Anna"}])"));
+  }));
+  std::string all;
+  nlohmann::json exported, measures;
+  for (const std::string& record : study("s1")) {
+    all += record;
+    const auto json = nlohmann::json::parse(record);
+    if (json["kind"] == "session") exported = json["profile"];
+    if (json["kind"] == "score") measures = json["measures"];
+  }
+  std::transform(all.begin(), all.end(), all.begin(),
+                 [](unsigned char ch) { return static_cast<char>(std::tolower(ch)); });
+  const std::string kept = "knee-of-anna";  // ids stay
+  for (std::size_t at = all.find(kept); at != std::string::npos; at = all.find(kept))
+    all.erase(at, kept.size());
+  for (const char* name : {"anna", "wqjvornov"})
+    EXPECT_EQ(all.find(name), std::string::npos) << name << " in " << all;
+  EXPECT_EQ(exported["layers"][0]["tissue"], "MUSCLE") << "an enumerator is no text";
+  EXPECT_EQ(exported["layers"][0]["thickness_m"], 0.02);
+  EXPECT_EQ(exported["hazards"][0]["name"], "nerve of [name]");
+  EXPECT_EQ(exported["effects"][0], "PUNCTURE");
+  EXPECT_EQ(exported["id"], kept);
+  EXPECT_EQ(measures[0]["measure"], "peak_force_n");
+  EXPECT_EQ(measures[0]["words"], "in the nerve of [name]");
+  EXPECT_EQ(measures[0]["value"], 1.5);
+}
+
 TEST_F(Records, aPersonGetsAllOfItsOwnDataAndNobodyElses) {
   addStation();
   addNamed("anna", "Anna A");

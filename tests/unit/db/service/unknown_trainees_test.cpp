@@ -97,28 +97,80 @@ TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
   const auto refused = begin("tomm");
   ASSERT_TRUE(refused.has_value());
   EXPECT_EQ(refused->code, ErrorCode::kNotFound);
-  EXPECT_EQ(
-      refused->message,
-      "the server knows nobody named 'tomm'. Did you mean 'tom' (Tom Smith)? Give the name of an account, "
-      "practise as 'guest', or ask a manager to add this person");
+  EXPECT_EQ(refused->message,
+            "the server knows nobody named 'tomm' who may practise. Did you mean 'tom' (Tom Smith)? Give the "
+            "name of "
+            "a trainee's account, practise as 'guest', or ask a manager to add this person; staff practise "
+            "as members "
+            "of a group with an assignment");
   EXPECT_THAT(begin("txm")->message, HasSubstr("'tim' or 'tom' (Tom Smith)?"));
   for (const char* hidden : {"'tam'", "'tum'", "'tem'"})
     EXPECT_THAT(begin("txm")->message, Not(HasSubstr(hidden)));
   EXPECT_THAT(begin("somebody else")->message, Not(HasSubstr("Did you mean")));
   EXPECT_EQ(begin(std::string(65, 'x'))->code, ErrorCode::kInvalidInput);
-  EXPECT_EQ(begin("tum")->code, ErrorCode::kDenied);
+  EXPECT_EQ(begin("tum")->code, ErrorCode::kNotFound);
   // who is known, whether the station lists them or not, and nobody in particular
   for (const char* good : {"tom", "tam", "guest", ""}) EXPECT_FALSE(begin(good).has_value()) << good;
   // an account may have guest's name, and be disabled like any other
   addNamed("guest");
   EXPECT_FALSE(begin("guest").has_value());
   ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("guest", true); }));
-  EXPECT_EQ(begin("guest")->code, ErrorCode::kDenied);
+  EXPECT_EQ(begin("guest")->code, ErrorCode::kNotFound);
   // staff looks at a lesson for any name
   pb::Request look;
   look.mutable_get_lesson()->set_exercise_id("first");
   look.mutable_get_lesson()->set_trainee("t0m");
   get(instructor, look);
+}
+
+TEST_F(UnknownTrainees, lookLikeStaffAndLikeThoseWhoseAccessHasEnded) {
+  for (const auto& [name, role] : {std::pair{"Quirin", pb::INSTRUCTOR},
+                                   {"Quasim", pb::ADMINISTRATOR},
+                                   {"Quelle", pb::CURRICULUM_MANAGER},
+                                   {"Quorra", pb::RESEARCHER},
+                                   {"Quincy", pb::TRAINEE}}) {
+    ASSERT_OK(change([&, name = name, role = role](Connection& c) {
+      return PeopleStore(c).add(
+          {name, role, role == pb::TRAINEE ? "" : "$hash", false, 1, "Secret Full Name"});
+    }));
+    attempt(name, "first", true);  // whoever has a station's key can send this
+  }
+  assignCourse("Quincy");
+  ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("Quincy", true); }));
+  // what a station hears of a name, with the name itself taken out
+  const auto heard = [&](const std::string& name) {
+    const auto refused = begin(name);
+    std::string all =
+        refused ? std::to_string(static_cast<int>(refused->code)) + refused->message : "may begin";
+    pb::Request request;
+    request.mutable_get_results()->set_course_id("course");
+    request.mutable_get_results()->set_trainee(name);
+    all += get(station, request).results().ShortDebugString();
+    request.mutable_list_assignments()->set_trainee(name);
+    all += get(station, request).assignments().ShortDebugString();
+    for (std::size_t at = all.find(name); at != std::string::npos; at = all.find(name))
+      all.erase(at, name.size());
+    return all;
+  };
+  const std::string unknown = heard("Quabbe");
+  EXPECT_THAT(unknown, HasSubstr("nobody named '' who may practise"));
+  for (const char* name : {"Quirin", "Quasim", "Quelle", "Quorra", "Quincy"})
+    EXPECT_EQ(heard(name), unknown) << name;
+  const pb::Results listed = results(station);
+  for (const auto& row : listed.rows()) EXPECT_EQ(row.full_name(), "") << row.trainee();
+  pb::Request every;
+  every.mutable_list_assignments();
+  EXPECT_EQ(get(station, every).assignments().assignments_size(), 0);
+  EXPECT_EQ(get(manager, every).assignments().assignments_size(), 1) << "staff sees all";
+  // an expert records under the own name once in a group that has something to do
+  get(manager, putGroup("experts", {"Quirin"}, 0));
+  EXPECT_EQ(heard("Quirin"), unknown);
+  pb::Request assign;
+  assign.mutable_assign()->set_course_id("course");
+  assign.mutable_assign()->set_group_id("experts");
+  get(manager, assign);
+  EXPECT_THAT(heard("Quirin"), HasSubstr("may begin"));
+  EXPECT_THAT(heard("Quirin"), HasSubstr("Secret Full Name"));
 }
 
 TEST_F(UnknownTrainees, areNotInTheListOfAStation) {

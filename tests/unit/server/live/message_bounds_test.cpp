@@ -313,7 +313,7 @@ TEST(Access, aDisabledInstructorsLiveFramesEndAndATraineesLessonGoesOn) {
   lesson.mutable_get_lesson()->set_trainee("tina");
   const auto next = station->call(lesson);
   ASSERT_FALSE(next.ok());
-  EXPECT_THAT(next.error().message, HasSubstr("'tina' is disabled"));
+  EXPECT_THAT(next.error().message, HasSubstr("nobody named 'tina' who may practise"));
 }
 
 }  // namespace

@@ -1,4 +1,7 @@
 // Tests the limits for every peer: sizes, times, numbers, and input that is not HTTP.
+#include <atomic>
+#include <memory>
+
 #include "tests/unit/server/web/web_lab.h"
 
 namespace needlelab {
@@ -212,6 +215,65 @@ TEST(WebLimits, onlyStrangersAreCountedByAddress) {
   }
   (void)fresh.send(requestText("GET", "/"));
   EXPECT_EQ(fresh.read().status, 200);
+}
+
+TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
+  WebLab lab([](ServerOptions& options) {  // of two consents, with what each costs besides
+    options.shares.own_bytes = 2.0 * (200 + PeopleShares::kRequestBytes);
+    options.metrics = "127.0.0.1:0";
+  });
+  testing::internal::CaptureStderr();
+  setLogLevel(LogLevel::kWarning);
+  Browser tina = lab.browserOf("tina");
+  int stored = 0, refused = 0;
+  for (int i = 0; i < 7; ++i) {
+    const json body = {{"consent", i % 2 == 0}, {"note", std::string(100, 'x')}};
+    const WebReply reply = askChecked(tina, "PATCH", "/api/v1/people/tina", body.dump());
+    stored += reply.status == 200;
+    if (reply.status != 503) continue;
+    ++refused;
+    EXPECT_EQ(reply.json()["error"]["code"], "no_room");
+  }
+  setLogLevel(LogLevel::kOff);
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(stored, 2);
+  EXPECT_EQ(refused, 5);
+  const std::size_t line = log.find("no_room");
+  ASSERT_NE(line, std::string::npos) << log;
+  EXPECT_EQ(log.find("no_room", line + 1), std::string::npos) << log;
+  EXPECT_THAT(log, testing::AllOf(HasSubstr("port=web"), HasSubstr("who=tina")));
+  WebWire wire(lab.server().server().metricsPort(), false);
+  (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+  EXPECT_THAT(wire.receivePlain(), HasSubstr("needlelab_refused_for_room_total 5\n"));
+}
+
+TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
+  constexpr std::uint64_t kMiB = 1u << 20;
+  const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
+  WebLab lab([&](ServerOptions& options) {
+    options.free_bytes = [free_bytes](const std::filesystem::path&) {
+      return std::optional(free_bytes->load());
+    };
+    options.room_every = milliseconds(5);
+    options.min_free_bytes = 64 * kMiB;
+  });
+  Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
+  // the server looks from time to time only
+  const auto levelBecomes = [&](const std::string& wanted) {
+    json room;
+    for (int i = 0; i < 2000; ++i) {
+      room = askChecked(ada, "GET", "/api/v1/session").json()["disk_room"];
+      if (room["level"] == wanted) return room["left_bytes"].get<std::uint64_t>();
+    }
+    ADD_FAILURE() << room.dump();
+    return std::uint64_t{0};
+  };
+  EXPECT_GE(levelBecomes("plenty"), 10'000 * kMiB);
+  *free_bytes = 200 * kMiB;  // below four floors
+  EXPECT_GE(levelBecomes("no_new_sessions"), 100 * kMiB);
+  *free_bytes = 20 * kMiB;
+  EXPECT_LT(levelBecomes("no_chunks"), 64 * kMiB);
+  EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("disk_room"));
 }
 
 TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
