@@ -693,7 +693,7 @@ class BlockingClientTime : public testing::Test {
 
 TEST_F(BlockingClientTime, aCallGivesUpExactlyAfterItsTimeout) {
   ScriptedServer server(friendly);
-  connect(server);
+  ASSERT_NO_FATAL_FAILURE(connect(server));
   // the server has the request and does not answer it
   clock_->passes = [&] { return server.count([](const pb::Envelope& e) { return e.has_request(); }) == 1; };
   pb::Request request;
@@ -714,7 +714,7 @@ TEST_F(BlockingClientTime, anAnswerThatComesInTimeEndsTheCallAtOnce) {
     answer.mutable_reply()->mutable_done();
     return std::vector{answer};
   });
-  connect(server);
+  ASSERT_NO_FATAL_FAILURE(connect(server));
   pb::Request request;
   request.mutable_list_users();
   EXPECT_TRUE(client_->call(request, milliseconds(1)).ok()) << "however long the machine takes";
@@ -723,7 +723,7 @@ TEST_F(BlockingClientTime, anAnswerThatComesInTimeEndsTheCallAtOnce) {
 
 TEST_F(BlockingClientTime, receiveWaitsExactlyItsTime) {
   ScriptedServer server(friendly);
-  connect(server);
+  ASSERT_NO_FATAL_FAILURE(connect(server));
   clock_->passes = [] { return true; };
   const auto got = client_->receive(milliseconds(90'000));
   EXPECT_EQ(got.error().code, ErrorCode::kNotFound);
@@ -736,7 +736,7 @@ TEST_F(BlockingClientTime, receiveWaitsExactlyItsTime) {
 // attempt, whether somebody stops it.
 TEST_F(BlockingClientTime, reconnectTriesByTheBackOffAndLooksForAStopUntilItsTimeIsOver) {
   std::optional<ScriptedServer> server(std::in_place, friendly);
-  connect(*server);
+  ASSERT_NO_FATAL_FAILURE(connect(*server));
   server.reset();
   while (client_->receive(milliseconds(1)).ok()) {
   }
@@ -766,7 +766,7 @@ TEST_F(BlockingClientTime, reconnectTriesByTheBackOffAndLooksForAStopUntilItsTim
 
 TEST_F(BlockingClientTime, aStopEndsReconnectAtTheNextLook) {
   std::optional<ScriptedServer> server(std::in_place, friendly);
-  connect(*server);
+  ASSERT_NO_FATAL_FAILURE(connect(*server));
   server.reset();
   while (client_->receive(milliseconds(1)).ok()) {
   }
