@@ -1,9 +1,12 @@
 // needlelab-instructor: watches live, replays, sends messages to the trainee; in a window or a terminal.
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <cmath>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <iostream>
+#include <limits>
 #include <string>
 
 #include "client/instructor/model/report.h"
@@ -105,11 +108,9 @@ int main(int argc, char** argv) {
     std::printf("written: %s\n", options.report.c_str());
     return kExitDone;
   }
-  using Clock = BlockingClient::Clock;
-  const auto end = options.seconds ? Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                                        std::chrono::duration<double>(*options.seconds))
-                                   : Clock::time_point::max();
-  const HeadlessRun run{options, *client, std::cout, stopped, end};
+  const std::int64_t end_ns = options.seconds ? client->nowNs() + std::llround(*options.seconds * 1e9)
+                                              : std::numeric_limits<std::int64_t>::max();
+  const HeadlessRun run{options, *client, std::cout, stopped, end_ns};
   const Status done = runHeadless(run);
   return done.ok() ? kExitDone : fail(done.error());
 }

@@ -4,25 +4,32 @@
 
 #include <algorithm>
 #include <deque>
+#include <limits>
 #include <optional>
 #include <utility>
 
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kInboxMessages = 4096;  // above, the oldest live messages are dropped
+constexpr std::size_t kInboxMessages = 4096;              // above, the oldest live messages are dropped
+constexpr std::int64_t kLastMessages_ns = 5'000'000'000;  // for what a lost connection still brings
+constexpr std::int64_t kLookAtStop_ns = 20'000'000;
+constexpr std::int64_t kNever_ns = std::numeric_limits<std::int64_t>::max();
 
 }  // namespace
 
 struct BlockingClient::State {
+  explicit State(LinkSettings settings)
+      : clock(settings.clock), link(io, whole(std::move(settings)), handlers()) {}
+
   asio::io_context io{1};
+  std::shared_ptr<LinkClock> clock;
   std::deque<pb::Envelope> inbox;
   std::optional<LinkEnd> end;  // of the last connection or attempt; none while connected
   std::uint64_t ends = 0;      // so far
-  ServerLink link{io, settings(), handlers()};
+  ServerLink link;
 
-  static LinkSettings settings() {
-    LinkSettings settings;
+  static LinkSettings whole(LinkSettings settings) {
     settings.reconnects = false;
     return settings;
   }
@@ -51,17 +58,22 @@ struct BlockingClient::State {
     inbox.push_back(std::move(envelope));
   }
 
-  /// Runs the connection until `done()` or the deadline. False: deadline.
+  /// Runs the connection until `done()` or `due_ns` of the clock. False: that time came.
   template <typename Done>
-  bool runUntil(Clock::time_point deadline, Done done) {
+  bool runUntil(std::int64_t due_ns, Done done) {
     io.restart();
     io.poll();
     while (!done()) {
-      if (Clock::now() >= deadline) return false;
+      if (clock->steadyNs() >= due_ns) return false;
       io.restart();
-      if (io.run_one_until(deadline) == 0 && io.stopped()) return done();  // no event can come any more
+      clock->runOne(io, due_ns);
+      if (io.stopped()) return done();  // no event can come any more
     }
     return true;
+  }
+  template <typename Done>
+  bool runFor(std::chrono::milliseconds time, Done done) {
+    return runUntil(clock->steadyNs() + std::chrono::nanoseconds(time).count(), done);
   }
 };
 
@@ -73,11 +85,11 @@ BlockingClient::~BlockingClient() {
   if (state_) finish();
 }
 
-Result<BlockingClient> BlockingClient::connect(const ClientConfig& config) {
-  auto state = std::make_unique<State>();
+Result<BlockingClient> BlockingClient::connect(const ClientConfig& config, LinkSettings settings) {
+  auto state = std::make_unique<State>(std::move(settings));
   state->link.logIn(config);
   // connectClient has its own time-out; the extra time is for closing a refused connection
-  state->runUntil(Clock::time_point::max(), [&] { return state->link.online() || state->end.has_value(); });
+  state->runUntil(kNever_ns, [&] { return state->link.online() || state->end.has_value(); });
   if (state->end) {
     state->io.run_for(std::chrono::milliseconds(200));
     return state->end->error;
@@ -85,17 +97,16 @@ Result<BlockingClient> BlockingClient::connect(const ClientConfig& config) {
   return BlockingClient(std::move(state));
 }
 
-Status BlockingClient::reconnect(Clock::time_point until, const std::function<bool()>& stop) {
+Status BlockingClient::reconnect(std::int64_t until_ns, const std::function<bool()>& stop) {
   State& state = *state_;
   // first the remaining messages of the lost connection
-  state.runUntil(std::min(until, Clock::now() + std::chrono::seconds(5)),
-                 [&] { return state.end.has_value(); });
+  state.runUntil(std::min(until_ns, nowNs() + kLastMessages_ns), [&] { return state.end.has_value(); });
   Status last = Error{ErrorCode::kUnavailable, "the connection is lost"};
   std::uint64_t seen = state.ends;
   state.link.reconnect(true);
-  while (Clock::now() < until && !stop()) {
+  while (nowNs() < until_ns && !stop()) {
     // in short steps, so that Ctrl-C takes effect
-    state.runUntil(std::min(until, Clock::now() + std::chrono::milliseconds(20)),
+    state.runUntil(std::min(until_ns, nowNs() + kLookAtStop_ns),
                    [&] { return state.link.online() || state.ends != seen; });
     if (state.link.online()) {
       last = {};
@@ -117,8 +128,7 @@ Result<pb::Reply> BlockingClient::call(pb::Request request, std::chrono::millise
   const std::uint64_t id = state.link.ask(
       std::move(request), [&reply](Result<pb::Reply> got) { reply.emplace(std::move(got)); },
       OnLoss::kAskAgain, ServerLink::kForever);
-  const bool done =
-      state.runUntil(Clock::now() + timeout, [&] { return reply.has_value() || !state.link.online(); });
+  const bool done = state.runFor(timeout, [&] { return reply.has_value() || !state.link.online(); });
   state.link.forget(id);
   if (reply) return std::move(*reply);
   if (!done)
@@ -129,7 +139,7 @@ Result<pb::Reply> BlockingClient::call(pb::Request request, std::chrono::millise
 
 Result<pb::Envelope> BlockingClient::receive(std::chrono::milliseconds timeout) {
   State& state = *state_;
-  state.runUntil(Clock::now() + timeout, [&] { return !state.inbox.empty() || !state.link.online(); });
+  state.runFor(timeout, [&] { return !state.inbox.empty() || !state.link.online(); });
   if (!state.inbox.empty()) {
     pb::Envelope first = std::move(state.inbox.front());
     state.inbox.pop_front();
@@ -149,7 +159,7 @@ void BlockingClient::finish(const std::string& reason) {
   bool done = false;
   state.link.stop(reason, [&done] { done = true; });
   // the channel closes itself after its close_grace
-  state.runUntil(Clock::now() + std::chrono::seconds(5), [&done] { return done; });
+  state.runFor(std::chrono::seconds(5), [&done] { return done; });
 }
 
 const pb::Welcome& BlockingClient::welcome() const {
@@ -157,6 +167,9 @@ const pb::Welcome& BlockingClient::welcome() const {
 }
 bool BlockingClient::connected() const {
   return state_->link.online();
+}
+std::int64_t BlockingClient::nowNs() const {
+  return state_->clock->steadyNs();
 }
 
 }  // namespace needlelab

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -13,21 +14,21 @@
 
 namespace needlelab {
 
-/// Owns its io_context, which runs only inside these calls. Thread: one.
+/// Owns its io_context, which runs only inside these calls. All their limits are times of the link's clock.
+/// The machine's own remain those of connectClient and of the channel, below the link, and up to 200 ms in
+/// which a refused connection closes. Thread: one.
 class BlockingClient {
  public:
-  using Clock = std::chrono::steady_clock;
-
-  /// Makes one attempt to connect. Errors: as connectClient.
-  static Result<BlockingClient> connect(const ClientConfig& config);
+  /// Makes one attempt to connect. Of `settings` all but `reconnects` counts. Errors: as connectClient.
+  static Result<BlockingClient> connect(const ClientConfig& config, LinkSettings settings = {});
   BlockingClient(BlockingClient&&) noexcept;
   BlockingClient& operator=(BlockingClient&&) noexcept;
   ~BlockingClient();
 
   /// Reconnects after a loss, with the token of the last log-in or with its password. Retries with growing
-  /// waits until it succeeds, `until` is reached or `stop` returns true (polled 50 times a second). Errors:
-  /// the last attempt's; kDenied and kVersion end it at once.
-  Status reconnect(Clock::time_point until, const std::function<bool()>& stop);
+  /// waits until it succeeds, nowNs() is `until_ns` or `stop` returns true (polled 50 times a second).
+  /// Errors: the last attempt's; kDenied and kVersion end it at once.
+  Status reconnect(std::int64_t until_ns, const std::function<bool()>& stop);
 
   /// Sends the request (its id is set here) and waits for its reply. Keeps other incoming messages for
   /// `receive`. Errors: errorOf(Refusal) when the server refuses; kUnavailable when the connection ends or
@@ -47,6 +48,8 @@ class BlockingClient {
 
   [[nodiscard]] const pb::Welcome& welcome() const;
   [[nodiscard]] bool connected() const;
+  /// The time of the link's clock.
+  [[nodiscard]] std::int64_t nowNs() const;
 
  private:
   struct State;

@@ -63,6 +63,11 @@ Task<> LinkClock::wait(asio::steady_timer& timer, std::chrono::milliseconds time
   co_await timer.async_wait(kUseTuple);
 }
 
+void LinkClock::runOne(asio::io_context& io, std::int64_t due_ns) {
+  constexpr std::int64_t kLongest_ns = 1'000'000'000;  // a time beyond all times must not overflow
+  io.run_one_for(std::chrono::nanoseconds(std::min(due_ns - steadyNs(), kLongest_ns)));
+}
+
 /// The coroutines share the state, so that it lives until they have ended, even after the link.
 struct ServerLink::State {
   struct WipeAndDelete {

@@ -98,6 +98,9 @@ class LinkClock {
   [[nodiscard]] virtual std::int64_t unixNs() const;
   /// Waits for `time`, or until `timer` is cancelled.
   virtual Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time);
+  /// Runs one handler of `io`, which no thread runs: waits for it at most until steadyNs() is `due_ns`. May
+  /// return early.
+  virtual void runOne(asio::io_context& io, std::int64_t due_ns);
 
  private:
   TimeSource& time_;

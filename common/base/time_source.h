@@ -3,6 +3,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <csignal>
 #include <cstdint>
 #include <mutex>
 
@@ -24,6 +25,11 @@ class TimeSource {
     sleepUntilNs(due_ns);
     lock.lock();
   }
+
+  /// Waits until one of `signals` is pending for this thread, and takes it; at most until `due_ns`. Returns
+  /// its number, 0 if none came. `signals` are blocked in all threads. May return 0 early. A simulated time
+  /// takes what is pending before it sleeps, else what is pending afterwards.
+  virtual int waitForSignalUntilNs(const sigset_t& signals, std::int64_t due_ns) noexcept;
 
   void sleepForNs(std::int64_t duration_ns) noexcept { sleepUntilNs(nowNs() + duration_ns); }
   /// Waits until `holds()`, at most until `due_ns`; returns whether it holds.
@@ -47,6 +53,7 @@ class MachineTime : public TimeSource {
   using TimeSource::waitUntilNs;
   void waitUntilNs(std::condition_variable& changed, std::unique_lock<std::mutex>& lock,
                    std::int64_t due_ns) override;
+  int waitForSignalUntilNs(const sigset_t& signals, std::int64_t due_ns) noexcept override;
 };
 
 /// The machine's time; lives as long as the program.

@@ -70,7 +70,7 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
       "filter help\nopen-first\nwait 2\nexpect bench-5\nexpect trainee-5\n" + shot("instructor_trouble.png") +
       "message \"take the needle out\"\n"
       // a running lesson
-      "lab\nfilter all\nopen station bench-2\nwait 8\nlatency\n" +
+      "lab\nfilter all\nopen station bench-2\nwait-live 200\nlatency\n" +
       shot("instructor_live.png") +
       "annotate \"watch the angle\"\nmessage \"slower, please\"\naids \"depth, force\"\n"
       "pause\nscroll-back 3\n" +
@@ -101,7 +101,7 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   // capture to screen, at the window's own rate
   const auto latencies = latenciesIn(words);
   ASSERT_EQ(latencies.size(), 1u) << words;
-  EXPECT_GT(latencies[0].frames, 50u);
+  EXPECT_GE(latencies[0].frames, 200u);
   EXPECT_GT(latencies[0].p99_ms, 0);
   const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begun;
   EXPECT_LT(latencies[0].p50_ms, elapsed.count()) << "of another clock, or a picture of before this lab";
@@ -129,20 +129,20 @@ TEST_F(LabWindows, aServerThatIsKilledInMidViewComesBackAndTheViewGoesOn) {
   lab_.startStations();
   auto window = lab_.window(
       "window",
-      "timeout 300\nlogin\nwait-station bench-3 lesson\nopen station bench-3\nwait 4\nlatency\nprint \"KILL "
-      "NOW\"\n"
-      "wait 6\nwait-station bench-3 online\nwait 4\n" +
+      "timeout 300\nlogin\nwait-station bench-3 lesson\nopen station bench-3\nwait-live 50\nlatency\n"
+      "print \"KILL NOW\"\nwait-text reconnecting\nprint \"SERVER IS AWAY\"\n"
+      "wait-station bench-3 online\nwait-live 50\n" +
           shot("instructor_back.png") +
           "latency\nexpect bench-3\nmessage \"there you are\"\nannotate \"after the storm\"\nquit\n",
       true);
   ASSERT_TRUE(says(*window, "KILL NOW")) << window->said();
   lab_.killServer();
-  std::this_thread::sleep_for(2s);
+  ASSERT_TRUE(says(*window, "SERVER IS AWAY")) << window->said();
   lab_.startServer();
   ASSERT_EQ(window->wait(600s), kExitDone) << window->said();
   const auto latencies = latenciesIn(window->said());
   ASSERT_EQ(latencies.size(), 2u) << window->said();
-  EXPECT_GT(latencies[1].frames, latencies[0].frames) << "live frames came again";
+  EXPECT_GE(latencies[1].frames, latencies[0].frames + 50) << "live frames came again";
   EXPECT_TRUE(says(lab_.station(3), "message from ines: there you are")) << lab_.station(3).said();
   lab_.stopStations();
   EXPECT_EQ(lab_.stopServer(), kExitDone);
@@ -152,20 +152,21 @@ TEST_F(LabWindows, aServerThatIsKilledInMidViewComesBackAndTheViewGoesOn) {
 TEST_F(LabWindows, anInstructorWhoIsKilledInMidViewTakesNothingWithThem) {
   lab_.startServer();
   lab_.startStations();
-  auto killed =
-      lab_.window("killed",
-                  "timeout 300\nlogin\nwait-station bench-1 lesson\nopen station bench-1\nwait 2\nannotate "
-                  "\"half a thought\"\nprint \"KILL NOW\"\nwait 1000\n",
-                  true);
+  auto killed = lab_.window(
+      "killed",
+      "timeout 300\nlogin\nwait-station bench-1 lesson\nopen station bench-1\nwait-live 1\nannotate "
+      "\"half a thought\"\nprint \"KILL NOW\"\nwait 1000\n",
+      true);
   ASSERT_TRUE(says(*killed, "KILL NOW")) << killed->said();
   killed->signal(SIGKILL);
   ASSERT_EQ(killed->wait(60s), -SIGKILL);
   // A later instructor sees the same lab, and the remark.
   auto window = lab_.window(
       "window",
-      "timeout 300\nlogin\nwait-station bench-1 lesson\nopen station bench-1\nwait 4\nlatency\nquit\n", true);
+      "timeout 300\nlogin\nwait-station bench-1 lesson\nopen station bench-1\nwait-live 11\nlatency\nquit\n",
+      true);
   ASSERT_EQ(window->wait(600s), kExitDone) << window->said();
-  EXPECT_GT(latenciesIn(window->said()).at(0).frames, 10u);
+  EXPECT_GE(latenciesIn(window->said()).at(0).frames, 11u);
   EXPECT_EQ(audit("annotate").size(), 1u);
   // An instructor without a window sees the same.
   EXPECT_EQ(lab_.headless({"--station", "bench-4", "--stop", "enough", "--annotate", "last words", "--once",

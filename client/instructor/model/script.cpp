@@ -25,6 +25,8 @@ constexpr std::array kVerbs = {
                "wait until the tile is there and as said (online)"},
     ScriptVerb{"wait-text", 1, 1, "wait-text TEXT", "wait until the text stands on the screen"},
     ScriptVerb{"wait-gone", 1, 1, "wait-gone TEXT", "wait until it stands there no more"},
+    ScriptVerb{"wait-live", 1, 1, "wait-live N",
+               "wait until N more live frames of the station that is looked over were on the screen"},
     ScriptVerb{"lab", 0, 0, "lab", "show the overview"},
     ScriptVerb{"filter", 1, 1, "filter TEXT", "of the overview: help, online, all, or a part of a name"},
     ScriptVerb{"open-first", 0, 0, "open-first", "look over the first tile's station: who needs help most"},
@@ -65,8 +67,8 @@ constexpr std::array kVerbs = {
 };
 
 /// The verbs that take only numbers.
-constexpr std::array<std::string_view, 8> kNumbers = {"wait", "timeout", "scroll-back", "seek",
-                                                      "step", "speed",   "font-scale",  "latency"};
+constexpr std::array<std::string_view, 9> kNumbers = {
+    "wait", "wait-live", "timeout", "scroll-back", "seek", "step", "speed", "font-scale", "latency"};
 
 const ScriptVerb* verbOf(std::string_view name) {
   const auto found =

@@ -168,10 +168,15 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
     verb == "pause" ? live->pause() : live->resume();
     return true;
   }
-  constexpr std::array<std::string_view, 5> kVerbs = {"scroll-back", "message", "next-exercise", "aids",
-                                                      "stop-lesson"};
+  constexpr std::array<std::string_view, 6> kVerbs = {"wait-live",     "scroll-back", "message",
+                                                      "next-exercise", "aids",        "stop-lesson"};
   if (std::find(kVerbs.begin(), kVerbs.end(), verb) == kVerbs.end()) return Error{ErrorCode::kNotFound, {}};
   if (live == nullptr) return wrong("no station is looked over: open one first");
+  if (verb == "wait-live") {
+    const std::size_t shown = live->latency().count();
+    if (first) live_before_ = shown;
+    return static_cast<double>(shown - std::min(shown, live_before_)) >= number(action);
+  }
   if (verb == "scroll-back") {
     if (live->trace().lastTime_s() - live->trace().firstTime_s() < number(action)) return false;
     live->scrollTo(live->trace().lastTime_s() - number(action));

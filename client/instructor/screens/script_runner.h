@@ -43,7 +43,8 @@ class ScriptRunner {
   std::size_t next_ = 0;
   bool begun_ = false, over_ = false;
   double began_s_ = 0, patience_s_ = 30;
-  std::size_t frames_ = 0;  // since the action began
+  std::size_t frames_ = 0;       // since the action began
+  std::size_t live_before_ = 0;  // live frames shown before the action
   std::size_t frame_count_ = 0;
   double frame_cost_s_ = 0, frame_most_s_ = 0;
   Status status_;

@@ -77,7 +77,7 @@ void HeadlessRun::note(const std::string& text) const {
 
 Status HeadlessRun::recover(const Error& why) const {
   note(why.message + "; connecting again");
-  auto status = client.reconnect(end, stop);
+  auto status = client.reconnect(end_ns, stop);
   if (status.ok()) note("connected again");
   return status;
 }

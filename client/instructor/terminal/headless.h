@@ -2,6 +2,7 @@
 /// replay.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <ostream>
 
@@ -17,11 +18,11 @@ struct HeadlessRun {
   const InstructorOptions& options;
   BlockingClient& client;
   std::ostream& out;
-  std::function<bool()> stop;             ///< Ctrl-C
-  BlockingClient::Clock::time_point end;  ///< --seconds
-  TimeSource& time = machineTime();       ///< of a replay
+  std::function<bool()> stop;        ///< Ctrl-C
+  std::int64_t end_ns;               ///< --seconds, by the client's clock
+  TimeSource& time = machineTime();  ///< of a replay
 
-  [[nodiscard]] bool over() const { return stop() || BlockingClient::Clock::now() >= end; }
+  [[nodiscard]] bool over() const { return stop() || client.nowNs() >= end_ns; }
   void line(const std::string& text) const;
   void note(const std::string& text) const;
   /// Reconnects; prints a note before and after.

@@ -7,12 +7,10 @@
 
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <ctime>
 
 #include "client/device/crash_packet.h"
 
@@ -125,10 +123,8 @@ sigset_t blockStopSignals() {
   return stop;
 }
 
-int signalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
-  const timespec timeout{time.count() / 1000, (time.count() % 1000) * 1'000'000};
-  const int signal = ::sigtimedwait(&signals, nullptr, &timeout);
-  return signal > 0 ? signal : 0;
+int signalWithin(const sigset_t& signals, std::chrono::milliseconds time, TimeSource& clock) {
+  return clock.waitForSignalUntilNs(signals, clock.nowNs() + std::chrono::nanoseconds(time).count());
 }
 
 CrashGuard::CrashGuard(ServoLoop& loop, TimeSource& time) {

@@ -17,8 +17,9 @@ namespace needlelab {
 /// Call it first in `main`.
 sigset_t blockStopSignals();
 
-/// Waits at most `time` for one of `signals`. Returns its number, or 0 after a timeout.
-int signalWithin(const sigset_t& signals, std::chrono::milliseconds time);
+/// Waits at most `time` of `clock` for one of `signals` (TimeSource::waitForSignalUntilNs). Returns its
+/// number, or 0 after a timeout.
+int signalWithin(const sigset_t& signals, std::chrono::milliseconds time, TimeSource& clock = machineTime());
 
 /// Handles SIGSEGV, SIGBUS, SIGFPE, SIGILL and SIGABRT during its lifetime. SIGABRT includes std::terminate
 /// after an uncaught exception.

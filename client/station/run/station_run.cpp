@@ -1,5 +1,5 @@
-// A lesson in its order: prepare (lesson, device, session), practise (the loop on its own thread, supervised
-// by this one), drain (sends the rest to the server), outcome and report.
+// A lesson in its order: prepare (lesson, device, session), practise (the loop on its own thread, watched by
+// this one), drain (sends the rest to the server), outcome and report.
 
 #include "client/station/run/station_run.h"
 
@@ -17,21 +17,17 @@
 #include <vector>
 
 #include "client/device/factory/device_factory.h"
-#include "client/net/lesson_cache.h"
 #include "client/net/uplink.h"
-#include "client/station/run/curriculum.h"
-#include "client/station/run/fault_watch.h"
 #include "client/station/run/lesson.h"
-#include "client/station/run/live_line.h"
+#include "client/station/run/lesson_fetch.h"
 #include "client/station/run/local_score.h"
+#include "client/station/run/loop_watch.h"
 #include "client/station/run/real_time.h"
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
-#include "common/base/secret.h"
-#include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/scoring/lesson_watch.h"
 
@@ -40,39 +36,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kLessonPatience = 10s;  // time limit for a lesson from the server
-constexpr auto kCheckPatience = 3s;    // for its word on the trainee alone, which a lesson does not need
-
 constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stability/README.md)
 
 void putPose(google::protobuf::RepeatedField<double>& to, const Pose& pose) {
   for (const double value : {pose.p.x, pose.p.y, pose.p.z, pose.q.x, pose.q.y, pose.q.z, pose.q.w})
     to.Add(value);
-}
-
-bool codeWasChecked(const pb::Lesson& lesson) {
-  return lesson.code_checked();
-}
-bool codeWasChecked(const pb::Reply& reply) {
-  return reply.trainee_checked().code_checked();
-}
-
-LessonStatus statusOf(const WatchedState& state, const LiveView& view, bool waits, const std::string& room) {
-  LessonStatus status;
-  status.time_s = view.time_s;
-  status.fault = state.fault;
-  status.cause_lasts = state.cause_lasts;
-  status.acknowledged = state.acknowledged;
-  status.waits = waits;
-  status.condition = state.condition;
-  status.device_status = state.device_status;
-  status.hold = view.hold;
-  status.wakeup = view.wakeup;
-  status.missed_ticks = view.missed_ticks;
-  status.spool = view.spool;
-  status.server = view.server;
-  status.room = room;
-  return status;
 }
 
 }  // namespace
@@ -103,113 +71,11 @@ bool StationRun::isStopped() {
   return interrupted_ || stopped_;
 }
 
-// asks the server with the trainee's code, and again while it is missing or wrong and somebody gives another;
-// kCode, too, when a server that is there does not say in time whether it is right
-template <typename Ask>
-auto StationRun::askWithCode(Ask&& ask) {
-  for (;;) {
-    auto reply = ask(code_.code);
-    if (reply.ok()) {
-      code_checked_ = codeWasChecked(*reply);
-      keepAsksCode(code_checked_);
-      return reply;
-    }
-    const bool silent = reply.error().code == ErrorCode::kUnavailable && home_.uplink()->state().connected;
-    if (silent && (code_asked_ || !code_.code.empty()) && !interrupted_ && !stopped_)
-      return decltype(reply)(Error{ErrorCode::kCode, "the server is busy: try again"});
-    if (reply.error().code != ErrorCode::kCode) return reply;
-    code_asked_ = true;
-    keepAsksCode(true);
-    if (!code_.ask) return reply;
-    auto given = code_.ask(reply.error(), [this] { return isStopped(); });
-    if (!given.ok()) return decltype(reply)(given.error());
-    wipe(code_.code);
-    code_.code = std::move(*given);
-  }
-}
-
-// for the time without the server: it alone knows who has a code
-void StationRun::keepAsksCode(bool asks) {
-  if (const Status kept = CurriculumCache(options_.spool).keepAsksCode(options_.trainee, asks); !kept.ok())
-    logMessage("it is not kept whether a code is asked for: " + kept.error().message);
-}
-
-// a profile from a file needs no server; but one that is there says whether it knows the trainee
-Status StationRun::checkTrainee() {
-  Uplink* const uplink = home_.uplink();
-  if (uplink == nullptr) return {};
-  bool code_sent = false;
-  std::chrono::seconds patience = kCheckPatience;
-  const auto reply = askWithCode([&](const std::string& code) {
-    pb::Request request;
-    request.mutable_check_trainee()->set_trainee(options_.trainee);
-    request.mutable_check_trainee()->set_code(code);
-    // whoever typed a code waits for its check
-    code_sent = !code.empty();
-    patience = code_sent ? kLessonPatience : kCheckPatience;
-    return uplink->ask(std::move(request), patience, true, [this] { return isStopped(); });
-  });
-  if (reply.ok()) return {};
-  if (interrupted_ || stopped_) return reply.error();
-  const ErrorCode code = reply.error().code;
-  if (code == ErrorCode::kUnavailable)
-    logMessage(fmt::format("the server did not say within {} s whether it knows '{}' ({})", patience.count(),
-                           options_.trainee, reply.error().message));
-  // kDenied also comes when the server refuses the station itself, whose lesson goes on without it
-  const bool said_no = code == ErrorCode::kNotFound ||
-                       (code == ErrorCode::kDenied && !uplink->state().denied) ||
-                       ((code_asked_ || code_sent) && code != ErrorCode::kUnavailable);
-  return said_no ? Status(reply.error()) : Status();
-}
-
 Status StationRun::getLesson() {
-  auto lesson = [&]() -> Result<StationLesson> {
-    if (!options_.profile_file.empty()) {
-      RETURN_IF_ERROR(checkTrainee());
-      return lessonOfFile(options_);
-    }
-    const LessonCache cache(options_.spool);
-    auto cached = cache.find(options_.exercise);
-    if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)
-      return cached.error();  // no id at all
-    if (Uplink* uplink = home_.uplink()) {
-      const auto fetched = askWithCode([&](const std::string& code) {
-        return uplink->getLesson(
-            options_.exercise, options_.trainee, kLessonPatience, cached.ok(), [this] { return isStopped(); },
-            code);
-      });
-      if (fetched.ok()) {
-        if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())
-          logMessage("the lesson is not cached: " + kept.error().message);
-        return lessonOfMessage(options_, *fetched);
-      }
-      // accepts the server's refusal; does not wait for an absent server
-      if (fetched.error().code != ErrorCode::kUnavailable) return fetched.error();
-      if (!cached.ok())
-        return Error{fetched.error().code, fetched.error().message + ", and " + cached.error().message};
-      logMessage("the server is away (" + fetched.error().message + "); exercise " + options_.exercise +
-                 " comes from the cache, the samples wait in the spool");
-    }
-    if (!cached.ok())
-      return Error{ErrorCode::kInvalidInput, cached.error().message + "; give --server, or --profile FILE"};
-    auto usable = lessonOfMessage(options_, *cached);
-    if (!usable.ok())
-      return Error{usable.error().code, "the cached lesson " + options_.exercise +
-                                            " cannot be used: " + usable.error().message +
-                                            "; connect to the server once, which gives it anew"};
-    logMessage(fmt::format("exercise {} from the cache: profile {}, revision {}", options_.exercise,
-                           usable->profile.id(), usable->profile_revision));
-    return usable;
-  }();
-  if (!lesson.ok()) return lesson.error();
-  lesson_ = std::move(*lesson);
-  for (const std::string& warning : lesson_.warnings)
-    logMessage("profile " + lesson_.profile.id() + ": " + warning);
-  // the lesson needs it no longer
-  wipe(code_.code);
-  code_.ask = nullptr;
-  code_unchecked_ = !code_checked_ && CurriculumCache(options_.spool).asksCode(options_.trainee);
-  if (code_unchecked_) logMessage(kCodeUnchecked);
+  ASSIGN_OR_RETURN(auto fetched, fetchLesson(home_, options_, code_, [this] { return isStopped(); }));
+  lesson_ = std::move(fetched.lesson);
+  code_checked_ = fetched.code_checked;
+  code_unchecked_ = fetched.code_unchecked;
   return {};
 }
 
@@ -332,7 +198,8 @@ Status StationRun::practise() {
   rt_options.spin_ns = std::llround(options_.spin_us * 1e3);
   rt_options.rate_hz = options_.rate_hz;
   LoopTime clock(rt_options.spin_ns);
-  const bool somebody_there = options_.opensWindow() || EnterKey(STDIN_FILENO).isTerminal();
+  EnterKey enter(STDIN_FILENO);
+  const bool somebody_there = options_.opensWindow() || enter.isTerminal();
   ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
   settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
@@ -357,8 +224,12 @@ Status StationRun::practise() {
   realtime_.insert(realtime_.end(), thread_steps.begin(), thread_steps.end());
   for (const std::string& line : rtStepLines(realtime_)) logMessage("real time: " + line);
   {
-    DeviceMaintenance maintenance(*device_);
-    watch(maintenance, settings.on_fault);
+    const DeviceMaintenance maintenance(*device_, home_.time());
+    LoopWatch watch({home_, options_, lesson_, *loop_, *writer_, maintenance, settings.on_fault}, signals_,
+                    enter);
+    watch.run();
+    interrupted_ = interrupted_ || watch.interrupted();
+    if (watch.stopped()) stopped_ = watch.stopped();
     haptic.join();
   }
   device_->close();
@@ -368,76 +239,6 @@ Status StationRun::practise() {
   stored_ = writer_->finish(5s);
   if (!stored_.ok()) logMessage(stored_.error().message);
   return stored_;
-}
-
-// handles requests from the window and from instructors
-void StationRun::handleRequests(LiveAids& aids) {
-  if (auto stop = home_.requests().takeStop(); stop && !stopped_) {
-    stopped_ = std::move(stop);
-    logMessage(stopText(stopped_));
-    loop_->stop();
-  }
-  if (const auto chosen = home_.requests().takeAids()) {
-    aids = chosen->reset ? aidsOf(lesson_) : aidsOf(chosen->aids);
-    logMessage(chosen->by + " changed what is shown");
-    home_.observer().aids(*chosen);
-  }
-}
-
-// handles signals, fault messages and acknowledgements until the loop ends
-void StationRun::watch(DeviceMaintenance& maintenance, FaultPolicy on_fault) {
-  sigset_t signals = signals_;
-  ::sigaddset(&signals, SIGUSR1);
-  EnterKey enter(STDIN_FILENO);
-  const bool waits = on_fault == FaultPolicy::kWait;
-  const bool enter_works = enter.isTerminal() || options_.opensWindow();
-  FaultWatch fault_watch(
-      waits, enter_works ? "press Enter" : fmt::format("send SIGUSR1 (kill -USR1 {})", ::getpid()));
-  LiveViewer viewer(*loop_, options_.rate_hz, layerNames(lesson_.profile));
-  LiveAids aids = aidsOf(lesson_);
-  Uplink* const uplink = home_.uplink();
-  while (!loop_->ended()) {
-    const int signal = signalWithin(signals, 50ms);
-    if (signal != 0 && signal != SIGUSR1) {
-      logMessage("stopping");
-      interrupted_ = true;
-      loop_->stop();
-    }
-    handleRequests(aids);
-    WatchedState state;
-    const std::int64_t now_ns = home_.time().nowNs();
-    state.now_s = static_cast<double>(now_ns) * 1e-9;
-    state.faults = loop_->faults();
-    state.fault = loop_->fault();
-    state.cause_lasts = loop_->causeLasts();
-    state.acknowledged = loop_->acknowledgementStands();
-    state.condition = loop_->condition();
-    state.device_status = maintenance.status();
-    const bool at_window = home_.requests().takeAcknowledgement();
-    state.acknowledge_pressed = enter.pressed() || signal == SIGUSR1 || at_window;
-    if (fault_watch.isAcknowledgement(state)) loop_->acknowledge();
-    for (const std::string& line : fault_watch.update(state)) logMessage(line);
-    home_.guard().check();
-    LiveView view = viewer.look(spoolText(writer_->counts()), uplink ? serverText(uplink->state()) : "");
-    view.aids = aids;
-    const std::string room = home_.guard().trouble();
-    const std::string full = uplink ? uplink->state().server_full : "";
-    home_.observer().status(
-        statusOf(state, view, waits, room.empty() || full.empty() ? room + full : room + "; " + full));
-    if (liveLine().due(now_ns)) liveLine().show(view, now_ns);
-    if (uplink) reportToServer(fault_watch);
-  }
-  liveLine().end();
-}
-
-// reports the station's state to instructors
-void StationRun::reportToServer(const FaultWatch& faults) {
-  Uplink& uplink = *home_.uplink();
-  uplink.noteMissedTicks(loop_->missedTicks());
-  uplink.noteWakeup(static_cast<std::uint32_t>(loop_->stats().wakeup.quantile_ns(0.99) / 1000));
-  uplink.noteTrouble("disk", writer_->trouble());
-  uplink.noteTrouble("spool", home_.guard().trouble());
-  uplink.noteTrouble("device", faults.trouble());
 }
 
 void StationRun::drain() {

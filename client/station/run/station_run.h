@@ -12,7 +12,6 @@
 #include "client/device/device.h"
 #include "client/device/hand.h"
 #include "client/station/run/black_box.h"
-#include "client/station/run/fault_watch.h"
 #include "client/station/run/lesson.h"
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/local_score.h"
@@ -53,20 +52,12 @@ class StationRun {
  private:
   bool isStopped();
   // steps of `prepare`
-  template <typename Ask>
-  auto askWithCode(Ask&& ask);
-  void keepAsksCode(bool asks);
-  Status checkTrainee();
   Status getLesson();
   Status chooseDevice();
   Status measureEffects();
   Status openDevice();
   Status openSession();
   void announce();
-  // while the loop runs
-  void watch(DeviceMaintenance& maintenance, FaultPolicy on_fault);
-  void handleRequests(LiveAids& aids);
-  void reportToServer(const FaultWatch& faults);
   // afterwards
   void scoreHere();
   StationSummary summarise();
@@ -75,10 +66,8 @@ class StationRun {
   const StationOptions options_;
   const sigset_t& signals_;
   GivenCode code_;
-  bool code_asked_ = false;                 // by the server, for this lesson
-  bool code_checked_ = false;               // it accepted it
-  bool code_unchecked_ = false;             // it asks for one otherwise, but is away
-  std::shared_ptr<HandSteering> steering_;  // input of the simulated hand steered in the window
+  bool code_checked_ = false, code_unchecked_ = false;  // as in FetchedLesson
+  std::shared_ptr<HandSteering> steering_;              // input of the simulated hand steered in the window
   SampleRing ring_;
   StationLesson lesson_;
   std::vector<std::string> device_notes_;

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <optional>
-#include <thread>
+#include <utility>
 
 #include "client/station/run/real_time.h"
 #include "client/station/run/signals.h"
@@ -20,41 +20,78 @@ bool isPose(const Pose& X) {
   return isFinite(X.p) && isFinite(X.q) && std::abs(std::sqrt(dot(X.q, X.q)) - 1) <= 1e-3;
 }
 
+/// The loop on the haptic thread, which first becomes a real-time thread as in a lesson.
+class HapticTurns final : public Turns {
+ public:
+  HapticTurns(ZeroForceLoop& loop, const RtOptions* real_time) : loop_(loop), real_time_(real_time) {}
+  std::optional<std::int64_t> turn() noexcept override {
+    if (!std::exchange(begun_, true) && real_time_ != nullptr) steps_ = makeThreadRealTime(*real_time_);
+    const auto due_ns = loop_.turn();
+    if (!due_ns) ended_.store(true, std::memory_order_release);
+    return due_ns;
+  }
+  void rest(std::int64_t until_ns) noexcept override { loop_.rest(until_ns); }
+
+  [[nodiscard]] bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
+  /// What the thread did for real time; read it after `ended`.
+  [[nodiscard]] const std::vector<RtStep>& steps() const noexcept { return steps_; }
+
+ private:
+  ZeroForceLoop& loop_;
+  const RtOptions* real_time_;
+  std::vector<RtStep> steps_;
+  bool begun_ = false;
+  std::atomic<bool> ended_{false};
+};
+
 }  // namespace
 
 ZeroForceLoop::ZeroForceLoop(Device& device, TimeSource& clock, const ZeroForceSettings& settings)
     : device_(device),
       clock_(clock),
       settings_(settings),
+      period_ns_(1e9 / settings.rate_hz),
       kept_(settings.max_ticks / settings.keep_every + 1) {}
 
 void ZeroForceLoop::run() noexcept {
-  const double period_ns = 1e9 / settings_.rate_hz;
-  const std::int64_t start_ns = clock_.nowNs() + kFirstTickLead_ns;
-  std::uint64_t number = 0;
-  while (number < settings_.max_ticks && !stop_.load(std::memory_order_relaxed)) {
-    const std::int64_t due_ns = start_ns + std::llround(static_cast<double>(number) * period_ns);
-    clock_.sleepUntilNs(due_ns);
-    const std::int64_t late_ns = clock_.nowNs() - due_ns;
-    stats_.wakeup.add(late_ns);
-    if (static_cast<double>(late_ns) >= period_ns) {
-      const auto missed = std::min(static_cast<std::uint64_t>(static_cast<double>(late_ns) / period_ns),
-                                   settings_.max_ticks - number);
-      number += missed;
-      stats_.missed += missed;
-      device_.skip(missed);
-      if (number >= settings_.max_ticks) break;
-    }
-    tick(number);
-    if (stats_.device_finished) break;
-    ++number;
-    elapsed_ticks_.store(number, std::memory_order_relaxed);
-  }
-  stats_.ticks = number;
+  while (const auto due_ns = turn()) rest(*due_ns);
+}
+
+std::int64_t ZeroForceLoop::dueNs() const noexcept {
+  return start_ns_ + std::llround(static_cast<double>(number_) * period_ns_);
+}
+
+std::optional<std::int64_t> ZeroForceLoop::turn() noexcept {
+  if (std::exchange(begun_, true))
+    wake();
+  else
+    start_ns_ = clock_.nowNs() + kFirstTickLead_ns;
+  const bool over = stats_.device_finished || number_ >= settings_.max_ticks;
+  if (!over && !stop_.load(std::memory_order_relaxed)) return dueNs();
+  stats_.ticks = number_;
   // includes the last tick's period; otherwise one tick would look like a rate of 30 kHz
-  const double elapsed_ns = static_cast<double>(clock_.nowNs() - start_ns);
-  stats_.seconds = std::max(elapsed_ns, static_cast<double>(number) * period_ns) * 1e-9;
+  const double elapsed_ns = static_cast<double>(clock_.nowNs() - start_ns_);
+  stats_.seconds = std::max(elapsed_ns, static_cast<double>(number_) * period_ns_) * 1e-9;
   device_.write(GuardedWrench{});
+  return std::nullopt;
+}
+
+// the tick that is due, without those that passed before the loop woke
+void ZeroForceLoop::wake() noexcept {
+  const std::int64_t late_ns = clock_.nowNs() - dueNs();
+  stats_.wakeup.add(late_ns);
+  if (static_cast<double>(late_ns) >= period_ns_) {
+    const auto missed = std::min(static_cast<std::uint64_t>(static_cast<double>(late_ns) / period_ns_),
+                                 settings_.max_ticks - number_);
+    number_ += missed;
+    stats_.missed += missed;
+    device_.skip(missed);
+    if (number_ >= settings_.max_ticks) return;
+  }
+  tick(number_);
+  if (stats_.device_finished) return;
+  ++number_;
+  elapsed_ticks_.store(number_, std::memory_order_relaxed);
 }
 
 void ZeroForceLoop::tick(std::uint64_t number) noexcept {
@@ -100,7 +137,8 @@ void ZeroForceLoop::keep(std::uint64_t number) noexcept {
 }
 
 ZeroForceRun runZeroForceLoop(ZeroForceLoop& loop, Device& device, const RtOptions* real_time,
-                              const sigset_t& stop_signals, const std::function<bool()>& progress) {
+                              const sigset_t& stop_signals, const std::function<bool()>& progress,
+                              TimeSource& time, TurnRunner& threads) {
   ZeroForceRun run;
   std::optional<ShallowSleep> shallow_sleep;
   if (real_time != nullptr) {
@@ -109,23 +147,19 @@ ZeroForceRun runZeroForceLoop(ZeroForceLoop& loop, Device& device, const RtOptio
     run.realtime.push_back(shallow_sleep->step());
     run.realtime.push_back(lockMemory());
   }
-  std::vector<RtStep> thread_steps;
-  std::atomic<bool> done{false};
-  std::thread haptic([&] {
-    if (real_time != nullptr) thread_steps = makeThreadRealTime(*real_time);
-    loop.run();
-    done.store(true, std::memory_order_release);
-  });
-  bool goes_on = true;
-  while (!done.load(std::memory_order_acquire)) {
-    const bool signal = signalWithin(stop_signals, kMaintain) != 0;
-    run.stopped = run.stopped || signal;
-    device.maintain();
-    goes_on = goes_on && progress();
-    if (run.stopped || !goes_on) loop.stop();
+  HapticTurns haptic(loop, real_time);
+  {
+    const auto running = threads.start(haptic, {"zero force", 0});
+    bool goes_on = true;
+    while (!haptic.ended()) {
+      const bool signal = signalWithin(stop_signals, kMaintain, time) != 0;
+      run.stopped = run.stopped || signal;
+      device.maintain();
+      goes_on = goes_on && progress();
+      if (run.stopped || !goes_on) loop.stop();
+    }
   }
-  haptic.join();
-  run.realtime.insert(run.realtime.end(), thread_steps.begin(), thread_steps.end());
+  run.realtime.insert(run.realtime.end(), haptic.steps().begin(), haptic.steps().end());
   return run;
 }
 

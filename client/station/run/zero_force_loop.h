@@ -8,13 +8,16 @@
 #include <csignal>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "client/device/device.h"
+#include "client/device/turns.h"
 #include "client/station/run/real_time.h"
 #include "common/base/histogram.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -50,14 +53,18 @@ struct ZeroForceStats {
   LatencyHistogram exchange;      ///< the device's read and write
 };
 
-/// Thread: `run` on the haptic thread; `stop`, `samples` from any. A tick uses no heap, lock or exception.
-class ZeroForceLoop {
+/// Thread: `run`, or `turn` and `rest`, on the haptic thread; `stop`, `samples` from any. A tick uses no
+/// heap, lock or exception.
+class ZeroForceLoop final : public Turns {
  public:
   /// Both must outlive the loop; the device is open.
   ZeroForceLoop(Device& device, TimeSource& clock, const ZeroForceSettings& settings);
 
   /// Runs until max_ticks, `stop` or the end of a recording, then leaves the device with zero force.
   void run() noexcept;
+  /// One tick of `run`, but for the first call, which sets the first tick's time.
+  std::optional<std::int64_t> turn() noexcept override;
+  void rest(std::int64_t until_ns) noexcept override { clock_.sleepUntilNs(until_ns); }
   void stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
 
   /// Returns the samples kept so far; valid during the loop's lifetime.
@@ -74,13 +81,19 @@ class ZeroForceLoop {
   [[nodiscard]] const ZeroForceStats& stats() const noexcept { return stats_; }
 
  private:
+  [[nodiscard]] std::int64_t dueNs() const noexcept;  // of the tick `number_`
+  void wake() noexcept;
   void tick(std::uint64_t number) noexcept;
   void keep(std::uint64_t number) noexcept;
 
   Device& device_;
   TimeSource& clock_;
   ZeroForceSettings settings_;
+  double period_ns_;
   DeviceReading reading_;
+  bool begun_ = false;
+  std::int64_t start_ns_ = 0;
+  std::uint64_t number_ = 0;           // of the next tick
   std::vector<ZeroForceSample> kept_;  // fixed size: the loop writes, others read up to kept_count_
   std::atomic<std::size_t> kept_count_{0};
   std::atomic<std::uint64_t> elapsed_ticks_{0};
@@ -97,9 +110,11 @@ struct ZeroForceRun {
 };
 /// Runs the loop on its own thread, with a lesson's real-time settings from `real_time` (null: an ordinary
 /// thread). Meanwhile the calling thread maintains the device (maintain) and calls `progress` 20 times a
-/// second. The loop ends if `progress` returns false, or on a stop signal (the signals are blocked).
+/// second of `time`, which need not be the loop's. The loop ends if `progress` returns false, which is then
+/// not called again, or on a stop signal (the signals are blocked).
 ZeroForceRun runZeroForceLoop(ZeroForceLoop& loop, Device& device, const RtOptions* real_time,
-                              const sigset_t& stop_signals, const std::function<bool()>& progress);
+                              const sigset_t& stop_signals, const std::function<bool()>& progress,
+                              TimeSource& time = machineTime(), TurnRunner& threads = machineThreads());
 
 /// A clock that never waits, for devices that advance by ticks, such as a recording.
 class ImpatientClock final : public TimeSource {

@@ -19,6 +19,7 @@ namespace needlelab {
 namespace {
 
 using std::chrono::milliseconds;
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
 using testing::HasSubstr;
 
 /// A scripted server: answers each envelope as the test defines, on any number of connections.
@@ -241,12 +242,32 @@ class TestClock : public LinkClock {
     co_await timer.async_wait(kUseTuple);
     std::erase_if(waits_, [&](const auto& each) { return each.second == &timer; });
   }
-  void advance(milliseconds time) {
-    time_.advance(std::chrono::nanoseconds(time).count());
+  /// What the peer sends takes none of this time. When nothing is to be done and `passes` says so, the time
+  /// moves on to the next due time.
+  void runOne(asio::io_context& io, std::int64_t due_ns) override {
+    if (io.poll_one() > 0) return;
+    if (!passes()) {
+      io.run_one_for(milliseconds(2));
+      return;
+    }
+    for (const auto& each : waits_)
+      if (each.first > steadyNs()) due_ns = std::min(due_ns, each.first);
+    advanceTo(due_ns);
+  }
+  void advance(milliseconds time) { advanceTo(steadyNs() + std::chrono::nanoseconds(time).count()); }
+  void advanceTo(std::int64_t to_ns) {
+    time_.advanceTo(to_ns);
     for (const auto& [due_ns, timer] : waits_)
       if (due_ns <= steadyNs()) timer->cancel();
   }
+  /// The link waits for a time, of its back-off or of a request's limit.
+  [[nodiscard]] bool linkWaits() const {
+    return std::any_of(waits_.begin(), waits_.end(), [this](const auto& each) {
+      return each.first > steadyNs() && each.first < INT64_MAX;
+    });
+  }
   std::vector<milliseconds> asked;
+  std::function<bool()> passes = [] { return false; };
 
  private:
   test::FakeTime time_;
@@ -646,6 +667,118 @@ TEST_F(ServerLinkTest, anotherLogInTakesThePlaceOfTheFirst) {
   EXPECT_EQ(server.logins(), 2u);
 }
 
+// --- the blocking client, on a simulated clock
+
+class BlockingClientTime : public testing::Test {
+ protected:
+  // logs in to `server`; no time passes
+  void connect(const ScriptedServer& server) {
+    LinkSettings settings;
+    settings.seed = 7;
+    settings.clock = clock_;
+    auto client = BlockingClient::connect(server.config(), settings);
+    ASSERT_TRUE(client.ok()) << client.error().message;
+    client_.emplace(std::move(*client));
+  }
+  // says goodbye, which takes no time either
+  void TearDown() override {
+    clock_->passes = [] { return false; };
+    client_.reset();
+  }
+
+  std::shared_ptr<TestClock> clock_ = std::make_shared<TestClock>();
+  const std::int64_t begun_ns_ = clock_->steadyNs();
+  std::optional<BlockingClient> client_;
+};
+
+TEST_F(BlockingClientTime, aCallGivesUpExactlyAfterItsTimeout) {
+  ScriptedServer server(friendly);
+  ASSERT_NO_FATAL_FAILURE(connect(server));
+  // the server has the request and does not answer it
+  clock_->passes = [&] { return server.count([](const pb::Envelope& e) { return e.has_request(); }) == 1; };
+  pb::Request request;
+  request.mutable_list_users();
+  const auto reply = client_->call(request, milliseconds(10'500));
+  ASSERT_FALSE(reply.ok());
+  EXPECT_EQ(reply.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(reply.error().message, HasSubstr("within 10500 ms"));
+  EXPECT_EQ(client_->nowNs() - begun_ns_, 10'500'000'000);
+  EXPECT_TRUE(client_->connected());
+}
+
+TEST_F(BlockingClientTime, anAnswerThatComesInTimeEndsTheCallAtOnce) {
+  ScriptedServer server([](const pb::Envelope& got) {
+    if (!got.has_request()) return friendly(got);
+    pb::Envelope answer;
+    answer.mutable_reply()->set_id(got.request().id());
+    answer.mutable_reply()->mutable_done();
+    return std::vector{answer};
+  });
+  ASSERT_NO_FATAL_FAILURE(connect(server));
+  pb::Request request;
+  request.mutable_list_users();
+  EXPECT_TRUE(client_->call(request, milliseconds(1)).ok()) << "however long the machine takes";
+  EXPECT_EQ(client_->nowNs(), begun_ns_);
+}
+
+TEST_F(BlockingClientTime, receiveWaitsExactlyItsTime) {
+  ScriptedServer server(friendly);
+  ASSERT_NO_FATAL_FAILURE(connect(server));
+  clock_->passes = [] { return true; };
+  const auto got = client_->receive(milliseconds(90'000));
+  EXPECT_EQ(got.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(got.error().message, HasSubstr("within 90000 ms"));
+  EXPECT_EQ(client_->nowNs() - begun_ns_, 90 * kSecond_ns);
+  EXPECT_TRUE(client_->connected());
+}
+
+// The waits are those of a back-off with the same seed. Meanwhile it looks every 20 ms, and after each
+// attempt, whether somebody stops it.
+TEST_F(BlockingClientTime, reconnectTriesByTheBackOffAndLooksForAStopUntilItsTimeIsOver) {
+  std::optional<ScriptedServer> server(std::in_place, friendly);
+  ASSERT_NO_FATAL_FAILURE(connect(*server));
+  server.reset();
+  while (client_->receive(milliseconds(1)).ok()) {
+  }
+  clock_->passes = [this] { return clock_->linkWaits(); };
+  std::int64_t looks = 0;
+  const Status status = client_->reconnect(begun_ns_ + 60 * kSecond_ns, [&] { return ++looks < 0; });
+  EXPECT_EQ(status.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(client_->nowNs() - begun_ns_, 60 * kSecond_ns);
+
+  Backoff same(7, {});
+  std::vector<milliseconds> waits{same.next()};
+  std::int64_t now_ms = 0, next_try_ms = waits.back().count(), expected_looks = 0;
+  while (now_ms < 60'000) {
+    ++expected_looks;
+    const std::int64_t step_ms = std::min<std::int64_t>(60'000, now_ms + 20);
+    if (next_try_ms >= step_ms) {
+      now_ms = step_ms;
+      continue;
+    }
+    now_ms = next_try_ms;
+    waits.push_back(same.next());
+    next_try_ms = now_ms + waits.back().count();
+  }
+  EXPECT_EQ(clock_->asked, waits);
+  EXPECT_EQ(looks, expected_looks);
+}
+
+TEST_F(BlockingClientTime, aStopEndsReconnectAtTheNextLook) {
+  std::optional<ScriptedServer> server(std::in_place, friendly);
+  ASSERT_NO_FATAL_FAILURE(connect(*server));
+  server.reset();
+  while (client_->receive(milliseconds(1)).ok()) {
+  }
+  clock_->passes = [this] { return clock_->linkWaits(); };
+  int looks = 0;
+  const Status status = client_->reconnect(INT64_MAX, [&] { return ++looks == 4; });
+  EXPECT_EQ(status.error().code, ErrorCode::kUnavailable);
+  // the first wait is at least 100 ms: no attempt yet
+  EXPECT_EQ(client_->nowNs() - begun_ns_, 60'000'000);
+  EXPECT_EQ(clock_->asked.size(), 1u);
+}
+
 TEST(BlockingClient, reconnectsWhenItIsTold) {
   std::atomic<bool> deny{false};
   ScriptedServer server([&](const pb::Envelope& got) -> std::vector<pb::Envelope> {
@@ -654,7 +787,6 @@ TEST(BlockingClient, reconnectsWhenItIsTold) {
     *no.mutable_refusal() = makeRefusal(pb::Refusal::LOGIN, "wrong password", true);
     return {no};
   });
-  using Clock = BlockingClient::Clock;
   auto client = BlockingClient::connect(server.config());
   ASSERT_TRUE(client.ok()) << client.error().message;
   const auto lose = [&] {
@@ -664,17 +796,17 @@ TEST(BlockingClient, reconnectsWhenItIsTold) {
   };
   lose();
   EXPECT_FALSE(client->connected());
-  const auto back = client->reconnect(Clock::now() + std::chrono::seconds(20), [] { return false; });
+  const auto back = client->reconnect(client->nowNs() + 20 * kSecond_ns, [] { return false; });
   ASSERT_TRUE(back.ok()) << back.error().message;
   EXPECT_TRUE(client->connected());
   // refused: no second attempt
   lose();
   deny = true;
-  EXPECT_EQ(client->reconnect(Clock::now() + std::chrono::hours(1), [] { return false; }).error().code,
+  EXPECT_EQ(client->reconnect(client->nowNs() + 3600 * kSecond_ns, [] { return false; }).error().code,
             ErrorCode::kDenied);
   EXPECT_EQ(server.logins(), 3u);
   // stopped by the user
-  EXPECT_EQ(client->reconnect(Clock::now() + std::chrono::seconds(30), [] { return true; }).error().code,
+  EXPECT_EQ(client->reconnect(client->nowNs() + 30 * kSecond_ns, [] { return true; }).error().code,
             ErrorCode::kUnavailable);
 }
 

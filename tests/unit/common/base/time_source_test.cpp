@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <thread>
 
+#include "tests/support/blocked_signals.h"
 #include "tests/support/fake_time.h"
 
 namespace needlelab::test {
@@ -46,6 +48,28 @@ TEST(MachineTime, aWaitEndsWithTheNotification) {
   other.join();
 }
 
+// the signal comes before the wait or during it; a wait that no signal ends would take an hour
+TEST(MachineTime, aSignalEndsAWait) {
+  const BlockedSignals blocked({SIGUSR1, SIGUSR2});
+  TimeSource& time = machineTime();
+  const std::int64_t due_ns = time.nowNs() + 3600 * 1000 * kMillisecond;
+  std::thread other([owner = ::pthread_self()] { ::pthread_kill(owner, SIGUSR2); });
+  EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), due_ns), SIGUSR2);
+  EXPECT_LT(time.nowNs(), due_ns);
+  other.join();
+  // it was taken
+  EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), time.nowNs()), 0);
+}
+
+TEST(MachineTime, aWaitForASignalEndsAtItsDueTimeWithoutOne) {
+  const BlockedSignals blocked({SIGUSR1});
+  TimeSource& time = machineTime();
+  const std::int64_t due_ns = time.nowNs() + 2 * kMillisecond;
+  EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), due_ns), 0);
+  EXPECT_GE(time.nowNs(), due_ns);
+  EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), due_ns), 0) << "a time that has passed";
+}
+
 TEST(FakeTime, sleepsMoveItToTheDueTimeAndNeverBack) {
   FakeTime time(1000);
   time.sleepUntilNs(5000);
@@ -82,6 +106,31 @@ TEST(FakeTime, aWaitThatNothingEndsTakesItsWholeTime) {
   EXPECT_EQ(time.nowNs(), 9000);
   EXPECT_TRUE(time.waitUntilNs(changed, lock, 20'000, [] { return true; }));
   EXPECT_EQ(time.nowNs(), 9000);
+}
+
+TEST(FakeTime, aPendingSignalEndsAWaitBeforeItBegins) {
+  const BlockedSignals blocked({SIGUSR1});
+  FakeTime time(1000);
+  ::raise(SIGUSR1);
+  EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), 9000), SIGUSR1);
+  EXPECT_EQ(time.nowNs(), 1000);
+  EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), 9000), 0);
+  EXPECT_EQ(time.nowNs(), 9000);
+  EXPECT_EQ(time.sleeps(), 1u);
+}
+
+TEST(FakeTime, aSignalDuringAWaitIsTakenAtItsEnd) {
+  class Interrupted final : public FakeTime {
+   public:
+    void sleepUntilNs(std::int64_t due_ns) noexcept override {
+      FakeTime::sleepUntilNs(due_ns);
+      ::raise(SIGUSR1);
+    }
+  } time;
+  const BlockedSignals blocked({SIGUSR1});
+  const std::int64_t due_ns = time.nowNs() + 50 * kMillisecond;
+  EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), due_ns), SIGUSR1);
+  EXPECT_EQ(time.nowNs(), due_ns);
 }
 
 }  // namespace

@@ -33,11 +33,21 @@ TEST_F(ScriptRunnerTest, quitEndsAndWaitingLetsTimeGoBy) {
 TEST_F(ScriptRunnerTest, latencyIsMeasuredAndJudged) {
   BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   const Status done =
-      script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait 2\nlatency 100000\nframes");
+      script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-live 3\nlatency 100000\nframes");
   ASSERT_TRUE(done.ok()) << done.error().message;
   ASSERT_EQ(printed_.size(), 2u);
   EXPECT_THAT(printed_[0], HasSubstr("capture to screen: p50"));
   EXPECT_THAT(script("latency 0.001").error().message, HasSubstr("p99 is"));
+}
+
+TEST_F(ScriptRunnerTest, liveFramesAreCountedFromTheActionOn) {
+  EXPECT_THAT(script("wait-live 1").error().message, HasSubstr("open one first"));
+  BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
+  ASSERT_TRUE(script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-live 3").ok());
+  const std::size_t before = lab_->live()->latency().count();
+  EXPECT_GE(before, 3u);
+  ASSERT_TRUE(script("wait-live 4").ok());
+  EXPECT_GE(lab_->live()->latency().count(), before + 4);
 }
 
 TEST_F(ScriptRunnerTest, aFilterReplacesTheOneBeforeAndShowsTheLab) {

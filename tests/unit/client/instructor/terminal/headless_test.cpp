@@ -67,11 +67,10 @@ class Headless : public testing::Test {
     if (!client.ok()) return {client.error(), {}, {}, {}};
     printed_.str({});
     std::ostream text(&printed_);
-    const auto end =
-        BlockingClient::Clock::now() + std::chrono::milliseconds(static_cast<int>(seconds * 1000));
+    const std::int64_t end_ns = client->nowNs() + std::llround(seconds * 1e9);
     Output output;
     output.status = runHeadless(
-        {options_, *client, text, [this] { return printed_.updates() >= enough_updates_; }, end, time});
+        {options_, *client, text, [this] { return printed_.updates() >= enough_updates_; }, end_ns, time});
     std::istringstream lines(printed_.str());
     for (std::string line; std::getline(lines, line);) {
       auto json = nlohmann::json::parse(line);

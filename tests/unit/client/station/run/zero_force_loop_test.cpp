@@ -1,17 +1,26 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <csignal>
+#include <functional>
+#include <optional>
+#include <vector>
 
 #include "client/station/run/zero_force_loop.h"
 #include "common/haptics/device_condition.h"
+#include "tests/support/blocked_signals.h"
+#include "tests/support/device_world.h"
 #include "tests/support/no_alloc.h"
 #include "tests/unit/client/station/run/fake_loop.h"
 
 namespace needlelab {
 namespace {
 
+using test::BlockedSignals;
+using test::DeviceWorld;
 using test::FakeDevice;
 using test::FakeTime;
+using test::kMs;
 
 FakeDevice::Script resting() {
   return [](std::uint64_t, DeviceReading& reading) {
@@ -110,6 +119,94 @@ TEST(ZeroForceLoop, progressEndsIt) {
   EXPECT_FALSE(run.stopped);
   EXPECT_EQ(calls, 3);
   EXPECT_LT(loop.stats().ran, kNeverReached);
+}
+
+// Loop and owner in a simulated world: the first tick is due 2 ms after the beginning, the owner looks every
+// 50 ms. At a time that both have, the tick comes first.
+class ZeroForceRunTest : public testing::Test {
+ protected:
+  struct Look {
+    std::int64_t at_ms;
+    std::uint64_t ticks;
+    bool operator==(const Look&) const = default;
+  };
+  class MaintainedDevice final : public Device {
+   public:
+    explicit MaintainedDevice(FakeDevice& device) : device_(device) {}
+    [[nodiscard]] const DeviceInfo& info() const override { return device_.info(); }
+    Status open(double rate_hz) override { return device_.open(rate_hz); }
+    DeviceRead read(DeviceReading& reading) noexcept override { return device_.read(reading); }
+    void write(const GuardedWrench& wrench) noexcept override { device_.write(wrench); }
+    void skip(std::uint64_t ticks) noexcept override { device_.skip(ticks); }
+    void maintain() override { ++maintained; }
+    void close() noexcept override { device_.close(); }
+    int maintained = 0;
+
+   private:
+    FakeDevice& device_;
+  };
+
+  // `goes_on`: what progress returns at its n-th call, from 1
+  ZeroForceRun runLoop(std::uint64_t max_ticks, const std::function<bool(std::size_t call)>& goes_on) {
+    loop_.emplace(device_, world_, ZeroForceSettings{1000, max_ticks, 1000});
+    const auto progress = [&] {
+      looks_.push_back({sinceBeginning_ms(), fake_.reads});
+      EXPECT_DOUBLE_EQ(loop_->elapsed_s(), 1e-3 * static_cast<double>(fake_.reads));
+      return goes_on(looks_.size());
+    };
+    return runZeroForceLoop(*loop_, device_, nullptr, blocked_.set(), progress, world_, world_);
+  }
+  [[nodiscard]] std::int64_t sinceBeginning_ms() { return (world_.nowNs() - begun_ns_) / kMs; }
+
+  const BlockedSignals blocked_{SIGTERM};
+  DeviceWorld world_;
+  const std::int64_t begun_ns_ = world_.nowNs();
+  FakeDevice fake_{resting()};
+  MaintainedDevice device_{fake_};
+  std::optional<ZeroForceLoop> loop_;
+  std::vector<Look> looks_;
+};
+
+TEST_F(ZeroForceRunTest, looksTwentyTimesASecondUntilTheLoopHasEnded) {
+  // 1,001 ticks: the last one at 1,002 ms
+  const ZeroForceRun run = runLoop(1001, [](std::size_t) { return true; });
+  EXPECT_FALSE(run.stopped);
+  EXPECT_TRUE(run.realtime.empty()) << "an ordinary thread was asked for";
+  std::vector<Look> expected;
+  for (std::int64_t ms = 50; ms <= 1000; ms += 50)
+    expected.push_back({ms, static_cast<std::uint64_t>(ms) - 1});
+  expected.push_back({1050, 1001});
+  EXPECT_EQ(looks_, expected);
+  EXPECT_EQ(device_.maintained, 21);
+  EXPECT_EQ(loop_->stats().ran, 1001u);
+  EXPECT_EQ(loop_->stats().missed, 0u);
+}
+
+TEST_F(ZeroForceRunTest, progressEndsTheLoopAtTheNextTickAndIsNotCalledAgain) {
+  const ZeroForceRun run = runLoop(100'000, [](std::size_t call) { return call < 3; });
+  EXPECT_FALSE(run.stopped);
+  EXPECT_EQ(looks_, (std::vector<Look>{{50, 49}, {100, 99}, {150, 149}}));
+  EXPECT_EQ(loop_->stats().ran, 150u);
+  EXPECT_EQ(device_.maintained, 4) << "once more, until it saw the end";
+  EXPECT_EQ(sinceBeginning_ms(), 200);
+  EXPECT_EQ(fake_.writes.back(), Wrench{});
+}
+
+TEST_F(ZeroForceRunTest, aSignalEndsTheLoopAtTheNextLook) {
+  world_.at(begun_ns_ + 120 * kMs, [] { ::raise(SIGTERM); });
+  const ZeroForceRun run = runLoop(100'000, [](std::size_t) { return true; });
+  EXPECT_TRUE(run.stopped);
+  EXPECT_EQ(looks_, (std::vector<Look>{{50, 49}, {100, 99}, {150, 149}, {200, 150}}));
+  EXPECT_EQ(loop_->stats().ran, 150u);
+}
+
+TEST_F(ZeroForceRunTest, aSignalFromBeforeCountsAtOnce) {
+  ::raise(SIGTERM);
+  const ZeroForceRun run = runLoop(100'000, [](std::size_t) { return true; });
+  EXPECT_TRUE(run.stopped);
+  // the loop learns it before its first tick
+  EXPECT_EQ(looks_, (std::vector<Look>{{0, 0}, {50, 0}}));
+  EXPECT_EQ(loop_->stats().ran, 0u);
 }
 
 }  // namespace

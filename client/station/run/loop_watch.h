@@ -1,0 +1,73 @@
+/// What the lesson's thread does while the loop runs: it looks at loop, device, requests and signals.
+#pragma once
+
+#include <csignal>
+#include <cstdint>
+#include <optional>
+
+#include "client/device/device.h"
+#include "client/device/turns.h"
+#include "client/net/spool_writer.h"
+#include "client/station/run/fault_watch.h"
+#include "client/station/run/lesson.h"
+#include "client/station/run/lesson_requests.h"
+#include "client/station/run/live_line.h"
+#include "client/station/run/servo_loop.h"
+#include "client/station/run/station.h"
+#include "client/station/run/terminal.h"
+
+namespace needlelab {
+
+/// What a LoopWatch looks at. All of it must outlive the watch.
+struct WatchedLesson {
+  StationHome& home;
+  const StationOptions& options;
+  const StationLesson& lesson;
+  ServoLoop& loop;
+  const SpoolWriter& writer;
+  const DeviceMaintenance& maintenance;
+  FaultPolicy on_fault = FaultPolicy::kEnd;
+};
+
+/// Looks every 50 ms of the home's time, first 50 ms after the beginning and for the last time when the loop
+/// has ended. A look
+/// - stops the loop on a stop signal, or when a person or an instructor asks for it;
+/// - acknowledges a reported fault when a person pressed Enter or a button of the window, or sent SIGUSR1;
+/// - tells person, observer and server how loop, device and disk are.
+/// A signal brings the next look forward. Thread: one, the lesson's.
+class LoopWatch final : public Turns {
+ public:
+  /// `stop_signals`: from blockStopSignals. `enter` must outlive the watch.
+  LoopWatch(const WatchedLesson& watched, const sigset_t& stop_signals, EnterKey& enter);
+
+  /// Looks until the loop has ended.
+  void run();
+  /// One look of `run`, but for the first call.
+  std::optional<std::int64_t> turn() noexcept override;
+  void rest(std::int64_t until_ns) noexcept override;
+
+  /// A stop signal came: the program must end, not only the lesson.
+  [[nodiscard]] bool interrupted() const { return interrupted_; }
+  /// The first request that stopped the loop.
+  [[nodiscard]] const std::optional<StopCause>& stopped() const { return stopped_; }
+
+ private:
+  void look();
+  void handleRequests();
+  void handleFaults(WatchedState& state);
+  void showStatus(const WatchedState& state);
+  void reportToServer();
+
+  WatchedLesson watched_;
+  sigset_t signals_;  // SIGUSR1 too
+  EnterKey& enter_;
+  FaultWatch faults_;
+  LiveViewer viewer_;
+  LiveAids aids_;
+  bool begun_ = false;
+  int signal_ = 0;  // that ended the last rest
+  bool interrupted_ = false;
+  std::optional<StopCause> stopped_;
+};
+
+}  // namespace needlelab
