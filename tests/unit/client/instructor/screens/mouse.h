@@ -56,7 +56,8 @@ class WithMouse : public WindowLab {
     if (table == nullptr) return {};
     const ImGuiTableColumn& head = table->Columns[column];
     clickAt({0.5F * (head.WorkMinX + head.WorkMaxX), table->OuterRect.Min.y + 6});
-    return table->Columns[column].SortDirection;
+    const ImGuiSortDirection arrow = table->Columns[column].SortDirection;
+    return arrow;
   }
   void type(const std::string& text) {
     surface_->typeText(text);
