@@ -55,6 +55,7 @@ TEST_F(FrameActions, escapeClosesTheListOfKeysThenTheNoticesThenTheScreen) {
   logIn();
   lab_->screen = WindowScreen::kSessions;
   lab_->notices.trouble("the printer burns");
+  frames(2);
   ASSERT_TRUE(click(" ? "));
   ASSERT_TRUE(stands("Keyboard"));
   press(GLFW_KEY_ESCAPE);
