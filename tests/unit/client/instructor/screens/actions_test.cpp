@@ -188,7 +188,12 @@ TEST_F(LiveActions, keysScrollPauseAndFollow) {
   EXPECT_TRUE(live.paused());
   press(GLFW_KEY_SPACE);
   EXPECT_FALSE(live.paused());
-  EXPECT_EQ(lab_->screen, WindowScreen::kLive) << "Space presses no button, also not after an arrow";
+  // and presses no button, also not after an arrow
+  press(GLFW_KEY_LEFT);
+  press(GLFW_KEY_SPACE);
+  EXPECT_FALSE(live.paused());
+  EXPECT_EQ(lab_->screen, WindowScreen::kLive);
+  EXPECT_FALSE(lab_->stop_question.asking());
 }
 
 TEST_F(LiveActions, keysChangeThePlotsAndTheCamera) {
