@@ -40,7 +40,8 @@ class MachineThreads final : public TurnRunner {
 }  // namespace
 
 TurnRunner& machineThreads() noexcept {
-  static MachineThreads threads;
+  // never destroyed: a thread may still start one while the program ends
+  static MachineThreads& threads = *new MachineThreads;
   return threads;
 }
 

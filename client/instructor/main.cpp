@@ -16,6 +16,7 @@
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
+#include "common/wire/tls.h"
 
 namespace {
 
@@ -32,6 +33,8 @@ int main(int argc, char** argv) {
   using namespace needlelab;
   keepOutOfCoreDumps();
   keepProtobufQuiet();
+  // Xlib calls `exit` when the display is lost, while the connection's thread runs
+  keepTlsAtExit();
   InstructorOptions options;
   CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
   app.set_version_flag("--version", programText("instructor"));
@@ -93,7 +96,7 @@ int main(int argc, char** argv) {
   const auto stopped = [] { return interrupted.load(std::memory_order_relaxed); };
   if (options.window()) {
     const Status done = runWindowMode(options, stopped);
-    return done.ok() ? kExitDone : fail(done.error());
+    endProgram(done.ok() ? kExitDone : fail(done.error()));
   }
   const auto password = readPassword(options.password_file, "Password of " + options.user + ": ");
   if (!password.ok()) return fail(password.error());

@@ -16,10 +16,13 @@
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
+#include "common/wire/tls.h"
 
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();
   needlelab::keepProtobufQuiet();
+  // Xlib calls `exit` when the display is lost, and the lesson is sent after that
+  needlelab::keepTlsAtExit();
   try {
     const sigset_t stop_signals = needlelab::blockStopSignals();
     const needlelab::ParsedOptions parsed = needlelab::parseStationOptions(argc, argv);
@@ -38,8 +41,8 @@ int main(int argc, char** argv) {
       case needlelab::StationMode::kLesson:
         break;
     }
-    return parsed.options.opensWindow() ? needlelab::runTrainee(parsed.options, stop_signals)
-                                        : needlelab::runStation(parsed.options, stop_signals);
+    if (!parsed.options.opensWindow()) return needlelab::runStation(parsed.options, stop_signals);
+    needlelab::endProgram(needlelab::runTrainee(parsed.options, stop_signals));
   } catch (const std::exception& error) {
     // out of memory, or a thread could not start: the spool keeps its data
     std::cerr << "needlelab-station: " << error.what() << "\n";

@@ -4,9 +4,18 @@
 #include <sys/utsname.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <fstream>
+#include <iostream>
 
 namespace needlelab {
+
+void endProgram(int code) {
+  std::cout.flush();
+  std::cerr.flush();
+  std::fflush(nullptr);
+  ::_exit(code);
+}
 
 std::string machineText() {
   std::string processor = "unknown processor";

@@ -18,6 +18,12 @@ inline int exitCodeOf(const Error& error) {
   return error.code == ErrorCode::kInvalidInput ? kExitInvalid : kExitFailed;
 }
 
+/// Ends the program after its work: writes out what waits in the standard streams, and calls neither the
+/// handlers of atexit nor the destructors of static objects, the libraries' own among them. For a program
+/// whose libraries keep threads to the end: a window's driver, and the mathematics of a reference model. Call
+/// it last in `main`, when all objects of the program itself are gone. Thread: the one that ends the program.
+[[noreturn]] void endProgram(int code);
+
 /// A text file embedded in the binary at build time (deploy/cmake/NeedlelabEmbed.cmake).
 struct EmbeddedFile {
   std::string_view name;  ///< without folder

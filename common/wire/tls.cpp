@@ -1,6 +1,7 @@
 #include "common/wire/tls.h"
 
 #include <openssl/bio.h>
+#include <openssl/crypto.h>
 #include <openssl/err.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
@@ -72,6 +73,10 @@ void forgetErrors() {
 }
 
 }  // namespace
+
+void keepTlsAtExit() {
+  OPENSSL_init_crypto(OPENSSL_INIT_NO_ATEXIT, nullptr);
+}
 
 Result<TlsContext> makeServerTls(const std::filesystem::path& certificate, const std::filesystem::path& key) {
   auto context = newContext(asio::ssl::context::tls_server);

@@ -20,6 +20,11 @@ namespace needlelab {
 using TlsContext = std::shared_ptr<asio::ssl::context>;
 using TlsStream = asio::ssl::stream<Tcp::socket>;
 
+/// OpenSSL frees itself when a program calls `exit`, also while a thread still sends by it: this keeps it.
+/// For a program in which a library may call `exit` (Xlib, when its display is lost). Call it before any
+/// other use of TLS and of certificates; later it changes nothing.
+void keepTlsAtExit();
+
 /// Errors: kInvalidInput with the file that is missing, unreadable, or does not match the other.
 Result<TlsContext> makeServerTls(const std::filesystem::path& certificate, const std::filesystem::path& key);
 

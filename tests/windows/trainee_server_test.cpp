@@ -142,6 +142,21 @@ TEST_F(TraineeServerTest, aBadgeIsReadAtTheStartScreenAndNotAgainForTheNextTry) 
     EXPECT_EQ(station->said().find(badge), std::string::npos) << badge;
 }
 
+TEST_F(TraineeServerTest, aDisplayThatGoesEndsTheLessonAndTheServerGetsAllOfIt) {
+  auto station = startWindow(
+      {"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0"});
+  ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
+  display_.end();
+  ASSERT_EQ(station->wait(60s), kExitFailed) << station->said();
+  EXPECT_THAT(station->said(), HasSubstr("the display is gone"));
+  const auto out = lab_.summary("window");
+  EXPECT_EQ(out["state"], "COMPLETE") << station->said();
+  EXPECT_EQ(out["samples_acked"], out["samples"]);
+  const auto sessions = lab_.sessions();
+  ASSERT_EQ(sessions.size(), 1u);
+  EXPECT_EQ(sessions.front().state(), pb::SESSION_COMPLETE);
+}
+
 TEST_F(TraineeServerTest, theServerGoesAndComesBackInMidLesson) {
   auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest",
                               "--hand-repeat", "0", "--seconds", "8", "--drain", "120"});

@@ -189,23 +189,23 @@ void LabState::open(const std::string& station) {
   connection_.watch(station);
 }
 
-void LabState::annotate(const std::string& text) {
+bool LabState::annotate(const std::string& text) {
   if (screen == WindowScreen::kLive && live_) {
     const std::uint64_t tick = live_->shownTick();
     const std::string session = live_->sessionId();
-    commands.annotate(session, tick, text, [this, session, tick, text] {
+    return commands.annotate(session, tick, text, [this, session, tick, text] {
       if (live_ && live_->sessionId() == session) live_->addRemark(tick, text);
     });
-    return;
   }
   if (!analysis.first()) {
     notices.trouble("there is nothing to annotate: look over a station or load a session");
-    return;
+    return false;
   }
   const auto& gesture = *analysis.first();
-  if (gesture.samples.empty()) return;
+  if (gesture.samples.empty()) return false;
   const std::uint64_t tick = gesture.samples[gesture.sampleAt(analysis.player.at_s())].tick;
-  commands.annotate(gesture.info.description().session_id(), tick, text, [this] { analysis.readRemarks(); });
+  return commands.annotate(gesture.info.description().session_id(), tick, text,
+                           [this] { analysis.readRemarks(); });
 }
 
 AidList LabState::aidsNow() const {

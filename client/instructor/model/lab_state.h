@@ -93,8 +93,8 @@ class LabState {
   void open(const std::string& station);
   /// Returns the watched station; null: none.
   [[nodiscard]] LiveStation* live() { return live_.get(); }
-  /// Adds a remark at the displayed moment, live or in the replay.
-  void annotate(const std::string& text);
+  /// Adds a remark at the displayed moment, live or in the replay. Returns whether it was sent.
+  bool annotate(const std::string& text);
   /// Returns the watched trainee's aids: those set here in this session, otherwise the exercise's.
   [[nodiscard]] AidList aidsNow() const;
   /// Returns what the exercise of the watched lesson requires; nothing where it is not known.

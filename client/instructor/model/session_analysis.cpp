@@ -19,7 +19,13 @@ void SessionAnalysis::poll() {
   worker_.poll();
 }
 
-void SessionAnalysis::showError(const Error& error) {
+void SessionAnalysis::begin(AnalysisJob job) {
+  job_ = job;
+  trouble_.clear();
+}
+
+void SessionAnalysis::showError(AnalysisJob job, const Error& error) {
+  job_ = job;
   trouble_ = printable(error.message);
   notices_.trouble(trouble_);
 }
@@ -81,11 +87,11 @@ void SessionAnalysis::takeFirst(std::shared_ptr<const StoredGesture> gesture) {
 }
 
 void SessionAnalysis::loadFirst(const SessionChoice& which) {
-  trouble_.clear();
+  begin(AnalysisJob::kLoad);
   worker_.start("loading a session", [this, which](const auto& stopped) -> Worker::Finish {
     auto loaded = load(which, stopped);
     return [this, loaded = std::move(loaded)]() mutable {
-      if (!loaded.ok()) return showError(loaded.error());
+      if (!loaded.ok()) return showError(AnalysisJob::kLoad, loaded.error());
       takeFirst(std::move(*loaded));
       second_.reset();
     };
@@ -93,13 +99,13 @@ void SessionAnalysis::loadFirst(const SessionChoice& which) {
 }
 
 void SessionAnalysis::loadSecond(const SessionChoice& which) {
-  trouble_.clear();
+  begin(AnalysisJob::kCompare);
   SessionChoice exact = which;
   if (which == "reference" && first_) exact = "reference " + first_->info.description().exercise_id();
   worker_.start("loading the second session", [this, exact](const auto& stopped) -> Worker::Finish {
     auto loaded = load(exact, stopped);
     return [this, loaded = std::move(loaded)]() mutable {
-      if (!loaded.ok()) return showError(loaded.error());
+      if (!loaded.ok()) return showError(AnalysisJob::kCompare, loaded.error());
       second_ = std::move(*loaded);
       comparison_.reset();
     };
@@ -112,15 +118,15 @@ void SessionAnalysis::dropSecond() {
 }
 
 void SessionAnalysis::loadBoth(const SessionChoice& first, const SessionChoice& second, Alignment alignment) {
-  trouble_.clear();
+  begin(AnalysisJob::kCompare);
   worker_.start("loading two sessions",
                 [this, first, second, alignment](const auto& stopped) -> Worker::Finish {
                   auto a = load(first, stopped);
-                  if (!a.ok()) return [this, error = a.error()] { showError(error); };
+                  if (!a.ok()) return [this, error = a.error()] { showError(AnalysisJob::kCompare, error); };
                   SessionChoice exact = second;
                   if (second == "reference") exact = "reference " + (*a)->info.description().exercise_id();
                   auto b = load(exact, stopped);
-                  if (!b.ok()) return [this, error = b.error()] { showError(error); };
+                  if (!b.ok()) return [this, error = b.error()] { showError(AnalysisJob::kCompare, error); };
                   auto both = compareGestures(**a, **b, alignment);
                   return [this, a = std::move(*a), b = std::move(*b), both = std::move(both)]() mutable {
                     takeFirst(std::move(a));
@@ -128,27 +134,28 @@ void SessionAnalysis::loadBoth(const SessionChoice& first, const SessionChoice& 
                     if (both.ok())
                       comparison_ = std::move(*both);
                     else
-                      showError(both.error());
+                      showError(AnalysisJob::kCompare, both.error());
                   };
                 });
 }
 
 void SessionAnalysis::compare(Alignment alignment) {
-  trouble_.clear();
-  if (!first_ || !second_) return showError({ErrorCode::kInvalidInput, "two sessions are needed to compare"});
+  begin(AnalysisJob::kCompare);
+  if (!first_ || !second_)
+    return showError(AnalysisJob::kCompare, {ErrorCode::kInvalidInput, "two sessions are needed to compare"});
   worker_.start("comparing", [this, a = first_, b = second_, alignment](const auto&) -> Worker::Finish {
     auto both = compareGestures(*a, *b, alignment);
     return [this, a, b, both = std::move(both)]() mutable {
       if (a != first_ || b != second_) return;
-      if (!both.ok()) return showError(both.error());
+      if (!both.ok()) return showError(AnalysisJob::kCompare, both.error());
       comparison_ = std::move(*both);
     };
   });
 }
 
 void SessionAnalysis::rerun(const std::string& profile_id, const std::string& axial_model) {
-  trouble_.clear();
-  if (!first_) return showError({ErrorCode::kInvalidInput, "load a session first"});
+  begin(AnalysisJob::kRerun);
+  if (!first_) return showError(AnalysisJob::kRerun, {ErrorCode::kInvalidInput, "load a session first"});
   worker_.start("running the engine on the recording",
                 [this, gesture = first_, profile_id, axial_model](const auto& stopped) -> Worker::Finish {
                   RerunChoice choice;
@@ -157,11 +164,13 @@ void SessionAnalysis::rerun(const std::string& profile_id, const std::string& ax
                     pb::Request request;
                     request.mutable_get_profile()->set_id(profile_id);
                     auto reply = connection_.call(request, stopped);
-                    if (!reply.ok()) return [this, error = reply.error()] { showError(error); };
+                    if (!reply.ok())
+                      return [this, error = reply.error()] { showError(AnalysisJob::kRerun, error); };
                     choice.profile_json = reply->profile().json();
                   }
                   auto run = rerunGesture(*gesture, choice, prepare_, stopped);
-                  if (!run.ok()) return [this, error = run.error()] { showError(error); };
+                  if (!run.ok())
+                    return [this, error = run.error()] { showError(AnalysisJob::kRerun, error); };
                   return [this, gesture, result = std::make_shared<const Rerun>(std::move(*run))] {
                     if (gesture == first_) rerun_ = result;
                   };
@@ -169,25 +178,26 @@ void SessionAnalysis::rerun(const std::string& profile_id, const std::string& ax
 }
 
 void SessionAnalysis::collect() {
-  trouble_.clear();
-  if (!first_) return showError({ErrorCode::kInvalidInput, "load a session first"});
+  begin(AnalysisJob::kScore);
+  if (!first_) return showError(AnalysisJob::kScore, {ErrorCode::kInvalidInput, "load a session first"});
   worker_.start("reading score and progress",
                 [this, gesture = first_](const auto& stopped) -> Worker::Finish {
                   auto data = collectReport(caller(stopped), gesture);
                   return [this, gesture, data = std::move(data)]() mutable {
                     if (gesture != first_) return;
-                    if (!data.ok()) return showError(data.error());
+                    if (!data.ok()) return showError(AnalysisJob::kScore, data.error());
                     report_ = std::move(*data);
                   };
                 });
 }
 
 void SessionAnalysis::exportTo(const std::filesystem::path& file) {
-  trouble_.clear();
-  if (!first_) return showError({ErrorCode::kInvalidInput, "load a session first"});
+  begin(AnalysisJob::kExport);
+  if (!first_) return showError(AnalysisJob::kExport, {ErrorCode::kInvalidInput, "load a session first"});
   const std::string kind = file.extension().string();
   if (kind != ".html" && kind != ".csv")
-    return showError({ErrorCode::kInvalidInput,
+    return showError(AnalysisJob::kExport,
+                     {ErrorCode::kInvalidInput,
                       file.string() + ": the name must end in .html (report) or .csv (samples)"});
   worker_.start("exporting", [this, gesture = first_, file, kind](const auto& stopped) -> Worker::Finish {
     const Status done = [&]() -> Status {
@@ -196,7 +206,7 @@ void SessionAnalysis::exportTo(const std::filesystem::path& file) {
       return writeFileAtomically(file, viewOf(reportHtml(data)));
     }();
     return [this, file, done] {
-      if (!done.ok()) return showError(done.error());
+      if (!done.ok()) return showError(AnalysisJob::kExport, done.error());
       notices_.good("written: " + file.string());
     };
   });
@@ -206,7 +216,7 @@ void SessionAnalysis::readRemarks() {
   if (!first_) return;
   worker_.start("reading the remarks", [this, gesture = first_](const auto& stopped) -> Worker::Finish {
     auto remarks = needlelab::readRemarks(caller(stopped), gesture->info.description().session_id());
-    if (!remarks.ok()) return [this, error = remarks.error()] { showError(error); };
+    if (!remarks.ok()) return [this, error = remarks.error()] { showError(AnalysisJob::kRemarks, error); };
     return [this, gesture, remarks = std::move(*remarks)]() mutable {
       if (gesture == first_) remarks_ = std::move(remarks);
     };

@@ -2,6 +2,7 @@
 /// jobs; the view polls.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -21,6 +22,9 @@ namespace needlelab {
 /// A session: its id (text or 16 bytes), "newest" (closed session), "previous" (the one before), or
 /// "reference" (the first expert's session for the first session's exercise).
 using SessionChoice = std::string;
+
+/// The kinds of jobs, by what a screen shows of them.
+enum class AnalysisJob : std::uint8_t { kNone, kLoad, kCompare, kRerun, kScore, kExport, kRemarks };
 
 /// Thread: the one that polls `connection`.
 class SessionAnalysis {
@@ -61,6 +65,11 @@ class SessionAnalysis {
   [[nodiscard]] const std::string& trouble() const {
     return trouble_;
   }  ///< error of the last job; empty: none
+  /// The same if that job was of this kind, else empty: a screen does not show another one's error as its
+  /// own.
+  [[nodiscard]] std::string troubleOf(AnalysisJob job) const {
+    return job == job_ ? trouble_ : std::string();
+  }
   [[nodiscard]] std::string doing() const { return worker_.doing(); }
   [[nodiscard]] bool busy() const { return worker_.busy(); }
   [[nodiscard]] double loadedShare() const;  ///< loaded fraction of a session, 0-1
@@ -72,7 +81,8 @@ class SessionAnalysis {
   Loaded load(const SessionChoice& which, const std::function<bool()>& stopped);
   Result<std::string> idOf(const SessionChoice& which, const LabCall& call) const;
   void takeFirst(std::shared_ptr<const StoredGesture> gesture);
-  void showError(const Error& error);
+  void begin(AnalysisJob job);
+  void showError(AnalysisJob job, const Error& error);
   LabCall caller(const std::function<bool()>& stopped);
 
   LabConnection& connection_;
@@ -84,6 +94,7 @@ class SessionAnalysis {
   std::shared_ptr<const Rerun> rerun_;
   std::optional<ReportData> report_;
   std::string trouble_;
+  AnalysisJob job_ = AnalysisJob::kNone;  // that trouble_ is about
   LoadProgress progress_;
   Worker worker_;  // last, so that it is destroyed before the data that its jobs use
 };

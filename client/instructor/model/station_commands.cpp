@@ -6,7 +6,11 @@
 
 namespace needlelab {
 
-void StationCommands::ask(const pb::Request& request, std::string done_words, std::function<void()> done) {
+bool StationCommands::ask(const pb::Request& request, std::string done_words, std::function<void()> done) {
+  if (connection_.state().phase != LinkPhase::kOnline) {
+    notices_.trouble("not done: there is no connection to the server now");
+    return false;
+  }
   ++*waiting_;
   connection_.ask(
       request,
@@ -23,34 +27,35 @@ void StationCommands::ask(const pb::Request& request, std::string done_words, st
         if (done) done();
       },
       OnLoss::kGiveUp);
+  return true;
 }
 
-void StationCommands::message(const std::string& station, const std::string& text) {
+bool StationCommands::message(const std::string& station, const std::string& text) {
   if (const Status fine = checkNote("message", text, 1, kMaxNoteBytes); !fine.ok()) {
     notices_.trouble(fine.error().message);
-    return;
+    return false;
   }
   pb::Request request;
   request.mutable_trainee_message()->set_station(station);
   request.mutable_trainee_message()->set_text(text);
-  ask(request, "message delivered to " + station);
+  return ask(request, "message delivered to " + station);
 }
 
-void StationCommands::annotate(const std::string& session_id, std::uint64_t tick, const std::string& text,
+bool StationCommands::annotate(const std::string& session_id, std::uint64_t tick, const std::string& text,
                                std::function<void()> done) {
   if (session_id.empty()) {
     notices_.trouble("there is no session to annotate: the station is idle");
-    return;
+    return false;
   }
   if (const Status fine = checkNote("remark", text, 1, kMaxNoteBytes); !fine.ok()) {
     notices_.trouble(fine.error().message);
-    return;
+    return false;
   }
   pb::Request request;
   request.mutable_annotate()->set_session_id(session_id);
   request.mutable_annotate()->set_tick(tick);
   request.mutable_annotate()->set_text(text);
-  ask(request, "remark kept with the session", std::move(done));
+  return ask(request, "remark kept with the session", std::move(done));
 }
 
 void StationCommands::nextExercise(const std::string& station, const std::string& exercise_id) {

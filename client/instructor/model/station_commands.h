@@ -17,9 +17,11 @@ class StationCommands {
  public:
   StationCommands(LabConnection& connection, Notices& notices) : connection_(connection), notices_(notices) {}
 
-  void message(const std::string& station, const std::string& text);
-  /// Adds a remark at a tick of an open or closed session. `done` runs when the server has stored it.
-  void annotate(const std::string& session_id, std::uint64_t tick, const std::string& text,
+  /// Returns whether it was sent: what a person typed is lost by no refusal before that.
+  bool message(const std::string& station, const std::string& text);
+  /// Adds a remark at a tick of an open or closed session. `done` runs when the server has stored it. Returns
+  /// whether it was sent.
+  bool annotate(const std::string& session_id, std::uint64_t tick, const std::string& text,
                 std::function<void()> done = {});
   void nextExercise(const std::string& station, const std::string& exercise_id);
   /// Replaces the aids, in this session only.
@@ -31,7 +33,7 @@ class StationCommands {
   [[nodiscard]] std::size_t waiting() const { return *waiting_; }
 
  private:
-  void ask(const pb::Request& request, std::string done_words, std::function<void()> done = {});
+  bool ask(const pb::Request& request, std::string done_words, std::function<void()> done = {});
   LabConnection& connection_;
   Notices& notices_;
   std::shared_ptr<std::size_t> waiting_ = std::make_shared<std::size_t>(0);

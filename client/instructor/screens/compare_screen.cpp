@@ -136,14 +136,15 @@ void CompareScreen::show(LabState& lab) {
   showChoice(lab);
   // after loading a second session: compare with the chosen alignment
   if (lab.analysis.second() && !lab.analysis.comparison() && !lab.analysis.busy() &&
-      lab.analysis.trouble().empty())
+      lab.analysis.troubleOf(AnalysisJob::kCompare).empty())
     lab.analysis.compare(alignment);
   if (!lab.analysis.second() || !lab.analysis.comparison()) {
+    const std::string trouble = lab.analysis.troubleOf(AnalysisJob::kCompare);
     if (!lab.analysis.busy())
-      showEmpty(lab.analysis.trouble().empty() ? "One session is loaded" : "That does not work",
-                lab.analysis.trouble().empty() ? "Choose a second one in the list (button “beside”), or the "
-                                                 "expert's reference of its exercise."
-                                               : lab.analysis.trouble());
+      showEmpty(trouble.empty() ? "One session is loaded" : "That does not work",
+                trouble.empty() ? "Choose a second one in the list (button “beside”), or the expert's "
+                                  "reference of its exercise."
+                                : trouble);
     return;
   }
   takeIn(lab);

@@ -132,7 +132,8 @@ void actInReplay(InstructorWindow& window) {
   if (pressed(GLFW_KEY_L))
     player.setLoop(player.loop() ? std::nullopt
                                  : std::optional(ReplayLoop{player.at_s(), player.at_s() + 2}));
-  if (pressed(GLFW_KEY_N)) window.replay_screen.focusRemark();
+  // without a session there is no field for it
+  if (pressed(GLFW_KEY_N) && window.lab().analysis.first()) window.replay_screen.focusRemark();
 }
 
 /// Handles this frame's key presses; does nothing while the user types.
@@ -162,6 +163,17 @@ void actOnKeys(InstructorWindow& window) {
     default:
       return;
   }
+}
+
+/// Where arrows and Space are the screen's own keys, Dear ImGui's walk from button to button would press the
+/// button where it stands, too. An open list keeps its arrows. Holds from the next frame on.
+void shareKeys(const LabState& lab) {
+  const bool own_keys = lab.screen == WindowScreen::kLive || lab.screen == WindowScreen::kReplay;
+  ImGuiIO& io = ImGui::GetIO();
+  if (own_keys && !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopup))
+    io.ConfigFlags &= ~ImGuiConfigFlags_NavEnableKeyboard;
+  else
+    io.ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
 }
 
 /// Draws the list of keys over the screen.
@@ -243,6 +255,7 @@ void InstructorWindow::draw(bool read_text) {
   if (reader) text_ = flatText(reader->take());
   reader.reset();
   endScreen();
+  shareKeys(lab_);
 }
 
 }  // namespace needlelab

@@ -33,15 +33,14 @@ bool lineAndButton(const char* id, const char* hint, std::string& text, const ch
 void CommandPanel::showTexts(LabState& lab) {
   const float width = ImGui::GetContentRegionAvail().x * 0.34F;
   if (lineAndButton("##message", "say to the trainee", message_, "Send", focus_message_, width)) {
-    lab.commands.message(lab.live()->station(), message_);
-    message_.clear();
+    // what was not sent stays in its field
+    if (lab.commands.message(lab.live()->station(), message_)) message_.clear();
   }
   ImGui::SameLine(0, 3 * space());
   const bool paused = lab.live()->paused();
   if (lineAndButton("##remark", paused ? "remark at the moment that is shown" : "remark at this moment",
                     remark_, "Annotate", focus_remark_, width)) {
-    lab.annotate(remark_);
-    remark_.clear();
+    if (lab.annotate(remark_)) remark_.clear();
   }
 }
 

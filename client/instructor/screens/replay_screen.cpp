@@ -161,10 +161,7 @@ void ReplayScreen::showPlayer(LabState& lab) {
                                      ImGuiInputTextFlags_EnterReturnsTrue);
   ImGui::SameLine();
   go |= ImGui::Button("Annotate");
-  if (go && !remark_.empty()) {
-    lab.annotate(remark_);
-    remark_.clear();
-  }
+  if (go && !remark_.empty() && lab.annotate(remark_)) remark_.clear();
   timeLine(lab.analysis.player, *lab.analysis.first(), lab.analysis.remarks(), 5 * space());
 }
 
@@ -172,10 +169,9 @@ void ReplayScreen::show(LabState& lab) {
   showWork(lab);
   if (!lab.analysis.first()) {
     if (lab.analysis.busy()) return;
-    if (showEmpty(
-            lab.analysis.trouble().empty() ? "No session is loaded" : "The session could not be loaded",
-            lab.analysis.trouble().empty() ? "Choose one in the list of sessions." : lab.analysis.trouble(),
-            "To the sessions"))
+    const std::string trouble = lab.analysis.troubleOf(AnalysisJob::kLoad);
+    if (showEmpty(trouble.empty() ? "No session is loaded" : "The session could not be loaded",
+                  trouble.empty() ? "Choose one in the list of sessions." : trouble, "To the sessions"))
       lab.screen = WindowScreen::kSessions;
     return;
   }

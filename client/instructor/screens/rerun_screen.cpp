@@ -72,11 +72,12 @@ void RerunScreen::show(LabState& lab) {
   if (ImGui::Button("Run")) lab.analysis.rerun(profile, model);
   if (!lab.analysis.rerunResult()) {
     if (lab.analysis.busy()) return;
+    const std::string trouble = lab.analysis.troubleOf(AnalysisJob::kRerun);
     showEmpty(
-        lab.analysis.trouble().empty() ? "Choose a patient or a model, then run" : "That does not run",
-        lab.analysis.trouble().empty()
+        trouble.empty() ? "Choose a patient or a model, then run" : "That does not run",
+        trouble.empty()
             ? "The engine steps along the recorded hand and shows the forces beside those that were felt."
-            : lab.analysis.trouble());
+            : trouble);
     return;
   }
   for (const std::string& line : lab.analysis.rerunResult()->sentences) textLine(line);

@@ -120,7 +120,7 @@ void ScoresScreen::show(LabState& lab) {
   }
   // one request, when the screen first opens; after an error the user asks again
   if (!lab.analysis.report() && !lab.analysis.busy() &&
-      (asked_for_ != lab.analysis.first().get() || lab.analysis.trouble().empty())) {
+      (asked_for_ != lab.analysis.first().get() || lab.analysis.troubleOf(AnalysisJob::kScore).empty())) {
     asked_for_ = lab.analysis.first().get();
     lab.analysis.collect();
   }
@@ -129,8 +129,9 @@ void ScoresScreen::show(LabState& lab) {
     ImGui::TextUnformatted(lab.analysis.first()->title().c_str());
   }
   if (!lab.analysis.report()) {
-    if (!lab.analysis.busy() && !lab.analysis.trouble().empty() &&
-        showEmpty("The score could not be read", lab.analysis.trouble(), "Try again"))
+    const std::string trouble = lab.analysis.troubleOf(AnalysisJob::kScore);
+    if (!lab.analysis.busy() && !trouble.empty() &&
+        showEmpty("The score could not be read", trouble, "Try again"))
       asked_for_ = nullptr;
     return;
   }

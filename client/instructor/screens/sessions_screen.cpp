@@ -79,14 +79,16 @@ void SessionsScreen::showTable(LabState& lab) {
                                      ImGuiTableFlags_SizingStretchProp;
   if (!ImGui::BeginTable("sessions", 8, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
-  constexpr ImGuiTableColumnFlags kNoSort = ImGuiTableColumnFlags_NoSort;
-  ImGui::TableSetupColumn(
-      "when", ImGuiTableColumnFlags_DefaultSort | ImGuiTableColumnFlags_PreferSortDescending, 1.2F);
-  ImGui::TableSetupColumn("trainee", 0, 1);
-  ImGui::TableSetupColumn("exercise", 0, 1.5F);
+  // each column has one direction (SessionOrder): the arrow beside its name never points the other way
+  constexpr ImGuiTableColumnFlags kNoSort = ImGuiTableColumnFlags_NoSort,
+                                  kUp = ImGuiTableColumnFlags_NoSortDescending,
+                                  kDown = ImGuiTableColumnFlags_NoSortAscending;
+  ImGui::TableSetupColumn("when", ImGuiTableColumnFlags_DefaultSort | kDown, 1.2F);
+  ImGui::TableSetupColumn("trainee", kUp, 1);
+  ImGui::TableSetupColumn("exercise", kUp, 1.5F);
   ImGui::TableSetupColumn("station", kNoSort, 0.8F);
-  ImGui::TableSetupColumn("verdict", 0, 1);
-  ImGui::TableSetupColumn("peak force", ImGuiTableColumnFlags_PreferSortDescending, 0.8F);
+  ImGui::TableSetupColumn("verdict", kUp, 1);
+  ImGui::TableSetupColumn("peak force", kDown, 0.8F);
   ImGui::TableSetupColumn("time", kNoSort, 0.6F);
   ImGui::TableSetupColumn("", kNoSort, 1.6F);
   ImGui::TableHeadersRow();

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <condition_variable>
-#include <cstdlib>
 #include <exception>
 #include <memory>
 #include <mutex>
@@ -102,7 +101,7 @@ int runListDevices(const StationOptions& options) {
   const int code =
       printReport(options, deviceListText(list.devices), deviceListJson(list.devices), kExitDone);
   // a thread that hangs in a driver would use destroyed statics
-  if (!list.all_answered) std::_Exit(code);
+  if (!list.all_answered) endProgram(code);
   return code;
 }
 

@@ -26,7 +26,7 @@ std::vector<DeviceLister> deviceListers();
 /// The results, in the order of the listers.
 struct DeviceList {
   std::vector<FoundDevice> devices;
-  bool all_answered = true;  ///< false: a thread is still looking; end the program by std::_Exit
+  bool all_answered = true;  ///< false: a thread is still looking; end the program by endProgram
 };
 /// Runs all listers in parallel and waits at most `patience` in total. A kind that did not answer, or threw,
 /// gets an entry that says so.

@@ -11,7 +11,8 @@
 namespace needlelab {
 
 LiveLine& liveLine() {
-  static LiveLine line(STDERR_FILENO);
+  // never destroyed: threads still say things while the program ends
+  static LiveLine& line = *new LiveLine(STDERR_FILENO);
   return line;
 }
 

@@ -35,7 +35,7 @@ class LessonSequence {
   int run();
   /// For stops and acknowledgements. Thread: any.
   [[nodiscard]] LessonRequests& requests() { return home_.requests(); }
-  /// Returns whether a thread hangs in a device driver. In that case end the program with std::_Exit.
+  /// Returns whether a thread hangs in a device driver. In that case end the program with endProgram.
   [[nodiscard]] bool hangs() const { return hangs_; }
 
  private:

@@ -105,12 +105,12 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
 class LessonThread {
  public:
   LessonThread(LessonSequence& sequence, LessonBoard& board) : sequence_(sequence), board_(board) {
+    [[maybe_unused]] static const int registered = std::atexit(&LessonThread::atExit);
     current_.store(this);
     thread_ = std::thread([this] {
       code_ = sequence_.run();
       ended_.store(true);
     });
-    [[maybe_unused]] static const int registered = std::atexit(&LessonThread::atExit);
   }
   ~LessonThread() {
     finish();
@@ -140,12 +140,14 @@ class LessonThread {
   }
 
  private:
-  // Xlib calls `exit` when its display is lost: end the lesson properly before that
+  // Xlib calls `exit` when its display or its window is lost: end the lesson properly before that. What the
+  // lessons' thread uses must not be freed by a handler that is younger than this one (keepTlsAtExit).
   static void atExit() {
     LessonThread* const here = current_.load();
     if (here == nullptr || here->thread_.get_id() == std::this_thread::get_id()) return;
     logMessage("the display is gone; the lesson ends, what was recorded is kept");
     here->finish();
+    endProgram(kExitFailed);
   }
 
   static inline std::atomic<LessonThread*> current_{nullptr};
@@ -309,7 +311,7 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
     code = lessons.finish();
   }
   if (code == kExitDone && !pictures) code = kExitFailed;
-  if (sequence.hangs()) std::_Exit(code);
+  if (sequence.hangs()) endProgram(code);
   return code;
 }
 

@@ -1,9 +1,33 @@
 #include "common/base/program.h"
 
 #include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
+#include <thread>
 
 namespace needlelab {
 namespace {
+
+/// Ends as a program does whose library keeps a thread and has something to do at exit.
+[[noreturn]] void endBesideALibrary() {
+  std::thread([] {
+    for (;;) ::pause();
+  }).detach();
+  std::atexit([] { ::_exit(99); });
+  // the test reads this one
+  ::dup2(STDERR_FILENO, STDOUT_FILENO);
+  std::cout << "the summary ";
+  std::printf("and its last line");
+  endProgram(kExitInvalid);
+}
+
+TEST(EndProgramDeathTest, writesOutWhatWaitsAndLeavesTheLibrariesAsTheyAre) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_EXIT(endBesideALibrary(), testing::ExitedWithCode(kExitInvalid), "the summary and its last line");
+}
 
 TEST(MachineText, namesCoresAndSystemOnOneLine) {
   const std::string text = machineText();

@@ -1,0 +1,512 @@
+// What clicks and keys do on each screen, and what a person then reads.
+#include "tests/unit/client/instructor/screens/mouse.h"
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
+#include <span>
+#include <utility>
+
+#include "client/view/model/scene_view.h"
+#include "common/gesture/chunk.h"
+#include "tests/unit/client/instructor/model/upload_lesson.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+// --- the frame around the screens
+
+using FrameActions = WithMouse;
+
+TEST_F(FrameActions, theBarAndItsKeysLeadToEveryScreenAndOut) {
+  press(GLFW_KEY_3, /*ctrl=*/true);
+  EXPECT_EQ(lab_->screen, WindowScreen::kLogin) << "nobody has logged in";
+  logIn();
+  EXPECT_EQ(lab_->screen, WindowScreen::kLab);
+  const std::pair<const char*, WindowScreen> places[] = {
+      {"Look over", WindowScreen::kLive}, {"Sessions", WindowScreen::kSessions},
+      {"Replay", WindowScreen::kReplay},  {"Compare", WindowScreen::kCompare},
+      {"Re-run", WindowScreen::kRerun},   {"Scores", WindowScreen::kScores},
+      {"Lab", WindowScreen::kLab}};
+  for (const auto& [label, screen] : places) {
+    ASSERT_TRUE(click(label)) << label;
+    EXPECT_EQ(lab_->screen, screen) << label;
+  }
+  for (int i = 0; i < 7; ++i) {
+    press(GLFW_KEY_1 + i, /*ctrl=*/true);
+    // "Lab" is the first key and the last of the list
+    EXPECT_EQ(lab_->screen, places[(i + 6) % 7].second) << i + 1;
+  }
+  EXPECT_TRUE(stands("anna @ " + lab_->form.server + " ")) << window_->text();
+  EXPECT_TRUE(stands("online"));
+  ASSERT_TRUE(click("Log out"));
+  EXPECT_EQ(lab_->screen, WindowScreen::kLogin);
+  EXPECT_FALSE(lab_->inside());
+  EXPECT_EQ(lab_->form.password, "") << "whoever sits down next has to know it";
+  EXPECT_FALSE(stands("Scores"));
+}
+
+TEST_F(FrameActions, escapeClosesTheListOfKeysThenTheNoticesThenTheScreen) {
+  logIn();
+  lab_->screen = WindowScreen::kSessions;
+  lab_->notices.trouble("the printer burns");
+  frames(2);
+  ASSERT_TRUE(click(" ? "));
+  ASSERT_TRUE(stands("Keyboard"));
+  press(GLFW_KEY_ESCAPE);
+  EXPECT_FALSE(window_->show_help);
+  EXPECT_TRUE(stands("the printer burns"));
+  press(GLFW_KEY_ESCAPE);
+  EXPECT_FALSE(stands("the printer burns"));
+  EXPECT_EQ(lab_->screen, WindowScreen::kSessions);
+  press(GLFW_KEY_ESCAPE);
+  EXPECT_EQ(lab_->screen, WindowScreen::kLab);
+}
+
+TEST_F(FrameActions, lettersShrinkAndGetTheirUsualSizeBack) {
+  press(GLFW_KEY_MINUS, /*ctrl=*/true);
+  EXPECT_NEAR(surface_->fontScale(), 0.9, 1e-9);
+  press(GLFW_KEY_0, /*ctrl=*/true);
+  EXPECT_EQ(surface_->fontScale(), 1);
+}
+
+TEST_F(FrameActions, enterIsTheWayOutOfAnEmptyScreen) {
+  logIn();
+  const std::pair<WindowScreen, WindowScreen> ways[] = {{WindowScreen::kLive, WindowScreen::kLab},
+                                                        {WindowScreen::kReplay, WindowScreen::kSessions},
+                                                        {WindowScreen::kCompare, WindowScreen::kSessions},
+                                                        {WindowScreen::kRerun, WindowScreen::kSessions},
+                                                        {WindowScreen::kScores, WindowScreen::kSessions}};
+  for (const auto& [from, to] : ways) {
+    lab_->screen = from;
+    frames(2);
+    press(GLFW_KEY_ENTER);
+    EXPECT_EQ(lab_->screen, to) << static_cast<int>(from);
+  }
+}
+
+TEST_F(FrameActions, enterLogsInAndAWrongPasswordIsSaidInTheForm) {
+  lab_->form.password = "wrong";
+  press(GLFW_KEY_ENTER);
+  ASSERT_TRUE(untilText("does not accept this name and password")) << window_->text();
+  EXPECT_EQ(lab_->screen, WindowScreen::kLogin);
+  EXPECT_FALSE(stands("Log out")) << "there is no bar before the lab";
+  lab_->form.password = "correct horse battery";
+  ASSERT_TRUE(click("Log in"));
+  ASSERT_TRUE(until([&] { return lab_->inside(); })) << window_->text();
+}
+
+// --- the lab
+
+TEST_F(FrameActions, aTileIsAButtonAndTheFiltersAreBoxesAListAndAField) {
+  (void)server_.addStation("bench-1");
+  (void)server_.addStation("bench-2");
+  logIn();
+  ASSERT_TRUE(until([&] { return lab_->overview.size() == 2; }));
+  frames(2);
+  ASSERT_TRUE(click("only who needs help"));
+  EXPECT_TRUE(lab_->filter.only_help);
+  EXPECT_TRUE(stands("No station matches")) << "both are offline";
+  press(GLFW_KEY_ENTER);
+  EXPECT_FALSE(lab_->filter.only_help) << "Enter shows all";
+  ASSERT_TRUE(click("only online"));
+  EXPECT_TRUE(lab_->filter.only_online);
+  ASSERT_TRUE(click("Show all"));
+  EXPECT_FALSE(lab_->filter.only_online);
+  ASSERT_TRUE(click("##order"));
+  ASSERT_TRUE(click("by trainee"));
+  EXPECT_EQ(lab_->order, TileOrder::kTrainee);
+  EXPECT_TRUE(stands("by trainee"));
+  ASSERT_TRUE(click("##find"));
+  type("h-2");
+  EXPECT_EQ(lab_->filter.text, "h-2");
+  EXPECT_TRUE(stands("bench-2"));
+  EXPECT_FALSE(stands("bench-1"));
+  EXPECT_FALSE(clickTile("bench-1"));
+  ASSERT_TRUE(clickTile("bench-2"));
+  ASSERT_NE(lab_->live(), nullptr);
+  EXPECT_EQ(lab_->live()->station(), "bench-2");
+  EXPECT_EQ(lab_->screen, WindowScreen::kLive);
+}
+
+// --- look over
+
+/// The live screen with a lesson's samples given to it by hand; the person has logged in.
+class LiveActions : public WithMouse {
+ protected:
+  void openWithSamples() {
+    (void)server_.addStation("bench-1");
+    ASSERT_NO_FATAL_FAILURE(logIn());
+    lab_->open("bench-1");
+    pb::StationStatus status;
+    status.set_station("bench-1");
+    status.set_online(true);
+    status.set_session_id(info_.description().session_id());
+    lab_->live()->onStatus(status);
+    for (std::size_t k = 0; k < samples_.size(); k += 20) {
+      LiveArrival arrival;
+      const Bytes data = encodeChunk(Resolution::lossless(), std::span(samples_).subspan(k, 20));
+      arrival.frame.set_station("bench-1");
+      arrival.frame.set_session_id(info_.description().session_id());
+      arrival.frame.set_frame_seq(k / 20);
+      arrival.frame.set_data(data.data(), data.size());
+      lab_->live()->feed(arrival);
+    }
+    lab_->live()->setSession(info_);
+    frames(2);
+  }
+  const std::string profile_ = sampleProfile("shoulder-adult");
+  pb::SessionInfo info_ = lessonInfo(profile_);
+  std::vector<GestureSample> samples_ = lessonSamples(profile_, {.depth_m = 0.02, .seconds = 1});
+};
+
+TEST_F(LiveActions, keysScrollPauseAndFollow) {
+  ASSERT_NO_FATAL_FAILURE(openWithSamples());
+  LiveStation& live = *lab_->live();
+  const double first_s = live.trace().firstTime_s(), last_s = live.trace().lastTime_s();
+  ASSERT_GT(last_s - first_s, 2);
+  press(GLFW_KEY_LEFT);
+  EXPECT_NEAR(live.viewEnd_s(), last_s - 1, 1e-9);
+  EXPECT_TRUE(stands("PAUSED 1.0 s behind")) << window_->text();
+  press(GLFW_KEY_RIGHT);
+  EXPECT_NEAR(live.viewEnd_s(), last_s, 1e-9);
+  EXPECT_TRUE(live.paused()) << "a person who scrolls has not asked to follow";
+  press(GLFW_KEY_PAGE_UP);
+  EXPECT_EQ(live.viewEnd_s(), first_s) << "10 s are more than there are";
+  press(GLFW_KEY_PAGE_DOWN);
+  EXPECT_EQ(live.viewEnd_s(), last_s);
+  press(GLFW_KEY_HOME);
+  EXPECT_EQ(live.viewEnd_s(), first_s);
+  press(GLFW_KEY_END);
+  EXPECT_FALSE(live.paused());
+  press(GLFW_KEY_SPACE);
+  EXPECT_TRUE(live.paused());
+  press(GLFW_KEY_SPACE);
+  EXPECT_FALSE(live.paused());
+  // and presses no button, also not after an arrow
+  press(GLFW_KEY_LEFT);
+  press(GLFW_KEY_SPACE);
+  EXPECT_FALSE(live.paused());
+  EXPECT_EQ(lab_->screen, WindowScreen::kLive);
+  EXPECT_FALSE(lab_->stop_question.asking());
+}
+
+TEST_F(LiveActions, keysChangeThePlotsAndTheCamera) {
+  ASSERT_NO_FATAL_FAILURE(openWithSamples());
+  LiveStation& live = *lab_->live();
+  const double span_s = live.span_s();
+  press(GLFW_KEY_EQUAL);
+  EXPECT_NEAR(live.span_s(), span_s / 1.5, 1e-9);
+  press(GLFW_KEY_MINUS);
+  press(GLFW_KEY_MINUS);
+  EXPECT_NEAR(live.span_s(), span_s * 1.5, 1e-9);
+  const std::pair<PlotSet, const char*> sets[] = {{PlotSet::kMotion, "● Motion"},
+                                                  {PlotSet::kWallAndTip, "● Wall and tip"},
+                                                  {PlotSet::kForces, "● Forces"}};
+  for (const auto& [set, words] : sets) {
+    press(GLFW_KEY_P);
+    EXPECT_EQ(window_->live_screen.plots, set);
+    EXPECT_TRUE(stands(words)) << words;
+  }
+  const std::pair<Look, const char*> looks[] = {
+      {Look::kAbove, "● From above"}, {Look::kSide, "● From the side"}, {Look::kTrainee, "● As the trainee"}};
+  for (const auto& [look, words] : looks) {
+    press(GLFW_KEY_V);
+    EXPECT_EQ(window_->live_screen.pane().looking(), look);
+    EXPECT_TRUE(stands(words)) << words;
+  }
+  ASSERT_TRUE(click("Free (drag)"));
+  EXPECT_EQ(window_->live_screen.pane().looking(), Look::kFree);
+}
+
+TEST_F(LiveActions, whatCannotBeSentStaysInItsField) {
+  lab_->open("bench-1");
+  frames(2);
+  ASSERT_TRUE(click("##message"));
+  type("slower, please");
+  press(GLFW_KEY_ENTER);
+  EXPECT_TRUE(stands("not done: there is no connection to the server now")) << window_->text();
+  EXPECT_TRUE(stands("slower, please"));
+  ASSERT_TRUE(click("##remark"));
+  type("too steep");
+  ASSERT_TRUE(click("Annotate"));
+  EXPECT_TRUE(stands("there is no session to annotate: the station is idle")) << window_->text();
+  EXPECT_TRUE(stands("too steep"));
+}
+
+TEST_F(LiveActions, theTraineeHearsWhatIsTypedClickedAndChosen) {
+  BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
+  ASSERT_NO_FATAL_FAILURE(logIn());
+  ASSERT_TRUE(until([&] {
+    const StationTile* const tile = lab_->overview.find("bench-1");
+    return tile != nullptr && tile->online && !tile->session_id.empty();
+  }));
+  lab_->open("bench-1");
+  ASSERT_TRUE(until([&] { return !lab_->live()->trace().empty() && !lab_->exercises().empty(); }));
+  const auto heard = [&](const std::string& words) {
+    return until(
+        [&] { return lab_->commands.waiting() == 0 && bench.heard().find(words) != std::string::npos; });
+  };
+
+  // while a person types, keys are letters
+  press(GLFW_KEY_M);
+  const PlotSet plots = window_->live_screen.plots;
+  type("hm");
+  press(GLFW_KEY_P);
+  press(GLFW_KEY_SPACE);
+  EXPECT_EQ(window_->live_screen.plots, plots);
+  EXPECT_FALSE(lab_->live()->paused());
+  press(GLFW_KEY_ENTER);
+  ASSERT_TRUE(heard("anna: hm\n")) << bench.heard();
+  EXPECT_TRUE(untilText("message delivered to bench-1"));
+  EXPECT_TRUE(stands("say to the trainee")) << "the field is empty again: " << window_->text();
+
+  const AidList before = lab_->aidsNow();
+  ASSERT_TRUE(hasAid(before, pb::Exercise::DEPTH)) << "else this test shows nothing";
+  ASSERT_TRUE(click("##aids"));
+  ASSERT_TRUE(click(std::string(aidWord(pb::Exercise::DEPTH))));
+  EXPECT_FALSE(hasAid(lab_->aidsNow(), pb::Exercise::DEPTH));
+  EXPECT_EQ(lab_->aidsNow().size(), before.size() - 1);
+  EXPECT_TRUE(heard("aids " + std::to_string(before.size() - 1) + "\n")) << bench.heard();
+  ASSERT_TRUE(click("As the exercise has it"));
+  EXPECT_TRUE(hasAid(lab_->aidsNow(), pb::Exercise::DEPTH));
+  EXPECT_TRUE(heard("aids 0\n")) << "as it is reset: " << bench.heard();
+  press(GLFW_KEY_ESCAPE);  // the list's
+
+  lab_->screen = WindowScreen::kLive;
+  frames(2);
+  const ExerciseChoice exercise = lab_->exercises().front();
+  ASSERT_TRUE(click("##next"));
+  ASSERT_TRUE(click(exercise.name + "##" + exercise.id));
+  EXPECT_TRUE(heard("next " + exercise.id + "\n")) << bench.heard();
+
+  // a lesson is stopped by a question, whose Escape is not the screen's
+  ASSERT_TRUE(click("Stop lesson …"));
+  ASSERT_TRUE(lab_->stop_question.asking());
+  press(GLFW_KEY_ESCAPE);
+  EXPECT_FALSE(lab_->stop_question.asking());
+  EXPECT_EQ(lab_->screen, WindowScreen::kLive);
+  EXPECT_THAT(bench.heard(), Not(HasSubstr("stop ")));
+  ASSERT_TRUE(click("Stop lesson …"));
+  ASSERT_TRUE(click("##reason"));
+  type("wrong side");
+  press(GLFW_KEY_ENTER);  // the field's
+  EXPECT_THAT(bench.heard(), Not(HasSubstr("stop ")));
+  press(GLFW_KEY_ENTER);
+  EXPECT_TRUE(heard("stop wrong side\n")) << bench.heard();
+  EXPECT_FALSE(lab_->stop_question.asking());
+  EXPECT_TRUE(untilText("the lesson at bench-1 is stopped"));
+}
+
+// --- sessions, replay, compare, re-run
+
+/// Two stored lessons, of ada and, a minute later, of tina; each has 2.5 s.
+class StoredActions : public WithMouse {
+ protected:
+  void SetUp() override {
+    WithMouse::SetUp();
+    if (!surface_) return;
+    const std::string key = server_.addStation("bench-1"), profile = sampleProfile("shoulder-adult");
+    auto first = lessonInfo(profile, "ada"), second = lessonInfo(profile, "tina");
+    second.mutable_description()->set_started_unix_ns(first.description().started_unix_ns() + 60'000'000'000);
+    uploadLesson(server_, key, first, lessonSamples(profile, {.depth_m = 0.022, .seconds = 1}));
+    uploadLesson(server_, key, second, lessonSamples(profile, {.depth_m = 0.02, .seconds = 1}));
+    ada_ = first.description().session_id();
+    tina_ = second.description().session_id();
+  }
+  void showSessions() {
+    ASSERT_TRUE(script("login\nsessions\nwait-text \"2 sessions\"").ok()) << window_->text();
+  }
+  [[nodiscard]] std::string traineeOfRow(std::size_t i) const {
+    return lab_->sessions.rows().at(i).description().trainee();
+  }
+  bool loaded() {
+    return until([&] { return !lab_->analysis.busy() && lab_->analysis.first() != nullptr; });
+  }
+  std::string ada_, tina_;
+};
+
+TEST_F(StoredActions, aColumnsHeadSortsInItsOneDirection) {
+  ASSERT_NO_FATAL_FAILURE(showSessions());
+  ASSERT_EQ(lab_->sessions.rows().size(), 2u);
+  EXPECT_EQ(traineeOfRow(0), "tina") << "the newest first";
+  EXPECT_THAT(window_->text(), AllOf(HasSubstr("2025-11-21 00:40"), HasSubstr("2025-11-21 00:41")));
+  constexpr int kColumns = 8, kWhen = 0, kTrainee = 1;
+  for (int time = 0; time < 2; ++time) {
+    EXPECT_EQ(clickHead(kColumns, kTrainee), ImGuiSortDirection_Ascending);
+    EXPECT_EQ(traineeOfRow(0), "ada") << "also after the second click";
+  }
+  for (int time = 0; time < 2; ++time) {
+    EXPECT_EQ(clickHead(kColumns, kWhen), ImGuiSortDirection_Descending);
+    EXPECT_EQ(traineeOfRow(0), "tina");
+  }
+}
+
+TEST_F(StoredActions, aRowsButtonsLoadItsSession) {
+  ASSERT_NO_FATAL_FAILURE(showSessions());
+  EXPECT_FALSE(click("beside", 1)) << "nothing is loaded that it could stand beside";
+  ASSERT_TRUE(click("Replay", 1));
+  EXPECT_EQ(lab_->screen, WindowScreen::kReplay);
+  ASSERT_TRUE(loaded());
+  EXPECT_EQ(lab_->analysis.first()->info.description().session_id(), ada_);
+  frames(2);
+  EXPECT_TRUE(stands("ada, shoulder-bursa, 2025-11-21 00:40")) << window_->text();
+  lab_->screen = WindowScreen::kSessions;
+  frames(2);
+  ASSERT_TRUE(click("beside", 0));
+  EXPECT_EQ(lab_->screen, WindowScreen::kCompare);
+  ASSERT_TRUE(until([&] { return lab_->analysis.comparison().has_value(); }));
+  EXPECT_EQ(lab_->analysis.second()->info.description().session_id(), tina_);
+  frames(2);
+  EXPECT_TRUE(stands("— ada, shoulder-bursa, 2025-11-21 00:40 – – tina, shoulder-bursa, 2025-11-21 00:41"))
+      << window_->text();
+  ASSERT_TRUE(click("by time"));
+  ASSERT_TRUE(until([&] { return lab_->analysis.comparison()->alignment == Alignment::kTime; }));
+  ASSERT_TRUE(click("Another second …"));
+  EXPECT_EQ(lab_->screen, WindowScreen::kSessions);
+  frames(2);
+  ASSERT_TRUE(click("Scores", 0));
+  EXPECT_EQ(lab_->screen, WindowScreen::kScores);
+  ASSERT_TRUE(until([&] {
+    return lab_->analysis.report().has_value() &&
+           lab_->analysis.first()->info.description().session_id() == tina_;
+  })) << window_->text();
+}
+
+TEST_F(StoredActions, aSearchGoesByFieldListAndKeyAndSaysWhichDayIsNone) {
+  ASSERT_NO_FATAL_FAILURE(showSessions());
+  ASSERT_TRUE(click("##who"));
+  type("ad");
+  press(GLFW_KEY_ENTER);
+  EXPECT_EQ(lab_->sessions.query().search, "ad");
+  ASSERT_TRUE(untilText("1 session ")) << window_->text();
+  EXPECT_EQ(traineeOfRow(0), "ada");
+  ASSERT_TRUE(click("##verdict"));
+  ASSERT_TRUE(click("passed"));
+  EXPECT_EQ(lab_->sessions.query().verdict, pb::ListSessions::PASSED) << "a choice searches at once";
+  // Enter is the search's; on an empty list it is the way out
+  window_->sessions_screen.query = {};
+  window_->sessions_screen.query.from = "yesterday";
+  ASSERT_TRUE(click("Search"));
+  EXPECT_TRUE(stands("from: 'yesterday' is no day; it is written 2026-11-21")) << window_->text();
+  EXPECT_FALSE(stands("0 sessions")) << "nothing was looked for";
+  window_->sessions_screen.query = {};
+  window_->sessions_screen.query.search = "nobody";
+  press(GLFW_KEY_ENTER);
+  ASSERT_TRUE(untilText("No session matches")) << window_->text();
+  press(GLFW_KEY_ENTER);
+  EXPECT_EQ(lab_->sessions.query(), SessionQuery{});
+  ASSERT_TRUE(untilText("2 sessions"));
+}
+
+TEST_F(StoredActions, keysAndButtonsPlayStepAndLoop) {
+  ASSERT_TRUE(script("login\nreplay newest").ok()) << window_->text();
+  ReplayPlayer& player = lab_->analysis.player;
+  const double first_s = player.first_s(), last_s = player.last_s();
+  ASSERT_NEAR(last_s - first_s, 2.499, 1e-6);
+  EXPECT_TRUE(stands("1× speed"));
+  EXPECT_TRUE(stands("0:00.0 of 0:02.5")) << window_->text();
+  press(GLFW_KEY_RIGHT);
+  EXPECT_NEAR(player.at_s(), first_s + 0.01, 1e-9);
+  press(GLFW_KEY_PAGE_DOWN);
+  EXPECT_NEAR(player.at_s(), first_s + 0.11, 1e-9);
+  press(GLFW_KEY_LEFT);
+  press(GLFW_KEY_PAGE_UP);
+  EXPECT_NEAR(player.at_s(), first_s, 1e-9);
+  press(GLFW_KEY_SPACE);
+  EXPECT_TRUE(player.playing());
+  EXPECT_EQ(lab_->screen, WindowScreen::kReplay) << "Space presses no button, also not after an arrow";
+  EXPECT_TRUE(stands("Pause"));
+  press(GLFW_KEY_SPACE);
+  EXPECT_FALSE(player.playing());
+  press(GLFW_KEY_END);
+  EXPECT_EQ(player.at_s(), last_s);
+  press(GLFW_KEY_HOME);
+  EXPECT_EQ(player.at_s(), first_s);
+  press(GLFW_KEY_EQUAL);
+  EXPECT_EQ(player.speed(), 2);
+  press(GLFW_KEY_MINUS);
+  press(GLFW_KEY_MINUS);
+  EXPECT_EQ(player.speed(), 0.5);
+  EXPECT_TRUE(stands("0.5× speed"));
+
+  press(GLFW_KEY_L);
+  ASSERT_TRUE(player.loop());
+  EXPECT_EQ(player.loop()->from_s, first_s);
+  EXPECT_NEAR(player.loop()->to_s, first_s + 2, 1e-9);
+  EXPECT_TRUE(stands("End the loop"));
+  press(GLFW_KEY_L);
+  EXPECT_FALSE(player.loop());
+
+  ASSERT_TRUE(click("step ▶"));
+  EXPECT_NEAR(player.at_s(), first_s + 0.01, 1e-9);
+  ASSERT_TRUE(click("◀ step"));
+  EXPECT_NEAR(player.at_s(), first_s, 1e-9);
+  ASSERT_TRUE(click("##speed"));
+  ASSERT_TRUE(click("0.25×"));
+  EXPECT_EQ(player.speed(), 0.25);
+  player.seek(first_s + 0.5);
+  ASSERT_TRUE(click("Loop 2 s from here"));
+  EXPECT_NEAR(player.loop().value_or(ReplayLoop{}).from_s, first_s + 0.5, 1e-9);
+  EXPECT_EQ(player.loop().value_or(ReplayLoop{}).to_s, last_s) << "the recording ends before";
+  player.seek(last_s);
+  ASSERT_TRUE(click("❙◀"));
+  EXPECT_NEAR(player.at_s(), first_s + 0.5, 1e-9) << "the loop's beginning";
+  EXPECT_TRUE(stands("0:00.5 of 0:02.5")) << window_->text();
+
+  press(GLFW_KEY_N);
+  type("look at this");
+  press(GLFW_KEY_ENTER);
+  ASSERT_TRUE(until([&] { return lab_->analysis.remarks().size() == 1; })) << window_->text();
+  EXPECT_EQ(lab_->analysis.remarks()[0].text(), "look at this");
+  EXPECT_EQ(lab_->analysis.remarks()[0].tick(), 500u) << "at 1 kHz";
+}
+
+TEST_F(StoredActions, aScreenDoesNotBlameItsWorkForAnothersError) {
+  ASSERT_TRUE(script("login\nreplay newest").ok()) << window_->text();
+  lab_->analysis.exportTo("nowhere.txt");
+  const std::string trouble = "nowhere.txt: the name must end in .html (report) or .csv (samples)";
+  EXPECT_EQ(lab_->analysis.trouble(), trouble);
+  lab_->screen = WindowScreen::kRerun;
+  frames(2);
+  EXPECT_THAT(window_->text(),
+              AllOf(HasSubstr("Choose a patient or a model, then run"), Not(HasSubstr("That does not run"))));
+  lab_->screen = WindowScreen::kCompare;
+  frames(2);
+  EXPECT_THAT(window_->text(),
+              AllOf(HasSubstr("One session is loaded"), Not(HasSubstr("That does not work"))));
+
+  lab_->analysis.rerun("no-such-patient", "");
+  ASSERT_TRUE(until([&] { return !lab_->analysis.busy() && !lab_->analysis.trouble().empty(); }));
+  frames(2);
+  EXPECT_THAT(window_->text(),
+              AllOf(HasSubstr("One session is loaded"), Not(HasSubstr("That does not work"))));
+  lab_->screen = WindowScreen::kRerun;
+  frames(2);
+  EXPECT_THAT(window_->text(), AllOf(HasSubstr("That does not run"), HasSubstr(lab_->analysis.trouble())));
+
+  ASSERT_TRUE(click("force model"));
+  ASSERT_TRUE(click("DIRECT"));
+  ASSERT_TRUE(click("Run"));
+  ASSERT_TRUE(until([&] { return lab_->analysis.rerunResult() != nullptr; })) << window_->text();
+  frames(2);
+  EXPECT_THAT(window_->text(), AllOf(HasSubstr("did not feel this"), Not(HasSubstr("That does not run"))));
+}
+
+TEST_F(StoredActions, aRemarksKeyBeforeASessionIsLoadedWaitsForNoField) {
+  ASSERT_TRUE(script("login").ok());
+  lab_->screen = WindowScreen::kReplay;
+  press(GLFW_KEY_N);
+  ASSERT_TRUE(script("replay newest").ok()) << window_->text();
+  frames(3);
+  press(GLFW_KEY_SPACE);
+  EXPECT_TRUE(lab_->analysis.player.playing()) << "the key is not typed into a field";
+}
+
+}  // namespace
+}  // namespace needlelab
