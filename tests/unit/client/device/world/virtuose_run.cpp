@@ -511,6 +511,7 @@ void VirtuoseRun::maintain() {
   failed_tries_ = has_connected ? 0 : failed_tries_ + 1;
   if (!has_connected) return;
   was_lost_ = false;
+  refused_in_a_row_ = 0;
   ++reconnections_;
 }
 
