@@ -173,25 +173,19 @@ void addSkillCommand(CLI::App& app, SimCommand& chosen) {
   auto options = std::make_shared<SkillOptions>();
   CLI::App* command = app.add_subcommand(
       "skill", "Which measures tell simulated hands of different skill apart; no evidence about people");
-  // the parser would make a huge number of a negative one
-  const CLI::Validator not_negative(
-      [](const std::string& text) {
-        return text.starts_with('-') ? text + ", allowed are whole numbers from 0 on" : std::string();
-      },
-      "");
   command->add_option("--trainees", options->study.trainees, "simulated people, an even number from 4 to 200")
-      ->check(not_negative)
+      ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
       ->capture_default_str();
   command->add_option("--attempts", options->study.attempts, "of each at each exercise, 1 to 100")
-      ->check(not_negative)
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command
       ->add_option("--exercises", options->study.exercises,
                    "the first so many of the course injection-steps, 1 to 6")
-      ->check(not_negative)
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--seed", options->study.seed, "of everything that is left to chance")
-      ->check(not_negative)
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--pictures", options->pictures, "a folder for skill.csv and skill.png (gnuplot)");
   addJsonOption(*command, options->json);
