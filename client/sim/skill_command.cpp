@@ -117,12 +117,8 @@ void printStudy(const SkillReport& report) {
       report.options.shuffles, 100 * report.shuffled_mean_share, 100 * report.shuffled_most_share);
 }
 
-// skill.csv and skill.png
+// skill.csv, and skill.png where gnuplot is found
 Status drawSkill(const SkillReport& report, const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error)
-    return Error{ErrorCode::kFailed, fmt::format("cannot make {}: {}", folder.string(), error.message())};
   if (report.rows.empty())
     return Error{ErrorCode::kFailed, "no measure differs between trainees: nothing to draw"};
   PlotTable table("place,hedges_g,g_low_95,g_high_95,separates,measure");
@@ -134,12 +130,24 @@ Status drawSkill(const SkillReport& report, const std::filesystem::path& folder)
   }
   const auto csv = folder / "skill.csv";
   RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(table.take())));
+  if (!hasGnuplot()) {
+    std::fprintf(stderr,
+                 "needlelab-sim skill: gnuplot is not on the PATH: table only (Debian: gnuplot-nox)\n");
+    return {};
+  }
   return drawPlot("skill", folder / "skill.png", {{"csv", csv.string()}, {"finding", findingOf(report)}});
 }
 
 int skill(const SkillOptions& options) {
   if (const Status status = checkOutputs({}, {{"--json", options.json.file}}); !status.ok())
     return failed("skill", status.error());
+  if (!options.pictures.empty()) {
+    std::error_code made;
+    std::filesystem::create_directories(options.pictures, made);
+    if (made)
+      return failed("skill", {ErrorCode::kInvalidInput, "--pictures " + options.pictures.string() +
+                                                            ": cannot make the folder: " + made.message()});
+  }
   const bool shows = ::isatty(STDERR_FILENO) == 1;
   const auto report = runSkillStudy(options.study, [&](std::size_t done, std::size_t all) {
     if (shows && (done % 16 == 0 || done == all))
@@ -167,16 +175,20 @@ void addSkillCommand(CLI::App& app, SimCommand& chosen) {
   CLI::App* command = app.add_subcommand(
       "skill", "Which measures tell simulated hands of different skill apart; no evidence about people");
   command->add_option("--trainees", options->study.trainees, "simulated people, an even number from 4 to 200")
+      ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
       ->capture_default_str();
   command->add_option("--attempts", options->study.attempts, "of each at each exercise, 1 to 100")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command
       ->add_option("--exercises", options->study.exercises,
                    "the first so many of the course injection-steps, 1 to 6")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--seed", options->study.seed, "of everything that is left to chance")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command->add_option("--pictures", options->pictures, "a folder for skill.png (gnuplot)");
+  command->add_option("--pictures", options->pictures, "a folder for skill.csv and skill.png (gnuplot)");
   addJsonOption(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return skill(*options); }; });
 }

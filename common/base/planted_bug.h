@@ -20,10 +20,13 @@ enum class PlantedBug {
   kDeviceWatchdogTwice,       ///< the Falcon's torque outlives the haptic thread by 40 ms in place of 20
   kTorqueWithoutZero,         ///< the Falcon's motors run before its encoders have found their zero
   kRequestOutlivesLink,       ///< a torque requested before the Falcon was lost is sent to it afterwards
-  kNoLastCommand,             ///< the Falcon is released without a last command of zero torque
+  kNoLastCommand,             ///< a device is released without a last command of zero force
   kLookAgainTwice,            ///< a lost Falcon is looked for every second in place of every half
+  kRetryNeverDoubles,         ///< a lost Virtuose is looked for every half second for ever
+  kNoKeepAlive,               ///< nothing is sent to the Virtuose while a lesson is prepared
+  kOldConnectionKept,         ///< a Virtuose is opened anew without closing the old connection
 };
-inline constexpr int kPlantedBugs = 15;
+inline constexpr int kPlantedBugs = 18;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
@@ -33,6 +36,7 @@ constexpr std::string_view nameOf(PlantedBug bug) noexcept {
       "spool-purged-at-ack",         "gap-accepted",          "hash-not-checked",
       "sample-lost-at-reconnection", "device-watchdog-twice", "torque-without-zero",
       "request-outlives-link",       "no-last-command",       "look-again-twice",
+      "retry-never-doubles",         "no-keep-alive",         "old-connection-kept",
   };
   return kNames[static_cast<int>(bug)];
 }

@@ -105,10 +105,7 @@ void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_
     silent_ticks_ += elapsed_ticks;
   } else {
     // the loop itself stalled, and the device still reports: the force fades in again
-    if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) {
-      after_stall_ = true;
-      if (fault_ == Fault::kNone) elapsed_ticks_ = 1;  // a fault's ramp goes on
-    }
+    if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) after_stall_ = true;
     silent_ticks_ = 0;
   }
 }
@@ -142,10 +139,9 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   admitted_ = false;
   ticks_since_good_ += elapsed_ticks;
   spendMissed(elapsed_ticks - 1);
-  const bool held_before = holding_;
-  holding_ = (condition & kDeviceHoldFlags) != 0;
   // ticks missed before a ramp begins do not count for it; a ramp from outside begins here
-  const bool begins = fault_ != Fault::kNone ? fade_ == 1.0 : holding_ && !held_before;
+  const bool begins = fault_ != Fault::kNone ? fade_ == 1.0 : !holding_ && !after_stall_;
+  holding_ = (condition & kDeviceHoldFlags) != 0;
   elapsed_ticks_ = begins ? 1 : elapsed_ticks;
   noteSilence(fresh, elapsed_ticks, condition);
   const bool in_fault = fault_ != Fault::kNone && staysInFault(tip, fresh, handle_speed_mps, condition);

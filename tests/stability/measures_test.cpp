@@ -94,6 +94,36 @@ TEST(TicksIn, takesTheHalfOpenWindow) {
   EXPECT_EQ(peakToPeak(forceAlong(ticksIn(run, {5, 6}), {0, 0, 1})), 0);
 }
 
+TEST(ChatterOf, isTheRmsInTheBandOfTheWindowAlongTheDirection) {
+  // quiet for a second, then a shake of 0.2 N at 100 Hz
+  std::vector<double> force_N(1000, 2.0);
+  for (const double value : sine(100, 0.2, 3)) force_N.push_back(2 + value);
+  const PlantRun run = runOf(force_N, std::vector<double>(force_N.size(), 0));
+  const double expected_N = 0.2 / std::numbers::sqrt2 * highPassGain(100, 50, 4);
+  EXPECT_NEAR(chatterOf(run, {0, 0, 1}, {2, 4}, {}), expected_N, 1e-4);
+  // a direction aslant sees its share, one across sees nothing
+  EXPECT_NEAR(chatterOf(run, {0.6, 0, 0.8}, {2, 4}, {}), 0.8 * expected_N, 1e-4);
+  EXPECT_EQ(chatterOf(run, {1, 0, 0}, {2, 4}, {}), 0);
+  EXPECT_EQ(chatterOf(run, {0, 0, 1}, {0, 1}, {}), 0);
+  EXPECT_EQ(chatterOf(run, {0, 0, 1}, {9, 10}, {}), 0) << "an empty window";
+  // ten ticks a period: the greatest is at 72 degrees
+  EXPECT_NEAR(maxForce_N(run), 2 + 0.2 * std::sin(0.4 * std::numbers::pi), 1e-9);
+}
+
+TEST(AllFinite, looksAtForcesPlaceAndEnergy) {
+  const PlantRun good = runOf({0, 1, 2}, {0, 0, 0});
+  EXPECT_TRUE(allFinite(good));
+  EXPECT_TRUE(allFinite(runOf({}, {})));
+  for (const double bad : {std::nan(""), static_cast<double>(INFINITY)}) {
+    PlantRun force = good, torque = good, place = good, energy = good;
+    force.ticks[2].report.wrench_W.force_N.y = bad;
+    torque.ticks[1].report.wrench_W.torque_Nm.x = bad;
+    place.ticks[0].p_W_m.z = bad;
+    energy.ticks[1].energy_J = bad;
+    for (const PlantRun* run : {&force, &torque, &place, &energy}) EXPECT_FALSE(allFinite(*run));
+  }
+}
+
 TEST(Grows, tellsASwellingSwingFromAnEvenAndADyingOne) {
   const auto swing = [](double per_s) {
     std::vector<double> signal = sine(20, 1, 2);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "client/device/virtuose/virtuose_errors.h"
+#include "common/base/planted_bug.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {
@@ -100,7 +101,8 @@ Status VirtuoseDevice::connect() {
 std::optional<std::int64_t> VirtuoseDevice::KeepAlive::turn() noexcept {
   if (stop.load()) return std::nullopt;
   const std::int64_t now_ns = device.time_.nowNs();
-  if (now_ns - last_ns >= std::chrono::nanoseconds(device.options_.keep_alive).count()) {
+  if (now_ns - last_ns >= std::chrono::nanoseconds(device.options_.keep_alive).count() &&
+      !planted(PlantedBug::kNoKeepAlive)) {
     last_ns = now_ns;
     device.keepAlive();
   }
@@ -230,10 +232,10 @@ void VirtuoseDevice::maintain() {
   const std::scoped_lock lock(mutex_);
   if (owner_.load(std::memory_order_acquire) != Owner::kLost || time_.nowNs() < next_try_ns_) return;
   // the device accepts one connection: close the old one first
-  closeVirtuose(*api_, std::exchange(context_, nullptr));
+  if (!planted(PlantedBug::kOldConnectionKept)) closeVirtuose(*api_, std::exchange(context_, nullptr));
   const Status status = connect();
-  retry_ =
-      status.ok() || away_text_.empty() ? options_.first_retry : std::min(retry_ * 2, options_.longest_retry);
+  const bool begins = status.ok() || away_text_.empty() || planted(PlantedBug::kRetryNeverDoubles);
+  retry_ = begins ? options_.first_retry : std::min(retry_ * 2, options_.longest_retry);
   next_try_ns_ = time_.nowNs() + std::chrono::nanoseconds(retry_).count();
   away_text_ = status.ok() ? "" : status.error().message;
   if (status.ok()) owner_.store(Owner::kIdle, std::memory_order_release);

@@ -5,6 +5,7 @@
 #include <charconv>
 
 #include "client/device/virtuose/virtuose_errors.h"
+#include "common/base/planted_bug.h"
 #include "common/base/range.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/limits.h"
@@ -146,7 +147,7 @@ Result<VirtContext> openVirtuose(const VirtuoseApi& api, const VirtuoseSetup& se
 
 void closeVirtuose(const VirtuoseApi& api, VirtContext context) noexcept {
   if (context == nullptr) return;
-  setZeroForce(api, context);
+  if (!planted(PlantedBug::kNoLastCommand)) setZeroForce(api, context);
   api.virtSetPowerOn(context, 0);
   api.virtClose(context);
 }

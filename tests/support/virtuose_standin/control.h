@@ -26,6 +26,8 @@ class Standin {
   Standin& operator=(const Standin&) = delete;
 
   void useRealTime() const { find<void(int)>("standin_virtual_time")(0); }
+  /// `time.who` must live until the next Standin is made, or this is not used any more.
+  void useTime(const StandinTime& time) const { find<void(const StandinTime*)>("standin_time")(&time); }
   void advance(double seconds) const { find<void(double)>("standin_advance")(seconds); }
   void command(const std::string& text) const {
     if (find<int(const char*)>("standin_command")(text.c_str()) != 0)

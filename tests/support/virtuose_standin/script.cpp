@@ -75,6 +75,7 @@ bool World::command(const std::string& line) {
     link_back_s_ = now_s_ + number;
     return true;
   }
+  if (name == "slow") return static_cast<bool>(in >> slow_s_);
   if (name == "version") {
     if (!(in >> word)) return false;
     right_version_ = word == "right";

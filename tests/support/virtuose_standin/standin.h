@@ -13,6 +13,7 @@
 ///   switch 0|1                    the user's power switch
 ///   estop press|free              pressing it also switches off: the switch is to be pressed again
 ///   link_down T                   nothing arrives for T s
+///   slow T                        each call takes T s, at most its time-out
 ///   daemon 0|1                    the vendor's service
 ///   version right|wrong           of the library against the device
 ///   overheat 0|1                  the motors' sensor, whatever was rendered
@@ -24,6 +25,13 @@
 #pragma once
 
 extern "C" {
+
+/// A time from outside.
+struct StandinTime {
+  void* who;                               ///< for both
+  double (*now_s)(void* who);              ///< since any moment
+  void (*wait)(void* who, double time_s);  ///< while a call waits for its answer; other calls may come in
+};
 
 /// The true state, in SI units and in the device's base frame.
 struct StandinState {
@@ -44,6 +52,8 @@ struct StandinState {
 void standin_reset(void);
 /// 0: real time from now on.
 void standin_virtual_time(int on);
+/// Everything goes on in this time, until the next reset.
+void standin_time(const StandinTime* time);
 /// Virtual time only.
 void standin_advance(double seconds);
 /// Returns 0, or −1 for an unknown command.

@@ -8,13 +8,28 @@ namespace {
 
 constexpr int kIncorrectValue = 9, kWrongMode = 17, kCallTime = 19, kNoMode = 0;
 
+// the connection behind a pointer, after the time that the call takes; meanwhile others may call
+Context* reached(std::unique_lock<std::mutex>& lock, void* pointer, const char* name) {
+  World& w = world();
+  w.catchUp();
+  const Context* context = w.find(pointer);
+  if (context == nullptr) return nullptr;
+  if (const double wait_s = w.waitOf(*context, name); wait_s > 0) {
+    const StandinTime time = w.time();
+    lock.unlock();
+    time.wait(time.who, wait_s);
+    lock.lock();
+    w.catchUp();
+  }
+  return w.find(pointer);
+}
+
 // one call: time, link, rule, answer. `rule` returns 0 or the error code of a refused call
 template <typename Rule>
 int call(void* pointer, const char* name, bool sets, Rule rule) {
   World& w = world();
-  const std::scoped_lock lock(w.mutex);
-  w.catchUp();
-  Context* context = w.find(pointer);
+  std::unique_lock lock(w.mutex);
+  Context* context = reached(lock, pointer, name);
   if (context == nullptr) return w.answer(nullptr, name, kInvalidContext, sets);
   int error = w.arrives(*context, name);
   if (error == 0) error = rule(w, *context);
@@ -59,9 +74,8 @@ void* virtOpen(const char* address) {
 
 int virtClose(void* vc) {
   World& w = world();
-  const std::scoped_lock lock(w.mutex);
-  w.catchUp();
-  Context* context = w.find(vc);
+  std::unique_lock lock(w.mutex);
+  Context* context = standin::reached(lock, vc, "virtClose");
   return w.answer(context, "virtClose", context != nullptr ? w.close(*context) : 0, true);
 }
 
@@ -239,6 +253,11 @@ void standin_reset(void) {
 void standin_virtual_time(int on) {
   const std::scoped_lock lock(world().mutex);
   world().useVirtualTime(on != 0);
+}
+
+void standin_time(const StandinTime* time) {
+  const std::scoped_lock lock(world().mutex);
+  world().useTime(*time);
 }
 
 void standin_advance(double seconds) {

@@ -24,8 +24,14 @@ constexpr int kIndexingAll = 0;
 constexpr unsigned kOverheat = 0x4000, kSaturation = 0x8000, kOverrun = 0x20000;
 constexpr std::size_t kLog = 16'384;  // reserved, because a haptic thread calls this
 
-double machineTime() {
+constexpr double kRounding_s = 1e-9;
+
+double machineTime(void*) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+void machineWait(void*, double time_s) {
+  std::this_thread::sleep_for(std::chrono::duration<double>(time_s));
 }
 
 double onStep(double value, double step) {
@@ -53,6 +59,7 @@ void World::reset() {
   contexts_.fill({});
   open_error_ = 0;
   virtual_time_ = true;
+  time_ = {nullptr, machineTime, machineWait};
   started_ = true;
   start_s_ = now_s_ = 0;
   cycles_ = 0;
@@ -61,7 +68,7 @@ void World::reset() {
   next_event_ = 0;
   switch_ = sensor_ = daemon_ = right_version_ = true;
   stopped_ = forced_overheat_ = hot_ = saturated_ = indexing_ = false;
-  link_back_s_ = heat_N2_ = overrun_until_s_ = 0;
+  link_back_s_ = slow_s_ = heat_N2_ = overrun_until_s_ = 0;
   buttons_.fill(false);
   more_alarms_ = failures_ = 0;
   turn_scale_ = 1;
@@ -81,7 +88,13 @@ void World::reset() {
 void World::useVirtualTime(bool on) {
   catchUp();
   virtual_time_ = on;
-  start_s_ = machineTime() - now_s_;
+  start_s_ = time_.now_s(time_.who) - now_s_;
+}
+
+void World::useTime(const StandinTime& time) {
+  catchUp();
+  time_ = time;
+  useVirtualTime(false);
 }
 
 void World::advance(double seconds) {
@@ -94,7 +107,7 @@ void World::catchUp() {
     // the first call of a program that does not control the stand-in: real time, and optionally a script
     reset();
     virtual_time_ = false;
-    start_s_ = machineTime();
+    start_s_ = time_.now_s(time_.who);
     if (const char* file = std::getenv("NEEDLELAB_STANDIN_SCRIPT"); file != nullptr && *file != '\0') {
       std::ifstream in(file);
       std::stringstream text;
@@ -106,7 +119,7 @@ void World::catchUp() {
       }
     }
   }
-  if (!virtual_time_) now_s_ = machineTime() - start_s_;
+  if (!virtual_time_) now_s_ = time_.now_s(time_.who) - start_s_;
   while (static_cast<double>(cycles_ + 1) * 1e-3 <= now_s_ + 1e-9) millisecond();
   runScript();
 }
@@ -210,21 +223,25 @@ Context* World::find(void* pointer) {
   return nullptr;
 }
 
-int World::arrives(Context& context, const char* call) {
+int World::refusalOf(const char* call) const {
   for (const auto& [name, code] : failing_)
     if (name == call) return code;
+  return 0;
+}
+
+double World::waitOf(const Context& context, const char* call) const {
+  if (virtual_time_ || context.state == Context::State::kCut || !daemon_ || refusalOf(call) != 0) return 0;
+  return std::min(context.timeout_s, std::max(slow_s_, link_back_s_ - now_s_));
+}
+
+int World::arrives(Context& context, const char* call) {
+  if (const int code = refusalOf(call); code != 0) return code;
   if (context.state == Context::State::kCut) return kCommunication;
   if (!daemon_) {
     context.state = Context::State::kCut;
     return kCommunication;
   }
-  if (now_s_ < link_back_s_) {
-    if (!virtual_time_)
-      std::this_thread::sleep_for(
-          std::chrono::duration<double>(std::min(context.timeout_s, link_back_s_ - now_s_)));
-    return kTimeOut;
-  }
-  return 0;
+  return now_s_ < link_back_s_ - kRounding_s || slow_s_ >= context.timeout_s ? kTimeOut : 0;
 }
 
 int World::answer(Context* context, const char* call, int error, bool sets) {

@@ -57,6 +57,7 @@ class World {
 
   void reset();
   void useVirtualTime(bool on);
+  void useTime(const StandinTime& time);
   void advance(double seconds);
   bool command(const std::string& line);
   int script(const std::string& text);
@@ -72,7 +73,11 @@ class World {
   [[nodiscard]] int openError() const { return open_error_; }
   /// The context behind a pointer, or null.
   Context* find(void* pointer);
-  /// Checks that the call gets an answer: 0 or an error code. A timeout takes its full time.
+  /// How long a call waits for its answer, at most its time-out. In virtual time it waits for nothing.
+  [[nodiscard]] double waitOf(const Context& context, const char* call) const;
+  /// The time to wait in.
+  [[nodiscard]] StandinTime time() const { return time_; }
+  /// Checks that the call gets an answer, after its wait: 0 or an error code.
   int arrives(Context& context, const char* call);
   /// Records the call and its result; returns 0 or −1.
   int answer(Context* context, const char* call, int error, bool sets);
@@ -97,19 +102,21 @@ class World {
   void index();
   void runScript();
   [[nodiscard]] const Context* active() const;
+  [[nodiscard]] int refusalOf(const char* call) const;
   static void remember(std::string& list, std::string_view word);
 
   Plant plant_;
   std::array<Context, 64> contexts_{};
   int open_error_ = 0;
   bool virtual_time_ = false, started_ = false;
+  StandinTime time_{};
   double start_s_ = 0, now_s_ = 0;
   std::int64_t cycles_ = 0, first_read_cycle_ = -1;
   std::vector<Event> events_;
   std::size_t next_event_ = 0;
 
   bool switch_ = true, sensor_ = true, stopped_ = false, daemon_ = true, right_version_ = true;
-  double link_back_s_ = 0;
+  double link_back_s_ = 0, slow_s_ = 0;
   std::array<bool, 4> buttons_{};
   bool forced_overheat_ = false, hot_ = false, saturated_ = false;
   unsigned more_alarms_ = 0, failures_ = 0;

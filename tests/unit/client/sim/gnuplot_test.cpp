@@ -101,5 +101,33 @@ TEST(Gnuplot, isNotThereWhenThePathHasNone) {
   EXPECT_FALSE(found_nowhere);
 }
 
+// ---- the data of a picture
+
+TEST(PlotTable, hasItsHeaderThenNumbersWithNineDigitsThenTexts) {
+  PlotTable table("a,b,c");
+  table.row({1.0 / 3, 1e-12, -2}, {});
+  table.row({0.1}, {"x", "y"});
+  table.row({}, {"only", "texts", ""});
+  EXPECT_EQ(table.take(), "a,b,c\n0.333333333,1e-12,-2\n0.1,x,y\nonly,texts,\n");
+}
+
+TEST(PlotBlocks, areInTheOrderOfTheirFirstRowsAndRowsFindTheirBlock) {
+  PlotBlocks blocks;
+  EXPECT_EQ(blocks.text(), "");
+  blocks.row("b", {1, 2.5});
+  blocks.row("a", {}, {"one, with a comma", "two"});
+  blocks.row("b", {1.0 / 7}, {"text"});
+  blocks.columns("nothing", {});
+  // gnuplot parts blocks by two empty lines
+  EXPECT_EQ(blocks.text(), "# b;\n1\t2.5\n0.142857143\ttext\n\n\n# a;\none, with a comma\ttwo\n");
+}
+
+TEST(PlotBlocks, unequalColumnsEndWithTheShortest) {
+  PlotBlocks blocks;
+  blocks.columns("c", {{1, 2, 3}, {4, 5}, {6, 7, 8}});
+  blocks.columns("c", {{9}, {}});
+  EXPECT_EQ(blocks.text(), "# c;\n1\t4\t6\n2\t5\t7\n");
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -356,6 +356,29 @@ TEST(ForceGate, missedTicksCountForAFaultsRampWhateverTheDeviceSays) {
   }
 }
 
+TEST(ForceGate, missedTicksCountForAHoldsRampAlsoWhenAStallEndsInIt) {
+  // found by simulated runs: the stall made the ramp begin anew, and wait for 20 more ticks
+  for (const std::uint32_t condition : {0u, static_cast<std::uint32_t>(kDeviceReleased)}) {
+    Running r;
+    r.settle(2);
+    r.gate.admit(tipAt(0), true, 0, 1, kDeviceReleased);
+    EXPECT_NEAR(r.gate.guard(force(2)).wrench().force_N.x, 2 * 0.95, 1e-9);
+    r.gate.admit(tipAt(0), true, 0, 100, condition);
+    EXPECT_EQ(r.gate.guard(force(2)).wrench().force_N.x, 0) << condition;
+  }
+  // a stall before the hold does not count for it; one in the ramp after a stall does
+  Running r;
+  r.settle(2);
+  r.gate.admit(tipAt(0), true, 0, 100, kDeviceReleased);
+  EXPECT_NEAR(r.gate.guard(force(2)).wrench().force_N.x, 2 * 0.95, 1e-9);
+  Running again;
+  again.settle(2);
+  again.gate.admit(tipAt(0), true, 0, 100, 0);
+  EXPECT_NEAR(again.gate.guard(force(2)).wrench().force_N.x, 2 * 0.95, 1e-9);
+  again.gate.admit(tipAt(0), true, 0, 100, 0);
+  EXPECT_EQ(again.gate.guard(force(2)).wrench().force_N.x, 0);
+}
+
 TEST(ForceGate, everyFaultHasItsOwnWords) {
   std::vector<std::string> seen;
   for (int i = 0; i <= 11; ++i) {

@@ -32,6 +32,55 @@ TEST(EffectSize, theBootstrapsIntervalHoldsTheEstimate) {
   EXPECT_LT(interval.high - interval.low, 6);
 }
 
+TEST(EffectSize, turnsItsSignWithTheGroupsAndBearsShiftAndScale) {
+  HandRandom random(11);
+  for (int round = 0; round < 50; ++round) {
+    std::vector<double> a(4 + static_cast<std::size_t>(round % 3)), b(5), a_moved, b_moved;
+    for (double& v : a) v = random.uniform();
+    for (double& v : b) v = random.uniform();
+    for (const double v : a) a_moved.push_back(3 * v - 7);
+    for (const double v : b) b_moved.push_back(3 * v - 7);
+    EXPECT_NEAR(hedgesG(b, a), -hedgesG(a, b), 1e-12);
+    EXPECT_NEAR(hedgesG(a_moved, b_moved), hedgesG(a, b), 1e-9);
+    EXPECT_EQ(cliffsDelta(b, a), -cliffsDelta(a, b));
+    EXPECT_EQ(cliffsDelta(a_moved, b_moved), cliffsDelta(a, b));
+    // Welch's t of groups of one size is g without its correction, by √(n/2)
+    if (a.size() != b.size()) continue;
+    double mean[2] = {}, square[2] = {};
+    for (std::size_t i = 0; i < 5; ++i) mean[0] += a[i] / 5, mean[1] += b[i] / 5;
+    for (std::size_t i = 0; i < 5; ++i)
+      square[0] += std::pow(a[i] - mean[0], 2), square[1] += std::pow(b[i] - mean[1], 2);
+    const double t = (mean[1] - mean[0]) / std::sqrt((square[0] / 4 + square[1] / 4) / 5);
+    EXPECT_NEAR(hedgesG(a, b), t / std::sqrt(2.5) * (1 - 3 / 31.0), 1e-9);
+  }
+  EXPECT_EQ(hedgesG(std::vector<double>{2, 2}, std::vector<double>{1, 1}), -INFINITY);
+}
+
+TEST(EffectSize, groupsWithoutSpreadHaveAnIntervalOfOnePoint) {
+  HandRandom random(4);
+  const Interval apart = bootstrapG(std::vector<double>{1, 1, 1}, std::vector<double>{2, 2, 2}, 100, random);
+  EXPECT_EQ(apart.low, INFINITY);
+  EXPECT_EQ(apart.high, INFINITY);
+  const Interval equal = bootstrapG(std::vector<double>{1, 1, 1}, std::vector<double>{1, 1, 1}, 100, random);
+  EXPECT_EQ(equal.low, 0);
+  EXPECT_EQ(equal.high, 0);
+}
+
+TEST(LabelTest, sampledLabellingsCountTheGivenOne) {
+  // 40 values in halves: 1.4e11 ways; none of 20,000 parts them as far as the given one
+  HandRandom random(4);
+  std::vector<double> values(40);
+  std::iota(values.begin(), values.end(), 0.0);
+  const LabelTest test(values, 20, random);
+  std::vector<bool> labels(40, false);
+  std::fill(labels.begin(), labels.begin() + 20, true);
+  EXPECT_FALSE(test.exact());
+  EXPECT_DOUBLE_EQ(test.p(labels), 1 / 20'001.0);
+  // the most even one is parted as far by all
+  for (std::size_t i = 0; i < 40; ++i) labels[i] = i % 4 == 0 || i % 4 == 3;
+  EXPECT_EQ(test.p(labels), 1);
+}
+
 TEST(LabelTest, countsAllLabellings) {
   HandRandom random(4);
   // 20 partitions; only the given one and its mirror separate them completely

@@ -1,0 +1,99 @@
+// Hundreds of simulated lessons with a Virtuose, each from a seed: what goes wrong, when, and who wakes
+// first. In every one the rules of VirtuoseRun hold. A failing seed is printed with the command that plays it
+// again; keep it in the file `virtuose_regressions`, with its reason.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <set>
+#include <string>
+
+#include "common/haptics/device_condition.h"
+#include "tests/support/run_form.h"
+#include "tests/support/sanitized.h"
+#include "tests/unit/client/device/world/seeds.h"
+#include "tests/unit/client/device/world/virtuose_run.h"
+
+namespace needlelab::test {
+namespace {
+
+/// The short form's; a bug must show within as many.
+constexpr std::uint64_t kVirtuoseSeeds = 500;
+
+std::string virtuoseBrokenBy(std::uint64_t seed, double gate_rate_hz = 1000, std::uint32_t hides = 0) {
+  VirtuoseRun run(virtuosePlanOf(seed), gate_rate_hz, hides);
+  run.play();
+  return run.broken();
+}
+
+SeededRuns virtuoseRuns() {
+  return {"VirtuoseSeeds", [](std::uint64_t seed) { return virtuoseBrokenBy(seed); },
+          [](std::uint64_t seed) { return textOf(virtuosePlanOf(seed)); }};
+}
+
+TEST(VirtuoseSeeds, everyRunKeepsTheRules) {
+  playSeeds(virtuoseRuns(), longForm() ? 100'000 : kSanitized ? 50 : kVirtuoseSeeds);
+}
+
+TEST(VirtuoseSeeds, seedsThatOnceFailedKeepTheRules) {
+  playRegressions(virtuoseRuns(), NEEDLELAB_WORLD "/virtuose_regressions");
+}
+
+TEST(VirtuoseSeeds, theSameSeedIsTheSameRunToTheBit) {
+  // the stand-in is one device in a program, so one run follows the other
+  const auto traceOf = [](std::uint64_t seed) {
+    VirtuoseRun run(virtuosePlanOf(seed));
+    run.play();
+    EXPECT_GT(run.ticks(), 20u) << again(virtuoseRuns(), seed);
+    return run.trace();
+  };
+  std::set<std::uint64_t> traces;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const std::uint64_t trace = traceOf(seed);
+    EXPECT_EQ(traceOf(seed), trace) << again(virtuoseRuns(), seed);
+    traces.insert(trace);
+  }
+  EXPECT_EQ(traces.size(), 10u);
+}
+
+TEST(VirtuoseSeeds, manyRunsLoseTheirDeviceAndFindItAgain) {
+  std::uint64_t reconnections = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    VirtuoseRun run(virtuosePlanOf(seed));
+    run.play();
+    reconnections += run.reconnections();
+  }
+  EXPECT_GE(reconnections, 5u);
+}
+
+// ---- proof that the rules can be broken
+
+TEST(VirtuoseSeeds, eachPlantedBugIsCaught) {
+  for (const PlantedBug bug : {PlantedBug::kRetryNeverDoubles, PlantedBug::kNoKeepAlive,
+                               PlantedBug::kOldConnectionKept, PlantedBug::kNoLastCommand})
+    catchBug(virtuoseRuns(), bug, kVirtuoseSeeds);
+}
+
+TEST(VirtuoseSeeds, aDeviceThatConcealsItsConditionIsCaught) {
+  for (const std::uint32_t flag : {kDeviceEmergencyStop, kDeviceReleased, kDevicePowerOff, kDeviceOverheated,
+                                   kDeviceLost, kDeviceTrouble}) {
+    const auto brokenBy = [&](std::uint64_t seed) { return virtuoseBrokenBy(seed, 1000, flag); };
+    const auto seed = firstThatBreaks(brokenBy, kVirtuoseSeeds);
+    ASSERT_TRUE(seed) << flag;
+    std::printf("without condition %#x: seed %llu, %s\n", flag, static_cast<unsigned long long>(*seed),
+                brokenBy(*seed).c_str());
+  }
+}
+
+TEST(VirtuoseSeeds, aGateThatCountsTicksWronglyIsCaught) {
+  // at 500 Hz it fades in within 100 ticks, at 2 kHz it fades out within 40
+  for (const double rate_hz : {500.0, 2000.0}) {
+    const auto brokenBy = [&](std::uint64_t seed) { return virtuoseBrokenBy(seed, rate_hz); };
+    const auto seed = firstThatBreaks(brokenBy, kVirtuoseSeeds);
+    ASSERT_TRUE(seed) << rate_hz;
+    std::printf("gate at %.0f Hz: seed %llu, %s\n", rate_hz, static_cast<unsigned long long>(*seed),
+                brokenBy(*seed).c_str());
+  }
+}
+
+}  // namespace
+}  // namespace needlelab::test
