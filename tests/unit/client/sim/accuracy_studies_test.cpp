@@ -161,17 +161,15 @@ TEST(TlsLoopback, aFrameArrivesWholeAndTheRecordsBytesAreCounted) {
   EXPECT_EQ((*loop)->cipherBytes() - before, (*frame)->size() + kFrameHeaderBytes + 22);
 }
 
-TEST(LiveStudy, aLongerFrameIsLaterAndCostsLess) {
+TEST(LiveStudy, aFrameWaitsByFormulaAndALongerOneCostsFewerBytes) {
   std::vector<std::string> notes;
   const auto rows = liveStudy({}, quiet, notes);
   ASSERT_TRUE(rows.ok()) << rows.error().message;
   for (std::size_t i = 0; i < rows->size(); ++i) {
     const AccuracyRow& row = (*rows)[i];
-    // The newest sample does not wait, the oldest waits for all others.
+    // The newest sample does not wait, the oldest waits for all others. The rest is the machine's: no bound.
     EXPECT_GE(*row.latency_ms, (*row.frame_s * 1e3 - 1) / 2);
-    if (i == 0) continue;
-    EXPECT_LT(*row.bytes_per_s, *(*rows)[i - 1].bytes_per_s);
-    EXPECT_GT(*row.latency_ms, *(*rows)[i - 1].latency_ms);
+    if (i > 0) EXPECT_LT(*row.bytes_per_s, *(*rows)[i - 1].bytes_per_s);
   }
 }
 
