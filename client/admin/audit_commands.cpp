@@ -1,6 +1,6 @@
 // The audit log: who changed what, and whether somebody changed the log.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <filesystem>

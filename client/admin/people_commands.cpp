@@ -1,6 +1,6 @@
 // People: accounts, roles, passwords, codes.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <memory>

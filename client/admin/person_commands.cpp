@@ -1,6 +1,6 @@
 // A person's data, consent, studies, and the export of all records.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <memory>

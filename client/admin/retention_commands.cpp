@@ -1,6 +1,6 @@
 // Retention: thinning and deletion of old recordings.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <memory>

@@ -1,6 +1,6 @@
 // Scores: of a session, of everybody as a table, recomputed by newer definitions; the reference experts.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <memory>

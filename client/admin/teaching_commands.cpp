@@ -1,6 +1,6 @@
 // Groups, results, progress, scores.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <memory>

@@ -1,6 +1,6 @@
 // Backups and restores, the lab's settings, the check of the database.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <filesystem>
 #include <memory>

@@ -1,7 +1,7 @@
 /// `needlelab-sim precompute`: finite elements offline, to a table that the tracking wall renders at its own
 /// cost (the paper's future work).
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <unistd.h>
 

@@ -1,6 +1,6 @@
 /// `needlelab-sim run`: a trajectory through the engine, tick by tick.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cstdio>

@@ -1,6 +1,6 @@
 /// `needlelab-sim score`: the measures of a trajectory, equal to the server's for that gesture.
-#include <CLI/CLI.hpp>
 #include <fmt/core.h>
+#include <CLI/CLI.hpp>
 
 #include <cmath>
 #include <cstdio>
