@@ -85,7 +85,8 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   std::function<Outcome()> read = [&service = server->context().store.service(), who, own] {
     return service.execute(who, own);
   };
-  const Outcome person = co_await offload(*server->context().workers_of_people, who.name, std::move(read));
+  const Outcome person =
+      co_await offload(*server->context().workers_of_people, turnNameOf(who), std::move(read));
   const std::int64_t now = steadyNowNs();
   const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
   WebJson state = {{"name", who.name},
@@ -183,7 +184,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
   Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
   if (call->body_bytes > kSmallBody)  // not ?: around co_await, which g++ 12 miscompiles
-    built = co_await offload(*context.views_of_people, call->who.name, std::move(build));
+    built = co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(build));
   else
     built = build();
   wipeSecrets(call->body);
@@ -195,11 +196,13 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
   followUp(context, *request, outcome->reply, call->who.name, nullptr);
-  // serialising long lists takes time
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
-  co_return co_await offload(*context.views_of_people, call->who.name, std::move(write));
+  // serialising long lists takes time
+  FairPool* const pool = poolForWriting(context, outcome->reply.ByteSizeLong());
+  if (pool == nullptr) co_return write();
+  co_return co_await offload(*pool, turnNameOf(call->who), std::move(write));
 }
 
 Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
@@ -208,13 +211,13 @@ Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_p
     auto json = route.how.work(service, *call);
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
-  co_return co_await offload(*context.views_of_people, call->who.name, std::move(work));
+  co_return co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(work));
 }
 
 /// A stream, who reads it, and the session that asked for it.
 struct SessionStream {
   WebStream stream;
-  std::string who, token;
+  std::string turn_name, token;
   std::uint64_t seen = 0;  ///< ServerContext::access_changes when the session was valid
 };
 
@@ -228,7 +231,7 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
   const Error ended{ErrorCode::kDenied, "the session that asked for it has ended"};
   if (accessEnded(server->context(), *stream)) co_return ended;
   std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
-  auto piece = co_await offload(*server->context().views_of_people, stream->who, std::move(work));
+  auto piece = co_await offload(*server->context().views_of_people, stream->turn_name, std::move(work));
   if (accessEnded(server->context(), *stream)) co_return ended;
   co_return piece;
 }
@@ -239,13 +242,13 @@ Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared
   std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
-  auto opened = co_await offload(*context.views_of_people, call->who.name, std::move(open));
+  auto opened = co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
   auto stream = std::make_shared<SessionStream>(
-      SessionStream{std::move(*opened), call->who.name, std::move(token), seen});
+      SessionStream{std::move(*opened), turnNameOf(call->who), std::move(token), seen});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -300,7 +303,7 @@ Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::sh
     return bodyFault(*request, call->body);
   };
   if (call->body_bytes <= kSmallBody) co_return read();
-  co_return co_await offload(*server->context().views_of_people, call->who.name, std::move(read));
+  co_return co_await offload(*server->context().views_of_people, turnNameOf(call->who), std::move(read));
 }
 
 Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
@@ -338,7 +341,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   std::function<Result<bool>()> check = [&service = context.store.service(), who = call->who] {
     return service.stillAllowed(who);
   };
-  const auto allowed = co_await offload(*context.workers_of_people, call->who.name, std::move(check));
+  const auto allowed = co_await offload(*context.workers_of_people, turnNameOf(call->who), std::move(check));
   if (!allowed.ok()) co_return errorAnswer(allowed.error());
   if (!*allowed) {
     context.tokens.end(session->token);
