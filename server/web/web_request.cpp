@@ -214,41 +214,72 @@ Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_p
   co_return co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(work));
 }
 
-/// A stream, who reads it, and the session that asked for it.
-struct SessionStream {
-  WebStream stream;
+HttpAnswer browserGone() {
+  return errorAnswer(503, "unavailable", "the browser is gone");
+}
+
+/// The session that asked for what takes long.
+struct AskedBy {
   std::string turn_name, token;
   std::uint64_t seen = 0;  ///< ServerContext::access_changes when the session was valid
 };
 
-/// Whether the stream's session has been ended: its account was disabled or has another role or password. A
-/// session that only expires while its download runs does not end it.
-bool accessEnded(ServerContext& context, const SessionStream& stream) {
-  return stream.seen != context.access_changes && !context.tokens.endOf(stream.token, steadyNowNs());
+/// Whether the session has been ended: its account was disabled or has another role or password. A session
+/// that only expires while its download runs does not end it.
+bool accessEnded(ServerContext& context, const AskedBy& by) {
+  return by.seen != context.access_changes && !context.tokens.endOf(by.token, steadyNowNs());
 }
 
+Error accessHasEnded() {
+  return {ErrorCode::kDenied, "the session that asked for it has ended"};
+}
+
+Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& route,
+                              std::shared_ptr<const WebCall> call, AskedBy by) {
+  ServerContext& context = server->context();
+  std::function<Result<WebSteps>()> begin = [&service = context.store.service(), &route, call] {
+    return route.how.steps(service, *call);
+  };
+  const auto steps = co_await offload(*context.views_of_people, by.turn_name, std::move(begin));
+  if (!steps) co_return errorAnswer(steps.error());
+  while (!request->gone()) {
+    if (accessEnded(context, by)) co_return errorAnswer(accessHasEnded());
+    std::function<std::optional<HttpAnswer>()> work = [&route, step = steps->step] {
+      const auto json = step();
+      if (!json) return std::optional(errorAnswer(json.error()));
+      return *json ? std::optional(jsonAnswer(**json, route.how.status)) : std::nullopt;
+    };
+    auto answer = co_await offload(*context.views_of_people, by.turn_name, std::move(work));
+    if (answer) co_return std::move(*answer);
+  }
+  co_return browserGone();
+}
+
+/// A stream and who reads it.
+struct SessionStream {
+  WebStream stream;
+  AskedBy by;
+};
+
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
-  const Error ended{ErrorCode::kDenied, "the session that asked for it has ended"};
-  if (accessEnded(server->context(), *stream)) co_return ended;
+  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
-  auto piece = co_await offload(*server->context().views_of_people, stream->turn_name, std::move(work));
-  if (accessEnded(server->context(), *stream)) co_return ended;
+  auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
+  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   co_return piece;
 }
 
 Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call,
-                               std::string token, std::uint64_t seen) {
-  ServerContext& context = server->context();
-  std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
+                               AskedBy by) {
+  std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
-  auto opened = co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(open));
+  auto opened = co_await offload(*server->context().views_of_people, by.turn_name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(
-      SessionStream{std::move(*opened), turnNameOf(call->who), std::move(token), seen});
+  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(by)});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -277,10 +308,6 @@ Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal wh
     co_await freed->wait();
   }
   co_return std::nullopt;
-}
-
-HttpAnswer browserGone() {
-  return errorAnswer(503, "unavailable", "the browser is gone");
 }
 
 /// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the
@@ -366,7 +393,8 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
   // before anything else is held; goes on with the answer, until the browser has read it
   std::optional<ByteBudget::Share> reply_room;
-  if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork) {
+  if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork ||
+      route.how.action == WebAction::kSteps) {
     reply_room = co_await waitForRoom(request, call->who, context.replies, context.reply_room,
                                       replyRoomOf(context, route.call));
     if (!reply_room) co_return browserGone();
@@ -403,11 +431,14 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.body = std::string(route.how.text());
     co_return answer;
   }
+  AskedBy by{turnNameOf(call->who), session->token, seen};
   if (route.how.action == WebAction::kStream)
-    co_return co_await throughStream(server, route, call, session->token, seen);
+    co_return co_await throughStream(server, route, call, std::move(by));
   HttpAnswer answer;
   if (route.how.action == WebAction::kWork)  // not ?: around co_await, which g++ 12 miscompiles
     answer = co_await throughWork(server, route, call);
+  else if (route.how.action == WebAction::kSteps)
+    answer = co_await throughSteps(server, request, route, call, std::move(by));
   else
     answer = co_await throughService(server, route, call);
   if (reply_room) {
