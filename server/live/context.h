@@ -98,7 +98,11 @@ struct WebCounters {
   std::size_t connections_open = 0, live_open = 0;  ///< now
 };
 
-inline constexpr std::size_t kWorkerThreads = 2, kViewThreads = 2, kSlowThreads = 1;
+inline constexpr std::size_t kWorkerThreads = 2, kSlowThreads = 1;
+/// A station shows a trainee its standing while people plot and export: one of the views' threads is kept
+/// free of people's work.
+inline constexpr std::size_t kPeopleViewThreads = 2, kStationViewThreads = 1;
+inline constexpr std::size_t kViewThreads = kPeopleViewThreads + kStationViewThreads;
 
 struct ServerContext {
   asio::io_context& io;
@@ -120,7 +124,8 @@ struct ServerContext {
   Admission admission{};
   /// What people ask for, on `workers`, on `views` and on `slow_workers`.
   std::unique_ptr<FairPool> workers_of_people = std::make_unique<FairPool>(workers, kWorkerThreads);
-  std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kViewThreads);
+  std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kPeopleViewThreads);
+  std::unique_ptr<FairPool> views_of_stations = std::make_unique<FairPool>(views, kStationViewThreads);
   std::unique_ptr<FairPool> slow_workers_of_people = std::make_unique<FairPool>(slow_workers, kSlowThreads);
   /// Whatever hashes, on `passwords`.
   std::unique_ptr<PasswordPool> passwords_in_turn = std::make_unique<PasswordPool>(passwords);

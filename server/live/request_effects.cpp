@@ -123,13 +123,14 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
     case RequestThreads::kPasswords:
       return offload(*context.passwords_in_turn, passwordLineOf(who), who.name, std::move(work));
     case RequestThreads::kViews:
-      return offload(*context.views_of_people, who.name, std::move(work));
+      return offload(who.role == pb::STATION ? *context.views_of_stations : *context.views_of_people,
+                     turnNameOf(who), std::move(work));
     case RequestThreads::kSlow:
-      return offload(*context.slow_workers_of_people, who.name, std::move(work));
+      return offload(*context.slow_workers_of_people, turnNameOf(who), std::move(work));
     case RequestThreads::kHours:
       return offload(context.retention_workers, std::move(work));
   }
-  return offload(*context.workers_of_people, who.name, std::move(work));
+  return offload(*context.workers_of_people, turnNameOf(who), std::move(work));
 }
 
 }  // namespace
@@ -150,9 +151,17 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   co_return co_await onItsThreads(context, threads, who, std::move(work));
 }
 
+std::string turnNameOf(const Principal& who) {
+  return (who.role == pb::STATION ? "station " : "person ") + who.name;
+}
+
+FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes) {
+  if (reply_bytes <= 16u << 10) return nullptr;
+  return reply_bytes < 64u << 10 ? context.workers_of_people.get() : context.views_of_people.get();
+}
+
 BudgetOwner budgetOwner(const Principal& who, std::string connection) {
-  const bool person = who.role != pb::STATION;
-  return {std::move(connection), (person ? "person " : "station ") + who.name, person};
+  return {std::move(connection), turnNameOf(who), who.role != pb::STATION};
 }
 
 std::size_t replyRoomOf(const ServerContext& context, pb::Request::CallCase call) {

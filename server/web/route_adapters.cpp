@@ -424,7 +424,7 @@ constexpr RouteAdapter kAdapters[] = {
     {.line = "DELETE /assignments/{id}", .build = removeAssignment},
     {.line = "GET /sessions", .build = listSessions, .shape = sessionsJson},
     {.line = "GET /unknown-trainees", .build = listUnknownTrainees, .shape = sessionsJson},
-    {.line = "GET /sessions/{id}/samples", .action = WebAction::kWork, .work = samplePlot},
+    {.line = "GET /sessions/{id}/samples", .action = WebAction::kSteps, .steps = samplePlot},
     {.line = "GET /sessions/{id}/samples.csv", .action = WebAction::kStream, .stream = sampleCsv},
     {.line = "GET /sessions/{id}/annotations", .action = WebAction::kWork, .work = listAnnotations},
     {.line = "POST /sessions/{id}/annotations",

@@ -38,6 +38,7 @@ WebJson plainReply(const WebCall& call, const pb::Reply& reply);
 enum class WebAction {
   kRequest,  ///< `build` → the service → `shape`
   kWork,     ///< `work` on a worker's thread: several requests that read
+  kSteps,    ///< `steps`: the same for what may take long
   kLogIn,
   kWhoAmI,
   kLogOut,
@@ -54,6 +55,7 @@ struct RouteAdapter {
   Result<pb::Request> (*build)(const WebRoute& route, const WebCall& call) = plainRequest;
   WebJson (*shape)(const WebCall& call, const pb::Reply& reply) = plainReply;
   Result<WebJson> (*work)(Service& service, const WebCall& call) = nullptr;
+  Result<WebSteps> (*steps)(Service& service, const WebCall& call) = nullptr;
   Result<WebStream> (*stream)(Service& service, const WebCall& call) = nullptr;
   std::string_view (*text)() = nullptr;
   unsigned status = 200;

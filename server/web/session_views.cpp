@@ -18,7 +18,7 @@ namespace needlelab {
 namespace {
 
 constexpr double kMostPlotSeconds = 3.2e8;
-constexpr std::uint32_t kChunksAPiece = 8;
+constexpr std::uint32_t kCsvChunksAtOnce = 8;
 constexpr std::size_t kMostPieceText = 256u << 10;
 
 struct TimeSpan {
@@ -42,12 +42,13 @@ std::int64_t nsOfSeconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
 }
 
-/// Reads a session's chunks in order, with the requester's permissions.
+/// Reads a session's chunks in order, with the requester's permissions. Holds the bytes of at most so many
+/// chunks and of one reply (1 MiB), and no samples.
 class ChunkReader {
  public:
   /// Errors: those of GetSession; kNotFound when the recording was deleted.
-  static Result<ChunkReader> open(Service& service, const WebCall& call) {
-    ChunkReader reader(service, call.who);
+  static Result<ChunkReader> open(Service& service, const WebCall& call, std::uint32_t chunks_at_once) {
+    ChunkReader reader(service, call.who, chunks_at_once);
     ASSIGN_OR_RETURN(auto id, sessionBytesOf(call.parts[0]));
     reader.id_ = std::move(id);
     pb::Request request;
@@ -79,29 +80,43 @@ class ChunkReader {
   /// The end of the last readable chunk, in s since the first sample; 0 when no chunk can be read.
   Result<double> endSeconds() {
     for (std::uint64_t back = 1; back <= std::min<std::uint64_t>(info_.chunks(), 16); ++back) {
-      ASSIGN_OR_RETURN(const auto samples, read(info_.chunks() - back, 1, true));
-      if (!samples.empty()) return static_cast<double>(samples.back().time_ns - first_time_ns_) * 1e-9;
+      ASSIGN_OR_RETURN(const auto reply, read(info_.chunks() - back, 1, true));
+      if (reply.chunks().chunks().empty()) continue;
+      const auto samples = decodeChunk(viewOf(reply.chunks().chunks(0).data()));
+      if (samples) return static_cast<double>(samples->back().time_ns - first_time_ns_) * 1e-9;
     }
     return 0.0;
   }
 
-  /// The samples of the next chunks; empty at the end (or when all these chunks are damaged).
-  Result<std::vector<GestureSample>> take(std::uint32_t most_chunks, bool skip_damaged) {
-    while (next_ < info_.chunks()) {
-      auto samples = read(next_, most_chunks, skip_damaged);
-      if (!samples) return samples.error();
-      if (behind_ <= next_) break;
-      next_ = behind_;
-      if (!samples->empty()) return samples;
+  /// Whether there is no chunk any more.
+  [[nodiscard]] bool ended() const { return next_ >= info_.chunks() && at_ == held_.chunks().chunks_size(); }
+
+  /// Decodes the chunk that is next: at most kMaxChunkSamples. Empty: it is damaged, or there is none.
+  Result<std::vector<GestureSample>> samples(bool skip_damaged) {
+    if (at_ == held_.chunks().chunks_size()) {
+      if (ended()) return std::vector<GestureSample>{};
+      ASSIGN_OR_RETURN(auto reply, read(next_, chunks_at_once_, skip_damaged));
+      if (reply.chunks().next_seq() <= next_)
+        return Error{ErrorCode::kCorrupt,
+                     fmt::format("only {} of {} chunks could be read", next_, info_.chunks())};
+      held_ = std::move(reply);
+      at_ = 0;
+      next_ = held_.chunks().next_seq();
+      if (held_.chunks().chunks().empty()) return std::vector<GestureSample>{};
     }
-    if (next_ < info_.chunks())
-      return Error{ErrorCode::kCorrupt,
-                   fmt::format("only {} of {} chunks could be read", next_, info_.chunks())};
-    return std::vector<GestureSample>{};
+    auto decoded = decodeChunk(viewOf(held_.chunks().chunks(at_).data()));
+    if (!decoded && skip_damaged) return std::vector<GestureSample>{};
+    return decoded;
+  }
+
+  /// Goes to the chunk behind the one that samples() gave.
+  void pass() {
+    if (at_ < held_.chunks().chunks_size()) ++at_;
   }
 
  private:
-  ChunkReader(Service& service, Principal who) : service_(&service), who_(std::move(who)) {}
+  ChunkReader(Service& service, Principal who, std::uint32_t chunks_at_once)
+      : service_(&service), who_(std::move(who)), chunks_at_once_(chunks_at_once) {}
 
   Result<pb::Reply> ask(const pb::Request& request) {
     Outcome outcome = service_->execute(who_, request);
@@ -109,7 +124,7 @@ class ChunkReader {
     return std::move(outcome.reply);
   }
 
-  Result<std::vector<GestureSample>> read(std::uint64_t from, std::uint32_t most, bool skip_damaged) {
+  Result<pb::Reply> read(std::uint64_t from, std::uint32_t most, bool skip_damaged) {
     pb::Request request;
     auto& read = *request.mutable_read_chunks();
     read.set_session_id(id_);
@@ -117,23 +132,17 @@ class ChunkReader {
     read.set_max_chunks(most);
     read.set_skip_damaged(skip_damaged);
     read.set_hash(info_.hash());
-    ASSIGN_OR_RETURN(const auto reply, ask(request));
-    std::vector<GestureSample> samples;
-    for (const pb::Chunk& chunk : reply.chunks().chunks()) {
-      const auto decoded = decodeChunk(viewOf(chunk.data()));
-      if (!decoded && skip_damaged) continue;
-      if (!decoded) return decoded.error();
-      samples.insert(samples.end(), decoded->begin(), decoded->end());
-    }
-    behind_ = reply.chunks().next_seq();
-    return samples;
+    return ask(request);
   }
 
   Service* service_;
   Principal who_;
+  std::uint32_t chunks_at_once_;
   std::string id_;
   pb::SessionInfo info_;
-  std::uint64_t next_ = 0, behind_ = 0;
+  pb::Reply held_;          // chunks that were read
+  int at_ = 0;              // the next of them
+  std::uint64_t next_ = 0;  // the chunk behind them
   std::int64_t first_time_ns_ = 0;
 };
 
@@ -230,7 +239,7 @@ class PlotRows {
   std::array<std::vector<double>, kPlotColumns.size()> columns_;
 };
 
-/// Makes the CSV, some chunks at a time.
+/// Makes the CSV, some rows at a time.
 class CsvPieces {
  public:
   CsvPieces(ChunkReader reader, const TimeSpan& span)
@@ -242,17 +251,22 @@ class CsvPieces {
 
   Result<std::string> next() {
     // one piece for a small recording, many for a long one
-    while (!ended_ && text_.size() < kMostPieceText) {
-      ASSIGN_OR_RETURN(const auto samples, reader_.take(kChunksAPiece, false));
-      ended_ = samples.empty();
-      for (const GestureSample& sample : samples) {
+    std::size_t rows = 0;
+    while (!ended_ && rows < kMostPieceRows && text_.size() < kMostPieceText) {
+      // a long chunk is decoded again for each of its pieces, instead of held while the browser does not read
+      ASSIGN_OR_RETURN(const auto samples, reader_.samples(false));
+      for (; !ended_ && done_ < samples.size() && rows < kMostPieceRows; ++done_) {
+        const GestureSample& sample = samples[done_];
         const std::int64_t time_ns = sample.time_ns - reader_.firstTimeNs();
-        if (time_ns >= to_ns_) {
-          ended_ = true;
-          break;
-        }
-        if (time_ns >= from_ns_) appendSampleCsvRow(text_, sample, reader_.firstTimeNs());
+        ended_ = time_ns >= to_ns_;
+        if (ended_ || time_ns < from_ns_) continue;
+        appendSampleCsvRow(text_, sample, reader_.firstTimeNs());
+        ++rows;
       }
+      if (done_ < samples.size()) continue;
+      done_ = 0;
+      reader_.pass();
+      ended_ = ended_ || reader_.ended();
     }
     return std::exchange(text_, {});
   }
@@ -261,72 +275,123 @@ class CsvPieces {
   ChunkReader reader_;
   const std::int64_t from_ns_, to_ns_;
   std::string text_;
+  std::size_t done_ = 0;  // samples of the reader's chunk
   bool ended_ = false;
+};
+
+/// What a plot asks for.
+struct PlotAsked {
+  TimeSpan span;
+  std::size_t points = 2000;
+};
+
+Result<PlotAsked> plotAskedIn(const WebCall& call) {
+  PlotAsked asked;
+  ASSIGN_OR_RETURN(asked.span, timeSpanOf(call));
+  if (const std::string text = call.query("points"); !text.empty()) {
+    ASSIGN_OR_RETURN(asked.points, wholeOf("points", text, 2, 10'000));
+  }
+  return asked;
+}
+
+/// Makes a plot, some chunks at a time.
+class PlotSteps {
+ public:
+  PlotSteps(ChunkReader reader, const PlotAsked& asked)
+      : reader_(std::move(reader)),
+        points_(asked.points),
+        from_s_(asked.span.from_s.value_or(0)),
+        to_s_(from_s_),
+        wanted_to_s_(asked.span.to_s) {}
+
+  /// Finds the span. Before the first step.
+  Status begin() {
+    past_ = reader_.info().chunks() == 0;
+    if (past_) return {};
+    RETURN_IF_ERROR(reader_.seek(from_s_));
+    ASSIGN_OR_RETURN(const auto end_s, reader_.endSeconds());
+    to_s_ = std::min(wanted_to_s_.value_or(end_s), end_s);
+    return {};
+  }
+
+  Result<std::optional<WebJson>> step() {
+    std::size_t decoded = 0;
+    for (std::uint32_t n = 0; !past_ && n < kMostStepChunks && decoded < kMostStepSamples; ++n) {
+      ASSIGN_OR_RETURN(const auto samples, reader_.samples(true));
+      reader_.pass();
+      decoded += samples.size();
+      for (const GestureSample& sample : samples) {
+        if (!past_) add(sample);
+      }
+      past_ = past_ || reader_.ended();
+    }
+    if (!past_) return std::optional<WebJson>();
+    return std::optional<WebJson>(json());
+  }
+
+ private:
+  [[nodiscard]] double timeOf(const GestureSample& sample) const {
+    return static_cast<double>(sample.time_ns - reader_.firstTimeNs()) * 1e-9;
+  }
+
+  void add(const GestureSample& sample) {
+    const double time_s = timeOf(sample);
+    if (time_s < from_s_) return;
+    past_ = time_s > to_s_ + 1e-9;
+    if (past_) return;
+    if (!bins_.empty()) {
+      bin(sample);
+      return;
+    }
+    few_.push_back(sample);
+    if (few_.size() <= points_) return;
+    bins_.resize(points_ / 2);
+    for (const GestureSample& earlier : few_) bin(earlier);
+    few_ = {};
+  }
+
+  void bin(const GestureSample& sample) {
+    const double width_s = (to_s_ - from_s_) / static_cast<double>(points_ / 2);
+    const double time_s = timeOf(sample);
+    const double place = width_s > 0 ? (time_s - from_s_) / width_s : 0;
+    const std::size_t i = std::min(bins_.size() - 1, static_cast<std::size_t>(std::max(0.0, place)));
+    bins_[i].add(sample, time_s, from_s_ + (static_cast<double>(i) + 0.5) * width_s);
+  }
+
+  [[nodiscard]] WebJson json() const {
+    PlotRows rows;
+    for (const GestureSample& sample : few_) rows.add(sample, timeOf(sample));
+    for (const PlotBin& one : bins_) rows.add(one);
+    return WebJson{{"rate_hz", reader_.info().description().rate_hz()},
+                   {"samples", reader_.info().samples()},
+                   {"from_s", from_s_},
+                   {"to_s", to_s_},
+                   {"decimated", !bins_.empty()},
+                   {"columns", rows.json()}};
+  }
+
+  ChunkReader reader_;
+  std::size_t points_;
+  double from_s_, to_s_;
+  std::optional<double> wanted_to_s_;
+  std::vector<GestureSample> few_;  // used while there are no more samples than points
+  std::vector<PlotBin> bins_;
+  bool past_ = false;
 };
 
 }  // namespace
 
-Result<WebJson> samplePlot(Service& service, const WebCall& call) {
-  ASSIGN_OR_RETURN(const auto span, timeSpanOf(call));
-  std::size_t points = 2000;
-  if (const std::string text = call.query("points"); !text.empty()) {
-    ASSIGN_OR_RETURN(const auto number, wholeOf("points", text, 2, 10'000));
-    points = number;
-  }
-  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call));
-  const double from_s = span.from_s.value_or(0);
-  double to_s = from_s;
-  std::vector<GestureSample> few;  // used while there are no more samples than points
-  std::vector<PlotBin> bins;
-  if (reader.info().chunks() > 0) {
-    RETURN_IF_ERROR(reader.seek(from_s));
-    ASSIGN_OR_RETURN(const auto end_s, reader.endSeconds());
-    to_s = std::min(span.to_s.value_or(end_s), end_s);
-  }
-  const double width_s = (to_s - from_s) / static_cast<double>(points / 2);
-  const auto bin = [&](const GestureSample& sample) {
-    const double time_s = static_cast<double>(sample.time_ns - reader.firstTimeNs()) * 1e-9;
-    const double place = width_s > 0 ? (time_s - from_s) / width_s : 0;
-    const std::size_t i = std::min(bins.size() - 1, static_cast<std::size_t>(std::max(0.0, place)));
-    bins[i].add(sample, time_s, from_s + (static_cast<double>(i) + 0.5) * width_s);
-  };
-  bool past = reader.info().chunks() == 0;
-  while (!past) {
-    ASSIGN_OR_RETURN(const auto samples, reader.take(256, true));
-    if (samples.empty()) break;
-    for (const GestureSample& sample : samples) {
-      const double time_s = static_cast<double>(sample.time_ns - reader.firstTimeNs()) * 1e-9;
-      if (time_s < from_s) continue;
-      if (time_s > to_s + 1e-9) {
-        past = true;
-        break;
-      }
-      if (bins.empty()) {
-        few.push_back(sample);
-        if (few.size() <= points) continue;
-        bins.resize(points / 2);
-        for (const GestureSample& earlier : few) bin(earlier);
-        few = {};
-      } else {
-        bin(sample);
-      }
-    }
-  }
-  PlotRows rows;
-  for (const GestureSample& sample : few)
-    rows.add(sample, static_cast<double>(sample.time_ns - reader.firstTimeNs()) * 1e-9);
-  for (const PlotBin& one : bins) rows.add(one);
-  return WebJson{{"rate_hz", reader.info().description().rate_hz()},
-                 {"samples", reader.info().samples()},
-                 {"from_s", from_s},
-                 {"to_s", to_s},
-                 {"decimated", !bins.empty()},
-                 {"columns", rows.json()}};
+Result<WebSteps> samplePlot(Service& service, const WebCall& call) {
+  ASSIGN_OR_RETURN(const auto asked, plotAskedIn(call));
+  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call, kMostStepChunks));
+  auto steps = std::make_shared<PlotSteps>(std::move(reader), asked);
+  RETURN_IF_ERROR(steps->begin());
+  return WebSteps{[steps] { return steps->step(); }};
 }
 
 Result<WebStream> sampleCsv(Service& service, const WebCall& call) {
   ASSIGN_OR_RETURN(const auto span, timeSpanOf(call));
-  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call));
+  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call, kCsvChunksAtOnce));
   if (reader.info().chunks() > 0) {
     RETURN_IF_ERROR(reader.seek(span.from_s.value_or(0)));
   }

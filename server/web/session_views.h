@@ -1,22 +1,37 @@
 /// A stored session's samples for a browser: decimated for a plot, or complete as CSV.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+
 #include "common/base/result.h"
+#include "common/gesture/chunk.h"
 #include "db/service/service.h"
 #include "server/base/http_message.h"
 #include "server/web/web_call.h"
 
 namespace needlelab {
 
+/// A step of a plot ends when it has decoded so many samples or chunks. It holds one chunk's samples, so at
+/// most 65,536 (some 13 MB), and decodes fewer than kMostStepSamples + kMaxChunkSamples, whatever the
+/// recording holds.
+inline constexpr std::size_t kMostStepSamples = kMaxChunkSamples;
+inline constexpr std::uint32_t kMostStepChunks = 256;
+/// A piece of the CSV ends after so many rows (some 4 MB at most), usually sooner. Between two pieces a
+/// download holds the piece, and the bytes of the chunks that it reads next (at most 1 MiB), but no samples.
+inline constexpr std::size_t kMostPieceRows = 8'192;
+
 /// `?from_s=&to_s=&points=` (2-10000, by default 2000): {rate_hz, samples, from_s, to_s, decimated, columns:
 /// {name: []}} with the names of the CSV. Times are s since the recording's first sample. When there are more
 /// samples than points, each of `points`/2 equal time spans gives two rows: positions and states from two of
 /// its samples; minimum and maximum of forces, speed, depth and errors, in time order, so that no peak is
-/// lost. Omits damaged chunks. Memory: proportional to the points. Thread: a worker's.
-Result<WebJson> samplePlot(Service& service, const WebCall& call);
+/// lost. Omits damaged chunks. Memory between two steps: proportional to the points, and 1 MiB of chunks.
+/// Thread: a worker's.
+Result<WebSteps> samplePlot(Service& service, const WebCall& call);
 
 /// All columns of gesture/sample_csv.h, `?from_s=&to_s=` (`to_s` exclusive); units are in the header. A piece
-/// is a few chunks, whatever the session's length. A damaged chunk ends the stream with an error.
+/// is some rows, whatever the lengths of the session and of its chunks. A damaged chunk ends the stream with
+/// an error.
 Result<WebStream> sampleCsv(Service& service, const WebCall& call);
 
 }  // namespace needlelab

@@ -13,6 +13,7 @@
 
 #include "common/base/result.h"
 #include "db/service/requests.h"
+#include "server/base/http_message.h"
 #include "server/live/tokens.h"
 
 namespace needlelab {
@@ -71,6 +72,13 @@ struct WebCall {
 
   /// A query parameter; empty when absent.
   [[nodiscard]] std::string query(const std::string& name) const;
+};
+
+/// A reply whose making takes long, in steps: between two of them others have their turn.
+struct WebSteps {
+  /// Does one step; returns the reply with the last one, and nothing before. On a worker's thread, one call
+  /// at a time.
+  std::function<Result<std::optional<WebJson>>()> step;
 };
 
 /// A reply too long to hold in memory, made piece by piece. The interface for export formats: each is one

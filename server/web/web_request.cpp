@@ -85,7 +85,8 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   std::function<Outcome()> read = [&service = server->context().store.service(), who, own] {
     return service.execute(who, own);
   };
-  const Outcome person = co_await offload(*server->context().workers_of_people, who.name, std::move(read));
+  const Outcome person =
+      co_await offload(*server->context().workers_of_people, turnNameOf(who), std::move(read));
   const std::int64_t now = steadyNowNs();
   const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
   WebJson state = {{"name", who.name},
@@ -183,7 +184,7 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
   Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
   if (call->body_bytes > kSmallBody)  // not ?: around co_await, which g++ 12 miscompiles
-    built = co_await offload(*context.views_of_people, call->who.name, std::move(build));
+    built = co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(build));
   else
     built = build();
   wipeSecrets(call->body);
@@ -195,11 +196,13 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
   followUp(context, *request, outcome->reply, call->who.name, nullptr);
-  // serialising long lists takes time
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
-  co_return co_await offload(*context.views_of_people, call->who.name, std::move(write));
+  // serialising long lists takes time
+  FairPool* const pool = poolForWriting(context, outcome->reply.ByteSizeLong());
+  if (pool == nullptr) co_return write();
+  co_return co_await offload(*pool, turnNameOf(call->who), std::move(write));
 }
 
 Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
@@ -208,44 +211,75 @@ Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_p
     auto json = route.how.work(service, *call);
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
-  co_return co_await offload(*context.views_of_people, call->who.name, std::move(work));
+  co_return co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(work));
 }
 
-/// A stream, who reads it, and the session that asked for it.
-struct SessionStream {
-  WebStream stream;
-  std::string who, token;
+HttpAnswer browserGone() {
+  return errorAnswer(503, "unavailable", "the browser is gone");
+}
+
+/// The session that asked for what takes long.
+struct AskedBy {
+  std::string turn_name, token;
   std::uint64_t seen = 0;  ///< ServerContext::access_changes when the session was valid
 };
 
-/// Whether the stream's session has been ended: its account was disabled or has another role or password. A
-/// session that only expires while its download runs does not end it.
-bool accessEnded(ServerContext& context, const SessionStream& stream) {
-  return stream.seen != context.access_changes && !context.tokens.endOf(stream.token, steadyNowNs());
+/// Whether the session has been ended: its account was disabled or has another role or password. A session
+/// that only expires while its download runs does not end it.
+bool accessEnded(ServerContext& context, const AskedBy& by) {
+  return by.seen != context.access_changes && !context.tokens.endOf(by.token, steadyNowNs());
 }
 
+Error accessHasEnded() {
+  return {ErrorCode::kDenied, "the session that asked for it has ended"};
+}
+
+Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& route,
+                              std::shared_ptr<const WebCall> call, AskedBy by) {
+  ServerContext& context = server->context();
+  std::function<Result<WebSteps>()> begin = [&service = context.store.service(), &route, call] {
+    return route.how.steps(service, *call);
+  };
+  const auto steps = co_await offload(*context.views_of_people, by.turn_name, std::move(begin));
+  if (!steps) co_return errorAnswer(steps.error());
+  while (!request->gone()) {
+    if (accessEnded(context, by)) co_return errorAnswer(accessHasEnded());
+    std::function<std::optional<HttpAnswer>()> work = [&route, step = steps->step] {
+      const auto json = step();
+      if (!json) return std::optional(errorAnswer(json.error()));
+      return *json ? std::optional(jsonAnswer(**json, route.how.status)) : std::nullopt;
+    };
+    auto answer = co_await offload(*context.views_of_people, by.turn_name, std::move(work));
+    if (answer) co_return std::move(*answer);
+  }
+  co_return browserGone();
+}
+
+/// A stream and who reads it.
+struct SessionStream {
+  WebStream stream;
+  AskedBy by;
+};
+
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
-  const Error ended{ErrorCode::kDenied, "the session that asked for it has ended"};
-  if (accessEnded(server->context(), *stream)) co_return ended;
+  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
-  auto piece = co_await offload(*server->context().views_of_people, stream->who, std::move(work));
-  if (accessEnded(server->context(), *stream)) co_return ended;
+  auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
+  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   co_return piece;
 }
 
 Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call,
-                               std::string token, std::uint64_t seen) {
-  ServerContext& context = server->context();
-  std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
+                               AskedBy by) {
+  std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
-  auto opened = co_await offload(*context.views_of_people, call->who.name, std::move(open));
+  auto opened = co_await offload(*server->context().views_of_people, by.turn_name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(
-      SessionStream{std::move(*opened), call->who.name, std::move(token), seen});
+  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(by)});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -276,10 +310,6 @@ Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal wh
   co_return std::nullopt;
 }
 
-HttpAnswer browserGone() {
-  return errorAnswer(503, "unavailable", "the browser is gone");
-}
-
 /// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the
 /// browser is gone.
 Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Principal who,
@@ -300,7 +330,7 @@ Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::sh
     return bodyFault(*request, call->body);
   };
   if (call->body_bytes <= kSmallBody) co_return read();
-  co_return co_await offload(*server->context().views_of_people, call->who.name, std::move(read));
+  co_return co_await offload(*server->context().views_of_people, turnNameOf(call->who), std::move(read));
 }
 
 Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
@@ -338,7 +368,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   std::function<Result<bool>()> check = [&service = context.store.service(), who = call->who] {
     return service.stillAllowed(who);
   };
-  const auto allowed = co_await offload(*context.workers_of_people, call->who.name, std::move(check));
+  const auto allowed = co_await offload(*context.workers_of_people, turnNameOf(call->who), std::move(check));
   if (!allowed.ok()) co_return errorAnswer(allowed.error());
   if (!*allowed) {
     context.tokens.end(session->token);
@@ -363,7 +393,8 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
   // before anything else is held; goes on with the answer, until the browser has read it
   std::optional<ByteBudget::Share> reply_room;
-  if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork) {
+  if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork ||
+      route.how.action == WebAction::kSteps) {
     reply_room = co_await waitForRoom(request, call->who, context.replies, context.reply_room,
                                       replyRoomOf(context, route.call));
     if (!reply_room) co_return browserGone();
@@ -400,11 +431,14 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.body = std::string(route.how.text());
     co_return answer;
   }
+  AskedBy by{turnNameOf(call->who), session->token, seen};
   if (route.how.action == WebAction::kStream)
-    co_return co_await throughStream(server, route, call, session->token, seen);
+    co_return co_await throughStream(server, route, call, std::move(by));
   HttpAnswer answer;
   if (route.how.action == WebAction::kWork)  // not ?: around co_await, which g++ 12 miscompiles
     answer = co_await throughWork(server, route, call);
+  else if (route.how.action == WebAction::kSteps)
+    answer = co_await throughSteps(server, request, route, call, std::move(by));
   else
     answer = co_await throughService(server, route, call);
   if (reply_room) {

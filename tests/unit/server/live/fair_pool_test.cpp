@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <boost/asio/post.hpp>
 #include <future>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -62,6 +64,73 @@ TEST(FairQueue, whoAsksAgainAndAgainIsBehindTheOthersEachTime) {
 TEST(FairQueue, nothingIsTakenFromAnEmptyOne) {
   FairQueue queue;
   EXPECT_FALSE(queue.take());
+}
+
+TEST(FairQueue, whoMayNotYetKeepsItsPlace) {
+  FairQueue queue;
+  std::vector<std::string> done;
+  ask(queue, done, "ines", 2);
+  ask(queue, done, "mara", 2);
+  const auto not_ines = [](const std::string& who) { return who != "ines"; };
+  for (int n = 0; n < 2; ++n) {
+    const FairQueue::Piece piece = queue.takeOf(not_ines);
+    EXPECT_EQ(piece.who, "mara");
+    piece.work();
+  }
+  EXPECT_FALSE(queue.takeOf(not_ines).work);
+  EXPECT_EQ(queue.size(), 2u);
+  ask(queue, done, "mara", 1);
+  runAll(queue);
+  EXPECT_THAT(done, ElementsAre("mara 1", "mara 2", "ines 1", "mara 1", "ines 2"));
+}
+
+TEST(FairPool, onePersonLeavesAThreadToTheOthers) {
+  boost::asio::thread_pool threads(2);
+  FairPool pool(threads, 2);
+  std::mutex mutex;
+  std::vector<std::string> done;
+  const auto note = [&](const std::string& text) {
+    const std::lock_guard lock(mutex);
+    done.push_back(text);
+  };
+  std::promise<void> others_done;
+  pool.post("ines", [&] {
+    others_done.get_future().wait();
+    note("ines, a long one");
+  });
+  pool.post("ines", [&] { note("ines"); });
+  pool.post("mara", [&] { note("mara"); });
+  pool.post("ada", [&] { note("ada"); });
+  pool.post("mara", [&] {
+    note("mara");
+    others_done.set_value();
+  });
+  threads.join();
+  // not "ines" before the long one has ended, though a thread had nothing else to do in the end
+  EXPECT_THAT(done, ElementsAre("mara", "ada", "mara", "ines, a long one", "ines"));
+}
+
+TEST(FairPool, onePersonHasAllThreadsButOneAtMost) {
+  for (const std::size_t count : {1u, 2u, 4u}) {
+    boost::asio::thread_pool threads(count);
+    FairPool pool(threads, count);
+    std::mutex mutex;
+    std::size_t at_work = 0, most = 0, done = 0;
+    for (int n = 0; n < 200; ++n) {
+      pool.post("ines", [&] {
+        {
+          const std::lock_guard lock(mutex);
+          most = std::max(most, ++at_work);
+        }
+        const std::lock_guard lock(mutex);
+        --at_work;
+        ++done;
+      });
+    }
+    threads.join();
+    EXPECT_EQ(done, 200u);
+    EXPECT_LE(most, count == 1 ? 1u : count - 1) << count << " threads";
+  }
 }
 
 TEST(FairPool, runsEverythingInTurnsAndLeavesRoomForOtherWork) {

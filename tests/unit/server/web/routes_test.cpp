@@ -56,13 +56,14 @@ TEST(Routes, eachIsThereOnceAndHasWhatItsActionNeeds) {
     const RouteAdapter& how = route.how;
     const bool has = how.action == WebAction::kRequest  ? how.build != nullptr && how.shape != nullptr
                      : how.action == WebAction::kWork   ? how.work != nullptr
+                     : how.action == WebAction::kSteps  ? how.steps != nullptr
                      : how.action == WebAction::kStream ? how.stream != nullptr
                      : how.action == WebAction::kText   ? how.text != nullptr
                                                         : true;
     EXPECT_TRUE(has) << route.method << " " << route.pattern;
     // The service's table of roles checks the routes that call the service.
     if (how.action == WebAction::kRequest || how.action == WebAction::kWork ||
-        how.action == WebAction::kStream) {
+        how.action == WebAction::kSteps || how.action == WebAction::kStream) {
       EXPECT_NE(route.call, pb::Request::CALL_NOT_SET) << route.pattern;
     }
     // each is reached by its own pattern

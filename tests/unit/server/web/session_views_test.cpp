@@ -1,0 +1,136 @@
+// Tests that plots and downloads are made in steps whose work and memory have bounds, whatever a recording's
+// chunks hold. What they show is in web_lessons_test.cpp.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "common/base/uuid.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/session_hash.h"
+#include "server/web/session_views.h"
+#include "tests/unit/server/web/web_lab.h"
+
+namespace needlelab {
+namespace {
+
+using test::FakeSession;
+using test::WebLab;
+
+/// Samples of a hand that does not move: a whole chunk of them is some 8 KiB.
+Bytes stillChunk(std::uint64_t seq) {
+  std::vector<GestureSample> samples(kMaxChunkSamples);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].tick = seq * kMaxChunkSamples + i;
+    samples[i].time_ns = static_cast<std::int64_t>(samples[i].tick) * 1'000'000;
+  }
+  return encodeChunk(Resolution::standard(), samples);
+}
+
+/// Adds a session of tina in chunks of the most samples. Returns its id as text.
+std::string recordedInLongChunks(WebLab& lab, std::uint64_t chunks) {
+  pb::Login login;
+  login.mutable_station()->set_station("bench");
+  login.mutable_station()->set_key(lab.stationKey());
+  auto station = lab.server().connect(login);
+  if (!station.ok()) throw std::runtime_error(station.error().message);
+  const FakeSession session("bench");
+  (void)station->send(session.open());
+  (void)test::waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  SessionHash hash;
+  for (std::uint64_t seq = 0; seq < chunks; ++seq) {
+    const Bytes data = stillChunk(seq);
+    hash.update(data);
+    pb::Envelope envelope;
+    envelope.mutable_chunk()->set_session_id(session.id());
+    envelope.mutable_chunk()->set_seq(seq);
+    envelope.mutable_chunk()->set_data(data.data(), data.size());
+    (void)station->send(envelope);
+  }
+  session.waitForAck(*station, chunks);
+  const Digest digest = hash.digest();
+  pb::Envelope close = session.close(0);
+  close.mutable_close_session()->set_chunks(chunks);
+  close.mutable_close_session()->set_samples(chunks * kMaxChunkSamples);
+  close.mutable_close_session()->set_hash(digest.data(), digest.size());
+  (void)station->send(close);
+  (void)test::waitFor(*station, [](const pb::Envelope& e) { return e.has_session_closed(); });
+  Uuid id;
+  std::copy(session.id().begin(), session.id().end(), id.begin());
+  return uuidText(id);
+}
+
+WebCall callOf(const std::string& session) {
+  WebCall call;
+  call.parts = {session};
+  call.who = {"ines", pb::INSTRUCTOR};
+  return call;
+}
+
+/// The steps until the plot is there, which `plot` gets.
+std::size_t stepsOf(WebLab& lab, const std::string& session, WebJson& plot) {
+  const auto steps = samplePlot(lab.server().service(), callOf(session));
+  if (!steps.ok()) throw std::runtime_error(steps.error().message);
+  for (std::size_t n = 1;; ++n) {
+    auto done = steps->step();
+    if (!done.ok()) throw std::runtime_error(done.error().message);
+    if (!*done) continue;
+    plot = std::move(**done);
+    return n;
+  }
+}
+
+TEST(SessionViews, aStepOfAPlotDecodesOneOfTheLongestChunksThoughAllOfThemFitIntoOneReply) {
+  WebLab lab;
+  constexpr std::uint64_t kChunks = 5;
+  const std::string id = recordedInLongChunks(lab, kChunks);
+  WebJson plot;
+  EXPECT_EQ(stepsOf(lab, id, plot), kChunks * kMaxChunkSamples / kMostStepSamples);
+  EXPECT_EQ(plot["samples"], kChunks * kMaxChunkSamples);
+  EXPECT_EQ(plot["columns"]["t_s"].size(), 2000u);
+  EXPECT_NEAR(plot["to_s"].get<double>(), (kChunks * kMaxChunkSamples - 1) * 1e-3, 1e-9);
+}
+
+TEST(SessionViews, aStepOfAPlotReadsSoManyChunksHoweverShortTheyAre) {
+  WebLab lab;
+  const std::string id = lab.recorded(2 * kMostStepChunks + 1);
+  WebJson plot;
+  EXPECT_EQ(stepsOf(lab, id, plot), 3u);
+  EXPECT_EQ(plot["samples"], (2 * kMostStepChunks + 1) * 100);
+  EXPECT_EQ(plot["columns"]["t_s"].size(), 2000u);
+}
+
+TEST(SessionViews, aPlotWithoutChunksIsThereAfterOneStep) {
+  WebLab lab;
+  WebJson plot;
+  EXPECT_EQ(stepsOf(lab, lab.recorded(0), plot), 1u);
+  EXPECT_EQ(plot["columns"]["t_s"].size(), 0u);
+}
+
+TEST(SessionViews, aPieceOfTheCsvHasABoundOfRowsHoweverLongTheChunksAre) {
+  WebLab lab;
+  constexpr std::uint64_t kChunks = 2;
+  const std::string id = recordedInLongChunks(lab, kChunks);
+  const auto stream = sampleCsv(lab.server().service(), callOf(id));
+  ASSERT_TRUE(stream.ok()) << stream.error().message;
+  std::string csv;
+  std::size_t pieces = 0;
+  for (;;) {
+    const auto piece = stream->next();
+    ASSERT_TRUE(piece.ok()) << piece.error().message;
+    if (piece->empty()) break;
+    const auto lines = static_cast<std::size_t>(std::count(piece->begin(), piece->end(), '\n'));
+    EXPECT_EQ(lines, kMostPieceRows + (pieces == 0 ? 1 : 0))
+        << "piece " << pieces << ", the first has the header";
+    ++pieces;
+    csv += *piece;
+  }
+  EXPECT_EQ(pieces, kChunks * kMaxChunkSamples / kMostPieceRows);
+  // no row twice, none left out: the last sample's tick is their number less one
+  const std::string last = csv.substr(csv.rfind('\n', csv.size() - 2) + 1);
+  EXPECT_EQ(last.substr(last.find(',') + 1).substr(0, 7), "131071,");
+}
+
+}  // namespace
+}  // namespace needlelab
