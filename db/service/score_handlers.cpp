@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <cstdint>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -86,6 +87,34 @@ Result<ScoreKey> scoreKeyOf(const std::string& page) {
   return key;
 }
 
+/// A trainee's attempts at one exercise, which are numbered together: read once for all scores of them, which
+/// follow each other in the list.
+class KnownAttempts {
+ public:
+  explicit KnownAttempts(Connection& reader) : reader_(reader) {}
+  /// Without the score. kNotFound: the session is nobody's attempt.
+  Result<pb::Attempt> of(const std::string& trainee, const std::string& exercise_id,
+                         const std::string& session_id) {
+    if (trainee != trainee_ || exercise_id != exercise_id_) {
+      ASSIGN_OR_RETURN(auto list, AttemptStore(reader_).list(trainee, exercise_id, false));
+      trainee_ = trainee;
+      exercise_id_ = exercise_id;
+      by_session_.clear();
+      for (pb::Attempt& attempt : list) {
+        std::string id = attempt.session_id();
+        by_session_.emplace(std::move(id), std::move(attempt));
+      }
+    }
+    if (const auto found = by_session_.find(session_id); found != by_session_.end()) return found->second;
+    return Error{ErrorCode::kNotFound, "a session of '" + printable(trainee) + "' is nobody's attempt"};
+  }
+
+ private:
+  Connection& reader_;
+  std::string trainee_, exercise_id_;  // no attempt is without a trainee
+  std::map<std::string, pb::Attempt> by_session_;
+};
+
 /// Errors: kNotFound, with the courses that there are. Empty: all courses.
 Status checkCourse(Connection& reader, const std::string& id) {
   if (id.empty()) return {};
@@ -123,7 +152,8 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
       noteRead(context, call.course_id(), call.group_id().empty() ? "" : "of group " + call.group_id()));
   // pages by key: rows added or removed meanwhile do not shift others
   auto rows = context.reader.query(
-      "SELECT s.id, c.definition_version, s.number FROM scores c JOIN sessions s ON s.number = c.session "
+      "SELECT s.id, c.definition_version, s.number, s.trainee, s.exercise_id FROM scores c JOIN sessions s "
+      "ON s.number = c.session "
       "WHERE "
       "s.trainee <> '' AND s.number NOT IN uncounted_sessions AND"
       " (?1 = '' OR s.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?1)) AND"
@@ -135,14 +165,14 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
   pb::Reply reply;
   auto* list = reply.mutable_scores();
   PageRoom room;
+  KnownAttempts attempts(context.reader);
   ScoreKey last = from;
   for (;;) {
     ASSIGN_OR_RETURN(const auto row, rows.step());
     if (!row) return reply;
     ASSIGN_OR_RETURN(const auto id, sessionId(rows.text(0)));
     pb::ScoreRow entry;
-    ASSIGN_OR_RETURN(auto attempt, AttemptStore(context.reader).get(id));
-    attempt.clear_score_json();
+    ASSIGN_OR_RETURN(auto attempt, attempts.of(rows.text(3), rows.text(4), rows.text(0)));
     *entry.mutable_attempt() = std::move(attempt);
     ASSIGN_OR_RETURN(auto score,
                      ScoreStore(context.reader).get(id, static_cast<std::uint32_t>(rows.natural(1))));
