@@ -46,13 +46,13 @@ constexpr std::string_view kPlaces =
     " AND (?2 = '' OR exercise_id = ?2) AND trainee <> ''"
     " AND (id = ?3 OR number NOT IN uncounted_sessions)";
 
-/// The attempts of these places; `rest` goes behind.
-std::string attemptsAt(std::string_view places, std::string_view rest) {
+/// The attempts of these places; `rest` goes behind. A score that is not wanted is not read.
+std::string attemptsAt(std::string_view places, std::string_view rest, bool with_score) {
   return fmt::format(
       "SELECT s.id, s.trainee, s.exercise_id, p.place, s.started_unix_ns, s.passed, s.state,"
-      " s.excused, s.profile_revision, s.engine_version, s.score_json"
+      " s.excused, s.profile_revision, s.engine_version, {}"
       " FROM ({}) p JOIN sessions s ON s.number = p.number {}",
-      places, rest);
+      with_score ? "s.score_json" : "NULL", places, rest);
 }
 constexpr std::string_view kInOrder = "ORDER BY s.started_unix_ns, s.number";
 
@@ -155,7 +155,7 @@ Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::strin
 
 Result<std::vector<pb::Attempt>> AttemptStore::list(std::string_view trainee, std::string_view exercise_id,
                                                     bool with_scores) {
-  return connection_.query(attemptsAt(kPlaces, kInOrder), trainee, exercise_id)
+  return connection_.query(attemptsAt(kPlaces, kInOrder, with_scores), trainee, exercise_id)
       .all([&](const Statement& row) { return attemptOf(row, with_scores); });
 }
 
@@ -178,7 +178,7 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
       kPlaces);
   // the third value: nothing is wanted all the same
   return connection_
-      .query(attemptsAt(places, kInOrder), trainee, exercise_id, std::string_view(), started_ns, number,
+      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, std::string_view(), started_ns, number,
              static_cast<std::uint64_t>(most))
       .all([](const Statement& row) { return attemptOf(row, true); });
 }
@@ -192,8 +192,8 @@ Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
     trainee = row.text(0);
     exercise_id = row.text(1);
   }
-  auto row =
-      connection_.query(attemptsAt(kPlaces, "WHERE s.id = ?3"), trainee, exercise_id, ByteView(session));
+  auto row = connection_.query(attemptsAt(kPlaces, "WHERE s.id = ?3", true), trainee, exercise_id,
+                               ByteView(session));
   ASSIGN_OR_RETURN(const bool found, row.step());
   if (!found) return Error{ErrorCode::kNotFound, "session " + uuidText(session) + " is nobody's attempt"};
   return attemptOf(row, true);
