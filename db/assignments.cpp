@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <cstdint>
 #include <optional>
 
 #include "db/documents.h"
@@ -37,14 +38,23 @@ Status checkTrainee(Connection& connection, const std::string& name) {
 }
 
 /// Without sessions that count for nobody (migrations/0007_trainee_codes.sql); ?3 may name one that is wanted
-/// all the same.
-constexpr std::string_view kAttempt =
-    "SELECT id, trainee, exercise_id, place, started_unix_ns, passed, state,"
-    " excused, profile_revision, engine_version, score_json"
-    " FROM (SELECT *, row_number() OVER (PARTITION BY trainee, exercise_id"
+/// all the same. The places come of the keys alone: descriptions and scores are read of the rows that are
+/// wanted.
+constexpr std::string_view kPlaces =
+    "SELECT number, started_unix_ns, row_number() OVER (PARTITION BY trainee, exercise_id"
     " ORDER BY started_unix_ns, number) AS place FROM sessions WHERE trainee = ?1"
     " AND (?2 = '' OR exercise_id = ?2) AND trainee <> ''"
-    " AND (id = ?3 OR number NOT IN uncounted_sessions)) ";
+    " AND (id = ?3 OR number NOT IN uncounted_sessions)";
+
+/// The attempts of these places; `rest` goes behind. A score that is not wanted is not read.
+std::string attemptsAt(std::string_view places, std::string_view rest, bool with_score) {
+  return fmt::format(
+      "SELECT s.id, s.trainee, s.exercise_id, p.place, s.started_unix_ns, s.passed, s.state,"
+      " s.excused, s.profile_revision, s.engine_version, {}"
+      " FROM ({}) p JOIN sessions s ON s.number = p.number {}",
+      with_score ? "s.score_json" : "NULL", places, rest);
+}
+constexpr std::string_view kInOrder = "ORDER BY s.started_unix_ns, s.number";
 
 pb::Attempt attemptOf(const Statement& row, bool with_score) {
   pb::Attempt attempt;
@@ -145,8 +155,32 @@ Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::strin
 
 Result<std::vector<pb::Attempt>> AttemptStore::list(std::string_view trainee, std::string_view exercise_id,
                                                     bool with_scores) {
-  return connection_.query(std::string(kAttempt) + "ORDER BY started_unix_ns, number", trainee, exercise_id)
+  return connection_.query(attemptsAt(kPlaces, kInOrder, with_scores), trainee, exercise_id)
       .all([&](const Statement& row) { return attemptOf(row, with_scores); });
+}
+
+Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, std::string_view exercise_id,
+                                                    const std::optional<Uuid>& after, std::size_t most) {
+  std::int64_t started_ns = INT64_MIN, number = 0;
+  if (after) {
+    auto row = connection_.query(
+        "SELECT started_unix_ns, number FROM sessions WHERE id = ?3 AND trainee = ?1"
+        " AND (?2 = '' OR exercise_id = ?2) AND number NOT IN uncounted_sessions",
+        trainee, exercise_id, ByteView(*after));
+    ASSIGN_OR_RETURN(const bool found, row.step());
+    if (!found) return unknownSession(*after);
+    started_ns = row.integer(0);
+    number = row.integer(1);
+  }
+  const std::string places = fmt::format(
+      "SELECT * FROM ({}) WHERE (started_unix_ns, number) > (?4, ?5)"
+      " ORDER BY started_unix_ns, number LIMIT ?6",
+      kPlaces);
+  // the third value: nothing is wanted all the same
+  return connection_
+      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, std::string_view(), started_ns, number,
+             static_cast<std::uint64_t>(most))
+      .all([](const Statement& row) { return attemptOf(row, true); });
 }
 
 Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
@@ -158,8 +192,8 @@ Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
     trainee = row.text(0);
     exercise_id = row.text(1);
   }
-  auto row =
-      connection_.query(std::string(kAttempt) + "WHERE id = ?3", trainee, exercise_id, ByteView(session));
+  auto row = connection_.query(attemptsAt(kPlaces, "WHERE s.id = ?3", true), trainee, exercise_id,
+                               ByteView(session));
   ASSIGN_OR_RETURN(const bool found, row.step());
   if (!found) return Error{ErrorCode::kNotFound, "session " + uuidText(session) + " is nobody's attempt"};
   return attemptOf(row, true);

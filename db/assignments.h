@@ -64,6 +64,10 @@ class AttemptStore {
   /// order: when a station delivers an older session late, the numbers of the later ones move up.
   Result<std::vector<pb::Attempt>> list(std::string_view trainee, std::string_view exercise_id,
                                         bool with_scores);
+  /// The same from behind the attempt `after` on (empty: from the first one), `most` of them at most. Reads
+  /// the scores of these alone. kNotFound: `after` is not among the attempts.
+  Result<std::vector<pb::Attempt>> page(std::string_view trainee, std::string_view exercise_id,
+                                        const std::optional<Uuid>& after, std::size_t most);
   /// Returns a session's attempt with its number. kNotFound.
   Result<pb::Attempt> get(const Uuid& session);
   Result<AttemptStanding> standing(std::string_view trainee, std::string_view exercise_id);

@@ -23,8 +23,8 @@ struct Trail {
   std::vector<Came> came;
 };
 
-std::size_t scoreBand(std::span<const Vec3> a, std::span<const Vec3> b) {
-  const double longer = static_cast<double>(std::max(a.size(), b.size()));
+std::size_t scoreBand(std::size_t a, std::size_t b) {
+  const double longer = static_cast<double>(std::max(a, b));
   return std::max(kLeastBand, static_cast<std::size_t>(std::ceil(kBandShare * longer)));
 }
 
@@ -73,14 +73,14 @@ std::optional<double> warp(std::span<const Vec3> a, std::span<const Vec3> b, std
   return sum / static_cast<double>(rows + columns);
 }
 
-bool comparable(std::span<const Vec3> a, std::span<const Vec3> b) {
-  return !a.empty() && !b.empty() && a.size() <= kMostPathPoints && b.size() <= kMostPathPoints;
+bool comparable(std::size_t a, std::size_t b) {
+  return a > 0 && b > 0 && a <= kMostPathPoints && b <= kMostPathPoints;
 }
 
 }  // namespace
 
 std::optional<double> dtwDistance(std::span<const Vec3> a, std::span<const Vec3> b, std::size_t band) {
-  if (!comparable(a, b)) return std::nullopt;
+  if (!comparable(a.size(), b.size())) return std::nullopt;
   // rows run along the longer path: the band's middle then moves by at most one point a row, so that the
   // windows of neighbouring rows overlap, and the order of the two paths does not matter
   if (a.size() < b.size()) std::swap(a, b);
@@ -88,11 +88,16 @@ std::optional<double> dtwDistance(std::span<const Vec3> a, std::span<const Vec3>
 }
 
 std::optional<double> dtwDistance(std::span<const Vec3> a, std::span<const Vec3> b) {
-  return dtwDistance(a, b, scoreBand(a, b));
+  return dtwDistance(a, b, scoreBand(a.size(), b.size()));
+}
+
+std::size_t dtwCells(std::size_t a, std::size_t b) {
+  if (!comparable(a, b)) return 0;
+  return std::max(a, b) * std::min(std::min(a, b), 2 * scoreBand(a, b) + 1);
 }
 
 std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<const Vec3> b, std::size_t band) {
-  if (!comparable(a, b)) return std::nullopt;
+  if (!comparable(a.size(), b.size())) return std::nullopt;
   const bool swapped = a.size() < b.size();
   if (swapped) std::swap(a, b);
   Trail trail;
@@ -115,7 +120,7 @@ std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<cons
 }
 
 std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<const Vec3> b) {
-  return dtwAlignment(a, b, scoreBand(a, b));
+  return dtwAlignment(a, b, scoreBand(a.size(), b.size()));
 }
 
 TipPath tipPathOf(const Gesture& gesture, const Pose& X_WL) {

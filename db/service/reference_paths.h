@@ -2,10 +2,12 @@
 /// Private to this folder.
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,11 +22,17 @@ namespace needlelab {
 
 /// Maximum number of reference sessions in a comparison: the first ones of the list.
 inline constexpr int kMostReferencePaths = 20;
+/// The work that a comparison begins nothing beyond, in cells of dtwCells(): some 1 s. 20 gestures of a
+/// minute at 1 kHz take 170 million.
+inline constexpr std::uint64_t kMostComparedCells = 200'000'000;
+/// What a sample of a recording costs that is read for its path.
+inline constexpr std::uint64_t kCellsOfSample = 50;
 
 /// Keeps the paths that it reads and the distances that it computes, by session: a stored recording does not
 /// change, so they hold for every revision of a reference and for every version of the scores, until the
-/// recording goes (forget). Thread: every function is thread-safe; other calls continue while one reads a
-/// path or computes a distance.
+/// recording goes (forget). One call computes a bounded part of what is not known, and the next one goes on:
+/// long references are known after some calls. Thread: every function is thread-safe; other calls continue
+/// while one reads a path or computes a distance, but for those that want the same: they wait for it.
 class ReferencePaths {
  public:
   /// The paths of an exercise's reference sessions, without `except` and without empty ones (never in tissue,
@@ -32,12 +40,18 @@ class ReferencePaths {
   Result<std::vector<TipPath>> ofExercise(Connection& reader, const std::string& exercise_id,
                                           std::optional<Uuid> except);
   /// The distance of each reference session from the nearest other one, in m; without those that have no
-  /// path, as distancesAmong() their paths (scoring/reference.h).
-  std::vector<double> distancesAmongSessions(Connection& reader, const pb::Reference& reference);
-  /// The distance of a session from the nearest reference session that is not itself, in m. Nothing: it has
-  /// no path, or no other one has.
-  std::optional<double> nearestDistance(Connection& reader, const Uuid& session,
-                                        const pb::Reference& reference);
+  /// path, as distancesAmong() their paths (scoring/reference.h). Nothing: not all are computed yet.
+  std::optional<std::vector<double>> distancesAmongSessions(Connection& reader,
+                                                            const pb::Reference& reference);
+  struct Nearest {
+    std::optional<double> distance_m;  ///< nothing: it has no path, no other one has, or it is pending
+    bool is_pending = false;           ///< not all distances are computed yet
+  };
+  /// The distance of a session from the nearest reference session that is not itself.
+  Nearest nearestDistance(Connection& reader, const Uuid& session, const pb::Reference& reference);
+
+  /// Another bound than kMostComparedCells. Call before the first comparison.
+  void setMostCells(std::uint64_t cells) { most_cells_ = cells; }
 
   /// Forgets everything: recordings were removed, by an erasure or by retention. What others are reading or
   /// computing meanwhile is not kept either.
@@ -47,9 +61,15 @@ class ReferencePaths {
 
  private:
   class Lookup;
+  template <typename Key>
+  class Turn;
   using Pair = std::pair<Uuid, Uuid>;  // the smaller id first
 
-  mutable std::mutex mutex_;
+  std::uint64_t most_cells_ = kMostComparedCells;
+  mutable std::mutex mutex_;  // guards all below
+  std::condition_variable ended_;
+  std::set<Uuid> reading_;  // paths and distances that a call is at
+  std::set<Pair> computing_;
   std::map<Uuid, TipPath> paths_;
   std::map<Pair, std::optional<double>> distances_;
   std::uint64_t forgotten_ = 0;  // times

@@ -155,7 +155,8 @@ constexpr RequestRow kRows[] = {
    {{"GET /measures", "What scores measure"}}},
   {Call::kGetReference,            "reference show",       kPeople,               to<getReference>,              Reply::kReference, kViews,
    {{"GET /exercises/{id}/reference", "Bands of chosen sessions of experts"}}},
-  {Call::kSetReference,            "reference set",        kStaff,                to<setReference>,              Reply::kReference, kWorkers,
+  // the reply has the bands, as reference show's
+  {Call::kSetReference,            "reference set",        kStaff,                to<setReference>,              Reply::kReference, kViews,
    {{"PUT /exercises/{id}/reference", "Chooses them (If-Match)"}}},
 
   // --- assignments, lessons, results

@@ -1,8 +1,11 @@
 // Assignments and progress: a course's matrix, a trainee's attempts, a trainee's standing in an exercise.
 #include <fmt/core.h>
 #include <algorithm>
+#include <cstdint>
+#include <map>
 #include <optional>
 #include <set>
+#include <string>
 #include <vector>
 
 #include "common/base/local_time.h"
@@ -88,6 +91,24 @@ Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attem
   return newest == 0 ? std::string() : progressJson(progressOf(measures));
 }
 
+/// More come with the next page: each is read with its score.
+constexpr std::size_t kMostAttemptsOfPage = 200;
+
+Error badProgressPage() {
+  return {ErrorCode::kInvalidInput,
+          "page: give back the next_page of the reply before; if you did, the list has changed meanwhile: "
+          "begin anew"};
+}
+
+/// When the trainee is to have done the exercise; 0: never, as for a removed exercise.
+Result<std::int64_t> dueOf(Connection& reader, const std::string& trainee, const std::string& exercise_id) {
+  const auto stored = CurriculumStore(reader).exercise(exercise_id);
+  if (!stored && stored.error().code == ErrorCode::kNotFound) return std::int64_t{0};
+  if (!stored) return stored.error();
+  ASSIGN_OR_RETURN(const auto exercise, exerciseOf(*stored));
+  return dueOf(reader, trainee, *stored, exercise);
+}
+
 }  // namespace
 
 Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call) {
@@ -148,38 +169,37 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call) {
   RETURN_IF_ERROR(ownOnly(context, call.trainee(), "progress"));
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
-  ASSIGN_OR_RETURN(auto attempts,
-                   AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), true));
   // a page begins after an attempt, wherever that is now: late sessions from an offline station may move it
-  auto next = attempts.begin();
-  if (!call.page().empty()) {
-    next = std::find_if(attempts.begin(), attempts.end(),
-                        [&](const pb::Attempt& attempt) { return attempt.session_id() == call.page(); });
-    if (next == attempts.end())
-      return Error{ErrorCode::kInvalidInput,
-                   "page: give back the next_page of the reply before; if you did, the list "
-                   "has changed meanwhile: begin anew"};
-    ++next;
+  const bool is_first = call.page().empty();
+  std::optional<Uuid> after;
+  if (!is_first) {
+    const auto id = sessionId(call.page());
+    if (!id) return badProgressPage();
+    after = *id;
   }
+  auto attempts =
+      AttemptStore(context.reader).page(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1);
+  if (!attempts) return attempts.error().code == ErrorCode::kNotFound ? badProgressPage() : attempts.error();
   pb::Reply reply;
   auto* list = reply.mutable_progress();
   PageRoom room;
-  if (call.page().empty() && !call.exercise_id().empty()) {
-    ASSIGN_OR_RETURN(auto measures, measuresOver(context.reader, attempts));
+  if (is_first && !call.exercise_id().empty()) {
+    ASSIGN_OR_RETURN(const auto all,
+                     AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), false));
+    ASSIGN_OR_RETURN(auto measures, measuresOver(context.reader, all));
     room.take(measures.size() + 1);
     list->set_measures_json(std::move(measures));
   }
-  for (; next != attempts.end(); ++next) {
-    pb::Attempt& attempt = *next;
-    // a removed exercise has no due date
-    const auto stored = CurriculumStore(context.reader).exercise(attempt.exercise_id());
-    if (!stored && stored.error().code != ErrorCode::kNotFound) return stored.error();
-    if (stored) {
-      ASSIGN_OR_RETURN(const auto exercise, exerciseOf(*stored));
-      ASSIGN_OR_RETURN(const auto standing, standingOf(context.reader, call.trainee(), *stored, exercise));
-      attempt.set_late(standing.due_unix_ns != 0 && attempt.started_unix_ns() > standing.due_unix_ns);
+  std::map<std::string, std::int64_t> due;  // by exercise
+  for (pb::Attempt& attempt : *attempts) {
+    auto date = due.find(attempt.exercise_id());
+    if (date == due.end()) {
+      ASSIGN_OR_RETURN(const auto read, dueOf(context.reader, call.trainee(), attempt.exercise_id()));
+      date = due.emplace(attempt.exercise_id(), read).first;
     }
-    if (!room.take(attempt.ByteSizeLong()) && list->attempts_size() > 0) {
+    attempt.set_late(date->second != 0 && attempt.started_unix_ns() > date->second);
+    const bool is_full = list->attempts_size() == static_cast<int>(kMostAttemptsOfPage);
+    if (is_full || (!room.take(attempt.ByteSizeLong()) && list->attempts_size() > 0)) {
       list->set_next_page(list->attempts().rbegin()->session_id());
       break;
     }
@@ -303,6 +323,13 @@ bool isDone(const AttemptStanding& attempts, const pb::Exercise& exercise) {
   return asks_nothing ? attempts.counted > 0 : attempts.passed.value_or(false);
 }
 
+Result<std::int64_t> dueOf(Connection& connection, const std::string& trainee, const StoredExercise& stored,
+                           const pb::Exercise& exercise) {
+  const auto own_due =
+      exercise.has_due_unix_ms() ? static_cast<std::int64_t>(exercise.due_unix_ms()) * 1'000'000 : 0;
+  return AssignmentStore(connection).dueOf(trainee, stored.id, stored.curriculum_id, own_due);
+}
+
 Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
                                     const StoredExercise& stored, const pb::Exercise& exercise) {
   ExerciseStanding standing;
@@ -324,10 +351,7 @@ Result<ExerciseStanding> standingOf(Connection& connection, const std::string& t
     }
     if (!done) standing.locked_by.push_back(before);
   }
-  const auto own_due =
-      exercise.has_due_unix_ms() ? static_cast<std::int64_t>(exercise.due_unix_ms()) * 1'000'000 : 0;
-  ASSIGN_OR_RETURN(const auto due,
-                   AssignmentStore(connection).dueOf(trainee, stored.id, stored.curriculum_id, own_due));
+  ASSIGN_OR_RETURN(const auto due, dueOf(connection, trainee, stored, exercise));
   standing.due_unix_ns = due;
   return standing;
 }

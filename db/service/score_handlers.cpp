@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <cstdint>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -39,14 +40,14 @@ std::size_t leastInBandFor(pb::Role role) {
   return role == pb::TRAINEE ? kLeastForZScore : 1;
 }
 
-/// Fills in bands of at least `least_n` gestures, and definition_version, from the newest scores of the
-/// reference's sessions. Uses only scores of one version, the newest available.
+/// Fills in bands of at least `least_n` gestures, what is pending, and definition_version, from the newest
+/// scores of the reference's sessions. Uses only scores of one version, the newest available.
 Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, pb::Reference& reference);
 
-/// Returns JSON (scoring/reference.h) with bands of at least `least_n` gestures; empty when the exercise has
-/// no reference of the score's version.
-Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
-                                   const std::string& exercise_id, const pb::Score& score);
+/// Fills in the comparison (JSON, scoring/reference.h) with bands of at least `least_n` gestures, and what is
+/// pending; leaves both empty when the exercise has no reference of the score's version.
+Status addComparison(Connection& reader, ReferencePaths& paths, std::size_t least_n,
+                     const std::string& exercise_id, pb::Score& score);
 
 }  // namespace needlelab
 
@@ -86,6 +87,34 @@ Result<ScoreKey> scoreKeyOf(const std::string& page) {
   return key;
 }
 
+/// A trainee's attempts at one exercise, which are numbered together: read once for all scores of them, which
+/// follow each other in the list.
+class KnownAttempts {
+ public:
+  explicit KnownAttempts(Connection& reader) : reader_(reader) {}
+  /// Without the score. kNotFound: the session is nobody's attempt.
+  Result<pb::Attempt> of(const std::string& trainee, const std::string& exercise_id,
+                         const std::string& session_id) {
+    if (trainee != trainee_ || exercise_id != exercise_id_) {
+      ASSIGN_OR_RETURN(auto list, AttemptStore(reader_).list(trainee, exercise_id, false));
+      trainee_ = trainee;
+      exercise_id_ = exercise_id;
+      by_session_.clear();
+      for (pb::Attempt& attempt : list) {
+        std::string id = attempt.session_id();
+        by_session_.emplace(std::move(id), std::move(attempt));
+      }
+    }
+    if (const auto found = by_session_.find(session_id); found != by_session_.end()) return found->second;
+    return Error{ErrorCode::kNotFound, "a session of '" + printable(trainee) + "' is nobody's attempt"};
+  }
+
+ private:
+  Connection& reader_;
+  std::string trainee_, exercise_id_;  // no attempt is without a trainee
+  std::map<std::string, pb::Attempt> by_session_;
+};
+
 /// Errors: kNotFound, with the courses that there are. Empty: all courses.
 Status checkCourse(Connection& reader, const std::string& id) {
   if (id.empty()) return {};
@@ -105,10 +134,8 @@ Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
   ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
   ASSIGN_OR_RETURN(auto score,
                    ScoreStore(context.reader).get(*sessionId(call.session_id()), call.definition_version()));
-  ASSIGN_OR_RETURN(auto comparison,
-                   comparisonWith(context.reader, *context.paths, leastInBandFor(context.who.role),
-                                  info.description().exercise_id(), score));
-  score.set_comparison_json(std::move(comparison));
+  RETURN_IF_ERROR(addComparison(context.reader, *context.paths, leastInBandFor(context.who.role),
+                                info.description().exercise_id(), score));
   pb::Reply reply;
   *reply.mutable_score() = std::move(score);
   return reply;
@@ -123,7 +150,8 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
       noteRead(context, call.course_id(), call.group_id().empty() ? "" : "of group " + call.group_id()));
   // pages by key: rows added or removed meanwhile do not shift others
   auto rows = context.reader.query(
-      "SELECT s.id, c.definition_version, s.number FROM scores c JOIN sessions s ON s.number = c.session "
+      "SELECT s.id, c.definition_version, s.number, s.trainee, s.exercise_id FROM scores c JOIN sessions s "
+      "ON s.number = c.session "
       "WHERE "
       "s.trainee <> '' AND s.number NOT IN uncounted_sessions AND"
       " (?1 = '' OR s.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?1)) AND"
@@ -135,14 +163,14 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
   pb::Reply reply;
   auto* list = reply.mutable_scores();
   PageRoom room;
+  KnownAttempts attempts(context.reader);
   ScoreKey last = from;
   for (;;) {
     ASSIGN_OR_RETURN(const auto row, rows.step());
     if (!row) return reply;
     ASSIGN_OR_RETURN(const auto id, sessionId(rows.text(0)));
     pb::ScoreRow entry;
-    ASSIGN_OR_RETURN(auto attempt, AttemptStore(context.reader).get(id));
-    attempt.clear_score_json();
+    ASSIGN_OR_RETURN(auto attempt, attempts.of(rows.text(3), rows.text(4), rows.text(0)));
     *entry.mutable_attempt() = std::move(attempt);
     ASSIGN_OR_RETURN(auto score,
                      ScoreStore(context.reader).get(id, static_cast<std::uint32_t>(rows.natural(1))));
@@ -213,16 +241,22 @@ Result<ReferenceScores> referenceScores(Connection& reader, const pb::Reference&
 
 constexpr const char* kDistance = "dtw_distance_m";
 
+struct Bands {
+  std::vector<ReferenceBand> bands;
+  bool distance_is_pending = false;
+};
+
 /// The bands of stored measures, and of the distances among the current references; those of fewer than
 /// `least_n` gestures are left out.
-std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
-                                     const pb::Reference& reference, const ReferenceScores& scores) {
-  auto bands = referenceBands(scores.gestures);
-  std::erase_if(bands, [](const ReferenceBand& band) { return band.name == kDistance; });
+Bands bandsWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
+                const pb::Reference& reference, const ReferenceScores& scores) {
+  Bands made{referenceBands(scores.gestures), false};
+  std::erase_if(made.bands, [](const ReferenceBand& band) { return band.name == kDistance; });
   const auto distances = paths.distancesAmongSessions(reader, reference);
-  if (!distances.empty()) bands.push_back(bandOf(kDistance, "m", distances));
-  std::erase_if(bands, [&](const ReferenceBand& band) { return band.n < least_n; });
-  return bands;
+  made.distance_is_pending = !distances;
+  if (distances && !distances->empty()) made.bands.push_back(bandOf(kDistance, "m", *distances));
+  std::erase_if(made.bands, [&](const ReferenceBand& band) { return band.n < least_n; });
+  return made;
 }
 
 }  // namespace
@@ -230,7 +264,9 @@ std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths, 
 Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, pb::Reference& reference) {
   ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, 0));
   reference.set_definition_version(scores.version);
-  for (const ReferenceBand& band : bandsWith(reader, paths, least_n, reference, scores)) {
+  const auto made = bandsWith(reader, paths, least_n, reference, scores);
+  if (made.distance_is_pending) reference.add_pending(kDistance);
+  for (const ReferenceBand& band : made.bands) {
     auto* row = reference.add_bands();
     row->set_measure(band.name);
     row->set_unit(band.unit);
@@ -248,21 +284,24 @@ Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, 
   return {};
 }
 
-Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
-                                   const std::string& exercise_id, const pb::Score& score) {
+Status addComparison(Connection& reader, ReferencePaths& paths, std::size_t least_n,
+                     const std::string& exercise_id, pb::Score& score) {
   ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
-  if (reference.session_ids().empty()) return std::string();
+  if (reference.session_ids().empty()) return {};
   ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, score.definition_version()));
-  if (scores.gestures.empty()) return std::string();
+  if (scores.gestures.empty()) return {};
   ASSIGN_OR_RETURN(auto measures, parseScore(score.measures_json()));
-  const auto bands = bandsWith(reader, paths, least_n, reference, scores);
+  const auto made = bandsWith(reader, paths, least_n, reference, scores);
   std::erase_if(measures, [](const Measure& measure) { return measure.name == kDistance; });
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(score.session_id()));
-  if (const auto nearest = paths.nearestDistance(reader, id, reference)) {
+  ReferencePaths::Nearest nearest{std::nullopt, true};
+  if (!made.distance_is_pending) nearest = paths.nearestDistance(reader, id, reference);
+  if (nearest.is_pending) score.add_pending(kDistance);
+  if (nearest.distance_m) {
     Measure row;
     row.name = kDistance;
     row.unit = "m";
-    row.value = *nearest;
+    row.value = *nearest.distance_m;
     measures.push_back(row);
   }
   const auto passed = score.has_passed() ? std::optional(score.passed()) : std::nullopt;
@@ -270,7 +309,8 @@ Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, st
   ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(id));
   const auto profile = parseProfile(info.description().profile_json(), "profile");
   const auto names = profile ? layerNames(*profile) : std::vector<std::string>();
-  return comparisonJson(compareWithReference(measures, bands, passed, names));
+  score.set_comparison_json(comparisonJson(compareWithReference(measures, made.bands, passed, names)));
+  return {};
 }
 
 Verdicts verdictsOf(std::string_view measures_json) {

@@ -118,6 +118,9 @@ class Service {
   /// Distances between the paths of tips that comparisons with references took since the start.
   [[nodiscard]] std::uint64_t distancesComputed() const { return reference_paths_.distancesComputed(); }
 
+  /// What one comparison with a reference may cost (db/service/reference_paths.h). Call before the first one.
+  void setMostComparedCells(std::uint64_t cells) { reference_paths_.setMostCells(cells); }
+
   // --- for the rows of requests.cpp
 
   /// Calls `work` with a borrowed reader.

@@ -31,6 +31,10 @@ struct ExerciseStanding {
 /// Parses an exercise's text. kCorrupt: this program cannot read the stored text.
 Result<pb::Exercise> exerciseOf(const StoredExercise& stored);
 
+/// Until when the trainee is to have done it, by the assignments, else by the exercise; 0: never.
+Result<std::int64_t> dueOf(Connection& connection, const std::string& trainee, const StoredExercise& stored,
+                           const pb::Exercise& exercise);
+
 /// `trainee` may be any name, known or not.
 Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
                                     const StoredExercise& stored, const pb::Exercise& exercise);

@@ -111,12 +111,17 @@ class Collector {
     pb::Request request;
     request.mutable_get_progress()->set_trainee(trainee);
     request.mutable_get_progress()->set_exercise_id(exercise_id);
-    ASSIGN_OR_RETURN(auto reply, ask(request, "progress"));
-    if (!reply) return {};
-    for (const auto& attempt : reply->progress().attempts())
-      if (attempt.session_id() == session) data_.attempt = attempt.number();
-    data_.progress = progressRowsOf(reply->progress().measures_json());
-    return {};
+    // the measures come with the first page; the attempt may be on a later one
+    for (bool is_first = true;; is_first = false) {
+      ASSIGN_OR_RETURN(auto reply, ask(request, "progress"));
+      if (!reply) return {};
+      const pb::Progress& page = reply->progress();
+      if (is_first) data_.progress = progressRowsOf(page.measures_json());
+      for (const auto& attempt : page.attempts())
+        if (attempt.session_id() == session) data_.attempt = attempt.number();
+      if (data_.attempt || page.next_page().empty() || page.attempts().empty()) return {};
+      request.mutable_get_progress()->set_page(page.next_page());
+    }
   }
 
   const LabCall& call_;

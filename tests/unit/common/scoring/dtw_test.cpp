@@ -97,6 +97,15 @@ TEST(Dtw, refusesWhatItCannotCompare) {
   EXPECT_FALSE(dtwDistance(along({NAN}), along({1})).has_value());
 }
 
+TEST(Dtw, costsTheLongerPathTimesItsBand) {
+  EXPECT_EQ(dtwCells(1200, 1200), 1200u * 481u) << "a minute: the band is 240 points to both sides";
+  EXPECT_EQ(dtwCells(1200, 300), dtwCells(300, 1200));
+  EXPECT_EQ(dtwCells(1200, 300), 1200u * 300u) << "the band is wider than the shorter path";
+  EXPECT_EQ(dtwCells(100, 90), 100u * 41u) << "the least band";
+  EXPECT_EQ(dtwCells(kMostPathPoints + 1, 1), 0u);
+  EXPECT_EQ(dtwCells(0, 1), 0u);
+}
+
 TEST(Paths, goFromTheFirstEntryToTheLastExit) {
   const auto samples = inAndOut(1000);
   const TipPath path = tipPathOf(samples, 1000, {});

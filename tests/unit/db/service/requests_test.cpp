@@ -115,6 +115,15 @@ TEST(Requests, aLessonWithACodeGoesWherePasswordsAreHashedAndNoOtherLesson) {
   EXPECT_EQ(threadsOf(other, pb::STATION), RequestThreads::kViews);
 }
 
+TEST(Requests, whatMeasuresDistancesFromExpertsKeepsNoWorkerFromALesson) {
+  pb::Request set, show, score;
+  set.mutable_set_reference();
+  show.mutable_get_reference();
+  score.mutable_get_score();
+  for (const auto& request : {set, show, score})
+    EXPECT_EQ(threadsOf(request, pb::INSTRUCTOR), RequestThreads::kViews) << request.ShortDebugString();
+}
+
 TEST(Requests, eachCallHasOneRowWhoseHandlerTakesItsMessage) {
   const auto* calls = pb::Request::descriptor()->FindOneofByName("call");
   const auto* results = pb::Reply::descriptor()->FindOneofByName("result");

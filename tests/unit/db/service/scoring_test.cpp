@@ -1,8 +1,10 @@
 // Tests scores by newer definitions, and their comparison with experts.
 #include <gmock/gmock.h>
 
+#include <barrier>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
@@ -263,6 +265,75 @@ TEST_F(Scoring, aDistanceBetweenTwoPathsIsComputedOnceWhoeverAsks) {
   // an expert's own comparison is part of what the band needed
   scoreOf(experts[2]);
   EXPECT_EQ(computed(), 26u);
+}
+
+TEST_F(Scoring, longReferencesAreComparedInPartsAndTheReplySaysWhatIsPending) {
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 5; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
+  const Uuid novice = closed(gestureAside(0.014));
+  const auto computed = [&] { return store->service().distancesComputed(); };
+  store->service().setMostComparedCells(1);  // the first distance of a call is begun, no other
+  pb::Request set, show;
+  set.mutable_set_reference()->set_exercise_id("knee-recess");
+  for (const Uuid& id : experts) set.mutable_set_reference()->add_session_ids(test::bytesOfId(id));
+  show.mutable_get_reference()->set_exercise_id("knee-recess");
+  const auto bandIn = [](const pb::Reference& reference) {
+    return std::find_if(reference.bands().begin(), reference.bands().end(),
+                        [](const auto& b) { return b.measure() == "dtw_distance_m"; });
+  };
+  auto reference = get(instructor, set).reference();
+  for (std::uint64_t call = 1; call < 10; ++call) {
+    EXPECT_EQ(computed(), call) << "5·4/2 distances, one a call";
+    ASSERT_EQ(reference.pending_size(), 1) << call;
+    EXPECT_EQ(reference.pending(0), "dtw_distance_m");
+    EXPECT_EQ(bandIn(reference), reference.bands().end()) << "no band of some of the distances";
+    EXPECT_GT(reference.bands_size(), 0) << "the others are there";
+    reference = get(instructor, show).reference();
+  }
+  EXPECT_EQ(computed(), 10u);
+  EXPECT_EQ(reference.pending_size(), 0);
+  ASSERT_NE(bandIn(reference), reference.bands().end());
+  EXPECT_EQ(bandIn(reference)->n(), 5u);
+  EXPECT_NEAR(bandIn(reference)->mean(), 0.001, 1e-9);
+
+  // then the session's own distances from the five
+  const auto hasRow = [](const pb::Score& score) {
+    for (const auto& row : nlohmann::json::parse(score.comparison_json()))
+      if (row["measure"] == "dtw_distance_m") return true;
+    return false;
+  };
+  for (std::uint64_t call = 1; call <= 5; ++call) {
+    const auto score = scoreOf(novice);
+    EXPECT_EQ(computed(), 10 + call);
+    EXPECT_EQ(score.pending_size(), call < 5 ? 1 : 0) << call;
+    EXPECT_EQ(hasRow(score), call == 5) << "not the nearest of some";
+  }
+  EXPECT_EQ(scoreOf(novice).pending_size(), 0);
+  EXPECT_EQ(computed(), 15u);
+}
+
+TEST_F(Scoring, whoAsksMeanwhileWaitsForADistanceAndComputesItNotAgain) {
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 8; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
+  ASSERT_OK(change([&](Connection& c) {
+    const auto put = ReferenceStore(c).put("knee-recess", experts, 0, "ina", 1);
+    return put ? Status() : Status(put.error());
+  }));
+  pb::Request show;
+  show.mutable_get_reference()->set_exercise_id("knee-recess");
+  std::vector<pb::Reference> seen(4);
+  std::barrier together(static_cast<std::ptrdiff_t>(seen.size()));
+  std::vector<std::thread> people;
+  for (auto& reference : seen) {
+    people.emplace_back([&] {
+      together.arrive_and_wait();
+      reference = get(instructor, show).reference();
+    });
+  }
+  for (auto& one : people) one.join();
+  EXPECT_EQ(store->service().distancesComputed(), 28u) << "8·7/2 pairs, whoever asks";
+  for (const auto& reference : seen)
+    EXPECT_EQ(reference.SerializeAsString(), seen[0].SerializeAsString()) << "and all have them";
 }
 
 TEST_F(Scoring, afterAnErasureNothingIsKeptOfTheErasedPaths) {

@@ -1,7 +1,12 @@
 // Tests changes of roles, uncounted attempts, completed exercises, access to standings, and trends of
 // measures.
+#include <map>
+#include <string>
 #include <thread>
+#include <vector>
 
+#include "db/service/handlers.h"
+#include "db/session_results.h"
 #include "tests/support/password_cost.h"
 #include "tests/unit/db/service/teaching_fixture.h"
 
@@ -171,6 +176,103 @@ TEST_F(Standing, progressTellsHowEachMeasureWent) {
   EXPECT_EQ(rows[0]["measure"], "peak_force_n");
   EXPECT_EQ(rows[0]["values"], (nlohmann::json{5.0, 4.5, 3.5, 2.5}));
   EXPECT_NEAR(rows[0]["trend"]["tau"].get<double>(), -1, 1e-12);
+}
+
+/// Attempts without samples, `count` of them in turn at these exercises, in one commit, each with a score.
+class ManyAttempts : public test::TeachingTest {
+ protected:
+  void attempts(const std::string& who, const std::vector<std::string>& exercises, int count) {
+    ASSERT_OK(change([&](Connection& c) -> Status {
+      for (int i = 0; i < count; ++i) {
+        auto d = test::describe(makeUuidV7());
+        d.set_trainee(who);
+        d.set_exercise_id(exercises[static_cast<std::size_t>(i) % exercises.size()]);
+        d.set_started_unix_ns(++begun_);
+        if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+        const Uuid id = *handlers::sessionId(d.session_id());
+        if (auto closed = SessionStore(c).close(test::closeOf(id, 0), 2); !closed) return closed.error();
+        if (auto put = ScoreStore(c).put(test::scoreOf(id, "[]")); !put) return put;
+      }
+      return {};
+    }));
+  }
+  /// The statements that the request runs on its reader: the one that was given back last.
+  int statementsOf(const Principal& who, const pb::Request& request) {
+    int statements = 0;
+    const auto trace = [&](unsigned what) {
+      auto reader = store->readers().borrow();
+      ASSERT_OK(reader);
+      sqlite3_trace_v2((*reader)->handle(), what,
+                       [](unsigned, void* counted, void*, void*) { return ++*static_cast<int*>(counted), 0; },
+                       &statements);
+    };
+    trace(SQLITE_TRACE_STMT);
+    get(who, request);
+    const int counted = statements;
+    trace(0);
+    return counted;
+  }
+
+ private:
+  std::int64_t begun_ = 1000;
+};
+
+TEST_F(ManyAttempts, progressIsReadByPagesOfAttemptsAndAnExerciseOnce) {
+  addStation();
+  putCourse({{"second", {{"prerequisites", {"first"}}}}});
+  addPerson("anna", pb::TRAINEE);
+  pb::Request request;
+  request.mutable_get_progress()->set_trainee("anna");
+  attempts("anna", {"first", "second"}, 4);
+  const int few = statementsOf(trainee, request);
+  EXPECT_GT(few, 0);
+  attempts("anna", {"first", "second"}, 146);
+  EXPECT_EQ(statementsOf(trainee, request), few) << "of two exercises, however many attempts";
+
+  attempts("anna", {"first", "second"}, 350);
+  std::map<std::string, std::uint32_t> last;
+  std::vector<int> pages;
+  std::int64_t before = 0;
+  do {
+    const auto progress = get(trainee, request).progress();
+    pages.push_back(progress.attempts_size());
+    for (const auto& one : progress.attempts()) {
+      EXPECT_EQ(one.number(), ++last[one.exercise_id()]) << "numbered within the exercise, over all pages";
+      EXPECT_GT(one.started_unix_ns(), before);
+      before = one.started_unix_ns();
+    }
+    request.mutable_get_progress()->set_page(progress.next_page());
+  } while (!request.get_progress().page().empty() && pages.size() < 10);
+  EXPECT_EQ(pages, (std::vector<int>{200, 200, 100}));
+  EXPECT_EQ(last, (std::map<std::string, std::uint32_t>{{"first", 250}, {"second", 250}}));
+
+  // a page of another exercise's list, or of another person's, is none
+  pb::Request other;
+  other.mutable_get_progress()->set_trainee("anna");
+  other.mutable_get_progress()->set_exercise_id("second");
+  other.mutable_get_progress()->set_page(get(trainee, other).progress().attempts(0).session_id());
+  EXPECT_EQ(get(trainee, other).progress().attempts_size(), 200);
+  other.mutable_get_progress()->set_exercise_id("first");
+  EXPECT_EQ(refusal(trainee, other), ErrorCode::kInvalidInput);
+}
+
+TEST_F(ManyAttempts, aListOfScoresNumbersATraineesAttemptsOnce) {
+  addStation();
+  putCourse();
+  pb::Request request;
+  request.mutable_list_scores()->set_course_id("course");
+  attempts("anna", {"first"}, 2);
+  attempts("ben", {"first", "second"}, 4);
+  const int of_six = statementsOf(instructor, request);
+  attempts("anna", {"first"}, 100);
+  EXPECT_EQ(statementsOf(instructor, request) - of_six, 100) << "each of the new ones has its score read";
+  std::map<std::string, std::uint32_t> last;
+  const auto scores = get(instructor, request).scores();
+  ASSERT_EQ(scores.scores_size(), 106);
+  for (const auto& row : scores.scores()) {
+    EXPECT_EQ(row.attempt().number(), ++last[row.attempt().trainee() + " " + row.attempt().exercise_id()]);
+    EXPECT_EQ(row.attempt().score_json(), "") << "the score stands beside it";
+  }
 }
 
 }  // namespace
