@@ -101,7 +101,7 @@ TEST_F(TeachingStores, aGroupsNameHoldsNothingThatNobodySeesUnlessItIsFromBefore
   EXPECT_FALSE(groups.put(turned, 1, "mia", 2).ok());
   ASSERT_OK(db.writer.run("UPDATE groups SET name = ?", turned.name()));
   turned.add_members("ben");
-  EXPECT_OK(groups.put(turned, 1, "mia", 3)) << "its members change under the old name";
+  EXPECT_OK(groups.put(turned, 1, "mia", 3));  // its members change under the old name
 }
 
 TEST_F(TeachingStores, aRemovedGroupTakesItsAssignmentsAndGoesOnCountingWhenItComesBack) {
@@ -142,6 +142,19 @@ TEST_F(TeachingStores, anAssignmentIsOneOfEachPairAndRenewedInPlace) {
   ASSERT_OK(assignments.remove(2));
   EXPECT_EQ(assignments.remove(2).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(assignments.put(assignment("", "a", "", "anna"))->id(), 3u);
+}
+
+TEST_F(TeachingStores, anAssignmentWithoutANumberLeftFailsAloneAndIsNoFullDisk) {
+  ASSERT_OK(
+      db.writer.run("INSERT INTO assignments (id, exercise_id, trainee, by_whom, created_unix_ns)"
+                    " VALUES (9223372036854775807, 'a', 'ben', 'x', 1)"));
+  AssignmentStore assignments(db.writer);
+  const auto refused = assignments.put(assignment("", "a", "", "anna"));
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kFailed);
+  EXPECT_NE(refused.error().message.find("'assignments' takes no new row"), std::string::npos);
+  EXPECT_FALSE(db.writer.damaged());
+  EXPECT_OK(assignments.put(assignment("", "a", "", "ben")));  // that is there already
 }
 
 TEST_F(TeachingStores, aDateForOnePersonGoesBeforeItsGroups) {
