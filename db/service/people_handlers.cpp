@@ -5,6 +5,7 @@
 
 #include "common/base/text.h"
 #include "db/credentials.h"
+#include "db/erasure.h"
 #include "db/people.h"
 #include "db/service/code_guard.h"
 #include "db/service/handlers.h"
@@ -136,9 +137,13 @@ Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   RETURN_IF_ERROR(checkNotTheServer("name", call.name()));
   RETURN_IF_ERROR(mayManage(context, call.role()));
   ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.name(), call.password()));
-  const Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};
-  RETURN_IF_ERROR(write(context, call.name(), std::string(roleName(call.role())),
-                        [&](Connection& writer) { return PeopleStore(writer).add(person); }));
+  Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};
+  RETURN_IF_ERROR(
+      write(context, call.name(), std::string(roleName(call.role())), [&](Connection& writer) -> Status {
+        ASSIGN_OR_RETURN(person.created_unix_ns,
+                         ErasureStore(writer).addedAt(person.name, context.now_unix_ns));
+        return PeopleStore(writer).add(person);
+      }));
   return doneReply();
 }
 
