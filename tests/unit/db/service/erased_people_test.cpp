@@ -174,7 +174,8 @@ TEST_F(ErasedPeople, leaveTheirNamesToNewPeopleAlsoWhenTheClockWasAhead) {
     addNamed(name, "");
     get(admin, erase(name));
   }
-  ASSERT_OK(change([](Connection& c) { return c.run("UPDATE erasures SET erased_unix_ns = ?", kAhead); }));
+  ASSERT_OK(
+      change([kAhead](Connection& c) { return c.run("UPDATE erasures SET erased_unix_ns = ?", kAhead); }));
   pb::Request add, table, show;
   add.mutable_add_user()->set_name("anna");
   add.mutable_add_user()->set_role(pb::TRAINEE);
