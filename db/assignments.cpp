@@ -108,6 +108,7 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
     RETURN_IF_ERROR(renew.run());
     return stored;
   }
+  RETURN_IF_ERROR(checkNumbersLeft(connection_, "assignments"));
   RETURN_IF_ERROR(
       connection_.run("INSERT INTO assignments (course_id, exercise_id, group_id, trainee,"
                       " due_unix_ns, by_whom, created_unix_ns)"

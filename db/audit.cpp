@@ -27,6 +27,7 @@ std::string shown(const std::string& text) {
 }  // namespace
 
 Status AuditStore::add(const AuditRow& row) {
+  RETURN_IF_ERROR(checkNumbersLeft(connection_, "audit"));
   RETURN_IF_ERROR(
       connection_.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (?,?,?,?,?)",
                       row.unix_ns, shown(row.who), shown(row.action), shown(row.subject), shown(row.detail)));

@@ -364,15 +364,24 @@ Result<std::optional<std::string>> ErasureStore::erasedSince(std::string_view na
   return std::optional(erased->pseudonym);
 }
 
-Result<std::optional<std::string>> ErasureStore::pseudonymOf(std::string_view trainee,
-                                                             std::int64_t started_unix_ns) {
-  if (trainee == kGuestName) return erasedSince(trainee, started_unix_ns);
+Result<std::int64_t> ErasureStore::addedAt(std::string_view name, std::int64_t now_unix_ns) {
+  ASSIGN_OR_RETURN(const auto erased, newestErasure(name));
+  return erased ? std::max(now_unix_ns, erased->unix_ns + 1) : now_unix_ns;
+}
+
+Result<ErasureStore::Owner> ErasureStore::ownerOf(std::string_view trainee, std::int64_t started_unix_ns,
+                                                  std::int64_t now_unix_ns) {
+  if (trainee == kGuestName) {
+    ASSIGN_OR_RETURN(auto pseudonym, erasedSince(trainee, started_unix_ns));
+    return Owner{pseudonym, false, pseudonym};
+  }
   ASSIGN_OR_RETURN(const auto erased, newestErasure(trainee));
-  if (!erased) return std::optional<std::string>();
+  if (!erased) return Owner{};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee));
-  const bool is_theirs =
-      person && person->created_unix_ns >= erased->unix_ns && started_unix_ns >= person->created_unix_ns;
-  return is_theirs ? std::optional<std::string>() : std::optional(erased->pseudonym);
+  if (!person || person->created_unix_ns < erased->unix_ns)
+    return Owner{erased->pseudonym, false, erased->pseudonym};
+  const bool times_tell = person->created_unix_ns <= now_unix_ns;
+  return Owner{std::nullopt, times_tell && started_unix_ns < person->created_unix_ns, erased->pseudonym};
 }
 
 Status ErasureStore::emptySession(const Uuid& session, std::int64_t now_unix_ns) {
@@ -428,7 +437,10 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   auto names = connection_.prepare(
       fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
                   " (SELECT name, created_unix_ns AS made, 0 AS waits FROM people"
-                  " UNION ALL SELECT trainee, received_unix_ns, number IN {} FROM sessions WHERE erased = 0"
+                  // those of an account are as new as it: the clock may have been ahead when it was added
+                  " UNION ALL SELECT s.trainee, max(s.received_unix_ns, coalesce(p.created_unix_ns, 0)),"
+                  " s.number IN {} FROM sessions s LEFT JOIN people p ON p.name = s.trainee"
+                  " WHERE s.erased = 0"
                   " UNION ALL SELECT u.given, s.received_unix_ns, u.by_whom IS NULL FROM unknown_trainees u"
                   " JOIN sessions s ON s.number = u.session)"
                   " GROUP BY name",

@@ -68,12 +68,23 @@ class ErasureStore {
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
 
-  /// The pseudonym for a session that a station delivers now under this name, if a person of the name was
-  /// erased: the server receives it after the erasure, whatever the station's clock says. The name is free
-  /// again from the time that an account of the name was added after the erasure; what says that it began
-  /// before that is the erased person's. As nobody adds kGuestName, `started_unix_ns` alone decides for it.
-  /// Nothing when the key is missing: sessions are stored in any case, and `check` reports the missing key.
-  Result<std::optional<std::string>> pseudonymOf(std::string_view trainee, std::int64_t started_unix_ns);
+  /// When an account of this name that is added now was made: now; or just after the newest erasure of the
+  /// name, if the clock was ahead then. So the times of both tell which came first.
+  Result<std::int64_t> addedAt(std::string_view name, std::int64_t now_unix_ns);
+  /// Whose a session is that a station delivers.
+  struct Owner {
+    std::optional<std::string> pseudonym;  ///< of an erased person: nothing of the session is kept
+    bool may_be_erased = false;  ///< the account's, or of the erased person of its name: a manager decides
+    /// Of whoever of the name was erased last, also where the session is not theirs.
+    std::optional<std::string> namesake = {};
+  };
+  /// Of a session that a station delivers now under this name. Where a person of the name was erased and no
+  /// account was added since, it is the erased person's, whatever the station's clock says. The session of an
+  /// account is always kept; if it says that it began before the account, it may be the erased person's,
+  /// unless the server's clock has not reached the account's time (addedAt). As nobody adds kGuestName,
+  /// `started_unix_ns` alone decides for it. Without the key it is nobody's of them: sessions are stored in
+  /// any case, and `check` reports the missing key.
+  Result<Owner> ownerOf(std::string_view trainee, std::int64_t started_unix_ns, std::int64_t now_unix_ns);
   /// The pseudonym of the person with this name who was erased at `unix_ns` or later. Nothing: as above.
   Result<std::optional<std::string>> erasedSince(std::string_view name, std::int64_t unix_ns);
   /// For a session without chunks that a station opened for an erased person: closes and marks it, so that it

@@ -149,8 +149,9 @@ Result<SessionArrival> SessionStore::arrivalOf(const pb::SessionDescription& des
 Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, std::int64_t now_unix_ns) {
   RETURN_IF_ERROR(checkDescription(given));
   // a station that was offline may deliver a session of a person who was erased meanwhile
-  ASSIGN_OR_RETURN(const auto pseudonym,
-                   ErasureStore(connection_).pseudonymOf(given.trainee(), given.started_unix_ns()));
+  ASSIGN_OR_RETURN(const auto owner,
+                   ErasureStore(connection_).ownerOf(given.trainee(), given.started_unix_ns(), now_unix_ns));
+  const auto& pseudonym = owner.pseudonym;
   pb::SessionDescription description = given;
   if (pseudonym) {
     description.set_trainee(*pseudonym);
@@ -165,7 +166,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       " u.session IS NOT NULL, s.trainee"
       " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number"
       " LEFT JOIN unknown_trainees u ON u.session = s.number AND u.given IN (?2, ?3) WHERE s.id = ?1",
-      viewOf(description.session_id()), description.trainee(), given.trainee());
+      viewOf(description.session_id()), owner.namesake.value_or(given.trainee()), given.trainee());
   ASSIGN_OR_RETURN(const bool found, known.step());
   if (found) {
     // its station goes on giving the name that a manager may have replaced
@@ -205,8 +206,10 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       description.profile_json(), description.engine_version(), description.rate_hz(),
       description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns));
   const auto id = uuidOf(description.session_id());
-  RETURN_IF_ERROR(pseudonym ? ErasureStore(connection_).emptySession(*id, now_unix_ns)
-                            : UnknownTraineeStore(connection_).flag(*id, description.code_checked()));
+  RETURN_IF_ERROR(
+      pseudonym
+          ? ErasureStore(connection_).emptySession(*id, now_unix_ns)
+          : UnknownTraineeStore(connection_).flag(*id, description.code_checked(), owner.may_be_erased));
   return std::uint64_t{0};
 }
 

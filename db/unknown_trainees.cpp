@@ -11,15 +11,15 @@
 
 namespace needlelab {
 
-Status UnknownTraineeStore::flag(const Uuid& session, bool code_checked) {
+Status UnknownTraineeStore::flag(const Uuid& session, bool code_checked, bool may_be_erased) {
   ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection_).codesRequired());
   return connection_.run(
       "INSERT INTO unknown_trainees (session, given, code_unchecked)"
       " SELECT s.number, s.trainee, p.name IS NOT NULL"
       " FROM sessions s LEFT JOIN people p ON p.name = s.trainee"
       " WHERE s.id = ?1 AND s.trainee NOT IN ('', ?2)"
-      " AND (p.name IS NULL OR (?3 = 0 AND (?4 = 1 OR p.code_hash IS NOT NULL)))",
-      ByteView(session), kGuestName, code_checked, required);
+      " AND (p.name IS NULL OR ?5 = 1 OR (?3 = 0 AND (?4 = 1 OR p.code_hash IS NOT NULL)))",
+      ByteView(session), kGuestName, code_checked, required, may_be_erased);
 }
 
 Result<bool> UnknownTraineeStore::flagImported(std::int64_t session_number) {
@@ -75,9 +75,10 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
     if (!person)
       return Error{ErrorCode::kNotFound,
                    "there is no person named '" + trainee + "': add the person first, or give another name"};
-    // that name's person of then was erased; whoever has the name now came later
+    // that name's person of then was erased; whoever has the name now came later. While the clock is behind
+    // the account (ErasureStore::addedAt), times do not tell that
     ASSIGN_OR_RETURN(const auto erased, ErasureStore(connection_).erasedSince(trainee, row->began_unix_ns));
-    if (erased)
+    if (erased && person->created_unix_ns <= now_unix_ns)
       return Error{ErrorCode::kInvalidInput,
                    name + " began before a person named '" + trainee +
                        "' was erased, and cannot be another's of that name: give it to '" +

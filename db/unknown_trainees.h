@@ -18,8 +18,9 @@ class UnknownTraineeStore {
   explicit UnknownTraineeStore(Connection& connection) : connection_(connection) {}
 
   /// Flags a new session if nobody has its trainee's name; or if the trainee has a code, or the lab requires
-  /// codes, and not `code_checked`. Sessions without a name or of kGuestName are nobody's.
-  Status flag(const Uuid& session, bool code_checked);
+  /// codes, and not `code_checked`; or if it `may_be_erased` (ErasureStore::Owner). Sessions without a name
+  /// or of kGuestName are nobody's.
+  Status flag(const Uuid& session, bool code_checked, bool may_be_erased);
   /// Flags an imported session that has no flag, as migration 0006 did with those of before, and returns
   /// whether it did: nobody of those that its records named had its trainee's name. Not an erased one.
   Result<bool> flagImported(std::int64_t session_number);
@@ -27,7 +28,7 @@ class UnknownTraineeStore {
   /// also if it had that person's name already. A session that was assigned before may be assigned again.
   /// `was`: whose it is now, as the manager saw it; nothing: whoever's. Returns whose it was. kNotFound:
   /// session, person; kConflict: not `was`'s any more; kInvalidInput: still open, erased, it was never
-  /// flagged, or it began before the erasure of a person with that name.
+  /// flagged, or both it and the account came before the erasure of a person with that name.
   Result<std::string> assign(const Uuid& session, const std::string& trainee,
                              const std::optional<std::string>& was, const std::string& by,
                              std::int64_t now_unix_ns);

@@ -55,6 +55,12 @@ Result<pb::Reply> setCode(const Context& context, const pb::SetCode& call) {
   if (!code.empty()) {
     ASSIGN_OR_RETURN(hash, hashCode(code));
   }
+  pb::Reply reply;
+  reply.mutable_new_code()->set_name(call.name());
+  if (code.empty()) {
+    ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.name()));
+    if (person && person->code_hash.empty()) return reply;  // nothing to take away
+  }
   const std::string_view detail = code.empty() ? "removed" : call.make() ? "made" : "set";
   const Status written = write(context, call.name(), std::string(detail), [&](Connection& writer) -> Status {
     // check again: hashing took a while
@@ -63,8 +69,6 @@ Result<pb::Reply> setCode(const Context& context, const pb::SetCode& call) {
   });
   if (!written) return written.error();
   context.codes.forget(call.name());
-  pb::Reply reply;
-  reply.mutable_new_code()->set_name(call.name());
   if (call.make()) reply.mutable_new_code()->set_code(code);
   return reply;
 }
@@ -74,7 +78,8 @@ Result<pb::Reply> getLabSettings(const Context& context, const pb::GetLabSetting
 }
 
 Result<pb::Reply> changeLabSettings(const Context& context, const pb::ChangeLabSettings& call) {
-  if (!call.has_codes_required()) return settingsReply(context.reader);
+  ASSIGN_OR_RETURN(const bool required, LabSettingsStore(context.reader).codesRequired());
+  if (!call.has_codes_required() || call.codes_required() == required) return settingsReply(context.reader);
   const std::string detail = call.codes_required() ? "codes required" : "codes optional";
   RETURN_IF_ERROR(write(context, "", detail, [&](Connection& writer) {
     return LabSettingsStore(writer).setCodesRequired(call.codes_required());

@@ -5,6 +5,7 @@
 
 #include "common/base/text.h"
 #include "db/credentials.h"
+#include "db/erasure.h"
 #include "db/people.h"
 #include "db/service/code_guard.h"
 #include "db/service/handlers.h"
@@ -90,6 +91,12 @@ Status maySetPassword(const Context& context, Connection& connection, const std:
                "trainees and instructors"};
 }
 
+bool changesNothing(const Person& person, const pb::ChangeUser& call) {
+  return (!call.has_role() || call.role() == person.role) &&
+         (!call.has_disabled() || call.disabled() == person.disabled) &&
+         (!call.has_full_name() || call.full_name() == person.full_name);
+}
+
 /// kDenied unless the requester may end or restore this person's access: a manager cannot lock out another
 /// manager, but can lock out itself.
 Status mayEndAccess(const Context& context, const Person& person) {
@@ -136,9 +143,13 @@ Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   RETURN_IF_ERROR(checkNotTheServer("name", call.name()));
   RETURN_IF_ERROR(mayManage(context, call.role()));
   ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.name(), call.password()));
-  const Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};
-  RETURN_IF_ERROR(write(context, call.name(), std::string(roleName(call.role())),
-                        [&](Connection& writer) { return PeopleStore(writer).add(person); }));
+  Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};
+  RETURN_IF_ERROR(
+      write(context, call.name(), std::string(roleName(call.role())), [&](Connection& writer) -> Status {
+        ASSIGN_OR_RETURN(person.created_unix_ns,
+                         ErasureStore(writer).addedAt(person.name, context.now_unix_ns));
+        return PeopleStore(writer).add(person);
+      }));
   return doneReply();
 }
 
@@ -159,6 +170,11 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
 }
 
 Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& call) {
+  {
+    ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, call.name()));
+    RETURN_IF_ERROR(mayEndAccess(context, person));
+    if (person.disabled != call.enable()) return doneReply();  // as it is already
+  }
   const Status written = write(context, call.name(), call.enable() ? "enabled again" : "disabled",
                                [&](Connection& writer) -> Status {
                                  ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
@@ -176,6 +192,12 @@ Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call) {
 }
 
 Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call) {
+  {
+    ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, call.name()));
+    RETURN_IF_ERROR(mayManage(context, person.role));
+    if (call.base_revision() == person.revision && changesNothing(person, call))
+      return userReply(context, call.name());
+  }
   std::string detail;
   const auto addDetail = [&](const std::string& text) { detail += (detail.empty() ? "" : "; ") + text; };
   // all in the writer's transaction, so that the checks use the current role and rights

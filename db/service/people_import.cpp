@@ -14,6 +14,7 @@
 #include "common/base/text.h"
 #include "db/audit.h"
 #include "db/credentials.h"
+#include "db/erasure.h"
 #include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/requests.h"
@@ -146,7 +147,10 @@ class PeopleTable {
     std::map<std::string, std::set<std::string>> joining;
     for (const ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::ADD) {
-        if (auto done = PeopleStore(writer).add(row.person); !done) return at(row, done.error());
+        Person added = row.person;
+        ASSIGN_OR_RETURN(added.created_unix_ns,
+                         ErasureStore(writer).addedAt(added.name, context_.now_unix_ns));
+        if (auto done = PeopleStore(writer).add(added); !done) return at(row, done.error());
       } else if (row.what == pb::PeopleImport::CHANGE) {
         PersonChange change;
         if (row.role_given) change.role = row.person.role;

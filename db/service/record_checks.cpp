@@ -19,6 +19,9 @@ namespace {
 
 /// Far beyond any recording; 4 bytes of CRC per chunk are stored.
 constexpr std::int64_t kMostChunksOfRecord = 1 << 22;
+/// The greatest number of a row (audit, assignment, consent, annotation): SQLite numbers on from the
+/// greatest, and what reads exports as JSON knows whole numbers up to here.
+constexpr std::int64_t kGreatestId = std::int64_t{1} << 53;
 
 Error wrongField(std::string_view name, const std::string& text) {
   return {ErrorCode::kInvalidInput, std::string(name) + ": " + text};
@@ -45,6 +48,9 @@ Status checkInteger(std::string_view name, const RecordJson& value) {
   // the clock offset may be negative; outside of all layers the layer is -1
   if (number < 0 && name != "clock_offset_ns" && !name.ends_with("_layer"))
     return wrongField(name, fmt::format("is {}, must not be negative", number));
+  if (name == "id" && number > kGreatestId)
+    return wrongField(name, fmt::format("is {}, must not be above {}: new rows are numbered on from it",
+                                        number, kGreatestId));
   const bool is_short = name.ends_with("revision") || name == "definition_version";
   if (is_short && number > std::numeric_limits<std::uint32_t>::max())
     return wrongField(name, fmt::format("is {}, has no more than 32 bits", number));

@@ -384,6 +384,7 @@ Status insertRecord(Connection& writer, const RecordTable& table, const RecordJs
                                       [&name = name](const auto& column) { return fieldOf(column) == name; });
     if (!known) return Error{ErrorCode::kInvalidInput, "unknown field '" + name + "'"};
   }
+  RETURN_IF_ERROR(checkNumbersLeft(writer, table.table));
   std::string columns, places;
   for (const RecordColumn& column : table.columns) {
     columns += (columns.empty() ? "" : ", ") + std::string(column.name);

@@ -16,6 +16,7 @@ using namespace handlers;
 using Call = pb::Request;
 using pb::Reply;
 using enum RequestThreads;
+using enum Storing;
 
 constexpr unsigned bit(pb::Role role) {
   // proto3 keeps numbers outside the enum: they have no bit
@@ -68,42 +69,43 @@ const google::protobuf::Descriptor* takenBy(Result<Reply> (Service::*)(const Pri
 }
 
 /// The entry of a row for a function that takes the call's message.
-template <auto kHandler>
+template <auto kHandler, Storing kStoring = kNothing>
 constexpr RequestHandler to = {[](Service& service, const Principal& who, const pb::Request& request) {
                                  return execute(service, who, request, kHandler);
                                },
-                               [] { return takenBy(kHandler); }};
+                               [] { return takenBy(kHandler); }, kStoring};
 
-// call, its name in the audit log, permitted roles, handler, reply, threads; HTTP lines
+// call, its name in the audit log, permitted roles, handler (with what it has stored), reply, threads; HTTP
+// lines
 // clang-format off
 constexpr RequestRow kRows[] = {
   // --- people. A trainee or a researcher gets only its own data; the handlers check that
   {Call::kListUsers,               "user list",            kStaff,                to<listUsers>,                 Reply::kUsers, kWorkers,
    {{"GET /people?page", "People"}}},
   // a manager: no role above its own
-  {Call::kAddUser,                 "user add",             kManagers,             to<addUser>,                   Reply::kDone, kPasswords,
+  {Call::kAddUser,                 "user add",             kManagers,             to<addUser, kStores>,          Reply::kDone, kPasswords,
    {{"POST /people", "A new person"}}},
-  {Call::kImportPeople,            "user import",          kManagers,             to<importPeople>,              Reply::kPeopleImport, kSlow,
+  {Call::kImportPeople,            "user import",          kManagers,             to<importPeople, kStores>,     Reply::kPeopleImport, kSlow,
    {{"POST /people/import", "A class from CSV: name, full_name, role, group, password, code"}}},
   {Call::kGetUser,                 "user show",            kPeople | kResearcher, to<getUser>,                   Reply::kUser, kWorkers,
    {{"GET /people/{name}", "One person"}}},
   // ChangeUser has the same HTTP line; its role is checked afterwards
-  {Call::kSetConsent,              "consent",              kPeople,               to<setConsent>,                Reply::kUser, kWorkers,
+  {Call::kSetConsent,              "consent",              kPeople,               to<setConsent, kStores>,       Reply::kUser, kWorkers,
    {{"PATCH /people/{name}", "Role, name, access (If-Match); or the word on studies, alone"}}},
-  {Call::kChangeUser,              "user change",          kManagers,             to<changeUser>,                Reply::kUser},
+  {Call::kChangeUser,              "user change",          kManagers,             to<changeUser, kNeeded>,       Reply::kUser},
   // one's own; managers: those of lower roles
-  {Call::kSetPassword,             "user passwd",          kPeople | kResearcher, to<setPassword>,               Reply::kDone, kPasswords,
+  {Call::kSetPassword,             "user passwd",          kPeople | kResearcher, to<setPassword, kNeeded>,      Reply::kDone, kPasswords,
    {{"POST /people/{name}/password", "A new password; ends the person's sessions"}}},
   // one's own; managers: those of the people whom they manage
-  {Call::kSetCode,                 "user code",            kPeople | kResearcher, to<setCode>,                   Reply::kNewCode, kPasswords,
+  {Call::kSetCode,                 "user code",            kPeople | kResearcher, to<setCode, kStores>,          Reply::kNewCode, kPasswords,
    {{"POST /people/{name}/code", "A code that stations ask for: given, or made, or (empty) removed"}}},
-  {Call::kDisableUser,             "user disable",         kManagers,             to<disableUser>,               Reply::kDone},
+  {Call::kDisableUser,             "user disable",         kManagers,             to<disableUser, kNeeded>,      Reply::kDone},
   {Call::kListConsents,            "consent list",         kPeople,               to<listConsents>,              Reply::kConsents, kWorkers,
    {{"GET /people/{name}/consents", "All words on studies"}}},
   // one's own; managers: everyone's
-  {Call::kExportPerson,            "person export",        kPeople,               to<exportPerson>,              Reply::kRecords, kViews,
+  {Call::kExportPerson,            "person export",        kPeople,               to<exportPerson, kNeeded>,     Reply::kRecords, kViews,
    {{"GET /people/{name}/export", "Everything that is stored of a person, to download"}}},
-  {Call::kErasePerson,             "person erase",         kAdmin,                to<&Service::erasePerson>,     Reply::kErasure, kSlow,
+  {Call::kErasePerson,             "person erase",         kAdmin,                to<&Service::erasePerson, kNeeded>, Reply::kErasure, kSlow,
    {{"DELETE /people/{name}/data", "Erases a person; confirm must be the name"}}},
 
   // --- groups
@@ -111,28 +113,28 @@ constexpr RequestRow kRows[] = {
    {{"GET /groups?page", "Groups"}}},
   {Call::kGetGroup,                "group show",           kStaff,                to<getGroup>,                  Reply::kGroup, kWorkers,
    {{"GET /groups/{id}", "One group"}}},
-  {Call::kPutGroup,                "group set",            kManagers,             to<putGroup>,                  Reply::kGroup, kWorkers,
+  {Call::kPutGroup,                "group set",            kManagers,             to<putGroup, kStores>,         Reply::kGroup, kWorkers,
    {{"POST /groups", "A new group"},
      {"PUT /groups/{id}", "A group with all its members"}}},
-  {Call::kRemoveGroup,             "group remove",         kManagers,             to<removeGroup>,               Reply::kDone, kWorkers,
+  {Call::kRemoveGroup,             "group remove",         kManagers,             to<removeGroup, kStores>,      Reply::kDone, kWorkers,
    {{"DELETE /groups/{id}", "Removes a group and its assignments"}}},
 
   // --- stations, and messages to them
   {Call::kListStations,            "station list",         kStaff,                to<listStations>,              Reply::kStations, kWorkers,
    {{"GET /stations?page", "Stations, online or not"}}, ServerPart::kFillStations},
-  {Call::kAddStation,              "station add",          kAdmin,                to<addStation>,                Reply::kStationKey},
-  {Call::kRevokeStation,           "station revoke",       kAdmin,                to<revokeStation>,             Reply::kDone},
-  {Call::kTraineeMessage,          "message",              kInstructor | kAdmin,  to<traineeMessage>,            Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
-  {Call::kNextExercise,            "next exercise",        kInstructor | kAdmin,  to<nextExercise>,              Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
-  {Call::kSetAids,                 "aids",                 kStaff,                to<setAids>,                   Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
-  {Call::kStopLesson,              "stop",                 kStaff,                to<stopLesson>,                Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+  {Call::kAddStation,              "station add",          kAdmin,                to<addStation, kStores>,       Reply::kStationKey},
+  {Call::kRevokeStation,           "station revoke",       kAdmin,                to<revokeStation, kNeeded>,    Reply::kDone},
+  {Call::kTraineeMessage,          "message",              kInstructor | kAdmin,  to<traineeMessage, kStores>,   Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+  {Call::kNextExercise,            "next exercise",        kInstructor | kAdmin,  to<nextExercise, kStores>,     Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+  {Call::kSetAids,                 "aids",                 kStaff,                to<setAids, kStores>,          Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+  {Call::kStopLesson,              "stop",                 kStaff,                to<stopLesson, kNeeded>,       Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
 
   // --- profiles, courses, exercises
   {Call::kListProfiles,            "profile list",         kReaders,              to<listProfiles>,              Reply::kProfiles, kWorkers,
    {{"GET /profiles", "Patient profiles"}}},
   {Call::kGetProfile,              "profile show",         kReaders,              to<getProfile>,                Reply::kProfile, kWorkers,
    {{"GET /profiles/{id}?revision", "A profile; revision: by default the newest"}}},
-  {Call::kImportProfile,           "profile import",       kManagers,             to<importProfile>,             Reply::kProfile, kWorkers,
+  {Call::kImportProfile,           "profile import",       kManagers,             to<importProfile, kStores>,    Reply::kProfile, kWorkers,
    {{"PUT /profiles/{id}", "A new revision; If-Match \"0\": a new profile"}}},
   {Call::kListProfileRevisions,    "profile revisions",    kStaff | kResearcher,  to<profileRevisions>,          Reply::kRevisions, kWorkers,
    {{"GET /profiles/{id}/revisions?page", "Newest first"}}},
@@ -145,7 +147,7 @@ constexpr RequestRow kRows[] = {
    {{"GET /courses", "Courses"}}},
   {Call::kGetCurriculum,           "curriculum export",    kReaders,              to<getCurriculum>,             Reply::kCurriculum, kWorkers,
    {{"GET /courses/{id}?revision", "A course; revision: by default the newest"}}},
-  {Call::kImportCurriculum,        "curriculum import",    kManagers,             to<importCurriculum>,          Reply::kCurriculum, kWorkers,
+  {Call::kImportCurriculum,        "curriculum import",    kManagers,             to<importCurriculum, kStores>, Reply::kCurriculum, kWorkers,
    {{"PUT /courses/{id}", "A new revision; If-Match \"0\": a new course"}}},
   {Call::kListCurriculumRevisions, "curriculum revisions", kStaff | kResearcher,  to<curriculumRevisions>,       Reply::kRevisions, kWorkers,
    {{"GET /courses/{id}/revisions?page", "Newest first"}}},
@@ -156,15 +158,15 @@ constexpr RequestRow kRows[] = {
   {Call::kGetReference,            "reference show",       kPeople,               to<getReference>,              Reply::kReference, kViews,
    {{"GET /exercises/{id}/reference", "Bands of chosen sessions of experts"}}},
   // the reply has the bands, as reference show's
-  {Call::kSetReference,            "reference set",        kStaff,                to<setReference>,              Reply::kReference, kViews,
+  {Call::kSetReference,            "reference set",        kStaff,                to<setReference, kStores>,     Reply::kReference, kViews,
    {{"PUT /exercises/{id}/reference", "Chooses them (If-Match)"}}},
 
   // --- assignments, lessons, results
   {Call::kListAssignments,         "assign list",          kAll,                  to<listAssignments>,           Reply::kAssignments, kWorkers,
    {{"GET /assignments?trainee&course&group&page", "Who is to do what until when"}}},
-  {Call::kAssign,                  "assign",               kStaff,                to<assign>,                    Reply::kAssignments, kWorkers,
+  {Call::kAssign,                  "assign",               kStaff,                to<assign, kStores>,           Reply::kAssignments, kWorkers,
    {{"POST /assignments", "An exercise or a course for a trainee or a group"}}},
-  {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment>,          Reply::kDone, kWorkers,
+  {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment, kStores>, Reply::kDone, kWorkers,
    {{"DELETE /assignments/{id}", "Takes it back"}}},
   {Call::kGetLesson,               "lesson",               kAll,                  to<getLesson>,                 Reply::kLesson},
   {Call::kCheckTrainee,            "check trainee",        kStation,              to<checkTrainee>,              Reply::kTraineeChecked},
@@ -173,7 +175,7 @@ constexpr RequestRow kRows[] = {
    {{"GET /results?course&group&page", "Trainee by exercise"}}},
   {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kWorkers,
    {{"GET /people/{name}/progress?exercise&page", "Attempts in order of time"}}},
-  {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt>,             Reply::kAttempt, kWorkers,
+  {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt, kStores>,    Reply::kAttempt, kWorkers,
    {{"POST /sessions/{id}/excuse", "An attempt that shall not count"}}},
 
   // --- sessions, recordings, remarks
@@ -182,7 +184,7 @@ constexpr RequestRow kRows[] = {
      {"GET /unknown-trainees?page", "Sessions of trainees whom nobody knew when they came: they wait to be assigned"}}},
   {Call::kGetSession,              "session show",         kPeople,               to<getSession>,                Reply::kSession, kWorkers,
    {{"GET /sessions/{id}", "One session"}}},
-  {Call::kAssignSession,           "session assign",       kManagers,             to<assignSession>,             Reply::kSession, kWorkers,
+  {Call::kAssignSession,           "session assign",       kManagers,             to<assignSession, kStores>,    Reply::kSession, kWorkers,
    {{"POST /sessions/{id}/trainee", "Gives a session of an unknown trainee to the right person"}}},
   {Call::kReadChunks,              "session export",       kPeople,               to<readChunks>,                Reply::kChunks, kWorkers,
    {{"GET /sessions/{id}/samples?from_s&to_s&points", "Samples for a plot, decimated"},
@@ -193,44 +195,44 @@ constexpr RequestRow kRows[] = {
    {{"GET /sessions/{id}/events?page", "Aspirations and injections"}}},
   {Call::kListAnnotations,         "annotate list",        kPeople,               to<listAnnotations>,           Reply::kAnnotations, kWorkers,
    {{"GET /sessions/{id}/annotations?page", "Remarks"}}},
-  {Call::kAnnotate,                "annotate",             kInstructor | kAdmin,  to<annotate>,                  Reply::kAnnotation, kWorkers,
+  {Call::kAnnotate,                "annotate",             kInstructor | kAdmin,  to<annotate, kStores>,         Reply::kAnnotation, kWorkers,
    {{"POST /sessions/{id}/annotations", "A remark"}}},
 
   // --- scores
   {Call::kGetScore,                "score show",           kPeople,               to<getScore>,                  Reply::kScore, kViews,
    {{"GET /sessions/{id}/score?definition_version", "Its score; definition_version: by default the newest"}}},
-  {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore>,         Reply::kScore, kSlow,
+  {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore, kStores>, Reply::kScore, kSlow,
    {{"POST /sessions/{id}/rescore", "Scores it by the definitions of now"}}},
   {Call::kListScores,              "score list",           kStaff,                to<listScores>,                Reply::kScores, kViews,
    {{"GET /scores.csv?course&group", "Scores, a measure a line; units in a column"}}},
-  {Call::kRescoreAll,              "rescore all",          kManagers,             to<&Service::rescoreAllNow>,   Reply::kRescoreReport, kHours,
+  {Call::kRescoreAll,              "rescore all",          kManagers,             to<&Service::rescoreAllNow, kStores>, Reply::kRescoreReport, kHours,
    {{"POST /scores/rescore", "All sessions whose newest score is of older definitions"}}},
 
   // --- studies, and exports of everything
-  {Call::kExportStudy,             "study export",         kResearcher | kAdmin,  to<exportStudy>,               Reply::kRecords, kViews,
+  {Call::kExportStudy,             "study export",         kResearcher | kAdmin,  to<exportStudy, kNeeded>,      Reply::kRecords, kViews,
    {{"GET /studies/{study}?exercise&remarks&page", "Records of those who consent, under pseudonyms"}}},
   {Call::kReadStudyRecording,      "study recording",      kResearcher | kAdmin,  to<readStudyRecording>,        Reply::kChunks, kViews},
-  {Call::kExportAll,               "export-all",           kAdmin,                to<exportAll>,                 Reply::kRecords},
-  {Call::kImportAll,               "import-all",           kAdmin,                to<importAll>,                 Reply::kImportReport, kSlow},
+  {Call::kExportAll,               "export-all",           kAdmin,                to<exportAll, kNeeded>,        Reply::kRecords},
+  {Call::kImportAll,               "import-all",           kAdmin,                to<importAll, kStores>,        Reply::kImportReport, kSlow},
 
   // --- the lab
   {Call::kGetLabSettings,          "lab show",             kReaders,              to<getLabSettings>,            Reply::kLabSettings, kWorkers,
    {{"GET /lab/settings", "What holds for the whole lab"}}},
-  {Call::kChangeLabSettings,       "lab set",              kAdmin,                to<changeLabSettings>,         Reply::kLabSettings, kWorkers,
+  {Call::kChangeLabSettings,       "lab set",              kAdmin,                to<changeLabSettings, kStores>, Reply::kLabSettings, kWorkers,
    {{"PATCH /lab/settings", "Changes it; what is left out stays"}}},
 
   // --- the database itself
   {Call::kListAudit,               "audit",                kAdmin,                to<listAudit>,                 Reply::kAudit, kWorkers,
    {{"GET /audit?who&action&page", "Who changed what; newest first"}}},
-  {Call::kBackup,                  "backup",               kAdmin,                to<&Service::backup>,          Reply::kBackupDone, kSlow,
+  {Call::kBackup,                  "backup",               kAdmin,                to<&Service::backup, kNeeded>, Reply::kBackupDone, kSlow,
    {{"POST /backup", "A verified copy on the server's machine; without a path beside the database"}}},
   {Call::kCheck,                   "check",                kAdmin,                to<check>,                     Reply::kCheckReport, kSlow,
    {{"POST /check", "The database and every recording in it"}}},
   {Call::kListRetention,           "retention show",       kManagers,             to<listRetention>,             Reply::kRetention, kWorkers,
    {{"GET /retention", "What is kept how long"}}},
-  {Call::kSetRetention,            "retention set",        kManagers,             to<setRetention>,              Reply::kDone, kWorkers,
+  {Call::kSetRetention,            "retention set",        kManagers,             to<setRetention, kNeeded>,     Reply::kDone, kWorkers,
    {{"PUT /retention", "A policy of an exercise, or of all; as_default: the exercise's own is taken away"}}},
-  {Call::kRunRetention,            "retention run",        kManagers,             to<&Service::runRetentionNow>, Reply::kRetentionReport, kHours,
+  {Call::kRunRetention,            "retention run",        kManagers,             to<&Service::runRetentionNow, kNeeded>, Reply::kRetentionReport, kHours,
    {{"POST /retention/run", "Thins and deletes now, or says what it would"}}},
 };
 // clang-format on
@@ -268,30 +270,9 @@ RequestThreads threadsOf(const pb::Request& request, pb::Role role) {
   return row == nullptr ? kWorkers : row->threads;
 }
 
-bool storesMore(pb::Request::CallCase call) {
-  switch (call) {
-    case Call::kAddUser:
-    case Call::kAddStation:
-    case Call::kImportPeople:
-    case Call::kImportProfile:
-    case Call::kImportCurriculum:
-    case Call::kImportAll:
-    case Call::kSetConsent:
-    case Call::kPutGroup:
-    case Call::kAssign:
-    case Call::kSetReference:
-    case Call::kExcuseAttempt:
-    case Call::kAssignSession:
-    case Call::kAnnotate:
-    case Call::kRescoreSession:
-    case Call::kRescoreAll:
-    case Call::kTraineeMessage:
-    case Call::kNextExercise:
-    case Call::kSetAids:
-      return true;
-    default:
-      return false;
-  }
+Storing storingOf(pb::Request::CallCase call) {
+  const RequestRow* row = requestRow(call);
+  return row == nullptr ? kNothing : row->handler.storing;
 }
 
 std::string_view callName(pb::Request::CallCase call) {

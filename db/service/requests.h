@@ -35,6 +35,14 @@ enum class RequestThreads {
   kHours,      ///< retention and rescoring: they yield to all other work
 };
 
+/// Whether a call has something stored: a change, and always a line of the audit log.
+enum class Storing {
+  kNothing,  ///< reads; many reads of one subject within an hour make one line
+  kStores,   ///< takes a share of the person's day; refused while the disk is too full for recordings
+  kNeeded,   ///< takes a share, too, but is needed just then: to free room, to shut somebody out, to stop, to
+             ///< take data to safety. Refused only at the last floor, where a line could fail
+};
+
 /// The part of a reply that only the running server can add; `needlelab-admin --data` tells its user so.
 enum class ServerPart {
   kNone,
@@ -50,10 +58,11 @@ struct HttpLine {
   std::string_view summary;  ///< for the description of the API (OpenAPI)
 };
 
-/// The function that executes a call, with its message type.
+/// The function that executes a call, with its message type and whether it stores.
 struct RequestHandler {
   Result<pb::Reply> (*run)(Service& service, const Principal& who, const pb::Request& request) = nullptr;
   const google::protobuf::Descriptor* (*message)() = nullptr;  ///< the type of the call's message
+  Storing storing = Storing::kNothing;
 };
 
 struct RequestRow {
@@ -77,9 +86,8 @@ const RequestRow* requestRow(pb::Request::CallCase call);
 /// and the bound on argon2's memory holds.
 RequestThreads threadsOf(const pb::Request& request, pb::Role role);
 
-/// True when the call stores more than it frees. Such calls are refused while the disk is too full for
-/// recordings; reading, access (passwords, codes, accounts), erasure, retention and backups go on.
-bool storesMore(pb::Request::CallCase call);
+/// The row's; kNothing for unknown calls, which are refused.
+Storing storingOf(pb::Request::CallCase call);
 
 /// "user add", "session list", …; "?" for an unknown call.
 std::string_view callName(pb::Request::CallCase call);

@@ -80,6 +80,8 @@ Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call)
 }
 
 Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call) {
+  ASSIGN_OR_RETURN(const auto station, StationStore(context.reader).find(call.name()));
+  if (station && station->revoked) return doneReply();  // as it is already
   RETURN_IF_ERROR(write(context, call.name(), "",
                         [&](Connection& writer) { return StationStore(writer).revoke(call.name()); }));
   return doneReply();

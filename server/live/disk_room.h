@@ -15,7 +15,8 @@ namespace needlelab {
 using FreeBytes = std::function<std::optional<std::uint64_t>(const std::filesystem::path&)>;
 std::optional<std::uint64_t> freeBytesOf(const std::filesystem::path& path);
 
-/// Reading, log-in, retention and erasure go on at every level.
+/// Reading, log-in, and what is needed then (Storing::kNeeded in db/service/requests.h) go on at every level,
+/// the latter down to the last floor.
 enum class RoomLevel : std::uint8_t {
   kPlenty,
   kNoNewSessions,  ///< sessions that are open go on; a lesson that has begun is stored to its end
@@ -37,8 +38,9 @@ class DiskRoom {
   };
   /// New sessions need this many floors: an open session of an hour at 1 kHz takes 25 MB.
   static constexpr std::uint64_t kSessionFloors = 4;
-  /// The part of the floor that must be free on the disk itself: the log may grow. With less, free pages of
-  /// the file do not count, and a server that starts does not open its database for writing.
+  /// The part of the floor that must be free on the disk itself, the last floor: the log may grow. With less,
+  /// free pages of the file do not count, no request writes, and a server that starts does not open its
+  /// database for writing.
   static constexpr std::uint64_t kDiskShare = 8;
 
   /// `floor_bytes`: with less, no chunk is stored. 0: nothing is ever refused.
@@ -47,10 +49,12 @@ class DiskRoom {
   /// Takes a look at the disk. It may be older than the newest chunks: what was taken since the look before
   /// counts on.
   void look(const Look& look);
-  /// A chunk or a profile of `bytes` is going to be stored.
+  /// A chunk or a request of `bytes` is going to be stored.
   void take(std::uint64_t bytes);
 
   [[nodiscard]] RoomLevel level() const { return level_; }
+  /// True when no request may write any more: less than the floor / kDiskShare is left.
+  [[nodiscard]] bool atLastFloor() const { return leftBytes() < floor_bytes_ / kDiskShare; }
   /// What is left, as far as this knows; before the first look, more than anybody has.
   [[nodiscard]] std::uint64_t leftBytes() const;
   /// Why something is refused, and what to do; empty at kPlenty.

@@ -28,7 +28,7 @@ Status PeopleShares::admit(const std::string& name, pb::Role role, std::size_t b
       ErrorCode::kNoRoom,
       fmt::format("'{}' has had stored what one account may within a day ({:.0f} MiB, of which each "
                   "request takes its length and {} bytes): there is room for this one in {:.0f} min; "
-                  "if '{}' did not do so much, set a new password",
+                  "if '{}' did not do so much, have a manager set a new password",
                   name, share / 0x1p20, kRequestBytes, used.minutesUntil(cost, share, now_ns), name)};
 }
 

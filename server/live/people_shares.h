@@ -13,14 +13,15 @@
 namespace needlelab {
 
 /// A share of a day (DayShare) for each account, over all of its connections on both ports, of the requests
-/// that store (storesMore in db/service/requests.h). In memory: a restart of the server gives everybody the
+/// that store (Storing in db/service/requests.h). In memory: a restart of the server gives everybody the
 /// whole share again. Memory: some 100 bytes an account that had something stored. Times: steady clock (ns),
 /// from the caller. Thread: one.
 class PeopleShares {
  public:
   /// Far above what people do by hand.
   struct Settings {
-    /// Of trainees and researchers, who store only their consent to studies: 2,700 of the longest.
+    /// Of trainees and researchers, who store their consent to studies, password and code: 2,700 of the
+    /// longest consents.
     double own_bytes = 8.0 * 1024 * 1024;
     /// Of instructors and curriculum managers: 1,000 of the largest profiles and courses, 80,000 usual ones,
     /// 500,000 remarks.
@@ -28,7 +29,8 @@ class PeopleShares {
     /// Of administrators, who import whole labs: 20 million records.
     double administrator_bytes = 16.0 * 1024 * 1024 * 1024;
   };
-  /// What a request costs besides its own bytes: its row, its line in the audit log, their indices.
+  /// What a request costs besides its own bytes: its row, its lines in the audit log (a message that is not
+  /// delivered has two), their indices.
   static constexpr std::size_t kRequestBytes = 2048;
 
   PeopleShares() : PeopleShares(Settings{}) {}

@@ -80,14 +80,14 @@ void addToAuditLog(ServerContext& context, const std::string& who, const std::st
 }
 
 /// Takes the room of a request that stores, from the disk's and from the person's share. kNoRoom.
-Status roomFor(ServerContext& context, const Principal& who, std::size_t bytes) {
+Status roomFor(ServerContext& context, const Principal& who, Storing storing, std::size_t bytes) {
   if (who.role != pb::STATION)
     RETURN_IF_ERROR(context.shares.admit(who.name, who.role, bytes, steadyNowNs()));
   // before the check: a flood between two looks at the disk counts, too
-  context.disk_room.take(bytes);
-  if (context.disk_room.level() == RoomLevel::kNoChunks)
-    return Error{ErrorCode::kNoRoom, context.disk_room.text()};
-  return {};
+  context.disk_room.take(bytes + PeopleShares::kRequestBytes);
+  const bool refused = storing == Storing::kNeeded ? context.disk_room.atLastFloor()
+                                                   : context.disk_room.level() == RoomLevel::kNoChunks;
+  return refused ? Status(Error{ErrorCode::kNoRoom, context.disk_room.text()}) : Status();
 }
 
 using Executed = std::shared_ptr<Outcome>;
@@ -140,8 +140,8 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   const RequestThreads threads = threadsOf(*request, who.role);
   if (const Status may = mayWait(context, threads, who); !may.ok())
     co_return refusedBefore(*request, may.error());
-  if (storesMore(request->call_case())) {
-    if (const Status room = roomFor(context, who, request->ByteSizeLong()); !room.ok())
+  if (const Storing storing = storingOf(request->call_case()); storing != Storing::kNothing) {
+    if (const Status room = roomFor(context, who, storing, request->ByteSizeLong()); !room.ok())
       co_return refusedBefore(*request, room.error());
   }
   std::function<Executed()> work = [&service = context.store.service(), who, request, threads] {

@@ -232,6 +232,56 @@ TEST(FullDisk, oneAccountHasNoMoreThanItsShareStoredOverAllItsConnections) {
   EXPECT_EQ(listed->consents().consents_size(), 6);
 }
 
+TEST(FullDisk, everyLineOfTheAuditLogCostsWhoeverAsksForIt) {
+  constexpr int kShares = 5;
+  RoomyServer s([](ServerOptions& options) {  // a request of less than 100 bytes costs its line
+    options.shares.own_bytes = kShares * (100.0 + PeopleShares::kRequestBytes);
+    options.shares.staff_bytes = options.shares.own_bytes;
+  });
+  s.server.addUser("tina", pb::TRAINEE, kPassword);
+  s.server.addUser("ina", pb::INSTRUCTOR, kPassword);
+  s.server.addUser("mia", pb::CURRICULUM_MANAGER, kPassword);
+  (void)s.server.addStation("bench-1");
+  pb::Request code, stop, disable;
+  code.mutable_set_code()->set_name("tina");
+  stop.mutable_stop_lesson()->set_station("bench-1");
+  disable.mutable_disable_user()->set_name("tina");
+  for (const auto& [who, request] : {std::pair{"tina", &code}, {"ina", &stop}, {"mia", &disable}}) {
+    auto client = s.server.connect(personLogin(who, kPassword));
+    ASSERT_TRUE(client.ok());
+    // others are refused for other reasons: there is no such station online
+    int for_room = 0;
+    for (int i = 0; i < 2 * kShares; ++i) {
+      const auto reply = client->call(*request);
+      for_room += !reply.ok() && reply.error().code == ErrorCode::kNoRoom;
+    }
+    EXPECT_EQ(for_room, kShares) << who;
+  }
+}
+
+TEST(FullDisk, atTheLastFloorNoRequestWritesAndReadingGoesOn) {
+  RoomyServer s;
+  s.server.addUser("tina", pb::TRAINEE, kPassword);
+  s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto chief = s.server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  pb::Request toggle, list;
+  const auto ask = [&](bool enable) {
+    toggle.mutable_disable_user()->set_name("tina");
+    toggle.mutable_disable_user()->set_enable(enable);
+    return chief->call(toggle);
+  };
+  s.leave(7);  // of --min-free 64 MiB, less than an eighth
+  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  auto refused = ask(false);
+  for (bool enable = true; refused.ok() && std::chrono::steady_clock::now() < end; enable = !enable)
+    refused = ask(enable);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom) << refused.error().message;
+  list.mutable_list_users();
+  EXPECT_TRUE(chief->call(list).ok());
+}
+
 TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
   RoomyServer s([](ServerOptions& options) { options.shares.own_bytes = 1e12; });
   s.server.addUser("tina", pb::TRAINEE, kPassword);
@@ -251,15 +301,18 @@ TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
   ASSERT_FALSE(late.ok());
   EXPECT_EQ(late.error().code, ErrorCode::kNoRoom);
   EXPECT_THAT(late.error().message, HasSubstr("make room"));
-  pb::Request annotate, import, list, disable, erase;
+  pb::Request annotate, import, code, list, disable, retention, erase;
   annotate.mutable_annotate()->set_text("a remark");
   import.mutable_import_all();
-  for (const pb::Request* stores : {&annotate, &import})
+  code.mutable_set_code()->set_name("tina");
+  for (const pb::Request* stores : {&annotate, &import, &code})
     EXPECT_EQ(chief->call(*stores).error().code, ErrorCode::kNoRoom);
   list.mutable_list_consents()->set_name("tina");
   EXPECT_TRUE(chief->call(list).ok());
   disable.mutable_disable_user()->set_name("tina");
   EXPECT_TRUE(chief->call(disable).ok());
+  retention.mutable_run_retention()->set_dry_run(true);
+  EXPECT_TRUE(chief->call(retention).ok());
   erase.mutable_erase_person()->set_name("tina");
   erase.mutable_erase_person()->set_confirm("tina");
   const auto erased = chief->call(erase);
@@ -310,7 +363,7 @@ TEST(FullDisk, refusesFirstNewSessionsThenChunksAndReadsOn) {
   ASSERT_TRUE(chief.ok()) << chief.error().message;
   EXPECT_EQ(readableChunks(*chief, lesson), static_cast<int>(stored));
   pb::Request retention;
-  retention.mutable_run_retention();
+  retention.mutable_run_retention()->set_dry_run(true);
   const auto ran = chief->call(retention);
   EXPECT_TRUE(ran.ok()) << ran.error().message;
 

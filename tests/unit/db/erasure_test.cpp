@@ -43,6 +43,13 @@ class ErasureStoreTest : public testing::Test {
   Result<pb::Erasure> erase(const std::string& name, std::int64_t when = 1'800'000'000'000'000'000) {
     return ErasureStore(db.writer).erase(name, line(name, when), "ada", "asked for it", when);
   }
+  bool waits(const Uuid& id) {
+    auto row = db.writer.query(
+        "SELECT 1 FROM unknown_trainees WHERE by_whom IS NULL"
+        " AND session = (SELECT number FROM sessions WHERE id = ?)",
+        ByteView(id));
+    return *row.step();
+  }
   void removeChunks(const Uuid& id) {
     for (;;) {
       const auto more = RetentionStore(db.writer).removeSome(id, 2);
@@ -336,17 +343,54 @@ TEST_F(ErasureStoreTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndE
   const Uuid between = makeUuidV7();
   d.set_session_id(test::bytesOfId(between));
   d.set_started_unix_ns(1'840'000'000'000'000'000);
-  ASSERT_OK(sessions.open(d, 5));
-  EXPECT_EQ(sessions.info(between)->description().trainee(), "erased-1234") << "from before the account";
+  ASSERT_OK(sessions.open(d, 1'860'000'000'000'000'000));
+  EXPECT_EQ(sessions.info(between)->description().trainee(), "anna");
+  EXPECT_EQ(sessions.append(between, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+  EXPECT_TRUE(waits(between)) << "from before the account: kept, and counted for nobody";
   const Uuid later = makeUuidV7();
   d.set_session_id(test::bytesOfId(later));
   d.set_started_unix_ns(1'900'000'000'000'000'000);
   ASSERT_OK(sessions.open(d, 5));
   EXPECT_EQ(sessions.info(later)->description().trainee(), "anna");
   EXPECT_EQ(sessions.append(later, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+  EXPECT_FALSE(waits(later));
   const auto check = checkDatabase(db.writer);
   ASSERT_OK(check);
   EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
+TEST_F(ErasureStoreTest, aNewAccountKeepsItsSessionsAlthoughTheClockWasAheadAtTheErasure) {
+  constexpr std::int64_t kDay = 86'400'000'000'000, kNow = 1'800'000'000'000'000'000;
+  ASSERT_OK(erase("anna", kNow + 200 * kDay));
+  ErasureStore erasures(db.writer);
+  EXPECT_EQ(*erasures.addedAt("anna", kNow), kNow + 200 * kDay + 1)
+      << "added after it, whatever the clock says";
+  EXPECT_EQ(*erasures.addedAt("anna", kNow + 201 * kDay), kNow + 201 * kDay);
+  EXPECT_EQ(*erasures.addedAt("ben", kNow), kNow) << "never erased";
+  ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, *erasures.addedAt("anna", kNow)}));
+  SessionStore sessions(db.writer);
+  const auto deliver = [&](std::int64_t started, std::int64_t now) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee("anna");
+    d.set_started_unix_ns(started);
+    EXPECT_OK(sessions.open(d, now));
+    EXPECT_EQ(sessions.append(id, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+    EXPECT_OK(sessions.open(d, now));  // the station comes again
+    EXPECT_TRUE(sessions.close(test::closeOf(id, 1), now + 1)->taken());
+    EXPECT_EQ(sessions.info(id)->chunks(), 1u);
+    EXPECT_EQ(sessions.info(id)->description().trainee(), "anna");
+    return id;
+  };
+  EXPECT_FALSE(waits(deliver(kNow + kDay, kNow + kDay)));
+  // the clock has reached the account's time: who comes from before may be the erased person
+  const Uuid late = deliver(kNow + 2 * kDay, kNow + 300 * kDay);
+  EXPECT_TRUE(waits(late));
+  EXPECT_FALSE(waits(deliver(kNow + 299 * kDay, kNow + 300 * kDay)));
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+  EXPECT_TRUE(erasures.toRepeat(db.folder.path())->empty()) << "nobody is told to erase the new person";
 }
 
 TEST_F(ErasureStoreTest, theLastAdministratorIsNotErased) {

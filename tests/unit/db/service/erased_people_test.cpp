@@ -168,6 +168,26 @@ TEST_F(ErasedPeople, areSaidByCheckWhenTheyAreHereAgain) {
   EXPECT_NE(report.faults(0).find("'anna'"), std::string::npos);
 }
 
+TEST_F(ErasedPeople, leaveTheirNamesToNewPeopleAlsoWhenTheClockWasAhead) {
+  constexpr std::int64_t kAhead = 4'000'000'000'000'000'000;  // the year 2096
+  for (const char* name : {"anna", "ben"}) {
+    addNamed(name, "");
+    get(admin, erase(name));
+  }
+  ASSERT_OK(
+      change([kAhead](Connection& c) { return c.run("UPDATE erasures SET erased_unix_ns = ?", kAhead); }));
+  pb::Request add, table, show;
+  add.mutable_add_user()->set_name("anna");
+  add.mutable_add_user()->set_role(pb::TRAINEE);
+  get(admin, add);
+  table.mutable_import_people()->set_csv("name\nben\n");
+  EXPECT_TRUE(get(admin, table).people_import().done());
+  for (const char* name : {"anna", "ben"}) {
+    show.mutable_get_user()->set_name(name);
+    EXPECT_EQ(get(admin, show).user().created_unix_ns(), kAhead + 1) << name;
+  }
+}
+
 /// The files below `place` whose bytes contain `word`, whatever the case of its first letter.
 std::vector<std::string> filesWith(const std::filesystem::path& place, const std::string& word) {
   std::vector<std::string> names;

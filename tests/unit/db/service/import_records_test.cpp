@@ -183,6 +183,30 @@ TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
   for (const char* own : {"x backup", "y backup", "z backup"}) EXPECT_EQ(lines[own], 1);
 }
 
+TEST_F(Import, takesNoNumbersThatLeaveNoneForNewRows) {
+  constexpr std::int64_t kGreatest = std::int64_t{1} << 53;
+  addPerson("anna", pb::TRAINEE);
+  const RecordJson line{{"kind", "audit"},   {"id", kGreatest + 1}, {"unix_ns", 1}, {"who", "x"},
+                        {"action", "login"}, {"subject", ""},       {"detail", ""}};
+  const RecordJson given{{"kind", "assignment"},   {"id", INT64_MAX},     {"course_id", nullptr},
+                         {"exercise_id", "e"},     {"group_id", nullptr}, {"trainee", "anna"},
+                         {"due_unix_ns", nullptr}, {"by_whom", "x"},      {"created_unix_ns", 1}};
+  const RecordJson word{{"kind", "consent"}, {"id", INT64_MAX},    {"person", "anna"}, {"given", 1},
+                        {"unix_ns", 1},      {"recorded_by", "x"}, {"note", ""}};
+  for (const RecordJson& record : {line, given, word}) {
+    const auto report = importAll(*store, {record.dump()}, 1);
+    EXPECT_FALSE(report.done());
+    ASSERT_EQ(report.faults_size(), 1) << record.dump();
+    EXPECT_EQ(report.faults(0).message(),
+              "id: is " + record["id"].dump() +
+                  ", must not be above 9007199254740992: new rows are numbered on from it");
+  }
+  auto greatest = line;
+  greatest["id"] = kGreatest;
+  EXPECT_TRUE(importAll(*store, {greatest.dump()}, 1).done());
+  EXPECT_OK(store->service().note("ina", "log-in", "", ""));  // the next number is free
+}
+
 TEST_F(Import, marksLinesOfTheLogWithWhoBroughtThemAndFromWhere) {
   addPerson("anna", pb::TRAINEE);
   consent("anna", true);

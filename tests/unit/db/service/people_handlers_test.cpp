@@ -380,6 +380,37 @@ TEST_F(PeopleHandlers, everyChangeIsInTheAuditLogWithoutSecrets) {
   EXPECT_EQ(audit.SerializeAsString().find("horse"), std::string::npos);
 }
 
+TEST_F(PeopleHandlers, whatIsAsItIsAskedForIsNotWrittenAgain) {
+  addPerson("anna", pb::TRAINEE);
+  addStation();
+  const auto lines = [&] {
+    auto reader = store->readers().borrow();
+    EXPECT_OK(reader);
+    auto rows = (*reader)->query("SELECT count(*) FROM audit");
+    EXPECT_TRUE(*rows.step());
+    return rows.integer(0);
+  };
+  pb::Request disable, enable, no_code, revoke, same, optional;
+  disable.mutable_disable_user()->set_name("anna");
+  enable.mutable_disable_user()->set_name("anna");
+  enable.mutable_disable_user()->set_enable(true);
+  no_code.mutable_set_code()->set_name("anna");
+  revoke.mutable_revoke_station()->set_name("station-1");
+  same.mutable_change_user()->set_name("anna");
+  same.mutable_change_user()->set_base_revision(1);
+  same.mutable_change_user()->set_disabled(false);
+  optional.mutable_change_lab_settings()->set_codes_required(false);
+  const auto before = lines();
+  for (const auto* request : {&enable, &no_code, &same, &optional}) get(admin, *request);
+  get(trainee, no_code);
+  EXPECT_EQ(lines(), before);
+  for (int i = 0; i < 3; ++i)
+    for (const auto* request : {&disable, &revoke}) get(admin, *request);
+  EXPECT_EQ(lines(), before + 2) << "the first of each";
+  same.mutable_change_user()->set_disabled(true);
+  EXPECT_EQ(refusal(admin, same), ErrorCode::kConflict) << "an old revision stays a conflict";
+}
+
 TEST_F(PeopleHandlers, whatTheServerMustDoIsMarked) {
   addStation();
   pb::Request list;

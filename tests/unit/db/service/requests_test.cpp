@@ -4,6 +4,7 @@
 
 #include <fstream>
 #include <map>
+#include <set>
 #include <sstream>
 
 #include "tests/unit/db/service/test_service.h"
@@ -139,6 +140,34 @@ TEST(Requests, eachCallHasOneRowWhoseHandlerTakesItsMessage) {
   }
   for (int i = 0; i < calls->field_count(); ++i)
     EXPECT_EQ(rows[calls->field(i)->number()], 1) << calls->field(i)->name();
+}
+
+// by hand: which calls write a line of the audit log whenever they are asked
+TEST(Requests, whateverWritesTakesAShareAndWhatIsNeededOnAFullDiskGoesOn) {
+  using Names = std::set<std::string>;
+  std::map<Storing, Names> calls;
+  for (const RequestRow& row : requestRows()) {
+    EXPECT_EQ(storingOf(row.call), row.handler.storing);
+    calls[row.handler.storing].insert(pb::Request::descriptor()->FindFieldByNumber(row.call)->name());
+  }
+  EXPECT_EQ(calls[Storing::kNeeded],
+            (Names{"backup", "change_user", "disable_user", "erase_person", "export_all", "export_person",
+                   "export_study", "revoke_station", "run_retention", "set_password", "set_retention",
+                   "stop_lesson"}));
+  EXPECT_EQ(calls[Storing::kStores], (Names{"add_station",    "add_user",          "annotate",
+                                            "assign",         "assign_session",    "change_lab_settings",
+                                            "excuse_attempt", "import_all",        "import_curriculum",
+                                            "import_people",  "import_profile",    "next_exercise",
+                                            "put_group",      "remove_assignment", "remove_group",
+                                            "rescore_all",    "rescore_session",   "set_aids",
+                                            "set_code",       "set_consent",       "set_reference",
+                                            "trainee_message"}));
+  for (const std::string& name : calls[Storing::kNothing])
+    EXPECT_TRUE(name.starts_with("list_") || name.starts_with("get_") || name.starts_with("read_") ||
+                name.starts_with("check") || name == "verify_session" || name == "seek_session" ||
+                name == "preview_profile")
+        << name << " is new: does it write?";
+  EXPECT_EQ(storingOf(pb::Request::CALL_NOT_SET), Storing::kNothing);
 }
 
 TEST(Roles, unknownRolesAndCallsAreRefused) {

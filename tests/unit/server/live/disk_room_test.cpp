@@ -31,6 +31,23 @@ TEST(DiskRoom, refusesFirstNewSessionsThenChunks) {
             (std::vector{kPlenty, kPlenty, kNoNew, kNoNew, kNone, kNone}));
 }
 
+TEST(DiskRoom, itsLastFloorIsAnEighthOfTheFloor) {
+  DiskRoom room(64 * kMiB), without(0);
+  EXPECT_FALSE(room.atLastFloor()) << "before the first look";
+  for (const auto& [MiB, at_last] : {std::pair{63u, false}, {8u, false}, {7u, true}, {8u, false}}) {
+    room.look({.disk_bytes = MiB * kMiB});
+    EXPECT_EQ(room.atLastFloor(), at_last) << MiB;
+  }
+  // each byte is written twice
+  room.look({.disk_bytes = 10 * kMiB});
+  room.take(kMiB);
+  EXPECT_FALSE(room.atLastFloor());
+  room.take(1);
+  EXPECT_TRUE(room.atLastFloor());
+  without.look({});
+  EXPECT_FALSE(without.atLastFloor());
+}
+
 TEST(DiskRoom, goesBackWithAQuarterMoreThanTheFloor) {
   EXPECT_EQ(levelsOf({63, 64, 79, 81, 256, 319, 321}),
             (std::vector{kNone, kNone, kNone, kNoNew, kNoNew, kNoNew, kPlenty}));
