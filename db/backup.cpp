@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <map>
@@ -268,6 +269,31 @@ bool isBackupName(std::string_view name) {
   return ending == kPlainEnding || ending == kEncryptedEnding;
 }
 
+/// True for the unfinished copy of a backup, and for what SQLite put beside it.
+bool isPartialName(std::string_view name) {
+  const auto end = name.find(".partial");
+  if (end == std::string_view::npos || !isBackupName(name.substr(0, end))) return false;
+  const std::string_view behind = name.substr(end + std::string_view(".partial").size());
+  return behind.empty() || behind == "-journal" || behind == "-wal" || behind == "-shm";
+}
+
+/// Unfinished copies in the folder of `target` that a power cut or a kill left: nobody wrote to them in the
+/// day before the target, so no backup makes them now.
+std::vector<std::filesystem::path> leftPartials(const std::filesystem::path& target) {
+  std::vector<std::filesystem::path> left;
+  std::error_code error, ignored;
+  const auto made = std::filesystem::last_write_time(target, ignored);
+  if (ignored) return left;
+  for (auto at = std::filesystem::directory_iterator(target.parent_path(), error);
+       !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
+    if (!isPartialName(at->path().filename().string()) || !at->is_regular_file(ignored)) continue;
+    const auto written = at->last_write_time(ignored);
+    if (!ignored && written < made - std::chrono::hours(24)) left.push_back(at->path());
+  }
+  std::sort(left.begin(), left.end());
+  return left;
+}
+
 }  // namespace
 
 Result<std::vector<std::filesystem::path>> backupsIn(const std::filesystem::path& folder) {
@@ -300,8 +326,9 @@ Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::si
   }
   // the new backup counts towards `keep`
   const std::size_t stay = keep > 0 ? keep - 1 : 0;
-  if (older.size() <= stay) return old;
-  older.resize(older.size() - stay);
+  older.resize(older.size() - std::min(stay, older.size()));
+  const auto partials = leftPartials(target);
+  older.insert(older.end(), partials.begin(), partials.end());
   for (const auto& path : older) {
     if (::unlink(path.c_str()) != 0) return systemError(path, "remove this old backup");
     old.removed.push_back(path);

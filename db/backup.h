@@ -83,7 +83,8 @@ struct OldBackups {
 
 /// Removes the backups beside `target`, plain and encrypted ones, except the newest `keep`, by the time in
 /// their names (backupName). `target` counts as one of them and is never removed, whatever the other names
-/// say. Does not touch other files. Errors: kFailed.
+/// say. Removes also unfinished copies of backups with such names that were last written more than a day
+/// before `target`. Does not touch other files. Errors: kFailed.
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
 /// Stores the backup's time and place, and raises the watermark of the sessions in `covered` (the caller

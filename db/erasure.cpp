@@ -130,13 +130,14 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
   RETURN_IF_ERROR(eraseWords(names, sessions, erasure));
-  ASSIGN_OR_RETURN(auto left, leftOver(names, group_ids));
-  erasure.set_text(std::move(left));
   RETURN_IF_ERROR(connection_.run(
       "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
       " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
       " SET erased_unix_ns = excluded.erased_unix_ns",
       line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true)));
+  ASSIGN_OR_RETURN(auto left, leftOver(names, group_ids));
+  ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(names));
+  erasure.set_text(left + perhaps);
   return erasure;
 }
 
@@ -302,6 +303,36 @@ Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
     text += fmt::format("{}the words about device and patient in {} sessions of others, such as {}",
                         text.empty() ? "" : "; ", found, ids);
   return text.empty() ? text : "These have the name and stay as they are: " + text + ". ";
+}
+
+Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
+  struct Place {
+    std::string_view what, sql;  // rows: what tells the text from others, and the text
+  };
+  constexpr Place kPlaces[] = {
+      {"{} remarks, such as number {}", "SELECT id, text FROM annotations ORDER BY id"},
+      {"{} lines of the audit log, such as {}", "SELECT id, detail FROM audit ORDER BY id"},
+      {"the reasons of {} erasures, such as {}", "SELECT pseudonym, reason FROM erasures ORDER BY pseudonym"},
+  };
+  constexpr std::size_t kNamed = 3;
+  std::string text;
+  for (const Place& place : kPlaces) {
+    std::size_t found = 0;
+    std::string some;
+    auto rows = connection_.prepare(place.sql);
+    for (;;) {
+      ASSIGN_OR_RETURN(const bool more, rows.step());
+      if (!more) break;
+      if (!mentions(rows.text(1), names)) continue;
+      if (++found <= kNamed) some += (some.empty() ? "" : ", ") + rows.text(0);
+    }
+    if (found > 0) text += (text.empty() ? "" : "; ") + fmt::format(fmt::runtime(place.what), found, some);
+  }
+  if (text.empty()) return text;
+  return "These have the letters of a name of this person, as a part of another word or as a word of the "
+         "full "
+         "name, and stay as they are; look whom they mean: " +
+         text + ". ";
 }
 
 Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::string>& sessions,

@@ -110,6 +110,8 @@ class ErasureStore {
   Result<std::vector<std::string>> eraseInGroups(ErasedNames names);
   /// Where the name is left, for the administrator; empty: nowhere.
   Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids);
+  /// Texts that the name may still be in, by a plain search, for the administrator to look at; empty: none.
+  Result<std::string> perhapsLeft(const ErasedNames& names);
   Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure);
   Connection& connection_;
 };

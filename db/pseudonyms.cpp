@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <mutex>
 #include <optional>
 
@@ -26,13 +27,58 @@ bool sameLetter(char a, char b) {
   return lowerCase(a) == lowerCase(b);
 }
 
-/// Letters, digits, and all of UTF-8 beyond ASCII.
-bool isWordByte(char c) {
-  return static_cast<unsigned char>(c) >= 0x80 || isLetterOrDigit(c) || c == '_';
+struct Letters {
+  std::uint32_t first, last;
+};
+/// Letters, digits and combining marks of the scripts that part words by spaces and that write small letters:
+/// Latin, Greek, Cyrillic and Armenian. All else ends such a word: punctuation, and the letters of other
+/// scripts.
+constexpr Letters kWordLetters[] = {
+    {'0', '9'},       {'A', 'Z'},       {'_', '_'},       {'a', 'z'},       {0x00aa, 0x00aa},
+    {0x00b5, 0x00b5}, {0x00ba, 0x00ba}, {0x00c0, 0x00d6}, {0x00d8, 0x00f6}, {0x00f8, 0x02b8},
+    {0x0300, 0x0374}, {0x0376, 0x037d}, {0x037f, 0x0386}, {0x0388, 0x0481}, {0x0483, 0x0559},
+    {0x0560, 0x0588}, {0x1c80, 0x1c8f}, {0x1d00, 0x1fff}, {0x2c60, 0x2c7f}, {0x2de0, 0x2dff},
+    {0xa640, 0xa69f}, {0xa722, 0xa7ff}, {0xab30, 0xab6f}, {0xfb00, 0xfb17}, {0xff10, 0xff19},
+    {0xff21, 0xff3a}, {0xff41, 0xff5a},
+};
+
+bool isContinuation(char c) {
+  return (static_cast<unsigned char>(c) & 0xc0) == 0x80;
+}
+
+/// The character that begins at `at`; 0 when the bytes there are no UTF-8.
+std::uint32_t pointAt(std::string_view text, std::size_t at) {
+  std::size_t end = at + 1;
+  while (end < text.size() && end < at + 4 && isContinuation(text[end])) ++end;
+  if (!isUtf8(text.substr(at, end - at))) return 0;
+  const auto lead = static_cast<unsigned char>(text[at]);
+  std::uint32_t point = end - at == 1 ? lead : lead & (0x7fu >> (end - at));
+  for (++at; at < end; ++at) point = point << 6 | (static_cast<unsigned char>(text[at]) & 0x3fu);
+  return point;
+}
+
+/// The last character of a text that is not empty; 0 as above.
+std::uint32_t lastPoint(std::string_view text) {
+  std::size_t at = text.size() - 1;
+  while (at > 0 && text.size() - at < 4 && isContinuation(text[at])) --at;
+  return pointAt(text, at);
+}
+
+bool isWord(std::uint32_t point) {
+  return std::any_of(std::begin(kWordLetters), std::end(kWordLetters),
+                     [&](const Letters& row) { return point >= row.first && point <= row.last; });
+}
+
+/// True when no word goes on from `inside`, a name's first or last character, to its neighbour. A name in a
+/// script that is not in the table needs no border: Chinese has no spaces, and Arabic writes "and" onto the
+/// name.
+bool isBorder(std::uint32_t inside, std::uint32_t neighbour) {
+  return !isWord(neighbour) || (inside >= 0x80 && !isWord(inside));
 }
 
 bool standsAlone(std::string_view text, std::size_t begin, std::size_t end) {
-  return (begin == 0 || !isWordByte(text[begin - 1])) && (end == text.size() || !isWordByte(text[end]));
+  return (begin == 0 || isBorder(pointAt(text, begin), lastPoint(text.substr(0, begin)))) &&
+         (end == text.size() || isBorder(lastPoint(text.substr(begin, end - begin)), pointAt(text, end)));
 }
 
 enum class Case : bool { kEither, kOwn };
@@ -81,12 +127,14 @@ void replaceWord(std::string& text, std::string_view word, std::string_view in_i
   }
 }
 
-/// Calls `take` for each word of a full name longer than two bytes.
+/// Calls `take` for each word of a full name that is longer than two bytes and than one character.
 template <typename Take>
 void eachPart(std::string_view full_name, const Take& take) {
   for (std::size_t at = 0; at < full_name.size();) {
     const std::size_t end = std::min(full_name.find_first_of(" ,", at), full_name.size());
-    if (end - at > 2) take(full_name.substr(at, end - at));
+    const std::string_view part = full_name.substr(at, end - at);
+    const auto rest = std::count_if(part.begin(), part.end(), isContinuation);
+    if (part.size() > 2 && part.size() - static_cast<std::size_t>(rest) > 1) take(part);
     at = end + 1;
   }
 }
@@ -174,6 +222,24 @@ std::string withoutNames(const std::string& text, const ErasedNames& names, bool
     });
   }
   return without;
+}
+
+bool mentions(std::string_view text, const ErasedNames& names) {
+  const auto has = [&](std::string_view word) {
+    if (word.empty()) return false;
+    for (auto from = text.begin();; ++from) {
+      from = std::search(from, text.end(), word.begin(), word.end(), sameLetter);
+      if (from == text.end()) return false;
+      const auto at = static_cast<std::size_t>(from - text.begin());
+      if (!isWithinOther(text, at, at + word.size(), names.others)) return true;
+    }
+  };
+  bool found = has(names.name) || std::any_of(names.given.begin(), names.given.end(), has);
+  for (const std::string& full_name : names.full_names) {
+    found = found || has(full_name);
+    eachPart(full_name, [&](std::string_view part) { found = found || has(part); });
+  }
+  return found;
 }
 
 Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name) {

@@ -49,8 +49,9 @@ std::string hexDigitsOf(std::string_view bytes);
 Result<std::string> bytesOfHex(std::string_view hex);
 
 /// Replaces a name in someone else's text, case-insensitively, where it is a whole word, and each word of the
-/// full name longer than two letters. For remarks that leave the lab: replacing one word too many is better
-/// than one too few.
+/// full name longer than two letters. Punctuation of every script ends a word. A name in a script other than
+/// Latin, Greek, Cyrillic and Armenian is replaced wherever it stands, also within a word. For remarks that
+/// leave the lab: replacing one word too many is better than one too few.
 std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
                         std::string_view in_its_place);
 
@@ -67,6 +68,9 @@ struct ErasedNames {
 /// `parts`: also replaces, case-sensitively, each word of a full name longer than two letters; for texts
 /// about this person.
 std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts);
+/// True when the text has a name, a given or a full name, or a word of one, anywhere, in either case, but for
+/// `others`. It finds more than withoutNames() replaces: "Annabel" for "anna", and a part of a full name.
+bool mentions(std::string_view text, const ErasedNames& names);
 
 /// Full names of this person in the audit log, oldest first. "user change" writes them at the end of its
 /// line: "full name: 'Old' to 'New'".

@@ -54,32 +54,57 @@ bool namesPerson(const std::filesystem::path& path, const std::string& name) {
   return names;
 }
 
+/// What SQLite or a backup put beside a database: its name ends with one of these.
+constexpr std::array<std::string_view, 2> kLogs = {"-wal", "-journal"};
+
+bool isDatabase(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::array<char, 16> start{};
+  in.read(start.data(), start.size());
+  constexpr std::string_view kMagic("SQLite format 3\0", 16);
+  return std::string_view(start.data(), start.size()) == kMagic || isEncryptedBackup(path);
+}
+
+/// A copy that a backup has not finished. It is no database yet: SQLite writes the first page last.
+bool isUnfinishedCopy(std::string_view file) {
+  return file.ends_with(".partial") || file.ends_with(".backup-copy");
+}
+
 /// Databases beside the one in use, and where the last backup was put, that name the person: replaced ones
-/// and backups.
+/// and backups, each with its log. Unfinished copies of backups, and logs whose database is gone, are listed
+/// unread.
 std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& folder,
                                                  const std::filesystem::path& backups,
                                                  const std::string& name) {
-  std::set<std::filesystem::path> all;
+  std::set<std::filesystem::path> databases, naming, logs;
   for (const auto& place : {folder, folder / "backups", backups}) {
     std::error_code error;
     for (auto at = std::filesystem::directory_iterator(place, error);
          !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
       std::error_code ignored;
-      const std::string file = at->path().filename().string();
-      const bool aside = file.ends_with("-wal") || file.ends_with("-shm") || file.ends_with("-journal");
-      if (aside || file == "needlelab.db" || !at->is_regular_file(ignored)) continue;
-      std::ifstream in(at->path(), std::ios::binary);
-      std::array<char, 16> start{};
-      in.read(start.data(), start.size());
-      constexpr std::string_view kMagic("SQLite format 3\0", 16);
-      if (std::string_view(start.data(), start.size()) == kMagic || isEncryptedBackup(at->path()))
-        all.insert(at->path());
+      const auto& path = at->path();
+      const std::string file = path.filename().string();
+      if (file.ends_with("-shm") || !at->is_regular_file(ignored) || at->file_size(ignored) == 0) continue;
+      if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return file.ends_with(end); }))
+        logs.insert(path);
+      else if (isUnfinishedCopy(file))
+        naming.insert(path);
+      else if (file != "needlelab.db" && isDatabase(path))
+        databases.insert(path);
     }
   }
-  std::vector<std::filesystem::path> naming;
-  for (const auto& path : all)
-    if (namesPerson(path, name)) naming.push_back(path);
-  return naming;
+  for (const auto& path : databases)
+    if (namesPerson(path, name)) naming.insert(path);
+  for (const auto& path : logs) {
+    const std::string text = path.string();
+    const std::filesystem::path of = text.substr(0, text.rfind('-'));
+    std::error_code ignored;
+    const bool orphan = !std::filesystem::exists(of, ignored) &&
+                        (of.filename().string().starts_with("needlelab") || isUnfinishedCopy(of.string()));
+    // a journal may have been rolled back into its database, which was read
+    if ((naming.contains(of) || orphan) && std::filesystem::exists(path, ignored)) naming.insert(path);
+  }
+  return {naming.begin(), naming.end()};
 }
 
 /// What to do with sessions that wait under the name; empty: there are none.

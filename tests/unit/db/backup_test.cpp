@@ -2,6 +2,10 @@
 
 #include <sys/stat.h>
 
+#include <chrono>
+#include <filesystem>
+#include <vector>
+
 #include "db/check.h"
 #include "db/schema.h"
 #include "tests/unit/db/dump.h"
@@ -102,6 +106,27 @@ TEST(BackupRotation, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
   EXPECT_TRUE(std::filesystem::exists(now));
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "needlelab-20260104T023000Z.db"));
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "needlelab-20300101T023000Z.db"));
+}
+
+TEST(BackupRotation, unfinishedCopiesOfADayBeforeGoWithTheOldBackups) {
+  namespace fs = std::filesystem;
+  const test::TempFolder folder;
+  const auto now = folder.write("needlelab-20260105T023000Z.db", "x");
+  std::vector<fs::path> left;
+  for (const char* name :
+       {"needlelab-20260101T023000Z.db.partial", "needlelab-20260101T023000Z.db.partial-journal",
+        "needlelab-20260102T023000Z.nlbk.partial"})
+    left.push_back(folder.write(name, "x"));
+  const auto running = folder.write("needlelab-20260105T022900Z.db.partial", "x");
+  const auto others = folder.write("thesis.db.partial", "x");
+  for (const auto& path : left) fs::last_write_time(path, fs::last_write_time(now) - std::chrono::hours(25));
+  fs::last_write_time(others, fs::last_write_time(now) - std::chrono::hours(25));
+  fs::last_write_time(running, fs::last_write_time(now) - std::chrono::hours(23));
+  const auto old = removeOldBackups(now, 3);
+  ASSERT_OK(old);
+  EXPECT_EQ(old->removed, left);
+  for (const auto& path : left) EXPECT_FALSE(fs::exists(path)) << path;
+  for (const auto& path : {now, running, others}) EXPECT_TRUE(fs::exists(path)) << path;
 }
 
 TEST_F(BackupTest, aDamagedDatabaseGivesNoBackup) {

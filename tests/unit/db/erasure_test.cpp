@@ -91,6 +91,38 @@ TEST_F(ErasureStoreTest, nothingInTheDatabaseNamesThePersonAfterwards) {
   EXPECT_EQ(erase("anna").error().code, ErrorCode::kNotFound);
 }
 
+TEST_F(ErasureStoreTest, namesBesideTypographicPunctuationGoToo) {
+  ASSERT_OK(
+      PeopleStore(db.writer).add({"wilhelmina", pb::TRAINEE, "", false, 1, "Wilhelmina Quastenflosser"}));
+  const Uuid id = session("wilhelmina", 1, true);
+  for (const char* text : {"“Wilhelmina” in curly quotes", "Wilhelmina’s needle", "see—Wilhelmina—again",
+                           "„Wilhelmina“", "Quastenflosser’s"})
+    ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, text, "ina", 1}));
+  ASSERT_OK(AuditStore(db.writer).add({0, 1, "ada", "attempt excuse", uuidText(id), "Wilhelmina’s glove"}));
+  const auto erased =
+      ErasureStore(db.writer).erase("wilhelmina", line("wilhelmina", 77), "ada", "Wilhelmina’s wish", 77);
+  ASSERT_OK(erased);
+  const std::string all = test::dump(db.writer);
+  for (const char* name : {"ilhelmina", "uastenflosser"})
+    EXPECT_EQ(all.find(name), std::string::npos) << name;
+  EXPECT_EQ(erased->text(), "");
+}
+
+TEST_F(ErasureStoreTest, theReplyNamesTextsThatMayStillMeanThePerson) {
+  const Uuid other = session("ben", 1, true);
+  ASSERT_OK(PeopleStore(db.writer).add({"anna-maria", pb::TRAINEE, "", false, 1}));
+  for (const char* text : {"anna is quick", "Annas Hand", "as Östlund-BERG says", "anna-maria"})
+    ASSERT_OK(AnnotationStore(db.writer).add({0, other, 1, text, "ina", 1}));
+  ASSERT_OK(AuditStore(db.writer).add({0, 1, "ada", "server start", "server", "with annas settings"}));
+  const auto erased = ErasureStore(db.writer).erase("anna", line("anna", 77), "ada", "annas wish", 77);
+  ASSERT_OK(erased);
+  EXPECT_EQ(
+      erased->text(),
+      "These have the letters of a name of this person, as a part of another word or as a word of the full "
+      "name, and stay as they are; look whom they mean: 2 remarks, such as number 2, 3; 1 lines of the audit "
+      "log, such as 1; the reasons of 1 erasures, such as erased-1234. ");
+}
+
 /// Lines of the audit log as "who|action|subject|detail".
 std::vector<std::string> auditLines(Connection& c) {
   std::vector<std::string> lines;
@@ -466,6 +498,37 @@ TEST(Pseudonym, aNameIsReplacedAsAWordOnly) {
   EXPECT_EQ(withoutName("", "anna", "", "X"), "");
   EXPECT_EQ(withoutName("anna", "", "", "X"), "anna");
   EXPECT_EQ(withoutName("ananas anna", "ana", "", "X"), "ananas anna");
+}
+
+TEST(Pseudonym, punctuationOfEveryScriptEndsAName) {
+  for (const char* neighbour :
+       {"\u201c", "\u201d", "\u201e", "\u2019", "\u2014", "\u2026", "\u00a0", "\u00ab", "\u00bb", "\u3001",
+        "\u3002", "\uff0c", "\u200b", "\U0001f600", "手", "가"}) {
+    const std::string edge = neighbour;
+    EXPECT_EQ(withoutName(edge + "Anna" + edge, "anna", "", "X"), edge + "X" + edge);
+    EXPECT_EQ(withoutName("see " + edge + "Berg" + edge + "s", "b1", "Anna Berg", "X"),
+              "see " + edge + "X" + edge + "s");
+  }
+  for (const char* letter : {"é", "ß", "ж", "λ", "ẽ", "\u0301", "ա"}) {
+    const std::string edge = letter;
+    EXPECT_EQ(withoutName(edge + "anna anna" + edge, "anna", "", "X"), edge + "anna anna" + edge);
+  }
+  EXPECT_EQ(withoutName("\xe2\x80"
+                        "anna\xff",
+                        "anna", "", "X"),
+            "\xe2\x80X\xff")
+      << "what is no UTF-8 is no letter";
+}
+
+TEST(Pseudonym, aNameInAScriptWithoutSpacesIsReplacedWhereverItStands) {
+  EXPECT_EQ(withoutName("李雷手抖了", "李雷", "", "X"), "X手抖了");
+  EXPECT_EQ(withoutName("今天李雷手抖了", "李雷", "", "X"), "今天X手抖了");
+  EXPECT_EQ(withoutName("با آناو", "آنا", "", "X"), "با Xو");
+  EXPECT_EQ(withoutName("김민수가 anna와", "김민수", "", "X"), "X가 anna와");
+  EXPECT_EQ(withoutName("安全", "b1", "安 山田", "X"), "安全") << "one character may be of any word";
+  EXPECT_EQ(withoutName("山田さん", "b1", "安 山田", "X"), "Xさん");
+  const ErasedNames names{"李雷", {}, {"李雷明"}, "X", {}};
+  EXPECT_EQ(withoutNames("李雷明和李雷", names, false), "李雷明和X") << "not within another person's name";
 }
 
 }  // namespace

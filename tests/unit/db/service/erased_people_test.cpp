@@ -1,6 +1,8 @@
 // Erased people stay erased: with older exports, a lost key, chunks that cannot be removed.
 #include <algorithm>
 #include <filesystem>
+#include <set>
+#include <string>
 
 #include "common/base/files.h"
 #include "tests/unit/db/service/records_fixture.h"
@@ -269,6 +271,33 @@ TEST_F(ErasedPeople, areSaidToBeInBackupsAndReplacedDatabases) {
   const auto other = get(admin, erase("ben")).erasure();
   ASSERT_EQ(other.files_size(), 1);
   EXPECT_EQ(other.files(0), folder.path() / "kept" / "two.db");
+}
+
+TEST_F(ErasedPeople, mayBeInLogsAndUnfinishedCopiesOfBackups) {
+  addNamed("qzxanna", "");
+  const auto data = folder.path() / "data";
+  std::filesystem::create_directory(data / "backups");
+  const auto replaced = data / "needlelab.db.replaced-20260101T000000Z";
+  pb::Request backup;
+  backup.mutable_backup()->set_path(replaced.string());
+  get(admin, backup);
+  const auto write = [](const std::filesystem::path& path, std::string_view text) {
+    EXPECT_OK(writeFileAtomically(path, viewOf(text)));
+    return path.string();
+  };
+  std::set<std::string> listed{replaced.string(),
+                               write(replaced.string() + "-wal", "qzxanna"),
+                               write(data / "needlelab.db.replaced-20250101T000000Z-wal", "qzxanna"),
+                               write(data / "needlelab.db.backup-copy", "qzxanna"),
+                               write(data / "backups" / "a.db.partial", "qzxanna"),
+                               write(data / "backups" / "a.db.partial-journal", "qzxanna"),
+                               write(data / "backups" / "b.db.partial-journal", "qzxanna")};
+  write(data / "backups" / "other-wal", "of another program");
+  write(data / "backups" / "empty.partial", "");
+  const auto erasure = get(admin, erase("qzxanna")).erasure();
+  EXPECT_EQ(std::set<std::string>(erasure.files().begin(), erasure.files().end()), listed);
+  for (const std::string& file : filesWith(data, "qzxanna"))
+    EXPECT_TRUE(listed.contains((data / file).string()) || listed.contains(file)) << file;
 }
 
 TEST_F(ErasedPeople, mayBeInEveryEncryptedBackup) {
