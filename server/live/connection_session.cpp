@@ -8,6 +8,7 @@
 #include "common/wire/protocol.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
+#include "server/live/request_effects.h"
 
 namespace needlelab {
 namespace {
@@ -292,7 +293,8 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   };
   Result<CloseOutcome> outcome = Error{ErrorCode::kFailed, "not done"};
   if (committed.ok()) {
-    outcome = co_await offload(peer.context_.workers, std::move(work));
+    // in turn with others' requests: a close may take seconds, and a station may have many
+    outcome = co_await offload(*peer.context_.workers_of_people, turnNameOf(peer.who_), std::move(work));
   } else {
     outcome = committed.error();
   }
