@@ -14,9 +14,9 @@ namespace needlelab {
 /// Who takes turns on a FairPool: a station and a person of one name are two.
 std::string turnNameOf(const Principal& who);
 
-/// Where a reply of so many bytes is written as text, which takes some three times as long as its parsing:
-/// null is the network's thread, for what takes about a millisecond (16 KiB); up to 64 KiB the workers, so
-/// that lists and pages of them wait for nobody's plots; more on the views.
+/// Where a person's reply of so many bytes is written as text: up to 16 KiB (about a millisecond) on the
+/// network's thread, which null says; below 64 KiB on the workers, so that a page of a list waits for
+/// nobody's plots; else on the views.
 FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes);
 
 /// The owner of messages from this connection, in the budget that both ports share. `connection`: unique.
