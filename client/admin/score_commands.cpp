@@ -104,6 +104,8 @@ Status showReference(CommandContext& context, const pb::Reference& reference) {
                     {"median", band.median()},
                     {"p90", band.has_p90() ? Json(band.p90()) : Json()}});
   }
+  for (const std::string& measure : reference.pending())
+    context.output.remark(fmt::format("the band of {} is not computed yet: ask again", measure));
   return context.output.list({{"measure", "MEASURE"},
                               {"unit", "UNIT"},
                               {"n", "N"},

@@ -96,6 +96,7 @@ const scoreReply = (lab, s, first) => {
     first,
     engine_version: '0.1.0',
     comparison: bands ? comparisonOf(rows, bands) : null,
+    pending: [],
   };
 };
 const passedOf = (rows) => rows.every((row) => row.passed !== false);
@@ -723,6 +724,7 @@ export const kTable = [
         changed_by: '',
         changed_unix_ms: null,
         definition_version: 1,
+        pending: [],
       },
   ),
   put('exercises/:id/reference', kStaff, ({ lab, params, body, who }) => {
@@ -735,6 +737,7 @@ export const kTable = [
       changed_by: who.name,
       changed_unix_ms: Date.now(),
       definition_version: 1,
+      pending: [],
     });
     return lab.references.get(params.id);
   }),

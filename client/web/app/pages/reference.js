@@ -18,7 +18,8 @@ function Bands({ reference, title }) {
       Choose sessions of experts above: the bands are made of their scores.
     <//>`;
   const part = (v, unit) => (Number.isFinite(v) ? quantity(v, unit) : '–');
-  return html`<${Table}
+  const later = (reference.pending ?? []).map(title).join(', ');
+  return html`${later && html`<p class="help">Not computed yet: ${later}. Long gestures take several tries: load the page again.</p>`}<${Table}
     caption=${`Bands by definitions ${reference.definition_version}, of ${counted(reference.session_ids.length, 'session')}; percentiles need five`}
     head=${[
       'Measure',

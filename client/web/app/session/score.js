@@ -150,6 +150,12 @@ export function Score({ session, load, person }) {
             (DTW). <span class="help">${path.words}</span>
           </p>`
         }
+        ${
+          score.pending?.length > 0 &&
+          html`<p class="help">
+            The path's distance from long gestures of experts is not computed yet: load the page again.
+          </p>`
+        }
         ${judged.length > 0 && table(`Measures that were required${made}`, judged)}
         ${
           judged.length > 0 && others.length > 0
