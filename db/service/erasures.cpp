@@ -159,6 +159,8 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                      ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
                                                 context.now_unix_ns, call.with_waiting_sessions()));
     erasure = std::move(done);
+    ASSIGN_OR_RETURN(const auto left, ErasureStore(writer).clearFreeParts());
+    erasure.set_text(left + erasure.text());
     std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
                                      erasure.recordings(), erasure.scores());
     if (erasure.waiting_sessions() > 0)
@@ -224,6 +226,12 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
                                             done->sessions(), done->recordings(), done->scores())}));
     RETURN_IF_ERROR(transaction.commit());
     ++count;
+  }
+  if (count > 0) {
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
+    const auto cleared = store.clearFreeParts();
+    if (!cleared) return cleared.error();
+    RETURN_IF_ERROR(transaction.commit());
   }
   return count;
 }

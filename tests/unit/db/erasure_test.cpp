@@ -1,10 +1,16 @@
 #include "db/erasure.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <sstream>
+#include <utility>
+#include <vector>
 
 #include "common/base/files.h"
 #include "db/audit.h"
@@ -320,6 +326,76 @@ TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {
   EXPECT_EQ(count("qzxanna"), 0u) << "pages that were freed are overwritten";
   EXPECT_EQ(count("Wqjvornov"), 0u);
   EXPECT_EQ(count(motion), 0u);
+}
+
+TEST_F(ErasureStoreTest, whatPagesKeepOfRowsThatMovedGoesTooAndNothingElse) {
+  // rows of many lengths in random order: pages are parted and joined, and keep copies of rows that moved
+  std::uint64_t state = 1;
+  const auto random = [&](std::uint64_t below) {
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    return (state >> 33) % below;
+  };
+  constexpr std::uint64_t kPeople = 2000;
+  const auto nameOf = [](std::uint64_t i) { return fmt::format("zq{:08x}", 0x51ab0000u + i * 7919); };
+  const auto fullNameOf = [&](std::uint64_t i) {
+    return "F" + nameOf(i) + " " + std::string(random(700), 'x');
+  };
+  std::vector<std::uint64_t> order(kPeople);
+  std::iota(order.begin(), order.end(), 0u);
+  for (std::size_t i = order.size() - 1; i > 0; --i) std::swap(order[i], order[random(i + 1)]);
+  const Uuid open = session("anna", 2, false);
+  session("ben", 3, true);
+  {
+    auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
+    ASSERT_OK(transaction);
+    for (const std::uint64_t i : order)
+      ASSERT_OK(
+          db.writer.run("INSERT INTO people (name, role, created_unix_ns, full_name, changed_unix_ns)"
+                        " VALUES (?, 1, 1, ?, 1)",
+                        nameOf(i), fullNameOf(i)));
+    for (std::uint64_t k = 0; k < kPeople; ++k) {
+      const std::uint64_t i = random(kPeople);
+      ASSERT_OK(db.writer.run("UPDATE people SET full_name = ? WHERE name = ?", fullNameOf(i), nameOf(i)));
+    }
+    for (std::uint64_t i = 0; i < kPeople; i += 5)
+      ASSERT_OK(db.writer.run("DELETE FROM people WHERE name = ?", nameOf(i)));
+    ASSERT_OK(transaction->commit());
+  }
+  const auto left = [&] {
+    EXPECT_OK(db.writer.checkpointPassive());
+    const auto bytes = readWholeFile(db.path);
+    EXPECT_OK(bytes);
+    std::size_t found = 0;
+    for (std::uint64_t i = 0; i < kPeople; i += 5)
+      found += bytes->find(nameOf(i)) != std::string::npos ? 1 : 0;
+    return found;
+  };
+  EXPECT_GT(left(), 0u) << "secure_delete alone leaves names";
+  const std::string before = test::dump(db.writer);
+  {
+    auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
+    ASSERT_OK(transaction);
+    const auto text = ErasureStore(db.writer).clearFreeParts();
+    ASSERT_OK(text);
+    EXPECT_EQ(*text, "");
+    ASSERT_OK(transaction->commit());
+  }
+  EXPECT_EQ(left(), 0u);
+  EXPECT_TRUE(test::dump(db.writer) == before) << "no row is another";
+  // keys and triggers hold again
+  EXPECT_FALSE(db.writer.run("INSERT INTO group_members (group_id, person) VALUES ('none', 'nobody')").ok());
+  EXPECT_OK(SessionStore(db.writer).append(open, 2, test::chunkOf(2)));
+  EXPECT_OK(SessionStore(db.writer).close(test::closeOf(open, 3), 3));
+  EXPECT_EQ(SessionStore(db.writer).info(open)->chunks(), 3u);
+}
+
+TEST_F(ErasureStoreTest, sessionsThatAreTooManyToRewriteAreSaid) {
+  session("ben", 1, true);
+  auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
+  ASSERT_OK(transaction);
+  const auto text = ErasureStore(db.writer).clearFreeParts(1);
+  ASSERT_OK(text);
+  EXPECT_NE(text->find("too many to rewrite them"), std::string::npos) << *text;
 }
 
 TEST_F(ErasureStoreTest, whatAStationStillSendsIsAcknowledgedAndNotKept) {
