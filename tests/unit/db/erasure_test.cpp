@@ -20,6 +20,7 @@
 #include "db/retention_store.h"
 #include "db/session_results.h"
 #include "db/session_rows.h"
+#include "db/unknown_trainees.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/test_db.h"
 
@@ -499,6 +500,12 @@ TEST_F(ErasureStoreTest, aNewAccountKeepsItsSessionsAlthoughTheClockWasAheadAtTh
   ASSERT_OK(check);
   EXPECT_TRUE(check->ok()) << check->faults.front();
   EXPECT_TRUE(erasures.toRepeat(db.folder.path())->empty()) << "nobody is told to erase the new person";
+  // one that waits for another reason can be given to the new person, too
+  ASSERT_OK(PeopleStore(db.writer).setCodeHash("anna", "$code"));
+  const Uuid unchecked = deliver(kNow + 3 * kDay, kNow + 3 * kDay);
+  ASSERT_TRUE(waits(unchecked));
+  EXPECT_OK(UnknownTraineeStore(db.writer).assign(unchecked, "anna", {}, "mia", kNow + 4 * kDay));
+  EXPECT_FALSE(waits(unchecked));
 }
 
 TEST_F(ErasureStoreTest, theLastAdministratorIsNotErased) {
