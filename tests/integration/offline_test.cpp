@@ -103,7 +103,7 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
   for (const auto& lesson : lessons) {
     auto refused = as_tmo("refused", lesson);
     EXPECT_EQ(refused->wait(60s), kExitFailed) << refused->said();
-    EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tmo'. Did you mean 'tom'?"));
+    EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tmo' who may practise. Did you mean 'tom'?"));
   }
   // the next lesson brings what was recorded without the server
   auto next =
