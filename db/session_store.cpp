@@ -177,7 +177,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       now.set_trainee(known.text(5));
     }
     if (known.integer(3) != 0 ||
-        (textOf(known.bytes(1)) == bytesOf(now) && known.text(2) == description.profile_json()))
+        (textOf(known.bytes(1)) == bytesOf(now) && known.text(2) == now.profile_json()))
       return known.natural(0);
     return Error{ErrorCode::kAlreadyExists,
                  "session " + sessionText(description.session_id()) +

@@ -743,7 +743,8 @@ TEST_F(BlockingClientTime, reconnectTriesByTheBackOffAndLooksForAStopUntilItsTim
   clock_->passes = [this] { return clock_->linkWaits(); };
   std::int64_t looks = 0;
   const Status status = client_->reconnect(begun_ns_ + 60 * kSecond_ns, [&] { return ++looks < 0; });
-  EXPECT_EQ(status.error().code, ErrorCode::kUnavailable);
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kUnavailable) << status.error().message;
   EXPECT_EQ(client_->nowNs() - begun_ns_, 60 * kSecond_ns);
 
   Backoff same(7, {});

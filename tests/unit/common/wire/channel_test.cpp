@@ -224,7 +224,8 @@ TEST(Channel, aSlowReaderOfControlMessagesIsDisconnectedByName) {
 TEST(Channel, whatIsHeldForAMessageIsReleasedWhenTheNetworkHasTakenAllOfItOrWillNot) {
   Loopback loop;
   ChannelLimits limits;
-  limits.socket_buffer_bytes = 8192;
+  limits.socket_buffer_bytes =
+      65'536;  // less than the long message; with much less the network waits for its timers
   loop.connect(limits, limits);
   loop.server->established();
   loop.client->established();

@@ -80,6 +80,7 @@ TEST_F(Import, refusesRecordsOfAnyShapeAndNeverEndsTheServer) {
 
 /// Without code_hash and code_unchecked, which schema 7 added.
 TEST_F(Import, refusesAFullNameThatHoldsWhatNobodySees) {
+  addPerson("anna", pb::TRAINEE);
   RecordJson person;
   for (const std::string& text : exportAll(*store))
     if (auto record = RecordJson::parse(text); record["kind"] == "person") person = record;

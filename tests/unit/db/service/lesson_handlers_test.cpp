@@ -49,7 +49,7 @@ TEST_F(LessonHandlers, aDisabledTraineeGetsNoLesson) {
   pb::Request request;
   request.mutable_get_lesson()->set_exercise_id(exerciseId());
   request.mutable_get_lesson()->set_trainee("anna");
-  EXPECT_EQ(refusal(station, request), ErrorCode::kDenied);
+  EXPECT_EQ(refusal(station, request), ErrorCode::kNotFound) << "as for a name that nobody has";
 }
 
 TEST_F(LessonHandlers, anImportedProfileIsCanonicalAndGetsRevisions) {

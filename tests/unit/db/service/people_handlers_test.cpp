@@ -45,6 +45,7 @@ TEST_F(PeopleHandlers, aPersonCanLogInUntilDisabled) {
 
 // requests wait for their turn behind others of their account: seconds behind an import with many codes
 TEST_F(PeopleHandlers, whatAnAccountAskedForBeforeItWasDisabledIsNotDoneAfterwards) {
+  get(admin, addUser("ada", pb::ADMINISTRATOR, "correct horse"));
   get(admin, addUser("mallory", pb::ADMINISTRATOR, "correct horse"));
   auto& service = store->service();
   const auto in = service.loginPerson("mallory", "correct horse");
@@ -66,11 +67,15 @@ TEST_F(PeopleHandlers, whatAnAccountAskedForBeforeItWasDisabledIsNotDoneAfterwar
   pb::Request demote;
   demote.mutable_change_user()->set_name("mallory");
   demote.mutable_change_user()->set_role(pb::TRAINEE);
+  pb::Request show;
+  show.mutable_get_user()->set_name("mallory");
+  demote.mutable_change_user()->set_base_revision(get(admin, show).user().revision());
   get(admin, demote);
   EXPECT_EQ(refusal(*in, list), ErrorCode::kDenied) << "the role of the log-in is no longer the account's";
 }
 
 TEST_F(PeopleHandlers, anAccountThatIsDisabledWhileItsChangeIsPreparedChangesNothing) {
+  get(admin, addUser("ada", pb::ADMINISTRATOR, "correct horse"));
   get(admin, addUser("mallory", pb::ADMINISTRATOR, "correct horse"));
   auto& service = store->service();
   const auto in = service.loginPerson("mallory", "correct horse");
