@@ -10,7 +10,6 @@
 
 #include "client/net/spool.h"
 #include "client/net/spool_json.h"
-#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
@@ -34,7 +33,7 @@ Result<pb::SessionDescription> descriptionIn(const std::filesystem::path& file, 
   const auto broken = [&](const std::string& why) {
     return Error{ErrorCode::kCorrupt, file.string() + ": " + why};
   };
-  ASSIGN_OR_RETURN(auto text, readWholeFile(file, 16u << 20));
+  ASSIGN_OR_RETURN(auto text, readSpoolText(file, 16u << 20));
   const auto json = unsealed(std::move(text));
   if (!json.ok()) return broken(json.error().message);
   pb::SessionDescription description;
@@ -162,9 +161,9 @@ Status SpoolSession::loadDescription() {
   }
   description_ = std::move(*copy);
   restored_ = true;
-  ASSIGN_OR_RETURN(const auto text, readWholeFile(folder_ / kDescriptionCopy, 16u << 20));
+  ASSIGN_OR_RETURN(const auto text, readSpoolText(folder_ / kDescriptionCopy, 16u << 20));
   // when the disk refuses, the copy is read at the next start again
-  (void)writeFileAtomically(folder_ / "session.json", viewOf(text), 0600);
+  (void)writeSpoolText(folder_ / "session.json", text);
   return {};
 }
 

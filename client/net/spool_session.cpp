@@ -67,8 +67,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   // twice: without it nobody knows whose the chunks are
   Status status;
   for (const char* name : {"session.json", kDescriptionCopy})
-    if (status = writeFileAtomically(session->folder_ / name, viewOf(sealed(json)), 0600); !status.ok())
-      return Error{ErrorCode::kUnavailable, status.error().message};
+    if (status = writeSpoolText(session->folder_ / name, sealed(json)); !status.ok()) return status.error();
   ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(session->folder_ / "chunks"));
   session->chunks_ = std::move(chunks);
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(session->folder_ / "tail"));
@@ -241,7 +240,7 @@ Status SpoolSession::setLoss(const SpoolLoss& loss) {
   const auto failed = [&] {
     return Error{ErrorCode::kUnavailable, "cannot write " + path.string() + ": " + std::strerror(errno)};
   };
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
   if (fd < 0) return failed();
   // samples and first tick, in a fixed length
   const std::string text = fmt::format("{:020} {:020}\n", loss.samples, loss.from_tick);
@@ -254,7 +253,7 @@ Status SpoolSession::setLoss(const SpoolLoss& loss) {
 
 Status SpoolSession::syncLoss() const {
   const auto path = folder_ / "lost";
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   Status status;
   if (fd < 0 || ::fdatasync(fd) != 0)
     status = Error{ErrorCode::kUnavailable, "cannot sync " + path.string() + ": " + std::strerror(errno)};

@@ -545,6 +545,46 @@ TEST(Spool, whatNoServerWouldTakeIsRefusedBeforeItIsRecorded) {
   EXPECT_TRUE(spool->create(nameless).ok());
 }
 
+TEST(Spool, aSmallFileThatIsNestedDeeplyIsADamagedOneAndEndsNobody) {
+  const std::string deep = std::string(500'000, '[') + std::string(500'000, ']');
+  {
+    const TempFolder folder;
+    std::ofstream(sessionOfThreeChunks(folder.path(), true) / "end.json", std::ios::binary)
+        << R"({"chunks": 3, "samples": 300, "hash": "", "interrupted": false, "damage": )" << deep << "}";
+    const Recovered found = recover(folder.path());
+    EXPECT_EQ(found.samples.size(), 300u);
+    EXPECT_TRUE(found.contents.interrupted);
+  }
+  const TempFolder folder;
+  std::ofstream(fiveChunksAndATail(folder.path()) / "tail.json", std::ios::binary)
+      << R"({"chunks": [{"seq": 0, "samples": 1, "more": )" << deep << "}]}";
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.samples.size(), 512u);
+  EXPECT_EQ(found.contents.damage, SpoolDamage{});
+}
+
+TEST(Spool, aPipeInPlaceOfAFileHoldsNobodyAndParksTheSessionWhereItIsNeeded) {
+  for (const char* name :
+       {"session.json", "session.copy.json", "chunks", "tail", "end.json", "acked.json", "lost"}) {
+    const TempFolder folder;
+    const fs::path file = sessionOfThreeChunks(folder.path(), false) / name;
+    fs::remove(file);
+    ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0);
+    const auto spool = opened(folder.path());
+    const bool needed =
+        name == std::string("chunks") || name == std::string("tail") || name == std::string("end.json");
+    ASSERT_EQ(spool->unfinished().size(), needed ? 0u : 1u) << name;
+    if (needed) {
+      EXPECT_THAT(spool->notes(),
+                  testing::Contains(testing::AllOf(HasSubstr(file.string() + ": is not a regular file"),
+                                                   HasSubstr("left as it is"))));
+    } else {
+      EXPECT_EQ(spool->unfinished()[0]->contents().samples, 300u) << name;
+    }
+    EXPECT_TRUE(fs::is_fifo(file)) << name;
+  }
+}
+
 TEST(Spool, foldersThatAreNoSessionsAreLeftAloneAndNamed) {
   const TempFolder folder;
   const std::string id = uuidText(makeUuidV7()), empty = uuidText(makeUuidV7()),
