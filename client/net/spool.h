@@ -23,6 +23,10 @@ namespace needlelab {
 Resolution resolutionOf(const pb::SessionDescription& description);
 void setResolution(pb::SessionDescription& description, const Resolution& resolution);
 
+/// Refuses a description that no server would accept; a station without a key has no name yet. Errors:
+/// kInvalidInput, with the field.
+Status checkSpoolDescription(const pb::SessionDescription& description);
+
 /// Samples that never reached the spool: the disk refused writes until memory was full.
 struct SpoolLoss {
   std::uint64_t samples = 0;

@@ -43,6 +43,9 @@ Result<pb::SessionDescription> descriptionIn(const std::filesystem::path& file, 
     return broken("names another session than its folder");
   if (const auto valid = validate(resolutionOf(description)); !valid.ok())
     return broken(valid.error().message);
+  // too long for a message, it would end each connection, and no session behind it would be delivered
+  if (const auto valid = checkSpoolDescription(description); !valid.ok())
+    return broken(valid.error().message);
   return description;
 }
 

@@ -35,6 +35,12 @@ void setResolution(pb::SessionDescription& description, const Resolution& resolu
   r.set_speed_m_s(resolution.speed_mps);
 }
 
+Status checkSpoolDescription(const pb::SessionDescription& description) {
+  pb::SessionDescription named = description;
+  if (named.station().empty()) named.set_station("to be named at the upload");
+  return checkDescription(named);
+}
+
 Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem::path& spool,
                                                            const pb::SessionDescription& description,
                                                            std::shared_ptr<SpoolClock> clock) {
@@ -43,11 +49,8 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("session_id has {} bytes, 16 are expected", description.session_id().size())};
   std::copy(description.session_id().begin(), description.session_id().end(), id.begin());
-  // refuse a description that no server would accept now, not after the lesson; a station without a key has
-  // no name yet
-  pb::SessionDescription named = description;
-  if (named.station().empty()) named.set_station("to be named at the upload");
-  RETURN_IF_ERROR(checkDescription(named));
+  // now, not after the lesson
+  RETURN_IF_ERROR(checkSpoolDescription(description));
   std::shared_ptr<SpoolSession> session(new SpoolSession);
   session->id_ = id;
   session->clock_ = std::move(clock);

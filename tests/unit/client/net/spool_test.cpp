@@ -13,6 +13,7 @@
 #include <initializer_list>
 #include <random>
 
+#include "client/net/spool_json.h"
 #include "client/net/spool_writer.h"
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
@@ -459,6 +460,32 @@ TEST(Spool, aDamagedDescriptionIsTakenFromItsCopyWhicheverByteItIs) {
   EXPECT_TRUE(spool->unfinished().empty());
   EXPECT_THAT(spool->notes(), testing::ElementsAre(testing::AllOf(HasSubstr("Its copy is damaged, too"),
                                                                   HasSubstr("left as it is"))));
+  EXPECT_TRUE(fs::exists(session / "chunks"));
+}
+
+TEST(Spool, aDescriptionThatNoServerTakesParksItsSessionAloneAndTheOthersAreThere) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  std::string id;
+  {
+    auto other = *opened(folder.path())->create(describeSession(makeUuidV7()));
+    id = other->idText();
+  }
+  const std::string text = *readWholeFile(session / "session.json");
+  std::string whole = text.substr(0, text.rfind("\ncrc32c ") + 1);
+  const std::string profile = "{\\\"id\\\": \\\"shoulder\\\"}";
+  const auto at = whole.find(profile);
+  ASSERT_NE(at, std::string::npos) << whole;
+  whole.replace(at, profile.size(), std::string(3'000'000, 'x'));
+  // as sound as the others, as far as its checksum goes
+  for (const char* name : {"session.json", "session.copy.json"})
+    std::ofstream(session / name, std::ios::binary) << sealed(whole);
+  const auto spool = opened(folder.path());
+  ASSERT_EQ(spool->unfinished().size(), 1u);
+  EXPECT_EQ(spool->unfinished()[0]->idText(), id);
+  EXPECT_THAT(spool->notes(),
+              testing::Contains(testing::AllOf(HasSubstr((session / "session.json").string()),
+                                               HasSubstr("profile_json"), HasSubstr("left as it is"))));
   EXPECT_TRUE(fs::exists(session / "chunks"));
 }
 
