@@ -147,6 +147,7 @@ class SpoolSession {
                                                     std::shared_ptr<SpoolClock> clock);
   Status loadDescription();
   Status loadChunks();
+  bool agreesWithEnd();
   Status keepDamaged();
   Status recoverTail();
   void loadLoss();

@@ -297,7 +297,7 @@ SpoolContents SpoolSession::contentsNow() const {
   now.ended = ended_ && synced_ == entries_.size();
   now.interrupted = interrupted_ || holes;
   now.loss = loss_;
-  now.damage = holes ? damageFrom(kept()) : tail_damage_;
+  now.damage = holes || whole_ ? damageFrom(kept()) : tail_damage_;
   if (kept() <= firstHole()) {
     now.hash = end_hash_;
   } else if (whole_ && now.damage == SpoolDamage{}) {

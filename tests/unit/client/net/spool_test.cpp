@@ -135,7 +135,8 @@ TEST(Spool, aSessionThatEndedIsFoundAgainAsItWas) {
     auto spool = opened(folder.path());
     auto session = spool->create(describeSession(id));
     ASSERT_TRUE(session.ok());
-    for (const Bytes& chunk : chunks) ASSERT_TRUE((*session)->appendChunk(chunk, 1).ok());
+    for (const Bytes& chunk : chunks)
+      ASSERT_TRUE((*session)->appendChunk(chunk, inspectChunk(chunk)->count).ok());
     EXPECT_EQ((*session)->contents().chunks, 0u) << "not synced yet: nothing may be sent";
     ASSERT_TRUE((*session)->sync().ok());
     EXPECT_EQ((*session)->contents().chunks, 3u);
@@ -335,6 +336,56 @@ TEST(Spool, aLostLastChunkIsCountedByTheEnd) {
     const Recovered found = recover(folder.path());
     EXPECT_EQ(found.samples.size(), 200u);
     EXPECT_EQ(found.contents.damage, (SpoolDamage{1, 100, 200}));
+  }
+}
+
+TEST(Spool, aChunkThatHasFewerSamplesThanTheEndSaysIsDamageAndCounted) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  fs::remove(session / "chunks");
+  {
+    auto file = std::move(*SpoolFile::open(session / "chunks"));
+    ASSERT_TRUE(file.append(0, 0, coded(0, 100)).ok());
+    ASSERT_TRUE(file.append(1, 1, coded(100, 10)).ok());  // sound, but of 100 samples before
+    ASSERT_TRUE(file.append(2, 2, coded(200, 100)).ok());
+  }
+  const std::string text = *readWholeFile(session / "chunks");
+  EXPECT_THAT(
+      (*Spool::open(folder.path()))->notes(),
+      testing::ElementsAre(testing::AllOf(HasSubstr("its disk has damaged it. 210 samples can still be read"),
+                                          HasSubstr("90 samples (0 chunks) from tick 110 on are missing"))));
+  for (int start = 0; start < 2; ++start) {
+    const Recovered found = recover(folder.path());
+    EXPECT_TRUE(found.contents.interrupted);
+    EXPECT_EQ(found.contents.chunks, 3u);
+    EXPECT_EQ(found.contents.damage, (SpoolDamage{0, 90, 110}));
+    ASSERT_NO_FATAL_FAILURE(expectTicksButTheMissing(found));
+    EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+  }
+}
+
+TEST(Spool, anEndThatContradictsItsChunksIsNotBelieved) {
+  struct Case {
+    const char* key;
+    nlohmann::json value;
+    SpoolDamage damage;
+  };
+  for (const Case& wrong : {Case{"samples", 400, {0, 100, 300}}, Case{"samples", 200, {}},
+                            Case{"hash", hexOf(Digest{}), {}}, Case{"hash", "", {}}}) {
+    const TempFolder folder;
+    const fs::path session = sessionOfThreeChunks(folder.path(), true);
+    auto end = *readSpoolJson(session / "end.json");
+    end[wrong.key] = wrong.value;
+    ASSERT_TRUE(writeSpoolJson(session / "end.json", end).ok());
+    EXPECT_THAT((*Spool::open(folder.path()))->notes(),
+                testing::ElementsAre(HasSubstr("its disk has damaged it. 300 samples can still be read")));
+    for (int start = 0; start < 2; ++start) {
+      const Recovered found = recover(folder.path());
+      EXPECT_TRUE(found.contents.interrupted) << wrong.key << " " << wrong.value;
+      EXPECT_EQ(found.samples.size(), 300u);
+      EXPECT_EQ(found.contents.damage, wrong.damage) << wrong.key << " " << wrong.value;
+    }
+    EXPECT_TRUE(fs::exists(session / "chunks.damaged"));
   }
 }
 
