@@ -1,6 +1,7 @@
 #include "client/net/spool.h"
 
 #include <dlfcn.h>
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -777,26 +778,67 @@ TEST(Spool, aLossIsKnownAfterTheProgramsDeath) {
     ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
     ASSERT_TRUE(session->setLoss({7, 100}).ok());
     ASSERT_TRUE(session->setLoss({1234567, 100}).ok());
-    EXPECT_EQ(fs::file_size(session->folder() / "lost"), 42u) << "always as long: written in place";
+    EXPECT_EQ(fs::file_size(session->folder() / "lost"), 58u) << "always as long: written in place";
   }
   const Recovered found = recover(folder.path());
   EXPECT_TRUE(found.contents.interrupted);
   EXPECT_EQ(found.contents.loss, (SpoolLoss{1234567, 100}));
 }
 
-TEST(Spool, aLossFileThatIsMissingOrNonsenseSaysNothing) {
-  const TempFolder folder;
-  std::string id;
-  {
-    auto spool = opened(folder.path());
-    auto session = *spool->create(describeSession(makeUuidV7()));
-    id = session->idText();
-    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+TEST(Spool, aLossFileThatIsMissingOrDamagedMakesAnEndedSessionInterrupted) {
+  const TempFolder original;
+  const fs::path session = sessionOfThreeChunks(original.path(), true);
+  const std::string text = *readWholeFile(session / "lost");
+  std::vector<std::string> damages = {"", "many, and early", text.substr(0, 50), text + "\n",
+                                      // sealed or not, no lesson loses so many
+                                      sealed(fmt::format("{:020} {:020}\n", 100'000'000'000u, 0)),
+                                      fmt::format("{:020} {:020}\n", 100'000'000'000u, 0)};
+  for (std::size_t at = 0; at < text.size(); ++at)
+    for (int bit = 0; bit < 8; ++bit) {
+      damages.push_back(text);
+      damages.back()[at] = static_cast<char>(text[at] ^ (1 << bit));
+    }
+  for (const std::string& damaged : damages) {
+    const TempFolder folder;
+    fs::copy(original.path(), folder.path(), fs::copy_options::recursive);
+    std::ofstream(folder.path() / session.filename() / "lost", std::ios::binary) << damaged;
+    for (int start = 0; start < 2; ++start) {
+      const auto spool = opened(folder.path());
+      ASSERT_EQ(spool->unfinished().size(), 1u) << damaged;
+      const SpoolContents contents = spool->unfinished()[0]->contents();
+      ASSERT_TRUE(contents.interrupted) << damaged;
+      ASSERT_EQ(contents.loss, SpoolLoss{}) << damaged;
+      ASSERT_EQ(contents.samples, 300u) << damaged;
+      ASSERT_THAT(spool->notes(), testing::ElementsAre(HasSubstr("nobody knows how many"))) << damaged;
+    }
   }
-  folder.write(id + "/lost", "many, and early");
-  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
-  fs::remove(folder.path() / id / "lost");
-  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
+  fs::remove(session / "lost");
+  EXPECT_TRUE(recover(original.path()).contents.interrupted);
+}
+
+TEST(Spool, aLossFileOfAnEarlierVersionHasNoChecksumAndIsBelievedWithANote) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  for (const std::uint64_t samples : {0u, 77u}) {
+    std::ofstream(session / "lost", std::ios::binary) << fmt::format("{:020} {:020}\n", samples, 300);
+    EXPECT_THAT(
+        (*Spool::open(folder.path()))->notes(),
+        testing::ElementsAre(testing::AllOf(HasSubstr("has no checksum"),
+                                            HasSubstr(std::to_string(samples) + " samples are taken"))));
+    const SpoolContents contents = recover(folder.path()).contents;
+    EXPECT_EQ(contents.loss, (SpoolLoss{samples, 300}));
+    EXPECT_FALSE(contents.interrupted);
+  }
+}
+
+TEST(Spool, theLongestLossThatALessonCanHaveIsBelieved) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  const std::uint64_t most = std::uint64_t{1000} << 20;  // at 1 kHz
+  for (const std::uint64_t samples : {most, most + 1}) {
+    std::ofstream(session / "lost", std::ios::binary) << sealed(fmt::format("{:020} {:020}\n", samples, 300));
+    EXPECT_EQ(recover(folder.path()).contents.loss, samples == most ? (SpoolLoss{most, 300}) : SpoolLoss{});
+  }
 }
 
 // The child writes a session as fast as it can and reports the safely written samples through a pipe. It is
