@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "client/net/spool_json.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/text.h"
@@ -34,20 +35,6 @@ std::string textAt(const Json& json, const char* key) {
   return at != json.end() && at->is_string() ? at->get<std::string>() : std::string();
 }
 
-// values nested deeper than any lesson become null: serialising them would need an equally deep stack
-Json parsedLesson(const std::string& text) {
-  constexpr int kMaxDepth = 16;
-  bool deep = false;
-  Json json = Json::parse(
-      text,
-      [&](int depth, Json::parse_event_t, Json&) {
-        deep |= depth > kMaxDepth;
-        return !deep;
-      },
-      false);
-  return deep ? Json(nullptr) : json;
-}
-
 Error brokenLesson(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why +
                                         "; delete it and connect to the server once, which gives it anew"};
@@ -63,7 +50,7 @@ Result<CacheFile> readCacheFile(const std::filesystem::path& path, const std::st
   if (!std::filesystem::is_regular_file(path, ignored)) return brokenLesson(path, "is not a file");
   auto text = readWholeFile(path, kMaxFileBytes);
   if (!text.ok()) return brokenLesson(path, "cannot be read (" + text.error().message + ")");
-  const Json json = parsedLesson(*text);
+  const Json json = parsedShallow(*text);
   if (!json.is_object())
     return brokenLesson(path, "is not a JSON object: it was damaged, or somebody else's");
 
@@ -107,9 +94,7 @@ Status LessonCache::keep(const std::string& exercise_id, const pb::Lesson& lesso
                                        {"fetched_unix_ns", wallNowNs()},
                                        {"hash", hashOf(exercise_id, lesson)},
                                        {"lesson", nlohmann::ordered_json::parse(text)}};
-  if (auto status = writeFileAtomically(file, viewOf(json.dump(1) + "\n"), 0600); !status.ok())
-    return Error{ErrorCode::kUnavailable, status.error().message};
-  return {};
+  return writeSpoolText(file, json.dump(1) + "\n");
 }
 
 Result<pb::Lesson> LessonCache::find(const std::string& exercise_id) const {

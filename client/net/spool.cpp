@@ -126,6 +126,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
       spool->notes_.push_back(fmt::format(
           "session {} was cut off: {} samples in {} chunks were saved{}, it is closed as interrupted", name,
           contents.samples, contents.chunks, missingText(contents.damage)));
+    if (auto note = (*session)->lossNote(); !note.empty()) spool->notes_.push_back(std::move(note));
     if (const auto& kept = (*session)->damaged(); !kept.empty())
       spool->notes_.push_back(fmt::format(
           "session {}: its disk has damaged it. {} samples can still be read{}; the server gets what "

@@ -23,6 +23,10 @@ namespace needlelab {
 Resolution resolutionOf(const pb::SessionDescription& description);
 void setResolution(pb::SessionDescription& description, const Resolution& resolution);
 
+/// Refuses a description that no server would accept; a station without a key has no name yet. Errors:
+/// kInvalidInput, with the field.
+Status checkSpoolDescription(const pb::SessionDescription& description);
+
 /// Samples that never reached the spool: the disk refused writes until memory was full.
 struct SpoolLoss {
   std::uint64_t samples = 0;
@@ -45,7 +49,8 @@ struct SpoolContents {
   std::uint64_t samples = 0;   ///< in those chunks
   std::uint64_t bytes = 0;     ///< of those chunks' data
   bool ended = false;          ///< no more chunks will come
-  bool interrupted = false;    ///< the program died during the session; the next start wrote the end
+  bool interrupted = false;    ///< the program died during the session and the next start wrote the end, or
+                               ///< nobody knows how many samples never reached the disk
   std::optional<Digest> hash;  ///< over the chunks' bytes in order, once ended; none when the server has a
                                ///< chunk that the disk lost, and no end says what it was
   SpoolLoss loss;              ///< also kept on disk
@@ -100,6 +105,8 @@ class SpoolSession {
   [[nodiscard]] bool restored() const { return restored_; }
   /// Whether loading the session wrote its end, because a crash, a power cut or a damaged disk left none.
   [[nodiscard]] bool mended() const { return mended_; }
+  /// What a person should know of the file `lost`, unless the server has closed the session; else empty.
+  [[nodiscard]] std::string lossNote() const;
   [[nodiscard]] SpoolContents contents() const;
   /// Returns the number of samples in the first `chunks` chunks.
   [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
@@ -135,6 +142,8 @@ class SpoolSession {
     Digest hash{};
     bool interrupted = false;
   };
+  /// The file `lost` as it was found: those of earlier versions have no checksum.
+  enum class LossFile { kSealed, kUnsealed, kUnreadable };
   SpoolSession() = default;
   static Result<std::shared_ptr<SpoolSession>> create(const std::filesystem::path& spool,
                                                       const pb::SessionDescription& description,
@@ -143,6 +152,7 @@ class SpoolSession {
                                                     std::shared_ptr<SpoolClock> clock);
   Status loadDescription();
   Status loadChunks();
+  bool agreesWithEnd();
   Status keepDamaged();
   Status recoverTail();
   void loadLoss();
@@ -150,6 +160,9 @@ class SpoolSession {
   void loadEnd();
   Status writeEnd(bool interrupted);
   // the following need the mutex
+  [[nodiscard]] bool lossUnknown(std::uint64_t chunks) const {
+    return loss_file_ == LossFile::kUnreadable && chunks > 0;
+  }
   void addEntry(const Entry& entry, std::uint64_t samples, std::uint64_t bytes);
   [[nodiscard]] SpoolContents contentsNow() const;
   [[nodiscard]] std::uint64_t recordedChunks() const;
@@ -164,6 +177,7 @@ class SpoolSession {
   std::filesystem::path folder_;
   std::filesystem::path damaged_;
   bool mended_ = false, restored_ = false;
+  LossFile loss_file_ = LossFile::kSealed;
   Uuid id_{};
   pb::SessionDescription description_;
   SpoolFile chunks_, tail_;       // written by the writing thread

@@ -61,10 +61,13 @@ Error SpoolFile::systemError(const char* what) const {
 Result<SpoolFile> SpoolFile::open(const std::filesystem::path& path) {
   SpoolFile file;
   file.path_ = path;
-  file.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  file.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
   if (file.fd_ < 0) return file.systemError("cannot open");
   struct stat info {};
   if (::fstat(file.fd_, &info) != 0) return file.systemError("cannot look at");
+  if (!S_ISREG(info.st_mode))
+    return Error{ErrorCode::kUnavailable,
+                 path.string() + ": is not a regular file, and no station made it; remove it"};
   file.size_ = static_cast<std::uint64_t>(info.st_size);
   return file;
 }

@@ -36,7 +36,7 @@ class SpoolFile {
   ~SpoolFile();
 
   /// Opens the file for appending and reading, and creates it if missing. Errors: kUnavailable with the
-  /// system's reason.
+  /// system's reason, or when it is no regular file.
   static Result<SpoolFile> open(const std::filesystem::path& path);
 
   /// Visits all good records in their order, those behind damage, too. The visitor returns whether it takes

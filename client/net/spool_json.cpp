@@ -1,6 +1,7 @@
 #include "client/net/spool_json.h"
 
 #include <fmt/core.h>
+#include <sys/stat.h>
 
 #include <utility>
 
@@ -36,21 +37,53 @@ Result<std::string> unsealed(std::string text) {
   return std::string(body);
 }
 
+Json parsedShallow(const std::string& text) {
+  constexpr int kMostDepth = 16;
+  bool deep = false;
+  Json json = Json::parse(
+      text,
+      [&](int depth, Json::parse_event_t, Json&) {
+        deep |= depth > kMostDepth;
+        return !deep;
+      },
+      false);
+  return deep ? Json() : json;
+}
+
+Status checkSpoolFile(const std::filesystem::path& path) {
+  struct stat info {};
+  if (::lstat(path.c_str(), &info) != 0 || S_ISREG(info.st_mode)) return {};
+  return Error{ErrorCode::kCorrupt,
+               path.string() + ": is not a regular file, and no station made it; remove it"};
+}
+
+Result<std::string> readSpoolText(const std::filesystem::path& path, std::size_t max_bytes) {
+  RETURN_IF_ERROR(checkSpoolFile(path));
+  return readWholeFile(path, max_bytes);
+}
+
+Status writeSpoolText(const std::filesystem::path& path, const std::string& text) {
+  // a pipe would be written into, and would hold the program until somebody reads it
+  Status status = checkSpoolFile(path);
+  if (status.ok()) status = writeFileAtomically(path, viewOf(text), 0600);
+  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
+  return {};
+}
+
 Result<Json> readSpoolJson(const std::filesystem::path& path) {
   std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) return Json();
-  ASSIGN_OR_RETURN(auto text, readWholeFile(path, 1u << 20));
+  const auto kind = std::filesystem::symlink_status(path, ignored).type();
+  if (kind == std::filesystem::file_type::not_found) return Json();
+  ASSIGN_OR_RETURN(auto text, readSpoolText(path, 1u << 20));
   const auto body = unsealed(std::move(text));
   if (!body.ok()) return Error{ErrorCode::kCorrupt, path.string() + ": " + body.error().message};
-  Json json = Json::parse(*body, nullptr, false);
+  Json json = parsedShallow(*body);
   if (!json.is_object()) return Error{ErrorCode::kCorrupt, path.string() + ": is not a JSON object"};
   return json;
 }
 
 Status writeSpoolJson(const std::filesystem::path& path, const Json& json) {
-  auto status = writeFileAtomically(path, viewOf(sealed(json.dump(1))), 0600);
-  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
-  return {};
+  return writeSpoolText(path, sealed(json.dump(1)));
 }
 
 std::uint64_t countAt(const Json& json, const char* key) {

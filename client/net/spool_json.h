@@ -21,7 +21,20 @@ std::string sealed(std::string text);
 /// when the checksum does not agree.
 Result<std::string> unsealed(std::string text);
 
-/// Reads a small sealed JSON object; a null value when the file is missing. Errors: kCorrupt, kInvalidInput.
+/// Parses a text that may be hostile. Null for one nested deeper than 16: copying or writing its value takes
+/// a stack frame a level, and a megabyte can nest a million. A discarded value for what is not JSON.
+nlohmann::json parsedShallow(const std::string& text);
+
+/// Refuses what is there and is no regular file: the spool makes no links, and a pipe would hold the program
+/// when it is opened for writing. Errors: kCorrupt.
+Status checkSpoolFile(const std::filesystem::path& path);
+/// Reads a whole file of the spool. Errors: kCorrupt (not a regular file), kInvalidInput.
+Result<std::string> readSpoolText(const std::filesystem::path& path, std::size_t max_bytes);
+/// Writes a file of the spool atomically, mode 0600. Errors: kUnavailable.
+Status writeSpoolText(const std::filesystem::path& path, const std::string& text);
+
+/// Reads a small sealed JSON object; a null value when the file is missing. Errors: kCorrupt (also for JSON
+/// nested deeper than 16), kInvalidInput.
 Result<nlohmann::json> readSpoolJson(const std::filesystem::path& path);
 /// Writes it sealed, atomically, mode 0600. Errors: kUnavailable.
 Status writeSpoolJson(const std::filesystem::path& path, const nlohmann::json& json);

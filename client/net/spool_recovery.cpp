@@ -10,7 +10,6 @@
 
 #include "client/net/spool.h"
 #include "client/net/spool_json.h"
-#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
@@ -34,7 +33,7 @@ Result<pb::SessionDescription> descriptionIn(const std::filesystem::path& file, 
   const auto broken = [&](const std::string& why) {
     return Error{ErrorCode::kCorrupt, file.string() + ": " + why};
   };
-  ASSIGN_OR_RETURN(auto text, readWholeFile(file, 16u << 20));
+  ASSIGN_OR_RETURN(auto text, readSpoolText(file, 16u << 20));
   const auto json = unsealed(std::move(text));
   if (!json.ok()) return broken(json.error().message);
   pb::SessionDescription description;
@@ -43,6 +42,9 @@ Result<pb::SessionDescription> descriptionIn(const std::filesystem::path& file, 
   if (description.session_id() != std::string(id.begin(), id.end()))
     return broken("names another session than its folder");
   if (const auto valid = validate(resolutionOf(description)); !valid.ok())
+    return broken(valid.error().message);
+  // too long for a message, it would end each connection, and no session behind it would be delivered
+  if (const auto valid = checkSpoolDescription(description); !valid.ok())
     return broken(valid.error().message);
   return description;
 }
@@ -162,9 +164,9 @@ Status SpoolSession::loadDescription() {
   }
   description_ = std::move(*copy);
   restored_ = true;
-  ASSIGN_OR_RETURN(const auto text, readWholeFile(folder_ / kDescriptionCopy, 16u << 20));
+  ASSIGN_OR_RETURN(const auto text, readSpoolText(folder_ / kDescriptionCopy, 16u << 20));
   // when the disk refuses, the copy is read at the next start again
-  (void)writeFileAtomically(folder_ / "session.json", viewOf(text), 0600);
+  (void)writeSpoolText(folder_ / "session.json", text);
   return {};
 }
 
@@ -240,9 +242,9 @@ Status SpoolSession::loadChunks() {
   });
   if (!good_end.ok()) return good_end.error();
 
-  if (ended_ && entries_.size() != ended_records_) {
-    // the session ended well, but the disk has lost a part of it: the readable part becomes an interrupted
-    // session, and the damaged file stays for a manual rescue
+  if (ended_ && !agreesWithEnd()) {
+    // the session ended well, but the disk has lost or changed a part of it: the readable part becomes an
+    // interrupted session, and the damaged file stays for a manual rescue
     RETURN_IF_ERROR(keepDamaged());
     const std::scoped_lock lock(mutex_);
     const SpoolContents& said = ended_contents_;
@@ -266,10 +268,19 @@ Status SpoolSession::loadChunks() {
     RETURN_IF_ERROR(end(true));
     return restartTail();
   }
+  return {};
+}
+
+// what was read is what the end says; it then counts as synced
+bool SpoolSession::agreesWithEnd() {
   const std::scoped_lock lock(mutex_);
+  if (entries_.size() != ended_records_) return false;
   synced_ = entries_.size();
   end_hash_ = hash_.digest();
-  return {};
+  const SpoolContents now = contentsNow();
+  const bool agrees = now.samples == ended_contents_.samples && now.hash == ended_contents_.hash;
+  if (!agrees) synced_ = 0;
+  return agrees;
 }
 
 Status SpoolSession::loadAgain() {
@@ -379,6 +390,7 @@ SpoolDamage SpoolSession::damageFrom(std::uint64_t seq) const {
   SpoolDamage damage;
   const std::uint64_t chunk_samples = samplesOfASecond(description_);
   std::uint64_t next = 0, tick = 0, found = 0;
+  std::optional<std::uint64_t> gap;  // first tick that no chunk has
   const auto upTo = [&](std::uint64_t end, std::uint64_t end_tick) {
     const std::uint64_t from = std::max(next, seq);
     if (end <= from) return;
@@ -389,14 +401,18 @@ SpoolDamage SpoolSession::damageFrom(std::uint64_t seq) const {
   };
   for (const Entry& entry : entries_) {
     upTo(entry.seq, entry.first_tick);
+    if (!gap && entry.first_tick > tick) gap = tick;
     next = entry.seq + 1;
     tick = entry.last_tick + 1;
     found = entry.samples_through;
   }
   upTo(recordedChunks(), UINT64_MAX);
-  // the end knows how many there were
-  if (whole_ && damage.chunks > 0 && seq <= firstHole())
+  // the end knows how many there were, also when all chunks are there and one has fewer than it had
+  const bool all_there = entries_.size() == recordedChunks();
+  if (whole_ && (damage.chunks > 0 || all_there) && seq <= firstHole()) {
     damage.samples = whole_->samples - std::min(whole_->samples, found);
+    if (all_there && damage.samples > 0) damage.from_tick = gap.value_or(tick);
+  }
   if (tail_damage_.samples > 0 && damage.samples == 0) damage.from_tick = tail_damage_.from_tick;
   damage.samples += tail_damage_.samples;
   return damage;

@@ -1,13 +1,8 @@
-#include <fcntl.h>
 #include <fmt/core.h>
 #include <google/protobuf/util/json_util.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <span>
 #include <utility>
 
@@ -35,6 +30,12 @@ void setResolution(pb::SessionDescription& description, const Resolution& resolu
   r.set_speed_m_s(resolution.speed_mps);
 }
 
+Status checkSpoolDescription(const pb::SessionDescription& description) {
+  pb::SessionDescription named = description;
+  if (named.station().empty()) named.set_station("to be named at the upload");
+  return checkDescription(named);
+}
+
 Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem::path& spool,
                                                            const pb::SessionDescription& description,
                                                            std::shared_ptr<SpoolClock> clock) {
@@ -43,11 +44,8 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("session_id has {} bytes, 16 are expected", description.session_id().size())};
   std::copy(description.session_id().begin(), description.session_id().end(), id.begin());
-  // refuse a description that no server would accept now, not after the lesson; a station without a key has
-  // no name yet
-  pb::SessionDescription named = description;
-  if (named.station().empty()) named.set_station("to be named at the upload");
-  RETURN_IF_ERROR(checkDescription(named));
+  // now, not after the lesson
+  RETURN_IF_ERROR(checkSpoolDescription(description));
   std::shared_ptr<SpoolSession> session(new SpoolSession);
   session->id_ = id;
   session->clock_ = std::move(clock);
@@ -67,14 +65,14 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   // twice: without it nobody knows whose the chunks are
   Status status;
   for (const char* name : {"session.json", kDescriptionCopy})
-    if (status = writeFileAtomically(session->folder_ / name, viewOf(sealed(json)), 0600); !status.ok())
-      return Error{ErrorCode::kUnavailable, status.error().message};
+    if (status = writeSpoolText(session->folder_ / name, sealed(json)); !status.ok()) return status.error();
   ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(session->folder_ / "chunks"));
   session->chunks_ = std::move(chunks);
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(session->folder_ / "tail"));
   session->tail_ = std::move(tail);
-  // reserve its space now: the disk is full when it is needed
+  // reserve its space now: the disk is full when it is needed. Synced: a session with chunks always has it
   if (status = session->setLoss({}); !status.ok()) return status.error();
+  if (status = session->syncLoss(); !status.ok()) return status.error();
 
   // the new names survive a power cut only when their folders are synced too
   for (const auto& folder : {session->folder_, spool})
@@ -232,46 +230,6 @@ Status SpoolSession::settle(std::uint64_t next_seq) {
   return written;
 }
 
-Status SpoolSession::setLoss(const SpoolLoss& loss) {
-  {
-    const std::scoped_lock lock(mutex_);
-    loss_ = loss;
-  }
-  const auto path = folder_ / "lost";
-  const auto failed = [&] {
-    return Error{ErrorCode::kUnavailable, "cannot write " + path.string() + ": " + std::strerror(errno)};
-  };
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (fd < 0) return failed();
-  // samples and first tick, in a fixed length
-  const std::string text = fmt::format("{:020} {:020}\n", loss.samples, loss.from_tick);
-  const ssize_t wrote = ::pwrite(fd, text.data(), text.size(), 0);
-  Status status;
-  if (wrote != static_cast<ssize_t>(text.size())) status = failed();
-  ::close(fd);
-  return status;
-}
-
-Status SpoolSession::syncLoss() const {
-  const auto path = folder_ / "lost";
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-  Status status;
-  if (fd < 0 || ::fdatasync(fd) != 0)
-    status = Error{ErrorCode::kUnavailable, "cannot sync " + path.string() + ": " + std::strerror(errno)};
-  if (fd >= 0) ::close(fd);
-  return status;
-}
-
-// ignores a missing or unreadable file: then only the gap in the ticks shows the loss
-void SpoolSession::loadLoss() {
-  std::error_code ignored;
-  if (!std::filesystem::exists(folder_ / "lost", ignored)) return;
-  const auto text = readWholeFile(folder_ / "lost", 1000);
-  unsigned long long samples = 0, from_tick = 0;
-  if (text.ok() && std::sscanf(text->c_str(), "%20llu %20llu", &samples, &from_tick) == 2)
-    loss_ = {samples, from_tick};
-}
-
 SpoolContents SpoolSession::contents() const {
   const std::scoped_lock lock(mutex_);
   return contentsNow();
@@ -282,7 +240,7 @@ SpoolContents SpoolSession::contentsNow() const {
   if (ended_ && entries_.empty() && receipt_.closed) {
     now = ended_contents_;
     now.ended = true;
-    now.interrupted = interrupted_;
+    now.interrupted = interrupted_ || lossUnknown(now.chunks);
     now.loss = loss_;
     return now;
   }
@@ -293,16 +251,16 @@ SpoolContents SpoolSession::contentsNow() const {
   now.samples = last.samples_through;
   now.bytes = last.bytes_through;
   now.ended = ended_ && synced_ == entries_.size();
-  now.interrupted = interrupted_ || holes;
+  now.interrupted = interrupted_ || holes || lossUnknown(now.chunks);
   now.loss = loss_;
-  now.damage = holes ? damageFrom(kept()) : tail_damage_;
+  now.damage = holes || whole_ ? damageFrom(kept()) : tail_damage_;
   if (kept() <= firstHole()) {
     now.hash = end_hash_;
   } else if (whole_ && now.damage == SpoolDamage{}) {
     // the server has all that the disk lost
     now.samples = whole_->samples;
     now.hash = whole_->hash;
-    now.interrupted = whole_->interrupted;
+    now.interrupted = whole_->interrupted || lossUnknown(now.chunks);
   }
   return now;
 }

@@ -182,9 +182,9 @@ bool spools(const fs::path& folder) {
   const auto pack = [&](const std::string& name) {
     Bytes out;
     const fs::path session = where / "01890a5d-ac96-774b-bcce-b302099a8057";
-    for (const auto& file :
-         {session / "session.json", session / "chunks", session / "tail", session / "end.json",
-          session / "acked.json", session / "lost", where / "lessons/practice.json"}) {
+    for (const auto& file : {session / "session.json", session / "chunks", session / "tail",
+                             session / "end.json", session / "acked.json", session / "lost",
+                             where / "lessons/practice.json", session / "session.copy.json"}) {
       const auto text = fs::exists(file) ? readWholeFile(file) : Result<std::string>(std::string());
       ByteWriter writer(out);
       if (!out.empty()) writer.put(viewOf(fuzz::kPartMark));

@@ -14,8 +14,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Seven files one after the other, in the order of kFiles.
-constexpr std::array kFiles = {"session.json", "chunks", "tail", "end.json", "acked.json", "lost", "lesson"};
+/// Eight files one after the other, in the order of kFiles; those at the end may be missing.
+constexpr std::array kFiles = {"session.json", "chunks", "tail",   "end.json",
+                               "acked.json",   "lost",   "lesson", "session.copy.json"};
+constexpr std::size_t kLesson = 6;
 constexpr const char* kSession = "01890a5d-ac96-774b-bcce-b302099a8057";
 
 // record: magic, bytes of data, seq, part, CRC over 16 bytes of header and the data. Bit 1: the numbers count
@@ -52,8 +54,8 @@ void repairSpool(std::span<std::uint8_t> data, unsigned how) {
   const auto parts = partsOf(data, kFiles.size());
   if (parts.size() > 1) repairRecords(parts[1], how);
   if (parts.size() > 2) repairRecords(parts[2], how & ~2u);
-  for (const std::size_t json : {0u, 3u, 4u})
-    if (parts.size() > json) repairSeal(parts[json]);
+  for (const std::size_t small : {0u, 3u, 4u, 5u, 7u})
+    if (parts.size() > small) repairSeal(parts[small]);
 }
 
 void spool(ByteView data) {
@@ -65,7 +67,7 @@ void spool(ByteView data) {
   const auto parts = partsOf(data, kFiles.size());
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i].empty()) continue;
-    const bool lesson = i + 1 == kFiles.size();
+    const bool lesson = i == kLesson;
     writeFile(lesson ? folder / "lessons/practice.json" : folder / kSession / kFiles[i], parts[i]);
   }
   const LessonCache lessons(folder);

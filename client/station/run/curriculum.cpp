@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "client/net/spool_json.h"
 #include "common/base/files.h"
 #include "common/base/text.h"
 #include "common/gesture/session_hash.h"
@@ -258,10 +259,7 @@ Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::
   const std::string text = json.dump(1, ' ', false, CacheJson::error_handler_t::replace) + "\n";
   SessionHash hash;
   hash.update(viewOf(text));
-  if (auto status = writeFileAtomically(file_, viewOf(hexOf(hash.digest()) + "\n" + text), 0600);
-      !status.ok())
-    return Error{ErrorCode::kUnavailable, status.error().message};
-  return {};
+  return writeSpoolText(file_, hexOf(hash.digest()) + "\n" + text);
 }
 
 Curriculum CurriculumCache::find() const {

@@ -1,6 +1,7 @@
 #include "client/net/spool_json.h"
 
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include "common/base/files.h"
 #include "tests/support/temp_folder.h"
@@ -34,6 +35,34 @@ TEST(SpoolJson, everyFlippedBitIsNoticed) {
       folder.write("file.json", damaged);
       EXPECT_FALSE(readSpoolJson(file).ok()) << "byte " << at << ", bit " << bit << ":\n" << damaged;
     }
+}
+
+TEST(SpoolJson, whatIsNestedDeeperThanAnyFileOfTheSpoolIsRefused) {
+  const TempFolder folder;
+  const auto nested = [](std::size_t depth) {
+    return "{\"a\": " + std::string(depth, '[') + std::string(depth, ']') + "}";
+  };
+  EXPECT_TRUE(readSpoolJson(folder.write("file.json", nested(10))).ok());
+  for (const std::size_t depth : {20u, 500'000u}) {
+    const auto deep = readSpoolJson(folder.write("file.json", nested(depth)));
+    ASSERT_FALSE(deep.ok());
+    EXPECT_EQ(deep.error().code, ErrorCode::kCorrupt);
+  }
+}
+
+TEST(SpoolJson, aPipeOrALinkInTheSpoolIsRefusedAtOnceToReadAndToWrite) {
+  const TempFolder folder;
+  const auto pipe = folder.path() / "pipe.json", link = folder.path() / "link.json";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  std::filesystem::create_symlink(folder.write("elsewhere", "{}"), link);
+  for (const auto& file : {pipe, link}) {
+    const auto read = readSpoolJson(file);
+    ASSERT_FALSE(read.ok());
+    EXPECT_EQ(read.error().code, ErrorCode::kCorrupt);
+    EXPECT_THAT(read.error().message, testing::HasSubstr(file.string() + ": is not a regular file"));
+    EXPECT_EQ(writeSpoolJson(file, {{"chunks", 5}}).error().code, ErrorCode::kUnavailable);
+  }
+  EXPECT_EQ(*readWholeFile(folder.path() / "elsewhere"), "{}");
 }
 
 }  // namespace

@@ -147,6 +147,7 @@ TEST_F(SpoolOrder, aSessionIsNamedOnTheDiskBeforeItIsUsed) {
   // its parent.
   const auto wrote = find(seen, "write", session->folder() / "lost");
   ASSERT_LT(wrote, seen.size());
+  EXPECT_LT(find(seen, "sync", session->folder() / "lost", wrote), seen.size()) << text(seen);
   const auto names = find(seen, "sync", session->folder(), wrote);
   ASSERT_LT(names, seen.size()) << text(seen);
   EXPECT_LT(find(seen, "sync", folder_.path(), names), seen.size()) << text(seen);

@@ -1,6 +1,7 @@
 #include "client/net/spool.h"
 
 #include <dlfcn.h>
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -13,6 +14,7 @@
 #include <initializer_list>
 #include <random>
 
+#include "client/net/spool_json.h"
 #include "client/net/spool_writer.h"
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
@@ -134,7 +136,8 @@ TEST(Spool, aSessionThatEndedIsFoundAgainAsItWas) {
     auto spool = opened(folder.path());
     auto session = spool->create(describeSession(id));
     ASSERT_TRUE(session.ok());
-    for (const Bytes& chunk : chunks) ASSERT_TRUE((*session)->appendChunk(chunk, 1).ok());
+    for (const Bytes& chunk : chunks)
+      ASSERT_TRUE((*session)->appendChunk(chunk, inspectChunk(chunk)->count).ok());
     EXPECT_EQ((*session)->contents().chunks, 0u) << "not synced yet: nothing may be sent";
     ASSERT_TRUE((*session)->sync().ok());
     EXPECT_EQ((*session)->contents().chunks, 3u);
@@ -337,6 +340,56 @@ TEST(Spool, aLostLastChunkIsCountedByTheEnd) {
   }
 }
 
+TEST(Spool, aChunkThatHasFewerSamplesThanTheEndSaysIsDamageAndCounted) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  fs::remove(session / "chunks");
+  {
+    auto file = std::move(*SpoolFile::open(session / "chunks"));
+    ASSERT_TRUE(file.append(0, 0, coded(0, 100)).ok());
+    ASSERT_TRUE(file.append(1, 1, coded(100, 10)).ok());  // sound, but of 100 samples before
+    ASSERT_TRUE(file.append(2, 2, coded(200, 100)).ok());
+  }
+  const std::string text = *readWholeFile(session / "chunks");
+  EXPECT_THAT(
+      (*Spool::open(folder.path()))->notes(),
+      testing::ElementsAre(testing::AllOf(HasSubstr("its disk has damaged it. 210 samples can still be read"),
+                                          HasSubstr("90 samples (0 chunks) from tick 110 on are missing"))));
+  for (int start = 0; start < 2; ++start) {
+    const Recovered found = recover(folder.path());
+    EXPECT_TRUE(found.contents.interrupted);
+    EXPECT_EQ(found.contents.chunks, 3u);
+    EXPECT_EQ(found.contents.damage, (SpoolDamage{0, 90, 110}));
+    ASSERT_NO_FATAL_FAILURE(expectTicksButTheMissing(found));
+    EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+  }
+}
+
+TEST(Spool, anEndThatContradictsItsChunksIsNotBelieved) {
+  struct Case {
+    const char* key;
+    nlohmann::json value;
+    SpoolDamage damage;
+  };
+  for (const Case& wrong : {Case{"samples", 400, {0, 100, 300}}, Case{"samples", 200, {}},
+                            Case{"hash", hexOf(Digest{}), {}}, Case{"hash", "", {}}}) {
+    const TempFolder folder;
+    const fs::path session = sessionOfThreeChunks(folder.path(), true);
+    auto end = *readSpoolJson(session / "end.json");
+    end[wrong.key] = wrong.value;
+    ASSERT_TRUE(writeSpoolJson(session / "end.json", end).ok());
+    EXPECT_THAT((*Spool::open(folder.path()))->notes(),
+                testing::ElementsAre(HasSubstr("its disk has damaged it. 300 samples can still be read")));
+    for (int start = 0; start < 2; ++start) {
+      const Recovered found = recover(folder.path());
+      EXPECT_TRUE(found.contents.interrupted) << wrong.key << " " << wrong.value;
+      EXPECT_EQ(found.samples.size(), 300u);
+      EXPECT_EQ(found.contents.damage, wrong.damage) << wrong.key << " " << wrong.value;
+    }
+    EXPECT_TRUE(fs::exists(session / "chunks.damaged"));
+  }
+}
+
 // Five chunks of 100 samples and a tail of 12, of a program that died. Returns the session's folder.
 fs::path fiveChunksAndATail(const fs::path& folder) {
   auto spool = opened(folder);
@@ -462,6 +515,32 @@ TEST(Spool, aDamagedDescriptionIsTakenFromItsCopyWhicheverByteItIs) {
   EXPECT_TRUE(fs::exists(session / "chunks"));
 }
 
+TEST(Spool, aDescriptionThatNoServerTakesParksItsSessionAloneAndTheOthersAreThere) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  std::string id;
+  {
+    auto other = *opened(folder.path())->create(describeSession(makeUuidV7()));
+    id = other->idText();
+  }
+  const std::string text = *readWholeFile(session / "session.json");
+  std::string whole = text.substr(0, text.rfind("\ncrc32c ") + 1);
+  const std::string profile = "{\\\"id\\\": \\\"shoulder\\\"}";
+  const auto at = whole.find(profile);
+  ASSERT_NE(at, std::string::npos) << whole;
+  whole.replace(at, profile.size(), std::string(3'000'000, 'x'));
+  // as sound as the others, as far as its checksum goes
+  for (const char* name : {"session.json", "session.copy.json"})
+    std::ofstream(session / name, std::ios::binary) << sealed(whole);
+  const auto spool = opened(folder.path());
+  ASSERT_EQ(spool->unfinished().size(), 1u);
+  EXPECT_EQ(spool->unfinished()[0]->idText(), id);
+  EXPECT_THAT(spool->notes(),
+              testing::Contains(testing::AllOf(HasSubstr((session / "session.json").string()),
+                                               HasSubstr("profile_json"), HasSubstr("left as it is"))));
+  EXPECT_TRUE(fs::exists(session / "chunks"));
+}
+
 TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
@@ -543,6 +622,46 @@ TEST(Spool, whatNoServerWouldTakeIsRefusedBeforeItIsRecorded) {
   auto nameless = describeSession(makeUuidV7());
   nameless.clear_station();
   EXPECT_TRUE(spool->create(nameless).ok());
+}
+
+TEST(Spool, aSmallFileThatIsNestedDeeplyIsADamagedOneAndEndsNobody) {
+  const std::string deep = std::string(500'000, '[') + std::string(500'000, ']');
+  {
+    const TempFolder folder;
+    std::ofstream(sessionOfThreeChunks(folder.path(), true) / "end.json", std::ios::binary)
+        << R"({"chunks": 3, "samples": 300, "hash": "", "interrupted": false, "damage": )" << deep << "}";
+    const Recovered found = recover(folder.path());
+    EXPECT_EQ(found.samples.size(), 300u);
+    EXPECT_TRUE(found.contents.interrupted);
+  }
+  const TempFolder folder;
+  std::ofstream(fiveChunksAndATail(folder.path()) / "tail.json", std::ios::binary)
+      << R"({"chunks": [{"seq": 0, "samples": 1, "more": )" << deep << "}]}";
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.samples.size(), 512u);
+  EXPECT_EQ(found.contents.damage, SpoolDamage{});
+}
+
+TEST(Spool, aPipeInPlaceOfAFileHoldsNobodyAndParksTheSessionWhereItIsNeeded) {
+  for (const char* name :
+       {"session.json", "session.copy.json", "chunks", "tail", "end.json", "acked.json", "lost"}) {
+    const TempFolder folder;
+    const fs::path file = sessionOfThreeChunks(folder.path(), false) / name;
+    fs::remove(file);
+    ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0);
+    const auto spool = opened(folder.path());
+    const bool needed =
+        name == std::string("chunks") || name == std::string("tail") || name == std::string("end.json");
+    ASSERT_EQ(spool->unfinished().size(), needed ? 0u : 1u) << name;
+    if (needed) {
+      EXPECT_THAT(spool->notes(),
+                  testing::Contains(testing::AllOf(HasSubstr(file.string() + ": is not a regular file"),
+                                                   HasSubstr("left as it is"))));
+    } else {
+      EXPECT_EQ(spool->unfinished()[0]->contents().samples, 300u) << name;
+    }
+    EXPECT_TRUE(fs::is_fifo(file)) << name;
+  }
 }
 
 TEST(Spool, foldersThatAreNoSessionsAreLeftAloneAndNamed) {
@@ -659,26 +778,67 @@ TEST(Spool, aLossIsKnownAfterTheProgramsDeath) {
     ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
     ASSERT_TRUE(session->setLoss({7, 100}).ok());
     ASSERT_TRUE(session->setLoss({1234567, 100}).ok());
-    EXPECT_EQ(fs::file_size(session->folder() / "lost"), 42u) << "always as long: written in place";
+    EXPECT_EQ(fs::file_size(session->folder() / "lost"), 58u) << "always as long: written in place";
   }
   const Recovered found = recover(folder.path());
   EXPECT_TRUE(found.contents.interrupted);
   EXPECT_EQ(found.contents.loss, (SpoolLoss{1234567, 100}));
 }
 
-TEST(Spool, aLossFileThatIsMissingOrNonsenseSaysNothing) {
-  const TempFolder folder;
-  std::string id;
-  {
-    auto spool = opened(folder.path());
-    auto session = *spool->create(describeSession(makeUuidV7()));
-    id = session->idText();
-    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+TEST(Spool, aLossFileThatIsMissingOrDamagedMakesAnEndedSessionInterrupted) {
+  const TempFolder original;
+  const fs::path session = sessionOfThreeChunks(original.path(), true);
+  const std::string text = *readWholeFile(session / "lost");
+  std::vector<std::string> damages = {"", "many, and early", text.substr(0, 50), text + "\n",
+                                      // sealed or not, no lesson loses so many
+                                      sealed(fmt::format("{:020} {:020}\n", 100'000'000'000u, 0)),
+                                      fmt::format("{:020} {:020}\n", 100'000'000'000u, 0)};
+  for (std::size_t at = 0; at < text.size(); ++at)
+    for (int bit = 0; bit < 8; ++bit) {
+      damages.push_back(text);
+      damages.back()[at] = static_cast<char>(text[at] ^ (1 << bit));
+    }
+  for (const std::string& damaged : damages) {
+    const TempFolder folder;
+    fs::copy(original.path(), folder.path(), fs::copy_options::recursive);
+    std::ofstream(folder.path() / session.filename() / "lost", std::ios::binary) << damaged;
+    for (int start = 0; start < 2; ++start) {
+      const auto spool = opened(folder.path());
+      ASSERT_EQ(spool->unfinished().size(), 1u) << damaged;
+      const SpoolContents contents = spool->unfinished()[0]->contents();
+      ASSERT_TRUE(contents.interrupted) << damaged;
+      ASSERT_EQ(contents.loss, SpoolLoss{}) << damaged;
+      ASSERT_EQ(contents.samples, 300u) << damaged;
+      ASSERT_THAT(spool->notes(), testing::ElementsAre(HasSubstr("nobody knows how many"))) << damaged;
+    }
   }
-  folder.write(id + "/lost", "many, and early");
-  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
-  fs::remove(folder.path() / id / "lost");
-  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
+  fs::remove(session / "lost");
+  EXPECT_TRUE(recover(original.path()).contents.interrupted);
+}
+
+TEST(Spool, aLossFileOfAnEarlierVersionHasNoChecksumAndIsBelievedWithANote) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  for (const std::uint64_t samples : {0u, 77u}) {
+    std::ofstream(session / "lost", std::ios::binary) << fmt::format("{:020} {:020}\n", samples, 300);
+    EXPECT_THAT(
+        (*Spool::open(folder.path()))->notes(),
+        testing::ElementsAre(testing::AllOf(HasSubstr("has no checksum"),
+                                            HasSubstr(std::to_string(samples) + " samples are taken"))));
+    const SpoolContents contents = recover(folder.path()).contents;
+    EXPECT_EQ(contents.loss, (SpoolLoss{samples, 300}));
+    EXPECT_FALSE(contents.interrupted);
+  }
+}
+
+TEST(Spool, theLongestLossThatALessonCanHaveIsBelieved) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  const std::uint64_t most = std::uint64_t{1000} << 20;  // at 1 kHz
+  for (const std::uint64_t samples : {most, most + 1}) {
+    std::ofstream(session / "lost", std::ios::binary) << sealed(fmt::format("{:020} {:020}\n", samples, 300));
+    EXPECT_EQ(recover(folder.path()).contents.loss, samples == most ? (SpoolLoss{most, 300}) : SpoolLoss{});
+  }
 }
 
 // The child writes a session as fast as it can and reports the safely written samples through a pipe. It is

@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "client/net/spool_json.h"
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/fake_time.h"
@@ -137,6 +138,31 @@ TEST_F(DamagedUpload, chunksBehindDamageCloseUpAndTheEndSaysWhatIsMissing) {
   EXPECT_TRUE(close.interrupted());
   const Digest digest = sent.digest();
   EXPECT_EQ(close.hash(), std::string(digest.begin(), digest.end()));
+}
+
+TEST_F(DamagedUpload, aWholeSessionWhoseCountOfLostSamplesIsDamagedIsNotClosedAsComplete) {
+  ASSERT_TRUE(session_->end(false).ok());
+  std::ofstream(session_->folder() / "lost", std::ios::binary) << "";
+  start();
+  const pb::CloseSession close = endAfter(3, {});
+  EXPECT_EQ(close.samples(), 30u);
+  EXPECT_TRUE(close.interrupted());
+  EXPECT_EQ(close.samples_lost(), 0u) << "nobody knows how many";
+}
+
+TEST_F(DamagedUpload, aSessionOfOtherSamplesThanItsEndSaysIsClosedAsInterruptedWithWhatLacks) {
+  ASSERT_TRUE(session_->end(false).ok());
+  auto end = *readSpoolJson(session_->folder() / "end.json");
+  end["samples"] = 35;
+  ASSERT_TRUE(writeSpoolJson(session_->folder() / "end.json", end).ok());
+  start();
+  const pb::CloseSession close = endAfter(0, {"chunk 0", "chunk 1", "chunk 2"});
+  EXPECT_EQ(close.chunks(), 3u);
+  EXPECT_EQ(close.samples(), 30u);
+  EXPECT_TRUE(close.interrupted());
+  EXPECT_EQ(close.samples_lost(), 5u);
+  EXPECT_EQ(close.samples_damaged(), 5u);
+  EXPECT_EQ(close.lost_from_tick(), 30u);
 }
 
 TEST_F(DamagedUpload, whatTheServerHasOfItIsNotLost) {

@@ -1,0 +1,86 @@
+// The samples of a session that never reached its disk: the file `lost`, written in place and sealed.
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <string>
+
+#include "client/net/spool.h"
+#include "client/net/spool_json.h"
+
+namespace needlelab {
+namespace {
+
+// 12 days: memory lasts for hours, and no lesson for days
+constexpr double kMostLost_s = 1u << 20;
+
+// samples and first tick, always as long
+std::string lossText(const SpoolLoss& loss) {
+  return fmt::format("{:020} {:020}\n", loss.samples, loss.from_tick);
+}
+
+}  // namespace
+
+Status SpoolSession::setLoss(const SpoolLoss& loss) {
+  {
+    const std::scoped_lock lock(mutex_);
+    loss_ = loss;
+  }
+  const auto path = folder_ / "lost";
+  const auto failed = [&] {
+    return Error{ErrorCode::kUnavailable, "cannot write " + path.string() + ": " + std::strerror(errno)};
+  };
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
+  if (fd < 0) return failed();
+  const std::string text = sealed(lossText(loss));
+  const ssize_t wrote = ::pwrite(fd, text.data(), text.size(), 0);
+  Status status;
+  if (wrote != static_cast<ssize_t>(text.size())) status = failed();
+  ::close(fd);
+  return status;
+}
+
+Status SpoolSession::syncLoss() const {
+  const auto path = folder_ / "lost";
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  Status status;
+  if (fd < 0 || ::fdatasync(fd) != 0)
+    status = Error{ErrorCode::kUnavailable, "cannot sync " + path.string() + ": " + std::strerror(errno)};
+  if (fd >= 0) ::close(fd);
+  return status;
+}
+
+// a file that cannot be believed means that nobody knows how many samples are lost
+void SpoolSession::loadLoss() {
+  loss_file_ = LossFile::kUnreadable;
+  const auto text = readSpoolText(folder_ / "lost", 1000);
+  unsigned long long samples = 0, from_tick = 0;
+  if (!text.ok() || std::sscanf(text->c_str(), "%20llu %20llu", &samples, &from_tick) != 2) return;
+  const SpoolLoss loss{samples, from_tick};
+  const std::string own = lossText(loss);
+  if (*text != own && *text != sealed(own)) return;
+  if (static_cast<double>(samples) > kMostLost_s * description_.rate_hz()) return;
+  loss_file_ = *text == own ? LossFile::kUnsealed : LossFile::kSealed;
+  loss_ = loss;
+}
+
+std::string SpoolSession::lossNote() const {
+  const std::string file = (folder_ / "lost").string();
+  const SpoolContents now = contents();
+  // a power cut while the session was made may leave no file, but then no chunk either
+  if (loss_file_ == LossFile::kSealed || now.chunks == 0 || receipt().closed) return {};
+  if (loss_file_ == LossFile::kUnreadable)
+    return fmt::format(
+        "session {}: {} is missing or cannot be believed, so nobody knows how many of its samples never "
+        "reached the disk; it is closed as interrupted. See whether that disk fails",
+        idText(), file);
+  return fmt::format(
+      "session {}: {} has no checksum, an earlier version wrote it; {} samples are taken as lost, as it says",
+      idText(), file, now.loss.samples);
+}
+
+}  // namespace needlelab
