@@ -52,6 +52,11 @@ int newestSchemaVersion() {
 
 Result<int> schemaVersion(Connection& connection) {
   ASSIGN_OR_RETURN(const auto version, oneInteger(connection, "PRAGMA user_version"));
+  if (version < 0)
+    return Error{ErrorCode::kCorrupt,
+                 fmt::format("{}: its header says schema version {}, which no program writes: the file is "
+                             "damaged; restore a backup",
+                             connection.origin().string(), version)};
   return static_cast<int>(version);
 }
 

@@ -19,7 +19,7 @@ inline constexpr std::int64_t kApplicationId = 0x6e6c6162;
 /// The version after all of this program's migrations.
 int newestSchemaVersion();
 
-/// The file's version (PRAGMA user_version); 0 = empty file.
+/// The file's version (PRAGMA user_version), 0 or more; 0 = empty file. kCorrupt: a damaged header.
 Result<int> schemaVersion(Connection& connection);
 
 /// Migrates the database to the newest version, one transaction per migration: a failure leaves the previous

@@ -48,6 +48,21 @@ TEST(Migrate, aNewerSchemaIsRefusedByName) {
   EXPECT_EQ(*schemaVersion(db.writer), 999);
 }
 
+TEST(Migrate, aFlippedBitInTheVersionOfTheHeaderIsDamage) {
+  test::TestDb db;
+  constexpr std::int64_t kFlipped = std::int64_t{1} << 31;
+  const std::string version = std::to_string(newestSchemaVersion() - kFlipped);
+  ASSERT_OK(db.writer.script("PRAGMA user_version=" + version));
+  const auto read = schemaVersion(db.writer);
+  ASSERT_FALSE(read);
+  for (const Error& refused :
+       {read.error(), migrate(db.writer).error(), requireNewestSchema(db.writer).error()}) {
+    EXPECT_EQ(refused.code, ErrorCode::kCorrupt);
+    EXPECT_NE(refused.message.find(version), std::string::npos) << refused.message;
+    EXPECT_NE(refused.message.find("restore a backup"), std::string::npos) << refused.message;
+  }
+}
+
 TEST(Migrate, anotherProgramsDatabaseIsLeftAlone) {
   const test::TempFolder folder;
   auto connection = fresh(folder);
