@@ -183,6 +183,32 @@ TEST_F(AuditHeadTest, anOlderCopyPutBackByHandIsFoundAndARestoreIsNone) {
   EXPECT_THAT(verify().texts, testing::ElementsAre(HasSubstr("an older database was put in its place")));
 }
 
+TEST_F(AuditHeadTest, aFileThatIsThereButNotOursIsABreakAndNoneThatIsNotThere) {
+  serve(2);
+  const std::string right = TestDb::must(readWholeFile(data() / kAuditHeadFile, 1000));
+  std::string flipped = right;
+  flipped[right.size() / 2] = static_cast<char>(flipped[right.size() / 2] ^ 1);
+  std::uint64_t breaks = 0;
+  for (const std::string& wrong : {std::string(), flipped, right.substr(0, right.size() / 2)}) {
+    SCOPED_TRACE(wrong);
+    folder.write("data/audit.head", wrong);
+    serve();
+    EXPECT_EQ(verify().faults, ++breaks);
+    EXPECT_THAT(verify().texts.back(), AllOf(HasSubstr("nobody can tell how far the log had come"),
+                                             HasSubstr("audit.head: is not as a server")));
+    serve(1);
+    EXPECT_EQ(verify().faults, breaks) << "once";
+  }
+  // of another key: that of before was lost
+  fs::remove(data() / kAuditKeyFile);
+  serve();
+  EXPECT_THAT(verify().texts.back(), HasSubstr("nobody can tell how far the log had come"));
+  const auto faults = verify().faults;
+  fs::remove(data() / kAuditHeadFile);
+  serve();
+  EXPECT_EQ(verify().faults, faults) << "`verify` says so in a note";
+}
+
 // The text and its MAC were made by another program (Python's hashlib), as db/README.md describes them.
 TEST_F(AuditHeadTest, theFileIsTheOneThatItsPageDescribesAndNoByteOfItCanBeChanged) {
   const std::string right =
