@@ -1,6 +1,8 @@
 #include "db/schema.h"
 
 #include <cstdlib>
+#include <string>
+#include <utility>
 
 #include "common/base/files.h"
 #include "db/check.h"
@@ -63,6 +65,35 @@ TEST(Migrate, aFlippedBitInTheVersionOfTheHeaderIsDamage) {
   }
 }
 
+TEST(Migrate, whatSomebodyPutIntoTheSchemaChangedInItOrTookFromItIsRefusedByName) {
+  const std::string lying = "UPDATE audit SET who = 'mona', subject = 'nobody' WHERE id = NEW.id; END";
+  const std::pair<std::string, std::string> changes[] = {
+      {"CREATE TRIGGER evil AFTER INSERT ON audit BEGIN " + lying, "trigger 'evil' of 'audit'"},
+      {"CREATE VIEW spy AS SELECT * FROM people", "view 'spy'"},
+      {"CREATE TABLE stash (a INTEGER) STRICT", "table 'stash'"},
+      {"CREATE INDEX slow ON audit (who)", "index 'slow' of 'audit'"},
+      {"DROP TRIGGER quarantine_ends", "trigger 'quarantine_ends' of 'chunks' is missing"},
+      {"DROP TRIGGER sessions_opened; CREATE TRIGGER sessions_opened AFTER INSERT ON sessions BEGIN SELECT "
+       "1; END",
+       "trigger 'sessions_opened' of 'sessions' is not as needlelab makes it"},
+      {"ALTER TABLE meta ADD COLUMN more TEXT", "table 'meta' is not as needlelab makes it"}};
+  for (const auto& [sql, named] : changes) {
+    SCOPED_TRACE(sql);
+    test::TestDb db;
+    EXPECT_TRUE(test::TestDb::must(schemaFaults(db.writer)).empty());
+    ASSERT_OK(db.writer.script(sql));
+    const auto faults = test::TestDb::must(schemaFaults(db.writer));
+    ASSERT_EQ(faults.size(), 1u);
+    EXPECT_NE(faults.front().find(named), std::string::npos) << faults.front();
+    const auto refused = migrate(db.writer);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+    EXPECT_NE(refused.error().message.find(named), std::string::npos) << refused.error().message;
+    const auto check = test::TestDb::must(checkDatabase(db.writer));
+    EXPECT_EQ(check.faults, faults);
+  }
+}
+
 TEST(Migrate, anotherProgramsDatabaseIsLeftAlone) {
   const test::TempFolder folder;
   auto connection = fresh(folder);
@@ -109,6 +140,7 @@ TEST(Migrate, filesOfEveryOldVersionKeepTheirContent) {
     auto connection = fresh(temporary);
     ASSERT_OK(connection.script(*sql));
     ASSERT_EQ(*schemaVersion(connection), version) << source;
+    EXPECT_TRUE(test::TestDb::must(schemaFaults(connection)).empty()) << source;
     ASSERT_OK(migrate(connection));
     const std::string found = test::dump(connection);
     const auto expected_file = folder / ("v" + std::to_string(version) + ".dump");
