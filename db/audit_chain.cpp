@@ -255,6 +255,11 @@ class ChainWalk {
     std::from_chars(text.data(), text.data() + text.size(), last_before_);
   }
 
+  /// What could change or swallow a line before it is proven.
+  void takeSchema(std::vector<std::string> faults) {
+    for (std::string& text : faults) fault(std::move(text));
+  }
+
   /// `row`: position, salt, commitment, key_id, mac, line, whether a later entry of the same line follows,
   /// the line's columns (NULL: it is not there).
   void take(const Statement& row) {
@@ -388,6 +393,8 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
   ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection).get(kBeforeChain));
   ChainWalk walk(keys, anchors);
   walk.begin(before_chain);
+  ASSIGN_OR_RETURN(auto foreign, schemaFaults(connection));
+  walk.takeSchema(std::move(foreign));
   auto entries = connection.prepare(fmt::format(
       "SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, c.line,"
       " EXISTS (SELECT 1 FROM audit_chain l WHERE l.line = c.line AND l.position > c.position), {}"

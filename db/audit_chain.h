@@ -120,8 +120,9 @@ struct AuditVerdict {
 inline constexpr std::size_t kMaxAuditFaults = 100;
 
 /// Finds lines that were changed, reordered, forged or removed: all but the removal of the last lines, which
-/// is found before the newest of `anchors`. `keys`: the folder's, and earlier ones. One read view; a time
-/// proportional to the log. An error means that the database could not be read. Thread: as the connection.
+/// is found before the newest of `anchors`; and a foreign trigger, view or table (schemaFaults()). `keys`:
+/// the folder's, and earlier ones. One read view; a time proportional to the log. An error means that the
+/// database could not be read. Thread: as the connection.
 Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
                                  std::span<const AuditAnchor> anchors);
 

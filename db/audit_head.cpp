@@ -103,18 +103,25 @@ Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns) {
     AuditChain chain(writer);
     ASSIGN_OR_RETURN(const auto before, chain.head());
     RETURN_IF_ERROR(chain.begin());
+    const auto say_break = [&](const std::string& detail) {
+      return AuditStore(writer).add({0, now_unix_ns, "local", kAuditBreak, "", detail});
+    };
     if (found) {
       kept = *found;
       ASSIGN_OR_RETURN(const bool goes_on, chainHas(writer, kept.head));
       if (!goes_on)
-        RETURN_IF_ERROR(AuditStore(writer).add(
-            {0, now_unix_ns, "local", kAuditBreak, "",
-             fmt::format(
-                 "the log had {} entries, the last with the MAC {}; this database has {} and not that "
-                 "one: lines were removed, or an older database was put in its place by hand",
-                 kept.head.position, hexDigitsOf(textOf(kept.head.mac)).substr(0, 16), before.position)}));
+        RETURN_IF_ERROR(say_break(fmt::format(
+            "the log had {} entries, the last with the MAC {}; this database has {} and not that "
+            "one: lines were removed, or an older database was put in its place by hand",
+            kept.head.position, hexDigitsOf(textOf(kept.head.mac)).substr(0, 16), before.position)));
     } else {
       kept.made_position = before.position;
+      // a file that is there and cannot be used hides how far the log had come
+      if (found.error().code != ErrorCode::kNotFound)
+        RETURN_IF_ERROR(
+            say_break(fmt::format("nobody can tell how far the log had come; this database has {} entries, "
+                                  "and {} was made anew: {}",
+                                  before.position, kAuditHeadFile, found.error().message)));
       const auto replaced = readKeptAuditHead(folder / kReplacedAuditHeadFile, keys);
       if (replaced) kept.replaced = replaced->head;
     }

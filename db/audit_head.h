@@ -32,7 +32,8 @@ Result<KeptAuditHead> readKeptAuditHead(const std::filesystem::path& path, std::
 Result<bool> chainHas(Connection& connection, const AuditHead& head);
 
 /// At the start of whoever writes: begins the chain where it is empty, and keeps its head. Where the kept
-/// head is not in the chain, adds a line of the log (kAuditBreak). What cannot be written to the file is
+/// head is not in the chain, or its file is there but damaged, unreadable or of another key, adds a line of
+/// the log (kAuditBreak). What cannot be written to the file is
 /// written the next time: an older head promises less, and nothing wrong. Makes the key. Writer's connection.
 Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns);
 /// Keeps a newer head of committed entries; leaves the file where the chain does not have the one of before,

@@ -2,9 +2,12 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "db/connection.h"
+#include "db/schema.h"
 #include "db/session_rows.h"
 #include "db/session_store.h"
 
@@ -206,6 +209,10 @@ Result<DatabaseCheck> checkDatabase(Connection& connection) {
   RETURN_IF_ERROR(collect(connection, "PRAGMA integrity_check", "integrity: ", check.faults));
   RETURN_IF_ERROR(
       collect(connection, "PRAGMA foreign_key_check", "foreign key broken in table ", check.faults));
+  auto foreign = schemaFaults(connection);
+  if (!foreign && foreign.error().code != ErrorCode::kCorrupt) return foreign.error();
+  if (!foreign) check.faults.push_back(foreign.error().message);
+  if (foreign) std::move(foreign->begin(), foreign->end(), std::back_inserter(check.faults));
   const auto ids = allSessions(connection, check);
   if (!ids) {
     if (ids.error().code != ErrorCode::kCorrupt) return ids.error();

@@ -1,4 +1,5 @@
-/// Checks a whole database: SQLite's own integrity check, foreign keys, every chunk and every session.
+/// Checks a whole database: SQLite's own integrity check, foreign keys, the schema, every chunk and every
+/// session.
 #pragma once
 
 #include <cstdint>

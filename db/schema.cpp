@@ -3,7 +3,9 @@
 #include <fmt/core.h>
 
 #include <charconv>
+#include <map>
 #include <string>
+#include <utility>
 
 #include "db/connection.h"
 
@@ -44,6 +46,48 @@ Status claim(Connection& connection, int version) {
   return connection.script(fmt::format("PRAGMA application_id={}", kApplicationId));
 }
 
+/// The definitions in a schema: of each "kind 'name' of 'table'" its SQL without quotation marks and white
+/// space, in which versions of SQLite may differ when they alter a table. Of several of a name all of it.
+using Definitions = std::map<std::string, std::string>;
+
+Result<Definitions> definitionsOf(Connection& connection) {
+  auto rows = connection.prepare("SELECT type, name, tbl_name, coalesce(sql, '') FROM sqlite_schema");
+  Definitions all;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return all;
+    const std::string kind = rows.text(0), name = rows.text(1), table = rows.text(2);
+    std::string sql = rows.text(3);
+    std::erase_if(sql, [](char c) { return c == '"' || c == ' ' || c == '\n' || c == '\r' || c == '\t'; });
+    all[kind + " '" + name + "'" + (name == table ? "" : " of '" + table + "'")] += sql;
+  }
+}
+
+/// As schemaFaults(), of a file to which exactly `migrations` were applied.
+Result<std::vector<std::string>> faultsBeside(Connection& connection,
+                                              std::span<const EmbeddedFile> migrations) {
+  ASSIGN_OR_RETURN(auto fresh,
+                   Connection::open(":memory:", {.mode = Connection::Mode::kReader, .create = true}));
+  RETURN_IF_ERROR(fresh.script("PRAGMA query_only=OFF"));
+  for (const EmbeddedFile& file : migrations) RETURN_IF_ERROR(fresh.script(std::string(file.text)));
+  ASSIGN_OR_RETURN(const auto right, definitionsOf(fresh));
+  ASSIGN_OR_RETURN(const auto found, definitionsOf(connection));
+  std::vector<std::string> faults;
+  const auto fault = [&](std::string text) {
+    if (faults.size() < kMaxSchemaFaults) faults.push_back(std::move(text));
+  };
+  for (const auto& [what, sql] : found) {
+    const auto known = right.find(what);
+    if (known == right.end())
+      fault("schema: " + what + " is not needlelab's: somebody put it in");
+    else if (known->second != sql)
+      fault("schema: " + what + " is not as needlelab makes it: somebody changed it");
+  }
+  for (const auto& [what, sql] : right)
+    if (!found.contains(what)) fault("schema: " + what + " is missing: somebody removed it");
+  return faults;
+}
+
 }  // namespace
 
 int newestSchemaVersion() {
@@ -52,7 +96,18 @@ int newestSchemaVersion() {
 
 Result<int> schemaVersion(Connection& connection) {
   ASSIGN_OR_RETURN(const auto version, oneInteger(connection, "PRAGMA user_version"));
+  if (version < 0)
+    return Error{ErrorCode::kCorrupt,
+                 fmt::format("{}: its header says schema version {}, which no program writes: the file is "
+                             "damaged; restore a backup",
+                             connection.origin().string(), version)};
   return static_cast<int>(version);
+}
+
+Result<std::vector<std::string>> schemaFaults(Connection& connection) {
+  ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
+  if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
+  return faultsBeside(connection, embeddedMigrations().first(static_cast<std::size_t>(found)));
 }
 
 Status migrate(Connection& connection) {
@@ -64,6 +119,15 @@ Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations)
   const int known = static_cast<int>(migrations.size());
   RETURN_IF_ERROR(claim(connection, found));
   if (found > known) return newerError(connection, found, known);
+  ASSIGN_OR_RETURN(const auto faults,
+                   faultsBeside(connection, migrations.first(static_cast<std::size_t>(found))));
+  if (!faults.empty())
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("{}: {} ({} such faults). It could change or hide what is stored from then on, "
+                    "lines of the audit log, too. If you did it, undo it the same way; else keep a copy "
+                    "of the file, find out who did it, and restore a backup from before",
+                    connection.origin().string(), faults.front(), faults.size())};
 
   for (int version = found + 1; version <= known; ++version) {
     const EmbeddedFile& file = migrations[static_cast<std::size_t>(version - 1)];

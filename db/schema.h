@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/program.h"
 #include "common/base/result.h"
@@ -19,12 +20,20 @@ inline constexpr std::int64_t kApplicationId = 0x6e6c6162;
 /// The version after all of this program's migrations.
 int newestSchemaVersion();
 
-/// The file's version (PRAGMA user_version); 0 = empty file.
+/// The file's version (PRAGMA user_version), 0 or more; 0 = empty file. kCorrupt: a damaged header.
 Result<int> schemaVersion(Connection& connection);
 
+/// What of the file's schema (tables, indexes, triggers, views) is not as the migrations up to the file's
+/// version make it, at most kMaxSchemaFaults sentences; empty: nothing. Who can write the file once could
+/// leave a trigger that changes or swallows what is stored later, with a right proof of a wrong audit line. A
+/// time of milliseconds. Errors: kVersion (the file is newer than this program), kCorrupt. Thread: as the
+/// connection.
+Result<std::vector<std::string>> schemaFaults(Connection& connection);
+inline constexpr std::size_t kMaxSchemaFaults = 20;
+
 /// Migrates the database to the newest version, one transaction per migration: a failure leaves the previous
-/// version. Errors: kVersion (the file is newer than this program), kCorrupt (another program's database),
-/// kFailed. Writer's connection.
+/// version. Errors: kVersion (the file is newer than this program), kCorrupt (another program's database, or
+/// schemaFaults() finds something), kFailed. Writer's connection.
 Status migrate(Connection& connection);
 /// The same with the given files; fails unless they are named NNNN_… with numbers 1, 2, 3 … in order.
 Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations);

@@ -1,5 +1,7 @@
 #include "client/admin/app.h"
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <ctime>
@@ -125,6 +127,9 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   if (chosen.run_alone) {
     if (const auto done = chosen.run_alone(output); !done) return fail(err, done.error());
     return kExitDone;
+  }
+  if (!global.data.empty()) {
+    if (const auto owned = checkFolderUser(global.data, ::geteuid()); !owned) return fail(err, owned.error());
   }
   if (chosen.run_on_files) {
     if (global.data.empty() || !global.server.empty())

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <pwd.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -120,6 +121,24 @@ std::string localName() {
   const passwd* entry = ::getpwuid(::getuid());
   return "local:" + (entry != nullptr && entry->pw_name != nullptr ? std::string(entry->pw_name)
                                                                    : std::to_string(::getuid()));
+}
+
+Status checkFolderUser(const std::filesystem::path& folder, uid_t user) {
+  constexpr uid_t kRoot = 0;
+  struct stat info {};
+  if (user != kRoot ||
+      (::stat((folder / "needlelab.db").c_str(), &info) != 0 && ::stat(folder.c_str(), &info) != 0) ||
+      info.st_uid == kRoot)
+    return {};
+  const passwd* entry = ::getpwuid(info.st_uid);
+  const std::string owner = entry != nullptr && entry->pw_name != nullptr
+                                ? std::string(entry->pw_name)
+                                : "'#" + std::to_string(info.st_uid) + "'";
+  return Error{ErrorCode::kInvalidInput,
+               "--data " + folder.string() + ": belongs to " + owner +
+                   ", who could not read what root leaves there, so that the server would not start: run "
+                   "this as sudo -u " +
+                   owner + " needlelab-admin …"};
 }
 
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create,

@@ -1,6 +1,8 @@
 /// Executes requests on a running server, or directly on a stopped server's folder.
 #pragma once
 
+#include <sys/types.h>
+
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -25,6 +27,11 @@ class Backend {
   /// After a command that failed: removes a data folder that it made, where nothing was stored.
   virtual void discardIfNew() {}
 };
+
+/// kInvalidInput where `user` is root and the folder's database (without one, the folder) is another user's:
+/// the files that root would make there have mode 0600, and the server could not read them. Names the command
+/// that is right. Nothing is there: in order.
+Status checkFolderUser(const std::filesystem::path& folder, uid_t user);
 
 /// The audit log's name for a person who works directly on the folder: "local:" and the system's user.
 std::string localName();

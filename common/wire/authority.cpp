@@ -93,8 +93,7 @@ Result<std::string> permittedNames(const std::vector<std::string>& domains,
   return names;
 }
 
-Result<Authority> makeAuthority(const std::string& permitted) {
-  x509::Key key = x509::newKey();
+Result<Authority> makeAuthority(const std::string& permitted, x509::Key key) {
   if (!key) return opensslError("making the CA's key");
   ASSIGN_OR_RETURN(auto made, x509::draft(key.get(), "needlelab private CA", kAuthorityDays));
   X509* const ca = made.get();

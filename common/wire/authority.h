@@ -22,8 +22,8 @@ struct Authority {
 Result<std::string> permittedNames(const std::vector<std::string>& domains,
                                    const std::vector<std::string>& hosts);
 
-/// Makes an authority (20 years) in memory. `permitted` comes from permittedNames.
-Result<Authority> makeAuthority(const std::string& permitted);
+/// Makes an authority (20 years) over `key`, in memory. `permitted` comes from permittedNames.
+Result<Authority> makeAuthority(const std::string& permitted, x509::Key key = x509::newKey());
 
 /// The authority of ca.key and that certificate of ca.crt that fits it.
 Result<Authority> loadAuthority(const TlsFiles& files);

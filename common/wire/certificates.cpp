@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "common/base/files.h"
 #include "common/base/local_time.h"
@@ -119,6 +120,30 @@ std::vector<std::string> named(X509* authority, const CertificateNames& names) {
   return hosts;
 }
 
+/// Where there is no ca.crt: whether there was one. A new authority would shut out every station.
+Status checkNoneIsLost(const TlsFiles& files) {
+  for (const auto& left : {files.certificate, files.key, files.next_ca_certificate, files.next_ca_key}) {
+    std::error_code failed;
+    if (!std::filesystem::exists(left, failed) && !failed) continue;
+    return Error{ErrorCode::kInvalidInput,
+                 files.ca_certificate.string() + " is lost, " + left.string() +
+                     " is there: put ca.crt back, each enrolled station has a copy; only if no copy is left, "
+                     "move the folder " +
+                     files.ca_certificate.parent_path().string() +
+                     " away and start again, which makes another authority: then enrol every station anew"};
+  }
+  return {};
+}
+
+/// The key for a new authority: a start that was cut off left one, or it is made now. None is replaced.
+Result<x509::Key> keyForNewAuthority(const TlsFiles& files) {
+  std::error_code failed;
+  if (std::filesystem::exists(files.ca_key, failed)) return loadKey(files.ca_key);
+  x509::Key key = x509::newKey();
+  if (!key) return opensslError("making the CA's key");
+  return key;
+}
+
 }  // namespace
 
 TlsFiles tlsFilesIn(const std::filesystem::path& folder) {
@@ -157,8 +182,10 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
                  "cannot look at " + files.ca_certificate.string() + ": " + failed.message()};
   }
   if (!has_ca) {
+    RETURN_IF_ERROR(checkNoneIsLost(files));
     ASSIGN_OR_RETURN(const auto permitted, permittedNames(names.domains, hosts));
-    ASSIGN_OR_RETURN(const auto made, makeAuthority(permitted));
+    ASSIGN_OR_RETURN(auto key, keyForNewAuthority(files));
+    ASSIGN_OR_RETURN(const auto made, makeAuthority(permitted, std::move(key)));
     const auto signable = named(made.certificate.get(), names);
     // everything that can be refused is looked at before a file is written
     RETURN_IF_ERROR(checkSigns(made.certificate.get(), signable));

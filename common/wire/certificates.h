@@ -35,7 +35,8 @@ struct CertificateNames {
 /// localhost, private addresses, `domains` (without any: the names of `hosts` and `own`), and nothing else.
 /// Renews the server's certificate with the same CA when it lacks one of `hosts` or expires within 30 days;
 /// the new certificate keeps the names of the old one. Peers trust the CA and notice nothing. Returns true
-/// when a file was created. Errors: kInvalidInput for a name that the CA may not sign, for a CA or key that
+/// when a file was created. Errors: kInvalidInput for a name that the CA may not sign, for a CA that is lost
+/// (there is no ca.crt, but a file that was made with it; no key is ever replaced), for a CA or key that
 /// cannot be read, with the fault of the server's certificate in the message; kFailed when a file cannot be
 /// written.
 Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names);

@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdio>
@@ -118,10 +119,30 @@ Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
   return result;
 }
 
+/// Takes out whom the next start erases anew by one of `erasures`: their access is not valid again, and their
+/// name must not stand in a text that outlives the erasure.
+Status leaveOutErased(Connection& writer, std::vector<ErasureLine> erasures,
+                      std::vector<RestoredAccess>& again) {
+  ASSIGN_OR_RETURN(const auto known, writer.prepare("SELECT pseudonym FROM erasures").all(firstText));
+  std::erase_if(erasures, [&](const ErasureLine& line) {
+    return std::find(known.begin(), known.end(), line.pseudonym) != known.end();
+  });
+  std::error_code error;
+  // without the key nobody is erased anew: the server's log and `check` say so
+  if (erasures.empty() || !fs::exists(writer.path().parent_path() / "pseudonym.key", error)) return {};
+  ASSIGN_OR_RETURN(const auto key, ErasureStore(writer).key());
+  std::erase_if(again, [&](const RestoredAccess& one) {
+    const auto hash = key.nameHash(one.name);
+    return !one.station && std::any_of(erasures.begin(), erasures.end(),
+                                       [&](const ErasureLine& line) { return line.name_hash == hash; });
+  });
+  return {};
+}
+
 /// Records in the copy the accesses that the replaced database had withdrawn and the copy has not, so that
 /// any program that completes the restore reports them. Continues when the replaced database cannot be read.
 Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& from,
-                  std::int64_t now_unix_ns, RestoreResult& result) {
+                  const std::vector<ErasureLine>& erasures, std::int64_t now_unix_ns, RestoreResult& result) {
   std::error_code error;
   if (!fs::exists(replaced, error)) return {};
   auto old = Connection::open(replaced, {.mode = Connection::Mode::kReader});
@@ -131,6 +152,7 @@ Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& 
     auto again = accessValidAgain(*old, writer);
     if (again) {
       result.valid_again = std::move(*again);
+      RETURN_IF_ERROR(leaveOutErased(writer, erasures, result.valid_again));
     } else {
       result.not_compared = again.error().message;
     }
@@ -153,7 +175,8 @@ Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& 
 
 /// Migrates the copy to this program's schema, closes it without a log beside it, and then reads all of it.
 Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::path& replaced,
-                       std::int64_t now_unix_ns, RestoreResult& result) {
+                       const std::vector<ErasureLine>& erasures, std::int64_t now_unix_ns,
+                       RestoreResult& result) {
   {
     ASSIGN_OR_RETURN(auto writer,
                      Connection::open(copy, {.mode = Connection::Mode::kWriter, .copy_of = from}));
@@ -166,7 +189,7 @@ Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::pat
                       from.string(), checked.faults.front(), checked.faults.size())};
     result.sessions = checked.sessions;
     result.chunks = checked.chunks;
-    RETURN_IF_ERROR(noteAccess(writer, replaced, from, now_unix_ns, result));
+    RETURN_IF_ERROR(noteAccess(writer, replaced, from, erasures, now_unix_ns, result));
     // move everything into the one file that will be renamed
     RETURN_IF_ERROR(writer.checkpointPassive());
     RETURN_IF_ERROR(writer.script("PRAGMA journal_mode=DELETE"));
@@ -225,6 +248,12 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   ASSIGN_OR_RETURN(const auto lock, FolderLock::take(folder, "needlelab-admin restore"));
   RETURN_IF_ERROR(finishRestore(folder, link));
 
+  // who was erased since the backup was made, by the list here and by the one beside the backup, which is
+  // that of a machine that is lost
+  ASSIGN_OR_RETURN(const auto erasures, readErasures(from.parent_path(), kErasuresCopy));
+  ASSIGN_OR_RETURN(auto all_erasures, readErasures(folder));
+  all_erasures.insert(all_erasures.end(), erasures.begin(), erasures.end());
+
   const auto drop = [&] {
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
   };
@@ -235,14 +264,13 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   }
   auto result = checkCopy(copy, from);
   if (result)
-    if (auto done = migrateAndCheck(copy, from, database, now_unix_ns, *result); !done) result = done.error();
+    if (auto done = migrateAndCheck(copy, from, database, all_erasures, now_unix_ns, *result); !done)
+      result = done.error();
   if (!result) {
     drop();
     return result;
   }
 
-  // who was erased since the backup was made, by the list beside it: of a machine that is lost
-  ASSIGN_OR_RETURN(const auto erasures, readErasures(from.parent_path(), kErasuresCopy));
   if (auto added = addErasures(folder, erasures); !added) {
     drop();
     return added.error();

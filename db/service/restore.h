@@ -32,7 +32,8 @@ struct RestoreResult {
   std::filesystem::path kept;
   std::uint64_t sessions = 0, chunks = 0;  ///< in the restored database, all of them checked
   int schema = 0;                          ///< of the backup; an older one was migrated
-  /// Accesses that were withdrawn after the backup and are valid again: withdraw them again.
+  /// Accesses that were withdrawn after the backup and are valid again: withdraw them again. Without people
+  /// whom the next start erases anew.
   std::vector<RestoredAccess> valid_again;
   std::string not_compared;  ///< the reason when valid_again is unknown because the replaced database cannot
                              ///< be read; empty: known

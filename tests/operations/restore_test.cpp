@@ -267,6 +267,12 @@ TEST_F(RestoreTest, refusesWhatIsNoGoodBackupAndChangesNothing) {
   }
   refused(bad, ErrorCode::kVersion, "999");
   copyTo(bad);
+  std::string flipped = *readWholeFile(bad);
+  constexpr std::size_t kVersionAt = 60;  // of SQLite's header, big-endian
+  flipped[kVersionAt] = static_cast<char>(flipped[kVersionAt] ^ 0x80);
+  folder_.write("bad.db", flipped);
+  refused(bad, ErrorCode::kCorrupt, "its header says schema version -");
+  copyTo(bad);
   fs::resize_file(bad, fs::file_size(bad) / 2 / 4096 * 4096);
   refused(bad, ErrorCode::kCorrupt, "");
   folder_.write("bad.db", std::string(20'000, 'x'));

@@ -1,6 +1,8 @@
 #include "db/schema.h"
 
 #include <cstdlib>
+#include <string>
+#include <utility>
 
 #include "common/base/files.h"
 #include "db/check.h"
@@ -46,6 +48,50 @@ TEST(Migrate, aNewerSchemaIsRefusedByName) {
     EXPECT_NE(refused.error().message.find(std::to_string(newestSchemaVersion())), std::string::npos);
   }
   EXPECT_EQ(*schemaVersion(db.writer), 999);
+}
+
+TEST(Migrate, aFlippedBitInTheVersionOfTheHeaderIsDamage) {
+  test::TestDb db;
+  constexpr std::int64_t kFlipped = std::int64_t{1} << 31;
+  const std::string version = std::to_string(newestSchemaVersion() - kFlipped);
+  ASSERT_OK(db.writer.script("PRAGMA user_version=" + version));
+  const auto read = schemaVersion(db.writer);
+  ASSERT_FALSE(read);
+  for (const Error& refused :
+       {read.error(), migrate(db.writer).error(), requireNewestSchema(db.writer).error()}) {
+    EXPECT_EQ(refused.code, ErrorCode::kCorrupt);
+    EXPECT_NE(refused.message.find(version), std::string::npos) << refused.message;
+    EXPECT_NE(refused.message.find("restore a backup"), std::string::npos) << refused.message;
+  }
+}
+
+TEST(Migrate, whatSomebodyPutIntoTheSchemaChangedInItOrTookFromItIsRefusedByName) {
+  const std::string lying = "UPDATE audit SET who = 'mona', subject = 'nobody' WHERE id = NEW.id; END";
+  const std::pair<std::string, std::string> changes[] = {
+      {"CREATE TRIGGER evil AFTER INSERT ON audit BEGIN " + lying, "trigger 'evil' of 'audit'"},
+      {"CREATE VIEW spy AS SELECT * FROM people", "view 'spy'"},
+      {"CREATE TABLE stash (a INTEGER) STRICT", "table 'stash'"},
+      {"CREATE INDEX slow ON audit (who)", "index 'slow' of 'audit'"},
+      {"DROP TRIGGER quarantine_ends", "trigger 'quarantine_ends' of 'chunks' is missing"},
+      {"DROP TRIGGER sessions_opened; CREATE TRIGGER sessions_opened AFTER INSERT ON sessions BEGIN SELECT "
+       "1; END",
+       "trigger 'sessions_opened' of 'sessions' is not as needlelab makes it"},
+      {"ALTER TABLE meta ADD COLUMN more TEXT", "table 'meta' is not as needlelab makes it"}};
+  for (const auto& [sql, named] : changes) {
+    SCOPED_TRACE(sql);
+    test::TestDb db;
+    EXPECT_TRUE(test::TestDb::must(schemaFaults(db.writer)).empty());
+    ASSERT_OK(db.writer.script(sql));
+    const auto faults = test::TestDb::must(schemaFaults(db.writer));
+    ASSERT_EQ(faults.size(), 1u);
+    EXPECT_NE(faults.front().find(named), std::string::npos) << faults.front();
+    const auto refused = migrate(db.writer);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+    EXPECT_NE(refused.error().message.find(named), std::string::npos) << refused.error().message;
+    const auto check = test::TestDb::must(checkDatabase(db.writer));
+    EXPECT_EQ(check.faults, faults);
+  }
 }
 
 TEST(Migrate, anotherProgramsDatabaseIsLeftAlone) {
@@ -94,6 +140,7 @@ TEST(Migrate, filesOfEveryOldVersionKeepTheirContent) {
     auto connection = fresh(temporary);
     ASSERT_OK(connection.script(*sql));
     ASSERT_EQ(*schemaVersion(connection), version) << source;
+    EXPECT_TRUE(test::TestDb::must(schemaFaults(connection)).empty()) << source;
     ASSERT_OK(migrate(connection));
     const std::string found = test::dump(connection);
     const auto expected_file = folder / ("v" + std::to_string(version) + ".dump");

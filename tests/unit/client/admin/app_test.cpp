@@ -1,5 +1,6 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 #include <csignal>
@@ -47,6 +48,29 @@ TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
   EXPECT_EQ(bare.code, 2);
   EXPECT_NE(bare.err.find("has no time zone"), std::string::npos) << bare.err;
   EXPECT_EQ(good({"session", "show", id, "--json"}).code, 0);
+}
+
+TEST_F(Admin, rootIsRefusedOnTheFolderOfSomebodyElseWithTheRightCommand) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  const std::filesystem::path database = std::filesystem::path(data()) / "needlelab.db";
+  constexpr uid_t kOther = 61234;  // nobody's
+  const bool root = ::geteuid() == 0;
+  const std::string owner = root ? "'#61234'" : localName().substr(std::string("local:").size());
+  if (root) {
+    EXPECT_TRUE(checkFolderUser(data(), 0).ok()) << "its own";
+    ASSERT_EQ(::chown(database.c_str(), kOther, kOther), 0);
+    const Run refused = onData({"user", "list"});
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_NE(refused.err.find("sudo -u " + owner), std::string::npos) << refused.err;
+    EXPECT_EQ(onData({"certificate", "show"}).err, refused.err) << "also what opens no database";
+  }
+  const auto refused = checkFolderUser(data(), 0);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(refused.error().message.find("sudo -u " + owner + " needlelab-admin"), std::string::npos)
+      << refused.error().message;
+  EXPECT_TRUE(checkFolderUser(data(), kOther).ok()) << "who is not root gets what the files allow";
+  EXPECT_TRUE(checkFolderUser(folder.path() / "none", 0).ok());
 }
 
 TEST_F(Admin, setsUpAFolderBeforeTheFirstServerStart) {

@@ -292,6 +292,42 @@ TEST(Certificates, theMovedKeyIsTheSameAndNothingIsWrittenOver) {
   EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "the server starts without it";
 }
 
+TEST(Certificates, aLostAuthorityIsNotFollowedByAnotherWhateverIsLeftOfItsFiles) {
+  for (const auto kept : {&TlsFiles::certificate, &TlsFiles::key}) {
+    const TempFolder folder;
+    const auto files = tlsFilesIn(folder.path() / "tls");
+    ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+    const auto authority = *readWholeFile(files.ca_certificate), key = *readWholeFile(files.ca_key);
+    std::filesystem::remove(files.ca_certificate);
+    std::filesystem::remove(kept == &TlsFiles::key ? files.certificate : files.key);
+    const auto refused = ensureTlsFiles(files, {{"localhost"}});
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(refused.error().message, testing::HasSubstr(files.ca_certificate.string() + " is lost"));
+    EXPECT_THAT(refused.error().message, testing::HasSubstr((files.*kept).string()));
+    EXPECT_THAT(refused.error().message, testing::HasSubstr("put ca.crt back"));
+    EXPECT_FALSE(std::filesystem::exists(files.ca_certificate));
+    EXPECT_EQ(*readWholeFile(files.ca_key), key);
+    // a station's copy mends it, for all others, too
+    folder.write("tls/ca.crt", authority);
+    EXPECT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+    EXPECT_EQ(*readWholeFile(files.ca_key), key);
+  }
+}
+
+TEST(Tls, aKeyThatAFirstStartLeftWhenItWasCutOffIsTakenAndNotReplaced) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path() / "tls");
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  const auto key = *readWholeFile(files.ca_key);
+  const auto client = *makeClientTls(files.ca_certificate);
+  for (const auto& gone : {files.ca_certificate, files.certificate, files.key}) std::filesystem::remove(gone);
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  EXPECT_EQ(*readWholeFile(files.ca_key), key);
+  EXPECT_TRUE(handshake(*makeServerTls(files.certificate, files.key), client, "localhost").ok())
+      << "who trusts the authority of before goes on";
+}
+
 /// A writer of `path` that is killed before it has done.
 void leaveCutOff(const std::filesystem::path& path) {
   const pid_t child = ::fork();

@@ -183,6 +183,63 @@ TEST_F(AuditHeadTest, anOlderCopyPutBackByHandIsFoundAndARestoreIsNone) {
   EXPECT_THAT(verify().texts, testing::ElementsAre(HasSubstr("an older database was put in its place")));
 }
 
+// Both need only the file, no key, and the server itself would make the proofs of what they leave.
+TEST_F(AuditHeadTest, triggersThatForgeOrSwallowLinesAreFoundByVerifyAndRefusedAtTheStartAndInABackup) {
+  serve(1);
+  tamper(
+      "CREATE TRIGGER forge AFTER INSERT ON audit BEGIN UPDATE audit SET who = 'mona' WHERE id = NEW.id; END;"
+      "CREATE TRIGGER swallow AFTER INSERT ON audit_chain BEGIN"
+      " DELETE FROM audit_chain WHERE position = NEW.position; DELETE FROM audit WHERE id = NEW.line; END");
+  EXPECT_THAT(verify().texts, testing::ElementsAre(HasSubstr("trigger 'forge' of 'audit'"),
+                                                   HasSubstr("trigger 'swallow' of 'audit_chain'")));
+  const auto refused = Store::open(data(), {});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+  EXPECT_THAT(refused.error().message, HasSubstr("trigger 'forge' of 'audit'"));
+  const auto backup = folder.path() / "backup.db";
+  {
+    auto reader = TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kReader}));
+    EXPECT_EQ(backupTo(reader, backup).error().code, ErrorCode::kCorrupt);
+    auto writer = TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kWriter}));
+    ASSERT_OK(writer.run("VACUUM INTO ?", backup.string()));  // somebody else's
+  }
+  fs::create_directory(folder.path() / "other");
+  const auto restored = restoreFrom(folder.path() / "other", backup, kNow);
+  ASSERT_FALSE(restored);
+  EXPECT_EQ(restored.error().code, ErrorCode::kCorrupt);
+  EXPECT_THAT(restored.error().message,
+              AllOf(HasSubstr(backup.string()), HasSubstr("trigger 'forge' of 'audit'")));
+  tamper("DROP TRIGGER forge; DROP TRIGGER swallow");
+  serve(1);
+  EXPECT_THAT(verify().texts, IsEmpty());
+}
+
+TEST_F(AuditHeadTest, aFileThatIsThereButNotOursIsABreakAndNoneThatIsNotThere) {
+  serve(2);
+  const std::string right = TestDb::must(readWholeFile(data() / kAuditHeadFile, 1000));
+  std::string flipped = right;
+  flipped[right.size() / 2] = static_cast<char>(flipped[right.size() / 2] ^ 1);
+  std::uint64_t breaks = 0;
+  for (const std::string& wrong : {std::string(), flipped, right.substr(0, right.size() / 2)}) {
+    SCOPED_TRACE(wrong);
+    folder.write("data/audit.head", wrong);
+    serve();
+    EXPECT_EQ(verify().faults, ++breaks);
+    EXPECT_THAT(verify().texts.back(), AllOf(HasSubstr("nobody can tell how far the log had come"),
+                                             HasSubstr("audit.head: is not as a server")));
+    serve(1);
+    EXPECT_EQ(verify().faults, breaks) << "once";
+  }
+  // of another key: that of before was lost
+  fs::remove(data() / kAuditKeyFile);
+  serve();
+  EXPECT_THAT(verify().texts.back(), HasSubstr("nobody can tell how far the log had come"));
+  const auto faults = verify().faults;
+  fs::remove(data() / kAuditHeadFile);
+  serve();
+  EXPECT_EQ(verify().faults, faults) << "`verify` says so in a note";
+}
+
 // The text and its MAC were made by another program (Python's hashlib), as db/README.md describes them.
 TEST_F(AuditHeadTest, theFileIsTheOneThatItsPageDescribesAndNoByteOfItCanBeChanged) {
   const std::string right =

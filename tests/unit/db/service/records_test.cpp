@@ -332,6 +332,56 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   EXPECT_EQ(store->erasuresRepeated(), 0u);
 }
 
+TEST_F(Records, aRestoreDoesNotNameWhoIsErasedAnewAmongTheAccessesThatAreValidAgain) {
+  constexpr std::int64_t kLater = 1'900'000'000'000'000'000;
+  const auto data = folder.path() / "data";
+  const auto add = [&](const std::string& name, std::int64_t created_unix_ns) {
+    ASSERT_OK(change([&](Connection& c) {
+      return PeopleStore(c).add({name, pb::INSTRUCTOR, "a hash", false, created_unix_ns});
+    }));
+  };
+  const auto backUp = [&](const std::string& name) {
+    pb::Request backup;
+    backup.mutable_backup()->set_path((folder.path() / name).string());
+    get(admin, backup);
+  };
+  const auto disable = [&](const std::string& name) {
+    pb::Request request;
+    request.mutable_disable_user()->set_name(name);
+    get(admin, request);
+  };
+  const auto restored = [&](const std::string& name) {
+    store.reset();
+    std::vector<std::string> names;
+    const auto result = test::TestDb::must(restoreFrom(data, folder.path() / name, kLater));
+    for (const RestoredAccess& one : result.valid_again) names.push_back(one.name);
+    return names;
+  };
+  add("erwin", 1);
+  add("dora", 1);
+  backUp("before.db");
+  get(admin, erase("erwin"));
+  disable("dora");
+  EXPECT_EQ(restored("before.db"), std::vector<std::string>{"dora"});
+  {
+    // before anything opens it, which erases anew
+    auto reader = test::TestDb::must(Connection::open(data / "needlelab.db", {}));
+    const auto text = test::TestDb::must(MetaStore(reader).get("access_valid_again"));
+    EXPECT_EQ(text, "user dora: was disabled");
+    auto lines =
+        reader.prepare("SELECT count(*) FROM audit WHERE subject = 'erwin' OR detail LIKE '%erwin%'");
+    ASSERT_TRUE(*lines.step());
+    EXPECT_EQ(lines.integer(0), 0);
+  }
+  store = test::openStore(data);
+  EXPECT_EQ(store->erasuresRepeated(), 1u);
+  // another person of that name is named
+  add("erwin", kLater);
+  backUp("after.db");
+  disable("erwin");
+  EXPECT_EQ(restored("after.db"), std::vector<std::string>{"erwin"});
+}
+
 TEST_F(Records, aBackupThatIsRestoredOnAnotherMachineIsErasedAnewByTheListBesideIt) {
   addNamed("anna", "Anna A");
   const auto kept = folder.path() / "kept", other = folder.path() / "other";
