@@ -676,7 +676,11 @@ class BlockingClientTime : public testing::Test {
     LinkSettings settings;
     settings.seed = 7;
     settings.clock = clock_;
-    auto client = BlockingClient::connect(server.config(), settings);
+    auto config = server.config();
+    // a server that ends takes its files along
+    std::filesystem::copy_file(config.ca_file, folder_.path() / "ca.crt");
+    config.ca_file = folder_.path() / "ca.crt";
+    auto client = BlockingClient::connect(config, settings);
     ASSERT_TRUE(client.ok()) << client.error().message;
     client_.emplace(std::move(*client));
   }
@@ -686,6 +690,7 @@ class BlockingClientTime : public testing::Test {
     client_.reset();
   }
 
+  const test::TempFolder folder_;
   std::shared_ptr<TestClock> clock_ = std::make_shared<TestClock>();
   const std::int64_t begun_ns_ = clock_->steadyNs();
   std::optional<BlockingClient> client_;
