@@ -153,6 +153,11 @@ std::string withoutListed(std::string text, const std::string& name, const std::
   return text;
 }
 
+/// The detail of a line that says whose samples somebody read (db/service/session_handlers.cpp).
+std::string samplesOf(std::string_view name) {
+  return fmt::format("samples of '{}'", name);
+}
+
 /// In a group's line "…; name: 'The class'; joined: …", replaces names in the group's name.
 std::string withoutInGroupName(std::string text, const ErasedNames& names) {
   constexpr std::string_view kName = "; name: '";
@@ -310,6 +315,8 @@ AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
     without.detail = withoutInGroupName(withoutListed(line.detail, names.name, names.in_its_place), names);
   } else if (about || own_sessions.contains(line.subject)) {
     without.detail = withoutNames(without.detail, names, true);
+  } else if (line.action == "session export" && line.detail == samplesOf(names.name)) {
+    without.detail = samplesOf(names.in_its_place);  // the session was given to somebody else afterwards
   } else if (by || line.action == "attempt excuse" || line.action == "session assign") {
     without.detail = withoutNames(without.detail, names, false);
   }

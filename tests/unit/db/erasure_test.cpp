@@ -179,6 +179,24 @@ TEST_F(ErasureStoreTest, linesOfTheLogAboutOthersStayAsTheyWere) {
             "Bone hit; ANN-Maria and x looked at Page 3");
 }
 
+TEST_F(ErasureStoreTest, linesOfReadSamplesLoseTheNameAlsoWhereTheSessionIsSomebodyElsesNow) {
+  ASSERT_OK(PeopleStore(db.writer).add({"anna-lena", pb::TRAINEE, "", false, 1}));
+  const Uuid now_bens = session("ben", 1, true), own = session("anna", 1, true);
+  for (const auto& [id, detail] : {std::pair{now_bens, "samples of 'anna'"},
+                                   {own, "samples of 'anna'"},
+                                   {now_bens, "samples of 'ben'"},
+                                   {now_bens, "samples of 'anna-lena'"}})
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, "ina", "session export", uuidText(id), detail}));
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  EXPECT_EQ(erased->audit_lines(), 2u);
+  const std::string of_ben = "ina|session export|" + uuidText(now_bens) + "|";
+  EXPECT_EQ(auditLines(db.writer),
+            (std::vector<std::string>{of_ben + "samples of 'erased-1234'",
+                                      "ina|session export|" + uuidText(own) + "|samples of 'erased-1234'",
+                                      of_ben + "samples of 'ben'", of_ben + "samples of 'anna-lena'"}));
+}
+
 TEST_F(ErasureStoreTest, groupsKeepTheirNamesWithoutThePerson) {
   ASSERT_OK(PeopleStore(db.writer).add({"anna-lena", pb::TRAINEE, "", false, 1}));
   GroupStore groups(db.writer);
