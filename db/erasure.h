@@ -99,19 +99,26 @@ class ErasureStore {
     std::string pseudonym;
     std::int64_t unix_ns = 0;
   };
+  /// What was replaced in texts that are not about the person.
+  struct Elsewhere {
+    std::size_t remarks = 0, groups = 0, audit_lines = 0;
+    /// For the administrator; empty: nothing was.
+    [[nodiscard]] std::string text() const;
+  };
   /// The newest erasure of the name.
   Result<std::optional<Erased>> newestErasure(std::string_view name);
   Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
                        const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure);
-  Status eraseRemarks(const ErasedNames& names);
+  Status eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere);
   /// Replaces the person in the names of groups. Returns the ids that have the name: they stay, because
   /// assignments and addresses refer to them. `names`: without `others`.
-  Result<std::vector<std::string>> eraseInGroups(ErasedNames names);
+  Result<std::vector<std::string>> eraseInGroups(ErasedNames names, Elsewhere& elsewhere);
   /// Where the name is left, for the administrator; empty: nowhere.
   Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids);
   /// Texts that the name may still be in, by a plain search, for the administrator to look at; empty: none.
   Result<std::string> perhapsLeft(const ErasedNames& names);
-  Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure);
+  Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure,
+                    Elsewhere& elsewhere);
   Connection& connection_;
 };
 

@@ -212,15 +212,16 @@ std::string withoutName(const std::string& text, std::string_view name, std::str
   return without;
 }
 
-std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts) {
+std::string withoutNames(const std::string& text, const ErasedNames& names, bool own) {
   std::string without = text;
   for (const std::string& full_name : names.full_names)
     replaceWord(without, full_name, names.in_its_place, Case::kEither, names.others);
   // before the name, which may be a word of one
-  for (const std::string& given : names.given)
-    replaceWord(without, given, names.in_its_place, Case::kEither, names.others);
+  if (own)
+    for (const std::string& given : names.given)
+      replaceWord(without, given, names.in_its_place, Case::kEither, names.others);
   replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
-  if (!parts) return without;
+  if (!own) return without;
   for (const std::string& full_name : names.full_names) {
     eachPart(full_name, [&](std::string_view part) {
       replaceWord(without, part, names.in_its_place, Case::kOwn, names.others);

@@ -117,8 +117,10 @@ TEST_F(ErasureStoreTest, theReplyNamesTextsThatMayStillMeanThePerson) {
   ASSERT_OK(erased);
   EXPECT_EQ(
       erased->text(),
-      "These have the letters of a name of this person, as a part of another word or as a word of the full "
-      "name, and stay as they are; look whom they mean: 2 remarks, such as number 2, 3; 1 lines of the audit "
+      "The name was also replaced in: 1 remarks in sessions of others. "
+      "These have the letters of a name of this person, as a part of another word, as a word of the full "
+      "name or as a name that a station gave, and stay as they are; look whom they mean: 2 remarks, such as "
+      "number 2, 3; 1 lines of the audit "
       "log, such as 1; the reasons of 1 erasures, such as erased-1234. ");
 }
 
@@ -223,8 +225,13 @@ TEST_F(ErasureStoreTest, groupsKeepTheirNamesWithoutThePerson) {
   EXPECT_EQ(other->revision(), 1u);
   EXPECT_EQ(auditLines(db.writer).front(),
             "ada|group set|friends|revision 1; name: 'Friends of erased-1234, anna-lena'; joined: ben");
-  EXPECT_EQ(erased->text(),
-            "These have the name and stay as they are: the id of the group 'anna-2' (make the group anew). ");
+  EXPECT_EQ(
+      erased->text(),
+      "The name was also replaced in: 2 names of groups; 1 lines of the audit log about others. "
+      "These have the name and stay as they are: the id of the group 'anna-2' (make the group anew). "
+      "These have the letters of a name of this person, as a part of another word, as a word of the full "
+      "name or as a name that a station gave, and stay as they are; look whom they mean: the names of 1 "
+      "groups, such as friends. ");
 }
 
 TEST_F(ErasureStoreTest, wordsAboutTheDeviceGoFromOwnSessionsAndAreListedOfOthers) {
