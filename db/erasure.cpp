@@ -7,10 +7,8 @@
 #include <charconv>
 #include <functional>
 #include <map>
-#include <sstream>
 #include <utility>
 
-#include "common/base/files.h"
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "db/audit_chain.h"
@@ -58,9 +56,6 @@ constexpr std::string_view kNaming[] = {
     "exercise_references",
     "retention_policies",
 };
-
-/// The fourth cell of a line of DIR/erasures.
-constexpr std::string_view kWithWaiting = "with-waiting";
 
 /// Sessions that wait for a manager.
 constexpr std::string_view kWaiting = "(SELECT session FROM unknown_trainees WHERE by_whom IS NULL)";
@@ -507,7 +502,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) break;
-    ErasureLine line{rows.text(0), {}, rows.integer(2), false};
+    ErasureLine line{rows.text(0), {}, rows.integer(2)};
     const auto hash = rows.bytes(1);
     if (hash.size() != line.name_hash.size()) continue;
     std::copy(hash.begin(), hash.end(), line.name_hash.begin());
@@ -517,6 +512,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   }
   if (lines.empty()) return repeat;
   ASSIGN_OR_RETURN(const auto key, this->key());
+  dropFaulty(lines, key);
   // the first trace of each name; and the first that is not a session that waits
   auto names = connection_.prepare(
       fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
@@ -540,6 +536,13 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   }
 }
 
+Result<std::vector<std::string>> ErasureStore::listFaults(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
+  if (lines.empty()) return std::vector<std::string>();
+  ASSIGN_OR_RETURN(const auto key, this->key());
+  return erasureListFaults(folder / kErasuresFile, lines, key);
+}
+
 void clearDeviceWords(pb::SessionDescription& description) {
   description.clear_device();
   description.clear_axial_model();
@@ -554,58 +557,6 @@ std::string erasureToRepeatText(const ErasureToRepeat& erasure) {
          "needlelab-admin person "
          "erase '" +
          erasure.name + "' --confirm '" + erasure.name + "'";
-}
-
-Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
-  const auto path = folder / file;
-  std::vector<ErasureLine> lines;
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) return lines;
-  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, 16u << 20));
-  std::istringstream in(text);
-  for (std::string row; std::getline(in, row);) {
-    std::istringstream cells(row);
-    ErasureLine line;
-    std::string hex;
-    cells >> line.pseudonym >> hex >> line.unix_ns;
-    const auto bytes = bytesOfHex(hex);
-    if (!cells || !bytes || bytes->size() != line.name_hash.size())
-      return Error{ErrorCode::kCorrupt,
-                   fmt::format("{}: line {} is not a pseudonym, 64 digits and a time; it says which erasures "
-                               "a restored backup lacks: put back the file of this folder's last copy",
-                               path.string(), lines.size() + 1)};
-    std::copy(bytes->begin(), bytes->end(), line.name_hash.begin());
-    std::string more;
-    line.with_waiting = (cells >> more) && more == kWithWaiting;
-    lines.push_back(std::move(line));
-  }
-  return lines;
-}
-
-Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
-                     const char* file) {
-  std::string text;
-  for (const ErasureLine& line : lines)
-    text += fmt::format("{} {} {}{}\n", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns,
-                        line.with_waiting ? " " + std::string(kWithWaiting) : "");
-  return writeFileAtomically(folder / file, viewOf(text), 0600);
-}
-
-Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
-                   const char* file) {
-  ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
-  bool more = false;
-  for (const ErasureLine& line : lines) {
-    const auto there = std::find_if(all.begin(), all.end(),
-                                    [&](const auto& other) { return other.pseudonym == line.pseudonym; });
-    if (there != all.end() && there->unix_ns >= line.unix_ns) continue;
-    if (there != all.end())
-      *there = line;
-    else
-      all.push_back(line);
-    more = true;
-  }
-  return more ? writeErasures(folder, all, file) : Status();
 }
 
 }  // namespace needlelab

@@ -350,6 +350,14 @@ PseudonymKey::Hash PseudonymKey::nameHash(std::string_view name) const {
   return keyedHash(key_, "needlelab erased person", name);
 }
 
+std::string PseudonymKey::id() const {
+  return hexStart(keyedHash(key_, "needlelab pseudonym key"), 8);
+}
+
+std::string PseudonymKey::macOf(std::string_view line) const {
+  return hexStart(keyedHash(key_, "needlelab list of erasures", line), 16);
+}
+
 std::string PseudonymKey::ofPerson(std::string_view study, std::string_view name,
                                    std::int64_t created_unix_ns) const {
   return "p-" +

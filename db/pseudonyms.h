@@ -32,6 +32,10 @@ class PseudonymKey {
   /// Keyed BLAKE2b-256 of a name. With the key, a guessed name can be compared with it; the name cannot be
   /// recovered.
   [[nodiscard]] Hash nameHash(std::string_view name) const;
+  /// 16 hexadecimal digits that tell this key from others, and nothing of it.
+  [[nodiscard]] std::string id() const;
+  /// 32 hexadecimal digits: a MAC over a line of the list of erasures.
+  [[nodiscard]] std::string macOf(std::string_view line) const;
   /// "p-" and 16 hexadecimal digits, the same for a person throughout a study. Includes the person's
   /// `created_unix_ns`, so that a new person with an old name gets another pseudonym.
   [[nodiscard]] std::string ofPerson(std::string_view study, std::string_view name,

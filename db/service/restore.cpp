@@ -225,6 +225,9 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   ASSIGN_OR_RETURN(const auto lock, FolderLock::take(folder, "needlelab-admin restore"));
   RETURN_IF_ERROR(finishRestore(folder, link));
 
+  // who was erased since the backup was made, by the list beside it: of a machine that is lost
+  ASSIGN_OR_RETURN(auto erasures, erasuresBeside(from.parent_path(), folder));
+
   const auto drop = [&] {
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
   };
@@ -241,12 +244,11 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     return result;
   }
 
-  // who was erased since the backup was made, by the list beside it: of a machine that is lost
-  ASSIGN_OR_RETURN(const auto erasures, readErasures(from.parent_path(), kErasuresCopy));
-  if (auto added = addErasures(folder, erasures); !added) {
+  if (auto added = addErasures(folder, erasures.lines); !added) {
     drop();
     return added.error();
   }
+  result->erasure_notes = std::move(erasures.notes);
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore
   std::string kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns);

@@ -527,6 +527,91 @@ TEST_F(ErasureStoreTest, theListBesideABackupIsAddedToWithoutLosingALine) {
   EXPECT_TRUE(readErasures(beside.path())->empty()) << "another file";
 }
 
+TEST_F(ErasureStoreTest, linesOfTheListAreHeldByAMacOfTheKey) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const PseudonymKey other(PseudonymKey::Hash{7});
+  EXPECT_EQ(key->id().size(), 16u);
+  EXPECT_NE(key->id(), other.id());
+  ErasureLine made = line("anna", 77);
+  EXPECT_EQ(sealOf(made, *key), SealState::kNone);
+  made.with_waiting = true;
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(made, *key), line("ben", 88)}));
+  const auto lines = readErasures(db.folder.path());
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 2u);
+  const ErasureLine& read = lines->front();
+  EXPECT_EQ(sealOf(read, *key), SealState::kOurs);
+  EXPECT_TRUE(read.with_waiting);
+  EXPECT_EQ(read.unix_ns, 77);
+  EXPECT_EQ(sealOf(read, other), SealState::kOtherKey);
+  EXPECT_FALSE((*lines)[1].seal.has_value());
+  // each change shows
+  for (const int what : {0, 1, 2, 3, 4}) {
+    ErasureLine changed = read;
+    if (what == 0) changed.pseudonym += "0";
+    if (what == 1) changed.name_hash[31] ^= 1;
+    if (what == 2) changed.unix_ns += 1;
+    if (what == 3) changed.with_waiting = false;
+    if (what == 4) changed.seal->mac.clear();
+    EXPECT_EQ(sealOf(changed, *key), SealState::kBroken) << what;
+  }
+  // programs of before read the first four cells
+  const auto text = readWholeFile(db.folder.path() / kErasuresFile);
+  ASSERT_OK(text);
+  EXPECT_TRUE(
+      text->starts_with("erased-1234 " + hexDigitsOf(textOf(made.name_hash)) + " 77 with-waiting key="))
+      << *text;
+}
+
+TEST_F(ErasureStoreTest, linesThatWereChangedOrAreOfAnotherKeyAreToldAndNotObeyed) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  ErasureStore store(db.writer);
+  const auto faults = [&] {
+    const auto all = store.listFaults(db.folder.path());
+    EXPECT_OK(all);
+    return *all;
+  };
+  EXPECT_TRUE(faults().empty());
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(line("anna", 77), *key)}));
+  EXPECT_EQ(store.toRepeat(db.folder.path())->size(), 1u);
+  EXPECT_TRUE(faults().empty());
+  // a known hash under another pseudonym
+  ErasureLine forged = sealed(line("anna", 77), *key);
+  forged.pseudonym = "erased-5678";
+  ASSERT_OK(writeErasures(db.folder.path(), {forged}));
+  EXPECT_TRUE(store.toRepeat(db.folder.path())->empty());
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_NE(faults()[0].find("1 lines, such as that of erased-5678, were changed"), std::string::npos);
+  // another machine's list
+  const PseudonymKey other(PseudonymKey::Hash{7});
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed({"erased-9abc", other.nameHash("anna"), 77}, other)}));
+  EXPECT_TRUE(store.toRepeat(db.folder.path())->empty());
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_NE(faults()[0].find("another pseudonym.key (" + other.id() + ") than the one here (" + key->id()),
+            std::string::npos)
+      << faults()[0];
+}
+
+TEST_F(ErasureStoreTest, aLineBesideABackupThatWasChangedIsPutRight) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const test::TempFolder beside;
+  const ErasureLine made = sealed(line("anna", 77), *key);
+  ErasureLine later = made;
+  later.unix_ns = 99;
+  for (const ErasureLine& there : {later, line("anna", 77)}) {
+    ASSERT_OK(writeErasures(beside.path(), {there}, kErasuresCopy));
+    ASSERT_OK(addErasures(beside.path(), {made}, kErasuresCopy, &*key));
+    const auto lines = readErasures(beside.path(), kErasuresCopy);
+    ASSERT_OK(lines);
+    ASSERT_EQ(lines->size(), 1u);
+    EXPECT_EQ(sealOf((*lines)[0], *key), SealState::kOurs);
+    EXPECT_EQ((*lines)[0].unix_ns, 77);
+  }
+}
+
 TEST(Pseudonym, isStableWithinAStudyAndTellsNothingAcross) {
   const test::TempFolder folder;
   const auto key = PseudonymKey::ofFolder(folder.path());
