@@ -7,10 +7,8 @@
 #include <charconv>
 #include <functional>
 #include <map>
-#include <sstream>
 #include <utility>
 
-#include "common/base/files.h"
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "db/audit_chain.h"
@@ -58,9 +56,6 @@ constexpr std::string_view kNaming[] = {
     "exercise_references",
     "retention_policies",
 };
-
-/// The fourth cell of a line of DIR/erasures.
-constexpr std::string_view kWithWaiting = "with-waiting";
 
 /// Sessions that wait for a manager.
 constexpr std::string_view kWaiting = "(SELECT session FROM unknown_trainees WHERE by_whom IS NULL)";
@@ -121,7 +116,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
     std::erase(names.full_names, person->full_name);
     names.full_names.push_back(person->full_name);
   }
-  // names that its stations gave for this person: a misspelt one names it in remarks and the audit log too,
+  // names that its stations gave for this person: a misspelt one names it in its sessions' remarks and lines,
   // unless somebody has it by now
   ASSIGN_OR_RETURN(auto given, connection_
                                    .query("SELECT DISTINCT u.given FROM unknown_trainees u JOIN sessions s"
@@ -132,13 +127,14 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
                                    .all(firstText));
   names.given = std::move(given);
   // before the names of groups count as other names, which stay
-  ASSIGN_OR_RETURN(const auto group_ids, eraseInGroups(names));
+  Elsewhere elsewhere;
+  ASSIGN_OR_RETURN(const auto group_ids, eraseInGroups(names, elsewhere));
   RETURN_IF_ERROR(addOthers(connection_, names));
   pb::Erasure erasure;
   erasure.set_pseudonym(line.pseudonym);
   std::set<std::string> sessions;
   RETURN_IF_ERROR(eraseSessions(names, with_waiting, now_unix_ns, by, sessions, erasure));
-  RETURN_IF_ERROR(eraseRemarks(names));
+  RETURN_IF_ERROR(eraseRemarks(names, elsewhere));
   for (const std::string_view sql :
        {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
         "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id"
@@ -147,7 +143,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
     RETURN_IF_ERROR(connection_.run(sql, name));
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
-  RETURN_IF_ERROR(eraseWords(names, sessions, erasure));
+  RETURN_IF_ERROR(eraseWords(names, sessions, erasure, elsewhere));
   RETURN_IF_ERROR(connection_.run(
       "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
       " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
@@ -155,7 +151,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
       line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true)));
   ASSIGN_OR_RETURN(auto left, leftOver(names, group_ids));
   ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(names));
-  erasure.set_text(left + perhaps);
+  erasure.set_text(elsewhere.text() + left + perhaps);
   return erasure;
 }
 
@@ -257,9 +253,20 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, 
   return {};
 }
 
-Status ErasureStore::eraseRemarks(const ErasedNames& names) {
-  // remarks also name people in other people's sessions; parts of a full name are replaced only in the
-  // person's own sessions
+std::string ErasureStore::Elsewhere::text() const {
+  std::string text;
+  const auto add = [&](std::size_t count, std::string_view what) {
+    if (count > 0) text += (text.empty() ? "" : "; ") + fmt::format("{} {}", count, what);
+  };
+  add(remarks, "remarks in sessions of others");
+  add(groups, "names of groups");
+  add(audit_lines, "lines of the audit log about others");
+  return text.empty() ? text : "The name was also replaced in: " + text + ". ";
+}
+
+Status ErasureStore::eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere) {
+  // remarks also name people in other people's sessions; parts of a full name and given names are replaced
+  // only in the person's own sessions
   for (const bool own : {true, false}) {
     ASSIGN_OR_RETURN(
         const auto remarks,
@@ -270,13 +277,14 @@ Status ErasureStore::eraseRemarks(const ErasedNames& names) {
     for (const TextRow& remark : remarks) {
       const std::string text = withoutNames(remark.texts[0], names, own);
       if (text == remark.texts[0]) continue;
+      elsewhere.remarks += own ? 0 : 1;
       RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
     }
   }
   return {};
 }
 
-Result<std::vector<std::string>> ErasureStore::eraseInGroups(ErasedNames names) {
+Result<std::vector<std::string>> ErasureStore::eraseInGroups(ErasedNames names, Elsewhere& elsewhere) {
   RETURN_IF_ERROR(addOthers(connection_, names, false));
   struct Group {
     std::string id, name;
@@ -291,6 +299,7 @@ Result<std::vector<std::string>> ErasureStore::eraseInGroups(ErasedNames names) 
     if (withoutNames(group.id, names, false) != group.id) ids.push_back(group.id);
     const std::string name = withoutNames(group.name, names, false);
     if (name == group.name) continue;
+    ++elsewhere.groups;
     // another revision: an edit that was begun before would bring the name back
     RETURN_IF_ERROR(
         connection_.run("UPDATE groups SET name = ?, revision = revision + 1 WHERE id = ?", name, group.id));
@@ -303,7 +312,9 @@ Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
   std::string text;
   for (const std::string& id : group_ids)
     text += (text.empty() ? "" : "; ") + ("the id of the group '" + id + "' (make the group anew)");
-  const auto hasName = [&](const std::string& words) { return withoutNames(words, names, false) != words; };
+  ErasedNames whole = names;  // given names, too, but no parts of full names
+  whole.full_names.insert(whole.full_names.end(), names.given.begin(), names.given.end());
+  const auto hasName = [&](const std::string& words) { return withoutNames(words, whole, false) != words; };
   ASSIGN_OR_RETURN(const auto documents,
                    connection_
                        .prepare("SELECT 'profile', id, json FROM profiles UNION ALL"
@@ -347,12 +358,17 @@ Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
 Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
   struct Place {
     std::string_view what, sql;  // rows: what tells the text from others, and the text
+    bool of_groups = false;
   };
   constexpr Place kPlaces[] = {
       {"{} remarks, such as number {}", "SELECT id, text FROM annotations ORDER BY id"},
+      {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id", true},
       {"{} lines of the audit log, such as {}", "SELECT id, detail FROM audit ORDER BY id"},
       {"the reasons of {} erasures, such as {}", "SELECT pseudonym, reason FROM erasures ORDER BY pseudonym"},
   };
+  // a group's name would else count as another name that has this one
+  ErasedNames without_groups = names;
+  RETURN_IF_ERROR(addOthers(connection_, without_groups, false));
   constexpr std::size_t kNamed = 3;
   std::string text;
   for (const Place& place : kPlaces) {
@@ -362,20 +378,19 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
     for (;;) {
       ASSIGN_OR_RETURN(const bool more, rows.step());
       if (!more) break;
-      if (!mentions(rows.text(1), names)) continue;
+      if (!mentions(rows.text(1), place.of_groups ? without_groups : names)) continue;
       if (++found <= kNamed) some += (some.empty() ? "" : ", ") + rows.text(0);
     }
     if (found > 0) text += (text.empty() ? "" : "; ") + fmt::format(fmt::runtime(place.what), found, some);
   }
   if (text.empty()) return text;
-  return "These have the letters of a name of this person, as a part of another word or as a word of the "
-         "full "
-         "name, and stay as they are; look whom they mean: " +
+  return "These have the letters of a name of this person, as a part of another word, as a word of the full "
+         "name or as a name that a station gave, and stay as they are; look whom they mean: " +
          text + ". ";
 }
 
 Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::string>& sessions,
-                                pb::Erasure& erasure) {
+                                pb::Erasure& erasure, Elsewhere& elsewhere) {
   for (const auto& [table, column] : kDoers) {
     RETURN_IF_ERROR(connection_.run("UPDATE " + std::string(table) + " SET " + std::string(column) +
                                         " = ? WHERE " + std::string(column) + " = ?",
@@ -399,6 +414,9 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
         after.imported_by == before.imported_by)
       continue;
     erasure.set_audit_lines(erasure.audit_lines() + 1);
+    if (after.detail != before.detail && after.subject == before.subject &&
+        !sessions.contains(before.subject))
+      ++elsewhere.audit_lines;
     RETURN_IF_ERROR(
         connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
                         " imported_by = nullif(?4, '') WHERE id = ?5",
@@ -493,7 +511,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) break;
-    ErasureLine line{rows.text(0), {}, rows.integer(2), false};
+    ErasureLine line{rows.text(0), {}, rows.integer(2)};
     const auto hash = rows.bytes(1);
     if (hash.size() != line.name_hash.size()) continue;
     std::copy(hash.begin(), hash.end(), line.name_hash.begin());
@@ -503,6 +521,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   }
   if (lines.empty()) return repeat;
   ASSIGN_OR_RETURN(const auto key, this->key());
+  dropFaulty(lines, key);
   // the first trace of each name; and the first that is not a session that waits
   auto names = connection_.prepare(
       fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
@@ -529,6 +548,13 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   }
 }
 
+Result<std::vector<std::string>> ErasureStore::listFaults(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
+  if (lines.empty()) return std::vector<std::string>();
+  ASSIGN_OR_RETURN(const auto key, this->key());
+  return erasureListFaults(folder / kErasuresFile, lines, key);
+}
+
 void clearDeviceWords(pb::SessionDescription& description) {
   description.clear_device();
   description.clear_axial_model();
@@ -543,58 +569,6 @@ std::string erasureToRepeatText(const ErasureToRepeat& erasure) {
          "needlelab-admin person "
          "erase '" +
          erasure.name + "' --confirm '" + erasure.name + "'";
-}
-
-Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
-  const auto path = folder / file;
-  std::vector<ErasureLine> lines;
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) return lines;
-  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, 16u << 20));
-  std::istringstream in(text);
-  for (std::string row; std::getline(in, row);) {
-    std::istringstream cells(row);
-    ErasureLine line;
-    std::string hex;
-    cells >> line.pseudonym >> hex >> line.unix_ns;
-    const auto bytes = bytesOfHex(hex);
-    if (!cells || !bytes || bytes->size() != line.name_hash.size())
-      return Error{ErrorCode::kCorrupt,
-                   fmt::format("{}: line {} is not a pseudonym, 64 digits and a time; it says which erasures "
-                               "a restored backup lacks: put back the file of this folder's last copy",
-                               path.string(), lines.size() + 1)};
-    std::copy(bytes->begin(), bytes->end(), line.name_hash.begin());
-    std::string more;
-    line.with_waiting = (cells >> more) && more == kWithWaiting;
-    lines.push_back(std::move(line));
-  }
-  return lines;
-}
-
-Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
-                     const char* file) {
-  std::string text;
-  for (const ErasureLine& line : lines)
-    text += fmt::format("{} {} {}{}\n", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns,
-                        line.with_waiting ? " " + std::string(kWithWaiting) : "");
-  return writeFileAtomically(folder / file, viewOf(text), 0600);
-}
-
-Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
-                   const char* file) {
-  ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
-  bool more = false;
-  for (const ErasureLine& line : lines) {
-    const auto there = std::find_if(all.begin(), all.end(),
-                                    [&](const auto& other) { return other.pseudonym == line.pseudonym; });
-    if (there != all.end() && there->unix_ns >= line.unix_ns) continue;
-    if (there != all.end())
-      *there = line;
-    else
-      all.push_back(line);
-    more = true;
-  }
-  return more ? writeErasures(folder, all, file) : Status();
 }
 
 }  // namespace needlelab

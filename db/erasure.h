@@ -12,33 +12,12 @@
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
+#include "db/erasure_list.h"
 #include "db/pseudonyms.h"
 #include "needlelab/teaching.pb.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
-
-/// A line of DIR/erasures. A restore replaces the database but not this file.
-struct ErasureLine {
-  std::string pseudonym;
-  PseudonymKey::Hash name_hash{};
-  std::int64_t unix_ns = 0;
-  bool with_waiting = false;  ///< it took the sessions that waited for a manager, too
-};
-
-/// The list in the data folder, and the copy of it beside backups, which a restore on another machine adds to
-/// its own.
-inline constexpr const char* kErasuresFile = "erasures";
-inline constexpr const char* kErasuresCopy = "needlelab.erasures";
-
-/// Reads DIR/erasures; nothing when the file does not exist. kCorrupt.
-Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder,
-                                              const char* file = kErasuresFile);
-Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
-                     const char* file = kErasuresFile);
-/// Adds to the list `file` of `folder` what it lacks of `lines`; writes nothing when it lacks nothing.
-Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
-                   const char* file = kErasuresFile);
 
 /// An erased person who is in the database again, because a backup from before the erasure was restored.
 struct ErasureToRepeat {
@@ -101,28 +80,38 @@ class ErasureStore {
   /// stays empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
   /// Erased people, by DIR/erasures or by this database, who are in the database again: from a restored
-  /// backup or from imported older records. Sessions that an erasure here left waiting are not theirs. Empty
-  /// when all is well. kCorrupt: as key().
+  /// backup or from imported older records. Sessions that an erasure here left waiting are not theirs. Lines
+  /// that listFaults() tells are not obeyed. Empty when all is well. kCorrupt: as key().
   Result<std::vector<ErasureToRepeat>> toRepeat(const std::filesystem::path& folder);
+  /// Lines of DIR/erasures that another key made, or that were changed, for display; empty when all is well.
+  /// kCorrupt: as key().
+  Result<std::vector<std::string>> listFaults(const std::filesystem::path& folder);
 
  private:
   struct Erased {
     std::string pseudonym;
     std::int64_t unix_ns = 0;
   };
+  /// What was replaced in texts that are not about the person.
+  struct Elsewhere {
+    std::size_t remarks = 0, groups = 0, audit_lines = 0;
+    /// For the administrator; empty: nothing was.
+    [[nodiscard]] std::string text() const;
+  };
   /// The newest erasure of the name.
   Result<std::optional<Erased>> newestErasure(std::string_view name);
   Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
                        const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure);
-  Status eraseRemarks(const ErasedNames& names);
+  Status eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere);
   /// Replaces the person in the names of groups. Returns the ids that have the name: they stay, because
   /// assignments and addresses refer to them. `names`: without `others`.
-  Result<std::vector<std::string>> eraseInGroups(ErasedNames names);
+  Result<std::vector<std::string>> eraseInGroups(ErasedNames names, Elsewhere& elsewhere);
   /// Where the name is left, for the administrator; empty: nowhere.
   Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids);
   /// Texts that the name may still be in, by a plain search, for the administrator to look at; empty: none.
   Result<std::string> perhapsLeft(const ErasedNames& names);
-  Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure);
+  Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure,
+                    Elsewhere& elsewhere);
   Connection& connection_;
 };
 

@@ -153,6 +153,11 @@ std::string withoutListed(std::string text, const std::string& name, const std::
   return text;
 }
 
+/// The detail of a line that says whose samples somebody read (db/service/session_handlers.cpp).
+std::string samplesOf(std::string_view name) {
+  return fmt::format("samples of '{}'", name);
+}
+
 /// In a group's line "…; name: 'The class'; joined: …", replaces names in the group's name.
 std::string withoutInGroupName(std::string text, const ErasedNames& names) {
   constexpr std::string_view kName = "; name: '";
@@ -207,15 +212,16 @@ std::string withoutName(const std::string& text, std::string_view name, std::str
   return without;
 }
 
-std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts) {
+std::string withoutNames(const std::string& text, const ErasedNames& names, bool own) {
   std::string without = text;
   for (const std::string& full_name : names.full_names)
     replaceWord(without, full_name, names.in_its_place, Case::kEither, names.others);
   // before the name, which may be a word of one
-  for (const std::string& given : names.given)
-    replaceWord(without, given, names.in_its_place, Case::kEither, names.others);
+  if (own)
+    for (const std::string& given : names.given)
+      replaceWord(without, given, names.in_its_place, Case::kEither, names.others);
   replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
-  if (!parts) return without;
+  if (!own) return without;
   for (const std::string& full_name : names.full_names) {
     eachPart(full_name, [&](std::string_view part) {
       replaceWord(without, part, names.in_its_place, Case::kOwn, names.others);
@@ -310,6 +316,8 @@ AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
     without.detail = withoutInGroupName(withoutListed(line.detail, names.name, names.in_its_place), names);
   } else if (about || own_sessions.contains(line.subject)) {
     without.detail = withoutNames(without.detail, names, true);
+  } else if (line.action == "session export" && line.detail == samplesOf(names.name)) {
+    without.detail = samplesOf(names.in_its_place);  // the session was given to somebody else afterwards
   } else if (by || line.action == "attempt excuse" || line.action == "session assign") {
     without.detail = withoutNames(without.detail, names, false);
   }
@@ -340,6 +348,14 @@ Result<PseudonymKey> PseudonymKey::ofFolder(const std::filesystem::path& folder)
 
 PseudonymKey::Hash PseudonymKey::nameHash(std::string_view name) const {
   return keyedHash(key_, "needlelab erased person", name);
+}
+
+std::string PseudonymKey::id() const {
+  return hexStart(keyedHash(key_, "needlelab pseudonym key"), 8);
+}
+
+std::string PseudonymKey::macOf(std::string_view line) const {
+  return hexStart(keyedHash(key_, "needlelab list of erasures", line), 16);
 }
 
 std::string PseudonymKey::ofPerson(std::string_view study, std::string_view name,

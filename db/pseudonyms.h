@@ -32,6 +32,10 @@ class PseudonymKey {
   /// Keyed BLAKE2b-256 of a name. With the key, a guessed name can be compared with it; the name cannot be
   /// recovered.
   [[nodiscard]] Hash nameHash(std::string_view name) const;
+  /// 16 hexadecimal digits that tell this key from others, and nothing of it.
+  [[nodiscard]] std::string id() const;
+  /// 32 hexadecimal digits: a MAC over a line of the list of erasures.
+  [[nodiscard]] std::string macOf(std::string_view line) const;
   /// "p-" and 16 hexadecimal digits, the same for a person throughout a study. Includes the person's
   /// `created_unix_ns`, so that a new person with an old name gets another pseudonym.
   [[nodiscard]] std::string ofPerson(std::string_view study, std::string_view name,
@@ -61,13 +65,13 @@ struct ErasedNames {
   std::vector<std::string> full_names;  ///< current and earlier ones
   std::vector<std::string> others;      ///< names and ids of others that contain one of these
   std::string in_its_place;             ///< the pseudonym
-  std::vector<std::string> given;       ///< other names that stations gave for this person; never in parts
+  std::vector<std::string> given;       ///< what people typed at stations for this person: any word
 };
 
-/// Replaces name, given and full names as a whole, case-insensitively, except within one of `others`.
-/// `parts`: also replaces, case-sensitively, each word of a full name longer than two letters; for texts
-/// about this person.
-std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts);
+/// Replaces name and full names as a whole, case-insensitively, except within one of `others`. `own`, for
+/// texts about this person: also replaces given names, and, case-sensitively, each word of a full name longer
+/// than two letters. In other texts they may be a common word.
+std::string withoutNames(const std::string& text, const ErasedNames& names, bool own);
 /// True when the text has a name, a given or a full name, or a word of one, anywhere, in either case, but for
 /// `others`. It finds more than withoutNames() replaces: "Annabel" for "anna", and a part of a full name.
 bool mentions(std::string_view text, const ErasedNames& names);

@@ -82,7 +82,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   if (const std::size_t repeated = p.store->erasuresRepeated(); repeated > 0)
     logEvent(LogLevel::kWarning, "erasures_repeated", {{"people", repeated}});
   ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
-  for (const std::string& text : repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
+  for (const std::string& text : repeat) logEvent(LogLevel::kError, "erasure_to_repeat", {{"text", text}});
   if (!p.store->readOnly()) RETURN_IF_ERROR(logValidAgain(*p.store));
 
   p.files = tlsFilesIn(p.options.data / "tls");

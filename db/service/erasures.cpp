@@ -147,10 +147,12 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   ASSIGN_OR_RETURN(const auto repeat, ErasureStore(context.reader).toRepeat(folder));
   const auto again = std::find_if(repeat.begin(), repeat.end(),
                                   [&](const auto& erasure) { return erasure.name == call.name(); });
-  ErasureLine line{again != repeat.end() ? again->line.pseudonym : newErasurePseudonym(), hash,
-                   context.now_unix_ns, call.with_waiting_sessions()};
+  const ErasureLine line = sealed({again != repeat.end() ? again->line.pseudonym : newErasurePseudonym(),
+                                   hash, context.now_unix_ns, call.with_waiting_sessions()},
+                                  key);
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
+  sealOld(lines, key);
   RETURN_IF_ERROR(writeErasures(folder, lines));
 
   pb::Erasure erasure;
@@ -179,7 +181,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   // a restore of one of them on another machine must know, too; a stick that is not there learns it from the
   // next backup
   if (std::error_code missing; std::filesystem::is_directory(backups, missing))
-    (void)addErasures(backups, lines, kErasuresCopy);
+    (void)addErasures(backups, lines, kErasuresCopy, &key);
   const auto files = filesThatName(folder, backups, call.name());
   std::string named;
   for (const auto& file : files) {
@@ -268,7 +270,7 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
   for (;;) {
     ASSIGN_OR_RETURN(const auto row, rows.step());
     if (!row) break;
-    ErasureLine line{rows.text(0), {}, rows.integer(2), false};
+    ErasureLine line{rows.text(0), {}, rows.integer(2)};
     const auto bytes = rows.bytes(1);
     if (bytes.size() == line.name_hash.size()) {
       std::copy(bytes.begin(), bytes.end(), line.name_hash.begin());
@@ -278,6 +280,7 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
   if (all.lines_.empty()) return all;
   ASSIGN_OR_RETURN(auto key, ErasureStore(writer).key());
   all.key_ = key;
+  dropFaulty(all.lines_, key);
   return all;
 }
 

@@ -250,9 +250,9 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
 
   // who was erased since the backup was made, by the list here and by the one beside the backup, which is
   // that of a machine that is lost
-  ASSIGN_OR_RETURN(const auto erasures, readErasures(from.parent_path(), kErasuresCopy));
+  ASSIGN_OR_RETURN(auto erasures, erasuresBeside(from.parent_path(), folder));
   ASSIGN_OR_RETURN(auto all_erasures, readErasures(folder));
-  all_erasures.insert(all_erasures.end(), erasures.begin(), erasures.end());
+  all_erasures.insert(all_erasures.end(), erasures.lines.begin(), erasures.lines.end());
 
   const auto drop = [&] {
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
@@ -271,10 +271,11 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     return result;
   }
 
-  if (auto added = addErasures(folder, erasures); !added) {
+  if (auto added = addErasures(folder, erasures.lines); !added) {
     drop();
     return added.error();
   }
+  result->erasure_notes = std::move(erasures.notes);
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore
   std::string kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns);

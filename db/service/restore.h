@@ -35,6 +35,8 @@ struct RestoreResult {
   /// Accesses that were withdrawn after the backup and are valid again: withdraw them again. Without people
   /// whom the next start erases anew.
   std::vector<RestoredAccess> valid_again;
+  /// What there is to say about the list of erasures beside the backup (erasure_list.h).
+  std::vector<std::string> erasure_notes;
   std::string not_compared;  ///< the reason when valid_again is unknown because the replaced database cannot
                              ///< be read; empty: known
 };
@@ -48,7 +50,8 @@ struct RestoreResult {
 /// meta entry `access_valid_again` for the server's log. On a disk without hard links, renames the old
 /// database instead of linking it. `link`: link(2), or a test's replacement. Errors: kUnavailable (a server
 /// runs on DIR), kInvalidInput (no such file, or it is DIR's own database; the key is missing, is another
-/// one, or is given for a plain backup), kVersion (newer schema or format), kCorrupt (the backup or its copy
+/// one, or is given for a plain backup; the list of erasures beside the backup is of another pseudonym.key
+/// than DIR's), kVersion (newer schema or format), kCorrupt (the backup or its copy
 /// fails its check; nothing was changed), kFailed.
 Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
                                   std::int64_t now_unix_ns, LinkCall link = nullptr,

@@ -303,6 +303,8 @@ Result<std::vector<std::string>> Service::erasuresToRepeat() {
   if (!erasures) return erasures.error();
   std::vector<std::string> texts;
   for (const ErasureToRepeat& erasure : *erasures) texts.push_back(erasureToRepeatText(erasure));
+  ASSIGN_OR_RETURN(auto faults, ErasureStore(*reader).listFaults(readers_.path().parent_path()));
+  texts.insert(texts.end(), faults.begin(), faults.end());
   return texts;
 }
 

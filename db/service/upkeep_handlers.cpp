@@ -122,8 +122,13 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
     return recordBackup(writer, result, target, context.now_unix_ns);
   }));
   // so that a restore of an older backup on another machine knows whom to erase
-  ASSIGN_OR_RETURN(const auto erasures, readErasures(context.reader.path().parent_path()));
-  RETURN_IF_ERROR(addErasures(target.parent_path(), erasures, kErasuresCopy));
+  ASSIGN_OR_RETURN(auto erasures, readErasures(context.reader.path().parent_path()));
+  if (!erasures.empty()) {
+    const auto names_key = ErasureStore(context.reader).key();  // `check` says that it is missing
+    if (names_key) sealOld(erasures, *names_key);
+    RETURN_IF_ERROR(
+        addErasures(target.parent_path(), erasures, kErasuresCopy, names_key ? &*names_key : nullptr));
+  }
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
   done->set_disk(disk);
@@ -176,6 +181,12 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   for (const ErasureToRepeat& erasure : *repeat) {
     report->set_ok(false);
     report->add_faults(erasureToRepeatText(erasure));
+  }
+  ASSIGN_OR_RETURN(const auto list_faults,
+                   ErasureStore(context.reader).listFaults(context.reader.path().parent_path()));
+  for (const std::string& fault : list_faults) {
+    report->set_ok(false);
+    report->add_faults(fault);
   }
   return reply;
 }

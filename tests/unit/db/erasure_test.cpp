@@ -125,8 +125,10 @@ TEST_F(ErasureStoreTest, theReplyNamesTextsThatMayStillMeanThePerson) {
   ASSERT_OK(erased);
   EXPECT_EQ(
       erased->text(),
-      "These have the letters of a name of this person, as a part of another word or as a word of the full "
-      "name, and stay as they are; look whom they mean: 2 remarks, such as number 2, 3; 1 lines of the audit "
+      "The name was also replaced in: 1 remarks in sessions of others. "
+      "These have the letters of a name of this person, as a part of another word, as a word of the full "
+      "name or as a name that a station gave, and stay as they are; look whom they mean: 2 remarks, such as "
+      "number 2, 3; 1 lines of the audit "
       "log, such as 1; the reasons of 1 erasures, such as erased-1234. ");
 }
 
@@ -187,6 +189,24 @@ TEST_F(ErasureStoreTest, linesOfTheLogAboutOthersStayAsTheyWere) {
             "Bone hit; ANN-Maria and x looked at Page 3");
 }
 
+TEST_F(ErasureStoreTest, linesOfReadSamplesLoseTheNameAlsoWhereTheSessionIsSomebodyElsesNow) {
+  ASSERT_OK(PeopleStore(db.writer).add({"anna-lena", pb::TRAINEE, "", false, 1}));
+  const Uuid now_bens = session("ben", 1, true), own = session("anna", 1, true);
+  for (const auto& [id, detail] : {std::pair{now_bens, "samples of 'anna'"},
+                                   {own, "samples of 'anna'"},
+                                   {now_bens, "samples of 'ben'"},
+                                   {now_bens, "samples of 'anna-lena'"}})
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, "ina", "session export", uuidText(id), detail}));
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  EXPECT_EQ(erased->audit_lines(), 2u);
+  const std::string of_ben = "ina|session export|" + uuidText(now_bens) + "|";
+  EXPECT_EQ(auditLines(db.writer),
+            (std::vector<std::string>{of_ben + "samples of 'erased-1234'",
+                                      "ina|session export|" + uuidText(own) + "|samples of 'erased-1234'",
+                                      of_ben + "samples of 'ben'", of_ben + "samples of 'anna-lena'"}));
+}
+
 TEST_F(ErasureStoreTest, groupsKeepTheirNamesWithoutThePerson) {
   ASSERT_OK(PeopleStore(db.writer).add({"anna-lena", pb::TRAINEE, "", false, 1}));
   GroupStore groups(db.writer);
@@ -213,8 +233,13 @@ TEST_F(ErasureStoreTest, groupsKeepTheirNamesWithoutThePerson) {
   EXPECT_EQ(other->revision(), 1u);
   EXPECT_EQ(auditLines(db.writer).front(),
             "ada|group set|friends|revision 1; name: 'Friends of erased-1234, anna-lena'; joined: ben");
-  EXPECT_EQ(erased->text(),
-            "These have the name and stay as they are: the id of the group 'anna-2' (make the group anew). ");
+  EXPECT_EQ(
+      erased->text(),
+      "The name was also replaced in: 2 names of groups; 1 lines of the audit log about others. "
+      "These have the name and stay as they are: the id of the group 'anna-2' (make the group anew). "
+      "These have the letters of a name of this person, as a part of another word, as a word of the full "
+      "name or as a name that a station gave, and stay as they are; look whom they mean: the names of 1 "
+      "groups, such as friends. ");
 }
 
 TEST_F(ErasureStoreTest, wordsAboutTheDeviceGoFromOwnSessionsAndAreListedOfOthers) {
@@ -551,6 +576,91 @@ TEST_F(ErasureStoreTest, theListBesideABackupIsAddedToWithoutLosingALine) {
   EXPECT_FALSE((*lines)[1].with_waiting);
   EXPECT_EQ((*lines)[1].name_hash, second.name_hash);
   EXPECT_TRUE(readErasures(beside.path())->empty()) << "another file";
+}
+
+TEST_F(ErasureStoreTest, linesOfTheListAreHeldByAMacOfTheKey) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const PseudonymKey other(PseudonymKey::Hash{7});
+  EXPECT_EQ(key->id().size(), 16u);
+  EXPECT_NE(key->id(), other.id());
+  ErasureLine made = line("anna", 77);
+  EXPECT_EQ(sealOf(made, *key), SealState::kNone);
+  made.with_waiting = true;
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(made, *key), line("ben", 88)}));
+  const auto lines = readErasures(db.folder.path());
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 2u);
+  const ErasureLine& read = lines->front();
+  EXPECT_EQ(sealOf(read, *key), SealState::kOurs);
+  EXPECT_TRUE(read.with_waiting);
+  EXPECT_EQ(read.unix_ns, 77);
+  EXPECT_EQ(sealOf(read, other), SealState::kOtherKey);
+  EXPECT_FALSE((*lines)[1].seal.has_value());
+  // each change shows
+  for (const int what : {0, 1, 2, 3, 4}) {
+    ErasureLine changed = read;
+    if (what == 0) changed.pseudonym += "0";
+    if (what == 1) changed.name_hash[31] ^= 1;
+    if (what == 2) changed.unix_ns += 1;
+    if (what == 3) changed.with_waiting = false;
+    if (what == 4) changed.seal->mac.clear();
+    EXPECT_EQ(sealOf(changed, *key), SealState::kBroken) << what;
+  }
+  // programs of before read the first four cells
+  const auto text = readWholeFile(db.folder.path() / kErasuresFile);
+  ASSERT_OK(text);
+  EXPECT_TRUE(
+      text->starts_with("erased-1234 " + hexDigitsOf(textOf(made.name_hash)) + " 77 with-waiting key="))
+      << *text;
+}
+
+TEST_F(ErasureStoreTest, linesThatWereChangedOrAreOfAnotherKeyAreToldAndNotObeyed) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  ErasureStore store(db.writer);
+  const auto faults = [&] {
+    const auto all = store.listFaults(db.folder.path());
+    EXPECT_OK(all);
+    return *all;
+  };
+  EXPECT_TRUE(faults().empty());
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(line("anna", 77), *key)}));
+  EXPECT_EQ(store.toRepeat(db.folder.path())->size(), 1u);
+  EXPECT_TRUE(faults().empty());
+  // a known hash under another pseudonym
+  ErasureLine forged = sealed(line("anna", 77), *key);
+  forged.pseudonym = "erased-5678";
+  ASSERT_OK(writeErasures(db.folder.path(), {forged}));
+  EXPECT_TRUE(store.toRepeat(db.folder.path())->empty());
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_NE(faults()[0].find("1 lines, such as that of erased-5678, were changed"), std::string::npos);
+  // another machine's list
+  const PseudonymKey other(PseudonymKey::Hash{7});
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed({"erased-9abc", other.nameHash("anna"), 77}, other)}));
+  EXPECT_TRUE(store.toRepeat(db.folder.path())->empty());
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_NE(faults()[0].find("another pseudonym.key (" + other.id() + ") than the one here (" + key->id()),
+            std::string::npos)
+      << faults()[0];
+}
+
+TEST_F(ErasureStoreTest, aLineBesideABackupThatWasChangedIsPutRight) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const test::TempFolder beside;
+  const ErasureLine made = sealed(line("anna", 77), *key);
+  ErasureLine later = made;
+  later.unix_ns = 99;
+  for (const ErasureLine& there : {later, line("anna", 77)}) {
+    ASSERT_OK(writeErasures(beside.path(), {there}, kErasuresCopy));
+    ASSERT_OK(addErasures(beside.path(), {made}, kErasuresCopy, &*key));
+    const auto lines = readErasures(beside.path(), kErasuresCopy);
+    ASSERT_OK(lines);
+    ASSERT_EQ(lines->size(), 1u);
+    EXPECT_EQ(sealOf((*lines)[0], *key), SealState::kOurs);
+    EXPECT_EQ((*lines)[0].unix_ns, 77);
+  }
 }
 
 TEST(Pseudonym, isStableWithinAStudyAndTellsNothingAcross) {

@@ -408,5 +408,111 @@ TEST_F(Records, aBackupThatIsRestoredOnAnotherMachineIsErasedAnewByTheListBeside
   EXPECT_TRUE(verdict->ok()) << verdict->texts.front();
 }
 
+/// Restores on another machine, with the list beside the backup.
+class RestoreElsewhere : public Records {
+ protected:
+  /// A backup of before anna's erasure, with the list beside it.
+  void SetUp() override {
+    Records::SetUp();
+    for (const char* name : {"anna", "ben"}) addNamed(name, "");
+    for (const auto& made : {kept, other}) std::filesystem::create_directory(made);
+    pb::Request backup;
+    backup.mutable_backup()->set_path((kept / "before.db").string());
+    get(admin, backup);
+    pseudonym = get(admin, erase("anna")).erasure().pseudonym();
+    std::filesystem::copy_file(folder.path() / "data/audit.key", other / "audit.key");
+  }
+  void useKey() {
+    std::filesystem::copy_file(folder.path() / "data/pseudonym.key", other / "pseudonym.key",
+                               std::filesystem::copy_options::overwrite_existing);
+  }
+  Result<RestoreResult> restored() {
+    return restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000);
+  }
+  /// Opens the restored store. Who of anna and ben is in it.
+  std::vector<std::string> people() {
+    const auto opened = test::openStore(other);
+    faults = *opened->service().erasuresToRepeat();
+    auto reader = opened->readers().borrow();
+    EXPECT_OK(reader);
+    std::vector<std::string> found;
+    for (const char* name : {"anna", "ben"})
+      if (PeopleStore(**reader).find(name)->has_value()) found.emplace_back(name);
+    return found;
+  }
+  using Names = std::vector<std::string>;
+  const std::filesystem::path kept = folder.path() / "kept", other = folder.path() / "other";
+  std::string pseudonym;
+  Names faults;
+};
+
+TEST_F(RestoreElsewhere, isRefusedWhereAnotherKeyLies) {
+  ASSERT_OK(PseudonymKey::ofFolder(other));  // as a study export makes it
+  const auto refused = restored();
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(refused.error().message.find("such as " + pseudonym + ", were made with another pseudonym.key"),
+            std::string::npos)
+      << refused.error().message;
+  EXPECT_FALSE(std::filesystem::exists(other / "needlelab.db")) << "nothing was changed";
+  EXPECT_FALSE(std::filesystem::exists(other / "needlelab.db.restoring"));
+  useKey();
+  ASSERT_OK(restored());
+  EXPECT_EQ(people(), Names{"ben"});
+  EXPECT_TRUE(faults.empty());
+}
+
+TEST_F(RestoreElsewhere, isToldByTheStartAndByCheckWhenAnotherKeyIsPutThereAfterwards) {
+  ASSERT_OK(restored());
+  ASSERT_OK(PseudonymKey::ofFolder(other));
+  EXPECT_EQ(people(), (Names{"anna", "ben"}));
+  ASSERT_EQ(faults.size(), 1u);
+  EXPECT_NE(faults[0].find("another pseudonym.key"), std::string::npos) << faults[0];
+  {
+    const auto opened = test::openStore(other);
+    pb::Request check;
+    check.mutable_check();
+    const auto report = opened->service().execute(admin, check).reply.check_report();
+    EXPECT_FALSE(report.ok());
+    ASSERT_EQ(report.faults_size(), 1);
+    EXPECT_EQ(report.faults(0), faults[0]);
+  }
+  useKey();
+  EXPECT_EQ(people(), Names{"ben"});
+  EXPECT_TRUE(faults.empty());
+}
+
+TEST_F(RestoreElsewhere, doesNotObeyLinesThatSomebodyPutIntoTheList) {
+  useKey();
+  // who has seen a hash writes it under another pseudonym; the other line is as a version of before wrote it
+  auto lines = test::TestDb::must(readErasures(kept, kErasuresCopy));
+  ASSERT_EQ(lines.size(), 1u);
+  const auto bens = PseudonymKey::ofFolder(other)->nameHash("ben");
+  lines.push_back({"erased-5678", bens, 1'900'000'000'000'000'000, true, lines[0].seal});
+  lines.push_back({"erased-9abc", bens, 1'900'000'000'000'000'000, true});
+  ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
+  const auto done = restored();
+  ASSERT_OK(done);
+  ASSERT_EQ(done->erasure_notes.size(), 2u);
+  EXPECT_NE(done->erasure_notes[0].find("erased-5678, were changed"), std::string::npos);
+  EXPECT_NE(done->erasure_notes[1].find("erased-9abc, have no MAC, although"), std::string::npos);
+  EXPECT_EQ(people(), Names{"ben"});
+  EXPECT_EQ(readErasures(other)->size(), 1u);
+}
+
+TEST_F(RestoreElsewhere, takesAListOfBeforeTheMacsWithANote) {
+  useKey();
+  auto lines = test::TestDb::must(readErasures(kept, kErasuresCopy));
+  for (ErasureLine& line : lines) line.seal.reset();
+  ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
+  const auto done = restored();
+  ASSERT_OK(done);
+  ASSERT_EQ(done->erasure_notes.size(), 1u);
+  EXPECT_NE(done->erasure_notes[0].find("1 lines have no MAC, because a version of before"),
+            std::string::npos);
+  EXPECT_EQ(people(), Names{"ben"});
+  EXPECT_TRUE(readErasures(other)->at(0).seal.has_value()) << "from now on it has one";
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -337,20 +337,47 @@ TEST_F(UnknownTrainees, leaveNoNameBehindWhenThePersonIsErased) {
   addNamed("tom");
   addPerson("ada", pb::ADMINISTRATOR);
   addPerson("mia", pb::CURRICULUM_MANAGER);
-  const Uuid ghosts = attempt("tom smyth", "first", true), others = attempt("guest", "first", true);
+  const Uuid ghosts = attempt("tom smyth", "first", true);
   auto assign = assignTo(ghosts, "tom");
   assign.mutable_assign_session()->set_reason("Tom Smyth, says the list, is tom");
   get(manager, assign);
-  for (const Uuid& session : {ghosts, others}) {
-    pb::Request remark;
-    remark.mutable_annotate()->set_session_id(test::bytesOfId(session));
-    remark.mutable_annotate()->set_text("tom smyth again");
-    get(instructor, remark);
-  }
+  pb::Request remark;
+  remark.mutable_annotate()->set_session_id(test::bytesOfId(ghosts));
+  remark.mutable_annotate()->set_text("tom smyth again");
+  get(instructor, remark);
   EXPECT_TRUE(names("tom smyth"));
   get(admin, erase("tom"));
   for (const char* name : {"tom smyth", "Tom Smyth", "smyth", "Smyth", "'tom'", "to tom", "is tom"})
     EXPECT_FALSE(names(name)) << name;
+}
+
+TEST_F(UnknownTrainees, takeNoWordOutOfTextsAboutOthersWhenThePersonIsErased) {
+  for (const char* name : {"tom", "ben"}) addNamed(name);
+  addPerson("ada", pb::ADMINISTRATOR);
+  addPerson("mia", pb::CURRICULUM_MANAGER);
+  // anybody can type a word as a name at a station
+  const Uuid first = attempt("the", "first", true), second = attempt("not", "first", true),
+             others = attempt("ben", "first", true);
+  for (const Uuid& session : {first, second}) get(manager, assignTo(session, "tom"));
+  for (const Uuid& session : {first, others}) {
+    pb::Request remark;
+    remark.mutable_annotate()->set_session_id(test::bytesOfId(session));
+    remark.mutable_annotate()->set_text("the needle was not held still, as tom knows");
+    get(instructor, remark);
+  }
+  pb::Request excuse;
+  excuse.mutable_excuse_attempt()->set_session_id(test::bytesOfId(others));
+  excuse.mutable_excuse_attempt()->set_excused(true);
+  excuse.mutable_excuse_attempt()->set_reason("the glove was not on");
+  get(manager, excuse);
+  const auto erasure = get(admin, erase("tom")).erasure();
+  const std::string& x = erasure.pseudonym();
+  EXPECT_TRUE(names(x + " needle was " + x + " held still, as " + x + " knows")) << "in the own session";
+  EXPECT_TRUE(names("the needle was not held still, as " + x + " knows")) << "in ben's";
+  EXPECT_TRUE(names("the glove was not on"));
+  EXPECT_THAT(erasure.text(), HasSubstr("The name was also replaced in: 1 remarks in sessions of others. "));
+  EXPECT_THAT(erasure.text(), HasSubstr("as a name that a station gave, and stay as they are; look whom they "
+                                        "mean: 1 remarks, such as number "));
 }
 
 TEST_F(UnknownTrainees, stayWhenTheAccountThatGotTheirNameIsErasedUntilTheirNameIs) {

@@ -1,0 +1,191 @@
+#include "db/erasure_list.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <sstream>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include "common/base/bytes.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
+
+namespace needlelab {
+namespace {
+
+// cells behind the time
+constexpr std::string_view kWithWaiting = "with-waiting";
+constexpr std::string_view kKey = "key=";
+constexpr std::string_view kMac = "mac=";
+
+/// What the MAC holds: the line without it.
+std::string bareText(const ErasureLine& line) {
+  return fmt::format("{} {} {}{}", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns,
+                     line.with_waiting ? " " + std::string(kWithWaiting) : "");
+}
+
+/// How many lines are in this state, and the pseudonym of the first.
+struct Found {
+  std::size_t count = 0;
+  const ErasureLine* first = nullptr;
+};
+Found inState(const std::vector<ErasureLine>& lines, const PseudonymKey& key, SealState state) {
+  Found found;
+  for (const ErasureLine& line : lines) {
+    if (sealOf(line, key) != state) continue;
+    if (found.count++ == 0) found.first = &line;
+  }
+  return found;
+}
+
+std::string otherKeyText(const std::filesystem::path& path, const Found& found, const PseudonymKey& key) {
+  return fmt::format(
+      "{}: {} erasures, such as {}, were made with another pseudonym.key ({}) than the one here ({}): nobody "
+      "can tell who these people were, and a restored backup brings them back. Put the pseudonym.key of the "
+      "machine that erased them into place (deploy/OPERATIONS.md)",
+      path.string(), found.count, printable(found.first->pseudonym), printable(found.first->seal->key),
+      key.id());
+}
+
+std::string notObeyedText(const std::filesystem::path& path, const Found& found, std::string_view why) {
+  return fmt::format(
+      "{}: {} lines, such as that of {}, {}: they are not obeyed. Put back an older copy of the file, and "
+      "look who was erased (needlelab-admin audit)",
+      path.string(), found.count, printable(found.first->pseudonym), why);
+}
+
+}  // namespace
+
+Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
+  const auto path = folder / file;
+  std::vector<ErasureLine> lines;
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return lines;
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, 16u << 20));
+  std::istringstream in(text);
+  for (std::string row; std::getline(in, row);) {
+    std::istringstream cells(row);
+    ErasureLine line;
+    std::string hex;
+    cells >> line.pseudonym >> hex >> line.unix_ns;
+    const auto bytes = bytesOfHex(hex);
+    if (!cells || !bytes || bytes->size() != line.name_hash.size())
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("{}: line {} is not a pseudonym, 64 digits and a time; it says which erasures "
+                               "a restored backup lacks: put back the file of this folder's last copy",
+                               path.string(), lines.size() + 1)};
+    std::copy(bytes->begin(), bytes->end(), line.name_hash.begin());
+    for (std::string more; cells >> more;) {
+      const bool is_key = more.starts_with(kKey), is_mac = more.starts_with(kMac);
+      if (more == kWithWaiting) line.with_waiting = true;
+      if (!is_key && !is_mac) continue;
+      if (!line.seal) line.seal.emplace();
+      (is_key ? line.seal->key : line.seal->mac) = more.substr(kKey.size());
+    }
+    lines.push_back(std::move(line));
+  }
+  return lines;
+}
+
+Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                     const char* file) {
+  std::string text;
+  for (const ErasureLine& line : lines) {
+    text += bareText(line);
+    if (line.seal) text += fmt::format(" {}{} {}{}", kKey, line.seal->key, kMac, line.seal->mac);
+    text += '\n';
+  }
+  return writeFileAtomically(folder / file, viewOf(text), 0600);
+}
+
+Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                   const char* file, const PseudonymKey* key) {
+  ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
+  bool more = false;
+  for (const ErasureLine& line : lines) {
+    const auto there = std::find_if(all.begin(), all.end(),
+                                    [&](const auto& other) { return other.pseudonym == line.pseudonym; });
+    if (there == all.end()) {
+      all.push_back(line);
+    } else {
+      const bool holds_better = key != nullptr && sealOf(line, *key) == SealState::kOurs &&
+                                sealOf(*there, *key) != SealState::kOurs;
+      if (there->unix_ns >= line.unix_ns && !holds_better) continue;
+      *there = line;
+    }
+    more = true;
+  }
+  return more ? writeErasures(folder, all, file) : Status();
+}
+
+ErasureLine sealed(ErasureLine line, const PseudonymKey& key) {
+  line.seal = ErasureSeal{key.id(), key.macOf(bareText(line))};
+  return line;
+}
+
+void sealOld(std::vector<ErasureLine>& lines, const PseudonymKey& key) {
+  for (ErasureLine& line : lines)
+    if (!line.seal) line = sealed(std::move(line), key);
+}
+
+SealState sealOf(const ErasureLine& line, const PseudonymKey& key) {
+  if (!line.seal) return SealState::kNone;
+  if (line.seal->key != key.id()) return SealState::kOtherKey;
+  return line.seal->mac == key.macOf(bareText(line)) ? SealState::kOurs : SealState::kBroken;
+}
+
+std::vector<std::string> erasureListFaults(const std::filesystem::path& path,
+                                           const std::vector<ErasureLine>& lines, const PseudonymKey& key) {
+  std::vector<std::string> faults;
+  const Found others = inState(lines, key, SealState::kOtherKey);
+  if (others.count > 0) faults.push_back(otherKeyText(path, others, key));
+  const Found broken = inState(lines, key, SealState::kBroken);
+  if (broken.count > 0) faults.push_back(notObeyedText(path, broken, "were changed: their MAC is wrong"));
+  return faults;
+}
+
+void dropFaulty(std::vector<ErasureLine>& lines, const PseudonymKey& key) {
+  std::erase_if(lines, [&](const ErasureLine& line) {
+    const SealState state = sealOf(line, key);
+    return state == SealState::kOtherKey || state == SealState::kBroken;
+  });
+}
+
+Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
+                                      const std::filesystem::path& folder) {
+  ErasuresBeside beside;
+  ASSIGN_OR_RETURN(beside.lines, readErasures(backups, kErasuresCopy));
+  std::error_code error;
+  if (beside.lines.empty() || !std::filesystem::exists(folder / "pseudonym.key", error)) return beside;
+  ASSIGN_OR_RETURN(const auto key, PseudonymKey::ofFolder(folder));
+  const auto path = backups / kErasuresCopy;
+  auto& lines = beside.lines;
+  const Found others = inState(lines, key, SealState::kOtherKey);
+  const bool ours = inState(lines, key, SealState::kOurs).count > 0;
+  if (others.count > 0 && !ours)
+    return Error{ErrorCode::kInvalidInput,
+                 otherKeyText(path, others, key) +
+                     ", and keep the one that is there elsewhere; nothing was changed. Only if that key is "
+                     "lost, restore without the list: move it away, and erase these people again by name"};
+  // lines of another key are added: `check` goes on naming them
+  if (const Found broken = inState(lines, key, SealState::kBroken); broken.count > 0)
+    beside.notes.push_back(notObeyedText(path, broken, "were changed: their MAC is wrong"));
+  const Found old = inState(lines, key, SealState::kNone);
+  const bool with_macs = old.count < lines.size();
+  if (old.count > 0)
+    beside.notes.push_back(
+        with_macs ? notObeyedText(path, old, "have no MAC, although others have")
+                  : fmt::format("{}: {} lines have no MAC, because a version of before wrote them: they are "
+                                "taken as they are",
+                                path.string(), old.count));
+  std::erase_if(lines, [&](const ErasureLine& line) {
+    const SealState state = sealOf(line, key);
+    return state == SealState::kBroken || (state == SealState::kNone && with_macs);
+  });
+  sealOld(lines, key);
+  return beside;
+}
+
+}  // namespace needlelab

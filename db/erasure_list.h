@@ -1,0 +1,77 @@
+/// The list of erasures beside the database: which people a restored backup must lose again. Its lines are
+/// held by MACs of pseudonym.key.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "db/pseudonyms.h"
+
+namespace needlelab {
+
+/// Which key made a line of the list, and its MAC over the line, in hexadecimal digits.
+struct ErasureSeal {
+  std::string key, mac;
+};
+
+/// A line of DIR/erasures. A restore replaces the database but not this file.
+struct ErasureLine {
+  std::string pseudonym;
+  PseudonymKey::Hash name_hash{};
+  std::int64_t unix_ns = 0;
+  bool with_waiting = false;          ///< it took the sessions that waited for a manager, too
+  std::optional<ErasureSeal> seal{};  ///< nothing: a version from before the MACs wrote it
+};
+
+/// The list in the data folder, and the copy of it beside backups, which a restore on another machine adds to
+/// its own.
+inline constexpr const char* kErasuresFile = "erasures";
+inline constexpr const char* kErasuresCopy = "needlelab.erasures";
+
+/// Reads DIR/erasures; nothing when the file does not exist. It does not look at the MACs. kCorrupt.
+Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder,
+                                              const char* file = kErasuresFile);
+Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                     const char* file = kErasuresFile);
+/// Adds to the list `file` of `folder` what it lacks of `lines`; writes nothing when it lacks nothing. With
+/// the `key`, lines that have its MAC also replace those of the same pseudonym that have not.
+Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                   const char* file = kErasuresFile, const PseudonymKey* key = nullptr);
+
+/// The line with this key's MAC.
+ErasureLine sealed(ErasureLine line, const PseudonymKey& key);
+/// Gives those a MAC that have none.
+void sealOld(std::vector<ErasureLine>& lines, const PseudonymKey& key);
+
+enum class SealState {
+  kOurs,
+  kNone,      ///< written by a version from before the MACs
+  kOtherKey,  ///< its hash names nobody by this key
+  kBroken,    ///< this key's, but the line was changed
+};
+SealState sealOf(const ErasureLine& line, const PseudonymKey& key);
+
+/// What is wrong with the lines of the list `path` by this key, for display; empty when all is well. Lines
+/// without a MAC are no fault.
+std::vector<std::string> erasureListFaults(const std::filesystem::path& path,
+                                           const std::vector<ErasureLine>& lines, const PseudonymKey& key);
+/// Takes out the lines that faults forbid to obey.
+void dropFaulty(std::vector<ErasureLine>& lines, const PseudonymKey& key);
+
+/// The lines of the list beside a backup that a restore adds to its own, and what there is to say about it.
+struct ErasuresBeside {
+  std::vector<ErasureLine> lines;
+  std::vector<std::string> notes;
+};
+/// Reads and checks it for a restore into the data folder `folder`. Without a key there all lines are taken,
+/// and looked at when the key is there. Changed lines are told and not taken; so are lines without a MAC
+/// beside lines with one. A list without any MAC is taken with a note. kInvalidInput: all lines with a MAC
+/// are of another key than the one in `folder`; kCorrupt.
+Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
+                                      const std::filesystem::path& folder);
+
+}  // namespace needlelab
