@@ -23,7 +23,8 @@ Result<ServerCertificate> currentCertificate(const TlsFiles& files, const Certif
   ServerCertificate current;
   ASSIGN_OR_RETURN(current.made, ensureTlsFiles(files, names));
   ASSIGN_OR_RETURN(current.tls, makeServerTls(files.certificate, files.key));
-  ASSIGN_OR_RETURN(const auto facts, readCertificate(files.certificate));
+  // of the context, not of the files: a command may replace them at any time
+  ASSIGN_OR_RETURN(const auto facts, shownCertificate(current.tls));
   current.sha256 = facts.sha256;
   return current;
 }

@@ -250,6 +250,12 @@ Result<std::vector<CertificateFacts>> readCertificates(const std::filesystem::pa
   return all;
 }
 
+Result<CertificateFacts> shownCertificate(const TlsContext& server) {
+  X509* const certificate = SSL_CTX_get0_certificate(server->native_handle());
+  if (certificate == nullptr) return Error{ErrorCode::kInvalidInput, "the TLS context has no certificate"};
+  return factsOf(certificate);
+}
+
 Result<CertificateFacts> readCertificate(const std::filesystem::path& path) {
   ASSIGN_OR_RETURN(auto all, readCertificates(path));
   return std::move(all.front());

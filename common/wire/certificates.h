@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/wire/tls.h"
 
 namespace needlelab {
 
@@ -74,5 +75,7 @@ struct CertificateFacts {
 Result<std::vector<CertificateFacts>> readCertificates(const std::filesystem::path& path);
 /// Reads the first one.
 Result<CertificateFacts> readCertificate(const std::filesystem::path& path);
+/// The certificate that a server's context shows to its peers; the files may have another one by now.
+Result<CertificateFacts> shownCertificate(const TlsContext& server);
 
 }  // namespace needlelab

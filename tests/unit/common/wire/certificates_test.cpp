@@ -122,6 +122,22 @@ TEST(Certificates, aRefusedNameMakesNoFile) {
   EXPECT_FALSE(std::filesystem::exists(files.ca_key));
 }
 
+// a server compares fingerprints to see whether it has to take new files: one of the files, with the context
+// of those before, would keep it from ever taking them
+TEST(Certificates, whatAContextShowsStaysWhenTheFilesAreReplaced) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  const auto before = *readCertificate(files.certificate);
+  const auto server = makeServerTls(files.certificate, files.key);
+  ASSERT_TRUE(server.ok()) << server.error().message;
+  ASSERT_TRUE(renewServerCertificate(files, {"localhost"}).ok());
+  EXPECT_NE(readCertificate(files.certificate)->sha256, before.sha256);
+  EXPECT_EQ(shownCertificate(*server)->sha256, before.sha256);
+  EXPECT_EQ(shownCertificate(*makeServerTls(files.certificate, files.key))->sha256,
+            readCertificate(files.certificate)->sha256);
+}
+
 TEST(Tls, missingAndWrongFilesAreNamed) {
   const TempFolder folder;
   const auto no_file = makeClientTls(folder.path() / "ca.crt");
