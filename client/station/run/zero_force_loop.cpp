@@ -151,13 +151,14 @@ ZeroForceRun runZeroForceLoop(ZeroForceLoop& loop, Device& device, const RtOptio
   {
     const auto running = threads.start(haptic, {"zero force", 0});
     bool goes_on = true;
-    while (!haptic.ended()) {
+    // at least once: a loop that is quicker than this thread has something to say, too
+    do {
       const bool signal = signalWithin(stop_signals, kMaintain, time) != 0;
       run.stopped = run.stopped || signal;
       device.maintain();
       goes_on = goes_on && progress();
       if (run.stopped || !goes_on) loop.stop();
-    }
+    } while (!haptic.ended());
   }
   run.realtime.insert(run.realtime.end(), haptic.steps().begin(), haptic.steps().end());
   return run;
