@@ -360,7 +360,7 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
     std::string_view what, sql;  // rows: what tells the text from others, and the text
     bool of_groups = false;
   };
-  constexpr Place kPlaces[] = {
+  constexpr Place kTexts[] = {
       {"{} remarks, such as number {}", "SELECT id, text FROM annotations ORDER BY id"},
       {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id", true},
       {"{} lines of the audit log, such as {}", "SELECT id, detail FROM audit ORDER BY id"},
@@ -371,7 +371,7 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
   RETURN_IF_ERROR(addOthers(connection_, without_groups, false));
   constexpr std::size_t kNamed = 3;
   std::string text;
-  for (const Place& place : kPlaces) {
+  for (const Place& place : kTexts) {
     std::size_t found = 0;
     std::string some;
     auto rows = connection_.prepare(place.sql);
