@@ -176,7 +176,7 @@ TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
   constexpr std::size_t kLongest = 1u << 20, kBound = 3 * kLongest;
   RunningServer server([](ServerOptions& options) {
     options.bounds.replies.owner = kBound;
-    options.limits.socket_buffer_bytes = 8 << 10;
+    options.limits.socket_buffer_bytes = 64 << 10;  // less than a reply
     options.limits.write_timeout = std::chrono::minutes(1);
   });
   std::string csv = "name,full_name\n";
@@ -206,14 +206,16 @@ TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
   for (std::uint64_t id = 1; id <= kOthers; ++id) {
     own.mutable_request()->set_id(id);
     bert.send(own);
-    const auto got = bert.receive();
+    auto got = bert.receive();
+    while (got && got->has_ping()) got = bert.receive();
     ASSERT_TRUE(got.has_value());
     EXPECT_EQ(got->reply().id(), id) << "others go on; " << got->ShortDebugString();
   }
   // who reads gets all of it
   for (const auto& peer : peers) {
     for (std::uint64_t answered = 0; answered < kEach; ++answered) {
-      const auto got = peer->receive();
+      auto got = peer->receive();
+      while (got && got->has_ping()) got = peer->receive();  // on a slow machine
       ASSERT_TRUE(got.has_value());
       EXPECT_GE(got->reply().users().users_size(), kPeople) << got->ShortDebugString().substr(0, 200);
       EXPECT_GT(got->ByteSizeLong(), 190u * kPeople);
