@@ -2,47 +2,24 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <memory>
+#include <fstream>
 #include <string>
-#include <thread>
-#include <vector>
 
-#include "server/server.h"
-#include "tests/unit/client/admin/run_admin.h"
+#include "tests/unit/client/admin/admin_server.h"
 
 namespace needlelab {
 namespace {
 
-class AdminOnServer : public test::AdminTest {
+class AdminOnServer : public test::AdminServerTest {
  protected:
   void SetUp() override {
-    password_ = folder.write("pw", "correct horse").string();
-    good({"user", "add", "ada", "--role", "administrator", "--password-file", password_});
-    good({"user", "add", "ines", "--role", "instructor", "--password-file", password_});
-    good({"user", "add", "tom", "--role", "trainee", "--password-file", password_});
+    addPerson("ada", "administrator");
+    addPerson("ines", "instructor");
+    addPerson("tom", "trainee");
     session_ = addSession(40);
-    ServerOptions options;
-    options.data = data();
-    options.listen = "127.0.0.1:0";
-    auto server = Server::start(options);
-    ASSERT_OK(server);
-    server_ = std::move(*server);
-    thread_ = std::thread([this] { EXPECT_EQ(server_->run(), 0); });
+    start();
   }
-  void TearDown() override {
-    if (server_) server_->stop();
-    if (thread_.joinable()) thread_.join();
-  }
-  Run as(const std::string& user, std::vector<std::string> arguments) const {
-    const std::string address = "127.0.0.1:" + std::to_string(server_->port());
-    arguments.insert(arguments.begin(), {"--server", address, "--ca", server_->caFile().string(), "--user",
-                                         user, "--password-file", password_});
-    return run(arguments);
-  }
-  std::string password_;
   Uuid session_{};
-  std::unique_ptr<Server> server_;
-  std::thread thread_;
 };
 
 TEST_F(AdminOnServer, theSameCommandsWork) {
@@ -95,9 +72,8 @@ TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {
   EXPECT_EQ(as("ada", {"profile", "list"}).code, 1);
   // If only one file is given, it is the password for the log-in.
   password_ = file("pw");
-  const std::string address = "127.0.0.1:" + std::to_string(server_->port());
-  EXPECT_EQ(run({"--server", address, "--ca", server_->caFile().string(), "--user", "ada", "user", "add",
-                 "new one", "--role", "trainee", "--password-file", password_})
+  EXPECT_EQ(run({"--server", address_, "--ca", ca_, "--user", "ada", "user", "add", "new one", "--role",
+                 "trainee", "--password-file", password_})
                 .code,
             0);
   EXPECT_EQ(as("ada", {"user", "list", "--json"}).rows()[3].at("has_password"), false);
@@ -128,8 +104,7 @@ TEST_F(AdminOnServer, wrongPasswordWrongCaAndNobodyThereAreOne) {
   EXPECT_EQ(as("nobody", {"user", "list"}).code, 1);
   password_ = file("pw");
   EXPECT_EQ(onData({"user", "list"}).code, 1) << "the folder is the server's";
-  server_->stop();
-  thread_.join();
+  stop();
   EXPECT_EQ(as("ada", {"user", "list"}).code, 1);
 }
 

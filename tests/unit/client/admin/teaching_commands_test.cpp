@@ -12,40 +12,17 @@
 #include "client/admin/command.h"
 #include "common/base/files.h"
 #include "db/people.h"
-#include "server/server.h"
-#include "tests/unit/client/admin/run_admin.h"
+#include "tests/unit/client/admin/admin_server.h"
 
 namespace needlelab {
 namespace {
 
-class TeachingCommands : public test::AdminTest {
+class TeachingCommands : public test::AdminServerTest {
  protected:
   void SetUp() override {
-    password_ = folder.write("pw", "correct horse").string();
-    good({"user", "add", "ada", "--role", "administrator", "--password-file", password_});
-    good({"user", "add", "mia", "--role", "curriculum-manager", "--password-file", password_});
-    good({"user", "add", "max", "--role", "curriculum-manager", "--password-file", password_});
-  }
-  void TearDown() override { stop(); }
-  void start() {
-    ServerOptions options;
-    options.data = data();
-    options.listen = "127.0.0.1:0";
-    auto server = Server::start(options);
-    ASSERT_OK(server);
-    server_ = std::move(*server);
-    thread_ = std::thread([this] { EXPECT_EQ(server_->run(), 0); });
-  }
-  void stop() {
-    if (server_) server_->stop();
-    if (thread_.joinable()) thread_.join();
-    server_.reset();
-  }
-  Run as(const std::string& user, std::vector<std::string> arguments) const {
-    arguments.insert(arguments.begin(),
-                     {"--server", "127.0.0.1:" + std::to_string(server_->port()), "--ca",
-                      server_->caFile().string(), "--user", user, "--password-file", password_});
-    return run(arguments);
+    addPerson("ada", "administrator");
+    addPerson("mia", "curriculum-manager");
+    addPerson("max", "curriculum-manager");
   }
   std::unique_ptr<Backend> client(const std::string& user) const {
     return test::TestDb::must(
@@ -55,9 +32,6 @@ class TeachingCommands : public test::AdminTest {
   Run either(bool on_server, const std::string& user, const std::vector<std::string>& arguments) const {
     return on_server ? as(user, arguments) : onData(arguments);
   }
-  std::string password_;
-  std::unique_ptr<Server> server_;
-  std::thread thread_;
 };
 
 TEST_F(TeachingCommands, aWeekOfAManagerOnAFolderAndOnAServer) {

@@ -12,9 +12,10 @@
 #include "common/base/clock.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
-#include "server/live/context.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/wire/loopback.h"
+#include "tests/unit/db/service/test_service.h"
+#include "tests/unit/server/live/bare_context.h"
 
 namespace needlelab {
 namespace {
@@ -65,32 +66,12 @@ class ConnectionFault : public testing::Test {
     return loop.runUntil([&] { return done && peer->state() == ConnectionState::kGreeting; });
   }
 
-  static std::unique_ptr<Store> openStore(const std::filesystem::path& folder) {
-    auto store = Store::open(folder, {});
-    if (!store) throw std::runtime_error(store.error().message);
-    return std::move(*store);
-  }
-
   test::TempFolder folder;
-  std::unique_ptr<Store> store = openStore(folder.path() / "data");
+  std::unique_ptr<Store> store = test::openStore(folder.path() / "data");
   asio::thread_pool pool{1};
   test::Loopback loop;
-  ServerContext context{.io = loop.io,
-                        .store = *store,
-                        .passwords = pool,
-                        .logins = pool,
-                        .parsers = pool,
-                        .workers = pool,
-                        .views = pool,
-                        .slow_workers = pool,
-                        .retention_workers = pool,
-                        .bounds = {},
-                        .hub = Hub(),
-                        .guard = LoginGuard(),
-                        .tokens = Tokens(),
-                        .counters = {},
-                        .handshakes = HandshakeTurns(HandshakeTurns::Settings{.at_once = 1}),
-                        .connections = {}};
+  ServerContext context =
+      test::bareContext(loop.io, *store, {.workers = pool, .views = pool, .others = pool});
   std::vector<Tcp::socket> clients;
   std::shared_ptr<PeerConnection> failing = arrive(1), other = arrive(2);
 };

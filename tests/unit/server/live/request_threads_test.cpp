@@ -3,14 +3,14 @@
 
 #include <future>
 #include <memory>
-#include <stdexcept>
 #include <string>
 
 #include "db/service/requests.h"
-#include "server/live/context.h"
 #include "server/live/request_effects.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/wire/loopback.h"
+#include "tests/unit/db/service/test_service.h"
+#include "tests/unit/server/live/bare_context.h"
 
 namespace needlelab {
 namespace {
@@ -43,32 +43,12 @@ struct RequestThreadsTest : testing::Test {
     released_ = true;
   }
 
-  static std::unique_ptr<Store> openStore(const std::filesystem::path& folder) {
-    auto store = Store::open(folder, {});
-    if (!store) throw std::runtime_error(store.error().message);
-    return std::move(*store);
-  }
-
   test::TempFolder folder;
-  std::unique_ptr<Store> store = openStore(folder.path() / "data");
+  std::unique_ptr<Store> store = test::openStore(folder.path() / "data");
   asio::thread_pool others{1}, workers{kWorkerThreads}, views{kViewThreads};
   test::Loopback loop;
-  ServerContext context{.io = loop.io,
-                        .store = *store,
-                        .passwords = others,
-                        .logins = others,
-                        .parsers = others,
-                        .workers = workers,
-                        .views = views,
-                        .slow_workers = others,
-                        .retention_workers = others,
-                        .bounds = {},
-                        .hub = Hub(),
-                        .guard = LoginGuard(),
-                        .tokens = Tokens(),
-                        .counters = {},
-                        .handshakes = HandshakeTurns(HandshakeTurns::Settings{.at_once = 1}),
-                        .connections = {}};
+  ServerContext context =
+      test::bareContext(loop.io, *store, {.workers = workers, .views = views, .others = others});
 
  private:
   std::promise<void> go_;
