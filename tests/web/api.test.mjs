@@ -5,25 +5,12 @@ import { get, getAll, setCsrfToken } from '../../client/web/app/net/api.js';
 import { connection } from '../../client/web/app/net/connection.js';
 import { documents, groups, lab, people } from '../../client/web/app/net/requests.js';
 import { giveUp, logIn, logOut, session } from '../../client/web/app/net/session.js';
+import { fetchAsBrowser } from './browser_fetch.mjs';
 import { startMock } from './mock_server.mjs';
 
 const kPassword = 'correct horse';
-const real_fetch = globalThis.fetch;
-let mock,
-  cookie = '',
-  sent = [];
-
-// what a browser does: relative addresses and the cookie
-globalThis.fetch = async (path, options = {}) => {
-  sent.push({ path, method: options.method ?? 'GET', headers: options.headers ?? {} });
-  const reply = await real_fetch(`http://127.0.0.1:${mock.port}${path}`, {
-    ...options,
-    headers: { ...options.headers, Cookie: cookie },
-  });
-  const set = reply.headers.get('set-cookie');
-  if (set) cookie = set.split(';')[0];
-  return reply;
-};
+let mock;
+const browser = fetchAsBrowser(() => mock.port);
 
 before(async () => {
   mock = await startMock(0);
@@ -38,16 +25,16 @@ test('a wrong password is told apart from a locked log-in', async () => {
 test('after the log-in the role is known and changes carry the CSRF token', async () => {
   await logIn('mara', kPassword);
   assert.equal(session.get().person.role, 'curriculum-manager');
-  sent = [];
+  browser.sent = [];
   await groups.add({ id: 'g1', name: 'G', members: [] });
-  assert.ok(sent.at(-1).headers['X-CSRF-Token']);
+  assert.ok(browser.sent.at(-1).headers['X-CSRF-Token']);
   await groups.remove({ id: 'g1', revision: 1 });
 });
 
 test('lists are read to their end', async () => {
   const all = await getAll(['people']);
   assert.equal(all.length, mock.lab.people.size);
-  assert.ok(sent.filter((s) => /^\/api\/v1\/people(\?|$)/.test(s.path)).length >= 2, 'in several pages');
+  assert.ok(browser.sent.filter((s) => /^\/api\/v1\/people(\?|$)/.test(s.path)).length >= 2, 'in several pages');
 });
 
 test('a change from an old revision is a conflict that names the newest', async () => {
@@ -117,10 +104,10 @@ test('without the server the request says so, and the connection comes back by i
 test('another page of this browser logs in anew: the next change takes its token over and goes through', async () => {
   await logIn('mara', kPassword);
   setCsrfToken('of the log-in before');
-  sent = [];
+  browser.sent = [];
   await groups.add({ id: 'g2', name: 'G', members: [] });
   assert.deepEqual(
-    sent.map((s) => s.method),
+    browser.sent.map((s) => s.method),
     ['POST', 'GET', 'POST'],
   );
   await groups.remove({ id: 'g2', revision: 1 });
@@ -128,18 +115,18 @@ test('another page of this browser logs in anew: the next change takes its token
 
 test('another page of this browser logs in as somebody else: nothing is sent in their name', async () => {
   await logIn('mara', kPassword);
-  await real_fetch(`http://127.0.0.1:${mock.port}/api/v1/session`, {
+  await fetch('/api/v1/session', {
     method: 'POST',
     headers: { 'Content-Type': 'application/json' },
     body: JSON.stringify({ name: 'root', password: kPassword }),
-  }).then((reply) => (cookie = reply.headers.get('set-cookie').split(';')[0]));
-  sent = [];
+  });
+  browser.sent = [];
   await assert.rejects(
     groups.add({ id: 'g3', name: 'G', members: [] }),
     (error) => error.kind === 'expired' && /root/.test(error.message),
   );
   assert.deepEqual(
-    sent.map((s) => s.method),
+    browser.sent.map((s) => s.method),
     ['POST', 'GET'],
   );
   assert.equal(session.get().state, 'out');

@@ -6,22 +6,11 @@ import { kRoomLevels } from '../../client/web/app/lib/disk_room.js';
 import { upkeep } from '../../client/web/app/net/requests.js';
 import { logIn } from '../../client/web/app/net/session.js';
 import { RoomText } from '../../client/web/app/pages/upkeep.js';
+import { fetchAsBrowser } from './browser_fetch.mjs';
 import { startMock } from './mock_server.mjs';
 
-const real_fetch = globalThis.fetch;
-let mock,
-  cookie = '';
-
-// what a browser does: relative addresses and the cookie
-globalThis.fetch = async (path, options = {}) => {
-  const reply = await real_fetch(`http://127.0.0.1:${mock.port}${path}`, {
-    ...options,
-    headers: { ...options.headers, Cookie: cookie },
-  });
-  const set = reply.headers.get('set-cookie');
-  if (set) cookie = set.split(';')[0];
-  return reply;
-};
+let mock;
+fetchAsBrowser(() => mock.port);
 
 before(async () => {
   mock = await startMock(0);
