@@ -1,278 +1,21 @@
 #include "client/net/server_link.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
-#include <mutex>
 #include <optional>
-#include <thread>
 
-#include "client/net/blocking_client.h"
-#include "common/wire/certificates.h"
-#include "common/wire/protocol.h"
-#include "tests/support/fake_time.h"
-#include "tests/support/temp_folder.h"
+#include "tests/unit/client/net/scripted_server.h"
 
 namespace needlelab {
 namespace {
 
+using namespace test;
 using std::chrono::milliseconds;
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 using testing::HasSubstr;
 
-/// A scripted server: answers each envelope as the test defines, on any number of connections.
-class ScriptedServer {
- public:
-  using Script = std::function<std::vector<pb::Envelope>(const pb::Envelope&)>;
-
-  explicit ScriptedServer(Script script) : script_(std::move(script)) {
-    if (!ensureTlsFiles(files, {{"localhost", "127.0.0.1"}}).ok())
-      throw std::runtime_error("no certificates");
-    tls_ = *makeServerTls(files.certificate, files.key);
-    asio::co_spawn(io_, accept(), rethrow);
-    thread_ = std::thread([this] { io_.run(); });
-  }
-  ~ScriptedServer() {
-    io_.stop();
-    thread_.join();
-  }
-  [[nodiscard]] ClientConfig config() const {
-    ClientConfig config;
-    config.server.port = acceptor_.local_endpoint().port();
-    config.ca_file = files.ca_certificate;
-    config.login = personLogin("anna", "secret");
-    config.connect_timeout = milliseconds(2000);
-    config.limits.close_grace = milliseconds(100);
-    return config;
-  }
-  /// Returns all received envelopes, on all connections.
-  std::vector<pb::Envelope> received() {
-    const std::scoped_lock lock(mutex_);
-    return received_;
-  }
-  std::size_t count(const std::function<bool(const pb::Envelope&)>& which) {
-    const auto all = received();
-    return static_cast<std::size_t>(std::count_if(all.begin(), all.end(), which));
-  }
-  std::size_t logins() {
-    return count([](const pb::Envelope& e) { return e.has_login(); });
-  }
-  void broadcast(const pb::Envelope& envelope) {
-    asio::post(io_, [this, envelope] {
-      for (const auto& channel : channels_) channel->send(envelope);
-    });
-  }
-  void dropConnections() {
-    asio::post(io_, [this] {
-      for (const auto& channel : channels_) channel->close(CloseReason::kLocal, "the test cuts it");
-      channels_.clear();
-    });
-  }
-
-  test::TempFolder folder;
-  TlsFiles files = tlsFilesIn(folder.path());
-
- private:
-  Task<> accept() {
-    for (;;) {
-      auto [error, socket] = co_await acceptor_.async_accept(kUseTuple);
-      if (error) co_return;
-      asio::co_spawn(io_, serve(Channel::make(TlsStream(std::move(socket), *tls_), {})), rethrow);
-    }
-  }
-  Task<> serve(std::shared_ptr<Channel> channel) {
-    const Status shaken = co_await channel->handshake(asio::ssl::stream_base::server);
-    if (!shaken.ok()) co_return;
-    channels_.push_back(channel);
-    for (;;) {
-      auto got = co_await channel->receive();
-      if (!got.ok()) co_return;
-      {
-        const std::scoped_lock lock(mutex_);
-        received_.push_back(*got);
-      }
-      for (const auto& answer : script_(*got)) channel->send(answer);
-    }
-  }
-
-  Script script_;
-  asio::io_context io_{1};
-  Tcp::acceptor acceptor_{io_, Tcp::endpoint(asio::ip::address_v4::loopback(), 0)};
-  TlsContext tls_;
-  std::vector<std::shared_ptr<Channel>> channels_;
-  std::mutex mutex_;
-  std::vector<pb::Envelope> received_;
-  std::thread thread_;
-};
-
-pb::Envelope hello() {
-  pb::Envelope envelope;
-  *envelope.mutable_hello()->mutable_version() = ourVersion();
-  return envelope;
-}
-
-std::vector<pb::Envelope> friendly(const pb::Envelope& got) {
-  if (got.has_hello()) return {hello()};
-  pb::Envelope envelope;
-  if (got.has_login()) envelope.mutable_welcome()->set_name(got.login().person().user());
-  return got.has_login() ? std::vector{envelope} : std::vector<pb::Envelope>{};
-}
-
-TEST(Client, whoAcceptsAndSaysNothingTimesOut) {
-  asio::io_context io;
-  Tcp::acceptor silent(io, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
-  ScriptedServer other(friendly);
-  auto config = other.config();
-  config.server.port = silent.local_endpoint().port();
-  config.connect_timeout = milliseconds(300);
-  const auto client = BlockingClient::connect(config);
-  ASSERT_FALSE(client.ok());
-  EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
-}
-
-TEST(Client, aNameThatNobodyKnowsIsUnavailable) {
-  ScriptedServer server(friendly);
-  auto config = server.config();
-  config.server.host = "no.such.host.invalid";
-  const auto client = BlockingClient::connect(config);
-  ASSERT_FALSE(client.ok());
-  EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
-  EXPECT_THAT(client.error().message, HasSubstr("no.such.host.invalid"));
-}
-
-TEST(Client, aMissingCaFileIsNamed) {
-  ScriptedServer server(friendly);
-  auto config = server.config();
-  config.ca_file = "/nowhere/ca.crt";
-  const auto client = BlockingClient::connect(config);
-  ASSERT_FALSE(client.ok());
-  EXPECT_EQ(client.error().code, ErrorCode::kInvalidInput);
-  EXPECT_THAT(client.error().message, HasSubstr("/nowhere/ca.crt"));
-}
-
-TEST(Client, aServerOfAnotherMajorIsNotTrustedToRefuse) {
-  // an old server that answers every client with its own version
-  ScriptedServer server([](const pb::Envelope&) {
-    pb::Envelope envelope = hello();
-    envelope.mutable_hello()->mutable_version()->set_major(kProtocolMajor + 1);
-    return std::vector{envelope};
-  });
-  const auto client = BlockingClient::connect(server.config());
-  ASSERT_FALSE(client.ok());
-  EXPECT_EQ(client.error().code, ErrorCode::kVersion);
-}
-
-TEST(Client, aPeerThatAnswersNonsenseIsNoServer) {
-  ScriptedServer server([](const pb::Envelope&) {
-    pb::Envelope envelope;
-    envelope.mutable_ack();
-    return std::vector{envelope};
-  });
-  const auto client = BlockingClient::connect(server.config());
-  ASSERT_FALSE(client.ok());
-  EXPECT_EQ(client.error().code, ErrorCode::kCorrupt);
-}
-
-TEST(BlockingClient, repliesAreFoundAmongOtherMessagesWhichAreKept) {
-  ScriptedServer server([](const pb::Envelope& got) {
-    if (!got.has_request()) return friendly(got);
-    std::vector<pb::Envelope> answers(4);
-    answers[0].mutable_trainee_message()->set_text("meanwhile");
-    answers[1].mutable_reply()->set_id(got.request().id() + 100);  // the reply to another request
-    answers[2].mutable_ping();
-    answers[3].mutable_reply()->set_id(got.request().id());
-    answers[3].mutable_reply()->mutable_done();
-    return answers;
-  });
-  auto client = BlockingClient::connect(server.config());
-  ASSERT_TRUE(client.ok()) << client.error().message;
-  EXPECT_EQ(client->welcome().name(), "anna");
-  pb::Request request;
-  request.mutable_list_users();
-  ASSERT_TRUE(client->call(request).ok());
-  const auto kept = client->receive(milliseconds(100));
-  ASSERT_TRUE(kept.ok());
-  EXPECT_EQ(kept->trainee_message().text(), "meanwhile");
-}
-
-TEST(BlockingClient, silenceIsNotFoundAndTheConnectionGoesOn) {
-  ScriptedServer server(friendly);
-  auto client = BlockingClient::connect(server.config());
-  ASSERT_TRUE(client.ok());
-  EXPECT_EQ(client->receive(milliseconds(20)).error().code, ErrorCode::kNotFound);
-  EXPECT_TRUE(client->connected());
-  pb::Request request;
-  request.mutable_list_users();
-  const auto reply = client->call(request, milliseconds(50));
-  ASSERT_FALSE(reply.ok());
-  EXPECT_EQ(reply.error().code, ErrorCode::kUnavailable);
-}
-
-TEST(BlockingClient, theReasonOfAnEndIsKept) {
-  ScriptedServer server([](const pb::Envelope& got) {
-    if (!got.has_request()) return friendly(got);
-    pb::Envelope envelope;
-    *envelope.mutable_refusal() = makeRefusal(pb::Refusal::SHUTTING_DOWN, "moving house", true);
-    return std::vector{envelope};
-  });
-  auto client = BlockingClient::connect(server.config());
-  ASSERT_TRUE(client.ok());
-  pb::Request request;
-  request.mutable_list_users();
-  const auto reply = client->call(request);
-  ASSERT_FALSE(reply.ok());
-  EXPECT_THAT(reply.error().message, HasSubstr("moving house"));
-  EXPECT_FALSE(client->connected());
-}
-
 // --- the link, on a simulated clock that the test moves
-
-class TestClock : public LinkClock {
- public:
-  TestClock() : LinkClock(time_) {}
-  [[nodiscard]] std::int64_t unixNs() const override { return steadyNs(); }
-  Task<> wait(asio::steady_timer& timer, milliseconds time) override {
-    const std::int64_t due_ns =
-        time >= ServerLink::kForever ? INT64_MAX : steadyNs() + std::chrono::nanoseconds(time).count();
-    if (time < ServerLink::kForever) asked.push_back(time);
-    waits_.emplace_back(due_ns, &timer);
-    timer.expires_at(asio::steady_timer::time_point::max());
-    co_await timer.async_wait(kUseTuple);
-    std::erase_if(waits_, [&](const auto& each) { return each.second == &timer; });
-  }
-  /// What the peer sends takes none of this time. When nothing is to be done and `passes` says so, the time
-  /// moves on to the next due time.
-  void runOne(asio::io_context& io, std::int64_t due_ns) override {
-    if (io.poll_one() > 0) return;
-    if (!passes()) {
-      io.run_one_for(milliseconds(2));
-      return;
-    }
-    for (const auto& each : waits_)
-      if (each.first > steadyNs()) due_ns = std::min(due_ns, each.first);
-    advanceTo(due_ns);
-  }
-  void advance(milliseconds time) { advanceTo(steadyNs() + std::chrono::nanoseconds(time).count()); }
-  void advanceTo(std::int64_t to_ns) {
-    time_.advanceTo(to_ns);
-    for (const auto& [due_ns, timer] : waits_)
-      if (due_ns <= steadyNs()) timer->cancel();
-  }
-  /// The link waits for a time, of its back-off or of a request's limit.
-  [[nodiscard]] bool linkWaits() const {
-    return std::any_of(waits_.begin(), waits_.end(), [this](const auto& each) {
-      return each.first > steadyNs() && each.first < INT64_MAX;
-    });
-  }
-  std::vector<milliseconds> asked;
-  std::function<bool()> passes = [] { return false; };
-
- private:
-  test::FakeTime time_;
-  std::vector<std::pair<std::int64_t, asio::steady_timer*>> waits_;
-};
 
 class ServerLinkTest : public testing::Test {
  protected:
@@ -314,6 +57,11 @@ class ServerLinkTest : public testing::Test {
   }
   bool online() {
     return until([&] { return link_->online(); });
+  }
+  bool connects(const ScriptedServer& server) {
+    makeLink();
+    link_->logIn(server.config());
+    return online();
   }
   bool away(std::size_t times) {
     return until([&] { return ends_.size() == times; });
@@ -432,9 +180,7 @@ TEST_F(ServerLinkTest, onlyAConnectionThatLastedResetsTheBackOff) {
 
 TEST_F(ServerLinkTest, aLinkThatMayNotReconnectWaitsForTheWordAndThenItsBackOff) {
   ScriptedServer server(friendly);
-  makeLink();
-  link_->logIn(server.config());
-  ASSERT_TRUE(online());
+  ASSERT_TRUE(connects(server));
   link_->reconnect(false);
   server.dropConnections();
   ASSERT_TRUE(away(1));
@@ -500,10 +246,7 @@ TEST_F(ServerLinkTest, requestsThatReadAreSentAgainAndOthersAreGivenUp) {
   std::atomic<bool> answer{false};
   ScriptedServer server([&](const pb::Envelope& got) -> std::vector<pb::Envelope> {
     if (!got.has_request()) return friendly(got);
-    pb::Envelope reply;
-    reply.mutable_reply()->set_id(got.request().id());
-    reply.mutable_reply()->mutable_done();
-    return answer ? std::vector{reply} : std::vector<pb::Envelope>{};
+    return answer ? std::vector{doneWith(got.request())} : std::vector<pb::Envelope>{};
   });
   makeLink();
   std::optional<Result<pb::Reply>> reads, acts, offline;
@@ -535,9 +278,7 @@ TEST_F(ServerLinkTest, requestsThatReadAreSentAgainAndOthersAreGivenUp) {
 
 TEST_F(ServerLinkTest, aRequestIsGivenUpAfterItsPatience) {
   ScriptedServer server(friendly);
-  makeLink();
-  link_->logIn(server.config());
-  ASSERT_TRUE(online());
+  ASSERT_TRUE(connects(server));
   std::optional<Result<pb::Reply>> reply;
   link_->ask(
       listUsers(), [&](Result<pb::Reply> got) { reply.emplace(std::move(got)); }, OnLoss::kAskAgain,
@@ -564,12 +305,7 @@ TEST_F(ServerLinkTest, noMoreThanSoManyRequestsWait) {
 
 TEST_F(ServerLinkTest, aServerThatRefusesIsTriedAgainAsItsOwnerSays) {
   std::atomic<bool> deny{true};
-  ScriptedServer server([&](const pb::Envelope& got) -> std::vector<pb::Envelope> {
-    if (!got.has_login() || !deny) return friendly(got);
-    pb::Envelope no;
-    *no.mutable_refusal() = makeRefusal(pb::Refusal::LOGIN, "wrong password", true);
-    return {no};
-  });
+  ScriptedServer server(friendlyUnless(deny));
   makeLink();
   retry_ = Retry::kSlowly;
   link_->logIn(server.config());
@@ -592,9 +328,7 @@ TEST_F(ServerLinkTest, aServerThatRefusesIsTriedAgainAsItsOwnerSays) {
 
 TEST_F(ServerLinkTest, theServersOwnReasonForTheEndIsKept) {
   ScriptedServer server(friendly);
-  makeLink();
-  link_->logIn(server.config());
-  ASSERT_TRUE(online());
+  ASSERT_TRUE(connects(server));
   pb::Envelope bye;
   bye.mutable_bye()->set_reason("moving house");
   server.broadcast(bye);
@@ -607,9 +341,7 @@ TEST_F(ServerLinkTest, theServersOwnReasonForTheEndIsKept) {
 
 TEST_F(ServerLinkTest, pingsAreAnsweredAndOtherMessagesHandedOver) {
   ScriptedServer server(friendly);
-  makeLink();
-  link_->logIn(server.config());
-  ASSERT_TRUE(online());
+  ASSERT_TRUE(connects(server));
   pb::Envelope ping, message, late;
   ping.mutable_ping()->set_id(5);
   message.mutable_trainee_message()->set_text("slower");
@@ -622,9 +354,7 @@ TEST_F(ServerLinkTest, pingsAreAnsweredAndOtherMessagesHandedOver) {
 
 TEST_F(ServerLinkTest, stopSaysByeAndAnOwnerThatGoesHearsNothing) {
   ScriptedServer server(friendly);
-  makeLink();
-  link_->logIn(server.config());
-  ASSERT_TRUE(online());
+  ASSERT_TRUE(connects(server));
   std::optional<Result<pb::Reply>> reply;
   link_->ask(listUsers(), [&](Result<pb::Reply> got) { reply.emplace(std::move(got)); });
   bool done = false;
@@ -639,9 +369,7 @@ TEST_F(ServerLinkTest, stopSaysByeAndAnOwnerThatGoesHearsNothing) {
 
   // The next link is destroyed while it is connected, another one while it connects.
   ends_.clear();
-  makeLink();
-  link_->logIn(server.config());
-  ASSERT_TRUE(online());
+  ASSERT_TRUE(connects(server));
   link_.reset();
   makeLink();
   link_->logIn(server.config());
@@ -653,9 +381,7 @@ TEST_F(ServerLinkTest, stopSaysByeAndAnOwnerThatGoesHearsNothing) {
 
 TEST_F(ServerLinkTest, anotherLogInTakesThePlaceOfTheFirst) {
   ScriptedServer server(friendly);
-  makeLink();
-  link_->logIn(server.config());
-  ASSERT_TRUE(online());
+  ASSERT_TRUE(connects(server));
   auto other = server.config();
   other.login = personLogin("bert", "secret");
   link_->logIn(other);
@@ -667,154 +393,7 @@ TEST_F(ServerLinkTest, anotherLogInTakesThePlaceOfTheFirst) {
   EXPECT_EQ(server.logins(), 2u);
 }
 
-// --- the blocking client, on a simulated clock
-
-class BlockingClientTime : public testing::Test {
- protected:
-  // logs in to `server`; no time passes
-  void connect(const ScriptedServer& server) {
-    LinkSettings settings;
-    settings.seed = 7;
-    settings.clock = clock_;
-    auto config = server.config();
-    // a server that ends takes its files along
-    std::filesystem::copy_file(config.ca_file, folder_.path() / "ca.crt");
-    config.ca_file = folder_.path() / "ca.crt";
-    auto client = BlockingClient::connect(config, settings);
-    ASSERT_TRUE(client.ok()) << client.error().message;
-    client_.emplace(std::move(*client));
-  }
-  // says goodbye, which takes no time either
-  void TearDown() override {
-    clock_->passes = [] { return false; };
-    client_.reset();
-  }
-
-  const test::TempFolder folder_;
-  std::shared_ptr<TestClock> clock_ = std::make_shared<TestClock>();
-  const std::int64_t begun_ns_ = clock_->steadyNs();
-  std::optional<BlockingClient> client_;
-};
-
-TEST_F(BlockingClientTime, aCallGivesUpExactlyAfterItsTimeout) {
-  ScriptedServer server(friendly);
-  ASSERT_NO_FATAL_FAILURE(connect(server));
-  // the server has the request and does not answer it
-  clock_->passes = [&] { return server.count([](const pb::Envelope& e) { return e.has_request(); }) == 1; };
-  pb::Request request;
-  request.mutable_list_users();
-  const auto reply = client_->call(request, milliseconds(10'500));
-  ASSERT_FALSE(reply.ok());
-  EXPECT_EQ(reply.error().code, ErrorCode::kUnavailable);
-  EXPECT_THAT(reply.error().message, HasSubstr("within 10500 ms"));
-  EXPECT_EQ(client_->nowNs() - begun_ns_, 10'500'000'000);
-  EXPECT_TRUE(client_->connected());
-}
-
-TEST_F(BlockingClientTime, anAnswerThatComesInTimeEndsTheCallAtOnce) {
-  ScriptedServer server([](const pb::Envelope& got) {
-    if (!got.has_request()) return friendly(got);
-    pb::Envelope answer;
-    answer.mutable_reply()->set_id(got.request().id());
-    answer.mutable_reply()->mutable_done();
-    return std::vector{answer};
-  });
-  ASSERT_NO_FATAL_FAILURE(connect(server));
-  pb::Request request;
-  request.mutable_list_users();
-  EXPECT_TRUE(client_->call(request, milliseconds(1)).ok()) << "however long the machine takes";
-  EXPECT_EQ(client_->nowNs(), begun_ns_);
-}
-
-TEST_F(BlockingClientTime, receiveWaitsExactlyItsTime) {
-  ScriptedServer server(friendly);
-  ASSERT_NO_FATAL_FAILURE(connect(server));
-  clock_->passes = [] { return true; };
-  const auto got = client_->receive(milliseconds(90'000));
-  EXPECT_EQ(got.error().code, ErrorCode::kNotFound);
-  EXPECT_THAT(got.error().message, HasSubstr("within 90000 ms"));
-  EXPECT_EQ(client_->nowNs() - begun_ns_, 90 * kSecond_ns);
-  EXPECT_TRUE(client_->connected());
-}
-
-// The waits are those of a back-off with the same seed. Meanwhile it looks every 20 ms, and after each
-// attempt, whether somebody stops it.
-TEST_F(BlockingClientTime, reconnectTriesByTheBackOffAndLooksForAStopUntilItsTimeIsOver) {
-  std::optional<ScriptedServer> server(std::in_place, friendly);
-  ASSERT_NO_FATAL_FAILURE(connect(*server));
-  server.reset();
-  while (client_->receive(milliseconds(1)).ok()) {
-  }
-  clock_->passes = [this] { return clock_->linkWaits(); };
-  std::int64_t looks = 0;
-  const Status status = client_->reconnect(begun_ns_ + 60 * kSecond_ns, [&] { return ++looks < 0; });
-  ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().code, ErrorCode::kUnavailable) << status.error().message;
-  EXPECT_EQ(client_->nowNs() - begun_ns_, 60 * kSecond_ns);
-
-  Backoff same(7, {});
-  std::vector<milliseconds> waits{same.next()};
-  std::int64_t now_ms = 0, next_try_ms = waits.back().count(), expected_looks = 0;
-  while (now_ms < 60'000) {
-    ++expected_looks;
-    const std::int64_t step_ms = std::min<std::int64_t>(60'000, now_ms + 20);
-    if (next_try_ms >= step_ms) {
-      now_ms = step_ms;
-      continue;
-    }
-    now_ms = next_try_ms;
-    waits.push_back(same.next());
-    next_try_ms = now_ms + waits.back().count();
-  }
-  EXPECT_EQ(clock_->asked, waits);
-  EXPECT_EQ(looks, expected_looks);
-}
-
-TEST_F(BlockingClientTime, aStopEndsReconnectAtTheNextLook) {
-  std::optional<ScriptedServer> server(std::in_place, friendly);
-  ASSERT_NO_FATAL_FAILURE(connect(*server));
-  server.reset();
-  while (client_->receive(milliseconds(1)).ok()) {
-  }
-  clock_->passes = [this] { return clock_->linkWaits(); };
-  int looks = 0;
-  const Status status = client_->reconnect(INT64_MAX, [&] { return ++looks == 4; });
-  EXPECT_EQ(status.error().code, ErrorCode::kUnavailable);
-  // the first wait is at least 100 ms: no attempt yet
-  EXPECT_EQ(client_->nowNs() - begun_ns_, 60'000'000);
-  EXPECT_EQ(clock_->asked.size(), 1u);
-}
-
-TEST(BlockingClient, reconnectsWhenItIsTold) {
-  std::atomic<bool> deny{false};
-  ScriptedServer server([&](const pb::Envelope& got) -> std::vector<pb::Envelope> {
-    if (!got.has_login() || !deny) return friendly(got);
-    pb::Envelope no;
-    *no.mutable_refusal() = makeRefusal(pb::Refusal::LOGIN, "wrong password", true);
-    return {no};
-  });
-  auto client = BlockingClient::connect(server.config());
-  ASSERT_TRUE(client.ok()) << client.error().message;
-  const auto lose = [&] {
-    server.dropConnections();
-    while (client->receive(milliseconds(1000)).ok()) {
-    }
-  };
-  lose();
-  EXPECT_FALSE(client->connected());
-  const auto back = client->reconnect(client->nowNs() + 20 * kSecond_ns, [] { return false; });
-  ASSERT_TRUE(back.ok()) << back.error().message;
-  EXPECT_TRUE(client->connected());
-  // refused: no second attempt
-  lose();
-  deny = true;
-  EXPECT_EQ(client->reconnect(client->nowNs() + 3600 * kSecond_ns, [] { return false; }).error().code,
-            ErrorCode::kDenied);
-  EXPECT_EQ(server.logins(), 3u);
-  // stopped by the user
-  EXPECT_EQ(client->reconnect(client->nowNs() + 30 * kSecond_ns, [] { return true; }).error().code,
-            ErrorCode::kUnavailable);
-}
+// --- its waits
 
 TEST(Backoff, waitsLieBetweenHalfAndAllOfTheExponential) {
   Backoff backoff(1, {milliseconds(200), milliseconds(10'000), 2.0});

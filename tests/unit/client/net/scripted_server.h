@@ -1,0 +1,189 @@
+/// A server whose answers a test writes down, and the link's clock in the test's hands.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "client/net/server_link.h"
+#include "common/wire/certificates.h"
+#include "common/wire/protocol.h"
+#include "tests/support/fake_time.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab::test {
+
+/// A scripted server: answers each envelope as the test defines, on any number of connections.
+class ScriptedServer {
+ public:
+  using Script = std::function<std::vector<pb::Envelope>(const pb::Envelope&)>;
+
+  explicit ScriptedServer(Script script) : script_(std::move(script)) {
+    if (!ensureTlsFiles(files, {{"localhost", "127.0.0.1"}}).ok())
+      throw std::runtime_error("no certificates");
+    tls_ = *makeServerTls(files.certificate, files.key);
+    asio::co_spawn(io_, accept(), rethrow);
+    thread_ = std::thread([this] { io_.run(); });
+  }
+  ~ScriptedServer() {
+    io_.stop();
+    thread_.join();
+  }
+  [[nodiscard]] ClientConfig config() const {
+    ClientConfig config;
+    config.server.port = acceptor_.local_endpoint().port();
+    config.ca_file = files.ca_certificate;
+    config.login = personLogin("anna", "secret");
+    config.connect_timeout = std::chrono::milliseconds(2000);
+    config.limits.close_grace = std::chrono::milliseconds(100);
+    return config;
+  }
+  /// Returns all received envelopes, on all connections.
+  std::vector<pb::Envelope> received() {
+    const std::scoped_lock lock(mutex_);
+    return received_;
+  }
+  std::size_t count(const std::function<bool(const pb::Envelope&)>& which) {
+    const auto all = received();
+    return static_cast<std::size_t>(std::count_if(all.begin(), all.end(), which));
+  }
+  std::size_t logins() {
+    return count([](const pb::Envelope& e) { return e.has_login(); });
+  }
+  void broadcast(const pb::Envelope& envelope) {
+    asio::post(io_, [this, envelope] {
+      for (const auto& channel : channels_) channel->send(envelope);
+    });
+  }
+  void dropConnections() {
+    asio::post(io_, [this] {
+      for (const auto& channel : channels_) channel->close(CloseReason::kLocal, "the test cuts it");
+      channels_.clear();
+    });
+  }
+
+  TempFolder folder;
+  TlsFiles files = tlsFilesIn(folder.path());
+
+ private:
+  Task<> accept() {
+    for (;;) {
+      auto [error, socket] = co_await acceptor_.async_accept(kUseTuple);
+      if (error) co_return;
+      asio::co_spawn(io_, serve(Channel::make(TlsStream(std::move(socket), *tls_), {})), rethrow);
+    }
+  }
+  Task<> serve(std::shared_ptr<Channel> channel) {
+    const Status shaken = co_await channel->handshake(asio::ssl::stream_base::server);
+    if (!shaken.ok()) co_return;
+    channels_.push_back(channel);
+    for (;;) {
+      auto got = co_await channel->receive();
+      if (!got.ok()) co_return;
+      {
+        const std::scoped_lock lock(mutex_);
+        received_.push_back(*got);
+      }
+      for (const auto& answer : script_(*got)) channel->send(answer);
+    }
+  }
+
+  Script script_;
+  asio::io_context io_{1};
+  Tcp::acceptor acceptor_{io_, Tcp::endpoint(asio::ip::address_v4::loopback(), 0)};
+  TlsContext tls_;
+  std::vector<std::shared_ptr<Channel>> channels_;
+  std::mutex mutex_;
+  std::vector<pb::Envelope> received_;
+  std::thread thread_;
+};
+
+inline pb::Envelope hello() {
+  pb::Envelope envelope;
+  *envelope.mutable_hello()->mutable_version() = ourVersion();
+  return envelope;
+}
+
+/// A server of this version that lets everybody in and says nothing more.
+inline std::vector<pb::Envelope> friendly(const pb::Envelope& got) {
+  if (got.has_hello()) return {hello()};
+  pb::Envelope envelope;
+  if (got.has_login()) envelope.mutable_welcome()->set_name(got.login().person().user());
+  return got.has_login() ? std::vector{envelope} : std::vector<pb::Envelope>{};
+}
+
+/// Says that a request is done.
+inline pb::Envelope doneWith(const pb::Request& request) {
+  pb::Envelope envelope;
+  envelope.mutable_reply()->set_id(request.id());
+  envelope.mutable_reply()->mutable_done();
+  return envelope;
+}
+
+/// Friendly, but refuses who logs in while `deny` is set. `deny` outlives the server.
+inline ScriptedServer::Script friendlyUnless(const std::atomic<bool>& deny) {
+  return [&deny](const pb::Envelope& got) -> std::vector<pb::Envelope> {
+    if (!got.has_login() || !deny) return friendly(got);
+    pb::Envelope no;
+    *no.mutable_refusal() = makeRefusal(pb::Refusal::LOGIN, "wrong password", true);
+    return {no};
+  };
+}
+
+/// Time passes when a test says so.
+class TestClock : public LinkClock {
+ public:
+  TestClock() : LinkClock(time_) {}
+  [[nodiscard]] std::int64_t unixNs() const override { return steadyNs(); }
+  Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time) override {
+    const std::int64_t due_ns =
+        time >= ServerLink::kForever ? INT64_MAX : steadyNs() + std::chrono::nanoseconds(time).count();
+    if (time < ServerLink::kForever) asked.push_back(time);
+    waits_.emplace_back(due_ns, &timer);
+    timer.expires_at(asio::steady_timer::time_point::max());
+    co_await timer.async_wait(kUseTuple);
+    std::erase_if(waits_, [&](const auto& each) { return each.second == &timer; });
+  }
+  /// What the peer sends takes none of this time. When nothing is to be done and `passes` says so, the time
+  /// moves on to the next due time.
+  void runOne(asio::io_context& io, std::int64_t due_ns) override {
+    if (io.poll_one() > 0) return;
+    if (!passes()) {
+      io.run_one_for(std::chrono::milliseconds(2));
+      return;
+    }
+    for (const auto& each : waits_)
+      if (each.first > steadyNs()) due_ns = std::min(due_ns, each.first);
+    advanceTo(due_ns);
+  }
+  void advance(std::chrono::milliseconds time) {
+    advanceTo(steadyNs() + std::chrono::nanoseconds(time).count());
+  }
+  void advanceTo(std::int64_t to_ns) {
+    time_.advanceTo(to_ns);
+    for (const auto& [due_ns, timer] : waits_)
+      if (due_ns <= steadyNs()) timer->cancel();
+  }
+  /// The link waits for a time, of its back-off or of a request's limit.
+  [[nodiscard]] bool linkWaits() const {
+    return std::any_of(waits_.begin(), waits_.end(), [this](const auto& each) {
+      return each.first > steadyNs() && each.first < INT64_MAX;
+    });
+  }
+  std::vector<std::chrono::milliseconds> asked;
+  std::function<bool()> passes = [] { return false; };
+
+ private:
+  FakeTime time_;
+  std::vector<std::pair<std::int64_t, asio::steady_timer*>> waits_;
+};
+
+}  // namespace needlelab::test
