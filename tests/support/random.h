@@ -21,6 +21,10 @@ class Random {
   double in(double low, double high) { return low + (high - low) * unit(); }
   /// Uniform in 0 … count − 1.
   std::uint64_t below(std::uint64_t count) { return bits() % count; }
+  /// Uniform in 0 … most: a time in ns, a number of bytes.
+  std::int64_t upTo(std::int64_t most) {
+    return static_cast<std::int64_t>(unit() * static_cast<double>(most));
+  }
   bool chance(double probability) { return unit() < probability; }
 
  private:

@@ -3,13 +3,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <stdexcept>
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_kinematics.h"
-#include "tests/support/scenes.h"
 
 namespace needlelab::test {
 namespace {
@@ -25,10 +23,6 @@ constexpr Vec3 kOutside_m{0, 0, 0.008};
 constexpr std::size_t kFirmwareBytes = 100;
 constexpr std::int64_t kRecovery_ns = 3'000 * kMs;
 
-SceneModel modelOf(const FalconPlan& plan, double rate_hz) {
-  return *compile(plan.six_layers ? paperSixLayers() : paperOneDof(), rate_hz);
-}
-
 bool anyTorque(const falcon::Command& command) {
   return command.motor != Motors{};
 }
@@ -39,42 +33,39 @@ FalconPlan falconPlanOf(std::uint64_t seed) {
   Random random(seed);
   FalconPlan plan;
   plan.seed = seed;
-  const auto upTo = [&](std::int64_t most) {
-    return static_cast<std::int64_t>(random.unit() * static_cast<double>(most));
-  };
   const bool is_calm = random.chance(0.2);
-  plan.tick_late_ns = is_calm ? 0 : upTo(random.chance(0.2) ? 3 * kMs : kMs / 2);
-  plan.usb_late_ns = is_calm ? 0 : upTo(random.chance(0.2) ? 3 * kMs : kMs / 2);
-  plan.write_ns = upTo(kMs / 5);
-  plan.reply_ns = upTo(kMs);
-  plan.reply_spread_ns = upTo(kMs);
+  plan.tick_late_ns = is_calm ? 0 : random.upTo(random.chance(0.2) ? 3 * kMs : kMs / 2);
+  plan.usb_late_ns = is_calm ? 0 : random.upTo(random.chance(0.2) ? 3 * kMs : kMs / 2);
+  plan.write_ns = random.upTo(kMs / 5);
+  plan.reply_ns = random.upTo(kMs);
+  plan.reply_spread_ns = random.upTo(kMs);
   plan.lost_share = random.chance(0.3) ? random.in(0, 0.05) : 0;
-  plan.usb_phase_ns = upTo(kMs);
-  plan.lasts_ns = 150 * kMs + upTo(450 * kMs);
-  plan.acknowledged_every_ns = random.chance(0.7) ? 20 * kMs + upTo(100 * kMs) : 0;
+  plan.usb_phase_ns = random.upTo(kMs);
+  plan.lasts_ns = 150 * kMs + random.upTo(450 * kMs);
+  plan.acknowledged_every_ns = random.chance(0.7) ? 20 * kMs + random.upTo(100 * kMs) : 0;
   plan.stroke_s = random.in(0.3, 1.2);
   plan.six_layers = random.chance(0.5);
   plan.haptic_dies_first = random.chance(0.3);
   for (std::uint64_t left = random.below(6); left > 0; --left) {
-    PlannedTrouble trouble{static_cast<Trouble>(random.below(kTroubles)), upTo(plan.lasts_ns), 0};
+    PlannedTrouble trouble{static_cast<Trouble>(random.below(kTroubles)), random.upTo(plan.lasts_ns), 0};
     switch (trouble.what) {
       case Trouble::kHapticHangs:
-        trouble.lasts_ns = upTo(random.chance(0.5) ? 60 * kMs : 500 * kMs);
+        trouble.lasts_ns = random.upTo(random.chance(0.5) ? 60 * kMs : 500 * kMs);
         break;
       case Trouble::kUsbHangs:
-        trouble.lasts_ns = upTo(40 * kMs);
+        trouble.lasts_ns = random.upTo(40 * kMs);
         break;
       case Trouble::kGripJumps:
-        trouble.lasts_ns = upTo(12 * kMs);
+        trouble.lasts_ns = random.upTo(12 * kMs);
         break;
       case Trouble::kUnplugged:
       case Trouble::kPowerCut:
       case Trouble::kBoardSilent:
-        trouble.lasts_ns = upTo(random.chance(0.3) ? 1'500 * kMs : 200 * kMs);
-        if (random.chance(0.3)) trouble.haptic_hangs_ns = upTo(400 * kMs);
+        trouble.lasts_ns = random.upTo(random.chance(0.3) ? 1'500 * kMs : 200 * kMs);
+        if (random.chance(0.3)) trouble.haptic_hangs_ns = random.upTo(400 * kMs);
         break;
       default:
-        trouble.lasts_ns = upTo(150 * kMs);
+        trouble.lasts_ns = random.upTo(150 * kMs);
     }
     plan.lasts_ns =
         std::max(plan.lasts_ns, trouble.at_ns + std::max(trouble.lasts_ns, trouble.haptic_hangs_ns));
@@ -131,7 +122,7 @@ std::array<std::int16_t, 3> GripHand::encoders() const {
 }
 
 FalconRun::FalconRun(const FalconPlan& plan, double gate_rate_hz)
-    : world(plan.seed), plan_(plan), random_(plan.seed ^ 0x5EED), model_(modelOf(plan, gate_rate_hz)) {
+    : WorldRun(plan, gate_rate_hz), plan_(plan) {
   hand.p_m = hand.aim_m = kOutside_m;
   hand.at_ns = world.nowNs();
   falcon->encoder = hand.encoders();
@@ -149,24 +140,16 @@ FalconRun::FalconRun(const FalconPlan& plan, double gate_rate_hz)
 
   world.listen("falcon-usb", [this] { return falcon->nextEventNs(); });
   world.wakeLate("falcon-usb", [this] {
-    const std::int64_t jitter =
-        static_cast<std::int64_t>(random_.unit() * static_cast<double>(plan_.usb_late_ns));
-    const std::int64_t late_ns = jitter + std::exchange(usb_hangs_ns_, 0);
+    const std::int64_t late_ns = random_.upTo(plan_.usb_late_ns) + std::exchange(usb_hangs_ns_, 0);
     greatest_usb_late_ns_ = std::max(greatest_usb_late_ns_, late_ns);
     return late_ns;
-  });
-  world.wakeLate("haptic", [this] {
-    return static_cast<std::int64_t>(random_.unit() * static_cast<double>(plan_.tick_late_ns));
   });
 
   FalconOptions options;
   options.firmware_file = folder_.write("fw.bin", std::string(kFirmwareBytes, 'f')).string();
   device =
       std::make_unique<FalconDevice>(options, std::make_unique<falcon::FakeBus>(falcon, world), world, world);
-  haptic = std::make_unique<HapticThread>(world, *device, model_);
-  haptic->on_tick = [this] { onTick(); };
-  rules_ = std::make_unique<GateRules>(device->info().limits,
-                                       [this](const std::string& what) { breakRule(what); });
+  useDevice(*device, [this] { onTick(); });
 }
 
 FalconRun::~FalconRun() {
@@ -187,30 +170,13 @@ void FalconRun::play() {
   const std::int64_t start_ns = world.nowNs();
   for (const PlannedTrouble& planned : plan_.troubles)
     world.at(start_ns + planned.at_ns, [this, planned] { trouble(planned); });
-  if (plan_.acknowledged_every_ns > 0)
-    for (std::int64_t at = 0; at < plan_.lasts_ns; at += plan_.acknowledged_every_ns)
-      world.at(start_ns + at, [this] { haptic->acknowledge(); });
+  acknowledgeAsPlanned(plan_);
   world.sleepUntilNs(start_ns + plan_.lasts_ns);
-  recover();
-  end();
-}
-
-// the troubles are over, a person acknowledges, the hand is outside: the device is as before in time
-void FalconRun::recover() {
+  // the troubles are over, the hand is outside: the device is as before in time
   hand.stroke_s = 0;
   plan_.lost_share = 0;
-  const std::int64_t last_ns = world.nowNs() + kRecovery_ns;
-  int good_ticks = 0;
-  while (good_ticks < 10 && world.nowNs() < last_ns && broken_.empty()) {
-    haptic->acknowledge();
-    world.sleepForNs(kMs);
-    const bool is_good =
-        haptic->gate().fault() == Fault::kNone && (haptic->reading().condition & ~kDeviceOverrun) == 0;
-    good_ticks = is_good ? good_ticks + 1 : 0;
-  }
-  if (good_ticks < 10)
-    breakRule(fmt::format("no recovery within 3 s: fault '{}', condition {:#x}, status '{}'",
-                          faultText(haptic->gate().fault()), haptic->reading().condition, device->status()));
+  recoverWithin(kRecovery_ns, [this] { return (haptic->reading().condition & ~kDeviceOverrun) == 0; });
+  end();
 }
 
 void FalconRun::end() {
@@ -241,23 +207,13 @@ void FalconRun::plugIn() {
   arrivals_ns_.push_back(world.nowNs());
 }
 
-void FalconRun::breakRule(const std::string& what) {
-  if (broken_.empty())
-    broken_ = fmt::format("at {:.3f} ms: {}", 1e-6 * static_cast<double>(world.nowNs()), what);
-}
-
-void FalconRun::fold(std::uint64_t value) {
-  trace_ = (trace_ ^ value) * 0x100000001b3ull;
-}
-
 falcon::Fate FalconRun::fateOfPacket() {
   falcon::Fate fate;
   const double lost = is_lossy_ ? 0.5 : plan_.lost_share;
   fate.arrives = !random_.chance(lost);
   fate.is_answered = !random_.chance(lost);
   fate.is_garbled = is_garbled_;
-  fate.reply_ns =
-      plan_.reply_ns + static_cast<std::int64_t>(random_.unit() * static_cast<double>(plan_.reply_spread_ns));
+  fate.reply_ns = plan_.reply_ns + random_.upTo(plan_.reply_spread_ns);
   return fate;
 }
 
@@ -356,17 +312,12 @@ void FalconRun::onReply(const std::optional<falcon::Report>& report, std::int64_
 }
 
 void FalconRun::onTick() {
-  ++ticks_;
   request_waits_ = true;
-  fold(static_cast<std::uint64_t>(world.nowNs()));
-  fold(std::bit_cast<std::uint64_t>(haptic->force_N()));
-  fold(haptic->reading().condition);
-  fold(static_cast<std::uint64_t>(haptic->gate().fault()));
-  rules_->check(*haptic);
+  watchTick();
   const std::uint32_t condition = haptic->reading().condition;
   if (haptic->fresh() && (condition & (kDeviceNotReady | kDeviceLost)) != 0)
     breakRule("a position from a device that has none");
-  if (ticks_ % 50 == 0) checkCounts();
+  if (ticks() % 50 == 0) checkCounts();
 }
 
 void FalconRun::checkCounts() {

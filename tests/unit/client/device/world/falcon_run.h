@@ -11,11 +11,9 @@
 #include <vector>
 
 #include "client/device/falcon/falcon_device.h"
-#include "tests/support/device_world.h"
 #include "tests/support/fake_falcon.h"
-#include "tests/support/gate_rules.h"
-#include "tests/support/haptic_thread.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/client/device/world/world_run.h"
 
 namespace needlelab::test {
 
@@ -38,17 +36,12 @@ struct PlannedTrouble {
   std::int64_t haptic_hangs_ns = 0;  ///< at the same time
 };
 
-/// All numbers of a run. As it is: all is well and nothing is late.
-struct FalconPlan {
-  std::uint64_t seed = 0;
-  std::int64_t tick_late_ns = 0, usb_late_ns = 0;  ///< greatest lateness of each wake-up
+/// All numbers of a run.
+struct FalconPlan : LessonPlan {
+  std::int64_t usb_late_ns = 0;  ///< greatest lateness of the USB thread's wake-ups
   std::int64_t write_ns = 0, reply_ns = 0, reply_spread_ns = 0;
-  double lost_share = 0;          ///< of commands, and of answers
-  std::int64_t usb_phase_ns = 0;  ///< the haptic thread begins so much after the USB thread
-  std::int64_t lasts_ns = 0;
-  std::int64_t acknowledged_every_ns = 0;  ///< by a person; 0: never
-  double stroke_s = 1;                     ///< of the hand, in and out
-  bool six_layers = false;
+  double lost_share = 0;           ///< of commands, and of answers
+  std::int64_t usb_phase_ns = 0;   ///< the haptic thread begins so much after the USB thread
   bool haptic_dies_first = false;  ///< it hangs when the device is closed
   std::vector<PlannedTrouble> troubles;
 };
@@ -70,13 +63,10 @@ struct GripHand {
   [[nodiscard]] std::array<std::int16_t, 3> encoders() const;
 };
 
-class FalconRun {
+class FalconRun final : public WorldRun {
  public:
-  /// `gate_rate_hz`: what the gate takes the rate for; other values than 1000 plant a bug.
   explicit FalconRun(const FalconPlan& plan, double gate_rate_hz = 1000);
-  ~FalconRun();
-  FalconRun(const FalconRun&) = delete;
-  FalconRun& operator=(const FalconRun&) = delete;
+  ~FalconRun() override;
 
   /// Opens the device and starts the threads.
   void begin();
@@ -90,27 +80,17 @@ class FalconRun {
   /// Ends all threads and closes the device.
   void end();
 
-  /// The first broken rule with its time; empty: none.
-  [[nodiscard]] const std::string& broken() const { return broken_; }
-  /// Of all commands and ticks: equal runs have equal ones.
-  [[nodiscard]] std::uint64_t trace() const { return trace_; }
-  [[nodiscard]] std::uint64_t ticks() const { return ticks_; }
-
   struct Sent {
     std::int64_t at_ns;
     falcon::Command command;
   };
-  DeviceWorld world;
   std::shared_ptr<falcon::FakeFalcon> falcon = std::make_shared<falcon::FakeFalcon>();
   GripHand hand;
   std::unique_ptr<FalconDevice> device;
-  std::unique_ptr<HapticThread> haptic;
   bool keeps_sent = false;
   std::vector<Sent> sent;  ///< with `keeps_sent`: each command, heard or not
 
  private:
-  void breakRule(const std::string& what);
-  void fold(std::uint64_t value);
   falcon::Fate fateOfPacket();
   void trouble(const PlannedTrouble& planned);
   void onStream();
@@ -120,15 +100,9 @@ class FalconRun {
   void onTick();
   void checkCounts();
   void checkLooks();
-  void recover();
 
   FalconPlan plan_;
-  Random random_;
   TempFolder folder_;
-  SceneModel model_;
-  std::unique_ptr<GateRules> rules_;
-  std::unique_ptr<DeviceMaintenance> keeper_;
-  std::unique_ptr<RunningTurns> haptic_thread_;
 
   // what the run is in
   bool is_lossy_ = false, is_garbled_ = false;
@@ -143,9 +117,6 @@ class FalconRun {
   bool closing_ = false;
   std::uint64_t sent_at_the_end_ = 0;
   falcon::ExchangeCounts counts_;
-
-  std::string broken_;
-  std::uint64_t trace_ = 0xcbf29ce484222325ull, ticks_ = 0;
 };
 
 }  // namespace needlelab::test

@@ -3,35 +3,15 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <stdexcept>
 
 #include "client/device/virtuose/virtuose_errors.h"
 #include "common/haptics/device_condition.h"
-#include "tests/support/scenes.h"
 
 namespace needlelab::test {
 namespace {
 
-constexpr const char* kVirtuoseTroubleNames[kVirtuoseTroubles] = {"haptic thread hangs",
-                                                                  "link down",
-                                                                  "service stopped",
-                                                                  "slow",
-                                                                  "handle released",
-                                                                  "emergency stop",
-                                                                  "switched off",
-                                                                  "overheated",
-                                                                  "failure",
-                                                                  "refused",
-                                                                  "bad turn",
-                                                                  "handle jumps",
-                                                                  "button"};
-// calls that may fail, and with what; the first two are not made while the device is opened
-constexpr const char* kMayFail[] = {"virtGetPosition",      "virtGetSpeed",   "virtGetDeadMan",
-                                    "virtGetEmergencyStop", "virtGetPowerOn", "virtGetAlarm",
-                                    "virtGetFailure",       "virtSetForce"};
-constexpr int kCodes[] = {kVirtHardwareError, kVirtPositionDiscontinuity, kVirtCallTime, kVirtCommunication};
 constexpr double kOutsideVirtuose_m = 0.008;
 
 // what client/device/virtuose/README.md promises
@@ -45,10 +25,6 @@ constexpr std::int64_t kOnItsWay_ns = 3 * kMs;
 constexpr std::int64_t kVirtuoseRecovery_ns = kLongestRetry_ns + kWatchdog_ns + 1'000 * kMs;
 constexpr double kEncoder_m = 10e-6;
 
-SceneModel virtuoseModelOf(const VirtuosePlan& plan, double rate_hz) {
-  return *compile(plan.six_layers ? paperSixLayers() : paperOneDof(), rate_hz);
-}
-
 bool isZero(const double* six) {
   return std::all_of(six, six + 6, [](double value) { return value == 0; });
 }
@@ -59,106 +35,23 @@ double inMs(std::int64_t ns) {
 
 }  // namespace
 
-VirtuosePlan virtuosePlanOf(std::uint64_t seed) {
-  Random random(seed);
-  VirtuosePlan plan;
-  plan.seed = seed;
-  const auto upTo = [&](std::int64_t most) {
-    return static_cast<std::int64_t>(random.unit() * static_cast<double>(most));
-  };
-  const bool is_calm = random.chance(0.2);
-  plan.tick_late_ns = is_calm ? 0 : upTo(random.chance(0.2) ? 3 * kMs : kMs / 2);
-  plan.keeper_late_ns = is_calm ? 0 : upTo(5 * kMs);
-  plan.answer_ns = random.chance(0.5) ? upTo(kMs / 5) : 0;
-  plan.prepare_ns = random.chance(0.1) ? 2'100 * kMs + upTo(600 * kMs) : upTo(30 * kMs);
-  plan.lasts_ns = 100 * kMs + upTo(300 * kMs);
-  plan.acknowledged_every_ns = random.chance(0.7) ? 20 * kMs + upTo(100 * kMs) : 0;
-  plan.stroke_s = random.in(0.3, 1.0);
-  plan.deepest_m = random.in(0.005, 0.025);
-  plan.six_layers = random.chance(0.5);
-  plan.ends_in_trouble = random.chance(0.1);
-  for (std::uint64_t left = random.below(5); left > 0; --left) {
-    PlannedVirtuoseTrouble trouble{static_cast<VirtuoseTrouble>(random.below(kVirtuoseTroubles)),
-                                   upTo(plan.lasts_ns), upTo(150 * kMs)};
-    switch (trouble.what) {
-      case VirtuoseTrouble::kHapticHangs:
-        if (random.chance(0.1)) trouble.lasts_ns = 2'000 * kMs + upTo(300 * kMs);
-        break;
-      case VirtuoseTrouble::kLinkDown:
-      case VirtuoseTrouble::kServiceStopped:
-        if (random.chance(0.2)) trouble.lasts_ns = upTo(1'200 * kMs);
-        break;
-      case VirtuoseTrouble::kSlow:
-        trouble.amount = random.chance(0.3) ? 60 : static_cast<int>(1 + random.below(45));
-        break;
-      case VirtuoseTrouble::kBadTurn:
-        trouble.lasts_ns = upTo(12 * kMs);
-        break;
-      case VirtuoseTrouble::kRefused:
-        trouble.amount = static_cast<int>(random.below(std::size(kMayFail) * std::size(kCodes)));
-        if (random.chance(0.2)) trouble.lasts_ns = 1'000 * kMs + upTo(200 * kMs);
-        break;
-      case VirtuoseTrouble::kJump:
-        trouble.amount = static_cast<int>(1 + random.below(20));
-        break;
-      case VirtuoseTrouble::kButton:
-        trouble.amount = static_cast<int>(1 + random.below(3));
-        break;
-      default:
-        break;
-    }
-    plan.lasts_ns = std::max(plan.lasts_ns, trouble.at_ns + trouble.lasts_ns);
-    plan.troubles.push_back(trouble);
-  }
-  return plan;
-}
-
-std::string textOf(const VirtuosePlan& plan) {
-  std::string text = fmt::format(
-      "{:.0f} ms after {:.0f} ms of preparation, ticks late by up to {:.2f} ms, keeper by {:.2f} ms, calls "
-      "take "
-      "{:.2f} ms",
-      inMs(plan.lasts_ns), inMs(plan.prepare_ns), inMs(plan.tick_late_ns), inMs(plan.keeper_late_ns),
-      inMs(plan.answer_ns));
-  for (const PlannedVirtuoseTrouble& trouble : plan.troubles)
-    text += fmt::format("; at {:.1f} ms for {:.1f} ms: {} ({})", inMs(trouble.at_ns), inMs(trouble.lasts_ns),
-                        kVirtuoseTroubleNames[static_cast<std::size_t>(trouble.what)], trouble.amount);
-  if (plan.ends_in_trouble) text += "; closed as it is";
-  return text;
-}
-
 VirtuoseRun::VirtuoseRun(const VirtuosePlan& plan, double gate_rate_hz, std::uint32_t hides)
-    : plan_(plan),
-      hides_(hides),
-      world_(plan.seed),
-      random_(plan.seed ^ 0x5EED),
-      model_(virtuoseModelOf(plan, gate_rate_hz)),
-      answer_ns_(plan.answer_ns) {
+    : WorldRun(plan, gate_rate_hz), plan_(plan), hides_(hides), answer_ns_(plan.answer_ns) {
   standin_.useTime(
-      {this,
-       [](void* run) { return 1e-9 * static_cast<double>(static_cast<VirtuoseRun*>(run)->world_.nowNs()); },
+      {this, [](void* run) { return 1e-9 * static_cast<double>(static_cast<VirtuoseRun*>(run)->now()); },
        [](void* run, double time_s) {
-         static_cast<VirtuoseRun*>(run)->world_.sleepForNs(
-             static_cast<std::int64_t>(std::ceil(time_s * 1e9)));
+         static_cast<VirtuoseRun*>(run)->world.sleepForNs(static_cast<std::int64_t>(std::ceil(time_s * 1e9)));
        }});
   standin_.command(fmt::format("place 0 0 {} 1 0 0 0", kOutsideVirtuose_m));
   standin_.command(fmt::format("slow {}", 1e-9 * static_cast<double>(answer_ns_)));
 
-  const auto lateBy = [this](const char* thread, std::int64_t most_ns) {
-    world_.wakeLate(thread, [this, most_ns] {
-      return static_cast<std::int64_t>(random_.unit() * static_cast<double>(most_ns));
-    });
-  };
-  lateBy("haptic", plan.tick_late_ns);
   lateBy("maintenance", plan.keeper_late_ns);
   lateBy("virtuose-alive", plan.keeper_late_ns);
 
   VirtuoseOptions options;
   options.library = kStandinLibrary;
-  device_ = std::make_unique<VirtuoseDevice>(options, world_, world_);
-  haptic_ = std::make_unique<HapticThread>(world_, static_cast<Device&>(*this), model_);
-  haptic_->on_tick = [this] { onTick(); };
-  rules_ = std::make_unique<GateRules>(info().limits, [this](const std::string& what) { breakRule(what); });
+  device_ = std::make_unique<VirtuoseDevice>(options, world, world);
+  useDevice(static_cast<Device&>(*this), [this] { onTick(); });
 }
 
 VirtuoseRun::~VirtuoseRun() {
@@ -167,20 +60,18 @@ VirtuoseRun::~VirtuoseRun() {
 
 void VirtuoseRun::play() {
   prepare();
-  haptic_thread_ = world_.start(*haptic_, {"haptic", 0});
+  haptic_thread_ = world.start(*haptic, {"haptic", 0});
   moveHand(true);
-  const std::int64_t start_ns = world_.nowNs();
+  const std::int64_t start_ns = now();
   for (const PlannedVirtuoseTrouble& planned : plan_.troubles) {
-    world_.at(start_ns + planned.at_ns, [this, planned] { begin(planned); });
-    world_.at(start_ns + planned.at_ns + planned.lasts_ns, [this, planned] { finish(planned); });
+    world.at(start_ns + planned.at_ns, [this, planned] { begin(planned); });
+    world.at(start_ns + planned.at_ns + planned.lasts_ns, [this, planned] { finish(planned); });
   }
-  if (plan_.acknowledged_every_ns > 0)
-    for (std::int64_t at = 0; at < plan_.lasts_ns; at += plan_.acknowledged_every_ns)
-      world_.at(start_ns + at, [this] { acknowledge(); });
+  acknowledgeAsPlanned(plan_);
   if (plan_.ends_in_trouble) {
-    world_.sleepForNs(plan_.lasts_ns / 2);
+    world.sleepForNs(plan_.lasts_ns / 2);
   } else {
-    world_.sleepUntilNs(start_ns + plan_.lasts_ns);
+    world.sleepUntilNs(start_ns + plan_.lasts_ns);
     recover();
   }
   end();
@@ -189,10 +80,10 @@ void VirtuoseRun::play() {
 // the device is open, no loop runs: zero force keeps the connection
 void VirtuoseRun::prepare() {
   if (const Status done = device_->open(1000); !done.ok()) throw std::runtime_error(done.error().message);
-  observer_ = world_.start(*this, {"observer", 0});
-  keeper_ = std::make_unique<DeviceMaintenance>(static_cast<Device&>(*this), world_, world_);
+  observer_ = world.start(*this, {"observer", 0});
+  keeper_ = std::make_unique<DeviceMaintenance>(static_cast<Device&>(*this), world, world);
   const long before = standin_.state().exchanges;
-  world_.sleepForNs(plan_.prepare_ns);
+  world.sleepForNs(plan_.prepare_ns);
   const StandinState state = standin_.state();
   const std::int64_t expected =
       plan_.prepare_ns / (kKeepAlive_ns + plan_.keeper_late_ns + plan_.answer_ns + kMs);
@@ -204,35 +95,25 @@ void VirtuoseRun::prepare() {
 // the troubles are over, a person acknowledges, the hand is outside: the device is as before in time
 void VirtuoseRun::recover() {
   endTroubles();
-  const std::int64_t last_ns = world_.nowNs() + kVirtuoseRecovery_ns;
-  int good_ticks = 0;
-  while (good_ticks < 10 && world_.nowNs() < last_ns && broken_.empty()) {
-    acknowledge();
-    world_.sleepForNs(kMs);
-    const bool is_good = haptic_->gate().fault() == Fault::kNone && haptic_->fresh() &&
-                         haptic_->reading().condition == 0 && standin_.state().alarms == 0;
-    good_ticks = is_good ? good_ticks + 1 : 0;
-  }
-  if (good_ticks < 10)
-    breakRule(fmt::format("no recovery within {} ms: fault '{}', condition {:#x}, status '{}'",
-                          kVirtuoseRecovery_ns / kMs, faultText(haptic_->gate().fault()),
-                          haptic_->reading().condition, device_->status()));
-  else if (const std::string text = device_->status(); !text.empty())
+  recoverWithin(kVirtuoseRecovery_ns, [this] {
+    return haptic->fresh() && haptic->reading().condition == 0 && standin_.state().alarms == 0;
+  });
+  if (const std::string text = device_->status(); broken().empty() && !text.empty())
     breakRule("all is well, and the status is: " + text);
 }
 
 void VirtuoseRun::end() {
   if (observer_ == nullptr) return;
-  haptic_->stop();
+  haptic->stop();
   haptic_thread_.reset();
   keeper_.reset();
   const StandinState before = standin_.state();
-  const std::int64_t since_ns = world_.nowNs();
+  const std::int64_t since_ns = now();
   const bool was_good = was_fresh_ && !linkIsBroken() && !isCut() && refused_.empty();
   device_->close();
   const StandinState after = standin_.state();
   // a link that changed after the last tick may have been lost unseen
-  if (was_good && link_changed_ns_ < haptic_->lastTickNs() && broken_.empty()) {
+  if (was_good && link_changed_ns_ < haptic->lastTickNs() && broken().empty()) {
     if (after.exchanges != before.exchanges + 1) breakRule("the device was closed without a zero force");
     if (after.is_permitted != 0 || after.open_contexts != 0) breakRule("power or connection outlive the end");
     if (!isZero(after.commanded)) breakRule("a force outlives the end");
@@ -240,11 +121,11 @@ void VirtuoseRun::end() {
       breakRule("the last calls are in another order");
   }
   // the service hears the end at the latest by the silence
-  world_.sleepForNs(was_good ? 20 * kMs : kWatchdog_ns + kOnItsWay_ns);
+  world.sleepForNs(was_good ? 20 * kMs : kWatchdog_ns + kOnItsWay_ns);
   const StandinState last = standin_.state();
   if (last.exchanges != after.exchanges) breakRule("a command after the end");
   if (last.open_contexts != 0)
-    breakRule(fmt::format("a connection {} ms after the end", inMs(world_.nowNs() - since_ns)));
+    breakRule(fmt::format("a connection {} ms after the end", inMs(now() - since_ns)));
   if (!isZero(last.felt)) breakRule("a force after the end");
   observer_stops_ = true;
   observer_.reset();
@@ -256,20 +137,12 @@ void VirtuoseRun::moveHand(bool inwards) {
   const double way_s = plan_.stroke_s / 2;
   standin_.command(
       fmt::format("hand 0 0 {} 1 0 0 0 {}", inwards ? -plan_.deepest_m : kOutsideVirtuose_m, way_s));
-  world_.at(world_.nowNs() + static_cast<std::int64_t>(way_s * 1e9), [this, inwards] { moveHand(!inwards); });
+  world.at(now() + static_cast<std::int64_t>(way_s * 1e9), [this, inwards] { moveHand(!inwards); });
 }
 
 void VirtuoseRun::acknowledge() {
-  haptic_->acknowledge();
+  WorldRun::acknowledge();
   acknowledged_ = true;
-}
-
-void VirtuoseRun::breakRule(const std::string& what) {
-  if (broken_.empty()) broken_ = fmt::format("at {:.3f} ms: {}", inMs(world_.nowNs()), what);
-}
-
-void VirtuoseRun::fold(std::uint64_t value) {
-  trace_ = (trace_ ^ value) * 0x100000001b3ull;
 }
 
 // ---- what goes wrong
@@ -277,11 +150,11 @@ void VirtuoseRun::fold(std::uint64_t value) {
 void VirtuoseRun::begin(const PlannedVirtuoseTrouble& planned) {
   switch (planned.what) {
     case VirtuoseTrouble::kHapticHangs:
-      haptic_->hangUntil(world_.nowNs() + planned.lasts_ns);
+      haptic->hangUntil(now() + planned.lasts_ns);
       return;
     case VirtuoseTrouble::kLinkDown:
       standin_.command(fmt::format("link_down {}", 1e-9 * static_cast<double>(planned.lasts_ns)));
-      link_back_ns_ = world_.nowNs() + planned.lasts_ns;
+      link_back_ns_ = now() + planned.lasts_ns;
       break;
     case VirtuoseTrouble::kServiceStopped:
       standin_.command("daemon 0");
@@ -310,10 +183,10 @@ void VirtuoseRun::begin(const PlannedVirtuoseTrouble& planned) {
       has_failure_ = true;
       break;
     case VirtuoseTrouble::kRefused: {
-      const auto code = static_cast<std::size_t>(planned.amount) % std::size(kCodes);
+      const auto [function, code] = refusedCall(planned.amount);
       if (!refused_.empty()) standin_.command("fail " + refused_ + " 0");
-      refused_ = kMayFail[static_cast<std::size_t>(planned.amount) / std::size(kCodes)];
-      standin_.command(fmt::format("fail {} {}", refused_, kCodes[code]));
+      refused_ = function;
+      standin_.command(fmt::format("fail {} {}", refused_, code));
       break;
     }
     case VirtuoseTrouble::kBadTurn:
@@ -345,7 +218,7 @@ void VirtuoseRun::finish(const PlannedVirtuoseTrouble& planned) {
       break;
     case VirtuoseTrouble::kSlow:
       standin_.command(fmt::format("slow {}", 1e-9 * static_cast<double>(plan_.answer_ns)));
-      if (linkIsBroken()) maybe_left_open_until_ns_ = world_.nowNs() + kWatchdog_ns + kOnItsWay_ns;
+      if (linkIsBroken()) maybe_left_open_until_ns_ = now() + kWatchdog_ns + kOnItsWay_ns;
       answer_ns_ = plan_.answer_ns;
       break;
     case VirtuoseTrouble::kReleased:
@@ -391,7 +264,7 @@ void VirtuoseRun::endTroubles() {
 void VirtuoseRun::truthChanges() {
   ++truth_changes_;
   fresh_in_a_row_ = 0;
-  link_changed_ns_ = world_.nowNs();
+  link_changed_ns_ = now();
 }
 
 bool VirtuoseRun::linkIsBroken() const {
@@ -497,7 +370,9 @@ void VirtuoseRun::maintain() {
   if (state.openings == openings) return;
   if (state.openings != openings + 1) breakRule("more than one try at a time");
   const bool has_connected = !device_->status().starts_with("the link is lost");
-  const bool asks_what_fails = !refused_.empty() && refused_ != kMayFail[0] && refused_ != kMayFail[1];
+  // opening the device asks for neither position nor speed
+  const bool asks_what_fails =
+      !refused_.empty() && refused_ != "virtGetPosition" && refused_ != "virtGetSpeed";
   const bool may_fail = was_broken || linkIsBroken() || truth_changes_ != changes || asks_what_fails ||
                         since_ns <= maybe_left_open_until_ns_;
   if (!has_connected && !may_fail) breakRule("the device is there, and a try does not find it");
@@ -542,14 +417,9 @@ std::optional<std::int64_t> VirtuoseRun::turn() noexcept {
 }
 
 void VirtuoseRun::onTick() {
-  ++ticks_;
-  last_read_ns_ = haptic_->lastTickNs();
-  fold(static_cast<std::uint64_t>(now()));
-  fold(std::bit_cast<std::uint64_t>(haptic_->force_N()));
-  fold(haptic_->reading().condition);
-  const ForceGate& gate = haptic_->gate();
-  fold(static_cast<std::uint64_t>(gate.fault()));
-  rules_->check(*haptic_);
+  last_read_ns_ = haptic->lastTickNs();
+  watchTick();
+  const ForceGate& gate = haptic->gate();
   const bool is_in_fault = gate.fault() != Fault::kNone;
   if (gate.faultsRaised() > faults_) acknowledged_ = false;
   faults_ = gate.faultsRaised();
