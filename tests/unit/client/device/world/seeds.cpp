@@ -53,12 +53,8 @@ void playRegressions(const SeededRuns& runs, const std::string& file) {
   }
 }
 
-namespace {
-
-/// 0: none broke a rule, which is a failure of the test.
-std::uint64_t firstThatBreaks(const std::string& what,
-                              const std::function<std::string(std::uint64_t seed)>& brokenBy,
-                              std::uint64_t most) {
+std::uint64_t catchIn(const std::string& what, const std::function<std::string(std::uint64_t seed)>& brokenBy,
+                      std::uint64_t most) {
   for (std::uint64_t seed = 1; seed <= most; ++seed)
     if (const std::string broken = brokenBy(seed); !broken.empty()) {
       std::printf("%s: seed %llu, %s\n", what.c_str(), static_cast<unsigned long long>(seed), broken.c_str());
@@ -68,16 +64,9 @@ std::uint64_t firstThatBreaks(const std::string& what,
   return 0;
 }
 
-}  // namespace
-
-void catchIn(const std::string& what, const std::function<std::string(std::uint64_t seed)>& brokenBy,
-             std::uint64_t most) {
-  firstThatBreaks(what, brokenBy, most);
-}
-
 void catchBug(const SeededRuns& runs, PlantedBug bug, std::uint64_t most) {
   bugHere() = bug;
-  const std::uint64_t seed = firstThatBreaks(std::string(nameOf(bug)), runs.brokenBy, most);
+  const std::uint64_t seed = catchIn(std::string(nameOf(bug)), runs.brokenBy, most);
   bugHere().reset();
   if (seed == 0) return;
   EXPECT_EQ(runs.brokenBy(seed), "") << "without the bug";

@@ -27,9 +27,10 @@ std::string again(const SeededRuns& runs, std::uint64_t seed);
 void playSeeds(const SeededRuns& runs, std::uint64_t count);
 /// The seeds of a file: one a line, each with its reason.
 void playRegressions(const SeededRuns& runs, const std::string& file);
-/// One of the seeds 1 … `most` breaks a rule; prints which. `what`: the bug, for a person.
-void catchIn(const std::string& what, const std::function<std::string(std::uint64_t seed)>& brokenBy,
-             std::uint64_t most);
+/// One of the seeds 1 … `most` breaks a rule; prints and returns the first. None does: a failure of the test,
+/// and 0. `what`: the bug, for a person.
+std::uint64_t catchIn(const std::string& what, const std::function<std::string(std::uint64_t seed)>& brokenBy,
+                      std::uint64_t most);
 /// Plants the bug: one of the seeds 1 … `most` breaks a rule, and without the bug it does not.
 void catchBug(const SeededRuns& runs, PlantedBug bug, std::uint64_t most);
 

@@ -47,7 +47,9 @@ inline Quat axisAlong(Vec3 z) {
 }
 
 /// Returns the lesson's samples at 1 kHz with the engine's forces, and its description.
-inline pb::SessionInfo lessonInfo(const std::string& profile_json, const std::string& trainee = "tina") {
+/// It begins so many minutes after the others.
+inline pb::SessionInfo lessonInfo(const std::string& profile_json, const std::string& trainee = "tina",
+                                  std::int64_t minutes = 0) {
   pb::SessionInfo info;
   pb::SessionDescription& d = *info.mutable_description();
   const Uuid id = makeUuidV7();
@@ -60,7 +62,7 @@ inline pb::SessionInfo lessonInfo(const std::string& profile_json, const std::st
   d.set_profile_json(profile_json);
   d.set_engine_version("test");
   d.set_rate_hz(1000);
-  d.set_started_unix_ns(1'763'685'600'000'000'000);
+  d.set_started_unix_ns(1'763'685'600'000'000'000 + minutes * 60'000'000'000);
   auto& r = *d.mutable_resolution();
   r.set_length_m(1e-6);
   r.set_quaternion(0x1p-15);

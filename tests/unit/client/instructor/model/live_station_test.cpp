@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/gesture/chunk.h"
+#include "tests/unit/client/instructor/model/lesson_frame.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 
 namespace needlelab {
@@ -17,12 +17,7 @@ class LiveStationTest : public testing::Test {
   /// Frames of 20 samples, [from, to).
   void feed(std::size_t from, std::size_t to) {
     for (std::size_t k = from; k < to; k += 20) {
-      LiveArrival arrival;
-      const Bytes data = encodeChunk(Resolution::lossless(), std::span(samples_).subspan(k, 20));
-      arrival.frame.set_station("bench-1");
-      arrival.frame.set_session_id(info_.description().session_id());
-      arrival.frame.set_frame_seq(k / 20);
-      arrival.frame.set_data(data.data(), data.size());
+      LiveArrival arrival = test::lessonFrame(info_, samples_, k);
       arrival.frame.set_capture_unix_ns(1'000'000'000 + static_cast<std::int64_t>(k) * 1'000'000);
       arrival.received_unix_ns = arrival.frame.capture_unix_ns() + 5'000'000;
       live_.feed(arrival);

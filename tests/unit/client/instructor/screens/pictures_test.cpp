@@ -22,8 +22,7 @@ class Pictures : public WindowLab {
   /// Two lessons of tina, always the same.
   void upload() {
     const std::string profile = sampleProfile("shoulder-adult");
-    auto first = lessonInfo(profile), second = lessonInfo(profile);
-    second.mutable_description()->set_started_unix_ns(first.description().started_unix_ns() + 60'000'000'000);
+    const auto first = lessonInfo(profile), second = lessonInfo(profile, "tina", 1);
     uploadLesson(server_, key_, first, lessonSamples(profile, {.depth_m = 0.022, .seconds = 1}));
     uploadLesson(server_, key_, second,
                  lessonSamples(profile, {.depth_m = 0.024, .seconds = 1.5, .aside_m = 0.003}));

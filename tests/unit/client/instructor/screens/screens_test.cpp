@@ -176,8 +176,7 @@ TEST_F(Screens, aLostServerTakesNothingAwayAndComesBackByItself) {
 TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
   const std::string key = server_.addStation("bench-1");
   const std::string profile = sampleProfile("shoulder-adult");
-  auto first = lessonInfo(profile), second = lessonInfo(profile);
-  second.mutable_description()->set_started_unix_ns(first.description().started_unix_ns() + 60'000'000'000);
+  const auto first = lessonInfo(profile), second = lessonInfo(profile, "tina", 1);
   uploadLesson(server_, key, first, lessonSamples(profile, {.depth_m = 0.022, .seconds = 1}));
   uploadLesson(server_, key, second,
                lessonSamples(profile, {.depth_m = 0.02, .seconds = 1.5, .aside_m = 0.002}));

@@ -5,13 +5,12 @@
 #include <cstdlib>
 #include <functional>
 #include <limits>
-#include <span>
 #include <utility>
 
 #include "common/base/text.h"
-#include "common/gesture/chunk.h"
 #include "common/haptics/force_gate.h"
 #include "tests/support/pictures/picture_check.h"
+#include "tests/unit/client/instructor/model/lesson_frame.h"
 
 namespace needlelab {
 namespace {
@@ -211,15 +210,7 @@ class LiveStates : public States {
     if (surface_) lab_->open("bench-1");
   }
   void feed(std::size_t from, std::size_t to) {
-    for (std::size_t k = from; k < to; k += 20) {
-      LiveArrival arrival;
-      const Bytes data = encodeChunk(Resolution::lossless(), std::span(samples_).subspan(k, 20));
-      arrival.frame.set_station("bench-1");
-      arrival.frame.set_session_id(info_.description().session_id());
-      arrival.frame.set_frame_seq(k / 20);
-      arrival.frame.set_data(data.data(), data.size());
-      lab_->live()->feed(arrival);
-    }
+    for (std::size_t k = from; k < to; k += 20) lab_->live()->feed(lessonFrame(info_, samples_, k));
   }
   void say(bool online, bool lesson, std::uint32_t fault = 0, const std::string& trouble = {}) {
     pb::StationStatus status;

@@ -1,0 +1,28 @@
+/// What an instructor's program gets of a lesson while it runs.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "client/instructor/model/live_station.h"
+#include "common/gesture/chunk.h"
+
+namespace needlelab::test {
+
+/// Returns a live frame of bench-1 with the samples from `first` on, at most 20; nobody says when it was
+/// made.
+inline LiveArrival lessonFrame(const pb::SessionInfo& info, const std::vector<GestureSample>& samples,
+                               std::size_t first) {
+  const auto rest = std::span(samples).subspan(first);
+  const Bytes data = encodeChunk(Resolution::lossless(), rest.first(std::min<std::size_t>(20, rest.size())));
+  LiveArrival arrival;
+  arrival.frame.set_station("bench-1");
+  arrival.frame.set_session_id(info.description().session_id());
+  arrival.frame.set_frame_seq(first / 20);
+  arrival.frame.set_data(data.data(), data.size());
+  return arrival;
+}
+
+}  // namespace needlelab::test
