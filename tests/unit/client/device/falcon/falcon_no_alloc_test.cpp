@@ -1,5 +1,4 @@
-// read() and write() on the haptic thread never use the heap, whatever the device does. A separate program,
-// because no_alloc replaces malloc.
+// read() and write() on the haptic thread never use the heap, whatever the device does.
 #include <gtest/gtest.h>
 
 #include "client/device/falcon/falcon_device.h"

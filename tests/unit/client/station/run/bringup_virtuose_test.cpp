@@ -46,7 +46,18 @@ class StandinClock final : public TimeSource {
   std::int64_t now_ns_ = 0;
 };
 
-const Check& find(const std::vector<Check>& checks, const std::string& name) {
+/// The self-test's facts about the stand-in after so long, and what it says meanwhile.
+SelfTestFacts measured(StandinClock& clock, double seconds, std::vector<std::string>& said) {
+  auto device = standinDevice();
+  bool stopped = false;
+  SelfTestFacts facts;
+  facts.device = measureDevice(
+      device, clock, RtOptions{}, seconds, noSignals(), [&](const auto& text) { said.push_back(text); },
+      stopped);
+  return facts;
+}
+
+const Check& checkNamed(const std::vector<Check>& checks, const std::string& name) {
   for (const Check& check : checks)
     if (check.name == name) return check;
   throw std::out_of_range(name);
@@ -54,19 +65,16 @@ const Check& find(const std::vector<Check>& checks, const std::string& name) {
 
 TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
   Standin standin;
-  auto device = standinDevice();
   StandinClock clock(standin);
-  bool stopped = false;
-  SelfTestFacts facts;
-  facts.device = measureDevice(
-      device, clock, RtOptions{}, 0.5, noSignals(), [](const auto&) {}, stopped);
+  std::vector<std::string> said;
+  const SelfTestFacts facts = measured(clock, 0.5, said);
   EXPECT_EQ(facts.device.trouble, "");
   EXPECT_EQ(facts.device.loop.fresh, 500u) << "every tick of half a second";
   EXPECT_EQ(clock.forces, 0);
   const auto checks = judge(facts);
-  EXPECT_EQ(find(checks, "condition").verdict, Verdict::kOk);
-  EXPECT_EQ(find(checks, "pose").verdict, Verdict::kOk);
-  EXPECT_EQ(find(checks, "force limits").found, "10 N peak, 3 N continuous, 1000 N/m at most");
+  EXPECT_EQ(checkNamed(checks, "condition").verdict, Verdict::kOk);
+  EXPECT_EQ(checkNamed(checks, "pose").verdict, Verdict::kOk);
+  EXPECT_EQ(checkNamed(checks, "force limits").found, "10 N peak, 3 N continuous, 1000 N/m at most");
   EXPECT_TRUE(noForce(standin.state()));
   EXPECT_EQ(standin.state().open_contexts, 0);
 }
@@ -74,31 +82,22 @@ TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
 TEST(BringupVirtuose, selfTestTellsOfThePressedEmergencyStop) {
   Standin standin;
   standin.command("estop press");
-  auto device = standinDevice();
   StandinClock clock(standin);
-  bool stopped = false;
-  SelfTestFacts facts;
   std::vector<std::string> said;
-  facts.device = measureDevice(
-      device, clock, RtOptions{}, 0.3, noSignals(), [&](const auto& text) { said.push_back(text); }, stopped);
-  const auto checks = judge(facts);
-  EXPECT_EQ(find(checks, "condition").verdict, Verdict::kFailed);
-  EXPECT_THAT(find(checks, "device says").found, HasSubstr("emergency stop"));
+  const auto checks = judge(measured(clock, 0.3, said));
+  EXPECT_EQ(checkNamed(checks, "condition").verdict, Verdict::kFailed);
+  EXPECT_THAT(checkNamed(checks, "device says").found, HasSubstr("emergency stop"));
   EXPECT_EQ(said.size(), 1u);
 }
 
 TEST(BringupVirtuose, selfTestSaysThatTheServiceIsAway) {
   Standin standin;
   standin.command("daemon 0");
-  auto device = standinDevice();
   StandinClock clock(standin);
-  bool stopped = false;
-  SelfTestFacts facts;
-  facts.device = measureDevice(
-      device, clock, RtOptions{}, 0.3, noSignals(), [](const auto&) {}, stopped);
-  const auto checks = judge(facts);
-  EXPECT_EQ(find(checks, "device").verdict, Verdict::kFailed);
-  EXPECT_THAT(find(checks, "device").found, HasSubstr("service"));
+  std::vector<std::string> said;
+  const auto checks = judge(measured(clock, 0.3, said));
+  EXPECT_EQ(checkNamed(checks, "device").verdict, Verdict::kFailed);
+  EXPECT_THAT(checkNamed(checks, "device").found, HasSubstr("service"));
 }
 
 // The stand-in's hand swings the handle about a point 135 mm away, slowly, because its spring would lag
