@@ -67,6 +67,14 @@ class SpoolWriterTest : public testing::Test {
     }
     time_.advanceTo(until_ns);
   }
+  // Runs until the writer tries again, and the disk refuses again, after exactly so long.
+  void expectNextTryAfter(SpoolWriter& writer, std::int64_t ms) {
+    const std::uint64_t errors = writer.counts().disk_errors;
+    run(writer, ms - 1);
+    EXPECT_EQ(writer.counts().disk_errors, errors) << "too early";
+    run(writer, 1);
+    EXPECT_EQ(writer.counts().disk_errors, errors + 1);
+  }
   [[nodiscard]] std::uintmax_t tailBytes() const {
     return std::filesystem::file_size(session_->folder() / "tail");
   }
@@ -186,14 +194,8 @@ TEST_F(SpoolWriterTest, aFullDiskIsTriedEveryHalfSecondAndNothingIsLostWhenItTak
   EXPECT_EQ(writer.counts().samples, 6567u);
   EXPECT_EQ(writer.counts().samples_waiting, 4000u);
   EXPECT_FALSE(writer.counts().disk_error.empty());
-  const std::uint64_t errors = writer.counts().disk_errors;
-  EXPECT_GT(errors, 0u);
-  for (std::uint64_t tries = 1; tries <= 4; ++tries) {
-    run(writer, 499);
-    EXPECT_EQ(writer.counts().disk_errors, errors + tries - 1) << "too early";
-    run(writer, 1);
-    EXPECT_EQ(writer.counts().disk_errors, errors + tries);
-  }
+  EXPECT_GT(writer.counts().disk_errors, 0u);
+  for (int tries = 0; tries < 4; ++tries) expectNextTryAfter(writer, 500);
   disk.makeRoom();
   run(writer, 499);
   EXPECT_EQ(session_->contents().chunks, 2u);
@@ -352,14 +354,8 @@ TEST_F(SpoolWriterTest, aTailThatTheDiskRefusedIsTriedEvery20msAndHoldsEverythin
     FullDisk disk(10);
     push(0, 500);  // less than a chunk: only pieces are refused
     run(writer, 0);
-    const std::uint64_t errors = writer.counts().disk_errors;
-    EXPECT_EQ(errors, 1u);
-    for (std::uint64_t tries = 1; tries <= 5; ++tries) {
-      run(writer, 19);
-      EXPECT_EQ(writer.counts().disk_errors, errors + tries - 1) << "too early";
-      run(writer, 1);
-      EXPECT_EQ(writer.counts().disk_errors, errors + tries);
-    }
+    EXPECT_EQ(writer.counts().disk_errors, 1u);
+    for (int tries = 0; tries < 5; ++tries) expectNextTryAfter(writer, 20);
     disk.makeRoom();
     push(500, 40);
     run(writer, 20);

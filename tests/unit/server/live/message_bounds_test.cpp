@@ -20,6 +20,14 @@ using testing::HasSubstr;
 
 constexpr const char* kLongPassword = "correct horse battery";
 
+/// Somebody who is new to the server and has logged in.
+struct LoggedIn : RawPeer {
+  LoggedIn(RunningServer& server, const std::string& name, pb::Role role) : RawPeer(server) {
+    server.addUser(name, role, kLongPassword);
+    EXPECT_TRUE(logIn(personLogin(name, kLongPassword)).has_welcome());
+  }
+};
+
 /// ImportAll with so many empty records: 2 bytes each on the wire, 64 in memory.
 pb::Envelope importOfNothing(std::uint64_t id, int records) {
   pb::Envelope envelope;
@@ -47,9 +55,7 @@ std::vector<pb::Envelope> answersTo(RawPeer& peer, const std::vector<pb::Envelop
 
 TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
   RunningServer server;
-  server.addUser("tina", pb::TRAINEE, kLongPassword);
-  RawPeer tina(server);
-  ASSERT_TRUE(tina.logIn(personLogin("tina", kLongPassword)).has_welcome());
+  LoggedIn tina(server, "tina", pb::TRAINEE);
   const auto answers = answersTo(tina, {importOfNothing(5, 524'200), importOfNothing(6, 524'200)});
   ASSERT_EQ(answers.size(), 2u);
   for (std::size_t i = 0; i < answers.size(); ++i) {
@@ -68,9 +74,7 @@ TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
 
 TEST(MessageBounds, moreItemsThanAListMayHaveAreRefusedUnparsedWithTheBound) {
   RunningServer server;
-  server.addUser("ada", pb::ADMINISTRATOR, kLongPassword);
-  RawPeer ada(server);
-  ASSERT_TRUE(ada.logIn(personLogin("ada", kLongPassword)).has_welcome());
+  LoggedIn ada(server, "ada", pb::ADMINISTRATOR);
   const auto answers = answersTo(ada, {importOfNothing(5, 20'001)});
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
@@ -137,9 +141,7 @@ TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
 
 TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
   RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; });
-  server.addUser("ada", pb::ADMINISTRATOR, kLongPassword);
-  RawPeer ada(server);
-  ASSERT_TRUE(ada.logIn(personLogin("ada", kLongPassword)).has_welcome());
+  LoggedIn ada(server, "ada", pb::ADMINISTRATOR);
   const auto answers = answersTo(ada, {importOfNothing(5, 10'000)});
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
@@ -151,9 +153,7 @@ TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
 // Two requests of which only one fits at a time: the second waits for the first one's end, and is answered.
 TEST(MessageBounds, whoFindsNoRoomWaitsForIt) {
   RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 40'000; });
-  server.addUser("ines", pb::INSTRUCTOR, kLongPassword);
-  RawPeer ines(server);
-  ASSERT_TRUE(ines.logIn(personLogin("ines", kLongPassword)).has_welcome());
+  LoggedIn ines(server, "ines", pb::INSTRUCTOR);
   std::string all;
   for (std::uint64_t id = 1; id <= 20; ++id) {
     pb::Envelope check;
@@ -229,9 +229,7 @@ TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
 
 TEST(MessageBounds, twoCallsInOneRequestEndTheConnection) {
   RunningServer server;
-  server.addUser("tina", pb::TRAINEE, kLongPassword);
-  RawPeer tina(server);
-  ASSERT_TRUE(tina.logIn(personLogin("tina", kLongPassword)).has_welcome());
+  LoggedIn tina(server, "tina", pb::TRAINEE);
   pb::Envelope allowed;
   allowed.mutable_request()->mutable_list_profiles();
   const std::string body =

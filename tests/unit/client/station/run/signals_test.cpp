@@ -105,12 +105,16 @@ int deeper(volatile int* depth) {
   return deeper(depth) + frame[0];
 }
 
-// the child's whole life: the loop on simulated time, and `die` on another thread once there is force
-[[noreturn]] void live(Seen& seen, const std::function<void()>& die, bool on_main_thread) {
+// a crashing child writes no core file, and nothing into the test's log
+void leaveNoTrace() {
   const rlimit none{0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
-  // The output of a crashing child must not go to the test's log.
   if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
+}
+
+// the child's whole life: the loop on simulated time, and `die` on another thread once there is force
+[[noreturn]] void live(Seen& seen, const std::function<void()>& die, bool on_main_thread) {
+  leaveNoTrace();
   SceneSpec spec = paperOneDof();
   spec.effects = bitOf(Effect::kCutting);
   const SceneModel model = *compile(spec, kGuardRate_hz);
@@ -216,9 +220,7 @@ TEST(CrashGuard, aCrashOfTheHapticThreadItselfIsNotWaitedFor) {
   const SharedSeen shared;
   const pid_t child = ::fork();
   if (child == 0) {
-    const rlimit none{0, 0};
-    ::setrlimit(RLIMIT_CORE, &none);
-    if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
+    leaveNoTrace();
     const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
     FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
       if (tick >= 50) ::raise(SIGSEGV);  // that tick itself may be missed
@@ -296,9 +298,7 @@ TEST(CrashGuard, aDeviceThatWasLetGoIsToldNothing) {
 TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
   const pid_t child = ::fork();
   if (child == 0) {
-    const rlimit none{0, 0};
-    ::setrlimit(RLIMIT_CORE, &none);
-    if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
+    leaveNoTrace();
     const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
     FakeDevice device(goingDown(0.01, kGuardRate_hz));
     FakeTime clock;
