@@ -1,6 +1,7 @@
 // Thousands of simulated lessons with a Falcon, each from a seed: what goes wrong, when, and who wakes first.
 // In every one the rules of FalconRun hold. A failing seed is printed with the command that plays it again;
 // keep it in the file `falcon_regressions`, with its reason.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <set>
@@ -62,7 +63,7 @@ TEST(FalconSeeds, aGateThatCountsTicksWronglyIsCaught) {
   // at 500 Hz it fades in within 100 ticks, at 2 kHz it fades out within 40
   for (const double rate_hz : {500.0, 2000.0}) {
     catchIn(
-        "gate at " + std::to_string(rate_hz) + " Hz",
+        fmt::format("gate at {} Hz", rate_hz),
         [&](std::uint64_t seed) { return falconBrokenBy(seed, rate_hz); }, kFalconSeeds);
   }
 }

@@ -1,6 +1,7 @@
 // Hundreds of simulated lessons with a Virtuose, each from a seed: what goes wrong, when, and who wakes
 // first. In every one the rules of VirtuoseRun hold. A failing seed is printed with the command that plays it
 // again; keep it in the file `virtuose_regressions`, with its reason.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <set>
@@ -76,7 +77,7 @@ TEST(VirtuoseSeeds, aDeviceThatConcealsItsConditionIsCaught) {
   for (const std::uint32_t flag : {kDeviceEmergencyStop, kDeviceReleased, kDevicePowerOff, kDeviceOverheated,
                                    kDeviceLost, kDeviceTrouble}) {
     catchIn(
-        "without condition " + std::to_string(flag),
+        fmt::format("without condition {:#x}", flag),
         [&](std::uint64_t seed) { return virtuoseBrokenBy(seed, 1000, flag); }, kVirtuoseSeeds);
   }
 }
@@ -85,7 +86,7 @@ TEST(VirtuoseSeeds, aGateThatCountsTicksWronglyIsCaught) {
   // at 500 Hz it fades in within 100 ticks, at 2 kHz it fades out within 40
   for (const double rate_hz : {500.0, 2000.0}) {
     catchIn(
-        "gate at " + std::to_string(rate_hz) + " Hz",
+        fmt::format("gate at {} Hz", rate_hz),
         [&](std::uint64_t seed) { return virtuoseBrokenBy(seed, rate_hz); }, kVirtuoseSeeds);
   }
 }
