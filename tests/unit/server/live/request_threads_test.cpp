@@ -1,10 +1,16 @@
-// On which threads a request's work is done, and behind whose work it waits: executeRequest, poolForWriting.
+// On which threads a request's work is done, and behind whose work it waits: executeRequest, closeInTurn,
+// poolForWriting.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <boost/asio/post.hpp>
+#include <functional>
 #include <future>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "db/service/requests.h"
 #include "server/live/context.h"
@@ -36,7 +42,25 @@ struct RequestThreadsTest : testing::Test {
 
   /// Gives a pool one piece of this person that ends with release().
   void occupy(FairPool& pool, const std::string& person) {
-    pool.post(turnNameOf({person, pb::INSTRUCTOR}), [held = held_] { held.wait(); });
+    pool.post(turnNameOf({person, pb::INSTRUCTOR}), untilRelease());
+  }
+  /// Asks for a close as the server does for a station; it waits for its turn now.
+  void close(const std::string& station, std::function<void()> work) {
+    asio::co_spawn(loop.io, closed(station, std::move(work)), asio::detached);
+    loop.io.restart();
+    loop.io.poll();
+  }
+  Task<> closed(std::string station, std::function<void()> work) {
+    std::function<Result<CloseOutcome>()> close_it = [work = std::move(work)]() -> Result<CloseOutcome> {
+      work();
+      return CloseOutcome{};
+    };
+    const auto outcome = co_await closeInTurn(context, station, std::move(close_it));
+    EXPECT_TRUE(outcome.ok());
+    ++closes_done;
+  }
+  std::function<void()> untilRelease() const {
+    return [held = held_] { held.wait(); };
   }
   void release() {
     if (!released_) go_.set_value();
@@ -69,6 +93,7 @@ struct RequestThreadsTest : testing::Test {
                         .counters = {},
                         .handshakes = HandshakeTurns(HandshakeTurns::Settings{.at_once = 1}),
                         .connections = {}};
+  int closes_done = 0;
 
  private:
   std::promise<void> go_;
@@ -94,6 +119,37 @@ TEST_F(RequestThreadsTest, aPersonWhoHasWorkOnTheViewsDelaysNoOtherPersonsView) 
 TEST_F(RequestThreadsTest, aStationAndAPersonOfOneNameAreTwo) {
   EXPECT_NE(turnNameOf({"bench", pb::STATION}), turnNameOf({"bench", pb::TRAINEE}));
   EXPECT_EQ(turnNameOf({"ada", pb::TRAINEE}), turnNameOf({"ada", pb::ADMINISTRATOR}));
+}
+
+TEST_F(RequestThreadsTest, aStationsClosesDoNotHoldUpItsNextLesson) {
+  pb::Request lesson;
+  lesson.mutable_get_lesson()->set_exercise_id("practice");
+  ASSERT_EQ(threadsOf(lesson, pb::STATION), RequestThreads::kWorkers);
+  for (int n = 0; n < 4; ++n) close("bench", untilRelease());
+  EXPECT_TRUE(answered({"bench", pb::STATION}, lesson));
+  EXPECT_EQ(closes_done, 0);
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 4; }));
+}
+
+TEST_F(RequestThreadsTest, aStationsClosesTakeTurnsWithEachOtherAndWithOthers) {
+  // one thread is taken to the end, so that the other one does piece after piece
+  std::promise<void> end;
+  asio::post(workers, [ended = end.get_future().share()] { ended.wait(); });
+  occupy(*context.workers_of_people, "ada");
+  std::vector<std::string> done;
+  const auto note = [&done](const char* text) { return [&done, text] { done.emplace_back(text); }; };
+  for (const char* text : {"bench's close 1", "bench's close 2", "bench's close 3"})
+    close("bench", note(text));
+  close("cabin", note("cabin's close"));
+  context.workers_of_people->post(turnNameOf({"ines", pb::INSTRUCTOR}), note("ines"));
+  context.workers_of_people->post(turnNameOf({"bench", pb::STATION}), note("bench's lesson"));
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 4; }));
+  end.set_value();
+  workers.join();
+  EXPECT_THAT(done, testing::ElementsAre("bench's close 1", "cabin's close", "ines", "bench's lesson",
+                                         "bench's close 2", "bench's close 3"));
 }
 
 TEST_F(RequestThreadsTest, onlyALongReplyIsWrittenOnTheViews) {
