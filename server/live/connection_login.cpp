@@ -127,6 +127,30 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
   co_return std::move(*holder);
 }
 
+/// Takes a place among those who have logged in, perhaps another connection's. False: there is none.
+bool PeerConnection::takePlace() {
+  const auto arrival = context_.admission.loggedIn(id_, {who_.name, who_.role == pb::STATION}, steadyNowNs());
+  if (arrival.answer != Admission::Answer::kWelcome) {
+    ++context_.counters.connections_refused;
+    refuseAndClose(makeRefusal(
+        pb::Refusal::RATE_LIMITED,
+        "others, none of whom has more connections, take all places of the server: try again in a minute"));
+    return false;
+  }
+  if (!arrival.gives_way) return true;
+  if (const auto found = context_.connections.find(*arrival.gives_way); found != context_.connections.end()) {
+    PeerConnection& other = *found->second;
+    logEvent(LogLevel::kInfo, "connection_gives_way",
+             {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
+    other.refuseAndClose(
+        makeRefusal(pb::Refusal::RATE_LIMITED,
+                    fmt::format("all places of the server are taken and {} has the most connections: the one "
+                                "that was not used for longest gave way",
+                                other.who().name)));
+  }
+  return true;
+}
+
 Task<> PeerConnection::welcome(std::int64_t password_ns) {
   auto self = shared_from_this();
   pb::Envelope envelope;
@@ -153,8 +177,6 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
       *welcome.add_open_sessions() = std::move(session);
     }
   } else {
-    // also after a log-in by token, so that a running program need not ask for the password again
-    const std::int64_t now = steadyNowNs();
     const auto mine =
         std::count_if(context_.connections.begin(), context_.connections.end(), [this](const auto& entry) {
           const PeerConnection& other = *entry.second;
@@ -165,9 +187,6 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
                                  fmt::format("{} has {} connections already", who_.name, mine)));
       co_return;
     }
-    const auto issued = context_.tokens.issue({who_, password_ns}, now);
-    welcome.set_token(issued.token);
-    welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
   }
   // A slow log-in may finish late: the station has given this connection up and uses a newer one, which must
   // not be replaced.
@@ -181,13 +200,20 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
         "station " + who_.name + " is logged in by a later connection, from " + there->address()));
     co_return;
   }
+  if (!takePlace()) co_return;
+  if (who_.role != pb::STATION) {
+    // also after a log-in by token, so that a running program need not ask for the password again
+    const std::int64_t now = steadyNowNs();
+    const auto issued = context_.tokens.issue({who_, password_ns}, now);
+    welcome.set_token(issued.token);
+    welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
+  }
   welcome.set_name(who_.name);
   welcome.set_role(who_.role);
   welcome.set_server_unix_ns(wallNowNs());
   welcome.set_server_version(NEEDLELAB_VERSION);
 
   channel_->established();
-  context_.admission.loggedIn(id_, steadyNowNs());
   setState(ConnectionState::kAuthenticated);
   if (!sessions_.empty()) setState(ConnectionState::kInSession);
   ++context_.counters.logins;
