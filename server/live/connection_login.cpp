@@ -6,10 +6,11 @@
 #include "common/base/clock.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
-#include "db/session_store.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/person_login.h"
+#include "server/live/request_effects.h"
+#include "server/live/station_login.h"
 
 namespace needlelab {
 namespace {
@@ -88,10 +89,7 @@ Task<> PeerConnection::logIn(pb::Login given) {
   if (!result.ok()) {
     ++context_.counters.logins_refused;
     const bool denied = result.error().code == ErrorCode::kDenied;
-    std::function<Result<bool>()> look = [&service = context_.store.service(), login] {
-      return service.isKnownName(login->station().station(), true);
-    };
-    const auto is_known = co_await offload(context_.logins, std::move(look));
+    const auto is_known = co_await claimsKnownStation(context_, login, address_key_);
     if (over() || channel_->closing()) co_return;
     logEvent(LogLevel::kWarning, "login_refused",
              {{"conn", id_},
@@ -109,19 +107,17 @@ Task<> PeerConnection::logIn(pb::Login given) {
 
 Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb::Login> login) {
   auto self = shared_from_this();
-  Service& service = context_.store.service();
   if (login->has_station()) {
-    std::function<Result<Principal>()> check = [&service, login] {
-      return service.loginStation(login->station().station(), login->station().key());
-    };
-    auto who = co_await offload(context_.logins, std::move(check));
+    auto who = co_await checkStationKey(context_, login, address_key_);
     if (!who.ok()) co_return who.error();
     co_return Tokens::Holder{std::move(*who), 0};
   }
   auto holder = context_.tokens.find(login->token(), steadyNowNs());
   if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
-  std::function<Result<bool>()> check = [&service, who = holder->who] { return service.stillAllowed(who); };
-  const auto allowed = co_await offload(context_.logins, std::move(check));
+  std::function<Result<bool>()> check = [&service = context_.store.service(), who = holder->who] {
+    return service.stillAllowed(who);
+  };
+  const auto allowed = co_await offload(*context_.logins_in_turn, turnNameOf(holder->who), std::move(check));
   if (!allowed.ok()) co_return allowed.error();
   if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
   co_return std::move(*holder);
@@ -157,12 +153,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   pb::Welcome& welcome = *envelope.mutable_welcome();
   if (who_.role == pb::STATION) {
     // from the database, not from memory, because a station's spool relies on it
-    using Open = std::vector<pb::Welcome::OpenSession>;
-    std::function<Result<Open>()> read = [&store = context_.store, name = who_.name]() -> Result<Open> {
-      ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
-      return SessionStore(*reader).openSessions(name);
-    };
-    auto open = co_await offload(context_.logins, std::move(read));
+    auto open = co_await openSessionsOf(context_, who_.name);
     if (over() || channel_->closing()) co_return;
     if (!open.ok()) {
       logEvent(LogLevel::kError, "read_failed", {{"conn", id_}, {"text", open.error().message}});
