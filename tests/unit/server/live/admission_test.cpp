@@ -135,7 +135,7 @@ class Port {
 
 const Account kMara{.name = "mara"}, kAda{.name = "ada"};
 
-Account station(int number) {
+Account stationOf(int number) {
   return {.name = "bench-" + std::to_string(number), .station = true};
 }
 
@@ -191,27 +191,27 @@ TEST(Admission, stationsHavePlacesThatPeopleCannotTake) {
   Port port;
   port.logIn(kInes, 20);
   for (int n = 1; n <= 4; ++n) {
-    port.logIn(station(n));
+    port.logIn(stationOf(n));
     EXPECT_FALSE(port.refused);
     EXPECT_FALSE(port.gave_way.has_value()) << n;
   }
-  port.logIn(station(5));
+  port.logIn(stationOf(5));
   ASSERT_TRUE(port.gave_way.has_value()) << "beyond its places a station is a newcomer as others";
   EXPECT_EQ(port.connectionsOf(kInes), 10);
   // no station gives way to a person, whoever has most
   port.logIn(kMara);
   EXPECT_EQ(port.connectionsOf(kMara), 1);
-  for (int n = 1; n <= 5; ++n) EXPECT_EQ(port.connectionsOf(station(n)), 1) << n;
+  for (int n = 1; n <= 5; ++n) EXPECT_EQ(port.connectionsOf(stationOf(n)), 1) << n;
   EXPECT_EQ(port.admission.connections(), 15u);
 }
 
 TEST(Admission, stationsMayTakeWhatPeopleDoNotUseAndKeepIt) {
   Port port;
-  for (int n = 1; n <= 15; ++n) port.logIn(station(n));
+  for (int n = 1; n <= 15; ++n) port.logIn(stationOf(n));
   EXPECT_FALSE(port.refused);
   port.logIn(kInes);
   EXPECT_TRUE(port.refused);
-  for (int n = 1; n <= 15; ++n) EXPECT_EQ(port.connectionsOf(station(n)), 1) << n;
+  for (int n = 1; n <= 15; ++n) EXPECT_EQ(port.connectionsOf(stationOf(n)), 1) << n;
 }
 
 TEST(Admission, anAccountAboveItsNumberGivesWayToItselfThoughThereAreFreePlaces) {
