@@ -120,23 +120,89 @@ Admission::Arrival Admission::arriveFromProxy(std::uint64_t id) {
     }
     left(*arrival.gives_way);
   }
-  logged_in_.insert(id);
+  of_proxies_.insert(id);
   return arrival;
 }
 
-void Admission::loggedIn(std::uint64_t id, std::int64_t now_ns) {
-  const auto found = strangers_.find(id);
-  if (found == strangers_.end()) return;
-  const std::string key = found->second.address;
-  Address& address = addressOf(key, now_ns);
-  address.charges = std::max(0.0, address.charges - 1);
-  remember(key, now_ns);
+bool Admission::isFullFor(const Account& account) const {
+  const auto share = [this](std::size_t one_in) {
+    return one_in == 0 ? 0 : settings_.max_connections / one_in;
+  };
+  const std::size_t places = settings_.max_connections - share(settings_.newcomers_one_in);
+  return settled() >= places || (!account.station && people_ >= places - share(settings_.stations_one_in));
+}
+
+std::size_t Admission::connectionsOf(const Account& account) const {
+  const auto found = accounts_.find(account);
+  return found == accounts_.end() ? 0 : found->second.size();
+}
+
+std::optional<std::uint64_t> Admission::idlestFor(const Account& newcomer) const {
+  const std::size_t with_new = connectionsOf(newcomer) + 1;
+  auto greediest = accounts_.find(newcomer);
+  std::size_t most = with_new;
+  for (auto other = accounts_.begin(); other != accounts_.end(); ++other) {
+    // the reserve is the stations': they give no place to a person
+    if (other->second.size() <= most || (other->first.station && !newcomer.station)) continue;
+    greediest = other;
+    most = other->second.size();
+  }
+  if (greediest == accounts_.end()) return std::nullopt;
+  return greediest->second.begin()->second;
+}
+
+Admission::Arrival Admission::loggedIn(std::uint64_t id, const Account& account, std::int64_t now_ns) {
+  Arrival arrival;
+  const auto before = logged_in_.find(id);
+  const bool inside = before != logged_in_.end();
+  if (inside && before->second.account == account) {
+    used(id);
+    return arrival;
+  }
+  const auto stranger = strangers_.find(id);
+  if (!inside && stranger == strangers_.end()) return arrival;
+  if (connectionsOf(account) >= settings_.connections_of_account) {
+    arrival.gives_way = accounts_.at(account).begin()->second;
+  } else if (!inside && isFullFor(account)) {
+    arrival.gives_way = idlestFor(account);
+    if (!arrival.gives_way) {
+      arrival.answer = Answer::kFull;
+      return arrival;
+    }
+  }
+  if (!inside) {
+    const std::string key = stranger->second.address;
+    Address& address = addressOf(key, now_ns);
+    address.charges = std::max(0.0, address.charges - 1);
+    remember(key, now_ns);
+  }
+  if (arrival.gives_way) left(*arrival.gives_way);
   left(id);
-  logged_in_.insert(id);
+  logged_in_.emplace(id, LoggedIn{account, ++turn_});
+  accounts_[account].emplace(turn_, id);
+  if (!account.station) ++people_;
+  return arrival;
+}
+
+void Admission::used(std::uint64_t id) {
+  const auto found = logged_in_.find(id);
+  if (found == logged_in_.end()) return;
+  auto& theirs = accounts_.at(found->second.account);
+  theirs.erase(found->second.used);
+  found->second.used = ++turn_;
+  theirs.emplace(turn_, id);
 }
 
 void Admission::left(std::uint64_t id) {
-  if (logged_in_.erase(id) > 0) return;
+  if (of_proxies_.erase(id) > 0) return;
+  if (const auto inside = logged_in_.find(id); inside != logged_in_.end()) {
+    const auto theirs = accounts_.find(inside->second.account);
+    if (!theirs->first.station) --people_;
+    theirs->second.erase(inside->second.used);
+    if (theirs->second.empty()) accounts_.erase(theirs);
+    logged_in_.erase(inside);
+    return;
+  }
   const auto found = strangers_.find(id);
   if (found == strangers_.end()) return;
   const Stranger& stranger = found->second;

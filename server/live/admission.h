@@ -1,8 +1,9 @@
-/// Admission of connections before log-in, with limits per address.
+/// Places of connections at a port: before log-in by address, after it by account.
 #pragma once
 
 #include <array>
 #include <chrono>
+#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -19,13 +20,21 @@ namespace needlelab {
 /// places, of one address and in all. Above its own number an address's oldest stranger is cut; when all
 /// places are taken, the oldest of the address with the most of them: an address that opens many only harms
 /// itself. Addresses that have logged in before have more charges and places of their own, and their
-/// strangers never give way to those of others: a restarted server knows none of them yet. Memory is
-/// bounded. Times: steady clock (ns), from the caller. Thread: one.
+/// strangers never give way to those of others: a restarted server knows none of them yet.
+///
+/// Connections that have logged in never give way to strangers, only to one that logs in when their places
+/// are taken: then the account with the most connections, counted with the new one, gives up the one that it
+/// has not used for longest; of equals it is the newcomer's own. So whoever has one connection keeps it, and
+/// each account ends up with its fair part. Some places stay free for those who are about to log in, and some
+/// are for stations only. Memory is bounded. Times: steady clock (ns), from the caller. Thread: one.
 class Admission {
  public:
   struct Settings {
-    std::size_t max_connections = 4096;  ///< of the server, logged in or not
-    std::size_t max_strangers = 1536;    ///< not logged in, of the server
+    std::size_t max_connections = 4096;  ///< of the port, logged in or not
+    std::size_t newcomers_one_in = 16;   ///< of so many places, one is for those who have not logged in yet
+    std::size_t stations_one_in = 4;     ///< one is for stations; 0: none
+    std::size_t connections_of_account = SIZE_MAX;  ///< logged in; above, its own give way
+    std::size_t max_strangers = 1536;               ///< not logged in, of the server
     /// Of those, from addresses without a log-in before: the others are the reserve of known addresses.
     std::size_t max_strangers_of_unknown = 1280;
     std::size_t strangers_of_address = 1280;
@@ -39,12 +48,18 @@ class Admission {
   };
   enum class Answer {
     kWelcome,
-    kFull,     ///< connections that cannot be cut take all places
+    kFull,     ///< connections that do not give way take all places
     kTooMany,  ///< the address has used up its charges
   };
   struct Arrival {
     Answer answer = Answer::kWelcome;
     std::optional<std::uint64_t> gives_way;  ///< the connection to cut for the new one
+  };
+  /// Whose a connection is after its log-in: a station and a person of one name are two.
+  struct Account {
+    std::string name;
+    bool station = false;
+    friend auto operator<=>(const Account&, const Account&) = default;
   };
 
   Admission() : Admission(Settings{}) {}
@@ -55,9 +70,12 @@ class Admission {
   /// The same for a connection of a proxy, which has many people behind it and limits its clients itself: no
   /// stranger, no charge, never cut for another.
   Arrival arriveFromProxy(std::uint64_t id);
-  /// After a log-in: refunds the charge, knows the address from now on; the connection can no longer be cut
-  /// for a new one.
-  void loggedIn(std::uint64_t id, std::int64_t now_ns);
+  /// After a log-in; again when the connection shows its log-in again, perhaps another one. Refunds the
+  /// charge, knows the address from now on. kFull: the connection stays a stranger. A proxy's connections,
+  /// which carry everybody's requests, and unknown ids are welcome and nothing changes.
+  Arrival loggedIn(std::uint64_t id, const Account& account, std::int64_t now_ns);
+  /// The connection was used: the account's others give way before it. Ignores all but those logged in.
+  void used(std::uint64_t id);
   /// The connection has ended, logged in or not. Ignores unknown ids.
   void left(std::uint64_t id);
 
@@ -65,7 +83,7 @@ class Admission {
   [[nodiscard]] bool knows(const std::string& key, std::int64_t now_ns) const;
 
   [[nodiscard]] std::size_t strangers() const { return strangers_.size(); }
-  [[nodiscard]] std::size_t connections() const { return strangers_.size() + logged_in_.size(); }
+  [[nodiscard]] std::size_t connections() const { return strangers_.size() + settled(); }
   [[nodiscard]] std::size_t addresses() const { return addresses_.size(); }
   [[nodiscard]] std::size_t knownAddresses() const { return known_.size(); }
 
@@ -84,6 +102,14 @@ class Admission {
     std::string address;
     bool known = false;
   };
+  struct LoggedIn {
+    Account account;
+    std::uint64_t used = 0;  // turn of its last use
+  };
+  [[nodiscard]] std::size_t settled() const { return logged_in_.size() + of_proxies_.size(); }
+  [[nodiscard]] bool isFullFor(const Account& account) const;
+  [[nodiscard]] std::size_t connectionsOf(const Account& account) const;
+  [[nodiscard]] std::optional<std::uint64_t> idlestFor(const Account& newcomer) const;
   [[nodiscard]] double leftOf(const Address& address, std::int64_t now_ns) const;
   Address& addressOf(const std::string& key, std::int64_t now_ns);
   [[nodiscard]] std::optional<std::uint64_t> oldestOf(const std::string& key) const;
@@ -95,7 +121,12 @@ class Admission {
   std::unordered_map<std::string, Address> addresses_;
   std::map<std::uint64_t, Stranger> strangers_;  // ids grow, so the first is the oldest
   std::size_t strangers_of_unknown_ = 0;
-  std::unordered_set<std::uint64_t> logged_in_;          // and of proxies
+  std::unordered_set<std::uint64_t> of_proxies_;
+  std::unordered_map<std::uint64_t, LoggedIn> logged_in_;
+  // by the turn of the last use, so the first is the idlest; without empty entries
+  std::map<Account, std::map<std::uint64_t, std::uint64_t>> accounts_;
+  std::size_t people_ = 0;                               // of logged_in_
+  std::uint64_t turn_ = 0;                               // of uses
   std::unordered_map<std::string, std::int64_t> known_;  // address → time of the last log-in
 };
 

@@ -116,6 +116,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void greet(const pb::Hello& hello);
   Task<> logIn(pb::Login given);
   Task<Result<Tokens::Holder>> checkLogin(std::shared_ptr<const pb::Login> login);
+  bool takePlace();
   Task<> welcome(std::int64_t password_ns);
 
   // --- connection_session.cpp: the durable plane

@@ -6,10 +6,11 @@
 #include "common/base/clock.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
-#include "db/session_store.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/person_login.h"
+#include "server/live/request_effects.h"
+#include "server/live/station_login.h"
 
 namespace needlelab {
 namespace {
@@ -88,10 +89,7 @@ Task<> PeerConnection::logIn(pb::Login given) {
   if (!result.ok()) {
     ++context_.counters.logins_refused;
     const bool denied = result.error().code == ErrorCode::kDenied;
-    std::function<Result<bool>()> look = [&service = context_.store.service(), login] {
-      return service.isKnownName(login->station().station(), true);
-    };
-    const auto is_known = co_await offload(context_.logins, std::move(look));
+    const auto is_known = co_await claimsKnownStation(context_, login, address_key_);
     if (over() || channel_->closing()) co_return;
     logEvent(LogLevel::kWarning, "login_refused",
              {{"conn", id_},
@@ -109,22 +107,44 @@ Task<> PeerConnection::logIn(pb::Login given) {
 
 Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb::Login> login) {
   auto self = shared_from_this();
-  Service& service = context_.store.service();
   if (login->has_station()) {
-    std::function<Result<Principal>()> check = [&service, login] {
-      return service.loginStation(login->station().station(), login->station().key());
-    };
-    auto who = co_await offload(context_.logins, std::move(check));
+    auto who = co_await checkStationKey(context_, login, address_key_);
     if (!who.ok()) co_return who.error();
     co_return Tokens::Holder{std::move(*who), 0};
   }
   auto holder = context_.tokens.find(login->token(), steadyNowNs());
   if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
-  std::function<Result<bool>()> check = [&service, who = holder->who] { return service.stillAllowed(who); };
-  const auto allowed = co_await offload(context_.logins, std::move(check));
+  std::function<Result<bool>()> check = [&service = context_.store.service(), who = holder->who] {
+    return service.stillAllowed(who);
+  };
+  const auto allowed = co_await offload(*context_.logins_in_turn, turnNameOf(holder->who), std::move(check));
   if (!allowed.ok()) co_return allowed.error();
   if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
   co_return std::move(*holder);
+}
+
+/// Takes a place among those who have logged in, perhaps another connection's. False: there is none.
+bool PeerConnection::takePlace() {
+  const auto arrival = context_.admission.loggedIn(id_, {who_.name, who_.role == pb::STATION}, steadyNowNs());
+  if (arrival.answer != Admission::Answer::kWelcome) {
+    ++context_.counters.connections_refused;
+    refuseAndClose(makeRefusal(
+        pb::Refusal::RATE_LIMITED,
+        "others, none of whom has more connections, take all places of the server: try again in a minute"));
+    return false;
+  }
+  if (!arrival.gives_way) return true;
+  if (const auto found = context_.connections.find(*arrival.gives_way); found != context_.connections.end()) {
+    PeerConnection& other = *found->second;
+    logEvent(LogLevel::kInfo, "connection_gives_way",
+             {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
+    other.refuseAndClose(
+        makeRefusal(pb::Refusal::RATE_LIMITED,
+                    fmt::format("all places of the server are taken and {} has the most connections: the one "
+                                "that was not used for longest gave way",
+                                other.who().name)));
+  }
+  return true;
 }
 
 Task<> PeerConnection::welcome(std::int64_t password_ns) {
@@ -133,12 +153,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   pb::Welcome& welcome = *envelope.mutable_welcome();
   if (who_.role == pb::STATION) {
     // from the database, not from memory, because a station's spool relies on it
-    using Open = std::vector<pb::Welcome::OpenSession>;
-    std::function<Result<Open>()> read = [&store = context_.store, name = who_.name]() -> Result<Open> {
-      ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
-      return SessionStore(*reader).openSessions(name);
-    };
-    auto open = co_await offload(context_.logins, std::move(read));
+    auto open = co_await openSessionsOf(context_, who_.name);
     if (over() || channel_->closing()) co_return;
     if (!open.ok()) {
       logEvent(LogLevel::kError, "read_failed", {{"conn", id_}, {"text", open.error().message}});
@@ -153,8 +168,6 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
       *welcome.add_open_sessions() = std::move(session);
     }
   } else {
-    // also after a log-in by token, so that a running program need not ask for the password again
-    const std::int64_t now = steadyNowNs();
     const auto mine =
         std::count_if(context_.connections.begin(), context_.connections.end(), [this](const auto& entry) {
           const PeerConnection& other = *entry.second;
@@ -165,9 +178,6 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
                                  fmt::format("{} has {} connections already", who_.name, mine)));
       co_return;
     }
-    const auto issued = context_.tokens.issue({who_, password_ns}, now);
-    welcome.set_token(issued.token);
-    welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
   }
   // A slow log-in may finish late: the station has given this connection up and uses a newer one, which must
   // not be replaced.
@@ -181,13 +191,20 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
         "station " + who_.name + " is logged in by a later connection, from " + there->address()));
     co_return;
   }
+  if (!takePlace()) co_return;
+  if (who_.role != pb::STATION) {
+    // also after a log-in by token, so that a running program need not ask for the password again
+    const std::int64_t now = steadyNowNs();
+    const auto issued = context_.tokens.issue({who_, password_ns}, now);
+    welcome.set_token(issued.token);
+    welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
+  }
   welcome.set_name(who_.name);
   welcome.set_role(who_.role);
   welcome.set_server_unix_ns(wallNowNs());
   welcome.set_server_version(NEEDLELAB_VERSION);
 
   channel_->established();
-  context_.admission.loggedIn(id_, steadyNowNs());
   setState(ConnectionState::kAuthenticated);
   if (!sessions_.empty()) setState(ConnectionState::kInSession);
   ++context_.counters.logins;

@@ -179,11 +179,13 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
                      endsAlone(shared_from_this()));
       break;
     case pb::Envelope::kRequest:
+      context_.admission.used(id_);
       asio::co_spawn(context_.io,
                      execute(shared_from_this(), std::move(*envelope.mutable_request()), std::move(shares)),
                      endsAlone(shared_from_this()));
       break;
     case pb::Envelope::kSubscribe: {
+      context_.admission.used(id_);
       const pb::Subscribe& wanted = envelope.subscribe();
       auto refusal = context_.hub.subscribe(*this, wanted, steadyNowNs());
       if (refusal)

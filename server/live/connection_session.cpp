@@ -293,8 +293,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   };
   Result<CloseOutcome> outcome = Error{ErrorCode::kFailed, "not done"};
   if (committed.ok()) {
-    // in turn with others' requests: a close may take seconds, and a station may have many
-    outcome = co_await offload(*peer.context_.workers_of_people, turnNameOf(peer.who_), std::move(work));
+    outcome = co_await closeInTurn(peer.context_, peer.who_.name, std::move(work));
   } else {
     outcome = committed.error();
   }

@@ -98,7 +98,7 @@ struct WebCounters {
   std::size_t connections_open = 0, live_open = 0;  ///< now
 };
 
-inline constexpr std::size_t kWorkerThreads = 2, kSlowThreads = 1;
+inline constexpr std::size_t kWorkerThreads = 2, kSlowThreads = 1, kLoginThreads = 1;
 /// A station shows a trainee its standing while people plot and export: one of the views' threads is kept
 /// free of people's work.
 inline constexpr std::size_t kPeopleViewThreads = 2, kStationViewThreads = 1;
@@ -108,7 +108,7 @@ struct ServerContext {
   asio::io_context& io;
   Store& store;                     ///< its parts are thread-safe
   asio::thread_pool& passwords;     ///< argon2id: 64 MiB and 0.1 s each, so few at a time
-  asio::thread_pool& logins;        ///< station keys, tokens: not delayed by scoring
+  asio::thread_pool& logins;        ///< station keys, tokens: not delayed by scoring; kLoginThreads
   asio::thread_pool& parsers;       ///< large messages: milliseconds each
   asio::thread_pool& workers;       ///< short reads and scoring; kWorkerThreads
   asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson; kViewThreads
@@ -127,6 +127,8 @@ struct ServerContext {
   std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kPeopleViewThreads);
   std::unique_ptr<FairPool> views_of_stations = std::make_unique<FairPool>(views, kStationViewThreads);
   std::unique_ptr<FairPool> slow_workers_of_people = std::make_unique<FairPool>(slow_workers, kSlowThreads);
+  /// Keys, tokens and open sessions of those who log in, on `logins`.
+  std::unique_ptr<FairPool> logins_in_turn = std::make_unique<FairPool>(logins, kLoginThreads);
   /// Whatever hashes, on `passwords`.
   std::unique_ptr<PasswordPool> passwords_in_turn = std::make_unique<PasswordPool>(passwords);
   /// A log-in's turn has ended, or its place was taken.

@@ -155,6 +155,11 @@ std::string turnNameOf(const Principal& who) {
   return (who.role == pb::STATION ? "station " : "person ") + who.name;
 }
 
+Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, const std::string& station,
+                                       std::function<Result<CloseOutcome>()> work) {
+  return offload(*context.workers_of_people, "closes of station " + station, std::move(work));
+}
+
 FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes) {
   if (reply_bytes <= 16u << 10) return nullptr;
   return reply_bytes < 64u << 10 ? context.workers_of_people.get() : context.views_of_people.get();

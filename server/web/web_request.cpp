@@ -79,6 +79,13 @@ WebJson diskRoom(const ServerContext& context) {
   return room;
 }
 
+HttpAnswer noPlace() {
+  HttpAnswer answer = errorAnswer(503, "unavailable",
+                                  "other people take all connections of this server: try again in a minute");
+  answer.close = true;
+  return answer;
+}
+
 Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   pb::Request own;
   own.mutable_get_user()->set_name(who.name);
@@ -117,11 +124,11 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (login.answer == Answer::kRefused)
     co_return errorAnswer(401, "login_refused", "unknown name, wrong password, or disabled");
   if (login.answer != Answer::kWelcome) co_return errorAnswer(500, "failed", textOf(login));
+  if (!server->showedSession(request->connection, login.holder.who.name)) co_return noPlace();
   // replaces the browser's earlier session
   if (const auto before = server->sessions().find(request->cookie, steadyNowNs()))
     context.tokens.end(before->token);
   const auto issued = context.tokens.issue(login.holder, steadyNowNs());
-  server->showedSession(request->connection, login.holder.who.name);
   ++context.counters.logins;
   logEvent(LogLevel::kInfo, "web_login",
            {{"conn", request->connection},
@@ -374,7 +381,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     context.tokens.end(session->token);
     co_return notLoggedIn();
   }
-  server->showedSession(request->connection, session->holder.who.name);
+  if (!server->showedSession(request->connection, session->holder.who.name)) co_return noPlace();
   // asking for the session's expiry does not extend it, nor does a page that is left open
   if (route.how.action != WebAction::kWhoAmI && route.how.action != WebAction::kLive)
     (void)context.tokens.renew(session->token, steadyNowNs());

@@ -78,14 +78,11 @@ bool WebServer::admit(std::uint64_t id, const Tcp::endpoint& peer) {
   if (arrival.gives_way) cut(*arrival.gives_way);
   ++context_.web.connections;
   ++context_.web.connections_open;
-  if (from_proxy) of_proxies_.insert(id);
   return true;
 }
 
 void WebServer::left(std::uint64_t id) {
   admission_.left(id);
-  forgetPerson(id);
-  of_proxies_.erase(id);
   --context_.web.connections_open;
 }
 
@@ -136,26 +133,18 @@ void WebServer::answered(const HttpExchange& exchange) {
             {"sent", exchange.sent ? "yes" : "no"}});
 }
 
-void WebServer::showedSession(std::uint64_t id, const std::string& who) {
-  if (of_proxies_.contains(id)) return;  // its connections carry everybody's requests
-  admission_.loggedIn(id, steadyNowNs());
-  forgetPerson(id);
-  person_of_.emplace(id, who);
-  std::vector<std::uint64_t>& theirs = by_person_[who];
-  theirs.push_back(id);
-  if (theirs.size() <= settings_.connections_per_person) return;
-  const std::uint64_t idlest = theirs.front();
-  forgetPerson(idlest);
-  cut(idlest);
-}
-
-void WebServer::forgetPerson(std::uint64_t id) {
-  const auto person = person_of_.find(id);
-  if (person == person_of_.end()) return;
-  const auto theirs = by_person_.find(person->second);
-  std::erase(theirs->second, id);
-  if (theirs->second.empty()) by_person_.erase(theirs);
-  person_of_.erase(person);
+bool WebServer::showedSession(std::uint64_t id, const std::string& who) {
+  const auto arrival = admission_.loggedIn(id, {.name = who, .station = false}, steadyNowNs());
+  if (arrival.answer != Admission::Answer::kWelcome) {
+    ++context_.web.connections_refused;
+    return false;
+  }
+  if (arrival.gives_way) {
+    logEvent(LogLevel::kInfo, "connection_gives_way",
+             {{"port", "web"}, {"conn", *arrival.gives_way}, {"to", who}});
+    cut(*arrival.gives_way);
+  }
+  return true;
 }
 
 bool WebServer::viewerCame(const std::string& who) {

@@ -7,7 +7,6 @@
 #include <memory>
 #include <string>
 #include <unordered_map>
-#include <unordered_set>
 #include <vector>
 
 #include "common/base/result.h"
@@ -29,11 +28,11 @@ struct WebSettings : HttpLimits {
   std::filesystem::path root;       ///< of the console's files; empty: their build or installation folder
 
   std::size_t stranger_body_bytes = 4u << 10;  ///< before log-in
-  /// of one logged-in person; above the limit, the connection whose last request is the oldest is cut
-  std::size_t connections_per_person = 64;
   /// Connections that have not shown a valid session yet are strangers: only they are counted by address, and
-  /// they are cut as on the other port.
+  /// they are cut as on the other port. A connection is used by a request with a session.
   Admission::Settings admission{.max_connections = 512,
+                                .stations_one_in = 0,
+                                .connections_of_account = 64,
                                 .max_strangers = 256,
                                 .max_strangers_of_unknown = 192,
                                 .strangers_of_address = 128,
@@ -82,8 +81,9 @@ class WebServer : public HttpServer {
   /// viewerLeft.
   bool viewerCame(const std::string& who);
   void viewerLeft(const std::string& who);
-  /// A connection has sent a request with a valid session of `who`.
-  void showedSession(std::uint64_t id, const std::string& who);
+  /// A connection has sent a request with a valid session of `who`. False: people who have no more
+  /// connections than this person take all places.
+  [[nodiscard]] bool showedSession(std::uint64_t id, const std::string& who);
 
  protected:
   bool admit(std::uint64_t id, const Tcp::endpoint& peer) override;
@@ -93,7 +93,6 @@ class WebServer : public HttpServer {
   WebServer(ServerContext& context, TlsContext tls, WebSettings settings, TrustedProxies proxies,
             StaticFiles files, Tcp::acceptor acceptor);
   Task<HttpAnswer> answerTo(std::shared_ptr<HttpRequest> request);
-  void forgetPerson(std::uint64_t id);
 
   ServerContext& context_;
   const WebSettings settings_;
@@ -104,9 +103,6 @@ class WebServer : public HttpServer {
   const std::shared_ptr<LiveBoard> board_;
   std::unordered_map<std::string, std::size_t> viewers_;  // by name
   std::size_t all_viewers_ = 0;
-  std::unordered_set<std::uint64_t> of_proxies_;                           // connections
-  std::unordered_map<std::uint64_t, std::string> person_of_;               // by connection
-  std::unordered_map<std::string, std::vector<std::uint64_t>> by_person_;  // the most recent request last
 };
 
 }  // namespace needlelab

@@ -390,6 +390,33 @@ TEST(Access, aPersonHasSoManyConnections) {
   EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
 }
 
+TEST(Access, whoHasTheMostConnectionsGivesWayAndStationsHavePlaces) {
+  // one place for who comes, four for stations, eleven for people
+  RunningServer server([](ServerOptions& options) { options.max_connections = 16; });
+  const std::string key = server.addStation("bench-1");
+  for (const char* name : {"anna", "bert"}) server.addUser(name, pb::INSTRUCTOR, kPassword);
+  std::vector<BlockingClient> annas;
+  for (int i = 0; i < 11; ++i) {
+    auto client =
+        server.connect(i == 0 ? personLogin("anna", kPassword) : byToken(annas.front().welcome().token()));
+    ASSERT_TRUE(client.ok()) << client.error().message;
+    annas.push_back(std::move(*client));
+  }
+  pb::Request list;
+  list.mutable_list_stations();
+  EXPECT_TRUE(annas[0].call(list).ok());  // now the second one is the idlest
+  auto bert = server.connect(personLogin("bert", kPassword));
+  ASSERT_TRUE(bert.ok()) << bert.error().message;
+  const pb::Refusal refusal = waitForRefusal(annas[1]);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::RATE_LIMITED);
+  EXPECT_TRUE(refusal.fatal());
+  auto station = server.connect(stationLogin("bench-1", key));
+  EXPECT_TRUE(station.ok());
+  for (std::size_t i = 2; i < annas.size(); ++i) EXPECT_TRUE(annas[i].call(list).ok()) << i;
+  EXPECT_TRUE(annas[0].call(list).ok());
+  EXPECT_TRUE(bert->call(list).ok());
+}
+
 TEST(Access, aFloodOfPingsIsRefusedAndThenEndsTheConnection) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.small_messages_at_once = 50;

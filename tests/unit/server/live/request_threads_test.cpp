@@ -1,12 +1,21 @@
-// On which threads a request's work is done, and behind whose work it waits: executeRequest, poolForWriting.
+// On which threads the work of a request, a close or a station's log-in is done, and behind whose work it
+// waits.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <boost/asio/post.hpp>
+#include <functional>
 #include <future>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "client/net/connect.h"
 #include "db/service/requests.h"
 #include "server/live/request_effects.h"
+#include "server/live/station_login.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/wire/loopback.h"
 #include "tests/unit/db/service/test_service.h"
@@ -36,7 +45,38 @@ struct RequestThreadsTest : testing::Test {
 
   /// Gives a pool one piece of this person that ends with release().
   void occupy(FairPool& pool, const std::string& person) {
-    pool.post(turnNameOf({person, pb::INSTRUCTOR}), [held = held_] { held.wait(); });
+    pool.post(turnNameOf({person, pb::INSTRUCTOR}), untilRelease());
+  }
+  /// Asks for a close as the server does for a station; it waits for its turn now.
+  void close(const std::string& station, std::function<void()> work) {
+    asio::co_spawn(loop.io, closed(station, std::move(work)), asio::detached);
+    loop.io.restart();
+    loop.io.poll();
+  }
+  Task<> closed(std::string station, std::function<void()> work) {
+    std::function<Result<CloseOutcome>()> close_it = [work = std::move(work)]() -> Result<CloseOutcome> {
+      work();
+      return CloseOutcome{};
+    };
+    const auto outcome = co_await closeInTurn(context, station, std::move(close_it));
+    EXPECT_TRUE(outcome.ok());
+    ++closes_done;
+  }
+  /// Checks a station's key and notes its name, or "refused".
+  Task<> check(pb::Login login, std::string address, std::vector<std::string>& checked) {
+    const auto shared = std::make_shared<const pb::Login>(std::move(login));
+    const auto who = co_await checkStationKey(context, shared, address);
+    checked.push_back(who.ok() ? who->name : "refused");
+  }
+  /// Logs a station in as its connection does: the key, then the open sessions. Notes its name at the end.
+  Task<> logIn(pb::Login login, std::string address, std::vector<std::string>& in) {
+    std::vector<std::string> checked;
+    co_await check(std::move(login), std::move(address), checked);
+    const auto open = co_await openSessionsOf(context, checked.front());
+    in.push_back(open.ok() ? checked.front() : open.error().message);
+  }
+  std::function<void()> untilRelease() const {
+    return [held = held_] { held.wait(); };
   }
   void release() {
     if (!released_) go_.set_value();
@@ -49,6 +89,7 @@ struct RequestThreadsTest : testing::Test {
   test::Loopback loop;
   ServerContext context =
       test::bareContext(loop.io, *store, {.workers = workers, .views = views, .others = others});
+  int closes_done = 0;
 
  private:
   std::promise<void> go_;
@@ -74,6 +115,75 @@ TEST_F(RequestThreadsTest, aPersonWhoHasWorkOnTheViewsDelaysNoOtherPersonsView) 
 TEST_F(RequestThreadsTest, aStationAndAPersonOfOneNameAreTwo) {
   EXPECT_NE(turnNameOf({"bench", pb::STATION}), turnNameOf({"bench", pb::TRAINEE}));
   EXPECT_EQ(turnNameOf({"ada", pb::TRAINEE}), turnNameOf({"ada", pb::ADMINISTRATOR}));
+}
+
+TEST_F(RequestThreadsTest, aStationsClosesDoNotHoldUpItsNextLesson) {
+  pb::Request lesson;
+  lesson.mutable_get_lesson()->set_exercise_id("practice");
+  ASSERT_EQ(threadsOf(lesson, pb::STATION), RequestThreads::kWorkers);
+  for (int n = 0; n < 4; ++n) close("bench", untilRelease());
+  EXPECT_TRUE(answered({"bench", pb::STATION}, lesson));
+  EXPECT_EQ(closes_done, 0);
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 4; }));
+}
+
+TEST_F(RequestThreadsTest, aStationsClosesTakeTurnsWithEachOtherAndWithOthers) {
+  // one thread is taken to the end, so that the other one does piece after piece
+  std::promise<void> end;
+  asio::post(workers, [ended = end.get_future().share()] { ended.wait(); });
+  occupy(*context.workers_of_people, "ada");
+  std::vector<std::string> done;
+  const auto note = [&done](const char* text) { return [&done, text] { done.emplace_back(text); }; };
+  for (const char* text : {"bench's close 1", "bench's close 2", "bench's close 3"})
+    close("bench", note(text));
+  close("cabin", note("cabin's close"));
+  context.workers_of_people->post(turnNameOf({"ines", pb::INSTRUCTOR}), note("ines"));
+  context.workers_of_people->post(turnNameOf({"bench", pb::STATION}), note("bench's lesson"));
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 4; }));
+  end.set_value();
+  workers.join();
+  EXPECT_THAT(done, testing::ElementsAre("bench's close 1", "cabin's close", "ines", "bench's lesson",
+                                         "bench's close 2", "bench's close 3"));
+}
+
+TEST_F(RequestThreadsTest, aStationThatLogsInAgainAndAgainWaitsBehindItself) {
+  std::map<std::string, std::string> keys;
+  for (const char* name : {"bench", "cabin"}) {
+    pb::Request add;
+    add.mutable_add_station()->set_name(name);
+    keys[name] = store->service().execute({"root", pb::ADMINISTRATOR}, add).reply.station_key().key();
+  }
+  std::vector<std::string> in;
+  asio::post(others, untilRelease());
+  int asked = 0;
+  for (const char* name : {"bench", "bench", "bench", "cabin"}) {
+    asio::co_spawn(loop.io, logIn(stationLogin(name, keys[name]), "10.0.0.1", in), asio::detached);
+    ++asked;
+  }
+  loop.io.restart();
+  loop.io.poll();
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return in.size() == static_cast<std::size_t>(asked); }));
+  EXPECT_THAT(in, testing::ElementsAre("bench", "cabin", "bench", "bench"));
+}
+
+TEST_F(RequestThreadsTest, whoClaimsAStationsNameElsewhereTakesNoneOfItsTurns) {
+  pb::Request add;
+  add.mutable_add_station()->set_name("bench");
+  const std::string key =
+      store->service().execute({"root", pb::ADMINISTRATOR}, add).reply.station_key().key();
+  std::vector<std::string> in;
+  asio::post(others, untilRelease());
+  for (int n = 0; n < 3; ++n)
+    asio::co_spawn(loop.io, check(stationLogin("bench", "wrong"), "10.0.0.2", in), asio::detached);
+  asio::co_spawn(loop.io, check(stationLogin("bench", key), "10.0.0.1", in), asio::detached);
+  loop.io.restart();
+  loop.io.poll();
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return in.size() == 4; }));
+  EXPECT_THAT(in, testing::ElementsAre("refused", "bench", "refused", "refused"));
 }
 
 TEST_F(RequestThreadsTest, onlyALongReplyIsWrittenOnTheViews) {

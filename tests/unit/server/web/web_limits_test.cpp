@@ -314,7 +314,7 @@ TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
 }
 
 TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
-  WebLab lab([](ServerOptions& options) { options.web.connections_per_person = 3; });
+  WebLab lab([](ServerOptions& options) { options.web.admission.connections_of_account = 3; });
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
   std::vector<std::unique_ptr<WebWire>> open;
   const auto ask = [&](Browser& who, WebWire& wire) {
@@ -332,6 +332,38 @@ TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
   EXPECT_EQ(ask(ines, *open[0]), 200);
   EXPECT_EQ(ask(ines, *open[2]), 200);
   EXPECT_EQ(ask(mara, of_mara), 200);
+}
+
+TEST(WebLimits, whoHasTheMostConnectionsGivesWayToPeopleWhoHaveFewer) {
+  WebLab lab([](ServerOptions& options) {  // four places of people
+    options.web.admission.max_connections = 8;
+    options.web.admission.newcomers_one_in = 2;
+  });
+  const auto logIn = [](WebWire& wire, const char* name) {
+    (void)wire.send(
+        requestText("POST", "/api/v1/session", json{{"name", name}, {"password", kWebPassword}}.dump()));
+    return wire.read();
+  };
+  WebWire first(lab.port()), second(lab.port()), third(lab.port());
+  const std::string cookie = logIn(first, "ines").header("set-cookie");
+  for (WebWire* wire : {&second, &third}) EXPECT_EQ(logIn(*wire, "ines").status, 200);
+  (void)first.send(
+      requestText("GET", "/api/v1/session", "", {{"Cookie", cookie.substr(0, cookie.find(';'))}}));
+  EXPECT_EQ(first.read().status, 200);  // now the second one is the idlest
+  WebWire of_mara(lab.port()), of_tina(lab.port()), of_ada(lab.port()), of_rhea(lab.port());
+  EXPECT_EQ(logIn(of_mara, "mara").status, 200);
+  EXPECT_EQ(logIn(of_tina, "tina").status, 200);
+  EXPECT_TRUE(second.endsWithin(milliseconds(20'000)));
+  EXPECT_EQ(logIn(of_ada, "ada").status, 200);
+  EXPECT_TRUE(third.endsWithin(milliseconds(20'000)));
+  const WebReply refused = logIn(of_rhea, "rhea");
+  EXPECT_EQ(refused.status, 503) << "everybody has one";
+  EXPECT_EQ(refused.json()["error"]["code"], "unavailable");
+  EXPECT_TRUE(of_rhea.endsWithin(milliseconds(20'000)));
+  for (WebWire* wire : {&first, &of_mara, &of_tina, &of_ada}) {
+    (void)wire->send(requestText("GET", "/"));
+    EXPECT_EQ(wire->read().status, 200);
+  }
 }
 
 TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome) {
