@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/string.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <cstring>
@@ -46,6 +47,16 @@ std::string allOf(const HttpParser& parser, const char* name) {
     values.append(at->value().data(), at->value().size());
   }
   return values;
+}
+
+/// Whether the header names a coding of the body, other than "chunked" alone in HTTP/1.1. The parser takes
+/// most of these for requests without a body, and the body for the next request; a proxy in front may not.
+bool isCodedOtherwise(const HttpParser& parser) {
+  const auto& message = parser.get();
+  const std::size_t codings = message.count(bhttp::field::transfer_encoding);
+  if (codings == 0) return false;
+  return codings > 1 || message.version() < 11 || message.count(bhttp::field::content_length) > 0 ||
+         !beast::iequals(message[bhttp::field::transfer_encoding], "chunked");
 }
 
 template <typename Stream>
@@ -122,6 +133,8 @@ class StreamConnection : public HttpConnection {
     auto [failed, count] = co_await bhttp::async_read_header(stream_, buffer_, parser, kUseTuple);
     (void)count;
     const std::int64_t begun_ns = steadyNowNs();
+    if (!failed && isCodedOtherwise(parser))
+      failed = bhttp::make_error_code(bhttp::error::bad_transfer_encoding);
     if (!failed && !parser.is_done() && limits.body_bytes > 0) failed = co_await readBody(parser);
     if (failed) {
       auto answer = server_->unreadable(failed);
@@ -334,6 +347,10 @@ bool isBadRequest(const boost::system::error_code& error) {
 std::optional<HttpAnswer> unreadableAnswer(const boost::system::error_code& error) {
   if (error == bhttp::error::header_limit || error == bhttp::error::buffer_overflow)
     return errorAnswer(431, "too_large", "the request's header is too large");
+  if (error == bhttp::error::bad_transfer_encoding)
+    return errorAnswer(400, "invalid_input",
+                       "Transfer-Encoding: must be \"chunked\" alone, once, in HTTP/1.1 and without "
+                       "Content-Length");
   if (error == bhttp::error::body_limit) return errorAnswer(413, "too_large", "the body is too large");
   if (error == beast::error::timeout) return errorAnswer(408, "timeout", "the request did not come in time");
   const bool cut_off = error == bhttp::error::end_of_stream || error == bhttp::error::partial_message;

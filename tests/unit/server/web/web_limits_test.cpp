@@ -124,6 +124,48 @@ TEST(WebLimits, whatIsNoHttpIsEnded) {
   EXPECT_EQ(browser.get("/").status, 200);
 }
 
+TEST(WebLimits, aBodyThatIsCodedInAnotherWayIsNotTakenForTheNextRequest) {
+  WebLab lab;
+  const std::string body = R"({"name": "ada", "password": "wrong"})";
+  const std::string chunked = "24\r\n" + body + "\r\n0\r\n\r\n";
+  ASSERT_EQ(body.size(), 0x24u);
+  const auto ask = [&](WebWire& wire, const std::string& coding, const char* version = "1.1") {
+    (void)wire.send("POST /api/v1/session HTTP/" + std::string(version) +
+                    "\r\nHost: localhost\r\nContent-Type: application/json\r\n" + coding + "\r\n" + chunked +
+                    "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    return wire.read();
+  };
+  // the body is read as one, and the request behind it
+  for (const char* coding : {"Transfer-Encoding: chunked\r\n", "transfer-encoding: \t CHUNKED \r\n"}) {
+    WebWire wire(lab.port());
+    EXPECT_EQ(ask(wire, coding).status, 401) << coding;
+    EXPECT_EQ(wire.read().status, 200) << coding;
+  }
+  for (const char* coding :
+       {"Transfer-Encoding: xchunked\r\n", "Transfer-Encoding: chunked, gzip\r\n",
+        "Transfer-Encoding: gzip, chunked\r\n", "Transfer-Encoding: chunked, chunked\r\n",
+        "Transfer-Encoding: identity\r\n", "Transfer-Encoding:\r\n", "Transfer-Encoding: \"chunked\"\r\n",
+        "Transfer-Encoding: chunked;q=1\r\n", "Transfer-Encoding: chunked,\r\n",
+        "Transfer-Encoding: chun ked\r\n", "Transfer-Encoding: gzip\r\nTransfer-Encoding: chunked\r\n",
+        "Transfer-Encoding: chunked\r\nTransfer-Encoding: gzip\r\n",
+        "Transfer-Encoding: chunked\r\nTransfer-Encoding: chunked\r\n",
+        "Transfer-Encoding: chunked\r\nContent-Length: 5\r\n",
+        "Content-Length: 5\r\nTransfer-Encoding: chunked\r\n",
+        "Transfer-Encoding: xchunked\r\nContent-Length: 5\r\n",
+        "Content-Length: 5\r\nTransfer-Encoding: xchunked\r\n", "Transfer-Encoding : chunked\r\n"}) {
+    WebWire wire(lab.port());
+    const WebReply refused = ask(wire, coding);
+    EXPECT_EQ(refused.status, 400) << coding;
+    EXPECT_EQ(refused.header("connection"), "close") << coding;
+  }
+  WebWire old(lab.port());
+  EXPECT_EQ(ask(old, "Transfer-Encoding: chunked\r\n", "1.0").status, 400);
+  WebWire unknown(lab.port());
+  EXPECT_THAT(ask(unknown, "Transfer-Encoding: xchunked\r\n").json()["error"]["message"].get<std::string>(),
+              HasSubstr("Transfer-Encoding"));
+  EXPECT_EQ(unknown.read().status, 0) << "nothing behind it is answered";
+}
+
 TEST(WebLimits, whoDawdlesIsCut) {
   WebLab lab([](ServerOptions& options) {
     options.web.handshake_timeout = milliseconds(300);
