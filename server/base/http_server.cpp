@@ -1,7 +1,10 @@
 #include "server/base/http_server.h"
 
 #include <fmt/core.h>
+#include <poll.h>
+
 #include <algorithm>
+#include <atomic>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/string.hpp>
 #include <boost/beast/http.hpp>
@@ -79,8 +82,14 @@ class StreamConnection : public HttpConnection {
     if (waiting_) plain().cancel();
   }
   void cut() override {
-    stopping_ = cut_ = true;
+    stopping_ = cut_ = *gone_ = true;
     takeover_ ? takeover_->cut() : plain().close();
+  }
+
+  void lookForHangUp() override {
+    if (!answering_ || *gone_) return;
+    pollfd asked{plain().socket().native_handle(), POLLRDHUP, 0};
+    if (::poll(&asked, 1, 0) > 0) *gone_ = true;
   }
 
   Task<> serve() override {
@@ -151,10 +160,12 @@ class StreamConnection : public HttpConnection {
     auto request = requestOf(parser);
     request->connection = id_;
     request->address = address_;
-    request->gone = [this] { return cut_; };
+    request->gone = [gone = gone_] { return gone->load(); };
     if (!request->body.empty()) wipeBuffer();
     noLimit();
+    answering_ = true;
     HttpAnswer answer = co_await server_->answer(request);
+    answering_ = false;
     if (cut_) co_return false;
     if (answer.takeover) {
       co_await giveOver(parser, answer, *request, begun_ns);
@@ -243,12 +254,14 @@ class StreamConnection : public HttpConnection {
   Task<bool> writePieces(HttpAnswer& answer) {
     for (;;) {
       noLimit();
+      answering_ = true;
       const auto piece = co_await answer.pieces();
+      answering_ = false;
+      if (*gone_) co_return false;
       if (!piece.ok()) {
         logEvent(LogLevel::kWarning, "web_stream_failed", {{"conn", id_}, {"text", piece.error().message}});
         co_return false;  // without the last chunk: the browser notices that the body is incomplete
       }
-      if (cut_) co_return false;
       limit(server_->limits().write_timeout);
       if (piece->empty()) {
         auto [error, count] = co_await asio::async_write(stream_, bhttp::make_chunk_last(), kUseTuple);
@@ -304,7 +317,9 @@ class StreamConnection : public HttpConnection {
   Stream stream_;
   std::shared_ptr<HttpTakeover> takeover_;  // now owns the stream
   beast::flat_buffer buffer_;
-  bool waiting_ = false;  // for the next request
+  bool waiting_ = false;    // for the next request
+  bool answering_ = false;  // an answer, or a piece of one, is being made
+  const std::shared_ptr<std::atomic<bool>> gone_ = std::make_shared<std::atomic<bool>>(false);
   bool stopping_ = false, cut_ = false;
 };
 
@@ -412,6 +427,12 @@ void HttpServer::cut() {
 void HttpServer::cut(std::uint64_t id) {
   const auto found = connections_.find(id);
   if (const auto connection = found == connections_.end() ? nullptr : found->second.lock()) connection->cut();
+}
+
+void HttpServer::lookForHangUps() {
+  for (const auto& [id, weak] : connections_) {
+    if (const auto connection = weak.lock()) connection->lookForHangUp();
+  }
 }
 
 void HttpServer::ended(std::uint64_t id) {

@@ -34,6 +34,22 @@ std::size_t jsonBytes(std::string_view body) {
   return bytes;
 }
 
+HttpAnswer browserGone() {
+  return errorAnswer(503, "unavailable", "the browser is gone");
+}
+
+Error browserHasGone() {
+  return {ErrorCode::kUnavailable, "the browser is gone"};
+}
+
+/// Work that waits for its turn, and is not done for a browser that has gone by then.
+template <typename T>
+std::function<T()> unlessGone(const Request& request, T of_gone, std::function<T()> work) {
+  return [gone = request->gone, of_gone = std::move(of_gone), work = std::move(work)]() -> T {
+    return gone() ? of_gone : work();
+  };
+}
+
 HttpAnswer notLoggedIn() {
   HttpAnswer answer = errorAnswer(401, "not_logged_in", "log in first: there is no session, or it has ended");
   return answer;
@@ -178,7 +194,8 @@ void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error)
              {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
-Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
+Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& route,
+                                std::shared_ptr<WebCall> call) {
   ServerContext& context = server->context();
   // parsing a class or a course of a megabyte takes time: not on the network's thread
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
@@ -191,7 +208,8 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   const auto request = wipedWhenReleased(std::move(*built));
-  const auto outcome = co_await executeRequest(context, call->who, request);
+  std::function<bool()> gone = asked->gone;
+  const auto outcome = co_await executeRequest(context, call->who, request, std::move(gone));
   if (outcome->error) noteNoRoom(context, *call, *outcome->error);
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
@@ -199,23 +217,22 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
+  write = unlessGone(asked, browserGone(), std::move(write));
   // serialising long lists takes time
   FairPool* const pool = poolForWriting(context, outcome->reply.ByteSizeLong());
   if (pool == nullptr) co_return write();
   co_return co_await offload(*pool, turnNameOf(call->who), std::move(write));
 }
 
-Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+Task<HttpAnswer> throughWork(Shared server, Request request, const WebRoute& route,
+                             std::shared_ptr<const WebCall> call) {
   ServerContext& context = server->context();
   std::function<HttpAnswer()> work = [&service = context.store.service(), &route, call] {
     auto json = route.how.work(service, *call);
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
+  work = unlessGone(request, browserGone(), std::move(work));
   co_return co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(work));
-}
-
-HttpAnswer browserGone() {
-  return errorAnswer(503, "unavailable", "the browser is gone");
 }
 
 /// The session that asked for what takes long.
@@ -240,6 +257,7 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
   std::function<Result<WebSteps>()> begin = [&service = context.store.service(), &route, call] {
     return route.how.steps(service, *call);
   };
+  begin = unlessGone<Result<WebSteps>>(request, browserHasGone(), std::move(begin));
   const auto steps = co_await offload(*context.views_of_people, by.turn_name, std::move(begin));
   if (!steps) co_return errorAnswer(steps.error());
   while (!request->gone()) {
@@ -249,6 +267,7 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
       if (!json) return std::optional(errorAnswer(json.error()));
       return *json ? std::optional(jsonAnswer(**json, route.how.status)) : std::nullopt;
     };
+    work = unlessGone(request, std::optional(browserGone()), std::move(work));
     auto answer = co_await offload(*context.views_of_people, by.turn_name, std::move(work));
     if (answer) co_return std::move(*answer);
   }
@@ -257,6 +276,7 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
 
 /// A stream and who reads it.
 struct SessionStream {
+  Request request;
   WebStream stream;
   AskedBy by;
 };
@@ -264,22 +284,25 @@ struct SessionStream {
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
+  work = unlessGone<Result<std::string>>(stream->request, browserHasGone(), std::move(work));
   auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   co_return piece;
 }
 
-Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call,
-                               AskedBy by) {
+Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& route,
+                               std::shared_ptr<const WebCall> call, AskedBy by) {
   std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
+  open = unlessGone<Result<WebStream>>(request, browserHasGone(), std::move(open));
   auto opened = co_await offload(*server->context().views_of_people, by.turn_name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(by)});
+  auto stream =
+      std::make_shared<SessionStream>(SessionStream{std::move(request), std::move(*opened), std::move(by)});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -433,14 +456,14 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
   AskedBy by{turnNameOf(call->who), session->token, seen};
   if (route.how.action == WebAction::kStream)
-    co_return co_await throughStream(server, route, call, std::move(by));
+    co_return co_await throughStream(server, request, route, call, std::move(by));
   HttpAnswer answer;
   if (route.how.action == WebAction::kWork)  // not ?: around co_await, which g++ 12 miscompiles
-    answer = co_await throughWork(server, route, call);
+    answer = co_await throughWork(server, request, route, call);
   else if (route.how.action == WebAction::kSteps)
     answer = co_await throughSteps(server, request, route, call, std::move(by));
   else
-    answer = co_await throughService(server, route, call);
+    answer = co_await throughService(server, request, route, call);
   if (reply_room) {
     reply_room->lower(answer.body.size());
     answer.until_sent = std::make_shared<const ByteBudget::Share>(std::move(*reply_room));
