@@ -289,6 +289,26 @@ TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
   EXPECT_THAT(wire.receivePlain(), HasSubstr("needlelab_refused_for_room_total 5\n"));
 }
 
+TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+  WebLab lab([](ServerOptions& options) { options.web.stranger_log_lines_a_minute = 5; });
+  Browser tina = lab.browserOf("tina"), stranger = lab.browser();  // the log-in was a stranger's, too
+  testing::internal::CaptureStderr();
+  setLogLevel(LogLevel::kInfo);
+  for (int i = 0; i < 12; ++i) EXPECT_EQ(stranger.get("/api/v1/people").status, 401);
+  for (int i = 0; i < 7; ++i) EXPECT_EQ(tina.get("/api/v1/session").status, 200);
+  lab.server().stop();
+  setLogLevel(LogLevel::kOff);
+  const std::string log = testing::internal::GetCapturedStderr();
+  const auto lines = [&](const std::string& text) {
+    std::size_t count = 0;
+    for (std::size_t at = log.find(text); at != std::string::npos; at = log.find(text, at + 1)) ++count;
+    return count;
+  };
+  EXPECT_EQ(lines("status=401"), 4u) << log;
+  EXPECT_EQ(lines("web_requests_left_out of=strangers count=8"), 1u) << log;
+  EXPECT_EQ(lines("who=tina method=GET"), 7u) << log;
+}
+
 TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
   constexpr std::uint64_t kMiB = 1u << 20;
   const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
