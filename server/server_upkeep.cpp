@@ -152,6 +152,9 @@ Task<> Server::Parts::hangUpLoop() {
       if (connection->hasRequests()) connection->lookForHangUp();
     }
     if (web) web->lookForHangUps();
+    // who waits for room looks whether it still has somebody to wait for
+    context->reply_room->notify();
+    context->decoded_room->notify();
   }
 }
 

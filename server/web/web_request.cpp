@@ -274,24 +274,57 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
   co_return browserGone();
 }
 
+/// Waits until so many bytes fit beside what others have taken. Nothing: the browser is gone.
+Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
+                                                   std::shared_ptr<Signal> freed, std::size_t bytes) {
+  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
+  while (!request->gone()) {
+    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
+    co_await freed->wait();
+  }
+  co_return std::nullopt;
+}
+
 /// A stream and who reads it.
 struct SessionStream {
   Request request;
+  Principal who;
   WebStream stream;
   AskedBy by;
+  ByteBudget::Share room;  ///< of the piece that is made or sent, and of what is held for the next one
+  bool has_begun = false;
 };
 
+/// Takes the room of a piece while it is made. Nothing: the browser is gone.
+Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
+  ServerContext& context = server->context();
+  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes());
+  auto room = co_await waitForRoom(request, who, context.replies, context.reply_room, bytes);
+  context.counters.most_reply_bytes = context.replies.mostTaken();
+  co_return room;
+}
+
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
+  if (std::exchange(stream->has_begun, true)) {
+    // the last piece has been sent: others may have its room before the next one is made
+    stream->room.lower(0);
+    auto room = co_await roomForPiece(server, stream->request, stream->who);
+    if (!room) co_return browserHasGone();
+    stream->room = std::move(*room);
+  }
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
   work = unlessGone<Result<std::string>>(stream->request, browserHasGone(), std::move(work));
   auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
+  if (piece) stream->room.lower(piece->size() + kMostHeldByStream);
   co_return piece;
 }
 
 Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& route,
                                std::shared_ptr<const WebCall> call, AskedBy by) {
+  auto room = co_await roomForPiece(server, request, call->who);
+  if (!room) co_return browserGone();
   std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
@@ -301,8 +334,8 @@ Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& r
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream =
-      std::make_shared<SessionStream>(SessionStream{std::move(request), std::move(*opened), std::move(by)});
+  auto stream = std::make_shared<SessionStream>(
+      SessionStream{std::move(request), call->who, std::move(*opened), std::move(by), std::move(*room)});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -320,17 +353,6 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
   if (!parsed) return errorAnswer(parsed.error());
   body = std::move(*parsed);
   return std::nullopt;
-}
-
-/// Waits until so many bytes fit beside what others have taken. Nothing: the browser is gone.
-Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
-                                                   std::shared_ptr<Signal> freed, std::size_t bytes) {
-  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
-  while (!request->gone()) {
-    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
-    co_await freed->wait();
-  }
-  co_return std::nullopt;
 }
 
 /// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the

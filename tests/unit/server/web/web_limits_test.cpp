@@ -1,4 +1,5 @@
 // Tests the limits for every peer: sizes, times, numbers, and input that is not HTTP.
+#include <algorithm>
 #include <atomic>
 #include <memory>
 
@@ -410,6 +411,34 @@ TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome)
   EXPECT_EQ(lab.server().stop(), 0);
   EXPECT_GE(lab.server().counters().most_reply_bytes, kLongest);
   EXPECT_LE(lab.server().counters().most_reply_bytes, 3 * kLongest) << "two of one person and one of another";
+}
+
+TEST(WebLimits, downloadsThatNobodyReadsHaveABoundInBytesOverAllConnectionsAndOthersComplete) {
+  constexpr std::size_t kOfOne = 3u << 20, kOfPeople = 6u << 20;
+  WebLab lab([](ServerOptions& options) {
+    options.bounds.replies.owner = kOfOne;
+    options.bounds.replies.people = kOfPeople;
+  });
+  constexpr std::uint64_t kChunks = 1500;  // of 100 samples; some 13 MB of CSV, more than the sockets hold
+  const std::string path = "/api/v1/sessions/" + lab.recorded(kChunks) + "/samples.csv";
+  const auto linesOf = [&](Browser& who) {
+    const WebReply reply = who.get(path);
+    EXPECT_EQ(reply.status, 200);
+    return static_cast<std::uint64_t>(std::count(reply.body.begin(), reply.body.end(), '\n'));
+  };
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  std::vector<std::unique_ptr<WebWire>> unread;
+  for (int i = 0; i < 10; ++i) {
+    unread.push_back(std::make_unique<WebWire>(lab.port()));
+    unread.back()->keepLittle();
+    (void)unread.back()->send(requestText("GET", path, "", ines.own("GET")));
+  }
+  EXPECT_EQ(linesOf(mara), kChunks * 100 + 1) << "beside them";
+  unread.clear();
+  EXPECT_EQ(linesOf(ines), kChunks * 100 + 1) << "their room came back";
+  EXPECT_EQ(lab.server().stop(), 0);
+  EXPECT_GE(lab.server().counters().most_reply_bytes, kOfOne);
+  EXPECT_LE(lab.server().counters().most_reply_bytes, kOfPeople);
 }
 
 TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
