@@ -81,12 +81,13 @@ struct WebSteps {
   std::function<Result<std::optional<WebJson>>()> step;
 };
 
+/// A piece of a stream has at most kMostPieceBytes with what is held for the next one, which is
+/// kMostHeldByStream: so much of the budget of unread replies a download has while it makes a piece, then the
+/// piece's length in place of the former.
+inline constexpr std::size_t kMostPieceBytes = 5u << 20, kMostHeldByStream = 1u << 20;
+
 /// A reply too long to hold in memory, made piece by piece. The interface for export formats: each is one
 /// function that opens such a stream.
-/// A piece has at most kMostPieceBytes with what is held for the next one, which is kMostHeldByStream: so
-/// much of the budget of unread replies a download has while it makes a piece, then the piece's length in
-/// place of the former.
-inline constexpr std::size_t kMostPieceBytes = 5u << 20, kMostHeldByStream = 1u << 20;
 struct WebStream {
   std::string type;       ///< Content-Type
   std::string file_name;  ///< the name suggested to the browser; letters, digits, '-', '_', '.'

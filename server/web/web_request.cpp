@@ -313,7 +313,8 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
     stream->room = std::move(*room);
   }
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-  std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
+  // without `stream`: the room must end on this thread
+  std::function<Result<std::string>()> work = stream->stream.next;
   work = unlessGone<Result<std::string>>(stream->request, browserHasGone(), std::move(work));
   auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
