@@ -44,8 +44,9 @@ struct RequestThreadsTest : testing::Test {
   Task<> addStation(std::string name, std::function<bool()> gone, std::shared_ptr<Outcome>* outcome) {
     pb::Request add;
     add.mutable_add_station()->set_name(name);
-    *outcome = co_await executeRequest(context, {"ada", pb::ADMINISTRATOR},
-                                       std::make_shared<const pb::Request>(add), std::move(gone));
+    const Principal ada{"ada", pb::ADMINISTRATOR};
+    const auto request = std::make_shared<const pb::Request>(add);
+    *outcome = co_await executeRequest(context, ada, request, std::move(gone));
   }
   std::set<std::string> stations() {
     pb::Request list;
