@@ -23,6 +23,9 @@ namespace {
 using Shared = std::shared_ptr<WebServer>;
 using Request = std::shared_ptr<HttpRequest>;
 
+/// As other servers call it; never sent to anybody.
+constexpr unsigned kClientHungUp = 499;
+
 /// Parsing JSON of this size takes about a millisecond.
 constexpr std::size_t kSmallBody = 16u << 10;
 
@@ -217,10 +220,10 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
-  write = unlessGone(asked, browserGone(), std::move(write));
   // serialising long lists takes time
   FairPool* const pool = poolForWriting(context, outcome->reply.ByteSizeLong());
   if (pool == nullptr) co_return write();
+  write = unlessGone(asked, browserGone(), std::move(write));
   co_return co_await offload(*pool, turnNameOf(call->who), std::move(write));
 }
 
@@ -501,6 +504,8 @@ Task<HttpAnswer> WebServer::answer(std::shared_ptr<HttpRequest> request) {
   request->address =
       proxies_.clientOf(request->address, standard ? request->forwarded : request->x_forwarded_for);
   HttpAnswer answer = co_await answerTo(request);
+  // nobody reads it, and nothing failed: not among the metrics' 5xx, which are an alarm
+  if (answer.status == 503 && request->gone()) answer.status = kClientHungUp;
   if (mayDemandHttps(request->host))
     answer.headers.emplace_back("Strict-Transport-Security", "max-age=31536000");
   co_return answer;
