@@ -196,6 +196,7 @@ int Server::run() {
   asio::co_spawn(p.io, p.heapLoop(), rethrow);
   if (p.options.certificate_every.count() > 0) asio::co_spawn(p.io, p.certificateLoop(), rethrow);
   asio::co_spawn(p.io, p.roomLoop(), rethrow);
+  asio::co_spawn(p.io, p.hangUpLoop(), rethrow);
   p.io.run();
   // all connections have ended; the writer commits its queue before it ends
   p.store->writer().stop();
@@ -267,6 +268,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   heap_timer.cancel();
   certificate_timer.cancel();
   room_timer.cancel();
+  hang_up_timer.cancel();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {

@@ -61,6 +61,7 @@ struct Server::Parts {
   asio::steady_timer heap_timer{io};
   asio::steady_timer certificate_timer{io};
   asio::steady_timer room_timer{io};
+  asio::steady_timer hang_up_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -79,6 +80,7 @@ struct Server::Parts {
   [[nodiscard]] std::optional<DiskRoom::Look> lookAtRoom() const;
   void noteRoom(const std::optional<DiskRoom::Look>& look);
   Task<> roomLoop();
+  Task<> hangUpLoop();
   void accepted(Tcp::socket socket);
   void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);

@@ -1,13 +1,15 @@
-// What a server does by the clock: retention, free memory, its certificate, the disk's room, systemd's
-// watchdog.
+// What a server does by the clock: retention, free memory, its certificate, the disk's room, peers who have
+// gone, systemd's watchdog.
 #include <malloc.h>
 
 #include <boost/asio/post.hpp>
+#include <chrono>
 #include <functional>
 #include <utility>
 
 #include "db/retention_store.h"
 #include "server/base/log.h"
+#include "server/live/connection.h"
 #include "server/server_parts.h"
 #include "server/service_manager.h"
 
@@ -16,6 +18,8 @@ namespace {
 
 /// A read-only server believes that somebody made room when so much more is free than at its start.
 constexpr std::uint64_t kMadeRoom = 8u << 20;
+
+constexpr std::chrono::milliseconds kHangUpPeriod{250};
 
 }  // namespace
 
@@ -135,6 +139,22 @@ Task<> Server::Parts::roomLoop() {
       continue;
     exit_code = kExitFailed;
     beginStop("there is room on the disk again: start the server again, for writing");
+  }
+}
+
+/// Work that waits for its turn is not done for those who have gone meanwhile: looks for them.
+Task<> Server::Parts::hangUpLoop() {
+  while (!stopping) {
+    hang_up_timer.expires_after(kHangUpPeriod);
+    co_await hang_up_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    for (const auto& [id, connection] : context->connections) {
+      if (connection->hasRequests()) connection->lookForHangUp();
+    }
+    if (web) web->lookForHangUps();
+    // who waits for room looks whether it still has somebody to wait for
+    context->reply_room->notify();
+    context->decoded_room->notify();
   }
 }
 

@@ -58,7 +58,9 @@ int main(int argc, char** argv) {
   app.add_flag("--replay", options.replay, "Replay the stored session");
   app.add_option("--from", options.from_s, "Of a replay: begin so many seconds after the first sample");
   app.add_option("--rate", options.rate_hz,
-                 "Lines per second: 10 by default, 1 in the overview; 0: all that comes");
+                 "Lines per second: 10 by default, 1 in the overview; 0: all that comes. Of a live station "
+                 "or session the "
+                 "server rounds down to 0.1, 0.2, 0.5, 1, 2, 5, 10, 25, 30, 60, 100, 200, 500 or 1000");
   app.add_option("--speed", options.speed, "Of a replay: 1 is its own clock, 0 as fast as it comes")
       ->capture_default_str();
   app.add_option("--seconds", options.seconds, "End after so long; without it on Ctrl-C");

@@ -91,8 +91,18 @@ constexpr std::size_t kMostKnownFaults = 1000;
 }  // namespace
 
 Result<std::string> Service::scoreSession(Connection& reader, const Uuid& session) {
-  ASSIGN_OR_RETURN(const auto read, samplesOf(reader, session));
-  return scoreOf(reader, read);
+  {
+    const std::scoped_lock lock(faults_mutex_);
+    if (const auto known = unreadable_.find(session); known != unreadable_.end()) return known->second;
+  }
+  const auto read = samplesOf(reader, session);
+  if (read) return scoreOf(reader, *read);
+  if (isLasting(read.error())) {
+    const std::scoped_lock lock(faults_mutex_);
+    if (unreadable_.size() >= kMostKnownFaults) unreadable_.clear();
+    unreadable_.insert_or_assign(session, read.error());
+  }
+  return read.error();
 }
 
 Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& session) {

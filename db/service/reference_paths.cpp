@@ -115,8 +115,8 @@ class ReferencePaths::Lookup {
  private:
   std::optional<TipPath> readPath(const Uuid& session) {
     const auto read = samplesOf(reader_, session);
-    // what will never be scored has no path; any other failure may pass
-    if (!read) return read.error().code == ErrorCode::kInvalidInput ? std::optional(TipPath()) : std::nullopt;
+    // what will never be scored, or is damaged, has no path; any other failure may pass
+    if (!read) return isLasting(read.error()) ? std::optional(TipPath()) : std::nullopt;
     TipPath path = tipPathOf(read->samples, read->info.description().rate_hz(), read->X_WL);
     if (!read->samples.fault().ok()) return std::nullopt;
     spent_cells_ += kCellsOfSample * read->info.samples();

@@ -128,7 +128,7 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
   return withReader(who, callName(pb::Request::kErasePerson),
                     [&](const handlers::Context& context) -> Result<pb::Reply> {
                       ASSIGN_OR_RETURN(auto reply, handlers::erasePerson(context, call));
-                      reference_paths_.forget();
+                      forgetRecordings();
                       // the erasure is final whether or not the chunks can be removed: the reply lists the
                       // remaining ones
                       auto* erasure = reply.mutable_erasure();
@@ -137,6 +137,12 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                       erasure->set_text(chunks + log + erasure->text());
                       return reply;
                     });
+}
+
+void Service::forgetRecordings() {
+  reference_paths_.forget();
+  const std::scoped_lock lock(faults_mutex_);
+  unreadable_.clear();
 }
 
 Result<pb::Reply> Service::rescoreAllNow(const Principal& who, const pb::RescoreAll& call) {
@@ -165,7 +171,7 @@ Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool 
   }
   auto report = runRetention(retentionTools(), by_whom, now, dry_run);
   // an original that is gone has no path, as after a restart
-  if (!dry_run) reference_paths_.forget();
+  if (!dry_run) forgetRecordings();
   return report;
 }
 

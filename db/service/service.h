@@ -85,7 +85,8 @@ class Service {
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
 
   /// Scores a session's gesture (common/scoring/README.md) from its stored chunks and its profile; returns
-  /// JSON rows. kInvalidInput: as samplesOf().
+  /// JSON rows. kInvalidInput and kCorrupt: as samplesOf(), which is asked once, until recordings are
+  /// removed.
   Result<std::string> scoreSession(Connection& reader, const Uuid& session);
 
   /// One run of retention (retention.h): minutes to hours. Fails at once with kUnavailable while another run
@@ -163,6 +164,8 @@ class Service {
   /// it passes.
   Status settleRecording(const Uuid& session);
   [[nodiscard]] RetentionTools retentionTools();
+  /// Forgets what is known of recordings, because some were removed.
+  void forgetRecordings();
   /// Removes an erasure's chunks. Returns a sentence about remaining chunks and the reason; empty: none
   /// remain.
   std::string removeErased();
@@ -183,6 +186,8 @@ class Service {
   std::mutex faults_mutex_;
   std::map<Uuid, std::string>
       score_faults_;  ///< of sessions closed by this process; guarded by faults_mutex_
+  /// Why samplesOf() refused sessions that somebody had scored anew; guarded by faults_mutex_.
+  std::map<Uuid, Error> unreadable_;
   ReferencePaths reference_paths_;
   std::mutex rescore_mutex_;  ///< one run at a time
   std::atomic<bool> stop_retention_ = false;

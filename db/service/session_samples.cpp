@@ -86,6 +86,10 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
   return all;
 }
 
+bool isLasting(const Error& error) {
+  return error.code == ErrorCode::kInvalidInput || error.code == ErrorCode::kCorrupt;
+}
+
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session) {
   if (session.info.samples() == 0) return {};
   return syringeEvents(session.samples, session.info.description().rate_hz(), session.profile, session.X_WL);

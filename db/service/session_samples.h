@@ -42,6 +42,10 @@ struct SessionSamples {
 /// kCorrupt: a chunk fails its check; kNotFound. A session without samples has no profile here.
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
 
+/// Whether this error of samplesOf() comes again each time, until the recording is removed: so it need not be
+/// read again only to find the same.
+bool isLasting(const Error& error);
+
 /// The session's aspirations and injections (scoring/syringe_events.h).
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session);
 

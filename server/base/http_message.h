@@ -29,8 +29,9 @@ struct HttpRequest {
   bool upgrade = false;  ///< requests a WebSocket
 
   std::uint64_t connection = 0;
-  std::string address;         ///< of the peer, HOST:PORT; of a trusted proxy's client with port 0
-  std::function<bool()> gone;  ///< true: the client no longer waits for the answer
+  std::string address;  ///< of the peer, HOST:PORT; of a trusted proxy's client with port 0
+  /// True: the client no longer waits for the answer. It stays so. Thread: any.
+  std::function<bool()> gone;
 
   // for the log and the metrics; set by the handler
   std::string route = "none";

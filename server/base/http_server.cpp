@@ -1,8 +1,12 @@
 #include "server/base/http_server.h"
 
 #include <fmt/core.h>
+#include <poll.h>
+
 #include <algorithm>
+#include <atomic>
 #include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/string.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <cstring>
@@ -48,6 +52,16 @@ std::string allOf(const HttpParser& parser, const char* name) {
   return values;
 }
 
+/// Whether the header names a coding of the body, other than "chunked" alone in HTTP/1.1. The parser takes
+/// most of these for requests without a body, and the body for the next request; a proxy in front may not.
+bool isCodedOtherwise(const HttpParser& parser) {
+  const auto& message = parser.get();
+  const std::size_t codings = message.count(bhttp::field::transfer_encoding);
+  if (codings == 0) return false;
+  return codings > 1 || message.version() < 11 || message.count(bhttp::field::content_length) > 0 ||
+         !beast::iequals(message[bhttp::field::transfer_encoding], "chunked");
+}
+
 template <typename Stream>
 class StreamConnection : public HttpConnection {
   static constexpr bool kSecure = std::is_same_v<Stream, SecureHttpStream>;
@@ -68,8 +82,14 @@ class StreamConnection : public HttpConnection {
     if (waiting_) plain().cancel();
   }
   void cut() override {
-    stopping_ = cut_ = true;
+    stopping_ = cut_ = *gone_ = true;
     takeover_ ? takeover_->cut() : plain().close();
+  }
+
+  void lookForHangUp() override {
+    if (!answering_ || *gone_) return;
+    pollfd asked{plain().socket().native_handle(), POLLRDHUP, 0};
+    if (::poll(&asked, 1, 0) > 0) *gone_ = true;
   }
 
   Task<> serve() override {
@@ -122,6 +142,8 @@ class StreamConnection : public HttpConnection {
     auto [failed, count] = co_await bhttp::async_read_header(stream_, buffer_, parser, kUseTuple);
     (void)count;
     const std::int64_t begun_ns = steadyNowNs();
+    if (!failed && isCodedOtherwise(parser))
+      failed = bhttp::make_error_code(bhttp::error::bad_transfer_encoding);
     if (!failed && !parser.is_done() && limits.body_bytes > 0) failed = co_await readBody(parser);
     if (failed) {
       auto answer = server_->unreadable(failed);
@@ -138,10 +160,12 @@ class StreamConnection : public HttpConnection {
     auto request = requestOf(parser);
     request->connection = id_;
     request->address = address_;
-    request->gone = [this] { return cut_; };
+    request->gone = [gone = gone_] { return gone->load(); };
     if (!request->body.empty()) wipeBuffer();
     noLimit();
+    answering_ = true;
     HttpAnswer answer = co_await server_->answer(request);
+    answering_ = false;
     if (cut_) co_return false;
     if (answer.takeover) {
       co_await giveOver(parser, answer, *request, begun_ns);
@@ -230,12 +254,14 @@ class StreamConnection : public HttpConnection {
   Task<bool> writePieces(HttpAnswer& answer) {
     for (;;) {
       noLimit();
+      answering_ = true;
       const auto piece = co_await answer.pieces();
+      answering_ = false;
+      if (*gone_) co_return false;
       if (!piece.ok()) {
         logEvent(LogLevel::kWarning, "web_stream_failed", {{"conn", id_}, {"text", piece.error().message}});
         co_return false;  // without the last chunk: the browser notices that the body is incomplete
       }
-      if (cut_) co_return false;
       limit(server_->limits().write_timeout);
       if (piece->empty()) {
         auto [error, count] = co_await asio::async_write(stream_, bhttp::make_chunk_last(), kUseTuple);
@@ -291,7 +317,9 @@ class StreamConnection : public HttpConnection {
   Stream stream_;
   std::shared_ptr<HttpTakeover> takeover_;  // now owns the stream
   beast::flat_buffer buffer_;
-  bool waiting_ = false;  // for the next request
+  bool waiting_ = false;    // for the next request
+  bool answering_ = false;  // an answer, or a piece of one, is being made
+  const std::shared_ptr<std::atomic<bool>> gone_ = std::make_shared<std::atomic<bool>>(false);
   bool stopping_ = false, cut_ = false;
 };
 
@@ -334,6 +362,10 @@ bool isBadRequest(const boost::system::error_code& error) {
 std::optional<HttpAnswer> unreadableAnswer(const boost::system::error_code& error) {
   if (error == bhttp::error::header_limit || error == bhttp::error::buffer_overflow)
     return errorAnswer(431, "too_large", "the request's header is too large");
+  if (error == bhttp::error::bad_transfer_encoding)
+    return errorAnswer(400, "invalid_input",
+                       "Transfer-Encoding: must be \"chunked\" alone, once, in HTTP/1.1 and without "
+                       "Content-Length");
   if (error == bhttp::error::body_limit) return errorAnswer(413, "too_large", "the body is too large");
   if (error == beast::error::timeout) return errorAnswer(408, "timeout", "the request did not come in time");
   const bool cut_off = error == bhttp::error::end_of_stream || error == bhttp::error::partial_message;
@@ -395,6 +427,12 @@ void HttpServer::cut() {
 void HttpServer::cut(std::uint64_t id) {
   const auto found = connections_.find(id);
   if (const auto connection = found == connections_.end() ? nullptr : found->second.lock()) connection->cut();
+}
+
+void HttpServer::lookForHangUps() {
+  for (const auto& [id, weak] : connections_) {
+    if (const auto connection = weak.lock()) connection->lookForHangUp();
+  }
 }
 
 void HttpServer::ended(std::uint64_t id) {

@@ -55,6 +55,9 @@ class HttpConnection {
   virtual void stop() = 0;
   /// Closes the connection now.
   virtual void cut() = 0;
+  /// While a request is answered nothing is read: asks the kernel whether the client has closed its side,
+  /// which HttpRequest::gone says from then on.
+  virtual void lookForHangUp() = 0;
 };
 
 /// Thread: the network's. Ownership: kept alive by its coroutines.
@@ -72,6 +75,8 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   void cut();
   /// Cuts one connection; ignores unknown ids.
   void cut(std::uint64_t id);
+  /// Looks for clients who have hung up while their requests are answered. Call it by the clock.
+  void lookForHangUps();
   [[nodiscard]] std::size_t connections() const { return connections_.size(); }
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] bool stopping() const { return stopping_; }

@@ -146,6 +146,27 @@ Result<LogLevel> parseLogLevel(std::string_view name) {
                "--log-level '" + std::string(name) + "' is not one of debug, info, warning, error, off"};
 }
 
+void LogBound::turnTo(std::int64_t now_ns) {
+  constexpr std::int64_t kMinute_ns = 60'000'000'000;
+  if (!began_ns_ || now_ns - *began_ns_ < kMinute_ns) return;
+  began_ns_.reset();
+  written_ = 0;
+  to_say_ += std::exchange(left_out_, 0);
+}
+
+bool LogBound::take(std::int64_t now_ns) {
+  turnTo(now_ns);
+  if (!began_ns_) began_ns_ = now_ns;
+  const bool fits = written_ < lines_a_minute_;
+  ++(fits ? written_ : left_out_);
+  return fits;
+}
+
+std::uint64_t LogBound::leftOut(std::int64_t now_ns) {
+  turnTo(now_ns);
+  return std::exchange(to_say_, 0);
+}
+
 Result<LogFormat> parseLogFormat(std::string_view name) {
   if (name == "text") return LogFormat::kText;
   if (name == "json") return LogFormat::kJson;

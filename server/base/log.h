@@ -3,7 +3,9 @@
 #pragma once
 
 #include <concepts>
+#include <cstdint>
 #include <initializer_list>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -32,6 +34,23 @@ std::string logLine(std::string_view event, std::initializer_list<LogField> fiel
 /// The members `"event":…,"key":…` of a JSON object, without braces, time and level. Replaces bytes that are
 /// not UTF-8.
 std::string logMembers(std::string_view event, std::initializer_list<LogField> fields);
+
+/// Bounds the lines that anybody on the network can cause: so many a minute; further ones are counted
+/// instead. Times: steady clock (ns), from the caller. Thread: one.
+class LogBound {
+ public:
+  explicit LogBound(std::uint64_t lines_a_minute) : lines_a_minute_(lines_a_minute) {}
+  /// Whether one more line may be written; false: it is counted as left out.
+  bool take(std::int64_t now_ns);
+  /// How many were left out in minutes that are over by now: each is said once. 0: none.
+  std::uint64_t leftOut(std::int64_t now_ns);
+
+ private:
+  void turnTo(std::int64_t now_ns);
+  const std::uint64_t lines_a_minute_;
+  std::optional<std::int64_t> began_ns_;  // of the minute: with its first line
+  std::uint64_t written_ = 0, left_out_ = 0, to_say_ = 0;
+};
 
 enum class LogFormat { kText, kJson };
 /// "text" or "json". Errors: kInvalidInput.

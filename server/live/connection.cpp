@@ -28,6 +28,11 @@ void PeerConnection::setState(ConnectionState next) {
   logEvent(LogLevel::kDebug, "connection_state",
            {{"conn", id_}, {"from", nameOf(state_)}, {"to", nameOf(next)}});
   state_ = next;
+  if (over()) *gone_ = true;
+}
+
+void PeerConnection::lookForHangUp() {
+  if (!gone() && (channel_->closing() || channel_->peerHungUp())) *gone_ = true;
 }
 
 Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {

@@ -1,6 +1,7 @@
 /// A server's connection to one peer, from TLS to the end: its state, role and pending work.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -67,6 +68,12 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   /// The address without the port.
   [[nodiscard]] std::string peerHost() const;
   [[nodiscard]] const Channel& channel() const { return *channel_; }
+  /// Whether the peer no longer waits for replies: the connection ends, or the peer has hung up.
+  [[nodiscard]] bool gone() const { return *gone_; }
+  /// Asks the kernel whether the peer has hung up: of one with the most requests nothing is read. Call it by
+  /// the clock while hasRequests().
+  void lookForHangUp();
+  [[nodiscard]] bool hasRequests() const { return requests_at_work_ > 0; }
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
 
  private:
@@ -149,6 +156,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::int64_t small_messages_at_ns_ = 0;
   bool told_no_room_ = false;  // in the log
   bool acks_scheduled_ = false;
+  /// gone(), for work on other threads that waits for its turn.
+  const std::shared_ptr<std::atomic<bool>> gone_ = std::make_shared<std::atomic<bool>>(false);
   const std::string address_key_;  // the peer's address as a key (Admission::keyOf)
   bool my_turn_ = false;           // for the handshake; it stays true
   std::map<std::string, Watermarks> sessions_;

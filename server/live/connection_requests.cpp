@@ -1,6 +1,7 @@
 // Requests of people and stations: the service executes them on worker threads; this completes them.
 #include <fmt/core.h>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <utility>
 
@@ -17,7 +18,8 @@ Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request
   PeerConnection& peer = *self;
   const std::shared_ptr<const pb::Request> shared = wipedWhenReleased(std::move(request));
   ++peer.requests_at_work_;
-  const auto outcome = co_await executeRequest(peer.context_, peer.who_, shared);
+  std::function<bool()> gone = [gone = peer.gone_] { return gone->load(); };
+  const auto outcome = co_await executeRequest(peer.context_, peer.who_, shared, std::move(gone));
   co_await peer.answer(*shared, std::move(*outcome), std::move(*shares.reply));
   --peer.requests_at_work_;
   peer.freed_.notify();
@@ -28,7 +30,7 @@ Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request
 Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteBudget::Share room) {
   auto refusal = co_await complete(context_, request, who_.name, outcome);
   if (refusal) {
-    refuse(std::move(*refusal), request.id());
+    if (!gone()) refuse(std::move(*refusal), request.id());
     co_return;
   }
   pb::Envelope envelope;

@@ -84,7 +84,8 @@ class Hub {
   bool sendToStation(const std::string& name, const pb::Envelope& envelope);
 
   // --- viewers
-  /// Sends Subscribed and the station's newest status (online or not), or returns the refusal.
+  /// Sends Subscribed and the station's newest status (online or not), or returns the refusal. The samples of
+  /// a station or session come at thinnedRateOf the wanted rate.
   std::optional<pb::Refusal> subscribe(HubPeer& viewer, const pb::Subscribe& wanted, std::int64_t now_ns);
   std::optional<pb::Refusal> unsubscribe(HubPeer& viewer, std::uint32_t subscription);
   void detachViewer(const HubPeer& viewer);
@@ -104,7 +105,7 @@ class Hub {
   [[nodiscard]] std::uint64_t framesOut() const { return frames_out_; }
   /// Of the received frames: those whose samples were needed here.
   [[nodiscard]] std::uint64_t framesDecoded() const { return frames_decoded_; }
-  /// Frames made for viewers with a rate: one for all viewers of a station and a rate.
+  /// Frames made for viewers with a rate: one for all viewers of a station and a rate of kThinnedRates_hz.
   [[nodiscard]] std::uint64_t framesThinned() const { return frames_thinned_; }
 
  private:
@@ -113,7 +114,7 @@ class Hub {
     HubPeer* viewer = nullptr;
     std::uint32_t number = 0;
     std::string station, session_id;  // both empty: the overview
-    double rate_hz = 0;               // 0: the station's; of an overview: lines a second
+    double rate_hz = 0;               // 0: the station's; of an overview: lines a second; else thinnedRateOf
     std::unordered_map<const Station*, std::int64_t>
         last_line_ns;  // overview: time of the last line for each station
   };

@@ -61,7 +61,9 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   subscription.number = wanted.subscription();
   subscription.station = wanted.station();
   subscription.session_id = wanted.session_id();
-  subscription.rate_hz = wanted.rate_hz();
+  const bool is_overview = wanted.station().empty() && wanted.session_id().empty();
+  subscription.rate_hz =
+      is_overview || wanted.rate_hz() == 0 ? wanted.rate_hz() : thinnedRateOf(wanted.rate_hz());
   Viewer& mine = viewers_[&viewer];
   mine.account = account;
   mine.by_number.emplace(subscription.number, std::move(owned));
@@ -75,7 +77,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   answer.mutable_subscribed()->set_subscription(wanted.subscription());
   viewer.sendControl(answer);
 
-  if (subscription.station.empty() && subscription.session_id.empty()) {
+  if (is_overview) {
     overviews_.push_back(&subscription);
     std::size_t bytes = 0;
     for (auto& [name, station] : stations_) {

@@ -2,11 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
+
+double thinnedRateOf(double asked_hz) {
+  const auto* const above = std::upper_bound(kThinnedRates_hz.begin(), kThinnedRates_hz.end(), asked_hz);
+  return above == kThinnedRates_hz.begin() ? kThinnedRates_hz.front() : *std::prev(above);
+}
 
 Decimator::Decimator(double rate_hz)
     : period_ns_(std::max<std::int64_t>(

@@ -1,6 +1,7 @@
 /// Live frames at a lower rate than the station's.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -11,6 +12,14 @@
 #include "common/wire/live_frames.h"
 
 namespace needlelab {
+
+/// The rates that frames are thinned to, in Hz, upwards: so a frame is thinned for so many at most, whatever
+/// its viewers ask for.
+inline constexpr std::array kThinnedRates_hz = {0.1,  0.2,  0.5,   1.0,   2.0,   5.0,    10.0,   25.0,
+                                                30.0, 60.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0};
+
+/// The greatest of them that is not above `asked_hz` (above 0); the least of them for less.
+double thinnedRateOf(double asked_hz);
 
 /// Reduces the sample rate: keeps the first sample at or after each point of a time grid at the wanted rate,
 /// by the station's own times, so the result does not depend on the loop's rate. Thread: one.
@@ -48,8 +57,8 @@ class LiveSamples {
   bool decoded_ = false;
 };
 
-/// A station's frames at one lower rate, for all who watch it at that rate: they get the same frames, with
-/// numbers of their own. Thread: one.
+/// A station's frames at one lower rate (of kThinnedRates_hz), for all who watch it at that rate: they get
+/// the same frames, with numbers of their own. Thread: one.
 class ThinnedFrames {
  public:
   /// rate_hz > 0

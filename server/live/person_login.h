@@ -34,7 +34,7 @@ struct PersonSecret {
   std::string user, password;
 };
 
-/// The client; `gone()` is true when it no longer waits for the answer.
+/// The client; `gone()` is true when it no longer waits for the answer. Thread: the network's.
 struct LoginPeer {
   std::uint64_t connection = 0;
   std::string address;  ///< HOST:PORT

@@ -136,7 +136,7 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
 }  // namespace
 
 Task<Executed> executeRequest(ServerContext& context, Principal who,
-                              std::shared_ptr<const pb::Request> request) {
+                              std::shared_ptr<const pb::Request> request, std::function<bool()> gone) {
   const RequestThreads threads = threadsOf(*request, who.role);
   if (const Status may = mayWait(context, threads, who); !may.ok())
     co_return refusedBefore(*request, may.error());
@@ -144,7 +144,9 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     if (const Status room = roomFor(context, who, storing, request->ByteSizeLong()); !room.ok())
       co_return refusedBefore(*request, room.error());
   }
-  std::function<Executed()> work = [&service = context.store.service(), who, request, threads] {
+  std::function<Executed()> work = [&service = context.store.service(), who, request, threads,
+                                    gone = std::move(gone)] {
+    if (gone()) return refusedBefore(*request, {ErrorCode::kUnavailable, "who asked has gone"});
     if (threads == RequestThreads::kHours) yieldToOthers();
     return std::make_shared<Outcome>(service.execute(who, *request));
   };

@@ -36,9 +36,12 @@ std::size_t replyRoomOf(const ServerContext& context, pb::Request::CallCase call
 /// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
-/// Executes a request on its thread pool (threadsOf in db/service/requests.h). Thread: the network's.
+/// Executes a request on its thread pool (threadsOf in db/service/requests.h). Thread: the network's. `gone`
+/// says whether the asker has gone, on any thread: of whom it says so when the turn comes, nothing is done
+/// (kUnavailable). What has begun is finished.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
-                                              std::shared_ptr<const pb::Request> request);
+                                              std::shared_ptr<const pb::Request> request,
+                                              std::function<bool()> gone);
 
 /// Adds data of the running server to `outcome`: online stations; a station's confirmation of a message. May
 /// return a refusal to send instead of the reply. `request` and `outcome` must outlive it. Thread: the

@@ -81,6 +81,11 @@ struct WebSteps {
   std::function<Result<std::optional<WebJson>>()> step;
 };
 
+/// A piece of a stream has at most kMostPieceBytes with what is held for the next one, which is
+/// kMostHeldByStream: so much of the budget of unread replies a download has while it makes a piece, then the
+/// piece's length in place of the former.
+inline constexpr std::size_t kMostPieceBytes = 5u << 20, kMostHeldByStream = 1u << 20;
+
 /// A reply too long to hold in memory, made piece by piece. The interface for export formats: each is one
 /// function that opens such a stream.
 struct WebStream {

@@ -23,6 +23,9 @@ namespace {
 using Shared = std::shared_ptr<WebServer>;
 using Request = std::shared_ptr<HttpRequest>;
 
+/// As other servers call it; never sent to anybody.
+constexpr unsigned kClientHungUp = 499;
+
 /// Parsing JSON of this size takes about a millisecond.
 constexpr std::size_t kSmallBody = 16u << 10;
 
@@ -32,6 +35,22 @@ std::size_t jsonBytes(std::string_view body) {
   std::size_t bytes = body.size();
   for (const char c : body) bytes += c == ',' ? 32u : c == ':' ? 96u : c == '[' || c == '{' ? 64u : 0u;
   return bytes;
+}
+
+HttpAnswer browserGone() {
+  return errorAnswer(503, "unavailable", "the browser is gone");
+}
+
+Error browserHasGone() {
+  return {ErrorCode::kUnavailable, "the browser is gone"};
+}
+
+/// Work that waits for its turn, and is not done for a browser that has gone by then.
+template <typename T>
+std::function<T()> unlessGone(const Request& request, T of_gone, std::function<T()> work) {
+  return [gone = request->gone, of_gone = std::move(of_gone), work = std::move(work)]() -> T {
+    return gone() ? of_gone : work();
+  };
 }
 
 HttpAnswer notLoggedIn() {
@@ -185,7 +204,8 @@ void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error)
              {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
-Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
+Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& route,
+                                std::shared_ptr<WebCall> call) {
   ServerContext& context = server->context();
   // parsing a class or a course of a megabyte takes time: not on the network's thread
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
@@ -198,7 +218,8 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   const auto request = wipedWhenReleased(std::move(*built));
-  const auto outcome = co_await executeRequest(context, call->who, request);
+  std::function<bool()> gone = asked->gone;
+  const auto outcome = co_await executeRequest(context, call->who, request, std::move(gone));
   if (outcome->error) noteNoRoom(context, *call, *outcome->error);
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
@@ -209,20 +230,19 @@ Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::share
   // serialising long lists takes time
   FairPool* const pool = poolForWriting(context, outcome->reply.ByteSizeLong());
   if (pool == nullptr) co_return write();
+  write = unlessGone(asked, browserGone(), std::move(write));
   co_return co_await offload(*pool, turnNameOf(call->who), std::move(write));
 }
 
-Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+Task<HttpAnswer> throughWork(Shared server, Request request, const WebRoute& route,
+                             std::shared_ptr<const WebCall> call) {
   ServerContext& context = server->context();
   std::function<HttpAnswer()> work = [&service = context.store.service(), &route, call] {
     auto json = route.how.work(service, *call);
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
+  work = unlessGone(request, browserGone(), std::move(work));
   co_return co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(work));
-}
-
-HttpAnswer browserGone() {
-  return errorAnswer(503, "unavailable", "the browser is gone");
 }
 
 /// The session that asked for what takes long.
@@ -247,6 +267,7 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
   std::function<Result<WebSteps>()> begin = [&service = context.store.service(), &route, call] {
     return route.how.steps(service, *call);
   };
+  begin = unlessGone<Result<WebSteps>>(request, browserHasGone(), std::move(begin));
   const auto steps = co_await offload(*context.views_of_people, by.turn_name, std::move(begin));
   if (!steps) co_return errorAnswer(steps.error());
   while (!request->gone()) {
@@ -256,37 +277,76 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
       if (!json) return std::optional(errorAnswer(json.error()));
       return *json ? std::optional(jsonAnswer(**json, route.how.status)) : std::nullopt;
     };
+    work = unlessGone(request, std::optional(browserGone()), std::move(work));
     auto answer = co_await offload(*context.views_of_people, by.turn_name, std::move(work));
     if (answer) co_return std::move(*answer);
   }
   co_return browserGone();
 }
 
+/// Waits until so many bytes fit beside what others have taken. Nothing: the browser is gone.
+Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
+                                                   std::shared_ptr<Signal> freed, std::size_t bytes) {
+  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
+  while (!request->gone()) {
+    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
+    co_await freed->wait();
+  }
+  co_return std::nullopt;
+}
+
 /// A stream and who reads it.
 struct SessionStream {
+  Request request;
+  Principal who;
   WebStream stream;
   AskedBy by;
+  ByteBudget::Share room;  ///< of the piece that is made or sent, and of what is held for the next one
+  bool has_begun = false;
 };
 
+/// Takes the room of a piece while it is made. Nothing: the browser is gone.
+Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
+  ServerContext& context = server->context();
+  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes());
+  auto room = co_await waitForRoom(request, who, context.replies, context.reply_room, bytes);
+  context.counters.most_reply_bytes = context.replies.mostTaken();
+  co_return room;
+}
+
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
+  if (std::exchange(stream->has_begun, true)) {
+    // the last piece has been sent: others may have its room before the next one is made
+    stream->room.lower(0);
+    auto room = co_await roomForPiece(server, stream->request, stream->who);
+    if (!room) co_return browserHasGone();
+    stream->room = std::move(*room);
+  }
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-  std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
+  // without `stream`: the room must end on this thread
+  std::function<Result<std::string>()> work = stream->stream.next;
+  work = unlessGone<Result<std::string>>(stream->request, browserHasGone(), std::move(work));
   auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
+  if (piece) stream->room.lower(piece->size() + kMostHeldByStream);
   co_return piece;
 }
 
-Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call,
-                               AskedBy by) {
+Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& route,
+                               std::shared_ptr<const WebCall> call, AskedBy by) {
+  auto room = co_await roomForPiece(server, request, call->who);
+  if (!room) co_return browserGone();
   std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
+  open = unlessGone<Result<WebStream>>(request, browserHasGone(), std::move(open));
   auto opened = co_await offload(*server->context().views_of_people, by.turn_name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(by)});
+  auto stream = std::make_shared<SessionStream>(
+      SessionStream{std::move(request), call->who, std::move(*opened), std::move(by), std::move(*room)});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -304,17 +364,6 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
   if (!parsed) return errorAnswer(parsed.error());
   body = std::move(*parsed);
   return std::nullopt;
-}
-
-/// Waits until so many bytes fit beside what others have taken. Nothing: the browser is gone.
-Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
-                                                   std::shared_ptr<Signal> freed, std::size_t bytes) {
-  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
-  while (!request->gone()) {
-    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
-    co_await freed->wait();
-  }
-  co_return std::nullopt;
 }
 
 /// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the
@@ -440,14 +489,14 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
   AskedBy by{turnNameOf(call->who), session->token, seen};
   if (route.how.action == WebAction::kStream)
-    co_return co_await throughStream(server, route, call, std::move(by));
+    co_return co_await throughStream(server, request, route, call, std::move(by));
   HttpAnswer answer;
   if (route.how.action == WebAction::kWork)  // not ?: around co_await, which g++ 12 miscompiles
-    answer = co_await throughWork(server, route, call);
+    answer = co_await throughWork(server, request, route, call);
   else if (route.how.action == WebAction::kSteps)
     answer = co_await throughSteps(server, request, route, call, std::move(by));
   else
-    answer = co_await throughService(server, route, call);
+    answer = co_await throughService(server, request, route, call);
   if (reply_room) {
     reply_room->lower(answer.body.size());
     answer.until_sent = std::make_shared<const ByteBudget::Share>(std::move(*reply_room));
@@ -462,6 +511,8 @@ Task<HttpAnswer> WebServer::answer(std::shared_ptr<HttpRequest> request) {
   request->address =
       proxies_.clientOf(request->address, standard ? request->forwarded : request->x_forwarded_for);
   HttpAnswer answer = co_await answerTo(request);
+  // nobody reads it, and nothing failed: not among the metrics' 5xx, which are an alarm
+  if (answer.status == 503 && request->gone()) answer.status = kClientHungUp;
   if (mayDemandHttps(request->host))
     answer.headers.emplace_back("Strict-Transport-Security", "max-age=31536000");
   co_return answer;

@@ -64,6 +64,7 @@ WebServer::WebServer(ServerContext& context, TlsContext tls, WebSettings setting
       files_(std::move(files)),
       sessions_(context.tokens),
       admission_(settings_.admission),
+      stranger_lines_(settings_.stranger_log_lines_a_minute),
       board_(std::make_shared<LiveBoard>(context, settings_.live_period)) {}
 
 bool WebServer::admit(std::uint64_t id, const Tcp::endpoint& peer) {
@@ -120,6 +121,9 @@ void WebServer::answered(const HttpExchange& exchange) {
   while (bucket < WebCounters::kLatency_s.size() && exchange.seconds > WebCounters::kLatency_s[bucket])
     ++bucket;
   ++web.latency[bucket];
+  const std::int64_t now = steadyNowNs();
+  sayLeftOut(now);
+  if (request.route != "file" && request.who.empty() && !stranger_lines_.take(now)) return;
   // logs neither query nor headers, which may contain searched names, cookies and tokens
   const std::string path = request.method == "?" ? "?" : pathForLog(request.target, request.route);
   logEvent(request.route == "file" ? LogLevel::kDebug : LogLevel::kInfo, "web_request",
@@ -147,6 +151,12 @@ bool WebServer::showedSession(std::uint64_t id, const std::string& who) {
   return true;
 }
 
+/// With the first request after a minute, and at the end.
+void WebServer::sayLeftOut(std::int64_t now_ns) {
+  if (const std::uint64_t count = stranger_lines_.leftOut(now_ns); count > 0)
+    logEvent(LogLevel::kInfo, "web_requests_left_out", {{"of", "strangers"}, {"count", count}});
+}
+
 bool WebServer::viewerCame(const std::string& who) {
   std::size_t& here = viewers_[who];
   if (all_viewers_ >= settings_.live_sockets || here >= settings_.live_sockets_per_person) {
@@ -166,6 +176,7 @@ void WebServer::viewerLeft(const std::string& who) {
 void WebServer::stop() {
   HttpServer::stop();
   board_->stop();
+  sayLeftOut(INT64_MAX);
 }
 
 void WebServer::cutAll(const std::string& reason) {

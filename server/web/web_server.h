@@ -12,6 +12,7 @@
 #include "common/base/result.h"
 #include "common/wire/tls.h"
 #include "server/base/http_server.h"
+#include "server/base/log.h"
 #include "server/base/trusted_proxies.h"
 #include "server/live/admission.h"
 #include "server/live/context.h"
@@ -38,6 +39,8 @@ struct WebSettings : HttpLimits {
                                 .strangers_of_address = 128,
                                 .charges_at_once = 512,
                                 .charges_at_once_of_known = 2048};
+  /// Of requests without a session; the others of the minute are one line with their number.
+  std::uint64_t stranger_log_lines_a_minute = 60;
   std::vector<std::string> proxies;              ///< trusted_proxies.h
   std::string proxy_header = "X-Forwarded-For";  ///< or "Forwarded"
 
@@ -69,7 +72,7 @@ class WebServer : public HttpServer {
   [[nodiscard]] std::size_t bodyLimit(const std::string& cookie) const override;
   [[nodiscard]] const HttpHeaders& commonHeaders() const override;
   void handshakeFailed() override;
-  /// Counts the request in the metrics and logs it.
+  /// Counts the request in the metrics and logs it; of strangers' requests only some a minute.
   void answered(const HttpExchange& exchange) override;
 
   [[nodiscard]] ServerContext& context() { return context_; }
@@ -93,6 +96,7 @@ class WebServer : public HttpServer {
   WebServer(ServerContext& context, TlsContext tls, WebSettings settings, TrustedProxies proxies,
             StaticFiles files, Tcp::acceptor acceptor);
   Task<HttpAnswer> answerTo(std::shared_ptr<HttpRequest> request);
+  void sayLeftOut(std::int64_t now_ns);
 
   ServerContext& context_;
   const WebSettings settings_;
@@ -100,6 +104,7 @@ class WebServer : public HttpServer {
   const StaticFiles files_;
   WebSessions sessions_;
   Admission admission_;
+  LogBound stranger_lines_;
   const std::shared_ptr<LiveBoard> board_;
   std::unordered_map<std::string, std::size_t> viewers_;  // by name
   std::size_t all_viewers_ = 0;

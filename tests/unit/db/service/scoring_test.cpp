@@ -75,6 +75,14 @@ class Scoring : public test::ServiceTest {
     request.mutable_get_score()->set_definition_version(version);
     return get(instructor, request).score();
   }
+  /// Adds to the checksums of the n-th session's chunks; the opposite mends them.
+  void damage(int n, int by) {
+    ASSERT_OK(change([&](Connection& c) {
+      return c.script("UPDATE chunks SET crc = crc + (" + std::to_string(by) +
+                      ") WHERE session = (SELECT number FROM sessions ORDER BY number LIMIT 1 OFFSET " +
+                      std::to_string(n) + ")");
+    }));
+  }
   /// Marks the stored scores as made by a program with other definitions.
   void makeOld() {
     ASSERT_OK(change([](Connection& c) {
@@ -334,6 +342,40 @@ TEST_F(Scoring, whoAsksMeanwhileWaitsForADistanceAndComputesItNotAgain) {
   EXPECT_EQ(store->service().distancesComputed(), 28u) << "8·7/2 pairs, whoever asks";
   for (const auto& reference : seen)
     EXPECT_EQ(reference.SerializeAsString(), seen[0].SerializeAsString()) << "and all have them";
+}
+
+TEST_F(Scoring, aDamagedReferenceIsReadOnceAndNotByEachComparison) {
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 6; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
+  const Uuid novice = closed(gestureAside(0.014));
+  damage(5, 1);
+  pb::Request set;
+  set.mutable_set_reference()->set_exercise_id("knee-recess");
+  for (const Uuid& id : experts) set.mutable_set_reference()->add_session_ids(test::bytesOfId(id));
+  get(instructor, set);
+  const auto nearest_m = [&] {
+    for (const auto& row : nlohmann::json::parse(scoreOf(novice).comparison_json()))
+      if (row["measure"] == "dtw_distance_m") return row["value"].get<double>();
+    return 0.0;
+  };
+  EXPECT_NEAR(nearest_m(), 0.010, 1e-9) << "the fifth is the nearest that can be read";
+  damage(5, -1);
+  EXPECT_NEAR(nearest_m(), 0.010, 1e-9) << "whoever read the sixth again would find it";
+  ASSERT_OK(store->service().dailyRetention());
+  EXPECT_NEAR(nearest_m(), 0.009, 1e-9) << "recordings may have changed: what was known is forgotten";
+}
+
+TEST_F(Scoring, aSessionThatCannotBeScoredIsReadOnceHoweverOftenSomebodyAsks) {
+  const Uuid id = closed(gestureAside(0.001));
+  makeOld();
+  damage(0, 1);
+  pb::Request again;
+  again.mutable_rescore_session()->set_session_id(test::bytesOfId(id));
+  EXPECT_EQ(refusal(instructor, again), ErrorCode::kCorrupt);
+  damage(0, -1);
+  EXPECT_EQ(refusal(instructor, again), ErrorCode::kCorrupt) << "whoever read it again would find it sound";
+  ASSERT_OK(store->service().dailyRetention());
+  EXPECT_GT(get(instructor, again).score().definition_version(), 1u);
 }
 
 TEST_F(Scoring, afterAnErasureNothingIsKeptOfTheErasedPaths) {

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
@@ -90,6 +91,28 @@ TEST(Log, theJournalHearsThePriority) {
   EXPECT_EQ(object["limit"], 200);
   EXPECT_TRUE(object["time"].is_string());
   EXPECT_TRUE(lineOnStandardError(LogFormat::kJson, false).starts_with("{\"time\":\"20"));
+}
+
+TEST(LogBound, aMinuteHasSoManyLinesAndTheOthersAreSaidOnceAsANumber) {
+  constexpr std::int64_t kSecond_ns = 1'000'000'000;
+  LogBound bound(3);
+  EXPECT_EQ(bound.leftOut(0), 0u);
+  std::uint64_t written = 0;
+  for (std::int64_t s = 100; s < 160; ++s) {
+    written += bound.take(s * kSecond_ns);
+    EXPECT_EQ(bound.leftOut(s * kSecond_ns), 0u) << "the minute is not over";
+  }
+  EXPECT_EQ(written, 3u);
+  EXPECT_EQ(bound.leftOut(160 * kSecond_ns), 57u);
+  EXPECT_EQ(bound.leftOut(160 * kSecond_ns), 0u) << "once";
+  // the next minute begins with its first line
+  EXPECT_TRUE(bound.take(500 * kSecond_ns));
+  EXPECT_TRUE(bound.take(559 * kSecond_ns));
+  EXPECT_TRUE(bound.take(559 * kSecond_ns));
+  EXPECT_FALSE(bound.take(560 * kSecond_ns - 1));
+  EXPECT_TRUE(bound.take(560 * kSecond_ns)) << "also if nobody asked in between";
+  EXPECT_EQ(bound.leftOut(560 * kSecond_ns), 1u);
+  EXPECT_EQ(bound.leftOut(INT64_MAX), 0u) << "nothing was left out of the last one";
 }
 
 TEST(Log, levelsHaveNames) {

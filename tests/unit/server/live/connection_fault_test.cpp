@@ -119,6 +119,23 @@ TEST_F(ConnectionFault, aConnectionWhoseRunFailsGivesItsHandshakeTurnToTheNextAn
   context.connections.clear();  // neither runs
 }
 
+TEST_F(ConnectionFault, whoHangsUpIsGoneThoughNothingIsReadFromIt) {
+  // neither runs: as with the most requests at work, nobody reads
+  failing->lookForHangUp();
+  EXPECT_FALSE(failing->gone());
+  clients[0].close();
+  EXPECT_TRUE(loop.runUntil([&] {
+    failing->lookForHangUp();
+    return failing->gone();
+  }));
+  EXPECT_FALSE(failing->over()) << "what it has sent is still read";
+  other->lookForHangUp();
+  EXPECT_FALSE(other->gone());
+  run(other);
+  other->cut("it comes too often");
+  EXPECT_TRUE(other->gone());
+}
+
 TEST_F(ConnectionFault, workThatEndsWellEndsNothing) {
   run(failing);
   bool done = false;

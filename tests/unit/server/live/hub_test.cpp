@@ -211,6 +211,22 @@ TEST(Hub, aFrameIsDecodedOnceAndThinnedOnceForEachRateHoweverManyWatch) {
   EXPECT_EQ(late.frames[0].get(), viewers[0].frames.back().get());
 }
 
+TEST(Hub, aFrameIsThinnedForFewRatesHoweverManyAreAskedFor) {
+  Hub hub;
+  FakePeer station;
+  std::vector<FakePeer> viewers(1000);
+  hub.attachStation("bench-1", station);
+  for (std::size_t i = 0; i < viewers.size(); ++i)
+    ASSERT_FALSE(hub.subscribe(viewers[i], toStation(1, "bench-1", static_cast<double>(i + 1)), 0));
+  constexpr std::uint64_t kFrames = 2;
+  for (std::uint64_t n = 0; n < kFrames; ++n) ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(n), 0));
+  EXPECT_EQ(hub.framesThinned(), 11 * kFrames) << "1, 2, 5, 10, 25, 30, 60, 100, 200, 500 and 1000 Hz";
+  EXPECT_EQ(hub.framesOut(), 1000 * kFrames);
+  EXPECT_EQ(decodeChunk(viewOf(viewers[58].live[0].live_frame().data()))->size(), 30u)
+      << "59 Hz were asked for";
+  EXPECT_EQ(viewers[58].frames[0].get(), viewers[29].frames[0].get());
+}
+
 TEST(Hub, nobodyDecodesAFrameForViewersOfAllOfIt) {
   Hub hub;
   FakePeer station, anna;

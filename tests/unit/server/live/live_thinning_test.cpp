@@ -21,6 +21,17 @@ std::vector<GestureSample> samplesAt(double rate_hz, double seconds, std::int64_
   return samples;
 }
 
+TEST(ThinnedRates, anAskedRateIsRoundedDownToOneOfSixteen) {
+  EXPECT_EQ(kThinnedRates_hz.size(), 16u);
+  EXPECT_TRUE(std::is_sorted(kThinnedRates_hz.begin(), kThinnedRates_hz.end()));
+  for (const double rate_hz : kThinnedRates_hz) EXPECT_EQ(thinnedRateOf(rate_hz), rate_hz);
+  EXPECT_EQ(thinnedRateOf(59.9), 30);
+  EXPECT_EQ(thinnedRateOf(24.999), 10);
+  EXPECT_EQ(thinnedRateOf(1.5), 1);
+  EXPECT_EQ(thinnedRateOf(1e6), 5000);
+  EXPECT_EQ(thinnedRateOf(1e-9), 0.1) << "the least";
+}
+
 TEST(Decimator, theRateComesOutWhateverTheLoopsRate) {
   for (const double loop_hz : {250.0, 1000.0, 4000.0}) {
     for (const double wanted_hz : {1.0, 30.0, 60.0, 100.0}) {

@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <boost/asio/post.hpp>
 #include <functional>
 #include <future>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -39,8 +41,27 @@ struct RequestThreadsTest : testing::Test {
     return loop.runUntil([&] { return done; });
   }
   Task<> ask(Principal who, std::shared_ptr<const pb::Request> request) {
-    const auto outcome = co_await executeRequest(context, who, request);
+    std::function<bool()> gone = [] { return false; };
+    const auto outcome = co_await executeRequest(context, who, request, std::move(gone));
     EXPECT_NE(outcome, nullptr);
+  }
+
+  /// An administrator adds a station; `gone` as for executeRequest, on the workers. Sets `outcome` at its
+  /// end.
+  Task<> addStation(std::string name, std::function<bool()> gone, std::shared_ptr<Outcome>* outcome) {
+    pb::Request add;
+    add.mutable_add_station()->set_name(name);
+    const Principal ada{"ada", pb::ADMINISTRATOR};
+    const auto request = std::make_shared<const pb::Request>(add);
+    *outcome = co_await executeRequest(context, ada, request, std::move(gone));
+  }
+  std::set<std::string> stations() {
+    pb::Request list;
+    list.mutable_list_stations();
+    std::set<std::string> names;
+    const Outcome outcome = store->service().execute({"ada", pb::ADMINISTRATOR}, list);
+    for (const pb::StationInfo& station : outcome.reply.stations().stations()) names.insert(station.name());
+    return names;
   }
 
   /// Gives a pool one piece of this person that ends with release().
@@ -110,6 +131,42 @@ TEST_F(RequestThreadsTest, aPersonWhoHasWorkOnTheViewsDelaysNoOtherPersonsView) 
   results.mutable_get_results()->set_course_id("first");
   for (int n = 0; n < 8; ++n) occupy(*context.views_of_people, "ines");
   EXPECT_TRUE(answered({"mara", pb::CURRICULUM_MANAGER}, results));
+}
+
+TEST_F(RequestThreadsTest, whatWaitsForItsTurnIsNotDoneForWhoHasGone) {
+  occupy(*context.workers_of_people, "ada");  // who has one of the two threads at most
+  std::atomic<bool> gone{false};
+  std::shared_ptr<Outcome> of_gone, of_staying;
+  asio::co_spawn(loop.io,
+                 addStation(
+                     "of who has gone", [&gone] { return gone.load(); }, &of_gone),
+                 rethrow);
+  asio::co_spawn(loop.io,
+                 addStation(
+                     "of who stays", [] { return false; }, &of_staying),
+                 rethrow);
+  loop.io.poll();
+  gone = true;
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return of_gone && of_staying; }));
+  ASSERT_TRUE(of_gone->error);
+  EXPECT_EQ(of_gone->error->code, ErrorCode::kUnavailable);
+  EXPECT_FALSE(of_staying->error) << of_staying->error->message;
+  EXPECT_EQ(stations(), std::set<std::string>{"of who stays"});
+}
+
+TEST_F(RequestThreadsTest, whatHasBegunIsFinishedForWhoGoesMeanwhile) {
+  std::atomic<int> asked{0};
+  std::shared_ptr<Outcome> outcome;
+  // there when the turn comes, and gone from then on
+  asio::co_spawn(loop.io,
+                 addStation(
+                     "begun", [&asked] { return asked++ > 0; }, &outcome),
+                 rethrow);
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  EXPECT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_EQ(asked, 1);
+  EXPECT_EQ(stations(), std::set<std::string>{"begun"});
 }
 
 TEST_F(RequestThreadsTest, aStationAndAPersonOfOneNameAreTwo) {

@@ -1,4 +1,5 @@
 // Tests the limits for every peer: sizes, times, numbers, and input that is not HTTP.
+#include <algorithm>
 #include <atomic>
 #include <memory>
 
@@ -124,6 +125,48 @@ TEST(WebLimits, whatIsNoHttpIsEnded) {
   EXPECT_EQ(browser.get("/").status, 200);
 }
 
+TEST(WebLimits, aBodyThatIsCodedInAnotherWayIsNotTakenForTheNextRequest) {
+  WebLab lab;
+  const std::string body = R"({"name": "ada", "password": "wrong"})";
+  const std::string chunked = "24\r\n" + body + "\r\n0\r\n\r\n";
+  ASSERT_EQ(body.size(), 0x24u);
+  const auto ask = [&](WebWire& wire, const std::string& coding, const char* version = "1.1") {
+    (void)wire.send("POST /api/v1/session HTTP/" + std::string(version) +
+                    "\r\nHost: localhost\r\nContent-Type: application/json\r\n" + coding + "\r\n" + chunked +
+                    "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    return wire.read();
+  };
+  // the body is read as one, and the request behind it
+  for (const char* coding : {"Transfer-Encoding: chunked\r\n", "transfer-encoding: \t CHUNKED \r\n"}) {
+    WebWire wire(lab.port());
+    EXPECT_EQ(ask(wire, coding).status, 401) << coding;
+    EXPECT_EQ(wire.read().status, 200) << coding;
+  }
+  for (const char* coding :
+       {"Transfer-Encoding: xchunked\r\n", "Transfer-Encoding: chunked, gzip\r\n",
+        "Transfer-Encoding: gzip, chunked\r\n", "Transfer-Encoding: chunked, chunked\r\n",
+        "Transfer-Encoding: identity\r\n", "Transfer-Encoding:\r\n", "Transfer-Encoding: \"chunked\"\r\n",
+        "Transfer-Encoding: chunked;q=1\r\n", "Transfer-Encoding: chunked,\r\n",
+        "Transfer-Encoding: chun ked\r\n", "Transfer-Encoding: gzip\r\nTransfer-Encoding: chunked\r\n",
+        "Transfer-Encoding: chunked\r\nTransfer-Encoding: gzip\r\n",
+        "Transfer-Encoding: chunked\r\nTransfer-Encoding: chunked\r\n",
+        "Transfer-Encoding: chunked\r\nContent-Length: 5\r\n",
+        "Content-Length: 5\r\nTransfer-Encoding: chunked\r\n",
+        "Transfer-Encoding: xchunked\r\nContent-Length: 5\r\n",
+        "Content-Length: 5\r\nTransfer-Encoding: xchunked\r\n", "Transfer-Encoding : chunked\r\n"}) {
+    WebWire wire(lab.port());
+    const WebReply refused = ask(wire, coding);
+    EXPECT_EQ(refused.status, 400) << coding;
+    EXPECT_EQ(refused.header("connection"), "close") << coding;
+  }
+  WebWire old(lab.port());
+  EXPECT_EQ(ask(old, "Transfer-Encoding: chunked\r\n", "1.0").status, 400);
+  WebWire unknown(lab.port());
+  EXPECT_THAT(ask(unknown, "Transfer-Encoding: xchunked\r\n").json()["error"]["message"].get<std::string>(),
+              HasSubstr("Transfer-Encoding"));
+  EXPECT_EQ(unknown.read().status, 0) << "nothing behind it is answered";
+}
+
 TEST(WebLimits, whoDawdlesIsCut) {
   WebLab lab([](ServerOptions& options) {
     options.web.handshake_timeout = milliseconds(300);
@@ -245,6 +288,26 @@ TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
   WebWire wire(lab.server().server().metricsPort(), false);
   (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
   EXPECT_THAT(wire.receivePlain(), HasSubstr("needlelab_refused_for_room_total 5\n"));
+}
+
+TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+  WebLab lab([](ServerOptions& options) { options.web.stranger_log_lines_a_minute = 5; });
+  Browser tina = lab.browserOf("tina"), stranger = lab.browser();  // the log-in was a stranger's, too
+  testing::internal::CaptureStderr();
+  setLogLevel(LogLevel::kInfo);
+  for (int i = 0; i < 12; ++i) EXPECT_EQ(stranger.get("/api/v1/people").status, 401);
+  for (int i = 0; i < 7; ++i) EXPECT_EQ(tina.get("/api/v1/session").status, 200);
+  lab.server().stop();
+  setLogLevel(LogLevel::kOff);
+  const std::string log = testing::internal::GetCapturedStderr();
+  const auto lines = [&](const std::string& text) {
+    std::size_t count = 0;
+    for (std::size_t at = log.find(text); at != std::string::npos; at = log.find(text, at + 1)) ++count;
+    return count;
+  };
+  EXPECT_EQ(lines("status=401"), 4u) << log;
+  EXPECT_EQ(lines("web_requests_left_out of=strangers count=8"), 1u) << log;
+  EXPECT_EQ(lines("who=tina method=GET"), 7u) << log;
 }
 
 TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
@@ -380,6 +443,34 @@ TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome)
   EXPECT_EQ(lab.server().stop(), 0);
   EXPECT_GE(lab.server().counters().most_reply_bytes, kLongest);
   EXPECT_LE(lab.server().counters().most_reply_bytes, 3 * kLongest) << "two of one person and one of another";
+}
+
+TEST(WebLimits, downloadsThatNobodyReadsHaveABoundInBytesOverAllConnectionsAndOthersComplete) {
+  constexpr std::size_t kOfOne = 3u << 20, kOfPeople = 6u << 20;
+  WebLab lab([](ServerOptions& options) {
+    options.bounds.replies.owner = kOfOne;
+    options.bounds.replies.people = kOfPeople;
+  });
+  constexpr std::uint64_t kChunks = 1500;  // of 100 samples; some 13 MB of CSV, more than the sockets hold
+  const std::string path = "/api/v1/sessions/" + lab.recorded(kChunks) + "/samples.csv";
+  const auto linesOf = [&](Browser& who) {
+    const WebReply reply = who.get(path);
+    EXPECT_EQ(reply.status, 200);
+    return static_cast<std::uint64_t>(std::count(reply.body.begin(), reply.body.end(), '\n'));
+  };
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  std::vector<std::unique_ptr<WebWire>> unread;
+  for (int i = 0; i < 10; ++i) {
+    unread.push_back(std::make_unique<WebWire>(lab.port()));
+    unread.back()->keepLittle();
+    (void)unread.back()->send(requestText("GET", path, "", ines.own("GET")));
+  }
+  EXPECT_EQ(linesOf(mara), kChunks * 100 + 1) << "beside them";
+  unread.clear();
+  EXPECT_EQ(linesOf(ines), kChunks * 100 + 1) << "their room came back";
+  EXPECT_EQ(lab.server().stop(), 0);
+  EXPECT_GE(lab.server().counters().most_reply_bytes, kOfOne);
+  EXPECT_LE(lab.server().counters().most_reply_bytes, kOfPeople);
 }
 
 TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
