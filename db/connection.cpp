@@ -102,6 +102,9 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   if (!options.create && options.vfs == nullptr && ::stat(path.c_str(), &info) != 0) {
     return Error{ErrorCode::kNotFound, path.string() + ": there is no database here"};
   }
+  // SQLite reads a journal that it finds; a pipe of that name would never answer
+  for (const char* suffix : {"", "-wal", "-shm", "-journal"})
+    if (options.vfs == nullptr) RETURN_IF_ERROR(requireFileOrNothing(path.string() + suffix));
   // readers also open for writing, because WAL needs its shared memory; query_only below forbids changes
   const int flags =
       SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | (writer && options.create ? SQLITE_OPEN_CREATE : 0);
