@@ -30,8 +30,8 @@ struct BackupResult {
 };
 
 /// The log beside the database above which a backup gives up: it holds one view of the database, and the log
-/// can be emptied only afterwards. Smaller: a slow disk never gets a backup; greater: room that others lack.
-inline constexpr std::uint64_t kMostLogBytesOfBackup = std::uint64_t{4} << 30;
+/// can be emptied only afterwards.
+inline constexpr std::uint64_t kMostLogBytesOfBackup = kMostLogBytesOfReaders;
 
 /// Copies the database's present state into `target`.partial while writers continue, checks *the copy*
 /// (integrity, every chunk, every hash), syncs it and renames it to `target` (0600). Only reads the source.
