@@ -148,7 +148,8 @@ class Connection {
                                          ///< contents name; empty: none
   };
 
-  /// Opens and configures the database. Errors: kNotFound (no file), kCorrupt (not a database), kFailed.
+  /// Opens and configures the database. Errors: kNotFound (no file), kInvalidInput (a pipe, device, socket or
+  /// folder in its place, or in that of its log or journal), kCorrupt (not a database), kFailed.
   static Result<Connection> open(const std::filesystem::path& path, const Options& options);
 
   Connection(Connection&& other) noexcept;
