@@ -242,10 +242,6 @@ std::filesystem::path plainCopyBeside(const std::filesystem::path& database) {
   return database.string() + ".backup-copy";
 }
 
-void removePlainCopy(const std::filesystem::path& database) {
-  const Partial left(plainCopyBeside(database));
-}
-
 std::string backupName(std::int64_t now_unix_ns, std::string_view ending) {
   const std::time_t now = now_unix_ns / 1'000'000'000;
   std::tm parts{};
@@ -277,24 +273,23 @@ bool isPartialName(std::string_view name) {
   return behind.empty() || behind == "-journal" || behind == "-wal" || behind == "-shm";
 }
 
-/// Unfinished copies in the folder of `target` that a power cut or a kill left: nobody wrote to them in the
-/// day before the target, so no backup makes them now.
-std::vector<std::filesystem::path> leftPartials(const std::filesystem::path& target) {
+}  // namespace
+
+std::vector<std::filesystem::path> partialsIn(const std::filesystem::path& folder,
+                                              std::filesystem::file_time_type before) {
   std::vector<std::filesystem::path> left;
   std::error_code error, ignored;
-  const auto made = std::filesystem::last_write_time(target, ignored);
-  if (ignored) return left;
-  for (auto at = std::filesystem::directory_iterator(target.parent_path(), error);
+  for (auto at = std::filesystem::directory_iterator(folder, error);
        !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
-    if (!isPartialName(at->path().filename().string()) || !at->is_regular_file(ignored)) continue;
+    if (!isPartialName(at->path().filename().string()) ||
+        !std::filesystem::is_regular_file(at->symlink_status(ignored)))
+      continue;
     const auto written = at->last_write_time(ignored);
-    if (!ignored && written < made - std::chrono::hours(24)) left.push_back(at->path());
+    if (!ignored && written < before) left.push_back(at->path());
   }
   std::sort(left.begin(), left.end());
   return left;
 }
-
-}  // namespace
 
 Result<std::vector<std::filesystem::path>> backupsIn(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> found;
@@ -327,8 +322,12 @@ Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::si
   // the new backup counts towards `keep`
   const std::size_t stay = keep > 0 ? keep - 1 : 0;
   older.resize(older.size() - std::min(stay, older.size()));
-  const auto partials = leftPartials(target);
-  older.insert(older.end(), partials.begin(), partials.end());
+  std::error_code unknown;
+  if (const auto made = std::filesystem::last_write_time(target, unknown); !unknown) {
+    // written to in the day before: another backup may be making it now
+    const auto partials = partialsIn(target.parent_path(), made - std::chrono::hours(24));
+    older.insert(older.end(), partials.begin(), partials.end());
+  }
   for (const auto& path : older) {
     if (::unlink(path.c_str()) != 0) return systemError(path, "remove this old backup");
     old.removed.push_back(path);

@@ -30,8 +30,8 @@ struct BackupResult {
 };
 
 /// The log beside the database above which a backup gives up: it holds one view of the database, and the log
-/// can be emptied only afterwards. Smaller: a slow disk never gets a backup; greater: room that others lack.
-inline constexpr std::uint64_t kMostLogBytesOfBackup = std::uint64_t{4} << 30;
+/// can be emptied only afterwards.
+inline constexpr std::uint64_t kMostLogBytesOfBackup = kMostLogBytesOfReaders;
 
 /// Copies the database's present state into `target`.partial while writers continue, checks *the copy*
 /// (integrity, every chunk, every hash), syncs it and renames it to `target` (0600). Only reads the source.
@@ -62,9 +62,6 @@ Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem
                                        std::uint64_t most_log_bytes = kMostLogBytesOfBackup,
                                        std::uint64_t room_left = kRoomBesidePlainCopy);
 
-/// Removes a plain copy that a backup left when its program was killed. Call it when no backup is under way.
-void removePlainCopy(const std::filesystem::path& database);
-
 /// The end of a plain backup's name.
 inline constexpr std::string_view kPlainEnding = ".db";
 
@@ -73,6 +70,11 @@ std::string backupName(std::int64_t now_unix_ns, std::string_view ending = kPlai
 
 /// The files of this folder that are named so, plain and encrypted ones, by the time in their names. kFailed.
 Result<std::vector<std::filesystem::path>> backupsIn(const std::filesystem::path& folder);
+
+/// Unfinished copies of backups with such names, and what SQLite put beside them, that were last written
+/// before `before`, sorted: what a power cut or a kill left in this folder. Links are none.
+std::vector<std::filesystem::path> partialsIn(const std::filesystem::path& folder,
+                                              std::filesystem::file_time_type before);
 
 /// Older backups in the same folder as a new one.
 struct OldBackups {
@@ -83,8 +85,8 @@ struct OldBackups {
 
 /// Removes the backups beside `target`, plain and encrypted ones, except the newest `keep`, by the time in
 /// their names (backupName). `target` counts as one of them and is never removed, whatever the other names
-/// say. Removes also unfinished copies of backups with such names that were last written more than a day
-/// before `target`. Does not touch other files. Errors: kFailed.
+/// say. Removes also what partialsIn() finds that was last written more than a day before `target`. Does not
+/// touch other files. Errors: kFailed.
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
 /// Stores the backup's time and place, and raises the watermark of the sessions in `covered` (the caller

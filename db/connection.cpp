@@ -94,6 +94,16 @@ int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
   }
 }
 
+/// Size of the log's file, through SQLite's own file handle, which is correct for every VFS.
+std::uint64_t logBytesOf(sqlite3* handle) {
+  sqlite3_file* file = nullptr;
+  if (sqlite3_file_control(handle, "main", SQLITE_FCNTL_JOURNAL_POINTER, &file) != SQLITE_OK) return 0;
+  sqlite3_int64 size = 0;
+  if (file == nullptr || file->pMethods == nullptr || file->pMethods->xFileSize(file, &size) != SQLITE_OK)
+    return 0;
+  return static_cast<std::uint64_t>(std::max<sqlite3_int64>(size, 0));
+}
+
 }  // namespace
 
 Result<Connection> Connection::open(const std::filesystem::path& path, const Options& options) {
@@ -102,6 +112,9 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   if (!options.create && options.vfs == nullptr && ::stat(path.c_str(), &info) != 0) {
     return Error{ErrorCode::kNotFound, path.string() + ": there is no database here"};
   }
+  // SQLite reads a journal that it finds; a pipe of that name would never answer
+  for (const char* suffix : {"", "-wal", "-shm", "-journal"})
+    if (options.vfs == nullptr) RETURN_IF_ERROR(requireFileOrNothing(path.string() + suffix));
   // readers also open for writing, because WAL needs its shared memory; query_only below forbids changes
   const int flags =
       SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | (writer && options.create ? SQLITE_OPEN_CREATE : 0);
@@ -111,6 +124,10 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
                                  frozen && options.vfs == nullptr ? "unix-none" : options.vfs);
   Connection connection(path, options.copy_of.empty() ? path : options.copy_of, handle);
   if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
+  // nobody empties the log of a frozen one
+  if (options.mode == Mode::kReader) connection.limits_->most_log_bytes = options.most_log_bytes;
+  // every 1000 steps of SQLite's virtual machine: well under a millisecond apart
+  sqlite3_progress_handler(handle, 1000, &Connection::goesOn, connection.limits_.get());
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, options.busy_timeout_ms);
   connection.busy_timeout_ms_ = options.busy_timeout_ms;
@@ -147,7 +164,12 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
 }
 
 Connection::Connection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle)
-    : path_(std::move(path)), origin_(std::move(origin)), handle_(handle) {}
+    : path_(std::move(path)),
+      origin_(std::move(origin)),
+      handle_(handle),
+      limits_(std::make_unique<Limits>()) {
+  limits_->handle = handle;
+}
 
 Connection::Connection(Connection&& other) noexcept
     : path_(std::move(other.path_)),
@@ -155,6 +177,7 @@ Connection::Connection(Connection&& other) noexcept
       handle_(std::exchange(other.handle_, nullptr)),
       damaged_(other.damaged_),
       busy_timeout_ms_(other.busy_timeout_ms_),
+      limits_(std::move(other.limits_)),
       idle_(std::move(other.idle_)) {}
 
 Connection& Connection::operator=(Connection&& other) noexcept {
@@ -165,6 +188,7 @@ Connection& Connection::operator=(Connection&& other) noexcept {
     handle_ = std::exchange(other.handle_, nullptr);
     damaged_ = other.damaged_;
     busy_timeout_ms_ = other.busy_timeout_ms_;
+    limits_ = std::move(other.limits_);
     idle_ = std::move(other.idle_);
   }
   return *this;
@@ -248,16 +272,29 @@ Result<bool> Connection::emptyLog(int patience_ms) {
 }
 
 std::uint64_t Connection::walBytes() {
-  // through SQLite's own file handle, which is correct for every VFS
-  sqlite3_file* file = nullptr;
-  if (sqlite3_file_control(handle_, "main", SQLITE_FCNTL_JOURNAL_POINTER, &file) != SQLITE_OK) return 0;
-  sqlite3_int64 size = 0;
-  if (file == nullptr || file->pMethods == nullptr || file->pMethods->xFileSize(file, &size) != SQLITE_OK)
-    return 0;
-  return static_cast<std::uint64_t>(std::max<sqlite3_int64>(size, 0));
+  return logBytesOf(handle_);
+}
+
+int Connection::goesOn(void* limits) {
+  auto& of = *static_cast<Limits*>(limits);
+  of.log_bytes = 0;
+  if (of.cancelled != nullptr && of.cancelled->load()) return 1;
+  constexpr std::uint64_t kLooksOfAShortRead = 1000;
+  if (of.most_log_bytes == 0 || ++of.looks <= kLooksOfAShortRead) return 0;
+  const std::uint64_t bytes = logBytesOf(of.handle);
+  if (bytes <= of.most_log_bytes) return 0;
+  of.log_bytes = bytes;
+  return 1;
 }
 
 Error Connection::errorOf(int rc, std::string_view what) {
+  if ((rc & 0xff) == SQLITE_INTERRUPT && limits_->log_bytes > 0)
+    return {
+        ErrorCode::kUnavailable,
+        fmt::format("a long read was given up: the log beside the database has grown to {} MiB, and can be "
+                    "emptied only when such reads have ended: try again when fewer lessons run, or read "
+                    "from a backup",
+                    limits_->log_bytes >> 20)};
   if (isDamage(rc) && !planted(PlantedBug::kFsyncErrorIgnored)) damaged_ = true;
   constexpr std::size_t kShown = 120;
   const std::string why = handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc);
@@ -376,6 +413,7 @@ Result<Transaction> Transaction::begin(Connection& connection, Kind kind) {
   RETURN_IF_ERROR(connection.run(kind == Kind::kWrite ? "BEGIN IMMEDIATE" : "BEGIN"));
   Transaction transaction(connection);
   if (kind == Kind::kRead) {
+    connection.noteShortRead();
     // BEGIN alone does not read; this query fixes the view
     RETURN_IF_ERROR(connection.run("SELECT count(*) FROM sqlite_schema"));
   }
@@ -393,10 +431,13 @@ Transaction::Transaction(Transaction&& other) noexcept
 
 Transaction::~Transaction() {
   // after some errors SQLite has already rolled back
-  if (connection_ != nullptr && connection_->inTransaction()) (void)connection_->run("ROLLBACK");
+  if (connection_ == nullptr || !connection_->inTransaction()) return;
+  connection_->noteShortRead();  // a read that was given up must end
+  (void)connection_->run("ROLLBACK");
 }
 
 Status Transaction::commit() {
+  connection_->noteShortRead();
   RETURN_IF_ERROR(connection_->run("COMMIT"));
   connection_ = nullptr;
   return {};

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -118,6 +119,11 @@ inline std::string firstText(const Statement& row) {
   return row.text(0);
 }
 
+/// A log beside the database above this has long reads given up, because they keep it from being emptied. It
+/// is some ten minutes of a thousand stations: smaller, no check of a large database would end; greater, it
+/// takes room that others lack.
+inline constexpr std::uint64_t kMostLogBytesOfReaders = std::uint64_t{4} << 30;
+
 /// An open database with the settings of db/README.md: WAL, synchronous=FULL, foreign keys on,
 /// wal_autocheckpoint=0, no checkpoint on close. Only the writer checkpoints: SQLite before
 /// 3.51.3 can destroy the database when one connection checkpoints while another commits. Thread: not
@@ -136,11 +142,14 @@ class Connection {
     bool create = false;        ///< writer only: create a missing file
     const char* vfs = nullptr;  ///< a VFS registered by a test; null = the system's
     int busy_timeout_ms = 5000;
+    /// Readers only: above this a long read fails with kUnavailable (noteShortRead()).
+    std::uint64_t most_log_bytes = kMostLogBytesOfReaders;
     std::filesystem::path copy_of = {};  ///< the file that `path` is a copy of, which messages about its
                                          ///< contents name; empty: none
   };
 
-  /// Opens and configures the database. Errors: kNotFound (no file), kCorrupt (not a database), kFailed.
+  /// Opens and configures the database. Errors: kNotFound (no file), kInvalidInput (a pipe, device, socket or
+  /// folder in its place, or in that of its log or journal), kCorrupt (not a database), kFailed.
   static Result<Connection> open(const std::filesystem::path& path, const Options& options);
 
   Connection(Connection&& other) noexcept;
@@ -188,6 +197,10 @@ class Connection {
   /// Size of the write-ahead log's file; 0 when the file does not exist.
   [[nodiscard]] std::uint64_t walBytes();
 
+  /// Begins to count the steps of a read anew: one of up to a million steps of SQLite's virtual machine, some
+  /// 0.1 s, is never given up because of the log's size. Each kRead transaction does so, and each borrowing.
+  void noteShortRead() { limits_->looks = 0; }
+
   /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, out of memory.
   /// Never reset: the writer stops for good.
   [[nodiscard]] bool damaged() const { return damaged_; }
@@ -199,6 +212,16 @@ class Connection {
 
  private:
   friend class Statement;
+  friend class CancelScope;
+  /// What interrupts statements that run, by SQLite's progress handler.
+  struct Limits {
+    sqlite3* handle = nullptr;
+    const std::atomic<bool>* cancelled = nullptr;  ///< null: nothing cancels
+    std::uint64_t most_log_bytes = 0;              ///< 0: any size
+    std::uint64_t looks = 0;                       ///< calls of the handler since noteShortRead()
+    std::uint64_t log_bytes = 0;                   ///< for which the last interruption was; 0: cancelled
+  };
+  static int goesOn(void* limits);
   Connection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle);
   void close();
   void giveBack(sqlite3_stmt* statement);
@@ -209,6 +232,7 @@ class Connection {
   sqlite3* handle_ = nullptr;
   bool damaged_ = false;
   int busy_timeout_ms_ = 0;
+  std::unique_ptr<Limits> limits_;  ///< SQLite has its address, which stays when the connection moves
   std::unordered_map<std::string, sqlite3_stmt*> idle_;  ///< prepared statements not in use, by their SQL
 };
 
@@ -256,23 +280,20 @@ class Savepoint {
 
 /// During its lifetime, statements of the connection fail soon after `cancelled` becomes true
 /// (SQLITE_INTERRUPT). Null: no effect. Thread: as the connection; any thread may set the flag. Connection
-/// and flag must outlive it.
+/// and flag must outlive it, and the connection must not be moved.
 class CancelScope {
  public:
-  CancelScope(Connection& connection, const std::atomic<bool>* cancelled) : connection_(connection) {
-    if (cancelled == nullptr) return;
-    // called every 1000 steps of SQLite's virtual machine: well under a millisecond apart
-    sqlite3_progress_handler(
-        connection_.handle(), 1000,
-        [](void* flag) { return static_cast<const std::atomic<bool>*>(flag)->load() ? 1 : 0; },
-        const_cast<std::atomic<bool>*>(cancelled));
+  CancelScope(Connection& connection, const std::atomic<bool>* cancelled)
+      : limits_(*connection.limits_), before_(limits_.cancelled) {
+    if (cancelled != nullptr) limits_.cancelled = cancelled;
   }
-  ~CancelScope() { sqlite3_progress_handler(connection_.handle(), 0, nullptr, nullptr); }
+  ~CancelScope() { limits_.cancelled = before_; }
   CancelScope(const CancelScope&) = delete;
   CancelScope& operator=(const CancelScope&) = delete;
 
  private:
-  Connection& connection_;
+  Connection::Limits& limits_;
+  const std::atomic<bool>* before_;
 };
 
 /// For a table of AUTOINCREMENT, before a row without a number is added: kFailed when its numbers are used

@@ -4,18 +4,17 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <functional>
 #include <map>
 #include <utility>
 
-#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "db/audit_chain.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/rewrite.h"
 #include "db/session_rows.h"
+#include "db/unknown_trainees.h"
 
 namespace needlelab {
 namespace {
@@ -57,15 +56,12 @@ constexpr std::string_view kNaming[] = {
     "retention_policies",
 };
 
-/// Sessions that wait for a manager.
-constexpr std::string_view kWaiting = "(SELECT session FROM unknown_trainees WHERE by_whom IS NULL)";
-
 /// SQL: whether an erasure of the name ?1 takes the session `s`; ?2: those that wait under an account's name,
 /// too.
 std::string isTaken() {
   return fmt::format(
       "s.trainee = ?1 AND (?2 OR s.number NOT IN {} OR NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))",
-      kWaiting);
+      kWaitingSessions);
 }
 
 struct TextRow {
@@ -143,6 +139,12 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
     RETURN_IF_ERROR(connection_.run(sql, name));
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
+  // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
+  ASSIGN_OR_RETURN(
+      const auto samples,
+      connection_.prepare("SELECT name FROM sqlite_schema WHERE type = 'table' AND name = 'sqlite_stat4'")
+          .first(firstText));
+  if (samples) RETURN_IF_ERROR(connection_.run("DELETE FROM sqlite_stat4"));
   RETURN_IF_ERROR(eraseWords(names, sessions, erasure, elsewhere));
   RETURN_IF_ERROR(connection_.run(
       "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
@@ -426,149 +428,11 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
   return {};
 }
 
-Result<std::optional<ErasureStore::Erased>> ErasureStore::newestErasure(std::string_view name) {
-  {
-    auto any = connection_.prepare("SELECT 1 FROM erasures LIMIT 1");
-    ASSIGN_OR_RETURN(const bool found, any.step());
-    if (!found || name.empty()) return std::optional<Erased>();
-  }
-  const auto key = this->key();
-  if (!key && key.error().code == ErrorCode::kCorrupt) return std::optional<Erased>();
-  if (!key) return key.error();
-  const auto hash = key->nameHash(name);
-  return connection_
-      .query(
-          "SELECT pseudonym, erased_unix_ns FROM erasures WHERE name_hash = ?"
-          " ORDER BY erased_unix_ns DESC LIMIT 1",
-          ByteView(hash))
-      .first([](const Statement& row) {
-        return Erased{row.text(0), row.integer(1)};
-      });
-}
-
-Result<std::optional<std::string>> ErasureStore::erasedSince(std::string_view name, std::int64_t unix_ns) {
-  ASSIGN_OR_RETURN(const auto erased, newestErasure(name));
-  if (!erased || erased->unix_ns < unix_ns) return std::optional<std::string>();
-  return std::optional(erased->pseudonym);
-}
-
-Result<std::int64_t> ErasureStore::addedAt(std::string_view name, std::int64_t now_unix_ns) {
-  ASSIGN_OR_RETURN(const auto erased, newestErasure(name));
-  return erased ? std::max(now_unix_ns, erased->unix_ns + 1) : now_unix_ns;
-}
-
-Result<ErasureStore::Owner> ErasureStore::ownerOf(std::string_view trainee, std::int64_t started_unix_ns,
-                                                  std::int64_t now_unix_ns) {
-  if (trainee == kGuestName) {
-    ASSIGN_OR_RETURN(auto pseudonym, erasedSince(trainee, started_unix_ns));
-    return Owner{pseudonym, false, pseudonym};
-  }
-  ASSIGN_OR_RETURN(const auto erased, newestErasure(trainee));
-  if (!erased) return Owner{};
-  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee));
-  if (!person || person->created_unix_ns < erased->unix_ns)
-    return Owner{erased->pseudonym, false, erased->pseudonym};
-  const bool times_tell = person->created_unix_ns <= now_unix_ns;
-  return Owner{std::nullopt, times_tell && started_unix_ns < person->created_unix_ns, erased->pseudonym};
-}
-
-Status ErasureStore::emptySession(const Uuid& session, std::int64_t now_unix_ns) {
-  RETURN_IF_ERROR(
-      connection_.run("UPDATE sessions"
-                      " SET state = ?, erased = 1, recording = 3, events = 0, hash = zeroblob(32),"
-                      " closed_unix_ns = ? WHERE id = ?",
-                      static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, ByteView(session)));
-  return connection_.run(
-      "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
-      " reason, by_whom, leftover, crcs)"
-      " SELECT number, ?1, ?1, 'the data of its person was erased before it came',"
-      " 'erasure', 0, x'' FROM sessions WHERE id = ?2",
-      now_unix_ns, ByteView(session));
-}
-
-Result<PseudonymKey> ErasureStore::key() {
-  const auto folder = connection_.path().parent_path();
-  std::error_code error;
-  if (!std::filesystem::exists(folder / "pseudonym.key", error)) {
-    ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
-    auto row = connection_.prepare("SELECT count(*) FROM erasures");
-    RETURN_IF_ERROR(row.step());
-    if (!lines.empty() || row.integer(0) != 0)
-      return Error{ErrorCode::kCorrupt,
-                   (folder / "pseudonym.key").string() +
-                       ": is not there, although people were erased: nobody could tell any more who they "
-                       "were. Put back the file from where keys are kept (deploy/OPERATIONS.md)"};
-  }
-  return PseudonymKey::ofFolder(folder);
-}
-
-Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesystem::path& folder) {
-  std::vector<ErasureToRepeat> repeat;
-  ASSIGN_OR_RETURN(auto lines, readErasures(folder));
-  // also erasures in the database: imported older records may have brought people back
-  std::set<std::string> known;
-  auto rows = connection_.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) break;
-    ErasureLine line{rows.text(0), {}, rows.integer(2)};
-    const auto hash = rows.bytes(1);
-    if (hash.size() != line.name_hash.size()) continue;
-    std::copy(hash.begin(), hash.end(), line.name_hash.begin());
-    known.insert(line.pseudonym);
-    std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
-    lines.push_back(std::move(line));
-  }
-  if (lines.empty()) return repeat;
-  ASSIGN_OR_RETURN(const auto key, this->key());
-  dropFaulty(lines, key);
-  // the first trace of each name; and the first that is not a session that waits
-  auto names = connection_.prepare(
-      fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
-                  " (SELECT name, created_unix_ns AS made, 0 AS waits FROM people"
-                  // those of an account are as new as it: the clock may have been ahead when it was added
-                  " UNION ALL SELECT s.trainee, max(s.received_unix_ns, coalesce(p.created_unix_ns, 0)),"
-                  " s.number IN {} FROM sessions s LEFT JOIN people p ON p.name = s.trainee"
-                  " WHERE s.erased = 0"
-                  " UNION ALL SELECT u.given, s.received_unix_ns, u.by_whom IS NULL FROM unknown_trainees u"
-                  " JOIN sessions s ON s.number = u.session)"
-                  " GROUP BY name",
-                  kWaiting));
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, names.step());
-    if (!more) return repeat;
-    const auto hash = key.nameHash(names.text(0));
-    for (const ErasureLine& line : lines) {
-      // a person created later with the same name is another person; an erasure that this database knows left
-      // sessions that wait
-      const bool restored = !known.contains(line.pseudonym);
-      const bool before = restored || (!names.isNull(2) && names.integer(2) <= line.unix_ns);
-      if (line.name_hash == hash && before) repeat.push_back({names.text(0), line, restored});
-    }
-  }
-}
-
-Result<std::vector<std::string>> ErasureStore::listFaults(const std::filesystem::path& folder) {
-  ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
-  if (lines.empty()) return std::vector<std::string>();
-  ASSIGN_OR_RETURN(const auto key, this->key());
-  return erasureListFaults(folder / kErasuresFile, lines, key);
-}
-
 void clearDeviceWords(pb::SessionDescription& description) {
   description.clear_device();
   description.clear_axial_model();
   description.clear_live_effects();
   description.clear_device_notes();
-}
-
-std::string erasureToRepeatText(const ErasureToRepeat& erasure) {
-  return "'" + erasure.name + "' was erased on " + localTime(erasure.line.unix_ns, TimeForm::kZoned) +
-         " and is in this database again, because a backup or an export from before came back: erase it "
-         "again by "
-         "needlelab-admin person "
-         "erase '" +
-         erasure.name + "' --confirm '" + erasure.name + "'";
 }
 
 }  // namespace needlelab

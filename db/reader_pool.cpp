@@ -17,6 +17,7 @@ Result<ReaderPool::Lease> ReaderPool::borrow() {
     if (!idle_.empty()) {
       auto connection = std::move(idle_.back());
       idle_.pop_back();
+      connection->noteShortRead();
       if (planted(PlantedBug::kSecondCheckpointer)) (void)connection->checkpointPassive();
       return Lease(*this, std::move(connection));
     }

@@ -2,7 +2,9 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <charconv>
+#include <iterator>
 #include <map>
 #include <string>
 #include <utility>
@@ -63,6 +65,21 @@ Result<Definitions> definitionsOf(Connection& connection) {
   }
 }
 
+/// The tables of an ANALYZE, as SQLite makes them: numbers for its planner and, by a SQLite with STAT4,
+/// samples of the indexes, which an erasure removes.
+struct Statistics {
+  std::string_view what, sql;
+};
+constexpr Statistics kStatistics[] = {
+    {"table 'sqlite_stat1'", "CREATETABLEsqlite_stat1(tbl,idx,stat)"},
+    {"table 'sqlite_stat4'", "CREATETABLEsqlite_stat4(tbl,idx,neq,nlt,ndlt,sample)"},
+};
+bool isStatistics(const Definitions::value_type& definition) {
+  return std::any_of(std::begin(kStatistics), std::end(kStatistics), [&](const Statistics& statistics) {
+    return definition.first == statistics.what && definition.second == statistics.sql;
+  });
+}
+
 /// As schemaFaults(), of a file to which exactly `migrations` were applied.
 Result<std::vector<std::string>> faultsBeside(Connection& connection,
                                               std::span<const EmbeddedFile> migrations) {
@@ -76,8 +93,10 @@ Result<std::vector<std::string>> faultsBeside(Connection& connection,
   const auto fault = [&](std::string text) {
     if (faults.size() < kMaxSchemaFaults) faults.push_back(std::move(text));
   };
-  for (const auto& [what, sql] : found) {
+  for (const auto& definition : found) {
+    const auto& [what, sql] = definition;
     const auto known = right.find(what);
+    if (known == right.end() && isStatistics(definition)) continue;
     if (known == right.end())
       fault("schema: " + what + " is not needlelab's: somebody put it in");
     else if (known->second != sql)

@@ -10,6 +10,7 @@
 #include "db/connection.h"
 #include "db/session_rows.h"
 #include "db/session_store.h"
+#include "db/unknown_trainees.h"
 
 namespace needlelab {
 namespace {
@@ -133,8 +134,7 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
       return Error{ErrorCode::kInvalidInput, fmt::format("verdict: {} is no verdict that this server knows",
                                                          static_cast<int>(wanted.verdict()))};
   }
-  if (wanted.unknown_trainee())
-    conditions.push("s.number IN (SELECT session FROM unknown_trainees WHERE by_whom IS NULL)");
+  if (wanted.unknown_trainee()) conditions.push(fmt::format("s.number IN {}", kWaitingSessions));
   if (only_counted) conditions.push("s.number NOT IN uncounted_sessions");
   if (!wanted.search().empty()) {
     RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));

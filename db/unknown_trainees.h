@@ -5,12 +5,17 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
 
 namespace needlelab {
+
+/// SQL: the numbers of the sessions that wait for a manager.
+inline constexpr std::string_view kWaitingSessions =
+    "(SELECT session FROM unknown_trainees WHERE by_whom IS NULL)";
 
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class UnknownTraineeStore {

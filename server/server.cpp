@@ -79,6 +79,9 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     logEvent(LogLevel::kError, "read_only",
              {{"text", "the disk is too full to write: recordings can be read and exported, stations wait: " +
                            why->message}});
+  for (const auto& path : p.store->leftoversRemoved())
+    logEvent(LogLevel::kWarning, "leftover_removed",
+             {{"path", path.string()}, {"text", "a program that was cut off left it"}});
   if (const std::size_t repeated = p.store->erasuresRepeated(); repeated > 0)
     logEvent(LogLevel::kWarning, "erasures_repeated", {{"people", repeated}});
   ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());

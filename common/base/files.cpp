@@ -153,6 +153,18 @@ Status syncFolder(const std::filesystem::path& folder) {
   return {};
 }
 
+Status requireFileOrNothing(const std::filesystem::path& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0 || S_ISREG(info.st_mode)) return {};
+  const char* const what = S_ISFIFO(info.st_mode)   ? "a pipe"
+                           : S_ISSOCK(info.st_mode) ? "a socket"
+                           : S_ISDIR(info.st_mode)  ? "a folder"
+                                                    : "a device";
+  return Error{ErrorCode::kInvalidInput,
+               path.string() + ": is " + what +
+                   ", where needlelab keeps a file: find out who put it there, and move it away"};
+}
+
 Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path) {
   struct stat info {};
   if (path.empty() || ::stat(path.c_str(), &info) != 0) return path;

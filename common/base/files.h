@@ -16,6 +16,11 @@ namespace needlelab {
 /// message.
 Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t max_bytes = 256u << 20);
 
+/// Checks a name before the program opens or replaces a file of its own there: opening a pipe waits for its
+/// other end, perhaps for ever. Follows symbolic links. Errors: kInvalidInput when something is there that is
+/// no regular file.
+Status requireFileOrNothing(const std::filesystem::path& path);
+
 /// Returns the file that a rename has to replace so that `path` names the new file: the target of the
 /// symbolic links, or `path` itself. Errors: kInvalidInput when `path` is something that a file must not
 /// replace: a folder, a device such as /dev/null, a pipe.

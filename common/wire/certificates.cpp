@@ -165,6 +165,9 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
   // a published CA must not vanish with its directory entry in a power cut
   if (made_folder) RETURN_IF_ERROR(syncFolder(folder.parent_path()));
   const TlsFolderUse use(files);
+  for (const auto& path : {files.ca_certificate, files.ca_key, files.certificate, files.key,
+                           files.next_ca_certificate, files.next_ca_key})
+    RETURN_IF_ERROR(requireFileOrNothing(path));
 
   // a key restored with the usual permissions is readable by everybody
   for (const auto& key : {files.ca_key, files.key, files.next_ca_key}) {

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <string_view>
 #include <system_error>
 
 #include "common/base/files.h"
@@ -17,17 +16,6 @@ namespace {
 
 int openFolder(const TlsFiles& files) {
   return ::open(files.ca_certificate.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-}
-
-/// Whether a writer of `path` names its temporary file so.
-bool isTemporaryOf(const std::filesystem::path& path, std::string_view name) {
-  const std::string start = path.filename().string() + std::string(kTemporaryMark);
-  constexpr std::size_t kLetters = 6;
-  const auto fits = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
-  };
-  return name.size() == start.size() + kLetters && name.starts_with(start) &&
-         std::all_of(name.end() - kLetters, name.end(), fits);
 }
 
 }  // namespace
@@ -58,7 +46,7 @@ Result<std::vector<std::string>> removeTlsLeftovers(const TlsFiles& files) {
       const std::string name = at->path().filename().string();
       for (const auto& path : {files.ca_certificate, files.ca_key, files.certificate, files.key,
                                files.next_ca_certificate, files.next_ca_key})
-        if (isTemporaryOf(path, name)) leftovers.push_back(at->path());
+        if (isTemporaryNameOf(path.filename().string(), name)) leftovers.push_back(at->path());
     }
     for (const auto& path : leftovers) {
       if (::unlink(path.c_str()) != 0 && errno != ENOENT) {

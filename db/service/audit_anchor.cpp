@@ -102,6 +102,8 @@ Result<AuditHead> headOfText(std::ifstream& in, const std::filesystem::path& pat
 }  // namespace
 
 Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
+  std::error_code unknown;
+  if (!std::filesystem::is_regular_file(path, unknown)) return noHead(path);  // a pipe may never answer
   std::ifstream in(path, std::ios::binary);
   std::array<char, 16> start{};
   in.read(start.data(), start.size());

@@ -12,11 +12,12 @@
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "db/audit_head.h"
-#include "db/backup.h"
 #include "db/connection.h"
 #include "db/schema.h"
+#include "db/service/data_folder.h"
 #include "db/service/erasures.h"
 #include "db/service/lesson_texts.h"
+#include "db/service/record_tables.h"
 #include "db/service/restore.h"
 
 namespace needlelab {
@@ -157,22 +158,26 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     ASSIGN_OR_RETURN(backup_key, BackupKey::read(options.backup_key));
   }
   RETURN_IF_ERROR(makeFolder(folder));
+  RETURN_IF_ERROR(checkOwnFiles(folder));
   ASSIGN_OR_RETURN(auto lock, FolderLock::take(folder, options.holder));
   // before the database is opened: a half-replaced database would be opened with the old one's log
   RETURN_IF_ERROR(finishRestore(folder));
   // also before a database is opened that is only read: it gives room back
-  removePlainCopy(path);
+  auto leftovers = removeFolderLeftovers(folder);
   RETURN_IF_ERROR(makeDatabaseFile(path));
 
   std::unique_ptr<Store> store(new Store(std::move(lock)));
+  store->leftovers_ = std::move(leftovers);
   auto connection = options.read_only_because.empty()
                         ? openToWrite(path)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, options.read_only_because});
-  std::size_t repeated = 0;
+  std::size_t repeated = 0, completed = 0;
   if (connection) {
     // before anybody is served: a restored backup does not know who was erased since, and a log from before
     // the last end may still have what was erased
+    ASSIGN_OR_RETURN(completed, clearOlderErasures(*connection, wallNowNs()));
     ASSIGN_OR_RETURN(repeated, repeatErasures(*connection, wallNowNs()));
+    RETURN_IF_ERROR(dropOldImports(*connection, wallNowNs()));
     const auto emptied = connection->emptyLog(0);
     if (!emptied) return emptied.error();
     store->erasures_repeated_ = repeated;
@@ -188,7 +193,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   }
   store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
   if (backup_key) store->service_->setBackupKey(std::move(*backup_key));
-  if (repeated > 0) (void)store->service_->finishErasure();
+  if (repeated > 0 || completed > 0) (void)store->service_->finishErasure();
   return store;
 }
 

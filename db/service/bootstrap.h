@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/base/time_source.h"
@@ -45,11 +46,12 @@ class Store {
     std::filesystem::path backup_key = {};  ///< the file of the key that encrypts backups; empty: none
   };
   /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
-  /// profiles and curriculum into a new database, repeats erasures on a restored one, empties the log. An
-  /// existing database whose disk is full, or which must not be written to, is opened read-only: its log is
-  /// read, and nothing is written, neither into it nor beside it. Errors: kUnavailable (locked), kVersion
-  /// (newer schema), kNoRoom (the disk is full, and the database is new or has an older schema),
-  /// kInvalidInput (backup_key), kCorrupt, kFailed.
+  /// profiles and curriculum into a new database, completes and repeats erasures, empties the log. Removes
+  /// what a killed program left in DIR. An existing database whose disk is full, or which must not be written
+  /// to, is opened read-only: its log is read, and nothing is written, neither into it nor beside it. Errors:
+  /// kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database is new or
+  /// has an older schema), kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place),
+  /// kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   Store(const Store&) = delete;
@@ -67,6 +69,8 @@ class Store {
   [[nodiscard]] ReaderPool& readers() { return *readers_; }
   [[nodiscard]] Service& service() { return *service_; }
   [[nodiscard]] const std::filesystem::path& databasePath() const { return readers_->path(); }
+  /// What a killed program had left, and opening this store removed (removeFolderLeftovers).
+  [[nodiscard]] const std::vector<std::filesystem::path>& leftoversRemoved() const { return leftovers_; }
   /// How many erasures were repeated when this store was opened, because it is a restored backup.
   [[nodiscard]] std::size_t erasuresRepeated() const { return erasures_repeated_; }
 
@@ -78,6 +82,7 @@ class Store {
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;
   std::size_t erasures_repeated_ = 0;
+  std::vector<std::filesystem::path> leftovers_;
 };
 
 }  // namespace needlelab

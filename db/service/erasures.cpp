@@ -10,6 +10,7 @@
 #include <fstream>
 #include <mutex>
 #include <string_view>
+#include <utility>
 
 #include "db/audit.h"
 #include "db/encrypted_backup.h"
@@ -240,6 +241,50 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
 
 namespace {
 
+/// Numbers and descriptions of the sessions that were erased and have their profile.
+Result<std::vector<std::pair<std::int64_t, std::string>>> keepingProfiles(
+    const std::filesystem::path& database) {
+  ASSIGN_OR_RETURN(auto reader, Connection::open(database, {.mode = Connection::Mode::kReader}));
+  return reader
+      .query("SELECT number, description FROM sessions WHERE erased = 1 AND profile_json <> ?",
+             kErasedProfile)
+      .all([](const Statement& row) {
+        return std::pair{row.integer(0), std::string(textOf(row.bytes(1)))};
+      });
+}
+
+}  // namespace
+
+Result<std::size_t> clearOlderErasures(Connection& writer, std::int64_t now_unix_ns) {
+  constexpr std::string_view kCleared = "erased_profiles_cleared";
+  ASSIGN_OR_RETURN(const auto cleared, MetaStore(writer).get(kCleared));
+  if (cleared) return std::size_t{0};
+  // with a connection of its own: a page that cannot be read must not stop the writer, and `check` says it
+  const auto sessions = keepingProfiles(writer.path());
+  if (!sessions) return std::size_t{0};
+  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
+  for (const auto& [number, stored] : *sessions) {
+    pb::SessionDescription description;
+    const bool is_read = description.ParseFromString(stored);  // if not, `check` says it
+    clearDeviceWords(description);
+    RETURN_IF_ERROR(writer.run("UPDATE sessions SET description = ?, profile_json = ? WHERE number = ?",
+                               viewOf(is_read ? description.SerializeAsString() : stored), kErasedProfile,
+                               number));
+  }
+  if (!sessions->empty()) {
+    RETURN_IF_ERROR(ErasureStore(writer).clearFreeParts());
+    RETURN_IF_ERROR(AuditStore(writer).add(
+        {0, now_unix_ns, kServerName, "person erase", "",
+         fmt::format("completed: {} sessions that an earlier version erased had kept their profiles",
+                     sessions->size())}));
+  }
+  RETURN_IF_ERROR(MetaStore(writer).set(kCleared, "1"));
+  RETURN_IF_ERROR(transaction.commit());
+  return sessions->size();
+}
+
+namespace {
+
 std::string textOfField(const RecordJson& record, const char* name) {
   const auto found = record.find(name);
   return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
@@ -258,6 +303,17 @@ constexpr DoerField kDoerFields[] = {{"changed_by", "changed_unix_ns"}, {"record
                                      {"author", "created_unix_ns"},     {"by_whom", "created_unix_ns"},
                                      {"by_whom", "changed_unix_ns"},    {"by_whom", "erased_unix_ns"},
                                      {"by_whom", "assigned_unix_ns"}};
+
+/// As clearOlderErasures(): an export by an earlier version has what it left in an erased session.
+void clearErased(RecordJson& record) {
+  if (textOfField(record, "profile_json") == kErasedProfile) return;
+  record["profile_json"] = kErasedProfile;
+  const auto bytes = bytesOfHex(textOfField(record, "description"));
+  pb::SessionDescription description;
+  if (!bytes || !description.ParseFromString(*bytes)) return;  // the import refuses it, or `check` says it
+  clearDeviceWords(description);
+  record["description"] = hexDigitsOf(description.SerializeAsString());
+}
 
 }  // namespace
 
@@ -395,6 +451,7 @@ Status ImportErasures::replaceGiven(RecordJson& record) {
 }
 
 Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, RecordJson& record) {
+  if (table.kind == "session" && timeOfField(record, "erased") != 0) clearErased(record);
   if (!key_) return Verdict::kTake;
   ASSIGN_OR_RETURN(const auto left_out, isOfErased(table, record));
   if (left_out) return Verdict::kLeftOut;

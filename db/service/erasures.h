@@ -21,6 +21,11 @@ namespace needlelab {
 /// toRepeat() goes on naming. Returns how many. Writer's connection, outside a transaction.
 Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns);
 
+/// Takes the profile and what the station wrote about its device out of sessions that an earlier version
+/// erased: it left them. Once for a database (`erased_profiles_cleared` in `meta`), with a line of the audit
+/// log if there are such sessions. Returns how many. Writer's connection, outside a transaction.
+Result<std::size_t> clearOlderErasures(Connection& writer, std::int64_t now_unix_ns);
+
 /// State of one import; records must come in import order, people first. Thread: the writer's.
 class ImportErasures {
  public:

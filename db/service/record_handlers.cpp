@@ -23,7 +23,6 @@ namespace {
 
 constexpr int kMostFaults = 100;
 constexpr std::uint64_t kMostImportBytes = 512ull << 20;
-constexpr std::int64_t kPieceLife_ns = 86'400LL * 1'000'000'000;
 constexpr std::string_view kNotHere = "imported without its recording";
 
 /// The position of a page: after the row with these keys. Pages exclude rows added after the first page.
@@ -382,8 +381,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
   pb::Reply reply;
   auto* report = reply.mutable_import_report();
   const Status written = context.writer.run([&](Connection& writer) -> Status {
-    RETURN_IF_ERROR(
-        writer.run("DELETE FROM import_pieces WHERE unix_ns < ?", context.now_unix_ns - kPieceLife_ns));
+    RETURN_IF_ERROR(dropOldImports(writer, context.now_unix_ns));
     auto row = writer.query(
         "SELECT count(*), coalesce(sum(length(records)), 0) FROM import_pieces WHERE import_id = ?",
         call.import_id());

@@ -409,4 +409,9 @@ Status removeRecord(Connection& writer, const RecordTable& table, const RecordJs
   return remove.run();
 }
 
+Status dropOldImports(Connection& writer, std::int64_t now_unix_ns) {
+  constexpr std::int64_t kLife_ns = 86'400LL * 1'000'000'000;
+  return writer.run("DELETE FROM import_pieces WHERE unix_ns < ?", now_unix_ns - kLife_ns);
+}
+
 }  // namespace needlelab

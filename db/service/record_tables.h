@@ -73,6 +73,10 @@ Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table
 Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 
+/// Removes the pieces of imports whose program was killed: those that came more than a day ago. Writer's
+/// connection.
+Status dropOldImports(Connection& writer, std::int64_t now_unix_ns);
+
 // --- record_checks.cpp: checks of imported records beyond the schema
 
 /// kInvalidInput, naming the field, unless every field has its column's type, every text is valid and numbers

@@ -33,8 +33,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kDatabase = "needlelab.db";
-constexpr const char* kCopy = "needlelab.db.restoring";
-constexpr const char* kPending = "restore.pending";  // contains the file name for the old database
 
 Status removeFile(const fs::path& path) {
   if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
@@ -237,7 +235,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
                      ": is no folder; for a machine of its own make it first (mkdir -m 700)"};
   if (!fs::is_regular_file(from, error))
     return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": there is no such file"};
-  const fs::path database = folder / kDatabase, copy = folder / kCopy;
+  const fs::path database = folder / kDatabase, copy = folder / kRestoringCopy;
   if (fs::equivalent(from, database, error))
     return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": this is the database itself"};
   for (const char* suffix : {"-wal", "-journal"})
@@ -283,7 +281,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     kept = fmt::format("{}.replaced-{}-{}", kDatabase, timeText(now_unix_ns), number);
   if (fs::exists(database, error)) result->kept = folder / kept;
   RETURN_IF_ERROR(syncFolder(folder));
-  if (auto done = writeFileAtomically(folder / kPending, viewOf(kept), 0600); !done) {
+  if (auto done = writeFileAtomically(folder / kRestorePending, viewOf(kept), 0600); !done) {
     drop();
     return done.error();
   }
@@ -293,7 +291,8 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
 
 Status finishRestore(const fs::path& folder, LinkCall link) {
   if (link == nullptr) link = ::link;
-  const fs::path pending = folder / kPending, database = folder / kDatabase, copy = folder / kCopy;
+  const fs::path pending = folder / kRestorePending, database = folder / kDatabase,
+                 copy = folder / kRestoringCopy;
   std::error_code error;
   if (!fs::exists(pending, error)) return {};
   ASSIGN_OR_RETURN(const auto kept, readWholeFile(pending, 1000));

@@ -11,6 +11,11 @@
 
 namespace needlelab {
 
+/// In the data folder: the copy that a restore makes and checks; its decision, with the name that the old
+/// database gets.
+inline constexpr const char* kRestoringCopy = "needlelab.db.restoring";
+inline constexpr const char* kRestorePending = "restore.pending";
+
 /// A person or station with an access that is valid again.
 struct RestoredAccess {
   std::string name;

@@ -6,6 +6,7 @@
 #include <openssl/pem.h>
 #include <openssl/x509.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -101,6 +102,29 @@ TEST_F(StartupTest, theKeyThatAKilledCommandLeftIsRemovedAndNamed) {
   EXPECT_THAT(said, AllOf(HasSubstr("tls_leftover_removed"), HasSubstr(left.string())));
   EXPECT_FALSE(fs::exists(left));
   EXPECT_TRUE(fs::exists(kept));
+}
+
+TEST_F(StartupTest, whatAKilledProgramLeftBesideTheDatabaseIsRemovedAndNamed) {
+  const auto left = data() / "audit.head.being-written-aB3dE9";
+  std::ofstream(left) << "half a head";
+  const auto [code, said] = serveOnce({});
+  EXPECT_EQ(code, kExitDone) << said;
+  EXPECT_THAT(said, AllOf(HasSubstr("leftover_removed"), HasSubstr(left.string())));
+  EXPECT_FALSE(fs::exists(left));
+}
+
+TEST_F(StartupTest, aPipeInAFilesPlaceIsNamedAndNotWaitedFor) {
+  for (const char* name : {"audit.head", "needlelab.db-journal", "tls/ca.key"}) {
+    const auto path = data() / name, aside = folder_.path() / "aside";
+    const bool was = fs::exists(path);
+    if (was) fs::rename(path, aside);
+    ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+    const auto [code, said] = serveOnce({});
+    EXPECT_EQ(code, kExitInvalid) << said;
+    EXPECT_THAT(said, HasSubstr(path.string() + ": is a pipe"));
+    fs::remove(path);
+    if (was) fs::rename(aside, path);
+  }
 }
 
 TEST_F(StartupTest, aFolderInUseNamesItsUser) {

@@ -108,6 +108,17 @@ TEST(BackupRotation, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "needlelab-20300101T023000Z.db"));
 }
 
+TEST(BackupRotation, aLinkIsNoUnfinishedCopy) {
+  namespace fs = std::filesystem;
+  const test::TempFolder folder;
+  const auto copy = folder.write("needlelab-20260101T023000Z.nlbk.partial", "x");
+  fs::create_symlink(folder.write("thesis", "x"), folder.path() / "needlelab-20260102T023000Z.db.partial");
+  fs::create_directory(folder.path() / "needlelab-20260103T023000Z.db.partial");
+  EXPECT_EQ(partialsIn(folder.path(), fs::file_time_type::max()), std::vector{copy});
+  EXPECT_EQ(partialsIn(folder.path(), fs::last_write_time(copy)), std::vector<fs::path>());
+  EXPECT_EQ(partialsIn(folder.path() / "none", fs::file_time_type::max()), std::vector<fs::path>());
+}
+
 TEST(BackupRotation, unfinishedCopiesOfADayBeforeGoWithTheOldBackups) {
   namespace fs = std::filesystem;
   const test::TempFolder folder;

@@ -1,4 +1,6 @@
+#include <atomic>
 #include <fstream>
+#include <string>
 
 #include "db/connection.h"
 #include "tests/unit/db/shim_vfs.h"
@@ -33,6 +35,58 @@ TEST(Connection, aReaderCannotWrite) {
   auto reader = db.reader();
   EXPECT_FALSE(reader.run("DELETE FROM stations").ok());
   EXPECT_FALSE(reader.script("CREATE TABLE t (a)").ok());
+}
+
+TEST(Connection, aLongReadIsGivenUpAboveItsBoundOfTheLogSoThatItCanBeEmptied) {
+  test::TestDb db;
+  // ten million steps of SQLite's machine and more; a short read has less than a million
+  const std::string a_long_read =
+      "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1000000)"
+      " SELECT count(*) FROM n";
+  constexpr std::uint64_t kBound = 4u << 20;
+  auto reader = test::TestDb::must(Connection::open(db.path, {.most_log_bytes = kBound}));
+  {
+    const auto view = Transaction::begin(reader, Transaction::Kind::kRead);
+    ASSERT_OK(view);
+    EXPECT_OK(reader.prepare(a_long_read).first(firstText));
+    ASSERT_OK(db.writer.script("BEGIN"));
+    for (int i = 0; i < 2'000; ++i)
+      ASSERT_OK(
+          db.writer.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1,'','','',?)",
+                        std::string(4'000, 'x')));
+    ASSERT_OK(db.writer.script("COMMIT"));
+    ASSERT_GT(db.writer.walBytes(), kBound);
+    EXPECT_FALSE(*db.writer.emptyLog(0)) << "the reader needs it";
+    const auto given_up = reader.prepare(a_long_read).first(firstText);
+    ASSERT_FALSE(given_up.ok());
+    EXPECT_EQ(given_up.error().code, ErrorCode::kUnavailable);
+    EXPECT_NE(given_up.error().message.find("the log beside the database has grown to"), std::string::npos)
+        << given_up.error().message;
+    EXPECT_FALSE(reader.damaged());
+  }
+  EXPECT_OK(reader.prepare("SELECT count(*) FROM people").first(firstText));
+  EXPECT_TRUE(*db.writer.emptyLog(0));
+  EXPECT_OK(reader.prepare(a_long_read).first(firstText));
+  // the writer's own reads go on
+  ASSERT_OK(db.writer.run("UPDATE audit SET detail = detail || 'y'"));
+  ASSERT_GT(db.writer.walBytes(), kBound);
+  EXPECT_OK(db.writer.prepare(a_long_read).first(firstText));
+}
+
+TEST(Connection, aFlagCancelsALongReadAndOnlyWithinItsScope) {
+  test::TestDb db;
+  const std::string a_long_read =
+      "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 100000)"
+      " SELECT count(*) FROM n";
+  auto reader = db.reader();
+  const std::atomic<bool> cancelled = true;
+  {
+    const CancelScope may_end(reader, &cancelled);
+    EXPECT_FALSE(reader.prepare(a_long_read).first(firstText).ok());
+    const CancelScope without_a_flag(reader, nullptr);
+    EXPECT_FALSE(reader.prepare(a_long_read).first(firstText).ok());
+  }
+  EXPECT_OK(reader.prepare(a_long_read).first(firstText));
 }
 
 TEST(Connection, nobodyButTheWriterMovesTheLogIntoTheDatabase) {

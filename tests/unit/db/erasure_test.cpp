@@ -354,6 +354,21 @@ TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {
   EXPECT_EQ(count(motion), 0u);
 }
 
+TEST_F(ErasureStoreTest, samplesThatAnAnalyzeTookOfTheIndexesGoToo) {
+  ASSERT_OK(PeopleStore(db.writer).add({"qzxanna", pb::TRAINEE, "", false, 1}));
+  (void)session("qzxanna", 1, true);
+  // as a SQLite with STAT4 fills it: the sample is a record of the index
+  ASSERT_OK(
+      db.writer.script("PRAGMA writable_schema=ON; CREATE TABLE sqlite_stat4(tbl,idx,neq,nlt,ndlt,sample);"
+                       "PRAGMA writable_schema=OFF; INSERT INTO sqlite_stat4 VALUES ('sessions',"
+                       " 'sessions_by_trainee', '1 1', '0 0', '0 0', CAST('qzxanna' AS BLOB))"));
+  ASSERT_OK(erase("qzxanna"));
+  ASSERT_OK(db.writer.checkpointPassive());
+  const auto bytes = readWholeFile(db.path);
+  ASSERT_OK(bytes);
+  EXPECT_EQ(bytes->find("qzxanna"), std::string::npos);
+}
+
 TEST_F(ErasureStoreTest, whatPagesKeepOfRowsThatMovedGoesTooAndNothingElse) {
   // rows of many lengths in random order: pages are parted and joined, and keep copies of rows that moved
   std::uint64_t state = 1;

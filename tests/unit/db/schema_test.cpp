@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "common/base/files.h"
 #include "db/check.h"
@@ -91,6 +92,47 @@ TEST(Migrate, whatSomebodyPutIntoTheSchemaChangedInItOrTookFromItIsRefusedByName
     EXPECT_NE(refused.error().message.find(named), std::string::npos) << refused.error().message;
     const auto check = test::TestDb::must(checkDatabase(db.writer));
     EXPECT_EQ(check.faults, faults);
+  }
+}
+
+/// Runs `sql` as somebody does who may write names that SQLite keeps for itself.
+Status scriptOnReservedNames(Connection& connection, const std::string& sql) {
+  return connection.script("PRAGMA writable_schema=ON; " + sql + "; PRAGMA writable_schema=OFF");
+}
+
+constexpr const char* kStat4 = "CREATE TABLE sqlite_stat4(tbl,idx,neq,nlt,ndlt,sample)";
+
+TEST(Migrate, theTablesOfAnAnalyzeAreNoFault) {
+  test::TestDb db;
+  ASSERT_OK(db.writer.script("INSERT INTO meta (key, value) VALUES ('a', 'b'); ANALYZE"));
+  ASSERT_OK(scriptOnReservedNames(db.writer, kStat4));
+  auto made = db.writer.prepare("SELECT count(*) FROM sqlite_schema WHERE name LIKE 'sqlite_stat%'");
+  ASSERT_TRUE(*made.step());
+  ASSERT_EQ(made.integer(0), 2);
+  EXPECT_EQ(test::TestDb::must(schemaFaults(db.writer)), std::vector<std::string>());
+  EXPECT_OK(migrate(db.writer));
+  EXPECT_TRUE(test::TestDb::must(checkDatabase(db.writer)).ok());
+}
+
+TEST(Migrate, whatOnlyHasTheNameOfAnAnalyzesTableIsAFault) {
+  const std::pair<std::string, std::string> changes[] = {
+      {"CREATE VIEW sqlite_stat1 AS SELECT * FROM people", "view 'sqlite_stat1' is not needlelab's"},
+      {"CREATE TRIGGER sqlite_stat1 AFTER INSERT ON audit BEGIN SELECT 1; END",
+       "trigger 'sqlite_stat1' of 'audit' is not needlelab's"},
+      {"CREATE INDEX sqlite_stat4 ON audit (who)", "index 'sqlite_stat4' of 'audit' is not needlelab's"},
+      {"CREATE TABLE sqlite_stat1(tbl,idx,stat,more)", "table 'sqlite_stat1' is not needlelab's"},
+      {"CREATE TABLE sqlite_stat1(tbl,idx,stat CHECK(stat))", "table 'sqlite_stat1' is not needlelab's"},
+      {"CREATE TABLE sqlite_stat3(tbl,idx,neq,nlt,ndlt,sample)", "table 'sqlite_stat3' is not needlelab's"},
+      {"CREATE TABLE SQLITE_STAT4(tbl,idx,neq,nlt,ndlt,sample)", "table 'SQLITE_STAT4' is not needlelab's"},
+      {"CREATE TABLE sqlite_statistics (a INTEGER) STRICT", "table 'sqlite_statistics' is not needlelab's"}};
+  for (const auto& [sql, named] : changes) {
+    SCOPED_TRACE(sql);
+    test::TestDb db;
+    ASSERT_OK(scriptOnReservedNames(db.writer, sql));
+    const auto faults = test::TestDb::must(schemaFaults(db.writer));
+    ASSERT_EQ(faults.size(), 1u);
+    EXPECT_NE(faults.front().find(named), std::string::npos) << faults.front();
+    EXPECT_EQ(migrate(db.writer).error().code, ErrorCode::kCorrupt);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -360,6 +361,28 @@ std::set<std::string> namesIn(const std::filesystem::path& folder) {
   std::set<std::string> names;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) names.insert(entry.path().filename());
   return names;
+}
+
+TEST(TlsFolder, aPipeInTheFilesPlacesIsRefusedByName) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path() / "tls");
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  for (const auto& path : {files.ca_certificate, files.ca_key, files.certificate, files.key,
+                           files.next_ca_certificate, files.next_ca_key}) {
+    SCOPED_TRACE(path);
+    const auto aside = folder.path() / "aside";
+    const bool was = std::filesystem::exists(path);
+    if (was) std::filesystem::rename(path, aside);
+    ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+    const auto refused = ensureTlsFiles(files, {{"localhost"}});
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+    EXPECT_NE(refused.error().message.find(path.string() + ": is a pipe"), std::string::npos)
+        << refused.error().message;
+    std::filesystem::remove(path);
+    if (was) std::filesystem::rename(aside, path);
+    EXPECT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  }
 }
 
 TEST(TlsFolder, whatAKilledWriterLeavesIsRemovedAndNothingElse) {

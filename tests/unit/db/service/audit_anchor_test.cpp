@@ -2,6 +2,7 @@
 #include "db/service/audit_anchor.h"
 
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <string>
@@ -51,6 +52,15 @@ TEST_F(AuditAnchorTest, theHeadOfAnExportIsThatOfItsOwnLine) {
   mac.fill(0xbb);
   EXPECT_EQ(anchor->head.mac, mac);
   EXPECT_EQ(position(line("export-all", "with hashes of passwords and keys; " + headText(9, 'c'))), 9u);
+}
+
+TEST_F(AuditAnchorTest, aPipeIsRefusedAndNotWaitedFor) {
+  const auto pipe = folder.path() / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const auto anchor = readAuditAnchor(pipe);
+  ASSERT_FALSE(anchor.ok());
+  EXPECT_EQ(anchor.error().code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(anchor.error().message, HasSubstr(pipe.string()));
 }
 
 TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {

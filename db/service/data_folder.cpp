@@ -1,0 +1,68 @@
+#include "db/service/data_folder.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+#include "common/base/files.h"
+#include "common/base/temporary_name.h"
+#include "db/audit_chain.h"
+#include "db/audit_head.h"
+#include "db/backup.h"
+#include "db/erasure_list.h"
+#include "db/service/restore.h"
+
+namespace needlelab {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Files beside the database that a start reads or writes.
+constexpr std::string_view kOwnFiles[] = {
+    "lock",         "pseudonym.key", kErasuresFile,         kAuditKeyFile,
+    kAuditHeadFile, kRestorePending, kReplacedAuditHeadFile};
+
+bool isTemporary(std::string_view name) {
+  return std::any_of(std::begin(kOwnFiles), std::end(kOwnFiles),
+                     [&](std::string_view own) { return isTemporaryNameOf(own, name); });
+}
+
+/// Temporary files beside our own ones.
+void addTemporary(const fs::path& folder, std::vector<fs::path>& left) {
+  std::error_code error;
+  for (auto at = fs::directory_iterator(folder, error); !error && at != fs::directory_iterator();
+       at.increment(error))
+    if (isTemporary(at->path().filename().string())) left.push_back(at->path());
+}
+
+}  // namespace
+
+Status checkOwnFiles(const fs::path& folder) {
+  for (const std::string_view name : kOwnFiles) RETURN_IF_ERROR(requireFileOrNothing(folder / name));
+  return {};
+}
+
+std::vector<fs::path> removeFolderLeftovers(const fs::path& folder) {
+  std::vector<fs::path> left;
+  for (const fs::path& copy : {folder / kRestoringCopy, plainCopyBeside(folder / "needlelab.db")})
+    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) left.emplace_back(copy.string() + suffix);
+  addTemporary(folder, left);
+  for (const fs::path& place : {folder, folder / "backups"}) {
+    std::error_code error;
+    if (place != folder && !fs::is_directory(fs::symlink_status(place, error))) continue;
+    const auto partials = partialsIn(place, fs::file_time_type::max());
+    left.insert(left.end(), partials.begin(), partials.end());
+  }
+  std::erase_if(left, [](const fs::path& path) {
+    struct stat info {};
+    return ::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode) || ::unlink(path.c_str()) != 0;
+  });
+  std::sort(left.begin(), left.end());
+  return left;
+}
+
+}  // namespace needlelab
