@@ -243,7 +243,7 @@ TEST_F(TraineeWindowTest, keysAloneSuffice) {
   station_->signal(SIGTERM);
   ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
   ASSERT_EQ(summary()["rows"].size(), 2u);
-  EXPECT_GE(scoreOf(summary()["rows"][0]).at("duration_s"), shown_s);
+  EXPECT_GE(scoreOf(summary()["rows"][0]).at("elapsed_s"), shown_s);
 }
 
 TEST_F(TraineeWindowTest, theCloseButtonAsksAndThenEndsTheLessonAndKeepsIt) {
