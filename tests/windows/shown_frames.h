@@ -21,7 +21,7 @@ namespace needlelab::test {
 struct SeenFrame {
   std::uint64_t frame = 0;
   std::string screen, question;
-  bool takes_keys = false;
+  bool can_begin = false;
   std::uint64_t lesson = 0;
   double lesson_s = 0, depth_m = 0, plunger = 0;
   Vec3 p_WT_m, aim_WT_m;
@@ -85,7 +85,7 @@ class ShownFrames {
     seen.frame = std::strtoull(cells[0].c_str(), nullptr, 10);
     seen.screen = cells[2];
     seen.question = cells[3];
-    seen.takes_keys = cells[4] == "1";
+    seen.can_begin = cells[4] == "1";
     seen.lesson = std::strtoull(cells[5].c_str(), nullptr, 10);
     seen.lesson_s = number(6);
     seen.depth_m = number(7);

@@ -40,7 +40,7 @@ class TraineeServerTest : public testing::Test {
   // Presses Enter once, as soon as the End screen takes it.
   [[nodiscard]] testing::AssertionResult goesOnFromTheEnd(Process& station) {
     if (!framesOf(station).until(
-            [](const SeenFrame& frame) { return frame.screen == "end" && frame.takes_keys; }))
+            [](const SeenFrame& frame) { return frame.screen == "end" && frame.can_begin; }))
       return testing::AssertionFailure() << "no End screen: " << station.said();
     display_.key("Return");
     return testing::AssertionSuccess();

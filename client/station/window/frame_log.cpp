@@ -53,7 +53,7 @@ Result<FrameLog> FrameLog::open(const std::filesystem::path& file) {
   errno = 0;
   FrameLog log(file);
   RETURN_IF_ERROR(
-      log.write("frame,shown_ns,screen,question,takes_keys,lesson,lesson_s,depth_m,plunger,p_WT_x_m,p_WT_y_m,"
+      log.write("frame,shown_ns,screen,question,can_begin,lesson,lesson_s,depth_m,plunger,p_WT_x_m,p_WT_y_m,"
                 "p_WT_z_m,aim_WT_x_m,aim_WT_y_m,aim_WT_z_m\n"));
   return log;
 }
@@ -69,7 +69,7 @@ Status FrameLog::write(const std::string& line) {
 
 Status FrameLog::add(const ShownFrame& frame, std::int64_t shown_ns) {
   std::string line = fmt::format("{},{},{},{},{},{}", ++frames_, shown_ns, nameOf(frame.stage),
-                                 nameOf(frame.question), frame.takes_keys ? 1 : 0, frame.lesson);
+                                 nameOf(frame.question), frame.can_begin ? 1 : 0, frame.lesson);
   for (const double value : {frame.lesson_s, frame.depth_m, frame.plunger, frame.p_WT_m.x, frame.p_WT_m.y,
                              frame.p_WT_m.z, frame.aim_WT_m.x, frame.aim_WT_m.y, frame.aim_WT_m.z}) {
     line += ',';

@@ -25,7 +25,7 @@ inline constexpr Vec3 kNowhere_m{std::numeric_limits<double>::quiet_NaN(),
 struct ShownFrame {
   Stage stage = Stage::kOpening;
   ShownQuestion question = ShownQuestion::kNone;
-  bool takes_keys = true;    ///< false: the End screen ignores keys that were meant for the lesson
+  bool can_begin = false;    ///< Enter begins a lesson: at the Start and End screens, once they let it
   std::uint64_t lesson = 0;  ///< as BoardState::lesson
   // the newest sample shown; 0 and not-a-number before the first
   double lesson_s = 0;                                        ///< as Moment::time_s

@@ -37,7 +37,8 @@ ShownFrame TraineeWindow::shownFrame() const {
   frame.question = asks_to_quit_                              ? ShownQuestion::kQuit
                    : in_lesson && lesson_screen_.asksForEnd() ? ShownQuestion::kEndLesson
                                                               : ShownQuestion::kNone;
-  frame.takes_keys = state_.stage != Stage::kEnd || end_.takesKeys();
+  frame.can_begin = !asks_to_quit_ && ((state_.stage == Stage::kStart && start_.canBegin()) ||
+                                       (state_.stage == Stage::kEnd && end_.takesKeys()));
   frame.lesson = state_.lesson;
   frame.lesson_s = lessonTime_s();
   if (follow_ && follow_->begun()) {

@@ -28,19 +28,19 @@ TEST(FrameLog, hasALineForEachFrameThatOthersReadAtOnce) {
   auto log = FrameLog::open(file);
   ASSERT_TRUE(log.ok()) << log.error().message;
   const std::string names =
-      "frame,shown_ns,screen,question,takes_keys,lesson,lesson_s,depth_m,plunger,p_WT_x_m,p_WT_y_m,p_WT_z_m,"
+      "frame,shown_ns,screen,question,can_begin,lesson,lesson_s,depth_m,plunger,p_WT_x_m,p_WT_y_m,p_WT_z_m,"
       "aim_WT_x_m,aim_WT_y_m,aim_WT_z_m";
   EXPECT_THAT(linesOf(file), ElementsAre(names));
   ASSERT_TRUE(log->add({Stage::kStart}, 1'000).ok());
-  const std::string start = "1,1000,start,none,1,0,0,nan,nan,nan,nan,nan,nan,nan,nan";
+  const std::string start = "1,1000,start,none,0,0,0,nan,nan,nan,nan,nan,nan,nan,nan";
   EXPECT_THAT(linesOf(file), ElementsAre(names, start));
-  ShownFrame frame{Stage::kLesson, ShownQuestion::kEndLesson, false, 3, 1.5, -0.25, 0.5};
+  ShownFrame frame{Stage::kLesson, ShownQuestion::kEndLesson, true, 3, 1.5, -0.25, 0.5};
   frame.p_WT_m = {0.5, -1, 2};
   frame.aim_WT_m = {0.25, -2, 4};
   ASSERT_TRUE(log->add(frame, 9'007'199'254'740'993).ok());
   EXPECT_THAT(
       linesOf(file),
-      ElementsAre(names, start, "2,9007199254740993,lesson,end-lesson,0,3,1.5,-0.25,0.5,0.5,-1,2,0.25,-2,4"));
+      ElementsAre(names, start, "2,9007199254740993,lesson,end-lesson,1,3,1.5,-0.25,0.5,0.5,-1,2,0.25,-2,4"));
 }
 
 TEST(FrameLog, namesEachScreenAndQuestion) {
@@ -58,7 +58,7 @@ TEST(FrameLog, namesEachScreenAndQuestion) {
     for (const auto& [question, asked] : questions) {
       ASSERT_TRUE(log->add({stage, question}, 0).ok());
       EXPECT_THAT(linesOf(folder.path() / "frames.csv").back(),
-                  HasSubstr(std::string(",0,") + screen + "," + asked + ",1,"));
+                  HasSubstr(std::string(",0,") + screen + "," + asked + ",0,"));
     }
 }
 

@@ -406,14 +406,21 @@ TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
 
-TEST_F(TraineeScreens, theFrameLogSaysWhichSampleIsShownAndWhenTheEndTakesKeys) {
-  picture(1);
+TEST_F(TraineeScreens, theFrameLogSaysWhichSampleIsShownAndWhenALessonCanBegin) {
+  showStart();
+  picture(2);
+  EXPECT_EQ(window_->shownFrame().stage, Stage::kStart);
+  EXPECT_TRUE(window_->shownFrame().can_begin);
+  askForCode(false);
+  picture(2);
+  EXPECT_FALSE(window_->shownFrame().can_begin) << "the code is missing";
   EXPECT_TRUE(std::isnan(window_->shownFrame().p_WT_m.x));
   showLesson(1);
   picture();
   const ShownFrame frame = window_->shownFrame();
   const GestureSample& last = sample_.samples[999];
   EXPECT_EQ(frame.stage, Stage::kLesson);
+  EXPECT_FALSE(frame.can_begin);
   EXPECT_EQ(frame.lesson, 1u);
   EXPECT_NEAR(frame.lesson_s, 1e-3 * static_cast<double>(last.tick), 1e-12);
   EXPECT_EQ(frame.p_WT_m, (Vec3{last.p_WT_m[0], last.p_WT_m[1], last.p_WT_m[2]}));
@@ -423,11 +430,11 @@ TEST_F(TraineeScreens, theFrameLogSaysWhichSampleIsShownAndWhenTheEndTakesKeys) 
   showEnd(false);
   picture(1);
   EXPECT_EQ(window_->shownFrame().stage, Stage::kEnd);
-  EXPECT_FALSE(window_->shownFrame().takes_keys);
+  EXPECT_FALSE(window_->shownFrame().can_begin);
   picture(20);
-  EXPECT_FALSE(window_->shownFrame().takes_keys);
+  EXPECT_FALSE(window_->shownFrame().can_begin);
   picture(2);
-  EXPECT_TRUE(window_->shownFrame().takes_keys);
+  EXPECT_TRUE(window_->shownFrame().can_begin);
 }
 
 TEST_F(TraineeScreens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
