@@ -71,7 +71,9 @@ int effects(const EffectsOptions& options) {
       return failed("effects", {ErrorCode::kInvalidInput, "--out " + options.out.string() +
                                                               ": cannot make the folder: " + made.message()});
   }
-  if (const Status status = checkOutputs({{"--profile", options.profile}}, {{"--json", options.json.file}});
+  if (const Status status =
+          checkFolderOutputs({{"--profile", options.profile}}, {"--out", options.out},
+                             {"effects.csv", "effects_marginal.csv", "effects.png"}, options.json);
       !status.ok())
     return failed("effects", status.error());
 

@@ -30,6 +30,14 @@ const std::vector<Experiment>& experiments() {
   return all;
 }
 
+// what `--out` gets
+std::vector<std::string> fileNames() {
+  std::vector<std::string> names;
+  for (const char* const figure : {"fig07", "fig08", "fig09", "fig10", "fig11"})
+    for (const char* const kind : {".csv", ".png"}) names.push_back(std::string(figure) + kind);
+  return names;
+}
+
 struct FiguresOptions {
   std::filesystem::path out;
   JsonOption json;
@@ -42,6 +50,8 @@ int figures(const FiguresOptions& options) {
   if (made)
     return failed("figures", {ErrorCode::kInvalidInput,
                               "--out " + out.string() + ": cannot make the folder: " + made.message()});
+  if (const Status status = checkFolderOutputs({}, {"--out", out}, fileNames(), options.json); !status.ok())
+    return failed("figures", status.error());
 
   const bool pictures = hasGnuplot();
   auto rows = nlohmann::ordered_json::array();

@@ -139,8 +139,6 @@ Status drawSkill(const SkillReport& report, const std::filesystem::path& folder)
 }
 
 int skill(const SkillOptions& options) {
-  if (const Status status = checkOutputs({}, {{"--json", options.json.file}}); !status.ok())
-    return failed("skill", status.error());
   if (!options.pictures.empty()) {
     std::error_code made;
     std::filesystem::create_directories(options.pictures, made);
@@ -148,6 +146,10 @@ int skill(const SkillOptions& options) {
       return failed("skill", {ErrorCode::kInvalidInput, "--pictures " + options.pictures.string() +
                                                             ": cannot make the folder: " + made.message()});
   }
+  if (const Status status =
+          checkFolderOutputs({}, {"--pictures", options.pictures}, {"skill.csv", "skill.png"}, options.json);
+      !status.ok())
+    return failed("skill", status.error());
   const bool shows = ::isatty(STDERR_FILENO) == 1;
   const auto report = runSkillStudy(options.study, [&](std::size_t done, std::size_t all) {
     if (shows && (done % 16 == 0 || done == all))

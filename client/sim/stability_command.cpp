@@ -218,7 +218,12 @@ int stability(const StabilityOptions& options) {
   if (made)
     return failed("stability", {ErrorCode::kInvalidInput, "--out " + options.out.string() +
                                                               ": cannot make the folder: " + made.message()});
-  if (const Status status = checkOutputs({{"--cases", options.cases}}, {{"--json", options.json.file}});
+  const std::vector<std::string> names = {
+      "stability.dat",       "stability.png",         "stability-holds.csv",  "stability-holds.dat",
+      "stability-holds.png", "stiffness_limits.json", "stiffness_limits.csv", "stiffness_limits.png",
+      "stiffness_rest.csv",  "stiffness_rest.png",    "stiffness_beyond.csv", "stiffness_beyond.png"};
+  if (const Status status =
+          checkFolderOutputs({{"--cases", options.cases}}, {"--out", options.out}, names, options.json);
       !status.ok())
     return failed("stability", status.error());
 

@@ -8,10 +8,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
 #include <string>
-#include <thread>
 #include <vector>
 
 namespace needlelab::test {
@@ -19,7 +17,6 @@ namespace needlelab::test {
 /// Sets DISPLAY for this process and its children during its lifetime. One at a time.
 class XDisplay {
  public:
-  static constexpr std::chrono::milliseconds kFrames{600};
   explicit XDisplay(int width_px = 1280, int height_px = 720) {
     const char* const before = std::getenv("DISPLAY");
     before_ = before == nullptr ? "" : before;
@@ -73,37 +70,19 @@ class XDisplay {
     if (pid <= 0 || ::waitpid(pid, &status, 0) != pid) return -1;
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
-  /// Holds the key, and then none, for several frames of a window that a busy processor draws: a key is seen
-  /// only if it is down in a frame.
-  void key(const std::string& name, std::chrono::milliseconds held = kFrames) {
-    tool({"keydown", name});
-    std::this_thread::sleep_for(held);
-    tool({"keyup", name});
-    std::this_thread::sleep_for(kFrames);
-  }
+  /// Presses the key and lets it go. A window of ours sees both, each in a frame of its own.
+  void key(const std::string& name) { tool({"key", name}); }
+  void keyDown(const std::string& name) { tool({"keydown", name}); }
+  void keyUp(const std::string& name) { tool({"keyup", name}); }
   void moveTo(int x_px, int y_px) { tool({"mousemove", std::to_string(x_px), std::to_string(y_px)}); }
-  /// Moves from the current mouse position, in steps, with `button` held.
-  void drag(int button, int dx_px, int dy_px, int steps = 10) {
-    const auto pause = kFrames;
-    std::this_thread::sleep_for(pause);
-    tool({"mousedown", std::to_string(button)});
-    std::this_thread::sleep_for(pause);
-    for (int i = 1; i <= steps; ++i) {
-      const int x = dx_px * i / steps - dx_px * (i - 1) / steps,
-                y = dy_px * i / steps - dy_px * (i - 1) / steps;
-      tool({"mousemove_relative", "--", std::to_string(x), std::to_string(y)});
-      std::this_thread::sleep_for(std::chrono::milliseconds(60));
-    }
-    std::this_thread::sleep_for(pause);
-    tool({"mouseup", std::to_string(button)});
-    std::this_thread::sleep_for(pause);
+  void moveBy(int dx_px, int dy_px) {
+    tool({"mousemove_relative", "--", std::to_string(dx_px), std::to_string(dy_px)});
   }
-  /// Notches of the wheel; positive away from the person.
-  void wheel(int notches, std::chrono::milliseconds between = std::chrono::milliseconds(70)) {
-    for (int i = 0; i < std::abs(notches); ++i) {
-      tool({"click", notches > 0 ? "4" : "5"});
-      std::this_thread::sleep_for(between);
-    }
+  void buttonDown(int button) { tool({"mousedown", std::to_string(button)}); }
+  void buttonUp(int button) { tool({"mouseup", std::to_string(button)}); }
+  /// Notches of the wheel, all at once; positive away from the person.
+  void wheel(int notches) {
+    tool({"click", "--repeat", std::to_string(std::abs(notches)), "--delay", "1", notches > 0 ? "4" : "5"});
   }
 
  private:

@@ -64,20 +64,21 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   const auto report = lab_.path("report.html"), csv = lab_.path("samples.csv");
   const std::string script =
       "timeout 300\nlogin\n"
-      "wait-station bench-1 lesson\nwait-station bench-8 lesson\nwait-station bench-5 help\nwait 2\n" +
+      "wait-station bench-1 lesson\nwait-station bench-8 lesson\nwait-station bench-5 help\n" +
       shot("instructor_lab.png") +
       // The station that needs help is first.
-      "filter help\nopen-first\nwait 2\nexpect bench-5\nexpect trainee-5\n" + shot("instructor_trouble.png") +
+      "filter help\nopen-first\nwait-text bench-5\nwait-text trainee-5\nwait-live 1\n" +
+      shot("instructor_trouble.png") +
       "message \"take the needle out\"\n"
       // a running lesson
       "lab\nfilter all\nopen station bench-2\nwait-live 200\nlatency\n" +
       shot("instructor_live.png") +
       "annotate \"watch the angle\"\nmessage \"slower, please\"\naids \"depth, force\"\n"
       "pause\nscroll-back 3\n" +
-      shot("instructor_scrolled.png") + "resume\nstop-lesson \"enough for today\"\nwait 1\n" +
+      shot("instructor_scrolled.png") + "resume\nstop-lesson \"enough for today\"\n" +
       // afterwards
       "search trainee-\n" + shot("instructor_sessions.png") + "replay session " + first +
-      "\nseek 2\nspeed 2\nplay\nwait 2\npause\n" + shot("instructor_replay.png") +
+      "\nseek 2\nspeed 2\nplay\nwait-replay 4\npause\n" + shot("instructor_replay.png") +
       "annotate \"well done\"\n" + "scores\n" + shot("instructor_scores.png") + "export " + report.string() +
       "\nexport " + csv.string() + "\n" + "rerun own TRACKING_WALL\n" + shot("instructor_rerun.png") +
       "compare " + first + " " + second + " dtw\n" + shot("instructor_compare.png") + "frames\nquit\n";

@@ -12,6 +12,7 @@
 #include "common/base/program.h"
 #include "tests/integration/lab.h"
 #include "tests/support/x_display.h"
+#include "tests/windows/shown_frames.h"
 
 namespace needlelab::test {
 namespace {
@@ -28,8 +29,21 @@ class TraineeServerTest : public testing::Test {
   std::unique_ptr<Process> startWindow(const std::vector<std::string>& more) {
     auto arguments = lab_.stationArguments(more);
     arguments.erase(std::find(arguments.begin(), arguments.end(), "--headless"));
-    arguments.insert(arguments.end(), {"--window", "1280x720", "--json", lab_.path("window.json")});
+    arguments.insert(arguments.end(), {"--window", "1280x720", "--json", lab_.path("window.json"),
+                                       "--frame-log", lab_.path("frames.csv")});
     return std::make_unique<Process>("needlelab-station", arguments, lab_.path("window.log"));
+  }
+  // what the station's window shows
+  [[nodiscard]] ShownFrames framesOf(Process& station) const {
+    return {lab_.path("frames.csv"), [&station] { return station.wait(0ms).has_value(); }};
+  }
+  // Presses Enter once, as soon as the End screen takes it.
+  [[nodiscard]] testing::AssertionResult goesOnFromTheEnd(Process& station) {
+    if (!framesOf(station).until(
+            [](const SeenFrame& frame) { return frame.screen == "end" && frame.can_begin; }))
+      return testing::AssertionFailure() << "no End screen: " << station.said();
+    display_.key("Return");
+    return testing::AssertionSuccess();
   }
   static bool says(Process& station, const std::string& text) {
     return eventually([&] { return station.said().find(text) != std::string::npos; }, 60s);
@@ -69,19 +83,12 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
   // scored by the server
   ASSERT_TRUE(says(*station, "session COMPLETE")) << station->said();
 
-  // The End screen offers the instructor's choice: one key starts it. It is pressed again until the screen is
-  // there (in a lesson it does nothing).
+  // The End screen offers the instructor's choice: one key starts it.
   display_.moveTo(600, 400);
-  ASSERT_TRUE(eventually(
-      [&] {
-        const std::string said = station->said();
-        // the loop of the second lesson runs
-        if (said.rfind("real time: ") > said.find("stopped by ines")) return true;
-        display_.key("Return");
-        return false;
-      },
-      60s))
-      << station->said();
+  ASSERT_TRUE(goesOnFromTheEnd(*station));
+  ASSERT_TRUE(framesOf(*station).until([](const SeenFrame& frame) {
+    return frame.lesson == 2 && frame.lesson_s > 0;
+  })) << station->said();
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 2; }, 60s)) << station->said();
   station->signal(SIGTERM);
   ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
@@ -105,7 +112,9 @@ TEST_F(TraineeServerTest, aBadgeIsReadAtTheStartScreenAndNotAgainForTheNextTry) 
   auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest",
                               "--hand-repeat", "0", "--seconds", "1"});
   ASSERT_TRUE(says(*station, "tom has a code")) << station->said();
+  ASSERT_TRUE(framesOf(*station).untilScreen("start")) << station->said();
   display_.moveTo(600, 400);
+  ASSERT_TRUE(framesOf(*station).sawInput()) << station->said();
   // as a reader does: all of it at once, with Enter. Again if the screen was not there yet; three times at
   // most, because five wrong codes make tom wait
   const auto readUntil = [&](const char* badge, const std::string& text) {
@@ -119,12 +128,7 @@ TEST_F(TraineeServerTest, aBadgeIsReadAtTheStartScreenAndNotAgainForTheNextTry) 
   ASSERT_TRUE(readUntil("badge-0815", "not the code of tom")) << station->said();
   EXPECT_TRUE(lab_.sessions().empty());
   ASSERT_TRUE(readUntil("badge-4711", "session COMPLETE")) << station->said();
-  // the End screen takes keys a moment after it came
-  const auto twoLessons = [&] { return lab_.sessions().size() == 2; };
-  for (int time = 0; time < 3 && !twoLessons(); ++time) {
-    display_.key("Return");
-    static_cast<void>(eventually(twoLessons, 10s));
-  }
+  ASSERT_TRUE(goesOnFromTheEnd(*station));
   ASSERT_TRUE(eventually(
       [&] {
         const auto sessions = lab_.sessions();

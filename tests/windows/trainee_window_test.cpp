@@ -3,8 +3,10 @@
 #include <signal.h>
 #include <xcb/xcb.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,6 +16,7 @@
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/x_display.h"
+#include "tests/windows/shown_frames.h"
 
 namespace needlelab::test {
 namespace {
@@ -76,6 +79,7 @@ class TraineeWindowTest : public testing::Test {
                                           "--spool",         path("spool"),
                                           "--json",          path("out.json"),
                                           "--window",        "1280x720",
+                                          "--frame-log",     path("frames.csv"),
                                           "--hand-tremor-m", "0"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     station_ = std::make_unique<Process>("needlelab-station", arguments, path("log"));
@@ -84,29 +88,60 @@ class TraineeWindowTest : public testing::Test {
     eventually([&] { return has(text) || station_->wait(0ms); }, 60s);
     return has(text);
   }
-  void pause(std::chrono::milliseconds time) { std::this_thread::sleep_for(time); }
-  // The window is open and has the keyboard focus.
-  void waitForWindow() {
-    ASSERT_TRUE(eventually(
-        [&] {
-          return display_.tool({"search", "--name", kTitle}) == 0 || station_->wait(0ms);
-        },
-        60s))
-        << station_->said();
-    ASSERT_FALSE(station_->wait(0ms)) << "it ended: " << station_->said();
+  // The window shows this screen, the mouse is in it, and it has the keyboard.
+  void waitForWindow(const std::string& screen) {
+    ASSERT_TRUE(frames_.untilScreen(screen)) << station_->said();
     display_.moveTo(300, 300);
-    pause(2s);
+    ASSERT_TRUE(frames_.sawInput()) << station_->said();
+  }
+  // The window has shown a sample of the first lesson that is as late as this.
+  void waitForLesson(double lesson_s = 0) {
+    ASSERT_TRUE(frames_.until([&](const SeenFrame& frame) {
+      return frame.screen == "lesson" && !std::isnan(frame.depth_m) && frame.lesson_s >= lesson_s;
+    })) << station_->said();
+  }
+  // The tip has come within `m` of where mouse and keys want it.
+  void waitForTip(double m) {
+    ASSERT_TRUE(frames_.sawInput()) << station_->said();
+    ASSERT_TRUE(frames_.until([&](const SeenFrame& frame) { return frame.behind_m() < m; }))
+        << station_->said();
+  }
+  // Turns the wheel by one millimetre a notch and lets the tip follow.
+  void advance(int notches, double within_m) {
+    const auto before = frames_.newest();
+    ASSERT_TRUE(before);
+    display_.wheel(notches);
+    ASSERT_TRUE(frames_.until([&](const SeenFrame& frame) {
+      return norm(frame.aim_WT_m - before->aim_WT_m) > 1e-3 * (std::abs(notches) - 0.5);
+    })) << "the window has not seen all notches: "
+        << station_->said();
+    waitForTip(within_m);
+  }
+  void holdKey(const std::string& name, const std::function<bool(const SeenFrame&)>& until) {
+    display_.keyDown(name);
+    const bool reached = frames_.until(until);
+    display_.keyUp(name);
+    ASSERT_TRUE(reached) << name << ": " << station_->said();
+    ASSERT_TRUE(frames_.sawInput()) << station_->said();
   }
   [[nodiscard]] nlohmann::json summary() const {
     std::ifstream file(path("out.json"));
     return nlohmann::json::parse(file, nullptr, false);
   }
-  [[nodiscard]] std::map<std::string, double> score() const {
+  static std::map<std::string, double> scoreOf(const nlohmann::json& lesson) {
     std::map<std::string, double> values;
-    const auto out = summary();
-    for (const auto& row : out["score"])
+    for (const auto& row : lesson["score"])
       if (row["value"].is_number()) values[row["measure"]] = row["value"];
     return values;
+  }
+  // The recording has all ticks up to the last sample that the window has shown, but for missed ones.
+  void expectAllThatWasShown(const nlohmann::json& out) {
+    const auto last = frames_.newest();
+    ASSERT_TRUE(last);
+    EXPECT_GE(out["samples"].get<double>() + out["missed_ticks"].get<double>(),
+              std::round(1000 * last->lesson_s))
+        << station_->said();
+    EXPECT_EQ(out["samples_lost"], 0);
   }
 
   [[nodiscard]] bool has(const std::string& text) const {
@@ -117,46 +152,53 @@ class TraineeWindowTest : public testing::Test {
   TempFolder folder_;
   XDisplay display_;
   std::unique_ptr<Process> station_;
+  ShownFrames frames_{path("frames.csv"), [this] { return station_->wait(0ms).has_value(); }};
 };
 
 TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
   start({"--trainee", "tom"});
-  ASSERT_NO_FATAL_FAILURE(waitForWindow());
+  ASSERT_NO_FATAL_FAILURE(waitForWindow("start"));
+  ASSERT_TRUE(frames_.until([](const SeenFrame& frame) { return frame.can_begin; })) << station_->said();
   display_.key("Return");  // Start: everything is given, one key starts the lesson
-  ASSERT_TRUE(says("session ")) << station_->said();
-  pause(2s);
+  ASSERT_NO_FATAL_FAILURE(waitForLesson());
   display_.key("3");  // from above: right is W's y
-  // the hand waits 15 mm to the right of the entry and 30 mm above it; a pixel is 0.1 mm, a notch 1 mm
   display_.moveTo(500, 350);
-  display_.drag(1, -150, 0);
-  pause(1s);
-  // 26 mm below the skin
-  for (int i = 0; i < 8; ++i) {
-    display_.wheel(7);
-    pause(700ms);
-  }
-  pause(3s);
-  display_.key("x", 900ms);  // draws back
-  pause(500ms);
-  display_.key("space", 3s);  // injects
-  pause(500ms);
-  for (int i = 0; i < 8; ++i) {
-    display_.wheel(-7);
-    pause(300ms);
-  }
-  pause(1s);
+  ASSERT_TRUE(frames_.sawInput()) << station_->said();
+  // the hand waits 15 mm to the right of the entry and 30 mm above it; a pixel is 0.1 mm, a notch 1 mm
+  const auto waiting = frames_.newest();
+  ASSERT_TRUE(waiting);
+  display_.buttonDown(1);
+  ASSERT_TRUE(frames_.sawInput()) << station_->said();
+  display_.moveBy(-150, 0);
+  ASSERT_TRUE(frames_.sawInput()) << station_->said();
+  display_.buttonUp(1);
+  ASSERT_NO_FATAL_FAILURE(waitForTip(0.5e-3));
+  const Vec3 dragged_m = frames_.newest()->aim_WT_m - waiting->aim_WT_m;
+  EXPECT_NEAR(norm(dragged_m), 0.015, 1e-4);
+  EXPECT_LT(dragged_m.y, -0.014);
+  // 26 mm below the skin. The aim never rests near the skin, where the tip could swing in and out.
+  for (const int notches : {13, 13, 12, 5, 5, 4, 4}) ASSERT_NO_FATAL_FAILURE(advance(notches, 0.5e-3));
+  const double there_s = frames_.newest()->lesson_s;
+  ASSERT_NO_FATAL_FAILURE(waitForLesson(there_s + 1.5));
+  ASSERT_NO_FATAL_FAILURE(  // draws back
+      holdKey("x", [](const SeenFrame& frame) { return frame.plunger < 0.005; }));
+  ASSERT_NO_FATAL_FAILURE(  // injects
+      holdKey("space", [](const SeenFrame& frame) { return frame.plunger > 0.9; }));
+  for (const int notches : {-18, -18}) ASSERT_NO_FATAL_FAILURE(advance(notches, 1e-3));
+  EXPECT_LT(frames_.newest()->depth_m, -8e-3) << "outside";
   display_.key("Escape");
+  ASSERT_TRUE(frames_.untilQuestion("end-lesson")) << station_->said();
   display_.key("Return");
   ASSERT_TRUE(says("score  ")) << station_->said();
   station_->signal(SIGTERM);
   ASSERT_TRUE(station_->wait(60s)) << station_->said();
 
-  const auto values = score();
+  const auto values = scoreOf(summary());
   ASSERT_TRUE(values.contains("target_reached")) << station_->said();
   EXPECT_EQ(values.at("target_reached"), 1) << station_->said();
   EXPECT_GT(values.at("time_at_target_s"), 1);
   EXPECT_EQ(values.at("hazards_touched"), 0);
-  EXPECT_GE(values.at("entries"), 1);  // a busy machine moves the steered hand in jumps
+  EXPECT_EQ(values.at("entries"), 1);
   EXPECT_GT(values.at("peak_force_n"), 1) << "tissue resists";
   const auto syringe = summary()["syringe"];
   std::vector<std::string>
@@ -170,82 +212,77 @@ TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
 
 TEST_F(TraineeWindowTest, keysAloneSuffice) {
   start({"--trainee", "tom", "--start"});
-  ASSERT_NO_FATAL_FAILURE(waitForWindow());
-  ASSERT_TRUE(says("session ")) << station_->said();
-  pause(2s);
+  ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
+  ASSERT_NO_FATAL_FAILURE(waitForLesson());
   display_.key("3");
-  display_.key("w", 2s);  // 12 mm/s
-  display_.key("Left", 700ms);
-  pause(1s);
-  display_.key("Escape");
-  display_.key("Escape");  // not yet
-  pause(500ms);
-  display_.key("Escape");
+  ASSERT_TRUE(frames_.sawInput()) << station_->said();
+  const auto waiting = frames_.newest();
+  ASSERT_TRUE(waiting);
+  // 20 mm in, of 30 mm to the skin, and 10 mm to the left
+  ASSERT_NO_FATAL_FAILURE(
+      holdKey("w", [&](const SeenFrame& frame) { return norm(frame.aim_WT_m - waiting->aim_WT_m) > 0.02; }));
+  const auto in = frames_.newest();
+  ASSERT_TRUE(in);
+  ASSERT_NO_FATAL_FAILURE(
+      holdKey("Left", [&](const SeenFrame& frame) { return norm(frame.aim_WT_m - in->aim_WT_m) > 0.01; }));
+  ASSERT_NO_FATAL_FAILURE(waitForTip(0.5e-3));
+  EXPECT_GT(norm(frames_.newest()->p_WT_m - waiting->p_WT_m), std::hypot(0.02, 0.01) - 1e-3);
+  for (const char* const question : {"end-lesson", "none", "end-lesson"}) {
+    display_.key("Escape");
+    ASSERT_TRUE(frames_.untilQuestion(question)) << station_->said();
+  }
+  const double shown_s = frames_.newest()->lesson_s;
   display_.key("Return");
   ASSERT_TRUE(says("score  ")) << station_->said();
-  // Once more, by one key. It is pressed again until the End screen appears (in a lesson it does nothing).
-  ASSERT_TRUE(eventually(
-      [&] {
-        const std::string said = station_->said();
-        if (said.rfind("real time: ") > said.find("score  ")) return true;
-        display_.key("Return");
-        pause(500ms);
-        return false;
-      },
-      60s))
+  // once more, by one key
+  ASSERT_TRUE(frames_.until([](const SeenFrame& frame) { return frame.screen == "end" && frame.can_begin; }))
       << station_->said();
-  pause(1s);
+  display_.key("Return");
+  ASSERT_TRUE(frames_.until([](const SeenFrame& frame) {
+    return frame.screen == "lesson" && frame.lesson == 2 && frame.lesson_s > 0;
+  })) << station_->said();
   station_->signal(SIGTERM);
   ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
   ASSERT_EQ(summary()["rows"].size(), 2u);
-  // two seconds of W and more than half a second of Left are in the recording
-  EXPECT_GT(summary()["rows"][0]["score"][0]["value"], 3.0);
+  EXPECT_GE(scoreOf(summary()["rows"][0]).at("elapsed_s"), shown_s);
 }
 
 TEST_F(TraineeWindowTest, theCloseButtonAsksAndThenEndsTheLessonAndKeepsIt) {
   start({"--trainee", "tom", "--start"});
-  ASSERT_NO_FATAL_FAILURE(waitForWindow());
-  ASSERT_TRUE(says("real time: ")) << station_->said();  // the loop runs
+  ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
+  ASSERT_NO_FATAL_FAILURE(waitForLesson(0.5));
   ASSERT_TRUE(pressCloseButton(display_, kTitle));
-  pause(2s);
-  ASSERT_FALSE(station_->wait(0ms)) << "it asks first: " << station_->said();
-  // The answer is given again until the question is drawn (without it the key does nothing in a lesson).
-  ASSERT_TRUE(eventually(
-      [&] {
-        if (!station_->wait(0ms)) display_.key("Return");
-        return station_->wait(1s).has_value();
-      },
-      60s))
-      << station_->said();
-  EXPECT_EQ(station_->wait(0ms), kExitDone) << station_->said();
+  ASSERT_TRUE(frames_.untilQuestion("quit")) << station_->said();
+  ASSERT_TRUE(frames_.sawInput()) << "it asks first, and the lesson goes on: " << station_->said();
+  EXPECT_EQ(frames_.newest()->screen, "lesson");
+  display_.key("Return");
+  ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
   const auto out = summary();
-  EXPECT_GT(out["samples"], 0) << station_->said();
   EXPECT_EQ(out["fault"], nullptr);
-  EXPECT_EQ(out["samples_lost"], 0);
+  expectAllThatWasShown(out);
 }
 
 TEST_F(TraineeWindowTest, aWindowThatIsDestroyedEndsTheLessonAndKeepsIt) {
   start({"--trainee", "tom", "--start"});
-  ASSERT_NO_FATAL_FAILURE(waitForWindow());
-  ASSERT_TRUE(says("real time: ")) << station_->said();        // the loop runs
+  ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
+  ASSERT_NO_FATAL_FAILURE(waitForLesson(0.5));
   display_.tool({"search", "--name", kTitle, "windowclose"});  // XDestroyWindow
   ASSERT_TRUE(station_->wait(60s)) << station_->said();
   const auto out = summary();
-  EXPECT_GT(out["samples"], 0) << station_->said();
   EXPECT_EQ(out["fault"], nullptr);
-  EXPECT_EQ(out["samples_lost"], 0);
+  expectAllThatWasShown(out);
 }
 
 TEST_F(TraineeWindowTest, aDisplayThatGoesEndsTheLessonAndKeepsIt) {
   start({"--trainee", "tom", "--start"});
-  ASSERT_NO_FATAL_FAILURE(waitForWindow());
-  ASSERT_TRUE(says("real time: ")) << station_->said();  // the loop runs
+  ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
+  ASSERT_NO_FATAL_FAILURE(waitForLesson(0.5));
   display_.end();
   ASSERT_TRUE(station_->wait(60s)) << station_->said();
   EXPECT_THAT(station_->said(), HasSubstr("the display is gone"));
   const auto out = summary();
-  EXPECT_GT(out["samples"], 0) << station_->said();
   EXPECT_EQ(out["fault"], nullptr);
+  expectAllThatWasShown(out);
 }
 
 TEST(TraineeWithoutADisplay, isToldWhatElseThereIs) {

@@ -44,6 +44,8 @@ constexpr std::array kVerbs = {
     ScriptVerb{"search", 1, 1, "search TEXT", "part of the trainee's name; waits for the list"},
     ScriptVerb{"replay", 1, 2, "replay session ID|newest | replay newest", "load a session and show it"},
     ScriptVerb{"play", 0, 0, "play", "play the replay"},
+    ScriptVerb{"wait-replay", 1, 1, "wait-replay SECONDS",
+               "wait until the replay is there, since the session's beginning"},
     ScriptVerb{"seek", 1, 1, "seek SECONDS", "since the session's beginning"},
     ScriptVerb{"step", 1, 1, "step N", "steps of 10 ms, forward or (negative) back"},
     ScriptVerb{"speed", 1, 1, "speed FACTOR", "0.1 to 8"},
@@ -67,8 +69,9 @@ constexpr std::array kVerbs = {
 };
 
 /// The verbs that take only numbers.
-constexpr std::array<std::string_view, 9> kNumbers = {
-    "wait", "wait-live", "timeout", "scroll-back", "seek", "step", "speed", "font-scale", "latency"};
+constexpr std::array<std::string_view, 10> kNumbers = {"wait",        "wait-live", "wait-replay", "timeout",
+                                                       "scroll-back", "seek",      "step",        "speed",
+                                                       "font-scale",  "latency"};
 
 const ScriptVerb* verbOf(std::string_view name) {
   const auto found =

@@ -248,6 +248,10 @@ Result<bool> ScriptRunner::actOnAnalysis(const ScriptAction& action, InstructorW
     return worked(lab);
   }
   ReplayPlayer& player = lab.analysis.player;
+  if (verb == "wait-replay") {
+    if (!lab.analysis.first()) return wrong("no session is loaded: replay one first");
+    return player.at_s() - player.first_s() >= number(action);
+  }
   if (verb == "play")
     player.play();
   else if (verb == "seek")

@@ -187,7 +187,7 @@ std::string noWorse(const std::vector<CaseRow>& rows) {
     std::string models;
     for (const CaseRow& row : rows)
       if (row.case_name == name && row.model != kWall && row.passed && row.measured &&
-          *row.measured <= *wall->measured * (1 + 1e-6))
+          *row.measured <= *wall->measured + 1e-6 * std::abs(*wall->measured))
         models += (models.empty() ? "" : ", ") + std::string(shortName(row.model));
     if (!models.empty()) text += "  " + padded(name, 24) + models + "\n";
   }
@@ -223,7 +223,7 @@ const CaseRow* rowOf(const std::vector<CaseRow>& rows, const std::string& case_n
 }
 
 std::string findingOf(const std::vector<CaseRow>& rows) {
-  int wall_cases = 0, wall_stable = 0;
+  int wall_cases = 0, wall_stable = 0, judged = 0;
   struct Count {
     AxialModel model;
     int bad = 0, all = 0;
@@ -236,6 +236,7 @@ std::string findingOf(const std::vector<CaseRow>& rows) {
       ++count.all;
       if (row.verdict != Verdict::kStable) ++count.bad;
     }
+    judged += count.all;
     if (model == kWall)
       wall_cases = count.all, wall_stable = count.all - count.bad;
     else if (count.bad > 0)
@@ -247,13 +248,15 @@ std::string findingOf(const std::vector<CaseRow>& rows) {
   if (wall_cases > 0)
     text =
         fmt::format("The enhanced tracking wall is stable in {} of {} hard cases", wall_stable, wall_cases);
+  if (judged == 0) return "Nothing was judged: these cases say nothing about these models";
   if (others.empty()) return text.empty() ? "All that was asked for is stable" : text;
   text += text.empty() ? "Not stable: " : "; not stable: ";
   for (std::size_t i = 0; i < std::min<std::size_t>(3, others.size()); ++i)
     text += fmt::format("{}{} in {} of {}", i > 0 ? ", " : "", shortName(others[i].model), others[i].bad,
                         others[i].all);
   if (others.size() > 3)
-    text += fmt::format(", and {}{} in fewer", others.size() - 3, others.size() > 4 ? " others" : " other");
+    text += fmt::format(", and {}{} in at most {}", others.size() - 3,
+                        others.size() > 4 ? " others" : " other", others[3].bad);
   return text;
 }
 

@@ -22,6 +22,15 @@ void addJsonOption(CLI::App& app, JsonOption& option) {
       ->default_str("");
 }
 
+Status checkFolderOutputs(const std::vector<NamedFile>& inputs, const NamedFile& folder,
+                          const std::vector<std::string>& names, const JsonOption& json) {
+  std::vector<NamedFile> outputs;
+  if (!folder.path.empty())
+    for (const std::string& name : names) outputs.push_back({folder.option, folder.path / name});
+  outputs.push_back({"--json", json.file});
+  return checkOutputs(inputs, outputs);
+}
+
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows) {
   return writeJson(option, rows, nlohmann::ordered_json::object());
 }

@@ -3,7 +3,9 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
+#include "common/base/files.h"
 #include "common/base/result.h"
 
 namespace CLI {
@@ -19,6 +21,11 @@ struct JsonOption {
 };
 /// `option` must outlive the parsing.
 void addJsonOption(CLI::App& app, JsonOption& option);
+
+/// As checkOutputs, for a command that writes files of these names into `folder` (with its option; an empty
+/// path: none), which is there already, and JSON.
+Status checkFolderOutputs(const std::vector<NamedFile>& inputs, const NamedFile& folder,
+                          const std::vector<std::string>& names, const JsonOption& json);
 
 /// Writes `{"version", "machine", "rows"}` to the option's target.
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows);

@@ -235,7 +235,8 @@ Result<Pose> toolOf(Vec3 p_HT_m, const NeedleAxis& axis, const Pose& given) {
 
 Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const CalibrationSettings& settings,
                                  const sigset_t& stop_signals,
-                                 const std::function<void(const CalibrationProgress&)>& progress) {
+                                 const std::function<void(const CalibrationProgress&)>& progress,
+                                 TimeSource& time, TurnRunner& threads) {
   ZeroForceSettings quiet;
   quiet.rate_hz = settings.rate_hz;
   quiet.max_ticks = static_cast<std::uint64_t>(
@@ -256,8 +257,8 @@ Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const Calibr
     return now.t_s < settings.enough_s || now.spread < 2 * kLeastSpread;
   };
   const RtOptions real_time;
-  const ZeroForceRun run =
-      runZeroForceLoop(loop, device, settings.real_time ? &real_time : nullptr, stop_signals, follow);
+  const ZeroForceRun run = runZeroForceLoop(loop, device, settings.real_time ? &real_time : nullptr,
+                                            stop_signals, follow, time, threads);
   if (run.stopped) return Error{ErrorCode::kFailed, "stopped; nothing was written"};
   follow();
 

@@ -62,10 +62,12 @@ struct CalibrationProgress {
 };
 
 /// Reads the open device at zero force and fits the tip. Errors: kUnavailable (no poses; the message has the
-/// device's status), kFailed (stopped by a signal, or from fitPivot).
+/// device's status), kFailed (stopped by a signal, or from fitPivot). `clock`: the loop's; `time`, `threads`:
+/// as of runZeroForceLoop.
 Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const CalibrationSettings& settings,
                                  const sigset_t& stop_signals,
-                                 const std::function<void(const CalibrationProgress&)>& progress);
+                                 const std::function<void(const CalibrationProgress&)>& progress,
+                                 TimeSource& time = machineTime(), TurnRunner& threads = machineThreads());
 
 /// The origin of a tool, for later readers of the file. Lessons do not read it.
 struct ToolNotes {

@@ -110,6 +110,10 @@ void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
                  "larger or smaller letters, 1 is ordinary; default: as it was left")
       ->check(CLI::Range(0.8, 2.5))
       ->group(kWindow);
+  app.add_option("--frame-log", o.window.frame_log,
+                 "CSV of what each frame showed: its screen, the lesson's newest sample; for measurements")
+      ->type_name("FILE")
+      ->group(kWindow);
 }
 
 void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
@@ -387,7 +391,8 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   if (raw.json) o.json_file = *raw.json;
   o.hand_plan_given = app.count("--hand-plan") > 0;
   if (!raw.on_fault.empty()) o.on_fault = raw.on_fault == "wait" ? FaultPolicy::kWait : FaultPolicy::kEnd;
-  std::vector<NamedFile> outputs = {{"--json", o.json_file}, {"--out", o.tool_out}};
+  std::vector<NamedFile> outputs = {
+      {"--json", o.json_file}, {"--out", o.tool_out}, {"--frame-log", o.window.frame_log}};
   for (const std::string& picture : raw.screenshots) outputs.push_back({"--screenshot", picture});
   if (const Status status = checkOutputs({{"--profile", o.profile_file},
                                           {"--code-file", o.code_file},

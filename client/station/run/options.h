@@ -42,7 +42,8 @@ struct WindowOptions {
   std::vector<PictureRequest> pictures;
   std::optional<double> font_scale;  ///< 0.8-2.5; none: the last value
   int width_px = 1280, height_px = 720;
-  bool size_given = false;  ///< --window was given; otherwise the last size
+  bool size_given = false;          ///< --window was given; otherwise the last size
+  std::filesystem::path frame_log;  ///< --frame-log; empty: none
 };
 
 struct StationOptions {

@@ -175,11 +175,11 @@ double restNoise_m(std::span<const ZeroForceSample> samples) {
   return std::sqrt(*middle);
 }
 
-DeviceFacts measureDevice(Device& device, TimeSource& clock, const RtOptions& real_time, double seconds,
+DeviceFacts measureDevice(Device& device, TimeSource& clock, const DeviceTestSettings& settings,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& log,
-                          bool& stopped, double patience_s) {
+                          bool& stopped, TimeSource& time, TurnRunner& threads) {
   DeviceFacts facts;
-  const double rate_hz = real_time.rate_hz;
+  const double rate_hz = settings.rate_hz;
   facts.info = device.info();
   facts.rate_hz = rate_hz;
   stopped = false;
@@ -198,23 +198,25 @@ DeviceFacts measureDevice(Device& device, TimeSource& clock, const RtOptions& re
   };
 
   // some devices need time, or a person's hand, before they report
-  ZeroForceLoop ready(device, clock, {rate_hz, ticksIn(patience_s, rate_hz), 1});
-  ZeroForceRun run = runZeroForceLoop(ready, device, &real_time, stop_signals, [&] {
+  ZeroForceLoop ready(device, clock, {rate_hz, ticksIn(settings.patience_s, rate_hz), 1});
+  const auto waits = [&] {
     passOn();
     return ready.samples().empty() || (ready.condition() & kWaitFor) != 0;
-  });
+  };
+  ZeroForceRun run = runZeroForceLoop(ready, device, settings.real_time, stop_signals, waits, time, threads);
   stopped = run.stopped;
 
-  ZeroForceSettings settings;
-  settings.rate_hz = rate_hz;
-  settings.max_ticks = ticksIn(seconds, rate_hz);
-  settings.keep_every = static_cast<std::uint64_t>(std::max(1.0, std::round(rate_hz / kKeptRate_hz)));
-  ZeroForceLoop loop(device, clock, settings);
+  ZeroForceSettings quiet;
+  quiet.rate_hz = rate_hz;
+  quiet.max_ticks = ticksIn(settings.seconds, rate_hz);
+  quiet.keep_every = static_cast<std::uint64_t>(std::max(1.0, std::round(rate_hz / kKeptRate_hz)));
+  ZeroForceLoop loop(device, clock, quiet);
   if (!stopped) {
-    run = runZeroForceLoop(loop, device, &real_time, stop_signals, [&] {
+    const auto reads = [&] {
       passOn();
       return true;
-    });
+    };
+    run = runZeroForceLoop(loop, device, settings.real_time, stop_signals, reads, time, threads);
     stopped = run.stopped;
   }
   facts.status = device.status();
@@ -399,7 +401,11 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
     real_time.rate_hz = options.rate_hz;
     LoopTime clock(real_time.spin_ns);
     bool stopped = false;
-    facts.device = measureDevice(**device, clock, real_time, seconds, stop_signals, log, stopped);
+    DeviceTestSettings settings;
+    settings.rate_hz = options.rate_hz;
+    settings.seconds = seconds;
+    settings.real_time = &real_time;
+    facts.device = measureDevice(**device, clock, settings, stop_signals, log, stopped);
     if (stopped) {
       log("stopped; the test is not complete");
       return kExitFailed;

@@ -82,12 +82,20 @@ struct SelfTestFacts {
 /// few samples.
 double restNoise_m(std::span<const ZeroForceSample> samples);
 
-/// Opens the device, waits at most `patience_s` until it is ready (firmware load, search for zero, power on),
-/// reads it for `seconds` at `real_time.rate_hz` with zero force, and closes it. `log` receives messages for
-/// a person meanwhile. `stopped`: a signal came.
-DeviceFacts measureDevice(Device& device, TimeSource& clock, const RtOptions& real_time, double seconds,
+struct DeviceTestSettings {
+  double rate_hz = 1000;
+  double seconds = 5;                    ///< how long it is read
+  double patience_s = 15;                ///< how long it may take to become ready
+  const RtOptions* real_time = nullptr;  ///< of the haptic thread, at the same rate; null: an ordinary thread
+};
+
+/// Opens the device, waits until it is ready (firmware load, search for zero, power on) or the patience is
+/// over, reads it with zero force, and closes it. `log` receives messages for a person meanwhile. `stopped`:
+/// a signal came. `clock`: the loop's; `time`, `threads`: as of runZeroForceLoop.
+DeviceFacts measureDevice(Device& device, TimeSource& clock, const DeviceTestSettings& settings,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& log,
-                          bool& stopped, double patience_s = 15);
+                          bool& stopped, TimeSource& time = machineTime(),
+                          TurnRunner& threads = machineThreads());
 MachineFacts measureMachine();
 /// Creates the folder if needed and writes a temporary file there.
 DiskFacts measureDisk(const std::filesystem::path& folder);

@@ -390,6 +390,10 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
   linePlot("lateral", lateralPlot(time_s_, lateral_mm_, planned_mm_, measures_), {rest.x, 0.40F * rest.y});
 }
 
+bool EndScreen::takesKeys() const {
+  return ImGui::GetTime() >= keys_from_s_;
+}
+
 bool EndScreen::showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board) {
   LessonChoice again = state.choice;
   LessonChoice next = again;
@@ -398,7 +402,7 @@ bool EndScreen::showNext(const BoardState& state, bool keys, bool may_quit, Less
   const auto actions = endActions(state, may_quit);
   auto chosen = actionButtons(actions);
   actionHints(actions);
-  if (keys && !chosen && ImGui::GetTime() >= keys_from_s_) {
+  if (keys && !chosen && takesKeys()) {
     characters_typed_ = characters_typed_ || ImGui::GetIO().InputQueueCharacters.Size > 0;
     if (const auto by_key = actionByKey(actions)) chosen = endActionByKey(*by_key, characters_typed_);
   }

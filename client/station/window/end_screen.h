@@ -62,6 +62,8 @@ class EndScreen {
   /// `keys`: the keys are for this screen. Returns whether the person wants to quit.
   bool show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
             LessonBoard& board);
+  /// Returns whether keys count yet: a moment after the outcome came.
+  [[nodiscard]] bool takesKeys() const;
 
  private:
   void take(const LessonOutcome& outcome);

@@ -42,6 +42,12 @@ class LessonScreen {
   void show(const BoardState& state, const LessonFollow& lesson, bool keys, LessonRequests& requests);
   /// Returns the computing time of the last ultrasound picture in s; for measurements.
   [[nodiscard]] double ultrasoundCost_s() const { return ultrasound_.lastCost_s(); }
+  /// Returns whether it asks whether to end the lesson.
+  [[nodiscard]] bool asksForEnd() const { return asks_for_end_; }
+  /// Returns where mouse and keys want the tip, in W; nothing if they do not steer.
+  [[nodiscard]] std::optional<Vec3> aim_W_m() const {
+    return steering_ ? std::optional(steering_->target().X_WT.p) : std::nullopt;
+  }
 
  private:
   void showScene(const BoardState& state, const LessonFollow& lesson, ImVec2 size_px);

@@ -71,7 +71,7 @@ void StartScreen::show(const BoardState& state, bool changed, bool keys, LessonB
   ImGui::SameLine();
   keyHint("Up/Down", "exercise");
   ImGui::SameLine();
-  const auto actions = startActions(choice_.missing().empty());
+  const auto actions = startActions(canBegin());
   actionHints(actions);
   endScreen();
 

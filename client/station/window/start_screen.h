@@ -16,6 +16,8 @@ class StartScreen {
   /// Draws one frame and sends a person's requests to `board`. `changed`: `state` is newer than in the last
   /// call. `keys`: the keys are for this screen.
   void show(const BoardState& state, bool changed, bool keys, LessonBoard& board);
+  /// Returns whether all is there that a lesson needs.
+  [[nodiscard]] bool canBegin() const { return choice_.missing().empty(); }
 
  private:
   void showTrainees();

@@ -17,6 +17,7 @@
 #include "client/station/run/real_time.h"
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
+#include "client/station/window/frame_log.h"
 #include "client/station/window/keys.h"
 #include "client/station/window/lesson_sequence.h"
 #include "client/station/window/trainee_window.h"
@@ -162,7 +163,8 @@ class LessonThread {
 class FrameLoop {
  public:
   FrameLoop(const StationOptions& options, const sigset_t& signals, bool alone, Surface& surface,
-            TraineeWindow& window, LessonBoard& board, LessonThread& lessons)
+            TraineeWindow& window, LessonBoard& board, LessonThread& lessons,
+            std::optional<FrameLog> frame_log)
       : options_(options),
         signals_(signals),
         alone_(alone),
@@ -170,6 +172,7 @@ class FrameLoop {
         window_(window),
         board_(board),
         lessons_(lessons),
+        frame_log_(std::move(frame_log)),
         plan_(options.window.pictures) {}
 
   /// False when a picture is missing.
@@ -188,6 +191,7 @@ class FrameLoop {
       surface_.endFrame();
       ++frames_;
       drawn_s_ += surface_.frameCost_s();
+      logFrame();
       takePictures();
       if (alone_) goOnAlone();
     }
@@ -206,6 +210,15 @@ class FrameLoop {
     const bool more = ImGui::IsKeyPressed(GLFW_KEY_EQUAL) || ImGui::IsKeyPressed(GLFW_KEY_KP_ADD);
     const bool less = ImGui::IsKeyPressed(GLFW_KEY_MINUS) || ImGui::IsKeyPressed(GLFW_KEY_KP_SUBTRACT);
     if (more != less) surface_.setFontScale(surface_.fontScale() + (more ? 0.1 : -0.1));
+  }
+
+  // after the first failure there is no log
+  void logFrame() {
+    if (!frame_log_) return;
+    if (const Status added = frame_log_->add(window_.shownFrame(), steadyNowNs()); !added.ok()) {
+      logMessage(added.error().message);
+      frame_log_.reset();
+    }
   }
 
   void takePictures() {
@@ -247,6 +260,7 @@ class FrameLoop {
   TraineeWindow& window_;
   LessonBoard& board_;
   LessonThread& lessons_;
+  std::optional<FrameLog> frame_log_;
   PicturePlan plan_;
   int frames_ = 0;
   double drawn_s_ = 0;
@@ -281,6 +295,12 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
   // with a window and the simulated device, mouse and keys move the needle
   if (display && options.device == "simulated" && !options.hand_plan_given && !options.hand.skill)
     options.hand.plan = kPointerPlan;
+  std::optional<FrameLog> frame_log;
+  if (!options.window.frame_log.empty()) {
+    auto opened = FrameLog::open(options.window.frame_log);
+    if (!opened.ok()) return refused(opened.error().message, exitCodeOf(opened.error()));
+    frame_log.emplace(std::move(*opened));
+  }
 
   const auto core = coreForLoop(options.cpu);
   // llvmpipe's threads keep the core mask of their creation: keep them off the haptic loop's core
@@ -301,7 +321,9 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
   {
     LessonThread lessons(sequence, board);
     keep_off.emplace(core);
-    pictures = FrameLoop(options, stop_signals, alone, **surface, **window, board, lessons).run();
+    pictures =
+        FrameLoop(options, stop_signals, alone, **surface, **window, board, lessons, std::move(frame_log))
+            .run();
     // close the window at once, because draining may take a while
     window->reset();
     surface->reset();

@@ -30,6 +30,27 @@ double TraineeWindow::lessonTime_s() const {
   return follow_ && follow_->begun() ? follow_->now().time_s : 0;
 }
 
+ShownFrame TraineeWindow::shownFrame() const {
+  ShownFrame frame;
+  frame.stage = state_.stage;
+  const bool in_lesson = state_.stage == Stage::kLesson || state_.stage == Stage::kConcluding;
+  frame.question = asks_to_quit_                              ? ShownQuestion::kQuit
+                   : in_lesson && lesson_screen_.asksForEnd() ? ShownQuestion::kEndLesson
+                                                              : ShownQuestion::kNone;
+  frame.can_begin = !asks_to_quit_ && ((state_.stage == Stage::kStart && start_.canBegin()) ||
+                                       (state_.stage == Stage::kEnd && end_.takesKeys()));
+  frame.lesson = state_.lesson;
+  frame.lesson_s = lessonTime_s();
+  if (follow_ && follow_->begun()) {
+    const Moment& now = follow_->now();
+    frame.depth_m = now.depth_m;
+    frame.plunger = now.plunger;
+    frame.p_WT_m = now.p_WT_m;
+  }
+  if (in_lesson) frame.aim_WT_m = lesson_screen_.aim_W_m().value_or(kNowhere_m);
+  return frame;
+}
+
 // follows a new lesson and its new samples
 void TraineeWindow::follow() {
   if (state_.lesson != lesson_ && state_.beginning) {

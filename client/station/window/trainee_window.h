@@ -7,6 +7,7 @@
 
 #include "client/station/run/lesson_requests.h"
 #include "client/station/window/end_screen.h"
+#include "client/station/window/frame_log.h"
 #include "client/station/window/lesson_board.h"
 #include "client/station/window/lesson_follow.h"
 #include "client/station/window/lesson_screen.h"
@@ -33,6 +34,8 @@ class TraineeWindow {
   [[nodiscard]] const BoardState& shown() const { return state_; }
   /// Returns the lesson time of the newest sample shown, in s.
   [[nodiscard]] double lessonTime_s() const;
+  /// Returns what the last frame showed.
+  [[nodiscard]] ShownFrame shownFrame() const;
 
  private:
   TraineeWindow(LessonBoard& board, LessonRequests& requests, std::unique_ptr<SceneRenderer> renderer,

@@ -5,10 +5,13 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 #include "client/effect_cost/instruction_count.h"
 #include "client/sim/effects_study.h"
 #include "client/sim/tools/gnuplot.h"
+#include "common/base/csv.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
@@ -44,6 +47,73 @@ TEST(MarginalCosts, areNotCountedWhereACountIsMissing) {
   const auto costs = marginalCosts({cost(0, 7), cost(1, 9, 130)});
   ASSERT_EQ(costs.size(), 1u);
   EXPECT_FALSE(costs[0].instructions);
+}
+
+// By words, since columns only add blanks between them.
+std::vector<std::string> wordsOf(const std::string& line) {
+  std::istringstream text(line);
+  std::vector<std::string> words;
+  for (std::string word; text >> word;) words.push_back(word);
+  return words;
+}
+
+std::vector<std::string> linesOf(const std::string& text) {
+  std::istringstream all(text);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(all, line);) lines.push_back(line);
+  return lines;
+}
+
+// "x" at the effects of the set, "." at the others
+std::vector<std::string> marksOf(EffectMask effects) {
+  std::vector<std::string> marks;
+  for (const EffectEntry* effect : effectEntries())
+    marks.emplace_back((effects & bitOf(effect->effect)) != 0 ? "x" : ".");
+  return marks;
+}
+
+std::vector<std::string> joined(std::vector<std::string> first, const std::vector<std::string>& then) {
+  first.insert(first.end(), then.begin(), then.end());
+  return first;
+}
+
+TEST(EffectsTable, hasTheSetsFromTheCheapestOnAndWhatEachEffectAdds) {
+  constexpr EffectMask kCut = bitOf(Effect::kCutting), kClamp = bitOf(Effect::kClamping);
+  std::vector<EffectSetCost> sets = {cost(kCut | kClamp, 15.04, 190.21), cost(kCut, 9, 130), cost(0, 7, 100),
+                                     cost(kClamp, 10)};
+  sets[0].timing.p99_ns = 20;
+  sets[0].timing.batches = 400;
+  sets[0].timing.per_batch = 64;
+  const auto lines = linesOf(effectsTable(sets));
+  ASSERT_EQ(lines.size(), 11u);
+  EXPECT_EQ(wordsOf(lines[1]), joined(marksOf(0), {"7.0", "0.0", "0.0", "100.0"}));
+  EXPECT_EQ(wordsOf(lines[2]), joined(marksOf(kCut), {"9.0", "0.0", "2.0", "130.0"}));
+  EXPECT_EQ(wordsOf(lines[3]), joined(marksOf(kClamp), {"10.0", "0.0", "3.0", "-"}));
+  EXPECT_EQ(wordsOf(lines[4]), joined(marksOf(kCut | kClamp), {"15.0", "20.0", "8.0", "190.2"}));
+  EXPECT_EQ(lines[5], "");
+  EXPECT_EQ(lines[6], "what an effect adds, over all pairs of sets that differ in it only");
+  // cutting: 9 − 7 and 15.04 − 10; clamping: 10 − 7 and 15.04 − 9; a count is missing in a pair of both
+  EXPECT_EQ(wordsOf(lines[8]), (std::vector<std::string>{"cutting", "3.5", "2.0", "5.0", "-"}));
+  EXPECT_EQ(wordsOf(lines[9]), (std::vector<std::string>{"clamping", "4.5", "3.0", "6.0", "-"}));
+  EXPECT_THAT(lines[10], HasSubstr("median and p99 of 400 batches of 64 ticks"));
+}
+
+TEST(EffectsTable, itsFilesHaveTheSameNumbers) {
+  constexpr EffectMask kCut = bitOf(Effect::kCutting);
+  const TempFolder folder;
+  const std::string path = std::getenv("PATH");
+  ::setenv("PATH", folder.path().c_str(), 1);  // no gnuplot
+  const Status drawn = drawEffects({cost(kCut, 9.25), cost(0, 7.5)}, folder.path());
+  ::setenv("PATH", path.c_str(), 1);
+  ASSERT_TRUE(drawn.ok()) << drawn.error().message;
+  const auto sets =
+      readCsv(folder.path() / "effects.csv", {"place", "count", "median_ns", "p99_ns", "cutting"});
+  ASSERT_TRUE(sets.ok()) << sets.error().message;
+  EXPECT_EQ(sets->columns, (std::vector<std::vector<double>>{{1, 2}, {0, 1}, {7.5, 9.25}, {0, 0}, {0, 1}}));
+  std::ifstream file(folder.path() / "effects_marginal.csv");
+  std::stringstream text;
+  text << file.rdbuf();
+  EXPECT_EQ(text.str(), "place,mean_ns,least_ns,most_ns,effect\n0,1.75,1.75,1.75,cutting\n");
 }
 
 TEST(EffectsCommand, givesOneRowForEachSet) {

@@ -377,6 +377,52 @@ TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 
+// Without the check, the one that is written last would replace the other, and the exit code would be 0.
+TEST(EveryCommand, refusesAJsonFileThatIsOneOfItsTablesOrPictures) {
+  const struct {
+    std::vector<std::string> arguments;  // the folder's option is the last one
+    std::vector<std::string> names;
+  } commands[] = {
+      {{"figures", "--out"}, {"fig07.csv", "fig09.png", "fig11.csv", "fig11.png"}},
+      {{"effects", "--no-instructions", "--out"}, {"effects.csv", "effects_marginal.csv", "effects.png"}},
+      {{"skill", "--trainees", "4", "--attempts", "1", "--exercises", "1", "--pictures"},
+       {"skill.csv", "skill.png"}},
+      {{"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
+       {"stability.dat", "stability.png", "stability-holds.csv", "stiffness_limits.json",
+        "stiffness_beyond.png"}},
+      {{"accuracy", "--study", "live", "--out"}, {"accuracy.csv"}}};
+  for (const auto& command : commands)
+    for (const std::string& name : command.names) {
+      const test::TempFolder folder;
+      auto line = command.arguments;
+      const std::string json = (folder.path() / name).string();
+      line.insert(line.end(), {folder.path().string(), "--json", json});
+      const auto outcome = sim(line);
+      EXPECT_EQ(outcome.code, 2) << line.front() << " " << name;
+      EXPECT_THAT(outcome.err, HasSubstr("--json " + json)) << line.front();
+      EXPECT_EQ(outcome.out, "") << "it worked before it refused: " << line.front();
+      EXPECT_TRUE(std::filesystem::is_empty(folder.path())) << line.front() << " " << name;
+    }
+}
+
+TEST(EveryCommand, refusesAJsonFileInNoFolderBeforeTheWork) {
+  const std::vector<std::vector<std::string>> lines = {
+      {"figures", "--out"},
+      {"effects", "--no-instructions", "--out"},
+      {"skill", "--trainees", "4", "--attempts", "1", "--exercises", "1", "--pictures"},
+      {"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
+      {"accuracy", "--study", "live", "--out"}};
+  for (auto line : lines) {
+    const test::TempFolder folder;
+    const std::string json = (folder.path() / "none" / "rows.json").string();
+    line.insert(line.end(), {folder.path().string(), "--json", json});
+    const auto outcome = sim(line);
+    EXPECT_EQ(outcome.code, 2) << line.front();
+    EXPECT_THAT(outcome.err, HasSubstr("--json " + json)) << line.front();
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path())) << line.front();
+  }
+}
+
 // a warning, with the numbers
 TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
   const test::TempFolder folder;

@@ -55,6 +55,8 @@ TEST(StabilityCommand, aModelThatACaseSaysNothingAboutIsSaidToBeSo) {
   EXPECT_EQ(row.at("applicable"), false);
   for (const char* field : {"finite", "measured", "limit", "passed", "verdict"})
     EXPECT_TRUE(row.at(field).is_null()) << field;
+  EXPECT_THAT(sim({"stability", "--case", "creep_then_stop", "--model", "DIRECT"}).out,
+              HasSubstr("\nNothing was judged: these cases say nothing about these models.\n"));
 }
 
 TEST(StabilityCommand, aWallThatIsNotStableIsAFailure) {

@@ -49,6 +49,7 @@ TEST(Script, faultsAreNamedByLine) {
         Row{"compare a b sideways", "alignments are depth, dtw and time"}, Row{"loop 3", "loop FROM TO"},
         Row{"loop off 3", "'off' is no number"}, Row{"latency soon", "'soon' is no number"},
         Row{"wait-live", "it is written: wait-live N"}, Row{"wait-live on", "'on' is no number"},
+        Row{"wait-replay", "it is written: wait-replay SECONDS"}, Row{"wait-replay on", "'on' is no number"},
         Row{"quit now", "it is written: quit"}}) {
     const auto script = parseScript(row.text, "tour");
     ASSERT_FALSE(script.ok()) << row.text;

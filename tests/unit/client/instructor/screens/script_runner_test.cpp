@@ -50,6 +50,10 @@ TEST_F(ScriptRunnerTest, liveFramesAreCountedFromTheActionOn) {
   EXPECT_GE(lab_->live()->latency().count(), before + 4);
 }
 
+TEST_F(ScriptRunnerTest, aReplayIsWaitedForOnlyWhereOneIs) {
+  EXPECT_THAT(script("wait-replay 1").error().message, HasSubstr("replay one first"));
+}
+
 TEST_F(ScriptRunnerTest, aFilterReplacesTheOneBeforeAndShowsTheLab) {
   (void)server_.addStation("bench-1");
   (void)server_.addStation("bench-2");

@@ -4,11 +4,13 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <functional>
 
 #include "client/device/simulated_device.h"
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/station/run/calibrate.h"
 #include "client/station/run/self_test.h"
+#include "tests/support/device_world.h"
 #include "tests/support/virtuose_standin/control.h"
 #include "tests/unit/client/station/run/fake_loop.h"
 
@@ -29,32 +31,33 @@ bool noForce(const StandinState& state) {
   return true;
 }
 
-/// The stand-in's time advances with the loop's ticks, and the test checks its last command in each tick.
+/// The stand-in's time advances with the loop's ticks, in a simulated world, and the test checks its last
+/// command in each tick.
 class StandinClock final : public TimeSource {
  public:
   explicit StandinClock(Standin& standin) : standin_(standin) {}
-  std::int64_t nowNs() noexcept override { return now_ns_; }
+  std::int64_t nowNs() noexcept override { return world.nowNs(); }
+  // the loop wakes: the world's time has come there already
   void sleepUntilNs(std::int64_t due_ns) noexcept override {
     if (!noForce(standin_.state())) ++forces;
-    standin_.advance(static_cast<double>(due_ns - now_ns_) * 1e-9);
-    now_ns_ = due_ns;
+    standin_.advance(static_cast<double>(due_ns - standin_ns_) * 1e-9);
+    standin_ns_ = due_ns;
   }
+  DeviceWorld world;
   int forces = 0;
 
  private:
   Standin& standin_;
-  std::int64_t now_ns_ = 0;
+  std::int64_t standin_ns_ = world.nowNs();
 };
 
-/// The self-test's facts about the stand-in after so long, and what it says meanwhile.
-SelfTestFacts measured(StandinClock& clock, double seconds, std::vector<std::string>& said) {
-  auto device = standinDevice();
+DeviceFacts measure(
+    Device& device, StandinClock& clock, double seconds,
+    const std::function<void(const std::string&)>& log = [](const std::string&) {}) {
+  DeviceTestSettings settings;
+  settings.seconds = seconds;
   bool stopped = false;
-  SelfTestFacts facts;
-  facts.device = measureDevice(
-      device, clock, RtOptions{}, seconds, noSignals(), [&](const auto& text) { said.push_back(text); },
-      stopped);
-  return facts;
+  return measureDevice(device, clock, settings, noSignals(), log, stopped, clock.world, clock.world);
 }
 
 const Check& checkNamed(const std::vector<Check>& checks, const std::string& name) {
@@ -65,9 +68,10 @@ const Check& checkNamed(const std::vector<Check>& checks, const std::string& nam
 
 TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
   Standin standin;
+  auto device = standinDevice();
   StandinClock clock(standin);
-  std::vector<std::string> said;
-  const SelfTestFacts facts = measured(clock, 0.5, said);
+  SelfTestFacts facts;
+  facts.device = measure(device, clock, 0.5);
   EXPECT_EQ(facts.device.trouble, "");
   EXPECT_EQ(facts.device.loop.fresh, 500u) << "every tick of half a second";
   EXPECT_EQ(clock.forces, 0);
@@ -82,9 +86,12 @@ TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
 TEST(BringupVirtuose, selfTestTellsOfThePressedEmergencyStop) {
   Standin standin;
   standin.command("estop press");
+  auto device = standinDevice();
   StandinClock clock(standin);
+  SelfTestFacts facts;
   std::vector<std::string> said;
-  const auto checks = judge(measured(clock, 0.3, said));
+  facts.device = measure(device, clock, 0.3, [&](const std::string& text) { said.push_back(text); });
+  const auto checks = judge(facts);
   EXPECT_EQ(checkNamed(checks, "condition").verdict, Verdict::kFailed);
   EXPECT_THAT(checkNamed(checks, "device says").found, HasSubstr("emergency stop"));
   EXPECT_EQ(said.size(), 1u);
@@ -93,9 +100,11 @@ TEST(BringupVirtuose, selfTestTellsOfThePressedEmergencyStop) {
 TEST(BringupVirtuose, selfTestSaysThatTheServiceIsAway) {
   Standin standin;
   standin.command("daemon 0");
+  auto device = standinDevice();
   StandinClock clock(standin);
-  std::vector<std::string> said;
-  const auto checks = judge(measured(clock, 0.3, said));
+  SelfTestFacts facts;
+  facts.device = measure(device, clock, 0.3);
+  const auto checks = judge(facts);
   EXPECT_EQ(checkNamed(checks, "device").verdict, Verdict::kFailed);
   EXPECT_THAT(checkNamed(checks, "device").found, HasSubstr("service"));
 }
@@ -127,7 +136,8 @@ TEST(BringupVirtuose, calibrationFindsTheTipWithoutForce) {
   settings.settle_s = 1;
   settings.seconds = settings.enough_s = 20;
   settings.real_time = false;
-  const auto found = calibrateTip(device, clock, settings, noSignals(), [](const auto&) {});
+  const auto found = calibrateTip(
+      device, clock, settings, noSignals(), [](const auto&) {}, clock.world, clock.world);
   ASSERT_TRUE(found.ok()) << found.error().message;
   EXPECT_EQ(pivotTrouble(found->fit), "");
   EXPECT_LT(norm(found->fit.p_HT_m - motion.X_HT.p), 3e-4);

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <csignal>
 #include <nlohmann/json.hpp>
 
 #include "client/device/pose_option.h"
@@ -9,13 +10,18 @@
 #include "common/base/csv.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
+#include "tests/support/blocked_signals.h"
+#include "tests/support/device_world.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/station/run/fake_loop.h"
 
 namespace needlelab {
 namespace {
 
+using test::BlockedSignals;
+using test::DeviceWorld;
 using test::FakeDevice;
+using test::kMs;
 using testing::HasSubstr;
 
 // Plays a pivot motion and stores the commands written to it.
@@ -28,11 +34,12 @@ std::unique_ptr<FakeDevice> pivoting(const PivotMotion& motion) {
 
 Result<Calibration> calibrate(Device& device, CalibrationSettings settings,
                               std::vector<CalibrationProgress>* progress = nullptr) {
-  ImpatientClock clock;
+  DeviceWorld world;
   settings.real_time = false;
-  return calibrateTip(device, clock, settings, noSignals(), [&](const CalibrationProgress& now) {
+  const auto follow = [&](const CalibrationProgress& now) {
     if (progress != nullptr) progress->push_back(now);
-  });
+  };
+  return calibrateTip(device, world, settings, noSignals(), follow, world, world);
 }
 
 TEST(Calibrate, findsTheTipAndWritesNothingButZeroForce) {
@@ -47,9 +54,50 @@ TEST(Calibrate, findsTheTipAndWritesNothingButZeroForce) {
   // every tick was answered, with no force
   EXPECT_EQ(device->writes.size(), device->reads + 1);
   for (const Wrench& wrench : device->writes) EXPECT_EQ(wrench, Wrench{});
-  ASSERT_FALSE(progress.empty());
   EXPECT_EQ(progress.back().poses, found->fit.samples);
   EXPECT_GT(progress.back().spread, kLeastSpread);
+}
+
+// The first tick is due 2 ms after the beginning, the owner looks every 50 ms; at a time that both have, the
+// tick comes first.
+TEST(Calibrate, endsAtTheFirstLookThatIsLateAndWideEnough) {
+  auto device = pivoting({});
+  CalibrationSettings settings;
+  settings.settle_s = 1;
+  settings.enough_s = 4;
+  std::vector<CalibrationProgress> progress;
+  const auto found = calibrate(*device, settings, &progress);
+  ASSERT_TRUE(found.ok()) << found.error().message;
+  ASSERT_GT(progress.size(), 2u);
+  // the last one is said after the end
+  const std::size_t looks = progress.size() - 1;
+  for (std::size_t i = 0; i < looks; ++i) {
+    const CalibrationProgress& now = progress[i];
+    const auto ticks = 50 * (i + 1) - 1;
+    EXPECT_NEAR(now.t_s, 1e-3 * static_cast<double>(ticks) - settings.settle_s, 1e-9);
+    EXPECT_EQ(now.poses, ticks > 1000 ? ticks - 1000 : 0);
+    const bool enough = now.t_s >= settings.enough_s && now.spread >= 2 * kLeastSpread;
+    EXPECT_EQ(enough, i + 1 == looks) << now.t_s << " s, " << now.spread;
+  }
+  // one more tick, in which the loop learns it
+  EXPECT_EQ(device->reads, 50 * looks);
+  EXPECT_EQ(found->fit.samples, 50 * looks - 1000);
+}
+
+TEST(Calibrate, aSignalEndsItAndNothingIsFound) {
+  const BlockedSignals blocked{SIGTERM};
+  auto device = pivoting({});
+  DeviceWorld world;
+  world.at(world.nowNs() + 120 * kMs, [] { ::raise(SIGTERM); });
+  CalibrationSettings settings;
+  settings.real_time = false;
+  const auto found = calibrateTip(
+      *device, world, settings, blocked.set(), [](const auto&) {}, world, world);
+  ASSERT_FALSE(found.ok());
+  EXPECT_EQ(found.error().code, ErrorCode::kFailed);
+  EXPECT_THAT(found.error().message, HasSubstr("stopped"));
+  EXPECT_EQ(device->reads, 150u) << "seen at the look at 150 ms, ended at the tick behind it";
+  for (const Wrench& wrench : device->writes) EXPECT_EQ(wrench, Wrench{});
 }
 
 TEST(Calibrate, whatComesWhileTheTipGoesIntoTheDimpleIsNotUsed) {

@@ -117,6 +117,7 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
       {{"--profile", "p", "--screenshot", "a.png", "--at", "-1"}, "-1"},
       {{"--profile", "p", "--screenshot", "a.png", "--at", "nan"}, "nan"},
       {{"--profile", "p", "--screenshot", "p", "--at", "1"}, "--screenshot"},
+      {{"--profile", "p", "--frame-log", "p"}, "--frame-log"},
       {{"--profile", "p", "--window", "1280"}, "--window"},
       {{"--profile", "p", "--window", "1280x72x"}, "--window"},
       {{"--profile", "p", "--window", "100x100"}, "640x360"},
@@ -186,8 +187,9 @@ TEST(StationOptions, aWindowNeedsNeitherExerciseNorTraineeBecauseItAsks) {
 
 TEST(StationOptions, theWindowsSizeLettersAndPictures) {
   const auto outcome =
-      parse({"--profile", "p", "--window", "1600x900", "--font-scale", "1.5", "--screenshot", "a.png", "--at",
-             "2.5", "--screenshot", "b.png", "--at", "end", "--screenshot", "c.png", "--at", "start"});
+      parse({"--profile",    "p",     "--window", "1600x900",     "--font-scale", "1.5",       "--screenshot",
+             "a.png",        "--at",  "2.5",      "--screenshot", "b.png",        "--at",      "end",
+             "--screenshot", "c.png", "--at",     "start",        "--frame-log",  "frames.csv"});
   ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
   const WindowOptions& window = outcome.parsed.options.window;
   EXPECT_TRUE(window.size_given);
@@ -200,6 +202,7 @@ TEST(StationOptions, theWindowsSizeLettersAndPictures) {
   EXPECT_EQ(window.pictures[0].at_s, 2.5);
   EXPECT_EQ(window.pictures[1].when, PictureRequest::When::kEnd);
   EXPECT_EQ(window.pictures[2].when, PictureRequest::When::kStart);
+  EXPECT_EQ(window.frame_log, "frames.csv");
   EXPECT_EQ(parse({"--profile", "p"}).parsed.options.window.font_scale, std::nullopt) << "as it was left";
 }
 

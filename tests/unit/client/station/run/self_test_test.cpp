@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <csignal>
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -11,14 +12,18 @@
 #include "client/station/run/self_test.h"
 #include "common/base/program.h"
 #include "common/haptics/device_condition.h"
+#include "tests/support/blocked_signals.h"
+#include "tests/support/device_world.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/station/run/fake_loop.h"
 
 namespace needlelab {
 namespace {
 
+using test::BlockedSignals;
+using test::DeviceWorld;
 using test::FakeDevice;
-using test::FakeTime;
+using test::kMs;
 using testing::HasSubstr;
 
 // A computer, a device and a server without faults.
@@ -230,7 +235,26 @@ TEST(RestNoise, aKnockDoesNotCount) {
   EXPECT_NEAR(restNoise_m(samples), 1e-5 * std::sqrt(3.0), 1e-6);
 }
 
-TEST(SelfTestDevice, getsNothingButZeroForceWhateverItReports) {
+// Each loop's first tick is due 2 ms after its beginning, the owner looks every 50 ms; at a time that both
+// have, the tick comes first.
+class SelfTestDeviceTest : public testing::Test {
+ protected:
+  DeviceFacts measure(FakeDevice& device, double seconds, double patience_s = 15) {
+    DeviceTestSettings settings;
+    settings.seconds = seconds;
+    settings.patience_s = patience_s;
+    const auto log = [](const std::string&) {};
+    return measureDevice(device, world_, settings, blocked_.set(), log, stopped_, world_, world_);
+  }
+  [[nodiscard]] std::int64_t sinceBeginning_ms() { return (world_.nowNs() - begun_ns_) / kMs; }
+
+  const BlockedSignals blocked_{SIGTERM};
+  DeviceWorld world_;
+  const std::int64_t begun_ns_ = world_.nowNs();
+  bool stopped_ = true;
+};
+
+TEST_F(SelfTestDeviceTest, getsNothingButZeroForceWhateverItReports) {
   // A device that becomes ready after 50 readings, then jumps around and reports a fault twice in 800.
   FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
     reading.condition = 0;
@@ -240,13 +264,18 @@ TEST(SelfTestDevice, getsNothingButZeroForceWhateverItReports) {
     reading.speed_mps = 3;
     return tick % 7 == 0 ? DeviceRead::kNoUpdate : DeviceRead::kFresh;
   });
-  FakeTime clock;
-  bool stopped = true;
-  const auto facts = measureDevice(
-      device, clock, RtOptions{}, 0.8, noSignals(), [](const auto&) {}, stopped);
-  EXPECT_FALSE(stopped);
+  const auto facts = measure(device, 0.8);
+  EXPECT_FALSE(stopped_);
   EXPECT_EQ(facts.trouble, "");
+  EXPECT_TRUE(facts.realtime.empty()) << "an ordinary thread was asked for";
+  // not ready at 50 ms, ready at 100 ms: ends with the 100th reading, seen at 150 ms
+  EXPECT_EQ(device.reads, 900u);
   EXPECT_EQ(facts.loop.ran, 800u);
+  EXPECT_EQ(facts.loop.missed, 0u);
+  // ticks 100 to 899, of which 105, 112 … 896 bring nothing new
+  EXPECT_EQ(facts.loop.fresh, 800u - 114u);
+  EXPECT_EQ(facts.loop.longest_silence, 1u);
+  EXPECT_EQ(sinceBeginning_ms(), 1000) << "800 ticks from 152 ms on, the end seen at the next look";
   const auto ticksOf = [&](std::uint32_t bit) {
     return facts.loop.condition_ticks[static_cast<std::size_t>(std::countr_zero(bit))];
   };
@@ -254,8 +283,34 @@ TEST(SelfTestDevice, getsNothingButZeroForceWhateverItReports) {
   EXPECT_EQ(ticksOf(kDeviceEmergencyStop), 40u);
   EXPECT_NEAR(facts.moved_m, 0.1, 0.02);
   EXPECT_EQ(facts.loop.greatest_speed_mps, 3);
-  EXPECT_GE(device.writes.size(), device.reads);
+  // each reading is answered, and each of the two loops ends with one more
+  EXPECT_EQ(device.writes.size(), 902u);
   for (const Wrench& wrench : device.writes) ASSERT_EQ(wrench, Wrench{});
+}
+
+TEST_F(SelfTestDeviceTest, isMeasuredAsItIsWhenThePatienceIsOver) {
+  FakeDevice device([](std::uint64_t, DeviceReading& reading) {
+    reading.condition = kDeviceNotReady;
+    return DeviceRead::kFresh;
+  });
+  const auto facts = measure(device, 0.1, 0.2);
+  EXPECT_FALSE(stopped_);
+  EXPECT_EQ(device.reads, 300u);
+  EXPECT_EQ(facts.loop.ran, 100u);
+  EXPECT_EQ(facts.loop.condition_ticks[30], 100u) << "kDeviceNotReady";
+}
+
+TEST_F(SelfTestDeviceTest, aSignalWhileItBecomesReadyEndsTheTest) {
+  FakeDevice device([](std::uint64_t, DeviceReading& reading) {
+    reading.condition = kDeviceNotReady;
+    return DeviceRead::kFresh;
+  });
+  world_.at(begun_ns_ + 120 * kMs, [] { ::raise(SIGTERM); });
+  const auto facts = measure(device, 5);
+  EXPECT_TRUE(stopped_);
+  EXPECT_EQ(device.reads, 150u) << "seen at the look at 150 ms, ended at the tick behind it";
+  EXPECT_EQ(facts.loop.ran, 0u);
+  EXPECT_EQ(sinceBeginning_ms(), 200);
 }
 
 TEST(SelfTestMachine, sampleScenesAreAllStepped) {

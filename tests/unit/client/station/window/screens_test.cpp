@@ -2,6 +2,8 @@
 // keys and buttons.
 #include <gmock/gmock.h>
 
+#include <cmath>
+
 #include "client/station/run/local_score.h"
 #include "common/haptics/device_condition.h"
 #include "common/scoring/measures.h"
@@ -292,11 +294,14 @@ TEST_F(TraineeScreens, whatInstructorsSayAndWant) {
 TEST_F(TraineeScreens, escapeAsksAndEnterEnds) {
   showLesson(1);
   picture();
+  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
   press(screen(), GLFW_KEY_ESCAPE);
   picture(2);
+  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kEndLesson);
   EXPECT_FALSE(requests_.takeStop());
   press(screen(), GLFW_KEY_ESCAPE);
   picture(2);
+  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
   press(screen(), GLFW_KEY_ENTER);
   EXPECT_FALSE(requests_.takeStop()) << "it was called off";
   press(screen(), GLFW_KEY_ESCAPE);
@@ -328,6 +333,7 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   picture(2);
   ASSERT_TRUE(steering_->fetch(request));
   EXPECT_NEAR(request.X_WT.p.z, 0.03 - 3 * PointerSteering::kWheel_m, 1e-9);
+  EXPECT_EQ(window_->shownFrame().aim_WT_m, request.X_WT.p);
   // W for ten frames of 1/30 s
   surface_->setKey(GLFW_KEY_W, true);
   picture(10);
@@ -388,6 +394,7 @@ TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
   picture();
   window_->askToQuit();
   picture(2);
+  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kQuit);
   press(screen(), GLFW_KEY_ESCAPE);
   EXPECT_FALSE(requests_.takeStop());
   EXPECT_FALSE(board_.requestWaits()) << "it was called off";
@@ -397,6 +404,37 @@ TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
   press(screen(), GLFW_KEY_ENTER);
   EXPECT_TRUE(requests_.takeStop());
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
+}
+
+TEST_F(TraineeScreens, theFrameLogSaysWhichSampleIsShownAndWhenALessonCanBegin) {
+  showStart();
+  picture(2);
+  EXPECT_EQ(window_->shownFrame().stage, Stage::kStart);
+  EXPECT_TRUE(window_->shownFrame().can_begin);
+  askForCode(false);
+  picture(2);
+  EXPECT_FALSE(window_->shownFrame().can_begin) << "the code is missing";
+  EXPECT_TRUE(std::isnan(window_->shownFrame().p_WT_m.x));
+  showLesson(1);
+  picture();
+  const ShownFrame frame = window_->shownFrame();
+  const GestureSample& last = sample_.samples[999];
+  EXPECT_EQ(frame.stage, Stage::kLesson);
+  EXPECT_FALSE(frame.can_begin);
+  EXPECT_EQ(frame.lesson, 1u);
+  EXPECT_NEAR(frame.lesson_s, 1e-3 * static_cast<double>(last.tick), 1e-12);
+  EXPECT_EQ(frame.p_WT_m, (Vec3{last.p_WT_m[0], last.p_WT_m[1], last.p_WT_m[2]}));
+  EXPECT_EQ(frame.plunger, last.plunger);
+  EXPECT_TRUE(std::isnan(frame.aim_WT_m.x)) << "the hand is not steered";
+  // 0.7 s of frames of 1/30 s
+  showEnd(false);
+  picture(1);
+  EXPECT_EQ(window_->shownFrame().stage, Stage::kEnd);
+  EXPECT_FALSE(window_->shownFrame().can_begin);
+  picture(20);
+  EXPECT_FALSE(window_->shownFrame().can_begin);
+  picture(2);
+  EXPECT_TRUE(window_->shownFrame().can_begin);
 }
 
 TEST_F(TraineeScreens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
