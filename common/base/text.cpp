@@ -140,6 +140,12 @@ bool isUtf8(std::string_view text) {
   return true;
 }
 
+std::size_t countCharacters(std::string_view text) {
+  // all bytes but those that continue a character
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
+}
+
 std::string printable(std::string_view text) {
   std::string out(text);
   const bool utf8 = std::find(out.begin(), out.end(), '\0') == out.end() && isUtf8(out);

@@ -22,6 +22,9 @@ inline constexpr std::string_view kGuestName = "guest";
 
 /// UTF-8 without overlong forms, surrogates or NUL.
 bool isUtf8(std::string_view text);
+/// The characters of UTF-8 text, for the width of columns: "µm" has two, in three bytes. Combining characters
+/// count as others.
+std::size_t countCharacters(std::string_view text);
 
 /// Makes untrusted text safe for a terminal and for a message: replaces control characters and invalid UTF-8
 /// by '?', and writes hidden characters as showHidden does.

@@ -15,11 +15,6 @@ namespace {
 
 constexpr double kPoint_px = 8;  // half the width of a point's own box
 
-std::size_t letters(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0u) != 0x80u; }));
-}
-
 PixelBox around(PixelPoint centre, double width, double height) {
   return {centre.x - width / 2, centre.y - height / 2, centre.x + width / 2, centre.y + height / 2};
 }
@@ -94,7 +89,7 @@ std::vector<LegendEntry> legendOf(const Panel& panel, double width_px) {
   double left = 6;
   std::size_t line = 0;
   for (const std::string& name : panel.series) {
-    const double width = 36 + kLetter_px * static_cast<double>(letters(name));
+    const double width = 36 + kLetter_px * static_cast<double>(countCharacters(name));
     if (left > 6 && left + width > width_px) {
       left = 6;
       ++line;
@@ -297,7 +292,7 @@ std::vector<PlacedLabel> placeLabels(const std::vector<PixelPoint>& points,
 
   std::vector<PlacedLabel> placed;
   const auto place = [&](std::size_t i, bool may_cover_lines) {
-    const double width = space.letter_px * static_cast<double>(letters(labels[i])), height = space.line_px;
+    const double width = space.letter_px * static_cast<double>(countCharacters(labels[i])), height = space.line_px;
     for (std::size_t g = 0; g < kGaps_px.size(); ++g)
       for (const PixelPoint& side : kSides) {
         const double reach = kPoint_px + 1 + kGaps_px[g];

@@ -11,6 +11,7 @@
 #include "client/sim/accuracy/panel_layout.h"
 #include "client/sim/accuracy/recommendation.h"
 #include "common/base/program.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -20,12 +21,6 @@ std::string number(const std::optional<double>& value, double scale = 1) {
   // %g switches to powers of ten above 999: keep a table's numbers plain
   return std::abs(*value * scale) >= 1000 ? fmt::format("{:.0f}", *value * scale)
                                           : fmt::format("{:.3g}", *value * scale);
-}
-
-// letters, not bytes: µ has two
-std::size_t letters(std::string_view text) {
-  return static_cast<std::size_t>(std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0u) != 0x80u; }));
 }
 
 struct Column {
@@ -77,13 +72,13 @@ void appendTable(std::string& out, const Cells& cells) {
   for (std::size_t c = 0; c < cells.size(); ++c) {
     if (std::all_of(cells[c].begin(), cells[c].end(), [](const std::string& s) { return s.empty(); }))
       continue;
-    std::size_t width = letters(columns()[c].title);
-    for (const std::string& cell : cells[c]) width = std::max(width, letters(cell));
+    std::size_t width = countCharacters(columns()[c].title);
+    for (const std::string& cell : cells[c]) width = std::max(width, countCharacters(cell));
     // texts to the left, numbers to the right
     const bool left = c == 0 || c + 2 >= cells.size();
     for (std::size_t r = 0; r <= rows; ++r) {
       const std::string cell = r == 0 ? columns()[c].title : cells[c][r - 1];
-      const std::string space(width - letters(cell), ' ');
+      const std::string space(width - countCharacters(cell), ' ');
       lines[r] += "  " + (left ? cell + space : space + cell);
     }
   }
@@ -103,7 +98,7 @@ std::string wrapped(std::string_view text, std::size_t width, std::string_view i
     const std::string_view word = text.substr(0, end);
     text.remove_prefix(std::min(end + 1, text.size()));
     if (word.empty()) continue;
-    if (!empty && letters(line) + 1 + letters(word) > width) {
+    if (!empty && countCharacters(line) + 1 + countCharacters(word) > width) {
       out += line + "\n";
       line = indent;
       empty = true;

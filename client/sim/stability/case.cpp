@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/base/text.h"
+
 namespace needlelab {
 
 std::string_view verdictText(Verdict verdict) {
@@ -152,8 +154,7 @@ nlohmann::ordered_json orNull(std::optional<double> value) {
 
 // `text` in a column of `width`, by characters and not by bytes
 std::string padded(const std::string& text, std::size_t width) {
-  const auto letters = static_cast<std::size_t>(std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+  const std::size_t letters = countCharacters(text);
   return text + std::string(letters < width ? width - letters : 1, ' ');
 }
 

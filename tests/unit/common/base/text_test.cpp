@@ -7,6 +7,12 @@
 namespace needlelab {
 namespace {
 
+TEST(TextRules, charactersAreCountedNotBytes) {
+  const std::pair<std::string_view, std::size_t> counts[] = {
+      {"", 0}, {"force", 5}, {"\u00b5m", 2}, {"N\u00b7m", 3}, {"\u2264 4 \u20ac", 5}, {"\U0001f489", 1}};
+  for (const auto& [text, characters] : counts) EXPECT_EQ(countCharacters(text), characters) << text;
+}
+
 TEST(TextRules, utf8IsToldFromOtherBytes) {
   for (const std::string_view good : {"", "abc", "é", "漢字", "🙂", "\x7f", "\xf4\x8f\xbf\xbf"})
     EXPECT_TRUE(isUtf8(good)) << good;

@@ -3,14 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "tests/unit/common/haptics/probe.h"
 
 namespace needlelab::test {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 TEST(Contact, entryPointIsWhereTheDepthIsZeroBetweenTwoTicks) {
   const SceneSpec scene = paperSixLayers();

@@ -10,8 +10,6 @@
 namespace needlelab::test {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
-
 SceneSpec tiltScene(double stiffness = 0.5, double most = 5) {
   SceneSpec scene = withEffects(paperOneDof(), bitOf(Effect::kOrientationLimit));
   scene.orientation_limit = {stiffness, most};

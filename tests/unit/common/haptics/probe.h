@@ -2,10 +2,13 @@
 #pragma once
 
 #include <cmath>
+#include <numbers>
 
 #include "tests/unit/common/haptics/runs.h"
 
 namespace needlelab::test {
+
+inline constexpr double kDegree = std::numbers::pi / 180;
 
 /// The needle at a site. Coordinates are the depth along the site's inward direction and two lateral
 /// distances.
