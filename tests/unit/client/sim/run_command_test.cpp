@@ -395,11 +395,11 @@ TEST(EveryCommand, refusesAJsonFileThatIsOneOfItsTablesOrPictures) {
     for (const std::string& name : command.names) {
       const test::TempFolder folder;
       auto line = command.arguments;
-      const std::string json = (folder.path() / name).string();
-      line.insert(line.end(), {folder.path().string(), "--json", json});
+      const std::string tables = (folder.path() / name).string();
+      line.insert(line.end(), {folder.path().string(), "--json", tables});
       const auto outcome = sim(line);
       EXPECT_EQ(outcome.code, 2) << line.front() << " " << name;
-      EXPECT_THAT(outcome.err, HasSubstr("--json " + json)) << line.front();
+      EXPECT_THAT(outcome.err, HasSubstr("--json " + tables)) << line.front();
       EXPECT_EQ(outcome.out, "") << "it worked before it refused: " << line.front();
       EXPECT_TRUE(std::filesystem::is_empty(folder.path())) << line.front() << " " << name;
     }
@@ -414,11 +414,11 @@ TEST(EveryCommand, refusesAJsonFileInNoFolderBeforeTheWork) {
       {"accuracy", "--study", "live", "--out"}};
   for (auto line : lines) {
     const test::TempFolder folder;
-    const std::string json = (folder.path() / "none" / "rows.json").string();
-    line.insert(line.end(), {folder.path().string(), "--json", json});
+    const std::string tables = (folder.path() / "none" / "rows.json").string();
+    line.insert(line.end(), {folder.path().string(), "--json", tables});
     const auto outcome = sim(line);
     EXPECT_EQ(outcome.code, 2) << line.front();
-    EXPECT_THAT(outcome.err, HasSubstr("--json " + json)) << line.front();
+    EXPECT_THAT(outcome.err, HasSubstr("--json " + tables)) << line.front();
     EXPECT_TRUE(std::filesystem::is_empty(folder.path())) << line.front();
   }
 }
