@@ -28,6 +28,7 @@ void PeerConnection::setState(ConnectionState next) {
   logEvent(LogLevel::kDebug, "connection_state",
            {{"conn", id_}, {"from", nameOf(state_)}, {"to", nameOf(next)}});
   state_ = next;
+  if (over()) *gone_ = true;
 }
 
 Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
@@ -141,7 +142,7 @@ bool PeerConnection::busy() const {
   const ConnectionBounds& bounds = context_.bounds;
   return chunks_in_flight_ >= bounds.chunks_in_flight ||
          chunk_bytes_in_flight_ > bounds.chunk_bytes_in_flight ||
-         requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
+         requests_at_work_ >= bounds.requests_at_work;
 }
 
 void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request) {

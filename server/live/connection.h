@@ -1,6 +1,7 @@
 /// A server's connection to one peer, from TLS to the end: its state, role and pending work.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -67,6 +68,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   /// The address without the port.
   [[nodiscard]] std::string peerHost() const;
   [[nodiscard]] const Channel& channel() const { return *channel_; }
+  /// Whether the peer no longer waits for replies: the connection ends.
+  [[nodiscard]] bool gone() const { return *gone_; }
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
 
  private:
@@ -78,7 +81,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     bool open = false;  // here: its close has not been answered on this connection
   };
 
-  /// A request's parts of the budgets.
+  /// A message's parts of the budgets.
   struct Shares {
     std::optional<ByteBudget::Share> decoded;  // of a message that is not small
     std::optional<ByteBudget::Share> reply;    // of a request
@@ -126,7 +129,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void refuseChunk(const pb::Chunk& chunk, const Appended& appended);
   void scheduleAcks();
   void sendAcks();
-  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request);
+  void takeClose(pb::CloseSession request, Shares shares);
+  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request, Shares shares,
+                             StationCloses::Place place);
   void takeClockOffset(const pb::ClockOffset& offset);
   Watermarks& watermarks(const std::string& session_id);
 
@@ -149,6 +154,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::int64_t small_messages_at_ns_ = 0;
   bool told_no_room_ = false;  // in the log
   bool acks_scheduled_ = false;
+  /// gone(), for work on other threads that waits for its turn.
+  const std::shared_ptr<std::atomic<bool>> gone_ = std::make_shared<std::atomic<bool>>(false);
   const std::string address_key_;  // the peer's address as a key (Admission::keyOf)
   bool my_turn_ = false;           // for the handshake; it stays true
   std::map<std::string, Watermarks> sessions_;

@@ -81,6 +81,7 @@ class ConnectionFault : public testing::Test {
                         .logins = pool,
                         .parsers = pool,
                         .workers = pool,
+                        .closers = pool,
                         .views = pool,
                         .slow_workers = pool,
                         .retention_workers = pool,
