@@ -157,11 +157,10 @@ std::string turnNameOf(const Principal& who) {
 
 Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work) {
   using Step = Result<std::optional<CloseOutcome>>;
+  const Error has_gone{ErrorCode::kUnavailable, "who asked has gone"};
   for (;;) {
-    std::function<Step()> piece = [work]() -> Step {
-      if (work.gone()) return Error{ErrorCode::kUnavailable, "who asked has gone"};
-      return work.step();
-    };
+    if (work.gone()) co_return has_gone;
+    std::function<Step()> piece = [work, has_gone]() -> Step { return work.gone() ? has_gone : work.step(); };
     Step done = co_await offload(*context.closes_in_turn, station, std::move(piece));
     if (!done.ok()) co_return done.error();
     if (done->has_value()) co_return std::move(**done);
