@@ -108,6 +108,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .logins = p.logins,
                                   .parsers = p.parsers,
                                   .workers = p.workers,
+                                  .closers = p.closers,
                                   .views = p.views,
                                   .slow_workers = p.slow_workers,
                                   .retention_workers = p.retention_workers,
@@ -178,8 +179,8 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Server::~Server() {
   Parts& p = *parts_;
   // running work posts its results to io, which no longer runs
-  for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.views, &p.slow_workers,
-                                  &p.retention_workers, &p.room_worker})
+  for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.closers, &p.views,
+                                  &p.slow_workers, &p.retention_workers, &p.room_worker})
     pool->join();
   if (p.monitor) p.monitor->join();
   p.store->writer().stop();

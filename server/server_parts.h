@@ -47,7 +47,7 @@ struct Server::Parts {
   std::unique_ptr<Store> store;
   // of the retention threads, one runs retention; the other answers further requests and makes dry runs
   asio::thread_pool passwords{1}, logins{kLoginThreads}, parsers{1}, workers{kWorkerThreads},
-      views{kViewThreads}, slow_workers{kSlowThreads}, retention_workers{2};
+      closers{kCloserThreads}, views{kViewThreads}, slow_workers{kSlowThreads}, retention_workers{2};
   asio::thread_pool room_worker{1};  // looks at the disk, which may hang
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;

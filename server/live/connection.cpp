@@ -146,7 +146,7 @@ bool PeerConnection::busy() const {
   const ConnectionBounds& bounds = context_.bounds;
   return chunks_in_flight_ >= bounds.chunks_in_flight ||
          chunk_bytes_in_flight_ > bounds.chunk_bytes_in_flight ||
-         requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
+         requests_at_work_ >= bounds.requests_at_work;
 }
 
 void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request) {

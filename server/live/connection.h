@@ -85,7 +85,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     bool open = false;  // here: its close has not been answered on this connection
   };
 
-  /// A request's parts of the budgets.
+  /// A message's parts of the budgets.
   struct Shares {
     std::optional<ByteBudget::Share> decoded;  // of a message that is not small
     std::optional<ByteBudget::Share> reply;    // of a request
@@ -133,7 +133,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void refuseChunk(const pb::Chunk& chunk, const Appended& appended);
   void scheduleAcks();
   void sendAcks();
-  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request);
+  void takeClose(pb::CloseSession request, Shares shares);
+  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request, Shares shares,
+                             StationCloses::Place place);
   void takeClockOffset(const pb::ClockOffset& offset);
   Watermarks& watermarks(const std::string& session_id);
 

@@ -174,9 +174,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       break;
     }
     case pb::Envelope::kCloseSession:
-      asio::co_spawn(context_.io,
-                     closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())),
-                     endsAlone(shared_from_this()));
+      takeClose(std::move(*envelope.mutable_close_session()), std::move(shares));
       break;
     case pb::Envelope::kRequest:
       context_.admission.used(id_);
@@ -213,8 +211,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
 
 bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
   // limited by pending work instead: busy()
-  if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest || body == pb::Envelope::kCloseSession)
-    return false;
+  if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest) return false;
   const std::int64_t now = steadyNowNs();
   const double leaked =
       context_.bounds.small_messages_per_s * 1e-9 * static_cast<double>(now - small_messages_at_ns_);

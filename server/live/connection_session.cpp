@@ -278,29 +278,62 @@ void PeerConnection::sendAcks() {
   }
 }
 
-Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request) {
+void PeerConnection::takeClose(pb::CloseSession request, Shares shares) {
+  const std::string& session_id = request.session_id();
+  if (const auto id = uuidOf(session_id); !id.ok()) {
+    refuse(pb::Refusal::INVALID, "close_session." + id.error().message);
+    return;
+  }
+  if (const std::size_t bytes = request.hash().size(); bytes != 0 && bytes != Digest{}.size()) {
+    refuse(sessionRefusal(
+        pb::Refusal::INVALID,
+        fmt::format("close_session.hash has {} bytes, not {} or none", bytes, Digest{}.size()), session_id));
+    return;
+  }
+  if (closing_sessions_.contains(session_id)) return;  // already in progress: one answer serves both
+  // its chunks, messages and requests go on meanwhile: it is refused, and the socket is read
+  auto place = context_.closes.take(who_.name);
+  if (!place) {
+    refuse(sessionRefusal(
+        pb::Refusal::RATE_LIMITED,
+        fmt::format("{} sessions of this station are being closed: close this one a little later",
+                    context_.closes.most()),
+        session_id));
+    return;
+  }
+  closing_sessions_.insert(session_id);
+  request.DiscardUnknownFields();
+  asio::co_spawn(context_.io,
+                 closeSession(shared_from_this(), std::move(request), std::move(shares), std::move(place)),
+                 endsAlone(shared_from_this()));
+}
+
+Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
+                                    Shares shares, StationCloses::Place place) {
   PeerConnection& peer = *self;
   const std::string session_id = request.session_id();
-  if (!peer.closing_sessions_.insert(session_id).second)
-    co_return;  // already in progress: one answer serves both
 
   // wait for earlier chunks: an empty work item completes after all earlier items are committed
   DbWriter::Work nothing = [](Connection&) { return Status{}; };
   const Status committed = co_await commit(peer.context_.store.writer(), std::move(nothing));
   Service& service = peer.context_.store.service();
-  std::function<Result<CloseOutcome>()> work = [&service, request, station = peer.who_.name] {
-    return service.closeSession(request, station);
-  };
+  const auto close = std::make_shared<CloseUnderWay>(CloseUnderWay{std::move(request), peer.who_.name});
+  CloseWork work;
+  work.step = [&service, close] { return service.closeStep(*close); };
+  work.gone = [gone = peer.gone_] { return gone->load(); };
   Result<CloseOutcome> outcome = Error{ErrorCode::kFailed, "not done"};
   if (committed.ok()) {
     outcome = co_await closeInTurn(peer.context_, peer.who_.name, std::move(work));
   } else {
     outcome = committed.error();
   }
+  place.reset();
+  shares.decoded.reset();
   peer.closing_sessions_.erase(session_id);
   peer.freed_.notify();
 
   if (!outcome.ok()) {
+    if (peer.gone()) co_return;  // its station asks again on the next connection
     pb::Refusal refusal = refusalOf(outcome.error());
     refusal.set_session_id(session_id);
     peer.refuse(std::move(refusal));

@@ -28,6 +28,7 @@
 #include "server/live/offload.h"
 #include "server/live/password_pool.h"
 #include "server/live/people_shares.h"
+#include "server/live/station_closes.h"
 #include "server/live/station_quotas.h"
 #include "server/live/tokens.h"
 
@@ -41,6 +42,9 @@ struct ConnectionBounds {
   std::size_t chunk_bytes_in_flight = 8u << 20;
   ChunkBudget::Limits all_chunks_in_flight;  ///< of the whole server
   std::size_t requests_at_work = 8;
+  /// That a station is closing at once, on all its connections; further ones are refused (RATE_LIMITED) and
+  /// come again. A station has two or three: the session before, and old ones one after the other.
+  std::size_t closes_of_station = 8;
   LoginQueue::Settings logins;              ///< of the whole server, that wait for the password check
   std::size_t connections_of_person = 256;  ///< logged in at once
   double small_messages_at_once = 5000;     ///< all but chunks and requests, which have their own limits
@@ -51,7 +55,8 @@ struct ConnectionBounds {
   std::size_t known_sessions = 1024;  ///< whose watermarks are in memory
   /// A message with more bytes to read one by one is parsed on another thread: this takes some 50 µs here.
   std::size_t parsed_here_bytes = 16u << 10;
-  /// A message that becomes no more than this has no part in the budget: `requests_at_work` bounds it.
+  /// A message that becomes no more than this has no part in the budget: `requests_at_work` and
+  /// `closes_of_station` bound it.
   std::size_t uncounted_decoded_bytes = 4u << 10;
   /// Memory of messages that are parsed and not done yet, of both ports together. A connection's is more than
   /// a message of 1 MiB can become (kMostPayloadFields).
@@ -99,6 +104,8 @@ struct WebCounters {
 };
 
 inline constexpr std::size_t kWorkerThreads = 2, kSlowThreads = 1, kLoginThreads = 1;
+/// A station's closes have one of them at most.
+inline constexpr std::size_t kCloserThreads = 2;
 /// A station shows a trainee its standing while people plot and export: one of the views' threads is kept
 /// free of people's work.
 inline constexpr std::size_t kPeopleViewThreads = 2, kStationViewThreads = 1;
@@ -110,7 +117,8 @@ struct ServerContext {
   asio::thread_pool& passwords;     ///< argon2id: 64 MiB and 0.1 s each, so few at a time
   asio::thread_pool& logins;        ///< station keys, tokens: not delayed by scoring; kLoginThreads
   asio::thread_pool& parsers;       ///< large messages: milliseconds each
-  asio::thread_pool& workers;       ///< short reads and scoring; kWorkerThreads
+  asio::thread_pool& workers;       ///< short reads; kWorkerThreads
+  asio::thread_pool& closers;       ///< closes of sessions, with their hash and score; kCloserThreads
   asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson; kViewThreads
   asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes; kSlowThreads
   /// Two threads: one for a run, perhaps hours with pauses, one for answers.
@@ -127,6 +135,9 @@ struct ServerContext {
   std::unique_ptr<FairPool> views_of_people = std::make_unique<FairPool>(views, kPeopleViewThreads);
   std::unique_ptr<FairPool> views_of_stations = std::make_unique<FairPool>(views, kStationViewThreads);
   std::unique_ptr<FairPool> slow_workers_of_people = std::make_unique<FairPool>(slow_workers, kSlowThreads);
+  /// Of each station, on `closers`.
+  std::unique_ptr<FairPool> closes_in_turn = std::make_unique<FairPool>(closers, kCloserThreads);
+  StationCloses closes{bounds.closes_of_station};
   /// Keys, tokens and open sessions of those who log in, on `logins`.
   std::unique_ptr<FairPool> logins_in_turn = std::make_unique<FairPool>(logins, kLoginThreads);
   /// Whatever hashes, on `passwords`.

@@ -157,9 +157,16 @@ std::string turnNameOf(const Principal& who) {
   return (who.role == pb::STATION ? "station " : "person ") + who.name;
 }
 
-Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, const std::string& station,
-                                       std::function<Result<CloseOutcome>()> work) {
-  return offload(*context.workers_of_people, "closes of station " + station, std::move(work));
+Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work) {
+  using Step = Result<std::optional<CloseOutcome>>;
+  const Error has_gone{ErrorCode::kUnavailable, "who asked has gone"};
+  for (;;) {
+    if (work.gone()) co_return has_gone;
+    std::function<Step()> piece = [work, has_gone]() -> Step { return work.gone() ? has_gone : work.step(); };
+    Step done = co_await offload(*context.closes_in_turn, station, std::move(piece));
+    if (!done.ok()) co_return done.error();
+    if (done->has_value()) co_return std::move(**done);
+  }
 }
 
 FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes) {

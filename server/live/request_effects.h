@@ -15,11 +15,15 @@ namespace needlelab {
 /// Who takes turns on a FairPool: a station and a person of one name are two.
 std::string turnNameOf(const Principal& who);
 
-/// Closes a session for its station by `work`, on the workers. A close may take seconds and a station may
-/// have many: they take turns with each other and with what others ask for, under a name of their own, so
-/// that the station's next lesson does not wait for them. Thread: the network's.
-Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, const std::string& station,
-                                       std::function<Result<CloseOutcome>()> work);
+/// A close, on the closers' threads.
+struct CloseWork {
+  std::function<Result<std::optional<CloseOutcome>>()> step;  ///< nothing: there is more to do
+  std::function<bool()> gone;  ///< whether the connection that asked has ended; on any thread
+};
+/// Closes a session for its station, on the closers: nobody else's work waits for it. Each step is a turn
+/// among the closes of all stations. Of a connection that has ended no further step is done (kUnavailable).
+/// Thread: the network's.
+Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work);
 
 /// Where a person's reply of so many bytes is written as text: up to 16 KiB (about a millisecond) on the
 /// network's thread, which null says; below 64 KiB on the workers, so that a page of a list waits for

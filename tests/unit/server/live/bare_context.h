@@ -6,9 +6,10 @@
 
 namespace needlelab::test {
 
-/// The pools of a bare context. A test that does not look at threads gives the same one three times.
+/// The pools of a bare context. A test that does not look at threads gives the same one four times.
 struct BarePools {
   asio::thread_pool& workers;
+  asio::thread_pool& closers;
   asio::thread_pool& views;
   asio::thread_pool& others;
 };
@@ -21,6 +22,7 @@ inline ServerContext bareContext(asio::io_context& io, Store& store, const BareP
           .logins = pools.others,
           .parsers = pools.others,
           .workers = pools.workers,
+          .closers = pools.closers,
           .views = pools.views,
           .slow_workers = pools.others,
           .retention_workers = pools.others,

@@ -2,6 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <future>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "common/base/crc32c.h"
 #include "tests/unit/server/live/running_server.h"
@@ -241,6 +245,133 @@ TEST(DurablePlane, closingTooEarlyOrWithAnotherHashIsRefused) {
   EXPECT_EQ(s.stored().state(), pb::SESSION_OPEN);
   ASSERT_TRUE(s.client.send(s.session.close(2)).ok());
   (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); });
+}
+
+/// Holds a server's writer, and with it every close, which waits there for the chunks before it.
+class HeldWriter {
+ public:
+  explicit HeldWriter(Server& server) {
+    DbWriter::Work wait = [held = go_.get_future().share()](Connection&) {
+      held.wait();
+      return Status();
+    };
+    EXPECT_TRUE(server.store().writer().post(std::move(wait), {}).ok());
+  }
+  ~HeldWriter() { release(); }
+  void release() {
+    if (!std::exchange(released_, true)) go_.set_value();
+  }
+
+ private:
+  std::promise<void> go_;
+  bool released_ = false;
+};
+
+std::vector<FakeSession> openSessions(StationAndServer& s, int count) {
+  std::vector<FakeSession> sessions;
+  for (int n = 0; n < count; ++n) {
+    sessions.emplace_back("bench-1");
+    EXPECT_TRUE(s.client.send(sessions.back().open()).ok());
+    sessions.back().waitForAck(s.client, 0);  // it comes behind SessionOpened
+  }
+  return sessions;
+}
+
+pb::Envelope ping(std::uint64_t id) {
+  pb::Envelope envelope;
+  envelope.mutable_ping()->set_id(id);
+  return envelope;
+}
+
+TEST(Closes, aStationsNinthAtOnceComesLaterAndItsRequestsAreAnsweredMeanwhile) {
+  StationAndServer s;
+  const auto sessions = openSessions(s, 9);
+  HeldWriter held(s.server.server());
+  for (const FakeSession& session : sessions) ASSERT_TRUE(s.client.send(session.close(0)).ok());
+  const auto refusal = waitForRefusal(s.client);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::RATE_LIMITED);
+  EXPECT_FALSE(refusal.fatal());
+  EXPECT_EQ(refusal.session_id(), sessions[8].id());
+  EXPECT_THAT(refusal.text(), HasSubstr("8 sessions of this station are being closed"));
+  pb::Request list;
+  list.mutable_list_profiles();
+  EXPECT_TRUE(s.client.call(list).ok());
+  held.release();
+  const auto isClosed = [](const pb::Envelope& e) { return e.has_session_closed(); };
+  for (int n = 0; n < 8; ++n) (void)waitFor(s.client, isClosed);
+  ASSERT_TRUE(s.client.send(sessions[8].close(0)).ok());
+  EXPECT_EQ(waitFor(s.client, isClosed).session_closed().session_id(), sessions[8].id());
+}
+
+TEST(Closes, ofAConnectionThatEndsThoseThatWaitAreDroppedAndItsStationAsksAgain) {
+  StationAndServer s;
+  const auto sessions = openSessions(s, 8);
+  HeldWriter held(s.server.server());
+  for (const FakeSession& session : sessions) ASSERT_TRUE(s.client.send(session.close(0)).ok());
+  ASSERT_TRUE(s.client.send(ping(7)).ok());
+  (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_pong() && e.pong().id() == 7; });
+  // the server takes no connections once it ends, as it does on SIGTERM
+  auto config = s.server.config(stationLogin("bench-1", s.key));
+  auto ended = std::async(std::launch::async, [&] { return s.server.stop(); });
+  while (BlockingClient::connect(config).ok()) continue;
+  held.release();
+  EXPECT_EQ(ended.get(), 0);
+  s.server.start();
+  s.reconnect();
+  EXPECT_EQ(s.client.welcome().open_sessions_size(), 8) << "none was closed";
+  ASSERT_TRUE(s.client.send(sessions[0].open()).ok());
+  (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  ASSERT_TRUE(s.client.send(sessions[0].close(0)).ok());
+  (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); });
+}
+
+TEST(Closes, anIdOrAHashOfAnotherLengthIsRefusedBeforeItWaits) {
+  StationAndServer s;
+  s.open();
+  HeldWriter held(s.server.server());
+  for (const std::size_t bytes : {1u, 31u, 33u, 1'000'000u}) {
+    auto close = s.session.close(0);
+    close.mutable_close_session()->set_hash(std::string(bytes, 'h'));
+    ASSERT_TRUE(s.client.send(close).ok());
+    const auto refusal = waitForRefusal(s.client);
+    EXPECT_EQ(refusal.reason(), pb::Refusal::INVALID);
+    EXPECT_EQ(refusal.session_id(), s.session.id());
+    EXPECT_EQ(refusal.text(), "close_session.hash has " + std::to_string(bytes) + " bytes, not 32 or none");
+  }
+  for (const std::size_t bytes : {0u, 15u, 17u, 1'000'000u}) {
+    auto close = s.session.close(0);
+    close.mutable_close_session()->set_session_id(std::string(bytes, 'i'));
+    ASSERT_TRUE(s.client.send(close).ok());
+    const auto refusal = waitForRefusal(s.client);
+    EXPECT_EQ(refusal.reason(), pb::Refusal::INVALID);
+    EXPECT_EQ(refusal.session_id(), "");
+    EXPECT_EQ(refusal.text(), "close_session.session_id has " + std::to_string(bytes) + " bytes, not 16");
+  }
+}
+
+TEST(Closes, aLargeMessageKeepsItsPartOfTheBudgetUntilItsSessionIsClosed) {
+  StationAndServer s{
+      .server = RunningServer([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; })};
+  const auto sessions = openSessions(s, 5);
+  HeldWriter held(s.server.server());
+  // fields of a newer version, perhaps; three of the messages fit
+  for (const FakeSession& session : sessions) {
+    auto close = session.close(0);
+    pb::CloseSession& message = *close.mutable_close_session();
+    message.GetReflection()->MutableUnknownFields(&message)->AddLengthDelimited(777,
+                                                                                std::string(30'000, 'x'));
+    ASSERT_TRUE(s.client.send(close).ok());
+  }
+  ASSERT_TRUE(s.client.send(ping(7)).ok());
+  // a server that did not count them would answer it now
+  while (const auto early = s.client.receive(milliseconds(300))) EXPECT_FALSE(early->has_pong());
+  held.release();
+  std::size_t closed = 0;
+  (void)waitFor(s.client, [&closed](const pb::Envelope& e) {
+    if (e.has_session_closed()) ++closed;
+    return e.has_pong() && e.pong().id() == 7;
+  });
+  EXPECT_GE(closed, 2u) << "the last two waited for the room of others";
 }
 
 TEST(DurablePlane, theScoreComesWithTheClose) {

@@ -3,12 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/post.hpp>
 #include <functional>
 #include <future>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -30,7 +32,7 @@ namespace {
 struct RequestThreadsTest : testing::Test {
   ~RequestThreadsTest() override {
     release();
-    for (asio::thread_pool* pool : {&others, &workers, &views}) pool->join();
+    for (asio::thread_pool* pool : {&others, &workers, &closers, &views}) pool->join();
   }
 
   /// Asks as the server does for a peer; returns whether the reply came.
@@ -68,21 +70,25 @@ struct RequestThreadsTest : testing::Test {
   void occupy(FairPool& pool, const std::string& person) {
     pool.post(turnNameOf({person, pb::INSTRUCTOR}), untilRelease());
   }
-  /// Asks for a close as the server does for a station; it waits for its turn now.
-  void close(const std::string& station, std::function<void()> work) {
-    asio::co_spawn(loop.io, closed(station, std::move(work)), asio::detached);
+  /// Asks for a close as the server does for a station; it waits for its turn now. Each of its steps does
+  /// `work`.
+  void close(const std::string& station, std::function<void()> work, int steps = 1) {
+    asio::co_spawn(loop.io, closed(station, std::move(work), steps), asio::detached);
     loop.io.restart();
     loop.io.poll();
   }
-  Task<> closed(std::string station, std::function<void()> work) {
-    std::function<Result<CloseOutcome>()> close_it = [work = std::move(work)]() -> Result<CloseOutcome> {
+  Task<> closed(std::string station, std::function<void()> work, int steps) {
+    CloseWork close_it;
+    close_it.step = [work = std::move(work), left = std::make_shared<int>(steps)] {
       work();
-      return CloseOutcome{};
+      return Result<std::optional<CloseOutcome>>(--*left > 0 ? std::nullopt : std::optional(CloseOutcome{}));
     };
+    close_it.gone = [gone = stations_gone_] { return gone->load(); };
     const auto outcome = co_await closeInTurn(context, station, std::move(close_it));
-    EXPECT_TRUE(outcome.ok());
-    ++closes_done;
+    ++(outcome.ok() ? closes_done : closes_dropped);
   }
+  /// From now on, the connections that asked for closes have ended.
+  void endConnectionsOfStations() { *stations_gone_ = true; }
   /// Checks a station's key and notes its name, or "refused".
   Task<> check(pb::Login login, std::string address, std::vector<std::string>& checked) {
     const auto shared = std::make_shared<const pb::Login>(std::move(login));
@@ -106,13 +112,14 @@ struct RequestThreadsTest : testing::Test {
 
   test::TempFolder folder;
   std::unique_ptr<Store> store = test::openStore(folder.path() / "data");
-  asio::thread_pool others{1}, workers{kWorkerThreads}, views{kViewThreads};
+  asio::thread_pool others{1}, workers{kWorkerThreads}, closers{kCloserThreads}, views{kViewThreads};
   test::Loopback loop;
-  ServerContext context =
-      test::bareContext(loop.io, *store, {.workers = workers, .views = views, .others = others});
-  int closes_done = 0;
+  ServerContext context = test::bareContext(
+      loop.io, *store, {.workers = workers, .closers = closers, .views = views, .others = others});
+  int closes_done = 0, closes_dropped = 0;
 
  private:
+  const std::shared_ptr<std::atomic<bool>> stations_gone_ = std::make_shared<std::atomic<bool>>(false);
   std::promise<void> go_;
   std::shared_future<void> held_ = go_.get_future().share();
   bool released_ = false;
@@ -174,6 +181,23 @@ TEST_F(RequestThreadsTest, aStationAndAPersonOfOneNameAreTwo) {
   EXPECT_EQ(turnNameOf({"ada", pb::TRAINEE}), turnNameOf({"ada", pb::ADMINISTRATOR}));
 }
 
+TEST_F(RequestThreadsTest, theClosesOfManyStationsHoldUpNobodysRequests) {
+  pb::Request list;
+  list.mutable_list_sessions();
+  ASSERT_EQ(threadsOf(list, pb::INSTRUCTOR), RequestThreads::kWorkers);
+  for (const char* station : {"bench", "cabin", "den"})
+    for (int n = 0; n < 3; ++n) close(station, untilRelease());
+  // both workers are free: the second piece ends the first one's waiting
+  std::promise<void> second;
+  context.workers_of_people->post(turnNameOf({"mara", pb::INSTRUCTOR}),
+                                  [done = second.get_future().share()] { done.wait(); });
+  EXPECT_TRUE(answered({"ines", pb::INSTRUCTOR}, list));
+  second.set_value();
+  EXPECT_EQ(closes_done, 0);
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 9; }));
+}
+
 TEST_F(RequestThreadsTest, aStationsClosesDoNotHoldUpItsNextLesson) {
   pb::Request lesson;
   lesson.mutable_get_lesson()->set_exercise_id("practice");
@@ -185,24 +209,42 @@ TEST_F(RequestThreadsTest, aStationsClosesDoNotHoldUpItsNextLesson) {
   EXPECT_TRUE(loop.runUntil([&] { return closes_done == 4; }));
 }
 
-TEST_F(RequestThreadsTest, aStationsClosesTakeTurnsWithEachOtherAndWithOthers) {
+TEST_F(RequestThreadsTest, theClosesOfStationsTakeTurnsAndALongOneGivesWayAfterEachStep) {
   // one thread is taken to the end, so that the other one does piece after piece
   std::promise<void> end;
-  asio::post(workers, [ended = end.get_future().share()] { ended.wait(); });
-  occupy(*context.workers_of_people, "ada");
+  asio::post(closers, [ended = end.get_future().share()] { ended.wait(); });
+  occupy(*context.closes_in_turn, "ada");
   std::vector<std::string> done;
   const auto note = [&done](const char* text) { return [&done, text] { done.emplace_back(text); }; };
-  for (const char* text : {"bench's close 1", "bench's close 2", "bench's close 3"})
-    close("bench", note(text));
-  close("cabin", note("cabin's close"));
-  context.workers_of_people->post(turnNameOf({"ines", pb::INSTRUCTOR}), note("ines"));
-  context.workers_of_people->post(turnNameOf({"bench", pb::STATION}), note("bench's lesson"));
+  close("bench", note("bench's close"), 3);
+  for (const char* text : {"cabin's close 1", "cabin's close 2"}) close("cabin", note(text));
+  close("den", note("den's close"));
   release();
   EXPECT_TRUE(loop.runUntil([&] { return closes_done == 4; }));
   end.set_value();
-  workers.join();
-  EXPECT_THAT(done, testing::ElementsAre("bench's close 1", "cabin's close", "ines", "bench's lesson",
-                                         "bench's close 2", "bench's close 3"));
+  closers.join();
+  ASSERT_EQ(done.size(), 6u);
+  // a step comes back when the network's thread has heard of the one before: where among cabin's is open
+  EXPECT_THAT(std::vector(done.begin(), done.begin() + 3),
+              testing::ElementsAre("bench's close", "cabin's close 1", "den's close"));
+  EXPECT_EQ(std::count(done.begin(), done.end(), "bench's close"), 3);
+}
+
+TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
+  std::promise<void> end;
+  asio::post(closers, [ended = end.get_future().share()] { ended.wait(); });
+  occupy(*context.closes_in_turn, "ada");
+  int steps = 0;
+  for (int n = 0; n < 8; ++n)
+    close(
+        "bench", [&steps] { ++steps; }, 1000);
+  endConnectionsOfStations();
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_dropped == 8; }));
+  end.set_value();
+  closers.join();
+  EXPECT_EQ(steps, 0);
+  EXPECT_EQ(closes_done, 0);
 }
 
 TEST_F(RequestThreadsTest, aStationThatLogsInAgainAndAgainWaitsBehindItself) {
