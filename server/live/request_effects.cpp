@@ -73,10 +73,9 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
 /// Adds to the audit log, after the line with the intended delivery.
 void addToAuditLog(ServerContext& context, const std::string& who, const std::string& action,
                    const std::string& subject, const std::string& detail) {
-  postLogged(context.workers, "audit_failed",
-             [&service = context.store.service(), who, action, subject, detail] {
-               return service.note(who, action, subject, detail);
-             });
+  context.store.service().noteSoon(who, action, subject, detail, [](const Error& error) {
+    logEvent(LogLevel::kError, "audit_failed", {{"text", error.message}});
+  });
 }
 
 /// Takes the room of a request that stores, from the disk's and from the person's share. kNoRoom.
