@@ -225,6 +225,10 @@ HttpAnswer browserGone() {
   return errorAnswer(503, "unavailable", "the browser is gone");
 }
 
+Error browserHasGone() {
+  return {ErrorCode::kUnavailable, "the browser is gone"};
+}
+
 /// The session that asked for what takes long.
 struct AskedBy {
   std::string turn_name, token;
@@ -264,20 +268,25 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
 
 /// A stream and who reads it.
 struct SessionStream {
+  Request request;
   WebStream stream;
   AskedBy by;
 };
 
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-  std::function<Result<std::string>()> work = [stream] { return stream->stream.next(); };
-  auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
-  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-  co_return piece;
+  for (;;) {
+    if (stream->request->gone()) co_return browserHasGone();
+    std::function<Result<WebPiece>()> work = [stream] { return stream->stream.next(); };
+    auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
+    if (!piece.ok()) co_return piece.error();
+    if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
+    if (*piece) co_return std::move(**piece);
+  }
 }
 
-Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call,
-                               AskedBy by) {
+Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& route,
+                               std::shared_ptr<const WebCall> call, AskedBy by) {
   std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
     return route.how.stream(service, *call);
   };
@@ -286,7 +295,8 @@ Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared
   HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(SessionStream{std::move(*opened), std::move(by)});
+  auto stream =
+      std::make_shared<SessionStream>(SessionStream{std::move(request), std::move(*opened), std::move(by)});
   answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
@@ -440,7 +450,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
   AskedBy by{turnNameOf(call->who), session->token, seen};
   if (route.how.action == WebAction::kStream)
-    co_return co_await throughStream(server, route, call, std::move(by));
+    co_return co_await throughStream(server, request, route, call, std::move(by));
   HttpAnswer answer;
   if (route.how.action == WebAction::kWork)  // not ?: around co_await, which g++ 12 miscompiles
     answer = co_await throughWork(server, route, call);
