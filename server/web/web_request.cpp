@@ -232,13 +232,13 @@ Error browserHasGone() {
 /// The session that asked for what takes long.
 struct AskedBy {
   std::string turn_name, token;
-  std::uint64_t seen = 0;  ///< ServerContext::access_changes when the session was valid
+  AccessWatch account;  ///< since the session was found
 };
 
 /// Whether the session has been ended: its account was disabled or has another role or password. A session
 /// that only expires while its download runs does not end it.
 bool accessEnded(ServerContext& context, const AskedBy& by) {
-  return by.seen != context.access_changes && !context.tokens.endOf(by.token, steadyNowNs());
+  return by.account.changed() && !context.tokens.endOf(by.token, steadyNowNs());
 }
 
 Error accessHasEnded() {
@@ -374,9 +374,9 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
 
   // all following routes require a session
-  const std::uint64_t seen = context.access_changes;
   const auto session = server->sessions().find(request->cookie, steadyNowNs());
   if (!session) co_return notLoggedIn();
+  const AccessWatch account = context.access.watch(session->holder.who.name, false);
   request->who = session->holder.who.name;
   call->who = session->holder.who;
   const bool safe = request->method == "GET" || request->method == "HEAD";
@@ -448,7 +448,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.body = std::string(route.how.text());
     co_return answer;
   }
-  AskedBy by{turnNameOf(call->who), session->token, seen};
+  AskedBy by{turnNameOf(call->who), session->token, account};
   if (route.how.action == WebAction::kStream)
     co_return co_await throughStream(server, request, route, call, std::move(by));
   HttpAnswer answer;
