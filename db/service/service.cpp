@@ -321,6 +321,43 @@ Status Service::note(const std::string& who, const std::string& action, const st
   });
 }
 
+void Service::noteSoon(const std::string& who, const std::string& action, const std::string& subject,
+                       const std::string& detail, std::function<void(const Error&)> failed) {
+  std::optional<Error> refused;
+  {
+    const std::lock_guard lock(soon_noted_->mutex);
+    if (!soon_noted_->open) {
+      const auto item = std::make_shared<SoonNoted::Item>();
+      const Status posted = writer_.post(
+          [noted = soon_noted_, item](Connection& writer) -> Status {
+            noted->end(item);
+            for (const AuditRow& line : item->lines) RETURN_IF_ERROR(AuditStore(writer).add(line));
+            return {};
+          },
+          [noted = soon_noted_, item](const Status& stored) {
+            noted->end(item);  // also where the work did not begin
+            if (stored.ok()) return;
+            for (const auto& hears : item->failed) hears(stored.error());
+          });
+      if (posted.ok()) {
+        soon_noted_->open = item;
+      } else {
+        refused = posted.error();
+      }
+    }
+    if (!refused) {
+      soon_noted_->open->lines.push_back({0, wallNowNs(), who, action, subject, detail});
+      soon_noted_->open->failed.push_back(failed);
+    }
+  }
+  if (refused) failed(*refused);
+}
+
+void Service::SoonNoted::end(const std::shared_ptr<Item>& item) {
+  const std::lock_guard lock(mutex);
+  if (open == item) open.reset();
+}
+
 Status Service::noteLogin(const Principal& who, const std::string& host) {
   if (who.role == pb::TRAINEE || !exports_.isNew(who, "log-in\n" + host, wallNowNs())) return {};
   return note(who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host);

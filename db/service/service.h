@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -155,6 +156,11 @@ class Service {
   /// Writes a line to the audit log, e.g. refused log-ins.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
+  /// The same for lines of which hundreds may come at once: does not wait. Lines that come before the writer
+  /// gets to the first of them are one item of its queue; its end still writes them. `failed` hears of a line
+  /// that was not stored, on the caller's or the writer's thread. Thread: any.
+  void noteSoon(const std::string& who, const std::string& action, const std::string& subject,
+                const std::string& detail, std::function<void(const Error&)> failed);
   /// Writes down that `who` begins to watch a station or, if `session` is not empty, a session live: for each
   /// person and what is watched once an hour. Only stations and open sessions that exist get a line, so that
   /// made-up ones fill nothing. Does not wait; thread: any.
@@ -170,6 +176,17 @@ class Service {
     /// first two get a remark, "cannot be scored: …", and are not read again.
     bool final = false;
     std::uint64_t event_bytes = 0;  ///< as in CloseOutcome
+  };
+  /// Lines of noteSoon() on their way to the writer, whose queue may outlive the service.
+  struct SoonNoted {
+    struct Item {
+      std::vector<AuditRow> lines;
+      std::vector<std::function<void(const Error&)>> failed;  ///< of each line
+    };
+    /// No further line belongs to this item.
+    void end(const std::shared_ptr<Item>& item);
+    std::mutex mutex;
+    std::shared_ptr<Item> open;  ///< guarded by mutex; null: the next line begins an item
   };
   /// Computes and stores a closed session's score and events. Errors: the database's.
   Result<Settled> settle(Connection& reader, const Uuid& session);
@@ -203,6 +220,7 @@ class Service {
       score_faults_;  ///< of sessions closed by this process; guarded by faults_mutex_
   /// Why samplesOf() refused sessions that somebody had scored anew; guarded by faults_mutex_.
   std::map<Uuid, Error> unreadable_;
+  const std::shared_ptr<SoonNoted> soon_noted_ = std::make_shared<SoonNoted>();
   ReferencePaths reference_paths_;
   RunningHashes running_hashes_;
   std::mutex rescore_mutex_;  ///< one run at a time

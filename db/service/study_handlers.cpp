@@ -225,17 +225,31 @@ std::size_t placeBehind(const std::vector<StudySession>& sessions, const Study& 
   return static_cast<std::size_t>(next - sessions.begin());
 }
 
+constexpr std::size_t kMostShiftedSamples = 2 * kMaxChunkSamples;
+
 /// Shifts a recording to begin with tick 0 at time 0: the station's clock would reveal the order of several
 /// people's sessions, with exact gaps.
+///
+/// A reply may hold 1 MiB of chunks of 65,536 samples each, every one of which is decoded and encoded: it
+/// ends with the chunk that reaches kMostShiftedSamples, so that it takes milliseconds.
 Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks) {
   if (chunks.chunks().empty()) return {};
   const auto first = SessionStore(reader).readChunks(session, 0, 1, kMaxReplyBytes);
   if (!first) return first.error();
   if (first->empty()) return Error{ErrorCode::kCorrupt, "the recording has no first chunk"};
   ASSIGN_OR_RETURN(const auto origin, inspectChunk(first->front().bytes));
-  for (auto& chunk : *chunks.mutable_chunks()) {
+  std::size_t shifted = 0;
+  for (int i = 0; i < chunks.chunks_size(); ++i) {
+    pb::Chunk& chunk = *chunks.mutable_chunks(i);
+    if (shifted >= kMostShiftedSamples) {
+      chunks.set_next_seq(chunk.seq());
+      chunks.set_end(false);
+      chunks.mutable_chunks()->DeleteSubrange(i, chunks.chunks_size() - i);
+      break;
+    }
     ASSIGN_OR_RETURN(const auto head, inspectChunk(viewOf(chunk.data())));
     ASSIGN_OR_RETURN(auto samples, decodeChunk(viewOf(chunk.data())));
+    shifted += samples.size();
     for (GestureSample& sample : samples) {
       if (sample.tick < origin.first_tick)
         return Error{ErrorCode::kUnavailable, "the recording was thinned while it was read: begin anew"};

@@ -31,6 +31,18 @@ std::shared_ptr<const pb::Login> secretOf(pb::Login login) {
           }};
 }
 
+Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<const pb::Login> login) {
+  auto holder = context.tokens.find(login->token(), steadyNowNs());
+  if (!holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
+  std::function<Result<bool>()> check = [&service = context.store.service(), who = holder->who] {
+    return service.stillAllowed(who);
+  };
+  const auto allowed = co_await offload(*context.logins_in_turn, turnNameOf(holder->who), std::move(check));
+  if (!allowed.ok()) co_return allowed.error();
+  if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
+  co_return std::move(*holder);
+}
+
 }  // namespace
 
 void PeerConnection::greet(const pb::Hello& hello) {
@@ -77,13 +89,7 @@ Task<> PeerConnection::logIn(pb::Login given) {
     co_await welcome(known.holder.password_ns);
     co_return;
   }
-  Result<Tokens::Holder> result = Error{ErrorCode::kDenied, "log-in refused"};
-  std::uint64_t seen = 0;
-  do {
-    // an account may be disabled while its token is checked: then check again
-    seen = context_.access_changes;
-    result = co_await checkLogin(login);
-  } while (result.ok() && seen != context_.access_changes && !over() && !channel_->closing());
+  const Result<Tokens::Holder> result = co_await checkLogin(login);
   if (over() || channel_->closing()) co_return;
 
   if (!result.ok()) {
@@ -108,19 +114,20 @@ Task<> PeerConnection::logIn(pb::Login given) {
 Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb::Login> login) {
   auto self = shared_from_this();
   if (login->has_station()) {
-    auto who = co_await checkStationKey(context_, login, address_key_);
+    std::function<Task<Result<Principal>>()> check = [&context = context_, login, address = address_key_] {
+      return checkStationKey(context, login, address);
+    };
+    auto who = co_await checkUnchanged(context_.access, login->station().station(), true, std::move(check));
     if (!who.ok()) co_return who.error();
     co_return Tokens::Holder{std::move(*who), 0};
   }
-  auto holder = context_.tokens.find(login->token(), steadyNowNs());
+  const auto holder = context_.tokens.find(login->token(), steadyNowNs());
   if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
-  std::function<Result<bool>()> check = [&service = context_.store.service(), who = holder->who] {
-    return service.stillAllowed(who);
+  std::function<Task<Result<Tokens::Holder>>()> check = [&context = context_, login] {
+    return checkToken(context, login);
   };
-  const auto allowed = co_await offload(*context_.logins_in_turn, turnNameOf(holder->who), std::move(check));
-  if (!allowed.ok()) co_return allowed.error();
-  if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
-  co_return std::move(*holder);
+  co_return co_await checkUnchanged(context_.access, holder->who.name, holder->who.role == pb::STATION,
+                                    std::move(check));
 }
 
 /// Takes a place among those who have logged in, perhaps another connection's. False: there is none.

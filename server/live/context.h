@@ -16,6 +16,7 @@
 
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
+#include "server/live/access_changes.h"
 #include "server/live/admission.h"
 #include "server/live/byte_budget.h"
 #include "server/live/chunk_budget.h"
@@ -151,7 +152,7 @@ struct ServerContext {
   /// A reply was read, or was shorter than its room: there may be room for another one.
   std::shared_ptr<Signal> reply_room = std::make_shared<Signal>(io.get_executor());
   ByteBudget replies{bounds.replies, [room = reply_room] { room->notify(); }};
-  std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
+  AccessChanges access{};  ///< accounts disabled, keys revoked, passwords changed
   ChunkBudget chunks_in_flight{bounds.all_chunks_in_flight};  ///< of all connections
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished

@@ -64,9 +64,9 @@ Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<co
                              std::move(check));
 }
 
-/// One check when its turn comes.
-Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
-                            std::string name, std::string host, LoginPeer peer) {
+/// Checks when the turn comes; once more in the same turn, when the account changed meanwhile.
+Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
+                              std::string name, std::string host, LoginPeer peer) {
   PersonLogin login;
   // One at a time, and each checks the lock-out again: of many simultaneous guesses, those beyond the limit
   // are never tried. The place gives the turn on at its end, whatever happens here.
@@ -84,10 +84,19 @@ Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const Person
   }
   login = waitOf(context, name, host, peer);
   if (login.answer == Answer::kMustWait) co_return login;
-  auto who = co_await checkPassword(context, secret);
+  std::function<Task<Result<Principal>>()> check = [&context, secret] {
+    return checkPassword(context, secret);
+  };
+  auto who = co_await checkUnchanged(context.access, secret->user, false, std::move(check));
   if (who.ok()) {
     login.answer = Answer::kWelcome;
     login.holder = {std::move(*who), steadyNowNs()};
+    co_return login;
+  }
+  if (who.error().code == ErrorCode::kConflict) {
+    // as if others had been first: nobody hears that the password was right
+    ++context.counters.logins_refused;
+    login.answer = Answer::kTooMany;
     co_return login;
   }
   // only a wrong password counts as a guess, not a check that could not be made
@@ -139,13 +148,7 @@ Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const Pers
                               LoginPeer peer) {
   const std::string host = Admission::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
   if (auto wait = waitOf(context, name, host, peer); wait.answer == Answer::kMustWait) co_return wait;
-  PersonLogin login;
-  std::uint64_t seen = 0;
-  do {
-    // an account may be disabled while its password is checked: then check again
-    seen = context.access_changes;
-    login = co_await checkOnce(context, secret, name, host, peer);
-  } while (login.answer == Answer::kWelcome && seen != context.access_changes && !peer.gone());
+  PersonLogin login = co_await checkInTurn(context, secret, name, host, peer);
   if (login.answer != Answer::kWelcome) co_return login;
   context.guard.succeeded(name, host, steadyNowNs());
   noteWelcome(context, login.holder.who, hostOfAddress(peer.address));

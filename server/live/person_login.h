@@ -15,7 +15,7 @@ struct PersonLogin {
   enum class Answer {
     kWelcome,   ///< `holder` is set
     kMustWait,  ///< too many failures: wait for `wait` from now
-    kTooMany,   ///< too many log-ins wait for their check
+    kTooMany,   ///< too many log-ins wait for their check, or the account changed again and again in it
     kRefused,   ///< unknown, wrong or disabled, without distinction
     kFailed,    ///< the check failed; the log has the reason
     kGone,      ///< the client has disconnected

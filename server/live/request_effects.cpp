@@ -73,10 +73,9 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
 /// Adds to the audit log, after the line with the intended delivery.
 void addToAuditLog(ServerContext& context, const std::string& who, const std::string& action,
                    const std::string& subject, const std::string& detail) {
-  postLogged(context.workers, "audit_failed",
-             [&service = context.store.service(), who, action, subject, detail] {
-               return service.note(who, action, subject, detail);
-             });
+  context.store.service().noteSoon(who, action, subject, detail, [](const Error& error) {
+    logEvent(LogLevel::kError, "audit_failed", {{"text", error.message}});
+  });
 }
 
 /// Takes the room of a request that stores, from the disk's and from the person's share. kNoRoom.
@@ -249,8 +248,8 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
 
 void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
                const PeerConnection* except, const std::string& text, const std::string& logged_as) {
-  // repeat the log-in checks in progress
-  ++context.access_changes;
+  // its log-ins in progress are checked again
+  context.access.changed(name, station);
   const std::size_t tokens = station ? 0 : context.tokens.forget(name);
   std::size_t ended = 0;
   // copy: closing a connection removes it from the map
@@ -261,10 +260,11 @@ void endAccess(ServerContext& context, const std::string& name, bool station, co
     peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
     ++ended;
   }
+  // what is as it was already may be asked for without end: no line for each
+  if (ended + tokens == 0) return;
   const std::string subject = logged_as.empty() ? name : logged_as;
   logEvent(LogLevel::kInfo, "access_ended",
            {{"name", subject}, {"by", by}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
-  if (ended + tokens == 0) return;
   const std::string detail = fmt::format("{}; ended: {} connections, {} tokens", text, ended, tokens);
   addToAuditLog(context, by, "access ended", subject, detail);
 }

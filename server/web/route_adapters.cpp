@@ -48,13 +48,18 @@ Result<pb::Request> changePerson(const WebRoute&, const WebCall& call) {
   return request;
 }
 
+/// A page without text is not the end, unless it is the last one.
+WebPiece pieceOf(std::string text, bool ended) {
+  return text.empty() && !ended ? WebPiece() : WebPiece(std::move(text));
+}
+
 /// Streams all of a person's records as one document, page by page from ExportPerson.
 class PersonRecords {
  public:
   PersonRecords(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
 
-  Result<std::string> next() {
-    if (ended_) return std::string();
+  Result<WebPiece> next() {
+    if (ended_) return WebPiece(std::string());
     pb::Request request;
     request.mutable_export_person()->set_name(call_.parts[0]);
     request.mutable_export_person()->set_page(page_);
@@ -67,7 +72,7 @@ class PersonRecords {
     page_ = reply.records().next_page();
     ended_ = page_.empty();
     if (ended_) text += "\n]}\n";
-    return text;
+    return pieceOf(std::move(text), ended_);
   }
 
  private:
@@ -332,8 +337,8 @@ class ScoreLines {
  public:
   ScoreLines(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
 
-  Result<std::string> next() {
-    if (ended_) return std::string();
+  Result<WebPiece> next() {
+    if (ended_) return WebPiece(std::string());
     pb::Request request;
     auto& list = *request.mutable_list_scores();
     list.set_course_id(call_.query("course"));
@@ -348,7 +353,7 @@ class ScoreLines {
     for (const pb::ScoreRow& row : reply.scores().scores()) addLines(text, row);
     page_ = reply.scores().next_page();
     ended_ = page_.empty();
-    return text;
+    return pieceOf(std::move(text), ended_);
   }
 
  private:

@@ -228,15 +228,15 @@ Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Reque
 }
 
 Result<WebStream> streamFromFirst(std::string type, std::string file_name,
-                                  std::function<Result<std::string>()> next) {
+                                  std::function<Result<WebPiece>()> next) {
   for (char& c : file_name) {
     if (!isLetterOrDigit(c) && c != '-' && c != '.') c = '_';
   }
   ASSIGN_OR_RETURN(auto piece, next());
-  const auto first = std::make_shared<std::string>(std::move(piece));
+  const auto first = std::make_shared<std::string>(std::move(piece).value_or(std::string()));
   return WebStream{std::move(type), std::move(file_name),
-                   [next = std::move(next), first]() -> Result<std::string> {
-                     if (!first->empty()) return std::exchange(*first, std::string());
+                   [next = std::move(next), first]() -> Result<WebPiece> {
+                     if (!first->empty()) return WebPiece(std::exchange(*first, std::string()));
                      return next();
                    }};
 }

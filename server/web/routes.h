@@ -110,7 +110,7 @@ Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Reque
 /// A stream with its first piece already made, so that an invalid request is refused before the file begins.
 /// In `file_name`, any character but letters, digits, '-', '_' and '.' becomes '_'. On a worker's thread.
 Result<WebStream> streamFromFirst(std::string type, std::string file_name,
-                                  std::function<Result<std::string>()> next);
+                                  std::function<Result<WebPiece>()> next);
 /// The address's {id} as a session's id.
 template <typename Message>
 Status setSession(const WebCall& call, Message& message) {

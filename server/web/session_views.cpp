@@ -249,12 +249,15 @@ class CsvPieces {
     appendSampleCsvHeader(text_);
   }
 
-  Result<std::string> next() {
+  Result<WebPiece> next() {
     // one piece for a small recording, many for a long one
-    std::size_t rows = 0;
-    while (!ended_ && rows < kMostPieceRows && text_.size() < kMostPieceText) {
+    std::size_t rows = 0, decoded = 0;
+    for (std::uint32_t n = 0; !ended_ && rows < kMostPieceRows && text_.size() < kMostPieceText &&
+                              n < kMostStepChunks && decoded < kMostStepSamples;
+         ++n) {
       // a long chunk is decoded again for each of its pieces, instead of held while the browser does not read
       ASSIGN_OR_RETURN(const auto samples, reader_.samples(false));
+      decoded += samples.size();
       for (; !ended_ && done_ < samples.size() && rows < kMostPieceRows; ++done_) {
         const GestureSample& sample = samples[done_];
         const std::int64_t time_ns = sample.time_ns - reader_.firstTimeNs();
@@ -268,7 +271,8 @@ class CsvPieces {
       reader_.pass();
       ended_ = ended_ || reader_.ended();
     }
-    return std::exchange(text_, {});
+    if (text_.empty() && !ended_) return WebPiece();
+    return WebPiece(std::exchange(text_, {}));
   }
 
  private:

@@ -86,13 +86,17 @@ struct WebSteps {
 /// piece's length in place of the former.
 inline constexpr std::size_t kMostPieceBytes = 5u << 20, kMostHeldByStream = 1u << 20;
 
+/// A piece of a stream. Nothing: there is no text yet, ask again; an empty text: the end.
+using WebPiece = std::optional<std::string>;
+
 /// A reply too long to hold in memory, made piece by piece. The interface for export formats: each is one
 /// function that opens such a stream.
 struct WebStream {
   std::string type;       ///< Content-Type
   std::string file_name;  ///< the name suggested to the browser; letters, digits, '-', '_', '.'
-  /// Returns the next piece, empty at the end. On a worker's thread, one call at a time.
-  std::function<Result<std::string>()> next;
+  /// Makes the next piece. A call has a bound of work as well as of text: others have their turns between two
+  /// of them, and a browser that has gone ends the stream. On a worker's thread, one call at a time.
+  std::function<Result<WebPiece>()> next;
 };
 
 // --- browser sessions: the cookie, and the token against forged requests

@@ -248,13 +248,13 @@ Task<HttpAnswer> throughWork(Shared server, Request request, const WebRoute& rou
 /// The session that asked for what takes long.
 struct AskedBy {
   std::string turn_name, token;
-  std::uint64_t seen = 0;  ///< ServerContext::access_changes when the session was valid
+  AccessWatch account;  ///< since the session was found
 };
 
 /// Whether the session has been ended: its account was disabled or has another role or password. A session
 /// that only expires while its download runs does not end it.
 bool accessEnded(ServerContext& context, const AskedBy& by) {
-  return by.seen != context.access_changes && !context.tokens.endOf(by.token, steadyNowNs());
+  return by.account.changed() && !context.tokens.endOf(by.token, steadyNowNs());
 }
 
 Error accessHasEnded() {
@@ -323,13 +323,17 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
     stream->room = std::move(*room);
   }
   if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-  // without `stream`: the room must end on this thread
-  std::function<Result<std::string>()> work = stream->stream.next;
-  work = unlessGone<Result<std::string>>(stream->request, browserHasGone(), std::move(work));
-  auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
-  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-  if (piece) stream->room.lower(piece->size() + kMostHeldByStream);
-  co_return piece;
+  for (;;) {
+    // without `stream`: the room must end on this thread
+    std::function<Result<WebPiece>()> work = stream->stream.next;
+    work = unlessGone<Result<WebPiece>>(stream->request, browserHasGone(), std::move(work));
+    auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
+    if (!piece) co_return piece.error();
+    if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
+    if (!*piece) continue;
+    stream->room.lower((*piece)->size() + kMostHeldByStream);
+    co_return std::move(**piece);
+  }
 }
 
 Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& route,
@@ -413,9 +417,9 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
 
   // all following routes require a session
-  const std::uint64_t seen = context.access_changes;
   const auto session = server->sessions().find(request->cookie, steadyNowNs());
   if (!session) co_return notLoggedIn();
+  const AccessWatch account = context.access.watch(session->holder.who.name, false);
   request->who = session->holder.who.name;
   call->who = session->holder.who;
   const bool safe = request->method == "GET" || request->method == "HEAD";
@@ -487,7 +491,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.body = std::string(route.how.text());
     co_return answer;
   }
-  AskedBy by{turnNameOf(call->who), session->token, seen};
+  AskedBy by{turnNameOf(call->who), session->token, account};
   if (route.how.action == WebAction::kStream)
     co_return co_await throughStream(server, request, route, call, std::move(by));
   HttpAnswer answer;

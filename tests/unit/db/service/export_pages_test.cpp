@@ -281,5 +281,56 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
   }
 }
 
+TEST_F(ExportPages, aReplyOfAStudysRecordingShiftsFewSamplesHoweverManyFitIntoIt) {
+  constexpr std::uint64_t kChunks = 5;
+  addStation();
+  addNamed("anna", "");
+  consent("anna", true);
+  const Uuid id = makeUuidV7();
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    auto d = test::describe(id);
+    d.set_trainee("anna");
+    if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+    SessionHash hash;
+    for (std::uint64_t seq = 0; seq < kChunks; ++seq) {
+      // a hand that does not move: some 8 KiB
+      std::vector<GestureSample> samples(kMaxChunkSamples);
+      for (std::size_t i = 0; i < samples.size(); ++i) {
+        samples[i].tick = 1000 + seq * kMaxChunkSamples + i;
+        samples[i].time_ns = static_cast<std::int64_t>(samples[i].tick) * 1'000'000;
+      }
+      const Bytes chunk = encodeChunk({}, samples);
+      hash.update(chunk);
+      if (auto appended = SessionStore(c).append(id, seq, chunk); !appended) return appended.error();
+    }
+    pb::CloseSession close = test::closeOf(id, kChunks);
+    close.set_samples(kChunks * kMaxChunkSamples);
+    const Digest digest = hash.digest();
+    close.set_hash(digest.data(), digest.size());
+    const auto closed = SessionStore(c).close(close, 2);
+    return closed ? Status() : Status(closed.error());
+  }));
+  pb::Request read;
+  read.mutable_read_study_recording()->set_study("s1");
+  for (const std::string& record : study("s1"))
+    if (const auto json = nlohmann::json::parse(record); json["kind"] == "session")
+      read.mutable_read_study_recording()->set_session(json["session"]);
+  std::vector<int> sizes;
+  for (std::uint64_t next = 0; next < kChunks;) {
+    read.mutable_read_study_recording()->set_from_seq(next);
+    const auto chunks = get(researcher, read).chunks();
+    ASSERT_GT(chunks.chunks_size(), 0);
+    for (const pb::Chunk& chunk : chunks.chunks()) {
+      ASSERT_EQ(chunk.seq(), next);
+      EXPECT_EQ(decodeChunk(viewOf(chunk.data()))->front().tick, next * kMaxChunkSamples);
+      ++next;
+    }
+    EXPECT_EQ(chunks.next_seq(), next);
+    EXPECT_EQ(chunks.end(), next == kChunks);
+    sizes.push_back(chunks.chunks_size());
+  }
+  EXPECT_EQ(sizes, (std::vector<int>{2, 2, 1}));
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -1,7 +1,10 @@
+#include <future>
 #include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "db/audit.h"
 #include "db/service/handlers.h"
 #include "tests/unit/db/service/test_service.h"
 
@@ -383,6 +386,47 @@ TEST_F(PeopleHandlers, everyChangeIsInTheAuditLogWithoutSecrets) {
   EXPECT_EQ(audit.entries(2).who(), "ada");
   EXPECT_EQ(audit.entries(2).subject(), "ina");
   EXPECT_EQ(audit.SerializeAsString().find("horse"), std::string::npos);
+}
+
+TEST_F(PeopleHandlers, linesThatComeWhileTheWriterIsBusyAreOneItemAndNobodyWaits) {
+  std::promise<void> begun, go;
+  ASSERT_OK(store->writer().post(
+      [&](Connection&) -> Status {
+        begun.set_value();
+        go.get_future().wait();
+        return {};
+      },
+      {}));
+  begun.get_future().wait();
+  constexpr int kLines = 300;
+  for (int i = 0; i < kLines; ++i)
+    store->service().noteSoon("ines", "not delivered", "lab-1", std::to_string(i),
+                              [](const Error& error) { ADD_FAILURE() << error.message; });
+  EXPECT_EQ(store->writer().counters().waiting, 1u);
+  go.set_value();
+  ASSERT_OK(store->writer().run([](Connection&) { return Status(); }));
+  pb::Request list;
+  list.mutable_list_audit()->set_action("not delivered");
+  const auto audit = get(admin, list).audit();
+  ASSERT_EQ(audit.entries_size(), kLines);
+  for (int i = 0; i < kLines; ++i) EXPECT_EQ(audit.entries(i).detail(), std::to_string(kLines - 1 - i));
+}
+
+TEST_F(PeopleHandlers, linesThatNobodyWaitsForAreStoredAtTheEndAndLaterOnesAreSaidToFail) {
+  std::vector<ErrorCode> failed;
+  const auto hears = [&](const Error& error) { failed.push_back(error.code); };
+  for (const char* detail : {"1", "2"})
+    store->service().noteSoon("ines", "not delivered", "lab-1", detail, hears);
+  store->writer().stop();
+  EXPECT_TRUE(failed.empty());
+  store->service().noteSoon("ines", "not delivered", "lab-1", "3", hears);
+  EXPECT_EQ(failed, std::vector{ErrorCode::kUnavailable});
+  auto reader = store->readers().borrow();
+  ASSERT_OK(reader);
+  const auto lines = AuditStore(**reader).list(10, 0, {}, "not delivered");
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 2u);
+  EXPECT_EQ(lines->front().detail, "2");
 }
 
 TEST_F(PeopleHandlers, whatIsAsItIsAskedForIsNotWrittenAgain) {

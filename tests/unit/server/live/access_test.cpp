@@ -2,7 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <map>
+#include <thread>
 
 #include "tests/support/password_cost.h"
 #include "tests/unit/server/live/raw_peer.h"
@@ -322,6 +324,33 @@ TEST(Access, nobodySlipsInWhileItsPasswordIsChecked) {
     }
   }
   EXPECT_GE(in_between, 1) << "no trial met the time of the check: the test shows nothing";
+}
+
+TEST(Access, aLogInDoesNotWaitForTheEndOfChangesToOthersAccounts) {
+  const test::ProductPasswordCost product;
+  RunningServer server;
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("tom", pb::TRAINEE, kPassword);
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  RawPeer peer(server);
+  peer.greet();
+  // A check takes 0.1 s, a change less: no check of anna's ends without one.
+  std::atomic<bool> answered = false;
+  int changes = 0;
+  std::thread changer([&] {
+    for (; !answered; ++changes) EXPECT_TRUE(chief->call(disable("tom")).ok());
+  });
+  pb::Envelope login;
+  *login.mutable_login() = personLogin("anna", kPassword);
+  peer.send(login);
+  const auto answer = peer.receive();
+  answered = true;
+  changer.join();
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_TRUE(answer->has_welcome()) << answer->ShortDebugString();
+  EXPECT_GE(changes, 1);
 }
 
 TEST(Access, aTokenEndsWithItsTimeButNotTheConnectionThatIsOpen) {

@@ -89,6 +89,14 @@ struct RequestThreadsTest : testing::Test {
   }
   /// From now on, the connections that asked for closes have ended.
   void endConnectionsOfStations() { *stations_gone_ = true; }
+  /// Goes on as the server does with a message that is to be said to a station: it is not online.
+  Task<> sayInVain(pb::Request request, std::size_t& refused) {
+    Outcome outcome;
+    outcome.server_part = ServerPart::kDeliver;
+    const auto refusal = co_await complete(context, request, "ines", outcome);
+    EXPECT_TRUE(refusal.has_value());
+    ++refused;
+  }
   /// Checks a station's key and notes its name, or "refused".
   Task<> check(pb::Login login, std::string address, std::vector<std::string>& checked) {
     const auto shared = std::make_shared<const pb::Login>(std::move(login));
@@ -245,6 +253,32 @@ TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   closers.join();
   EXPECT_EQ(steps, 0);
   EXPECT_EQ(closes_done, 0);
+}
+
+TEST_F(RequestThreadsTest, noWorkerWaitsForTheWriterWithALineOfWhatWasNotDelivered) {
+  ASSERT_TRUE(store->writer()
+                  .post(
+                      [wait = untilRelease()](Connection&) -> Status {
+                        wait();
+                        return {};
+                      },
+                      {})
+                  .ok());
+  pb::Request stop, list;
+  stop.mutable_stop_lesson()->set_station("bench");
+  std::size_t refused = 0;
+  for (std::size_t n = 0; n < kWorkerThreads; ++n)
+    asio::co_spawn(loop.io, sayInVain(stop, refused), asio::detached);
+  ASSERT_TRUE(loop.runUntil([&] { return refused == kWorkerThreads; }));
+  list.mutable_list_users();
+  ASSERT_EQ(threadsOf(list, pb::ADMINISTRATOR), RequestThreads::kWorkers);
+  EXPECT_TRUE(answered({"ada", pb::ADMINISTRATOR}, list));
+  release();
+  ASSERT_TRUE(store->writer().run([](Connection&) { return Status(); }).ok());
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("not delivered");
+  const Outcome lines = store->service().execute({"ada", pb::ADMINISTRATOR}, audit);
+  EXPECT_EQ(lines.reply.audit().entries_size(), static_cast<int>(kWorkerThreads));
 }
 
 TEST_F(RequestThreadsTest, aStationThatLogsInAgainAndAgainWaitsBehindItself) {

@@ -18,18 +18,19 @@ namespace {
 using test::FakeSession;
 using test::WebLab;
 
-/// Samples of a hand that does not move: a whole chunk of them is some 8 KiB.
-Bytes stillChunk(std::uint64_t seq) {
-  std::vector<GestureSample> samples(kMaxChunkSamples);
+/// Samples of a hand that does not move, by 1 kHz from a tick and a time on: a whole chunk of them is some 8
+/// KiB.
+Bytes stillChunk(std::size_t count, std::uint64_t first_tick, std::int64_t first_time_ns) {
+  std::vector<GestureSample> samples(count);
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    samples[i].tick = seq * kMaxChunkSamples + i;
-    samples[i].time_ns = static_cast<std::int64_t>(samples[i].tick) * 1'000'000;
+    samples[i].tick = first_tick + i;
+    samples[i].time_ns = first_time_ns + static_cast<std::int64_t>(i) * 1'000'000;
   }
   return encodeChunk(Resolution::standard(), samples);
 }
 
-/// Adds a session of tina in chunks of the most samples. Returns its id as text.
-std::string recordedInLongChunks(WebLab& lab, std::uint64_t chunks) {
+/// Adds a session of tina in these chunks, of so many samples in all. Returns its id as text.
+std::string recordedIn(WebLab& lab, const std::vector<Bytes>& chunks, std::uint64_t samples) {
   pb::Login login;
   login.mutable_station()->set_station("bench");
   login.mutable_station()->set_key(lab.stationKey());
@@ -39,26 +40,49 @@ std::string recordedInLongChunks(WebLab& lab, std::uint64_t chunks) {
   (void)station->send(session.open());
   (void)test::waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened(); });
   SessionHash hash;
-  for (std::uint64_t seq = 0; seq < chunks; ++seq) {
-    const Bytes data = stillChunk(seq);
-    hash.update(data);
+  for (std::size_t seq = 0; seq < chunks.size(); ++seq) {
+    hash.update(chunks[seq]);
     pb::Envelope envelope;
     envelope.mutable_chunk()->set_session_id(session.id());
     envelope.mutable_chunk()->set_seq(seq);
-    envelope.mutable_chunk()->set_data(data.data(), data.size());
+    envelope.mutable_chunk()->set_data(chunks[seq].data(), chunks[seq].size());
     (void)station->send(envelope);
   }
-  session.waitForAck(*station, chunks);
+  session.waitForAck(*station, chunks.size());
   const Digest digest = hash.digest();
   pb::Envelope close = session.close(0);
-  close.mutable_close_session()->set_chunks(chunks);
-  close.mutable_close_session()->set_samples(chunks * kMaxChunkSamples);
+  close.mutable_close_session()->set_chunks(chunks.size());
+  close.mutable_close_session()->set_samples(samples);
   close.mutable_close_session()->set_hash(digest.data(), digest.size());
   (void)station->send(close);
   (void)test::waitFor(*station, [](const pb::Envelope& e) { return e.has_session_closed(); });
   Uuid id;
   std::copy(session.id().begin(), session.id().end(), id.begin());
   return uuidText(id);
+}
+
+/// The same in so many chunks of the most samples, one behind the other.
+std::string recordedInLongChunks(WebLab& lab, std::uint64_t count) {
+  std::vector<Bytes> chunks;
+  for (std::uint64_t seq = 0; seq < count; ++seq) {
+    const std::uint64_t first = seq * kMaxChunkSamples;
+    chunks.push_back(stillChunk(kMaxChunkSamples, first, static_cast<std::int64_t>(first) * 1'000'000));
+  }
+  return recordedIn(lab, chunks, count * kMaxChunkSamples);
+}
+
+/// A recording of 8 chunks whose times go back. The search for 500 s looks at chunks 7, 3 and 1, which are
+/// one sample at 1000 s each, and so ends at chunk 0; the 5 others last 65.5 s from 0 s on.
+std::string recordedBackInTime(WebLab& lab) {
+  constexpr std::int64_t kLate_ns = 1'000'000'000'000;
+  std::vector<Bytes> chunks;
+  std::uint64_t samples = 0;
+  for (const bool is_late : {false, true, false, true, false, false, false, true}) {
+    const std::size_t count = is_late ? 1 : kMaxChunkSamples;
+    chunks.push_back(stillChunk(count, samples, is_late ? kLate_ns : 0));
+    samples += count;
+  }
+  return recordedIn(lab, chunks, samples);
 }
 
 WebCall callOf(const std::string& session) {
@@ -117,8 +141,10 @@ TEST(SessionViews, aPieceOfTheCsvHasABoundOfRowsHoweverLongTheChunksAre) {
   std::string csv;
   std::size_t pieces = 0;
   for (;;) {
-    const auto piece = stream->next();
-    ASSERT_TRUE(piece.ok()) << piece.error().message;
+    const auto next = stream->next();
+    ASSERT_TRUE(next.ok()) << next.error().message;
+    const WebPiece& piece = next.value();
+    ASSERT_TRUE(piece.has_value());
     if (piece->empty()) break;
     const auto lines = static_cast<std::size_t>(std::count(piece->begin(), piece->end(), '\n'));
     EXPECT_EQ(lines, kMostPieceRows + (pieces == 0 ? 1 : 0))
@@ -130,6 +156,34 @@ TEST(SessionViews, aPieceOfTheCsvHasABoundOfRowsHoweverLongTheChunksAre) {
   // no row twice, none left out: the last sample's tick is their number less one
   const std::string last = csv.substr(csv.rfind('\n', csv.size() - 2) + 1);
   EXPECT_EQ(last.substr(last.find(',') + 1).substr(0, 7), "131071,");
+}
+
+TEST(SessionViews, aPieceOfTheCsvDecodesOneOfTheLongestChunksThoughNoneOfTheirRowsIsAskedFor) {
+  WebLab lab;
+  WebCall call = callOf(recordedBackInTime(lab));
+  call.target.query["from_s"] = "500";
+  const auto stream = sampleCsv(lab.server().service(), call);
+  ASSERT_TRUE(stream.ok()) << stream.error().message;
+  // lines of each piece, the header first; -1: there is no text yet
+  std::vector<int> pieces;
+  for (;;) {
+    const auto piece = stream->next();
+    ASSERT_TRUE(piece.ok()) << piece.error().message;
+    const WebPiece& text = piece.value();
+    if (text && text->empty()) break;
+    pieces.push_back(text ? static_cast<int>(std::count(text->begin(), text->end(), '\n')) : -1);
+  }
+  // each piece ends behind the long chunk of 0 | 1, 2 | 3, 4 | 5 | 6 | 7
+  EXPECT_EQ(pieces, (std::vector<int>{1, 1, 1, -1, -1, 1}));
+}
+
+TEST(SessionViews, aDownloadGoesOnAfterAPieceWithoutText) {
+  WebLab lab;
+  const std::string id = recordedBackInTime(lab);
+  auto ines = lab.browserOf("ines");
+  const auto csv = ines.get("/api/v1/sessions/" + id + "/samples.csv?from_s=500");
+  EXPECT_EQ(csv.status, 200);
+  EXPECT_EQ(std::count(csv.body.begin(), csv.body.end(), '\n'), 4) << "the header and the 3 late samples";
 }
 
 }  // namespace
