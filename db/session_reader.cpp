@@ -245,6 +245,13 @@ class Search {
 }  // namespace
 
 Result<HashedChunks> SessionStore::hashChunks(const Uuid& session, std::uint64_t count) {
+  HashSoFar all;
+  RETURN_IF_ERROR(hashOn(session, count, UINT64_MAX, all));
+  return all.result();
+}
+
+Status SessionStore::hashOn(const Uuid& session, std::uint64_t count, std::uint64_t most_bytes,
+                            HashSoFar& so_far) {
   ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
   const std::string name = "session " + uuidText(session);
   if (row.recording != StoredRecording::Kind::kOriginal) {
@@ -255,19 +262,18 @@ Result<HashedChunks> SessionStore::hashChunks(const Uuid& session, std::uint64_t
     return Error{ErrorCode::kNotFound,
                  fmt::format("{} has {} chunks, asked were {}", name, row.chunks, count)};
   }
-  HashedChunks result;
-  SessionHash hash;
-  ChunkScan scan(connection_, name, {row.recording, row.number, row.chunks}, 0, count);
-  for (;;) {
+  ChunkScan scan(connection_, name, {row.recording, row.number, row.chunks}, so_far.chunks, count);
+  for (std::uint64_t read = 0; read < most_bytes;) {
     ASSIGN_OR_RETURN(const auto item, scan.next());
     if (!item) break;
     if (item->damaged()) return *item->fault;
-    hash.update(item->bytes);
-    ++result.chunks;
-    result.samples += item->samples;
+    so_far.hash.update(item->bytes);
+    ++so_far.chunks;
+    so_far.samples += item->samples;
+    so_far.bytes += item->bytes.size();
+    read += item->bytes.size() + kHashedChunkBytes;
   }
-  result.hash = hash.digest();
-  return result;
+  return {};
 }
 
 Result<std::uint64_t> SessionStore::nextSeq(const Uuid& session) {

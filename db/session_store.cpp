@@ -272,7 +272,15 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
 }
 
 Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t now_unix_ns,
-                                   std::string_view station, const std::optional<HashedChunks>& known) {
+                                   std::string_view station) {
+  ASSIGN_OR_RETURN(auto closed, closeHashed(request, now_unix_ns, station, {}));
+  if (closed.kind != Closed::Kind::kNotHashed) return closed;
+  ASSIGN_OR_RETURN(const auto known, hashChunks(*uuidOf(request.session_id()), request.chunks()));
+  return closeHashed(request, now_unix_ns, station, known);
+}
+
+Result<Closed> SessionStore::closeHashed(const pb::CloseSession& request, std::int64_t now_unix_ns,
+                                         std::string_view station, const std::optional<HashedChunks>& known) {
   const auto id = uuidOf(request.session_id());
   ASSIGN_OR_RETURN(const auto found,
                    id ? findSession(connection_, *id) : Result<std::optional<SessionRow>>(std::nullopt));
@@ -308,8 +316,8 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
   } else if (known && known->chunks == row.chunks && known->samples == row.samples) {
     hash = known->hash;
   } else {
-    ASSIGN_OR_RETURN(const auto hashed, hashChunks(*id, row.chunks));
-    hash = hashed.hash;
+    return Closed{Closed::Kind::kNotHashed, row.chunks, row.state,
+                  name + " cannot be closed: chunks came meanwhile, close it again"};
   }
   if (!unverified && textOf(hash) != request.hash() && !planted(PlantedBug::kHashNotChecked)) {
     return contradiction("the hash over the stored chunks is " + hexOf(hash) +

@@ -66,6 +66,7 @@ struct Closed {
     kRepeated,       ///< already closed with the same numbers
     kIncomplete,     ///< chunks from `next_seq` on are missing
     kContradiction,  ///< chunk count, samples or hash differ from what is stored; the session stays open
+    kNotHashed,      ///< closeHashed(): its hash is needed, and is not given for these chunks; it stays open
     kUnknownSession,
   };
   Kind kind = Kind::kClosed;
@@ -81,6 +82,15 @@ struct HashedChunks {
   std::uint64_t chunks = 0;
   std::uint64_t samples = 0;
   Digest hash{};
+};
+
+/// The same of the first chunks, to go on from (SessionStore::hashOn).
+struct HashSoFar {
+  SessionHash hash;
+  std::uint64_t chunks = 0;
+  std::uint64_t samples = 0;
+  std::uint64_t bytes = 0;  ///< of the chunks
+  [[nodiscard]] HashedChunks result() const { return {chunks, samples, hash.digest()}; }
 };
 
 struct StoredChunk {
@@ -160,14 +170,22 @@ class SessionStore {
   Result<Appended> append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                           std::string_view station = {});
 
-  /// `known`: from hashChunks() on a reader, with the request's chunk count. Without it, this reads all
-  /// chunks.
+  /// Closes a session whose chunks a reader has hashed (hashOn); reads none itself, however long it is.
+  /// kNotHashed: the hash is needed, and `known` is of other chunks than are stored: chunks came meanwhile.
+  Result<Closed> closeHashed(const pb::CloseSession& request, std::int64_t now_unix_ns,
+                             std::string_view station, const std::optional<HashedChunks>& known);
+  /// The same with a hash of its own, for which it reads all chunks: not for the writer of a server.
   Result<Closed> close(const pb::CloseSession& request, std::int64_t now_unix_ns,
-                       std::string_view station = {}, const std::optional<HashedChunks>& known = {});
+                       std::string_view station = {});
 
   /// Hash and sample count of chunks 0 … count−1 of the original, read back with their CRC. kCorrupt names
   /// the damaged chunk; kNotFound when there are fewer, or retention has removed them.
   Result<HashedChunks> hashChunks(const Uuid& session, std::uint64_t count);
+  /// The same in pieces: goes on behind the chunks of `so_far` up to `count`, and ends earlier once it has
+  /// read `most_bytes`, where a chunk counts kHashedChunkBytes besides its own. An error leaves in `so_far`
+  /// what was read before.
+  Status hashOn(const Uuid& session, std::uint64_t count, std::uint64_t most_bytes, HashSoFar& so_far);
+  static constexpr std::uint64_t kHashedChunkBytes = 1024;
 
   /// First seq that is not stored. kNotFound: unknown session.
   Result<std::uint64_t> nextSeq(const Uuid& session);

@@ -88,6 +88,17 @@ Status storeEvents(Connection& writer, const Uuid& id, const std::vector<pb::Syr
 
 constexpr std::size_t kMostKnownFaults = 1000;
 
+/// Of one close, because chunks came between its look and the writer's.
+constexpr std::uint32_t kMostLooks = 2;
+
+/// Whether the writer will ask for the hash: it answers a close that contradicts the counters without it.
+bool needsHash(const pb::SessionInfo& info, const CloseUnderWay& close) {
+  const pb::CloseSession& request = close.request;
+  if (info.state() != pb::SESSION_OPEN || info.chunks() != request.chunks()) return false;
+  if (!close.station.empty() && info.description().station() != close.station) return false;
+  return info.samples() == request.samples() || (request.hash().empty() && request.interrupted());
+}
+
 }  // namespace
 
 Result<std::string> Service::scoreSession(Connection& reader, const Uuid& session) {
@@ -127,38 +138,52 @@ Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& s
 }
 
 Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, const std::string& station) {
+  CloseUnderWay close{request, station};
+  for (;;) {
+    ASSIGN_OR_RETURN(auto outcome, closeStep(close));
+    if (outcome) return *std::move(outcome);
+  }
+}
+
+Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
+  const pb::CloseSession& request = close.request;
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   SessionStore sessions(*reader);
-
-  // read and hash here to spare the writer's thread
-  std::optional<HashedChunks> known;
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(request.session_id()));
-  if (const auto info = sessions.info(id);
-      info && info->state() == pb::SESSION_OPEN && info->chunks() == request.chunks()) {
-    ASSIGN_OR_RETURN(const auto hashed, sessions.hashChunks(id, request.chunks()));
-    known = hashed;
+
+  // read and hash here: the writer's thread never does
+  std::optional<HashedChunks> known;
+  if (const auto info = sessions.info(id); info && needsHash(*info, close)) {
+    ASSIGN_OR_RETURN(known, running_hashes_.goOn(sessions, id, request.chunks()));
+    if (!known) return std::optional<CloseOutcome>();
   }
-  CloseOutcome outcome;
+  std::optional<CloseOutcome> done(std::in_place);
+  CloseOutcome& outcome = *done;
   RETURN_IF_ERROR(writer_.run([&](Connection& writer) {
-    auto closed = SessionStore(writer).close(request, wallNowNs(), station, known);
+    auto closed = SessionStore(writer).closeHashed(request, wallNowNs(), close.station, known);
     if (!closed) return Status(closed.error());
     outcome.closed = std::move(*closed);
     if (outcome.closed.kind != Closed::Kind::kClosed) return Status();
     std::string lost = lossText(request);
-    return lost.empty() ? Status() : noteLoss(writer, id, request, station, std::move(lost));
+    return lost.empty() ? Status() : noteLoss(writer, id, request, close.station, std::move(lost));
   }));
-  if (!outcome.closed.taken()) return outcome;
+  if (outcome.closed.kind == Closed::Kind::kNotHashed) {
+    if (++close.looked_again > kMostLooks) return Error{ErrorCode::kUnavailable, outcome.closed.text};
+    return std::optional<CloseOutcome>();
+  }
+  if (!outcome.closed.taken()) return done;
+  running_hashes_.forget(id);
 
   // a repeated close returns the first score
   if (const auto info = sessions.info(id); info && !info->score_json().empty()) {
     outcome.score_json = info->score_json();
-    return outcome;
+    return done;
   }
   if (outcome.closed.kind == Closed::Kind::kRepeated) {
     const std::scoped_lock lock(faults_mutex_);
     if (const auto failed = score_faults_.find(id); failed != score_faults_.end()) {
       outcome.score_fault = failed->second;
-      return outcome;
+      return done;
     }
   }
   ASSIGN_OR_RETURN(auto settled, settle(*reader, id));
@@ -170,7 +195,7 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
     if (score_faults_.size() >= kMostKnownFaults) score_faults_.clear();
     score_faults_[id] = outcome.score_fault;
   }
-  return outcome;
+  return done;
 }
 
 Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session) {

@@ -25,6 +25,7 @@
 #include "db/service/reference_paths.h"
 #include "db/service/requests.h"
 #include "db/service/retention.h"
+#include "db/service/running_hashes.h"
 #include "db/service/session_samples.h"
 #include "db/session_store.h"
 #include "needlelab/control.pb.h"
@@ -49,6 +50,13 @@ struct CloseOutcome {
   std::string score_json;         ///< when taken: the stored measures; empty when there is nothing to measure
   std::string score_fault;        ///< the reason when scoring failed; the session is closed nevertheless
   std::uint64_t event_bytes = 0;  ///< of the syringe's events that were stored now
+};
+
+/// A station's request to close a session, between the steps of its work.
+struct CloseUnderWay {
+  pb::CloseSession request;
+  std::string station;             ///< empty: any
+  std::uint32_t looked_again = 0;  ///< because chunks came meanwhile
 };
 
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
@@ -79,10 +87,17 @@ class Service {
   /// revoked.
   Result<bool> stillAllowed(const Principal& principal);
 
-  /// Hashes the stored chunks on a reader, closes the session on the writer, then computes and stores score
-  /// and events. Returns after the commit. A session that could not be scored gets the same answer when it is
-  /// closed again, and is not read again for it.
+  /// Does one step of a close: hashes some more of the stored chunks (RunningHashes) on a reader, or closes
+  /// the session on the writer and computes and stores score and events. Nothing: call it again, after others
+  /// had their turn. Returns the outcome after the commit. Chunks that were hashed once are not read again
+  /// for another close, whatever became of the first. A session that could not be scored gets the same answer
+  /// when it is closed again, and is not read again for it. kUnavailable: chunks came again and again
+  /// meanwhile.
+  Result<std::optional<CloseOutcome>> closeStep(CloseUnderWay& close);
+  /// All steps.
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
+  /// Bytes of chunks that closes have read for hashes since the start: what they cost.
+  [[nodiscard]] std::uint64_t bytesHashed() const { return running_hashes_.bytesHashed(); }
 
   /// Scores a session's gesture (common/scoring/README.md) from its stored chunks and its profile; returns
   /// JSON rows. kInvalidInput and kCorrupt: as samplesOf(), which is asked once, until recordings are
@@ -189,6 +204,7 @@ class Service {
   /// Why samplesOf() refused sessions that somebody had scored anew; guarded by faults_mutex_.
   std::map<Uuid, Error> unreadable_;
   ReferencePaths reference_paths_;
+  RunningHashes running_hashes_;
   std::mutex rescore_mutex_;  ///< one run at a time
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;

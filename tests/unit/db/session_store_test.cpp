@@ -1,4 +1,7 @@
 #include "db/session_store.h"
+
+#include <gmock/gmock.h>
+
 #include "db/audit.h"
 #include "db/people.h"
 
@@ -233,12 +236,41 @@ TEST_F(SessionStoreTest, closingWithWrongNumbersOrHashLeavesTheSessionOpen) {
   EXPECT_EQ(store.close(closeOf(id, 3), 1)->kind, Closed::Kind::kClosed);
 }
 
-TEST_F(SessionStoreTest, aHashMadeByAReaderIsUsedOnlyWhenItCoversAllChunks) {
+TEST_F(SessionStoreTest, aHashMadeByAReaderIsUsedOnlyWhenItCoversAllChunksAndNoneIsMadeInItsPlace) {
   openAndAppend(3);
   auto reader = db.reader();
-  const auto part = SessionStore(reader).hashChunks(id, 2);
+  const auto part = SessionStore(reader).hashChunks(id, 2), all = SessionStore(reader).hashChunks(id, 3);
   ASSERT_OK(part);
-  EXPECT_EQ(store.close(closeOf(id, 3), 1, "station-1", *part)->kind, Closed::Kind::kClosed);
+  ASSERT_OK(all);
+  for (const auto& known : {std::optional(*part), std::optional<HashedChunks>()}) {
+    const auto refused = store.closeHashed(closeOf(id, 3), 1, "station-1", known);
+    ASSERT_OK(refused);
+    EXPECT_EQ(refused->kind, Closed::Kind::kNotHashed);
+    EXPECT_FALSE(refused->taken());
+    EXPECT_THAT(refused->text, testing::HasSubstr("chunks came meanwhile"));
+  }
+  EXPECT_EQ(store.info(id)->state(), pb::SESSION_OPEN);
+  EXPECT_EQ(store.closeHashed(closeOf(id, 3), 1, "station-1", *all)->kind, Closed::Kind::kClosed);
+  EXPECT_EQ(store.closeHashed(closeOf(id, 3), 1, "station-1", {})->kind, Closed::Kind::kRepeated);
+}
+
+TEST_F(SessionStoreTest, aSessionIsHashedInPiecesThatGoOnBehindEachOther) {
+  openAndAppend(5);
+  auto reader = db.reader();
+  SessionStore readers(reader);
+  const std::uint64_t each = chunkOf(0).size() + SessionStore::kHashedChunkBytes;
+  HashSoFar so_far;
+  // the chunk that reaches the bound is the last one; chunks differ by a few bytes
+  ASSERT_OK(readers.hashOn(id, 5, 2 * each - SessionStore::kHashedChunkBytes, so_far));
+  EXPECT_EQ(so_far.chunks, 2u);
+  EXPECT_EQ(so_far.bytes, chunkOf(0).size() + chunkOf(1).size());
+  EXPECT_EQ(so_far.result().hash, readers.hashChunks(id, 2)->hash);
+  ASSERT_OK(readers.hashOn(id, 4, UINT64_MAX, so_far));
+  EXPECT_EQ(so_far.chunks, 4u);
+  ASSERT_OK(readers.hashOn(id, 5, UINT64_MAX, so_far));
+  EXPECT_EQ(so_far.samples, 100u);
+  EXPECT_EQ(textOf(so_far.result().hash), closeOf(id, 5).hash());
+  EXPECT_EQ(readers.hashOn(id, 6, UINT64_MAX, so_far).error().code, ErrorCode::kNotFound);
 }
 
 TEST_F(SessionStoreTest, aSessionWithoutChunksCanBeClosed) {

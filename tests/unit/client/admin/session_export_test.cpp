@@ -220,7 +220,7 @@ class ExportMemory : public test::AdminTest {
       const auto hashed = sessions.hashChunks(id, seconds);
       if (!hashed) return hashed.error();
       close.set_hash(hashed->hash.data(), hashed->hash.size());
-      const auto closed = sessions.close(close, 2, {}, *hashed);
+      const auto closed = sessions.closeHashed(close, 2, {}, *hashed);
       return closed ? Status() : Status(closed.error());
     }));
     return id;

@@ -1,5 +1,10 @@
+#include <gmock/gmock.h>
+
 #include <algorithm>
+#include <chrono>
+#include <future>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "common/scoring/syringe_events.h"
 #include "db/service/session_samples.h"
@@ -34,6 +39,12 @@ class Closing : public test::ServiceTest {
     const Digest digest = hash.digest();
     close.set_hash(digest.data(), digest.size());
     return close;
+  }
+  // of chunks 0 … chunks−1 of addSession()
+  static std::uint64_t bytesOf(std::uint64_t chunks) {
+    std::uint64_t bytes = 0;
+    for (std::uint64_t seq = 0; seq < chunks; ++seq) bytes += test::chunkOf(seq).size();
+    return bytes;
   }
   pb::SessionInfo info(const Uuid& id) {
     pb::Request request;
@@ -428,6 +439,91 @@ TEST_F(Closing, aRepeatedCloseDoesNotTryAgainToScore) {
   ASSERT_OK(again);
   EXPECT_EQ(again->closed.kind, Closed::Kind::kRepeated);
   EXPECT_EQ(again->score_fault, first->score_fault);
+}
+
+/// Does one step of a close, and stores the next chunk of its session between the step's look and the
+/// writer's.
+Result<std::optional<CloseOutcome>> stepWhileAChunkComes(Store& store, CloseUnderWay& close, const Uuid& id,
+                                                         std::uint64_t seq) {
+  DbWriter& writer = store.writer();
+  std::promise<void> begun, go;
+  EXPECT_OK(writer.post(
+      [&](Connection&) {
+        begun.set_value();
+        go.get_future().wait();
+        return Status();
+      },
+      {}));
+  begun.get_future().wait();
+  EXPECT_OK(writer.post(
+      [&](Connection& c) {
+        const auto stored = SessionStore(c).append(id, seq, test::chunkOf(seq));
+        return stored ? Status() : Status(stored.error());
+      },
+      {}));
+  auto step = std::async(std::launch::async, [&] { return store.service().closeStep(close); });
+  const auto ended = [&] { return step.wait_for(std::chrono::seconds(0)) == std::future_status::ready; };
+  while (writer.counters().waiting < 2 && !ended()) std::this_thread::yield();  // the chunk, then the close
+  go.set_value();
+  return step.get();
+}
+
+TEST_F(Closing, theWriterReadsNoChunksForAHashAlsoWhenTheLastOneComesBetweenTheLooks) {
+  const Uuid id = addSession("anna", 2);
+  CloseUnderWay close{test::closeOf(id, 3), "station-1"};
+  const auto first = stepWhileAChunkComes(*store, close, id, 2);
+  ASSERT_OK(first);
+  EXPECT_FALSE(first->has_value()) << "there is more to do";
+  EXPECT_EQ(store->service().bytesHashed(), 0u);
+  EXPECT_EQ(info(id).state(), pb::SESSION_OPEN);
+  const auto second = store->service().closeStep(close);
+  ASSERT_OK(second);
+  ASSERT_TRUE(second->has_value());
+  EXPECT_EQ((*second)->closed.kind, Closed::Kind::kClosed) << (*second)->closed.text;
+  EXPECT_EQ(store->service().bytesHashed(), bytesOf(3));
+}
+
+TEST_F(Closing, aCloseThatLooksAgainAndAgainIsToBeTriedLater) {
+  const Uuid id = addSession("anna", 2);
+  CloseUnderWay close{test::closeOf(id, 3), "station-1", 2};
+  const auto refused = stepWhileAChunkComes(*store, close, id, 2);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("close it again"));
+  EXPECT_EQ(store->service().closeSession(test::closeOf(id, 3), "station-1")->closed.kind,
+            Closed::Kind::kClosed);
+}
+
+TEST_F(Closing, whoeverTriesAgainWithAWrongHashHasNoChunkReadAgain) {
+  const Uuid id = addSession("anna", 4);
+  auto& service = store->service();
+  const auto tryWrong = [&](std::uint64_t chunks) {
+    auto wrong = test::closeOf(id, chunks);
+    (*wrong.mutable_hash())[0] ^= 1;
+    EXPECT_EQ(service.closeSession(wrong, "station-1")->closed.kind, Closed::Kind::kContradiction);
+  };
+  for (int n = 0; n < 5; ++n) tryWrong(4);
+  EXPECT_EQ(service.bytesHashed(), bytesOf(4));
+  ASSERT_OK(change([&](Connection& c) {
+    const auto stored = SessionStore(c).append(id, 4, test::chunkOf(4));
+    return stored ? Status() : Status(stored.error());
+  }));
+  for (int n = 0; n < 5; ++n) tryWrong(5);
+  EXPECT_EQ(service.bytesHashed(), bytesOf(5)) << "the new one only";
+  for (const auto kind : {Closed::Kind::kClosed, Closed::Kind::kRepeated})
+    EXPECT_EQ(service.closeSession(test::closeOf(id, 5), "station-1")->closed.kind, kind);
+  EXPECT_EQ(service.bytesHashed(), bytesOf(5));
+}
+
+TEST_F(Closing, nothingIsHashedForACloseThatIsRefusedWithoutIt) {
+  const Uuid id = addSession("anna", 2);
+  auto& service = store->service();
+  auto samples = test::closeOf(id, 2);
+  samples.set_samples(41);
+  EXPECT_EQ(service.closeSession(samples, "station-1")->closed.kind, Closed::Kind::kContradiction);
+  EXPECT_EQ(service.closeSession(test::closeOf(id, 2), "station-2")->closed.kind,
+            Closed::Kind::kUnknownSession);
+  EXPECT_EQ(service.bytesHashed(), 0u);
 }
 
 TEST_F(Closing, refusalsComeThrough) {
