@@ -13,6 +13,7 @@
 #include "common/scoring/measures.h"
 #include "db/service/rescoring.h"
 #include "db/session_results.h"
+#include "db/session_rows.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
