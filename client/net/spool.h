@@ -27,6 +27,10 @@ void setResolution(pb::SessionDescription& description, const Resolution& resolu
 /// kInvalidInput, with the field.
 Status checkSpoolDescription(const pb::SessionDescription& description);
 
+/// 12 days: memory lasts for hours, and no lesson for days. A file of the spool with a number that only a
+/// longer session has is not believed.
+inline constexpr double kLongestSession_s = 1u << 20;
+
 /// Samples that never reached the spool: the disk refused writes until memory was full.
 struct SpoolLoss {
   std::uint64_t samples = 0;

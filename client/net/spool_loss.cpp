@@ -15,9 +15,6 @@
 namespace needlelab {
 namespace {
 
-// 12 days: memory lasts for hours, and no lesson for days
-constexpr double kMostLost_s = 1u << 20;
-
 // samples and first tick, always as long
 std::string lossText(const SpoolLoss& loss) {
   return fmt::format("{:020} {:020}\n", loss.samples, loss.from_tick);
@@ -63,7 +60,7 @@ void SpoolSession::loadLoss() {
   const SpoolLoss loss{samples, from_tick};
   const std::string own = lossText(loss);
   if (*text != own && *text != sealed(own)) return;
-  if (static_cast<double>(samples) > kMostLost_s * description_.rate_hz()) return;
+  if (static_cast<double>(samples) > kLongestSession_s * description_.rate_hz()) return;
   loss_file_ = *text == own ? LossFile::kUnsealed : LossFile::kSealed;
   loss_ = loss;
 }

@@ -19,6 +19,15 @@ namespace {
 constexpr std::size_t kMaxTailSamples = 4000;
 constexpr std::uint64_t kMostMissing = 1u << 20;  // chunks between two readable ones: 12 days at 1 kHz
 
+/// Whether a session may have the numbers of this object: chunks, samples, ticks.
+bool arePossible(const nlohmann::json& of, const pb::SessionDescription& description) {
+  const double most = kLongestSession_s * std::max(1000.0, description.rate_hz());
+  return std::all_of(of.begin(), of.end(), [&](const nlohmann::json& value) {
+    if (value.is_object()) return arePossible(value, description);
+    return !value.is_number_unsigned() || value.get<double>() <= most;
+  });
+}
+
 std::uint64_t samplesOfASecond(const pb::SessionDescription& description) {
   return static_cast<std::uint64_t>(std::clamp(std::round(description.rate_hz()), 1.0, 1000.0));
 }
@@ -170,12 +179,13 @@ Status SpoolSession::loadDescription() {
   return {};
 }
 
-// ignores a damaged end: the chunks have their own checks, and the session ends as interrupted
+// ignores a damaged end, and one with impossible numbers: the chunks have their own checks, and the session
+// ends as interrupted
 void SpoolSession::loadEnd() {
   const auto end = readSpoolJson(folder_ / "end.json");
   const auto has = [&](const char* key) { return end->contains(key); };
   if (!end.ok() || !end->is_object() || !has("chunks") || !has("samples") || !has("hash") ||
-      !has("interrupted")) {
+      !has("interrupted") || !arePossible(*end, description_)) {
     mended_ = true;
     return;
   }
@@ -306,7 +316,8 @@ Status SpoolSession::recoverTail() {
     const auto counted = readSpoolJson(folder_ / "tail.json");
     if (counted.ok() && counted->contains("chunks") && (*counted)["chunks"].is_array())
       for (const auto& of : (*counted)["chunks"])
-        if (of.is_object() && countAt(of, "seq") < next_seq_) list.push_back(of);
+        if (of.is_object() && arePossible(of, description_) && countAt(of, "seq") < next_seq_)
+          list.push_back(of);
     if (!list.empty()) tail_damage_ = {};
     for (const auto& of : list) {
       addDamage(tail_damage_, {0, countAt(of, "samples"), countAt(of, "from_tick")});

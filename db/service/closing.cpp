@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -130,7 +131,13 @@ Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& s
     return stored.error();
   }
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(description.session_id()));
-  ASSIGN_OR_RETURN(const auto references, reference_paths_.ofExercise(reader, description.exercise_id(), id));
+  // at a closing they are computed by now; a rescoring and retention compute them here, part by part
+  ReferencePaths::NearestPath nearest;
+  do {
+    ASSIGN_OR_RETURN(nearest, reference_paths_.nearestPath(reader, description.exercise_id(), id));
+  } while (nearest.is_pending);
+  std::span<const TipPath> references;
+  if (nearest.path) references = {&*nearest.path, 1};
   const auto measures = scoreGesture(session.samples, description.rate_hz(), session.profile, session.X_WL,
                                      exercise ? &*exercise : nullptr, references);
   RETURN_IF_ERROR(session.samples.fault());
@@ -150,6 +157,7 @@ Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   SessionStore sessions(*reader);
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(request.session_id()));
+  if (close.unscored) return scoreStep(*reader, id, close);
 
   // read and hash here: the writer's thread never does
   std::optional<HashedChunks> known;
@@ -186,22 +194,31 @@ Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
       return done;
     }
   }
-  ASSIGN_OR_RETURN(auto settled, settle(*reader, id));
+  close.unscored = std::move(outcome);
+  return scoreStep(*reader, id, close);
+}
+
+Result<std::optional<CloseOutcome>> Service::scoreStep(Connection& reader, const Uuid& session,
+                                                       CloseUnderWay& close) {
+  ASSIGN_OR_RETURN(auto settled, settle(reader, session, true));
+  if (settled.is_pending) return std::optional<CloseOutcome>();
+  std::optional<CloseOutcome> done = close.unscored;
+  CloseOutcome& outcome = *done;
   outcome.score_json = std::move(settled.score_json);
   outcome.event_bytes = settled.event_bytes;
   if (settled.fault) {
     outcome.score_fault = settled.fault->message;
     const std::scoped_lock lock(faults_mutex_);
     if (score_faults_.size() >= kMostKnownFaults) score_faults_.clear();
-    score_faults_[id] = outcome.score_fault;
+    score_faults_[session] = outcome.score_fault;
   }
   return done;
 }
 
-Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session) {
+Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session, bool in_parts) {
   // what it throws (no memory) is a fault of this session alone
   try {
-    return settleOrThrow(reader, session);
+    return settleOrThrow(reader, session, in_parts);
   } catch (const std::exception& thrown) {
     Settled settled;
     settled.fault = Error{ErrorCode::kFailed, fmt::format("scoring failed inside: {}", thrown.what())};
@@ -209,13 +226,20 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
   }
 }
 
-Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& session) {
+Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& session, bool in_parts) {
   Settled settled;
   ASSIGN_OR_RETURN(const auto never, whyNeverScored(reader, session));
   if (never) {
     settled.fault = Error{ErrorCode::kInvalidInput, *never};
     settled.final = true;
     return settled;
+  }
+  if (in_parts) {
+    ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(session));
+    // an error is one of the score, which meets it again
+    const auto nearest = reference_paths_.nearestPath(reader, info.description().exercise_id(), session);
+    settled.is_pending = nearest && nearest->is_pending;
+    if (settled.is_pending) return settled;
   }
   const auto read = samplesOf(reader, session);
   auto score = read ? scoreOf(reader, *read) : Result<std::string>(read.error());
@@ -257,7 +281,7 @@ Status Service::settleRecording(const Uuid& session) {
     RETURN_IF_ERROR(read->samples.fault());
     return writer_.run([&](Connection& writer) { return storeEvents(writer, session, made); });
   }
-  ASSIGN_OR_RETURN(const auto settled, settle(*reader, session));
+  ASSIGN_OR_RETURN(const auto settled, settle(*reader, session, false));
   if (!settled.fault || settled.final) return {};
   return Error{settled.fault->code,
                "session " + uuidText(session) +

@@ -7,6 +7,7 @@
 #include "db/service/handlers.h"
 #include "db/service/session_samples.h"
 #include "db/session_results.h"
+#include "db/session_store.h"
 
 namespace needlelab {
 namespace {
@@ -51,35 +52,35 @@ class ReferencePaths::Turn {
   const Key key_;
 };
 
-/// One call's use of what is known. It reads each path at most once, even one that cannot be read now, and
-/// only where a distance is not known.
+/// One call's use of what is known. It reads each path at most once, and only where a distance is not known.
 class ReferencePaths::Lookup {
  public:
-  Lookup(ReferencePaths& known, Connection& reader) : known_(known), reader_(reader) {
+  /// `most_cells`: once they are spent, it begins nothing more.
+  Lookup(ReferencePaths& known, Connection& reader, std::uint64_t most_cells)
+      : known_(known), reader_(reader), most_cells_(most_cells) {
     const std::scoped_lock lock(known_.mutex_);
     forgotten_ = known_.forgotten_;
   }
 
-  /// Nothing: it cannot be read now. Valid while this lives.
-  const std::optional<TipPath>& path(const Uuid& session) {
-    const auto [entry, is_new] = paths_.try_emplace(session);
-    if (!is_new) return entry->second;
+  /// Nullptr: it is pending. Empty: it has none. Valid while this lives.
+  const TipPath* path(const Uuid& session) {
+    if (const auto own = paths_.find(session); own != paths_.end()) return &own->second;
     std::unique_lock lock(known_.mutex_);
     known_.ended_.wait(lock, [&] { return !known_.reading_.contains(session); });
-    if (const auto found = known_.paths_.find(session); found != known_.paths_.end()) {
-      entry->second = found->second;
-      return entry->second;
-    }
+    if (const auto found = known_.paths_.find(session); found != known_.paths_.end())
+      return &paths_.emplace(session, found->second).first->second;
+    if (isSpent()) return nullptr;
     known_.reading_.insert(session);
     lock.unlock();
     const Turn turn(known_, known_.reading_, session);
-    entry->second = readPath(session);
-    if (!entry->second) return entry->second;
+    auto read = readPath(session);
+    const TipPath& path = paths_.emplace(session, read ? std::move(*read) : TipPath()).first->second;
+    if (!read) return &path;
     const std::scoped_lock keep(known_.mutex_);
-    if (known_.forgotten_ != forgotten_) return entry->second;
+    if (known_.forgotten_ != forgotten_) return &path;
     if (known_.paths_.size() >= kMostKnownPaths) known_.paths_.clear();
-    known_.paths_.emplace(session, *entry->second);
-    return entry->second;
+    known_.paths_.emplace(session, path);
+    return &path;
   }
 
   /// Nothing: one of both has no path, or it is pending.
@@ -89,16 +90,13 @@ class ReferencePaths::Lookup {
     known_.ended_.wait(lock, [&] { return !known_.computing_.contains(pair); });
     if (const auto found = known_.distances_.find(pair); found != known_.distances_.end())
       return found->second;
-    if (spent_cells_ >= known_.most_cells_) {
-      is_pending_ = true;
-      return std::nullopt;
-    }
     known_.computing_.insert(pair);
     lock.unlock();
     const Turn turn(known_, known_.computing_, pair);
-    const auto& one = path(pair.first);
-    const auto& other = path(pair.second);
-    if (!one || !other) return std::nullopt;
+    const TipPath* const one = path(a);
+    if (one == nullptr || one->empty()) return std::nullopt;
+    const TipPath* const other = path(b);
+    if (other == nullptr || other->empty() || isSpent()) return std::nullopt;
     spent_cells_ += dtwCells(one->size(), other->size());
     const auto distance = dtwDistance(*one, *other);
     const std::scoped_lock keep(known_.mutex_);
@@ -109,43 +107,74 @@ class ReferencePaths::Lookup {
     return distance;
   }
 
-  /// Whether a distance was left to the next call.
+  /// Whether a path or a distance was left to the next call.
   [[nodiscard]] bool isPending() const { return is_pending_; }
 
  private:
+  bool isSpent() {
+    if (spent_cells_ < most_cells_) return false;
+    is_pending_ = true;
+    return true;
+  }
+
+  /// Nothing: it has no path now, and to find that cost nothing. What was read once is not read again,
+  /// whatever came of it.
   std::optional<TipPath> readPath(const Uuid& session) {
+    const auto info = SessionStore(reader_).info(session);
+    if (!info || info->state() == pb::SESSION_OPEN) return std::nullopt;
+    if (info->samples() == 0) return TipPath();
+    spent_cells_ += kCellsOfSample * std::min(info->samples(), kMaxScoredSamples);
     const auto read = samplesOf(reader_, session);
-    // what will never be scored, or is damaged, has no path; any other failure may pass
-    if (!read) return isLasting(read.error()) ? std::optional(TipPath()) : std::nullopt;
+    if (!read) return TipPath();
     TipPath path = tipPathOf(read->samples, read->info.description().rate_hz(), read->X_WL);
-    if (!read->samples.fault().ok()) return std::nullopt;
-    spent_cells_ += kCellsOfSample * read->info.samples();
-    return path;
+    return read->samples.fault().ok() ? path : TipPath();
   }
 
   ReferencePaths& known_;
   Connection& reader_;
+  const std::uint64_t most_cells_;
   std::uint64_t spent_cells_ = 0;
   bool is_pending_ = false;
   std::uint64_t forgotten_ = 0;
-  std::map<Uuid, std::optional<TipPath>> paths_;
+  std::map<Uuid, TipPath> paths_;
 };
 
-Result<std::vector<TipPath>> ReferencePaths::ofExercise(Connection& reader, const std::string& exercise_id,
-                                                        std::optional<Uuid> except) {
-  ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
-  Lookup lookup(*this, reader);
-  std::vector<TipPath> paths;
-  for (const Uuid& session : sessionsOf(reference, except)) {
-    if (const auto& path = lookup.path(session); path && !path->empty()) paths.push_back(*path);
+struct ReferencePaths::NearestSession {
+  std::optional<Uuid> session;
+  double distance_m = 0;
+};
+
+/// Nothing where it is pending: the nearest of some is not the nearest.
+ReferencePaths::NearestSession ReferencePaths::nearestSession(Lookup& lookup, const Uuid& session,
+                                                              const pb::Reference& reference) {
+  NearestSession nearest;
+  for (const Uuid& other : sessionsOf(reference, session)) {
+    const auto distance_m = lookup.distance(session, other);
+    if (distance_m && (!nearest.session || *distance_m < nearest.distance_m)) nearest = {other, *distance_m};
   }
-  return paths;
+  return lookup.isPending() ? NearestSession() : nearest;
+}
+
+Result<ReferencePaths::NearestPath> ReferencePaths::nearestPath(Connection& reader,
+                                                                const std::string& exercise_id,
+                                                                const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
+  Lookup lookup(*this, reader, std::min(most_cells_, kMostClosingCells));
+  const auto found = nearestSession(lookup, session, reference);
+  NearestPath nearest;
+  // it may have been dropped since its distance was computed
+  if (found.session) {
+    if (const TipPath* const path = lookup.path(*found.session); path != nullptr && !path->empty())
+      nearest.path = *path;
+  }
+  nearest.is_pending = lookup.isPending();
+  return nearest;
 }
 
 std::optional<std::vector<double>> ReferencePaths::distancesAmongSessions(Connection& reader,
                                                                           const pb::Reference& reference) {
   const auto sessions = sessionsOf(reference, std::nullopt);
-  Lookup lookup(*this, reader);
+  Lookup lookup(*this, reader, most_cells_);
   auto distances = distancesAmong(sessions.size(), [&](std::size_t i, std::size_t j) {
     return lookup.distance(sessions[i], sessions[j]);
   });
@@ -155,14 +184,11 @@ std::optional<std::vector<double>> ReferencePaths::distancesAmongSessions(Connec
 
 ReferencePaths::Nearest ReferencePaths::nearestDistance(Connection& reader, const Uuid& session,
                                                         const pb::Reference& reference) {
-  Lookup lookup(*this, reader);
+  Lookup lookup(*this, reader, most_cells_);
+  const auto found = nearestSession(lookup, session, reference);
   Nearest nearest;
-  for (const Uuid& other : sessionsOf(reference, session)) {
-    const auto distance = lookup.distance(session, other);
-    if (distance && (!nearest.distance_m || *distance < *nearest.distance_m)) nearest.distance_m = distance;
-  }
+  if (found.session) nearest.distance_m = found.distance_m;
   nearest.is_pending = lookup.isPending();
-  if (nearest.is_pending) nearest.distance_m.reset();
   return nearest;
 }
 

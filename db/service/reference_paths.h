@@ -25,20 +25,27 @@ inline constexpr int kMostReferencePaths = 20;
 /// The work that a comparison begins nothing beyond, in cells of dtwCells(): some 1 s. 20 gestures of a
 /// minute at 1 kHz take 170 million.
 inline constexpr std::uint64_t kMostComparedCells = 200'000'000;
-/// What a sample of a recording costs that is read for its path.
+/// The same for one step of a close, for which others wait: some 0.2 s.
+inline constexpr std::uint64_t kMostClosingCells = 40'000'000;
+/// What a sample of a recording costs that is read for its path, counted before it is read.
 inline constexpr std::uint64_t kCellsOfSample = 50;
 
 /// Keeps the paths that it reads and the distances that it computes, by session: a stored recording does not
 /// change, so they hold for every revision of a reference and for every version of the scores, until the
-/// recording goes (forget). One call computes a bounded part of what is not known, and the next one goes on:
-/// long references are known after some calls. Thread: every function is thread-safe; other calls continue
-/// while one reads a path or computes a distance, but for those that want the same: they wait for it.
+/// recording goes (forget). So does that a closed session has no path, whatever the reason: never in tissue,
+/// or its original is gone, damaged or too long to be scored. One call reads and computes a bounded part of
+/// what is not known, but at least one path or one distance, and the next one goes on: long references are
+/// known after some calls. Thread: every function is thread-safe; other calls continue while one reads a path
+/// or computes a distance, but for those that want the same: they wait for it.
 class ReferencePaths {
  public:
-  /// The paths of an exercise's reference sessions, without `except` and without empty ones (never in tissue,
-  /// or its original is gone, damaged or too long to be scored). Errors: the database's.
-  Result<std::vector<TipPath>> ofExercise(Connection& reader, const std::string& exercise_id,
-                                          std::optional<Uuid> except);
+  struct NearestPath {
+    std::optional<TipPath> path;  ///< nothing: it has no path, no other one has, or it is pending
+    bool is_pending = false;      ///< not all distances are computed yet
+  };
+  /// The path of the exercise's reference session, without itself, that is nearest to a closed session. One
+  /// call costs kMostClosingCells at most. Errors: the database's.
+  Result<NearestPath> nearestPath(Connection& reader, const std::string& exercise_id, const Uuid& session);
   /// The distance of each reference session from the nearest other one, in m; without those that have no
   /// path, as distancesAmong() their paths (scoring/reference.h). Nothing: not all are computed yet.
   std::optional<std::vector<double>> distancesAmongSessions(Connection& reader,
@@ -50,7 +57,8 @@ class ReferencePaths {
   /// The distance of a session from the nearest reference session that is not itself.
   Nearest nearestDistance(Connection& reader, const Uuid& session, const pb::Reference& reference);
 
-  /// Another bound than kMostComparedCells. Call before the first comparison.
+  /// Another bound than kMostComparedCells, and than kMostClosingCells if it is less. Call before the first
+  /// comparison.
   void setMostCells(std::uint64_t cells) { most_cells_ = cells; }
 
   /// Forgets everything: recordings were removed, by an erasure or by retention. What others are reading or
@@ -61,8 +69,10 @@ class ReferencePaths {
 
  private:
   class Lookup;
+  struct NearestSession;
   template <typename Key>
   class Turn;
+  static NearestSession nearestSession(Lookup& lookup, const Uuid& session, const pb::Reference& reference);
   using Pair = std::pair<Uuid, Uuid>;  // the smaller id first
 
   std::uint64_t most_cells_ = kMostComparedCells;

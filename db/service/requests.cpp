@@ -173,7 +173,7 @@ constexpr RequestRow kRows[] = {
   // a station: names, and the cells of the trainee that it names; the handler checks that
   {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
    {{"GET /results?course&group&page", "Trainee by exercise"}}},
-  {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kWorkers,
+  {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kViews,
    {{"GET /people/{name}/progress?exercise&page", "Attempts in order of time"}}},
   {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt, kStores>,    Reply::kAttempt, kWorkers,
    {{"POST /sessions/{id}/excuse", "An attempt that shall not count"}}},

@@ -58,6 +58,8 @@ struct CloseUnderWay {
   pb::CloseSession request;
   std::string station;             ///< empty: any
   std::uint32_t looked_again = 0;  ///< because chunks came meanwhile
+  /// It is closed: its score is not made yet, and not all distances that it needs are computed.
+  std::optional<CloseOutcome> unscored{};
 };
 
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
@@ -88,12 +90,13 @@ class Service {
   /// revoked.
   Result<bool> stillAllowed(const Principal& principal);
 
-  /// Does one step of a close: hashes some more of the stored chunks (RunningHashes) on a reader, or closes
-  /// the session on the writer and computes and stores score and events. Nothing: call it again, after others
-  /// had their turn. Returns the outcome after the commit. Chunks that were hashed once are not read again
-  /// for another close, whatever became of the first. A session that could not be scored gets the same answer
-  /// when it is closed again, and is not read again for it. kUnavailable: chunks came again and again
-  /// meanwhile.
+  /// Does one step of a close: hashes some more of the stored chunks (RunningHashes) on a reader; closes the
+  /// session on the writer; computes some more of its distances from references (ReferencePaths) and, once
+  /// all are known, computes and stores score and events. Nothing: call it again, after others had their
+  /// turn. Whoever does not may close the session again, later: that goes on where this ended. Returns the
+  /// outcome after the commit. Chunks that were hashed once are not read again for another close, whatever
+  /// became of the first. A session that could not be scored gets the same answer when it is closed again,
+  /// and is not read again for it. kUnavailable: chunks came again and again meanwhile.
   Result<std::optional<CloseOutcome>> closeStep(CloseUnderWay& close);
   /// All steps.
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
@@ -176,6 +179,7 @@ class Service {
     /// first two get a remark, "cannot be scored: …", and are not read again.
     bool final = false;
     std::uint64_t event_bytes = 0;  ///< as in CloseOutcome
+    bool is_pending = false;        ///< nothing is stored yet: not all distances are computed
   };
   /// Lines of noteSoon() on their way to the writer, whose queue may outlive the service.
   struct SoonNoted {
@@ -188,9 +192,13 @@ class Service {
     std::mutex mutex;
     std::shared_ptr<Item> open;  ///< guarded by mutex; null: the next line begins an item
   };
-  /// Computes and stores a closed session's score and events. Errors: the database's.
-  Result<Settled> settle(Connection& reader, const Uuid& session);
-  Result<Settled> settleOrThrow(Connection& reader, const Uuid& session);
+  /// The steps of a close when the session is closed.
+  Result<std::optional<CloseOutcome>> scoreStep(Connection& reader, const Uuid& session,
+                                                CloseUnderWay& close);
+  /// Computes and stores a closed session's score and events. `in_parts`: computes a part of the distances
+  /// that are not known, and nothing else while one is missing. Errors: the database's.
+  Result<Settled> settle(Connection& reader, const Uuid& session, bool in_parts);
+  Result<Settled> settleOrThrow(Connection& reader, const Uuid& session, bool in_parts);
   /// The same before its recording is thinned or deleted, when score or events are missing. Returns an error
   /// for a temporary fault (memory, an exercise that may be imported again …): the original must stay until
   /// it passes.

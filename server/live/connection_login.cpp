@@ -71,6 +71,7 @@ void PeerConnection::greet(const pb::Hello& hello) {
 Task<> PeerConnection::logIn(pb::Login given) {
   auto self = shared_from_this();
   const std::shared_ptr<const pb::Login> login = secretOf(std::move(given));
+  context_.login_lines.sayLeftOut(steadyNowNs());
   if (login->has_person()) {
     auto secret = std::make_shared<const PersonSecret>(login->person().user(), login->person().password());
     LoginPeer peer{id_, address(), [this] { return over() || channel_->closing(); }};
@@ -97,11 +98,10 @@ Task<> PeerConnection::logIn(pb::Login given) {
     const bool denied = result.error().code == ErrorCode::kDenied;
     const auto is_known = co_await claimsKnownStation(context_, login, address_key_);
     if (over() || channel_->closing()) co_return;
-    logEvent(LogLevel::kWarning, "login_refused",
-             {{"conn", id_},
-              {"name", nameOf(*login, is_known.ok() && *is_known)},
-              {"peer", address()},
-              {"text", result.error().message}});
+    context_.login_lines.refused(steadyNowNs(), {{"conn", id_},
+                                                 {"name", nameOf(*login, is_known.ok() && *is_known)},
+                                                 {"peer", address()},
+                                                 {"text", result.error().message}});
     PersonLogin refused;
     refused.answer = denied ? PersonLogin::Answer::kRefused : PersonLogin::Answer::kFailed;
     refuseAndClose(makeRefusal(denied ? pb::Refusal::LOGIN : pb::Refusal::INTERNAL, textOf(refused)));

@@ -27,7 +27,7 @@ PersonLogin waitOf(ServerContext& context, const std::string& name, const std::s
   login.answer = Answer::kMustWait;
   ++context.counters.logins_refused;
   // without the name: the lines of the failures before have it, if it is somebody's
-  logEvent(LogLevel::kWarning, "login_rate_limited", {{"conn", peer.connection}, {"peer", peer.address}});
+  context.login_lines.mustWait(steadyNowNs(), {{"conn", peer.connection}, {"peer", peer.address}});
   return login;
 }
 
@@ -109,9 +109,13 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
   };
   const auto is_known = co_await offload(context.logins, std::move(look));
   const std::string shown = is_known.ok() && *is_known ? name : std::string(kUnknownName);
-  logEvent(
-      denied ? LogLevel::kWarning : LogLevel::kError, denied ? "login_refused" : "login_not_checked",
-      {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", who.error().message}});
+  const std::string& why = who.error().message;
+  if (denied)
+    context.login_lines.refused(
+        steadyNowNs(), {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
+  else
+    logEvent(LogLevel::kError, "login_not_checked",
+             {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
   if (denied && context.guard.failed(name, host, steadyNowNs())) noteLocked(context, name, shown, host, peer);
   co_return login;
 }
@@ -147,6 +151,7 @@ std::string textOf(const PersonLogin& login) {
 Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                               LoginPeer peer) {
   const std::string host = Admission::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
+  context.login_lines.sayLeftOut(steadyNowNs());
   if (auto wait = waitOf(context, name, host, peer); wait.answer == Answer::kMustWait) co_return wait;
   PersonLogin login = co_await checkInTurn(context, secret, name, host, peer);
   if (login.answer != Answer::kWelcome) co_return login;

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <random>
 
+#include "client/net/spool_json.h"
 #include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/spool_sessions.h"
@@ -245,6 +246,37 @@ TEST(Spool, aTailThatKeptPiecesOfTwoChunksGivesBothAlsoAfterASecondCrash) {
     std::ofstream(session / "tail", std::ios::binary) << tail;
     expectBoth(("with " + std::to_string(size) + " bytes of chunks").c_str());
   }
+}
+
+TEST(Spool, anEndWithNumbersThatNoSessionHasIsNotBelieved) {
+  // 12 days at the rate of 1 kHz
+  constexpr std::uint64_t kMost = (std::uint64_t{1} << 20) * 1000;
+  for (const std::uint64_t lost : {std::uint64_t{10}, kMost, kMost + 1, UINT64_MAX}) {
+    SCOPED_TRACE(lost);
+    const TempFolder folder;
+    const fs::path session = sessionOfThreeChunks(folder.path(), true);
+    auto end = readSpoolJson(session / "end.json");
+    ASSERT_TRUE(end.ok());
+    (*end)["tail_damage"] = {{"chunks", 0}, {"samples", lost}, {"from_tick", 300}};
+    ASSERT_TRUE(writeSpoolJson(session / "end.json", *end).ok());
+    const Recovered found = recover(folder.path());
+    EXPECT_EQ(found.samples.size(), 300u);
+    EXPECT_EQ(found.contents.damage.samples, lost <= kMost ? lost : 0);
+    EXPECT_EQ(found.contents.interrupted, lost > kMost) << "a session whose end cannot be read";
+  }
+}
+
+TEST(Spool, aGapOfATailWithNumbersThatNoSessionHasIsNotCounted) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), false);
+  fs::remove(session / "end.json");
+  const auto gap = [](std::uint64_t samples) {
+    return nlohmann::json{{"seq", 1}, {"samples", samples}, {"from_tick", 100}};
+  };
+  ASSERT_TRUE(
+      writeSpoolJson(session / "tail.json", {{"chunks", {gap(UINT64_MAX), gap(5), gap(UINT64_MAX - 3)}}})
+          .ok());
+  EXPECT_EQ(recover(folder.path()).contents.damage, (SpoolDamage{0, 5, 100}));
 }
 
 TEST(Spool, aPipeInPlaceOfAFileHoldsNobodyAndParksTheSessionWhereItIsNeeded) {

@@ -6,12 +6,14 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "common/base/crc32c.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
 #include "db/service/rescoring.h"
 #include "db/session_results.h"
+#include "db/session_rows.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -46,9 +48,9 @@ class Scoring : public test::ServiceTest {
     profile.mutable_get_profile()->set_id("knee-adult");
     profile_json_ = get(admin, profile).profile().json();
   }
-  Uuid closed(const std::vector<GestureSample>& samples, const std::string& exercise = "knee-recess") {
+  /// A session of one chunk that claims as many samples, and the close of its station.
+  pb::CloseSession delivered(const Bytes& chunk, std::uint64_t samples, const std::string& exercise) {
     const Uuid id = makeUuidV7();
-    const Bytes chunk = encodeChunk(Resolution::lossless(), samples);
     EXPECT_OK(change([&](Connection& c) -> Status {
       auto d = test::describe(id);
       d.set_trainee("anna");
@@ -63,11 +65,35 @@ class Scoring : public test::ServiceTest {
     hash.update(chunk);
     const Digest digest = hash.digest();
     pb::CloseSession close = test::closeOf(id, 1);
-    close.set_samples(samples.size());
+    close.set_samples(samples);
     close.set_hash(digest.data(), digest.size());
-    const auto outcome = store->service().closeSession(close, "station-1");
-    EXPECT_OK(outcome);
-    return id;
+    return close;
+  }
+  Uuid closed(const Bytes& chunk, std::uint64_t samples, const std::string& exercise = "knee-recess") {
+    const auto close = delivered(chunk, samples, exercise);
+    EXPECT_OK(store->service().closeSession(close, "station-1"));
+    return *uuidOf(close.session_id());
+  }
+  Uuid closed(const std::vector<GestureSample>& samples, const std::string& exercise = "knee-recess") {
+    return closed(encodeChunk(Resolution::lossless(), samples), samples.size(), exercise);
+  }
+  struct InSteps {
+    std::size_t steps = 0;
+    CloseOutcome outcome;
+  };
+  InSteps closedInSteps(const std::vector<GestureSample>& samples) {
+    CloseUnderWay close{
+        delivered(encodeChunk(Resolution::lossless(), samples), samples.size(), "knee-recess"), "station-1"};
+    InSteps done;
+    while (++done.steps < 1000) {
+      auto outcome = store->service().closeStep(close);
+      EXPECT_OK(outcome);
+      if (!outcome) break;
+      if (!*outcome) continue;
+      done.outcome = **outcome;
+      break;
+    }
+    return done;
   }
   pb::Score scoreOf(const Uuid& id, std::uint32_t version = 0) {
     pb::Request request;
@@ -280,7 +306,7 @@ TEST_F(Scoring, longReferencesAreComparedInPartsAndTheReplySaysWhatIsPending) {
   for (int i = 0; i < 5; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
   const Uuid novice = closed(gestureAside(0.014));
   const auto computed = [&] { return store->service().distancesComputed(); };
-  store->service().setMostComparedCells(1);  // the first distance of a call is begun, no other
+  store->service().setMostComparedCells(1);  // a call reads one path or computes one distance
   pb::Request set, show;
   set.mutable_set_reference()->set_exercise_id("knee-recess");
   for (const Uuid& id : experts) set.mutable_set_reference()->add_session_ids(test::bytesOfId(id));
@@ -290,8 +316,10 @@ TEST_F(Scoring, longReferencesAreComparedInPartsAndTheReplySaysWhatIsPending) {
                         [](const auto& b) { return b.measure() == "dtw_distance_m"; });
   };
   auto reference = get(instructor, set).reference();
-  for (std::uint64_t call = 1; call < 10; ++call) {
-    EXPECT_EQ(computed(), call) << "5·4/2 distances, one a call";
+  // 5 paths, each before its first distance, and 5·4/2 distances
+  const std::vector<std::uint64_t> after = {0, 0, 1, 1, 2, 2, 3, 3, 4, 5, 6, 7, 8, 9, 10};
+  for (std::size_t call = 0; call + 1 < after.size(); ++call) {
+    EXPECT_EQ(computed(), after[call]) << call;
     ASSERT_EQ(reference.pending_size(), 1) << call;
     EXPECT_EQ(reference.pending(0), "dtw_distance_m");
     EXPECT_EQ(bandIn(reference), reference.bands().end()) << "no band of some of the distances";
@@ -310,14 +338,74 @@ TEST_F(Scoring, longReferencesAreComparedInPartsAndTheReplySaysWhatIsPending) {
       if (row["measure"] == "dtw_distance_m") return true;
     return false;
   };
-  for (std::uint64_t call = 1; call <= 5; ++call) {
+  for (std::uint64_t call = 0; call <= 5; ++call) {
     const auto score = scoreOf(novice);
-    EXPECT_EQ(computed(), 10 + call);
+    EXPECT_EQ(computed(), 10 + call) << "its path comes first";
     EXPECT_EQ(score.pending_size(), call < 5 ? 1 : 0) << call;
     EXPECT_EQ(hasRow(score), call == 5) << "not the nearest of some";
   }
   EXPECT_EQ(scoreOf(novice).pending_size(), 0);
   EXPECT_EQ(computed(), 15u);
+}
+
+TEST_F(Scoring, aCloseComputesItsDistancesInStepsAndReadsAnUndecodableReferenceOnce) {
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 3; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
+  for (int i = 3; i < 5; ++i) {
+    // sealed, and its last sample's bytes are gone
+    Bytes chunk = encodeChunk(Resolution::lossless(), gestureAside(0.001 * i));
+    chunk.resize(chunk.size() - 9);
+    const std::uint32_t crc = crc32c(chunk);
+    for (int byte = 0; byte < 4; ++byte) chunk.push_back(static_cast<std::uint8_t>(crc >> (8 * byte)));
+    ASSERT_FALSE(decodeChunk(chunk).ok());
+    experts.push_back(closed(chunk, 600));
+  }
+  ASSERT_OK(change([&](Connection& c) {
+    const auto put = ReferenceStore(c).put("knee-recess", experts, 0, "ina", 1);
+    return put ? Status() : Status(put.error());
+  }));
+  store->service().setMostComparedCells(1);  // a step reads one path or computes one distance
+  const auto nearest_m = [](const CloseOutcome& outcome) {
+    const auto rows = parseScore(outcome.score_json);
+    EXPECT_OK(rows);
+    if (rows)
+      for (const Measure& row : *rows)
+        if (row.name == "dtw_distance_m") return row.value;
+    return 0.0;
+  };
+  const auto first = closedInSteps(gestureAside(0.012));
+  EXPECT_EQ(first.steps, 1u + 5u + 3u) << "its path, those of 5 references, and 3 distances";
+  EXPECT_NEAR(nearest_m(first.outcome), 0.010, 1e-9);
+  EXPECT_EQ(first.outcome.closed.kind, Closed::Kind::kClosed);
+  const auto second = closedInSteps(gestureAside(0.022));
+  EXPECT_EQ(second.steps, 1u + 3u) << "that two have no path is known";
+  EXPECT_NEAR(nearest_m(second.outcome), 0.020, 1e-9);
+}
+
+TEST_F(Scoring, aCloseThatWasGivenUpBetweenItsStepsGoesOnWhenItIsAskedForAgain) {
+  const std::vector<Uuid> experts = {closed(gestureAside(0)), closed(gestureAside(0.001))};
+  ASSERT_OK(change([&](Connection& c) {
+    const auto put = ReferenceStore(c).put("knee-recess", experts, 0, "ina", 1);
+    return put ? Status() : Status(put.error());
+  }));
+  store->service().setMostComparedCells(1);
+  const auto samples = gestureAside(0.005);
+  const auto request = delivered(encodeChunk(Resolution::lossless(), samples), samples.size(), "knee-recess");
+  const auto stepsOf = [&](std::size_t most) {
+    CloseUnderWay close{request, "station-1"};
+    for (std::size_t step = 1; step <= most; ++step) {
+      const auto outcome = store->service().closeStep(close);
+      EXPECT_OK(outcome);
+      if (outcome && *outcome) {
+        EXPECT_THAT((*outcome)->score_json, HasSubstr("dtw_distance_m"));
+        return step;
+      }
+    }
+    return std::size_t{0};
+  };
+  EXPECT_EQ(stepsOf(3), 0u) << "two paths and a distance of 1 + 2 + 2";
+  EXPECT_EQ(stepsOf(10), 2u) << "a path and a distance";
+  EXPECT_EQ(stepsOf(10), 1u) << "the same score again";
 }
 
 TEST_F(Scoring, whoAsksMeanwhileWaitsForADistanceAndComputesItNotAgain) {

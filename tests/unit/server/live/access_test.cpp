@@ -73,6 +73,43 @@ std::size_t countOf(const std::string& text, const std::string& word) {
   return count;
 }
 
+TEST(Access, refusedLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+  constexpr std::size_t kLines = 3;
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.login_lines_a_minute = kLines;
+    options.guard.allowed_per_name = 2;
+    options.guard.first_wait = std::chrono::minutes(10);
+  });
+  const std::string key = server.addStation("bench-1");
+  std::string wrong_key = key;
+  wrong_key[5] = static_cast<char>(wrong_key[5] ^ 1);
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  std::size_t refused = 0, must_wait = 0;
+  const std::string log = warningsOf([&] {
+    for (int i = 0; i < 10; ++i) {
+      const auto guess = server.connect(personLogin("anna", "a guess of hers"));
+      ASSERT_FALSE(guess.ok());
+      ++(guess.error().message.find("too many failed") == std::string::npos ? refused : must_wait);
+    }
+    for (int i = 0; i < 5; ++i, ++refused)
+      EXPECT_FALSE(server.connect(stationLogin("bench-1", wrong_key)).ok());
+    EXPECT_TRUE(server.connect(stationLogin("bench-1", key)).ok());
+    server.stop();
+  });
+  ASSERT_GT(refused, kLines);
+  ASSERT_GT(must_wait, kLines);
+  EXPECT_EQ(countOf(log, "login_refused conn="), kLines) << log;
+  EXPECT_EQ(countOf(log, "login_rate_limited conn="), kLines) << log;
+  EXPECT_EQ(countOf(log, "logins_left_out of=login_refused count=" + std::to_string(refused - kLines) + "\n"),
+            1u)
+      << log;
+  EXPECT_EQ(countOf(log, "logins_left_out of=login_rate_limited count=" + std::to_string(must_wait - kLines) +
+                             "\n"),
+            1u)
+      << log;
+  EXPECT_EQ(server.counters().logins_refused, refused + must_wait) << "all are counted";
+}
+
 TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
   RunningServer server([](ServerOptions& options) {
     options.guard.first_wait = std::chrono::minutes(10);
