@@ -15,6 +15,7 @@
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/schema.h"
+#include "db/seen_time.h"
 #include "db/service/handlers.h"
 #include "db/service/score_rows.h"
 #include "db/service/service.h"
@@ -129,14 +130,17 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
     known = hashed;
   }
   CloseOutcome outcome;
-  RETURN_IF_ERROR(writer_.run([&](Connection& writer) {
-    auto closed = SessionStore(writer).close(request, wallNowNs(), station, known);
+  const auto written = writer_.run([&](Connection& writer) {
+    const std::int64_t now_unix_ns = wallNowNs();
+    auto closed = SessionStore(writer).close(request, now_unix_ns, station, known);
     if (!closed) return Status(closed.error());
     outcome.closed = std::move(*closed);
     if (outcome.closed.kind != Closed::Kind::kClosed) return Status();
+    if (auto noted = SeenTimeStore(writer).noteClose(id, now_unix_ns); !noted.ok()) return noted;
     std::string lost = lossText(request);
     return lost.empty() ? Status() : noteLoss(writer, id, request, station, std::move(lost));
-  }));
+  });
+  RETURN_IF_ERROR(written);
   if (!outcome.closed.taken()) return outcome;
 
   // a repeated close returns the first score
