@@ -7,11 +7,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/thinning.h"
 #include "db/audit.h"
+#include "db/seen_time.h"
 #include "db/session_rows.h"
 
 namespace needlelab {
@@ -125,30 +128,112 @@ Result<std::vector<std::string>> exercisesWith(Connection& connection, StoredRec
       .all(firstText);
 }
 
-/// Appends the closed sessions of one exercise that were closed up to `until`.
+/// The times up to which a recording must have been closed to be deleted or thinned by a policy.
+struct DueTimes {
+  std::optional<std::int64_t> deleted, thinned;
+};
+
+DueTimes dueTimes(const pb::RetentionPolicy& policy, StoredRecording::Kind kind, std::int64_t now_unix_ns) {
+  DueTimes due;
+  if (policy.has_delete_after_days()) due.deleted = now_unix_ns - policy.delete_after_days() * kDay_ns;
+  // a recording is thinned once; it cannot be thinned again without its original
+  if (policy.has_thin_after_days() && kind == StoredRecording::Kind::kOriginal)
+    due.thinned = now_unix_ns - policy.thin_after_days() * kDay_ns;
+  return due;
+}
+
+/// The times that say when a recording was closed at the earliest, whatever the server's clock showed then.
+class KnownTimes {
+ public:
+  static Result<KnownTimes> read(Connection& connection, std::int64_t now_unix_ns) {
+    KnownTimes known;
+    known.now_unix_ns_ = now_unix_ns;
+    ASSIGN_OR_RETURN(known.created_unix_ns_,
+                     oneNumber(connection.prepare(
+                         "SELECT CAST(value AS INTEGER) FROM meta WHERE key = 'created_unix_ns'")));
+    ASSIGN_OR_RETURN(known.closed_behind_, SeenTimeStore(connection).closedBehind());
+    return known;
+  }
+
+  struct Time {
+    std::int64_t unix_ns = 0;
+    const char* what = "";
+  };
+  /// The newest of them: the session was closed then, or later. Passes over what is in the future.
+  [[nodiscard]] Time of(const Uuid& session, std::int64_t closed_unix_ns, std::int64_t received_unix_ns,
+                        std::int64_t started_unix_ns) const {
+    const auto behind = closed_behind_.find(session);
+    const Time times[] = {
+        {received_unix_ns, "its first chunk came"},
+        {started_unix_ns, "it began by its station's clock"},
+        {created_unix_ns_, "this database was made"},
+        {behind != closed_behind_.end() ? behind->second : 0, "the server's clock had shown before it"},
+    };
+    Time newest{closed_unix_ns, "it was closed"};
+    for (const Time& time : times)
+      if (time.unix_ns <= now_unix_ns_ && time.unix_ns > newest.unix_ns) newest = time;
+    return newest;
+  }
+
+ private:
+  std::int64_t now_unix_ns_ = 0, created_unix_ns_ = 0;
+  std::map<Uuid, std::int64_t> closed_behind_;
+};
+
+/// Appends the recordings of one exercise and kind that its policy means now: to delete, then to thin, then
+/// to leave alone, each from the oldest to the newest.
 Status collect(Connection& connection, StoredRecording::Kind kind, const std::string& exercise,
-               std::int64_t until, const DueRecording& model, std::vector<DueRecording>& due) {
+               const pb::RetentionPolicy& policy, const KnownTimes& known, std::int64_t now_unix_ns,
+               std::vector<DueRecording>& due) {
+  const DueTimes times = dueTimes(policy, kind, now_unix_ns);
+  if (!times.deleted && !times.thinned) return {};
+  const auto isDue = [](const std::optional<std::int64_t>& until, std::int64_t closed_unix_ns) {
+    return until && closed_unix_ns <= *until;
+  };
   auto rows = connection.query(
-      "SELECT s.id, s.safe_chunks >= s.chunks, coalesce(d.stored_bytes,"
-      " s.stored_bytes) FROM sessions s"
+      "SELECT s.id, s.safe_chunks >= s.chunks, coalesce(d.stored_bytes, s.stored_bytes),"
+      " s.closed_unix_ns, s.received_unix_ns, s.started_unix_ns FROM sessions s"
       " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
       " WHERE s.recording = ? AND s.exercise_id = ? AND s.closed_unix_ns <= ?"
       " AND s.state IN (?, ?) AND s.hash IS NOT NULL"
       " ORDER BY s.closed_unix_ns, s.number",
-      static_cast<int>(kind), exercise, until, static_cast<int>(pb::SESSION_COMPLETE),
-      static_cast<int>(pb::SESSION_INTERRUPTED));
+      static_cast<int>(kind), exercise,
+      std::max(times.deleted.value_or(INT64_MIN), times.thinned.value_or(INT64_MIN)),
+      static_cast<int>(pb::SESSION_COMPLETE), static_cast<int>(pb::SESSION_INTERRUPTED));
+  std::vector<std::pair<std::int64_t, DueRecording>> deleted, thinned, left;
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) return {};
+    if (!more) break;
     const auto id = uuidOf(textOf(rows.bytes(0)));
     if (!id) continue;
-    DueRecording& one = due.emplace_back(model);
+    const std::int64_t closed_unix_ns = rows.integer(3);
+    const KnownTimes::Time newest = known.of(*id, closed_unix_ns, rows.integer(4), rows.integer(5));
+    const bool deletes = isDue(times.deleted, newest.unix_ns);
+    const bool thins = !deletes && isDue(times.thinned, newest.unix_ns);
+    auto& list = deletes ? deleted : thins ? thinned : left;
+    DueRecording& one = list.emplace_back(newest.unix_ns, DueRecording{}).second;
+    one.policy = policy;
     one.session = *id;
     one.exercise_id = exercise;
     one.thinned = kind == StoredRecording::Kind::kThinned;
-    one.waits_for_backup = rows.integer(1) == 0 && !model.policy.without_backup();
+    one.deletes = deletes || (!thins && isDue(times.deleted, closed_unix_ns));
+    one.waits_for_backup = rows.integer(1) == 0 && !policy.without_backup();
     one.stored_bytes = rows.natural(2);
+    one.reason = reasonOf(policy, one.deletes);
+    if (!deletes && !thins) {
+      one.clock_was_behind = true;
+      one.reason = fmt::format(
+          "the server's clock showed {} when it was closed, and was behind: {} at {}, from which its age "
+          "counts",
+          utcTime(closed_unix_ns), newest.what, utcTime(newest.unix_ns));
+    }
   }
+  for (auto* list : {&deleted, &thinned, &left}) {
+    std::stable_sort(list->begin(), list->end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (auto& [unix_ns, one] : *list) due.push_back(std::move(one));
+  }
+  return {};
 }
 
 }  // namespace
@@ -381,6 +466,8 @@ Result<std::vector<DueRecording>> RetentionStore::due(std::int64_t now_unix_ns) 
   std::map<std::string, pb::RetentionPolicy> of;
   for (const auto& policy : all) of[policy.exercise_id()] = policy;
 
+  ASSIGN_OR_RETURN(const auto known, KnownTimes::read(connection_, now_unix_ns));
+
   std::vector<DueRecording> due;
   for (const auto kind : {StoredRecording::Kind::kOriginal, StoredRecording::Kind::kThinned}) {
     ASSIGN_OR_RETURN(const auto exercises, exercisesWith(connection_, kind));
@@ -388,25 +475,7 @@ Result<std::vector<DueRecording>> RetentionStore::due(std::int64_t now_unix_ns) 
       auto found = of.find(exercise);
       if (found == of.end()) found = of.find("");
       if (found == of.end()) continue;
-      DueRecording model;
-      model.policy = found->second;
-      const std::size_t first = due.size();
-      if (model.policy.has_delete_after_days()) {
-        model.deletes = true;
-        model.reason = reasonOf(model.policy, true);
-        const std::int64_t until = now_unix_ns - model.policy.delete_after_days() * kDay_ns;
-        RETURN_IF_ERROR(collect(connection_, kind, exercise, until, model, due));
-      }
-      // a recording is thinned once; it cannot be thinned again without its original
-      if (!model.policy.has_thin_after_days() || kind != StoredRecording::Kind::kOriginal) continue;
-      const std::size_t deleted = due.size() - first;
-      model.deletes = false;
-      model.reason = reasonOf(model.policy, false);
-      const std::int64_t until = now_unix_ns - model.policy.thin_after_days() * kDay_ns;
-      RETURN_IF_ERROR(collect(connection_, kind, exercise, until, model, due));
-      // the oldest sessions are in both lists: delete them, do not thin them
-      due.erase(due.begin() + static_cast<std::ptrdiff_t>(first + deleted),
-                due.begin() + static_cast<std::ptrdiff_t>(first + 2 * deleted));
+      RETURN_IF_ERROR(collect(connection_, kind, exercise, found->second, known, now_unix_ns, due));
     }
   }
   return due;

@@ -20,12 +20,16 @@ namespace needlelab {
 struct DueRecording {
   Uuid session{};
   std::string exercise_id;
-  bool thinned = false;            ///< already thinned; only deletion is left
-  bool deletes = false;            ///< else: thin
-  bool waits_for_backup = false;   ///< due, but no verified backup covers it: must not be touched
+  bool thinned = false;           ///< already thinned; only deletion is left
+  bool deletes = false;           ///< else: thin
+  bool waits_for_backup = false;  ///< due, but no verified backup covers it: must not be touched
+  bool clock_was_behind =
+      false;  ///< due only by a clock that was behind when it was closed: must not be touched
   std::uint64_t stored_bytes = 0;  ///< of the stored recording
   pb::RetentionPolicy policy;
-  std::string reason;  ///< "thinned to 100 Hz, 30 days after it was closed (policy of knee-1 by mia)"
+  /// "thinned to 100 Hz, 30 days after it was closed (policy of knee-1 by mia)", or what is known of the
+  /// clock
+  std::string reason;
 };
 
 /// A complete thinned recording.
@@ -52,8 +56,11 @@ class RetentionStore {
   /// The default first, then by exercise.
   Result<std::vector<pb::RetentionPolicy>> policies();
 
-  /// Closed sessions that are due at `now`, oldest first within an exercise, including those that wait for a
-  /// backup. Never open sessions.
+  /// Closed sessions that are due at `now`, oldest first within an exercise: those to delete, to thin, and to
+  /// leave alone, including those that wait for a backup. The age of a recording counts from the newest of
+  /// the times at which it was closed, its first chunk came, it began by its station's clock, the database
+  /// was made, and which the server's clock had shown before it was closed (seen_time.h), as far as they are
+  /// not after `now`. Never open sessions.
   Result<std::vector<DueRecording>> due(std::int64_t now_unix_ns);
 
   /// Begins a thinned recording beside the original. kUnavailable: the session is not closed, its original is

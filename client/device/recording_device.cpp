@@ -18,7 +18,8 @@ constexpr double kOnTick_s = 1e-9;             // rows this close to a tick are 
 constexpr double kMaxPosition_m = 1e3;         // as in a profile's vectors
 constexpr double kQuaternionSlack = 1e-3;      // as client/sim/README.md says
 constexpr double kPlungerSlack = 0x1p-15;      // a step of stored plungers (FORMAT.md)
-constexpr std::size_t kMaxTicks = 50'000'000;  // 14 h at 1 kHz
+constexpr std::size_t kMaxRows = 50'000'000;   // of a CSV
+constexpr std::size_t kMaxTicks = 14'400'000;  // 4 h at 1 kHz; 64 bytes each, however few the rows are
 
 double lerp(double a, double b, double share) {
   return a + (b - a) * share;
@@ -51,7 +52,7 @@ void forEachTick(const PoseTrack& track, double rate_hz, RowIs row_is, Between b
 }  // namespace
 
 Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes times) {
-  auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"}, {"plunger"}, kMaxTicks);
+  auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"}, {"plunger"}, kMaxRows);
   if (!table.ok()) return table.error();
   const auto column = [&](const char* name) -> const std::vector<double>& {
     return table->columns[static_cast<std::size_t>(table->find(name))];
@@ -92,38 +93,51 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
 }
 
 Result<PoseTrack> readRecordedTrack(const std::filesystem::path& path, const Pose& X_HT) {
-  ASSIGN_OR_RETURN(const auto read, readRecording(path));
-  const auto fail = [&](std::size_t i, const std::string& why) {
-    return Error{ErrorCode::kInvalidInput,
-                 fmt::format("{} sample {} (tick {}): {}", path.string(), i + 1, read.samples[i].tick, why)};
-  };
-  if (read.samples.empty())
-    return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples to play"};
   const Pose X_TH = inverse(X_HT);
-  const std::int64_t first_ns = read.samples.front().time_ns;
   PoseTrack track;
-  for (std::size_t i = 0; i < read.samples.size(); ++i) {
-    const GestureSample& sample = read.samples[i];
-    if (i > 0 && sample.time_ns < read.samples[i - 1].time_ns)
-      return fail(i, fmt::format("time_ns {} is before {} of the sample before; times may repeat but not go "
-                                 "backwards",
-                                 sample.time_ns, read.samples[i - 1].time_ns));
+  std::int64_t first_ns = 0, last_ns = 0;
+  const auto add = [&](const GestureSample& sample) -> Status {
+    const auto fail = [&](const std::string& why) {
+      return Error{ErrorCode::kInvalidInput, fmt::format("{} sample {} (tick {}): {}", path.string(),
+                                                         track.t_s.size() + 1, sample.tick, why)};
+    };
+    if (track.t_s.empty()) first_ns = last_ns = sample.time_ns;
+    if (sample.time_ns < last_ns)
+      return fail(
+          fmt::format("time_ns {} is before {} of the sample before; times may repeat but not go "
+                      "backwards",
+                      sample.time_ns, last_ns));
+    last_ns = sample.time_ns;
     for (const double metres : sample.p_WT_m)
       if (!(std::abs(metres) <= kMaxPosition_m))
-        return fail(i, "the tip's position is " + numberText(metres) + ", allowed is -1000 to 1000 m");
+        return fail("the tip's position is " + numberText(metres) + ", allowed is -1000 to 1000 m");
     const Quat q{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
     const double length = std::sqrt(dot(q, q));
     if (!(std::abs(length - 1) <= kQuaternionSlack))
-      return fail(i, "the tip's quaternion has length " + numberText(length) + ", allowed is 0.999 to 1.001");
+      return fail("the tip's quaternion has length " + numberText(length) + ", allowed is 0.999 to 1.001");
     if (!(sample.plunger >= -kPlungerSlack && sample.plunger <= 1 + kPlungerSlack))
-      return fail(i, "plunger is " + numberText(sample.plunger) + ", allowed is 0 to 1");
+      return fail("plunger is " + numberText(sample.plunger) + ", allowed is 0 to 1");
     track.t_s.push_back(
         1e-9 * static_cast<double>(static_cast<std::int64_t>(static_cast<std::uint64_t>(sample.time_ns) -
                                                              static_cast<std::uint64_t>(first_ns))));
     const Pose X_WT{{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]}, normalized(q)};
     track.X_WH.push_back(X_WT * X_TH);
     track.plunger.push_back(std::clamp(sample.plunger, 0.0, 1.0));
-  }
+    return {};
+  };
+  // a hole is told before a sample that cannot be played: of a damaged recording all is read first
+  Status unplayable;
+  const auto read = readRecordingByChunk(path, DamagedRecording::kRefuse,
+                                         [&](std::span<const GestureSample> samples) -> Status {
+                                           for (const GestureSample& sample : samples) {
+                                             if (!unplayable.ok()) break;
+                                             unplayable = add(sample);
+                                           }
+                                           return {};
+                                         });
+  if (!read.ok()) return read.error();
+  RETURN_IF_ERROR(unplayable);
+  if (track.t_s.empty()) return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples to play"};
   return track;
 }
 

@@ -33,8 +33,9 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
 
 /// Reads a recording (common/gesture/FORMAT.md): its tips' poses become the handle's by the tool that is on
 /// now (X_HT: the tip in the handle's frame), its times count from its first sample by the station's clock,
-/// and the plunger is held to 0-1. Errors: those of readRecording, and of readPoseTrack with the sample in
-/// place of the line; kInvalidInput when there is no sample.
+/// and the plunger is held to 0-1. At most an hour at 1 kHz, decoded chunk by chunk. Errors: those of
+/// readRecording, and of readPoseTrack with the sample in place of the line; kInvalidInput when there is no
+/// sample.
 Result<PoseTrack> readRecordedTrack(const std::filesystem::path& path, const Pose& X_HT);
 
 /// Returns the number of ticks of a track at `rate_hz`: the times t_first + k/rate up to the last row.

@@ -37,19 +37,25 @@ std::string holeText(const Piece* before, const Piece* after, const std::string&
   return "all ticks: " + why;
 }
 
+using EachChunk = std::function<Status(std::span<const GestureSample>)>;
+
+/// Shows the samples chunk by chunk and finds the holes.
 class WholeReader {
  public:
-  explicit WholeReader(const RecordingReader& reader) : reader_(reader) {}
+  WholeReader(const RecordingReader& reader, const EachChunk& each) : reader_(reader), each_(each) {}
 
-  Result<ReadRecording> run() {
+  /// The holes.
+  Result<std::vector<std::string>> run() {
     for (const RecordingReader::Damage& damage : reader_.damages())
       faults_.push_back({damage.offset, damage.what});
     for (std::size_t i = 0; i < reader_.entries().size(); ++i) RETURN_IF_ERROR(readChunk(i));
     findHoles();
     compareWithItself();
     compareWithMetadata();
-    return std::move(read_);
+    return std::move(holes_);
   }
+
+  [[nodiscard]] std::uint64_t samples() const { return samples_; }
 
  private:
   Status readChunk(std::size_t index) {
@@ -65,8 +71,8 @@ class WholeReader {
     ASSIGN_OR_RETURN(const auto bytes, reader_.chunkBytes(index));
     hash_.update(bytes);
     pieces_.push_back({entry.offset, samples->front().tick, samples->back().tick});
-    read_.samples.insert(read_.samples.end(), samples->begin(), samples->end());
-    return {};
+    samples_ += samples->size();
+    return each_(*samples);
   }
 
   /// Names the ticks around each fault; faults between the same two chunks are one hole.
@@ -79,11 +85,11 @@ class WholeReader {
                                        [&](const Piece& piece) { return piece.offset > fault.offset; });
       const auto place = static_cast<std::size_t>(behind - pieces_.begin());
       if (std::exchange(last_place, place) == place) continue;
-      read_.holes.push_back(holeText(place > 0 ? &pieces_[place - 1] : nullptr,
-                                     behind != pieces_.end() ? &*behind : nullptr, fault.what));
+      holes_.push_back(holeText(place > 0 ? &pieces_[place - 1] : nullptr,
+                                behind != pieces_.end() ? &*behind : nullptr, fault.what));
     }
     if (reader_.complete()) return;
-    read_.holes.push_back(holeText(
+    holes_.push_back(holeText(
         pieces_.empty() ? nullptr : &pieces_.back(), nullptr,
         fmt::format(
             "the file has no valid index at its end, behind {} unreadable bytes: it was cut off or damaged",
@@ -91,16 +97,16 @@ class WholeReader {
   }
 
   void compareWithItself() {
-    if (!reader_.complete() || !read_.holes.empty() || hash_.digest() == reader_.declaredHash()) return;
-    read_.holes.push_back("unknown ticks: the hash of its chunks is " + hexOf(hash_.digest()) +
-                          ", its index says " + hexOf(reader_.declaredHash()));
+    if (!reader_.complete() || !holes_.empty() || hash_.digest() == reader_.declaredHash()) return;
+    holes_.push_back("unknown ticks: the hash of its chunks is " + hexOf(hash_.digest()) +
+                     ", its index says " + hexOf(reader_.declaredHash()));
   }
 
   void compareWithMetadata() {
     const auto metadata = nlohmann::json::parse(reader_.metadata(), nullptr, false);
     if (!metadata.is_object()) {
       if (reader_.metadata().empty()) return;  // the metadata's record is a fault already
-      read_.holes.push_back("unknown ticks: its metadata is no JSON object");
+      holes_.push_back("unknown ticks: its metadata is no JSON object");
       return;
     }
     if (metadata.contains("part")) return;
@@ -109,16 +115,16 @@ class WholeReader {
       if (declared == metadata.end() || !declared->is_number_unsigned() ||
           declared->get<std::uint64_t>() == found)
         return;
-      read_.holes.push_back(fmt::format("{} {} can be read, its metadata say {}{}", found, what,
-                                        declared->get<std::uint64_t>(), jumps()));
+      holes_.push_back(fmt::format("{} {} can be read, its metadata say {}{}", found, what,
+                                   declared->get<std::uint64_t>(), jumps()));
     };
-    compare("samples", read_.samples.size(), "samples");
+    compare("samples", samples_, "samples");
     compare("chunks", pieces_.size(), "chunks");
     const auto hash = metadata.find("hash");
-    if (hash != metadata.end() && hash->is_string() && read_.holes.empty() &&
+    if (hash != metadata.end() && hash->is_string() && holes_.empty() &&
         hash->get<std::string>() != hexOf(hash_.digest()))
-      read_.holes.push_back("unknown ticks: the hash of its chunks is " + hexOf(hash_.digest()) +
-                            ", its metadata say " + hash->get<std::string>());
+      holes_.push_back("unknown ticks: the hash of its chunks is " + hexOf(hash_.digest()) +
+                       ", its metadata say " + hash->get<std::string>());
   }
 
   /// Where ticks are left out between chunks: of a chunk that is gone without a trace nothing else shows.
@@ -133,23 +139,57 @@ class WholeReader {
   }
 
   const RecordingReader& reader_;
-  ReadRecording read_;
+  const EachChunk& each_;
+  std::vector<std::string> holes_;
+  std::uint64_t samples_ = 0;  // that were shown
   std::vector<Fault> faults_;
   std::vector<Piece> pieces_;
   SessionHash hash_;
 };
 
+/// Looks at what the chunks say that they have: decoding is what takes memory and time.
+Status checkLength(const RecordingReader& reader, const std::filesystem::path& path) {
+  const std::uint64_t samples = reader.sampleCount();
+  if (samples <= kMostReadSamples) return {};
+  return Error{
+      ErrorCode::kInvalidInput,
+      fmt::format("{}: has {} samples in {} chunks, at most {} are read (an hour at 1 kHz): export a "
+                  "part of the session (needlelab-admin session export --from --to)",
+                  path.string(), samples, reader.entries().size(), kMostReadSamples)};
+}
+
+Result<std::vector<std::string>> readChunks(const RecordingReader& reader, const std::filesystem::path& path,
+                                            DamagedRecording damaged, const EachChunk& each) {
+  RETURN_IF_ERROR(checkLength(reader, path));
+  WholeReader whole(reader, each);
+  ASSIGN_OR_RETURN(auto holes, whole.run());
+  if (holes.empty() || (damaged == DamagedRecording::kRead && whole.samples() > 0)) return holes;
+  return Error{
+      ErrorCode::kCorrupt,
+      fmt::format("{}: is not whole; {} samples can be read. What is missing: {}{}", path.string(),
+                  whole.samples(), holes.front(),
+                  holes.size() == 1 ? std::string() : fmt::format(" (and {} more)", holes.size() - 1))};
+}
+
 }  // namespace
 
 Result<ReadRecording> readRecording(const std::filesystem::path& path, DamagedRecording damaged) {
   ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
-  ASSIGN_OR_RETURN(auto read, WholeReader(reader).run());
-  if (read.holes.empty() || (damaged == DamagedRecording::kRead && !read.samples.empty())) return read;
-  return Error{ErrorCode::kCorrupt,
-               fmt::format("{}: is not whole; {} samples can be read. What is missing: {}{}", path.string(),
-                           read.samples.size(), read.holes.front(),
-                           read.holes.size() == 1 ? std::string()
-                                                  : fmt::format(" (and {} more)", read.holes.size() - 1))};
+  ReadRecording read;
+  const EachChunk keep = [&](std::span<const GestureSample> samples) -> Status {
+    // all at once: growing would take twice the memory for a while
+    if (read.samples.empty()) read.samples.reserve(reader.sampleCount());
+    read.samples.insert(read.samples.end(), samples.begin(), samples.end());
+    return {};
+  };
+  ASSIGN_OR_RETURN(read.holes, readChunks(reader, path, damaged, keep));
+  return read;
+}
+
+Result<std::vector<std::string>> readRecordingByChunk(const std::filesystem::path& path,
+                                                      DamagedRecording damaged, const EachChunk& each) {
+  ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
+  return readChunks(reader, path, damaged, each);
 }
 
 bool beginsAsRecording(const std::filesystem::path& path) {

@@ -103,7 +103,8 @@ class SpoolSession {
   Status settle(std::uint64_t next_seq);
 
   // --- reading ---
-  /// Returns the copy of the chunk file as found on disk, when some chunks could not be read; else empty.
+  /// Returns the copy of the chunk file (else of the tail) as found on disk, when some of it could not be
+  /// read or used; else empty.
   [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
   /// Whether loading the session took its description from the copy, because session.json was damaged.
   [[nodiscard]] bool restored() const { return restored_; }
@@ -157,7 +158,7 @@ class SpoolSession {
   Status loadDescription();
   Status loadChunks();
   bool agreesWithEnd();
-  Status keepDamaged();
+  Status keepDamaged(const std::string& name);
   Status recoverTail();
   void loadLoss();
   Status syncLoss() const;

@@ -17,6 +17,12 @@ namespace {
 
 constexpr std::uint32_t kMagic = 0x31534C4E;  // "NLS1"
 
+// What places that look like records and are none may cost a scan in bytes read, besides four times the file:
+// a second's work. Each costs the length that it names and the search for the next. Damage of a disk makes
+// some of them, a file made for it one in each eight bytes.
+constexpr std::uint64_t kMostInVain = std::uint64_t{1} << 30;
+constexpr std::size_t kSearchBlock = 64 * 1024;
+
 // reads all of it, through interruptions; returns the number of bytes
 Result<std::size_t> readFully(int fd, std::uint8_t* to, std::size_t count, std::uint64_t offset) {
   std::size_t done = 0;
@@ -99,7 +105,7 @@ Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord
   const auto unreadable = [this](const Error& why) {
     return Error{ErrorCode::kUnavailable, "cannot read " + path_.string() + ": " + why.message};
   };
-  std::uint64_t offset = 0, end = 0;
+  std::uint64_t offset = 0, end = 0, in_vain = 0;
   SpoolRecord record;
   Bytes data;
   while (offset < size_) {
@@ -110,6 +116,13 @@ Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord
       if (visit(record)) end = offset;
       continue;
     }
+    in_vain += data.size() + kSearchBlock;
+    data.clear();
+    if (in_vain > kMostInVain + 4 * size_)
+      return unreadable({ErrorCode::kUnavailable,
+                         fmt::format("too many places look like records and are none, up to byte {} of {}; "
+                                     "no station wrote it so",
+                                     offset, size_)});
     const auto next = nextMagic(offset + 1);
     if (!next.ok()) return unreadable(next.error());
     offset = *next;
@@ -118,7 +131,7 @@ Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord
 }
 
 Result<std::uint64_t> SpoolFile::nextMagic(std::uint64_t offset) const {
-  Bytes block(64 * 1024);
+  Bytes block(kSearchBlock);
   while (offset + kSpoolRecordHeader <= size_) {
     ASSIGN_OR_RETURN(const auto got, readFully(fd_, block.data(), block.size(), offset));
     if (got < sizeof kMagic) break;

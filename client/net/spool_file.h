@@ -41,7 +41,8 @@ class SpoolFile {
 
   /// Visits all good records in their order, those behind damage, too. The visitor returns whether it takes
   /// the record. Returns the end of the last record that it took; 0 if it took none. Errors: kUnavailable
-  /// when the disk cannot be read.
+  /// when the disk cannot be read, or the file has so many places that look like records and are none that
+  /// the scan would take longer than seconds.
   Result<std::uint64_t> scan(const std::function<bool(const SpoolRecord&)>& visit) const;
 
   /// Appends a record (at most kMaxSpoolRecord bytes). Errors: kUnavailable when the disk refuses; the file

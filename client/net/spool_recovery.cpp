@@ -5,6 +5,7 @@
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -18,6 +19,8 @@ namespace {
 // upper limit per chunk; a lossless chunk of this size fits an envelope
 constexpr std::size_t kMaxTailSamples = 4000;
 constexpr std::uint64_t kMostMissing = 1u << 20;  // chunks between two readable ones: 12 days at 1 kHz
+// a tail has the pieces of one chunk, after a power cut of two; each is synced before the next, some 20 ms
+constexpr std::size_t kMostTailChunks = 8;
 
 /// Whether a session may have the numbers of this object: chunks, samples, ticks.
 bool arePossible(const nlohmann::json& of, const pb::SessionDescription& description) {
@@ -78,8 +81,9 @@ std::string readableText(const std::filesystem::path& folder) {
   return fmt::format("{} samples in {} chunks and {} pieces of a tail", samples, chunks, pieces);
 }
 
-/// Reads the chunks that the pieces of a tail make, in order.
-struct TailReader {
+/// Reads the chunks that the pieces of a tail make, in order: each piece once, however many there are.
+class TailReader {
+ public:
   struct Chunk {
     std::uint64_t seq = 0;
     std::vector<GestureSample> samples;
@@ -88,45 +92,48 @@ struct TailReader {
   };
   TailReader(const pb::SessionDescription& of, const SpoolFile& file) : description(of), tail(file) {}
 
-  /// Returns the next chunk, or none at the end.
+  /// Finds the pieces. Before the first read().
+  Status look() {
+    const auto scanned = tail.scan([&](const SpoolRecord& record) {
+      const auto info = inspectChunk(record.data);
+      if (info.ok()) pieces_.push_back({record.seq, record.part, record.offset, *info});
+      return info.ok();
+    });
+    if (!scanned.ok()) return scanned.error();
+    std::stable_sort(pieces_.begin(), pieces_.end(),
+                     [](const Piece& a, const Piece& b) { return a.seq < b.seq; });
+    return {};
+  }
+
+  /// Returns the next chunk, or none at the end, or after kMostTailChunks.
   Result<std::optional<Chunk>> read() {
-    while (true) {
-      // the first of those that are left
-      std::optional<std::uint64_t> seq;
-      auto stopped = tail.scan([&](const SpoolRecord& record) {
-        if (record.seq >= from && record.seq >= next && record.seq - next <= kMostMissing &&
-            record.seq < seq.value_or(UINT64_MAX))
-          seq = record.seq;
-        return true;
-      });
-      if (!stopped.ok()) return stopped.error();
-      if (!seq) return std::optional<Chunk>();
-      from = *seq + 1;
-      // the resolution is taken from the pieces, which have a checksum; the description of an earlier version
-      // has none
-      Chunk chunk{*seq, {}, resolutionOf(description), {}};
-      std::uint32_t part = 0;
-      stopped = tail.scan([&](const SpoolRecord& record) {
-        if (record.seq != *seq || record.part < part) return false;
-        const auto piece = decodeChunk(record.data);
-        if (!piece.ok() || piece->front().tick < tick ||
-            chunk.samples.size() + piece->size() > kMaxTailSamples)
-          return false;
-        const std::uint64_t first = piece->front().tick;
-        if (const auto lost = missingBefore(chunk, record.part, part, *piece); lost > 0)
-          addDamage(chunk.missing, {0, lost, first - lost});
-        if (const auto info = inspectChunk(record.data); info.ok()) chunk.resolution = info->resolution;
-        chunk.samples.insert(chunk.samples.end(), piece->begin(), piece->end());
-        tick = chunk.samples.back().tick + 1;
-        part = record.part + 1;
-        return true;
-      });
-      if (!stopped.ok()) return stopped.error();
+    while (at_ < pieces_.size() && read_ < kMostTailChunks) {
+      const std::uint64_t seq = pieces_[at_].seq;
+      if (seq >= next && seq - next > kMostMissing) break;
+      const std::size_t first = at_;
+      while (at_ < pieces_.size() && pieces_[at_].seq == seq) ++at_;
+      if (seq < next) continue;
+      ASSIGN_OR_RETURN(auto chunk, chunkOf(seq, std::span(pieces_).subspan(first, at_ - first)));
       if (chunk.samples.empty()) continue;
-      next = *seq + 1;
+      next = seq + 1;
       behind_tail = true;
+      ++read_;
       return std::optional<Chunk>(std::move(chunk));
     }
+    return std::optional<Chunk>();
+  }
+
+  /// The samples of the pieces that read() left, of chunks that may be of this session.
+  [[nodiscard]] SpoolDamage rest() const {
+    SpoolDamage left;
+    std::uint64_t from = tick;
+    for (std::size_t i = at_; i < pieces_.size(); ++i) {
+      const Piece& piece = pieces_[i];
+      if (piece.seq < next || piece.seq - next > kMostMissing || piece.info.first_tick < from) continue;
+      addDamage(left, {0, piece.info.count, piece.info.first_tick});
+      from = piece.info.last_tick + 1;
+    }
+    return left;
   }
 
   const pb::SessionDescription& description;
@@ -136,6 +143,38 @@ struct TailReader {
   bool behind_tail = false;  // that chunk was made from pieces: its end may be missing
 
  private:
+  struct Piece {
+    std::uint64_t seq = 0;
+    std::uint32_t part = 0;
+    std::uint64_t offset = 0;
+    ChunkInfo info;
+  };
+
+  /// The chunk that pieces of its number make, in the order of the file. No samples: none of them fits.
+  Result<Chunk> chunkOf(std::uint64_t seq, std::span<const Piece> pieces) {
+    // the resolution is taken from the pieces, which have a checksum; the description of an earlier version
+    // has none
+    Chunk chunk{seq, {}, resolutionOf(description), {}};
+    std::uint32_t part = 0;
+    for (const Piece& one : pieces) {
+      if (one.part < part || one.info.first_tick < tick ||
+          chunk.samples.size() + one.info.count > kMaxTailSamples)
+        continue;
+      const auto data = tail.read(one.offset);
+      if (!data.ok() && data.error().code != ErrorCode::kCorrupt) return data.error();
+      const auto piece = data.ok() ? decodeChunk(*data) : Result<std::vector<GestureSample>>(data.error());
+      if (!piece.ok()) continue;
+      const std::uint64_t first = piece->front().tick;
+      if (const auto lost = missingBefore(chunk, one.part, part, *piece); lost > 0)
+        addDamage(chunk.missing, {0, lost, first - lost});
+      chunk.resolution = one.info.resolution;
+      chunk.samples.insert(chunk.samples.end(), piece->begin(), piece->end());
+      tick = chunk.samples.back().tick + 1;
+      part = one.part + 1;
+    }
+    return chunk;
+  }
+
   /// The samples of whole chunks that are missing before the piece are counted with those chunks.
   [[nodiscard]] std::uint64_t missingBefore(const Chunk& chunk, std::uint32_t part, std::uint32_t expected,
                                             const std::vector<GestureSample>& piece) const {
@@ -147,7 +186,9 @@ struct TailReader {
     return std::min(ticks - whole, part * piece.size() + (behind_tail ? second : 0));
   }
 
-  std::uint64_t from = 0;  // chunks below were looked for
+  std::vector<Piece> pieces_;  // by the number of their chunk, then in the file's order
+  std::size_t at_ = 0;         // pieces before were looked at
+  std::size_t read_ = 0;       // chunks so far
 };
 
 }  // namespace
@@ -215,14 +256,14 @@ void SpoolSession::loadEnd() {
     if (const auto [whole, sound] = numbers((*end)["whole"]); sound) whole_ = whole;
 }
 
-// copies the chunks before truncating them; keeps an existing copy, because it holds more
-Status SpoolSession::keepDamaged() {
-  const auto copy = folder_ / "chunks.damaged";
-  damaged_ = copy;
+// copies the file, `chunks` or `tail`, before it is truncated; keeps an existing copy, because it holds more
+Status SpoolSession::keepDamaged(const std::string& name) {
+  const auto copy = folder_ / (name + ".damaged");
+  if (damaged_.empty()) damaged_ = copy;
   std::error_code error;
   if (std::filesystem::exists(copy, error)) return {};
-  const auto partial = folder_ / "chunks.damaged.partial";
-  std::filesystem::copy_file(folder_ / "chunks", partial, std::filesystem::copy_options::overwrite_existing,
+  const auto partial = folder_ / (name + ".damaged.partial");
+  std::filesystem::copy_file(folder_ / name, partial, std::filesystem::copy_options::overwrite_existing,
                              error);
   if (!error) std::filesystem::rename(partial, copy, error);
   if (!error) return {};
@@ -255,7 +296,7 @@ Status SpoolSession::loadChunks() {
   if (ended_ && !agreesWithEnd()) {
     // the session ended well, but the disk has lost or changed a part of it: the readable part becomes an
     // interrupted session, and the damaged file stays for a manual rescue
-    RETURN_IF_ERROR(keepDamaged());
+    RETURN_IF_ERROR(keepDamaged("chunks"));
     const std::scoped_lock lock(mutex_);
     const SpoolContents& said = ended_contents_;
     if (!whole_ && said.hash && said.damage == SpoolDamage{})
@@ -270,7 +311,7 @@ Status SpoolSession::loadChunks() {
       const std::scoped_lock lock(mutex_);
       hole = firstHole();
     }
-    if (hole < listed_as_synced) RETURN_IF_ERROR(keepDamaged());
+    if (hole < listed_as_synced) RETURN_IF_ERROR(keepDamaged("chunks"));
     // cut off the torn end: new records must follow the last good one
     if (*good_end < chunks_.size()) RETURN_IF_ERROR(chunks_.truncate(*good_end));
     RETURN_IF_ERROR(recoverTail());
@@ -302,7 +343,8 @@ Status SpoolSession::loadAgain() {
 }
 
 // Makes the last chunks from the tail's pieces that are not in a chunk yet. They are two when a power cut
-// left some pieces of a tail that was emptied between those of the next one.
+// left some pieces of a tail that was emptied between those of the next one. A tail with the pieces of many
+// more was not made by a station: the first give chunks, the rest is damage, and the file is kept as found.
 Status SpoolSession::recoverTail() {
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(folder_ / "tail"));
   tail_ = std::move(tail);
@@ -324,9 +366,11 @@ Status SpoolSession::recoverTail() {
       reader.behind_tail |= countAt(of, "seq") + 1 == next_seq_;
     }
   }
+  RETURN_IF_ERROR(reader.look());
   const bool counted_before = !list.empty();
   std::vector<TailReader::Chunk> made;
   bool missing = false;
+  SpoolDamage left;
   while (true) {
     ASSIGN_OR_RETURN(auto chunk, reader.read());
     if (!chunk) break;
@@ -334,6 +378,11 @@ Status SpoolSession::recoverTail() {
     list.push_back(
         {{"seq", chunk->seq}, {"samples", chunk->missing.samples}, {"from_tick", chunk->missing.from_tick}});
     made.push_back(std::move(*chunk));
+  }
+  // of a station's own tail nothing is left
+  if (const SpoolDamage rest = reader.rest(); rest.samples > 0) {
+    RETURN_IF_ERROR(keepDamaged("tail"));
+    left = rest;
   }
   if (missing || made.size() > 1 || (counted_before && !made.empty()))
     RETURN_IF_ERROR(writeSpoolJson(folder_ / "tail.json", {{"chunks", list}}));
@@ -352,6 +401,8 @@ Status SpoolSession::recoverTail() {
     // before the next one, so that no cut leaves that one alone
     RETURN_IF_ERROR(sync());
   }
+  const std::scoped_lock lock(mutex_);
+  addDamage(tail_damage_, left);
   return {};
 }
 

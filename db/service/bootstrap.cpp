@@ -15,6 +15,7 @@
 #include "db/connection.h"
 #include "db/schema.h"
 #include "db/service/data_folder.h"
+#include "db/seen_time.h"
 #include "db/service/erasures.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/record_tables.h"
@@ -175,9 +176,12 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   if (connection) {
     // before anybody is served: a restored backup does not know who was erased since, and a log from before
     // the last end may still have what was erased
-    ASSIGN_OR_RETURN(completed, clearOlderErasures(*connection, wallNowNs()));
-    ASSIGN_OR_RETURN(repeated, repeatErasures(*connection, wallNowNs()));
-    RETURN_IF_ERROR(dropOldImports(*connection, wallNowNs()));
+    const std::int64_t now_unix_ns = wallNowNs();
+    ASSIGN_OR_RETURN(completed, clearOlderErasures(*connection, now_unix_ns));
+    ASSIGN_OR_RETURN(repeated, repeatErasures(*connection, now_unix_ns));
+    ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
+    RETURN_IF_ERROR(SeenTimeStore(*connection).note(now_unix_ns));
+    RETURN_IF_ERROR(dropOldImports(*connection, now_unix_ns));
     const auto emptied = connection->emptyLog(0);
     if (!emptied) return emptied.error();
     store->erasures_repeated_ = repeated;

@@ -73,6 +73,8 @@ class Store {
   [[nodiscard]] const std::vector<std::filesystem::path>& leftoversRemoved() const { return leftovers_; }
   /// How many erasures were repeated when this store was opened, because it is a restored backup.
   [[nodiscard]] std::size_t erasuresRepeated() const { return erasures_repeated_; }
+  /// What a person should know if the clock was behind when this store was opened (seen_time.h); else empty.
+  [[nodiscard]] const std::string& clockBehind() const { return clock_behind_; }
 
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
@@ -82,6 +84,7 @@ class Store {
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;
   std::size_t erasures_repeated_ = 0;
+  std::string clock_behind_;
   std::vector<std::filesystem::path> leftovers_;
 };
 

@@ -16,6 +16,7 @@
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/schema.h"
+#include "db/seen_time.h"
 #include "db/service/handlers.h"
 #include "db/service/score_rows.h"
 #include "db/service/service.h"
@@ -168,10 +169,12 @@ Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
   std::optional<CloseOutcome> done(std::in_place);
   CloseOutcome& outcome = *done;
   RETURN_IF_ERROR(writer_.run([&](Connection& writer) {
-    auto closed = SessionStore(writer).closeHashed(request, wallNowNs(), close.station, known);
+    const std::int64_t now_unix_ns = wallNowNs();
+    auto closed = SessionStore(writer).closeHashed(request, now_unix_ns, close.station, known);
     if (!closed) return Status(closed.error());
     outcome.closed = std::move(*closed);
     if (outcome.closed.kind != Closed::Kind::kClosed) return Status();
+    if (auto noted = SeenTimeStore(writer).noteClose(id, now_unix_ns); !noted.ok()) return noted;
     std::string lost = lossText(request);
     return lost.empty() ? Status() : noteLoss(writer, id, request, close.station, std::move(lost));
   }));

@@ -121,7 +121,10 @@ class Run {
     step.set_exercise_id(due.exercise_id);
     step.set_bytes_before(due.stored_bytes);
     step.set_text(due.reason);
-    if (due.waits_for_backup) {
+    if (due.clock_was_behind) {
+      step.set_action(pb::RetentionStep::LEFT_ALONE);
+      step.set_bytes_after(due.stored_bytes);
+    } else if (due.waits_for_backup) {
       step.set_action(pb::RetentionStep::WAITS_FOR_BACKUP);
       step.set_bytes_after(due.stored_bytes);
     } else if (!dry_run) {

@@ -18,6 +18,7 @@
 #include "db/people.h"
 #include "db/retention_store.h"
 #include "db/schema.h"
+#include "db/seen_time.h"
 #include "db/service/handlers.h"
 #include "db/service/rescoring.h"
 #include "db/session_rows.h"
@@ -153,6 +154,10 @@ Result<pb::Reply> Service::rescoreAllNow(const Principal& who, const pb::Rescore
 }
 
 Result<pb::Reply> Service::runRetentionNow(const Principal& who, const pb::RunRetention& call) {
+  // who starts a run says that the clock is right
+  if (!call.dry_run())
+    RETURN_IF_ERROR(
+        writer_.run([](Connection& writer) { return SeenTimeStore(writer).confirm(wallNowNs()); }));
   ASSIGN_OR_RETURN(auto report, retention(who.name, call.dry_run()));
   pb::Reply reply;
   *reply.mutable_retention_report() = std::move(report);

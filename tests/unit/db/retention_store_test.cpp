@@ -4,6 +4,8 @@
 #include <functional>
 
 #include "db/check.h"
+#include "db/schema.h"
+#include "db/seen_time.h"
 #include "db/session_results.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/db/test_db.h"
@@ -47,9 +49,10 @@ class RetentionStoreTest : public testing::Test {
     EXPECT_OK(due);
     std::vector<std::string> texts;
     for (const auto& one : *due)
-      texts.push_back(uuidText(one.session) + (one.waits_for_backup ? " waits"
-                                               : one.deletes        ? " delete"
-                                                                    : " thin"));
+      texts.push_back(uuidText(one.session) + (one.clock_was_behind   ? " left"
+                                               : one.waits_for_backup ? " waits"
+                                               : one.deletes          ? " delete"
+                                                                      : " thin"));
     return texts;
   }
   static Bytes crcsOf(std::uint64_t chunks) {
@@ -138,6 +141,46 @@ TEST_F(RetentionStoreTest, openAndUncoveredSessionsAreNotTouched) {
   const Uuid open = add("knee-1", -1);
   EXPECT_FALSE(store.beginDerived(open, 100, 1).ok());
   EXPECT_FALSE(store.markDeleted(dueOf(open, true), crcsOf(3), "x", 1).ok());
+}
+
+// the server's clock showed day 10 when the sessions were closed; each has one witness that it was day 100
+TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFuture) {
+  ASSERT_OK(store.setPolicy(policy("", 20, 30)));
+  const Uuid received = add("received", 10), started = add("started", 10), seen = add("seen", 10);
+  const std::int64_t day_100 = 100 * kDay_ns;
+  const auto set = [&](const char* column, const Uuid& id) {
+    ASSERT_OK(db.writer.run("UPDATE sessions SET " + std::string(column) + " = ? WHERE id = ?", day_100,
+                            ByteView(id)));
+  };
+  set("received_unix_ns", received);
+  set("started_unix_ns", started);
+  ASSERT_OK(SeenTimeStore(db.writer).note(day_100));
+  ASSERT_OK(SeenTimeStore(db.writer).noteClose(seen, 10 * kDay_ns));
+  const auto all = [&](const char* action) {
+    std::vector<std::string> texts;
+    for (const Uuid& id : {received, seen, started}) texts.push_back(uuidText(id) + action);
+    return texts;
+  };
+  // until then the witness says nothing: it may be a clock that is ahead
+  EXPECT_EQ(dueOn(99), all(" delete"));
+  EXPECT_EQ(dueOn(100), all(" left"));
+  EXPECT_EQ(dueOn(119), all(" left"));
+  EXPECT_EQ(dueOn(120), all(" thin"));
+  EXPECT_EQ(dueOn(129), all(" thin"));
+  EXPECT_EQ(dueOn(130), all(" delete"));
+  for (const auto& one : *store.due(100 * kDay_ns)) {
+    EXPECT_NE(one.reason.find("1970-01-11 00:00:00 UTC"), std::string::npos) << one.reason;
+    EXPECT_NE(one.reason.find("1970-04-11 00:00:00 UTC"), std::string::npos) << one.reason;
+  }
+}
+
+TEST_F(RetentionStoreTest, whatWasClosedBeforeTheDatabaseWasMadeCountsFromThen) {
+  ASSERT_OK(store.setPolicy(policy("", -1, 30)));
+  const std::string before = uuidText(add("knee-1", 10)), after = uuidText(add("knee-1", 105));
+  ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(100 * kDay_ns)));
+  EXPECT_EQ(dueOn(129), (std::vector<std::string>{before + " left"}));
+  EXPECT_EQ(dueOn(130), (std::vector<std::string>{before + " delete"}));
+  EXPECT_EQ(dueOn(135), (std::vector<std::string>{before + " delete", after + " delete"}));
 }
 
 TEST_F(RetentionStoreTest, aPolicyChangedDuringTheRunStopsIt) {

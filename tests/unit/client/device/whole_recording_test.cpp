@@ -187,5 +187,69 @@ TEST_F(WholeRecording, whatADeviceCannotPlayIsRefusedByItsSample) {
   EXPECT_THAT(refusal([](Samples& s) { s.clear(); }), HasSubstr("no samples"));
 }
 
+// A chunk of 65,536 equal samples has 8 kB: 55 of them hold more than an hour at 1 kHz, and 700 MB of
+// samples.
+TEST_F(WholeRecording, isRefusedBeforeItsSamplesTakeMemoryWhenItHoldsMoreThanAnHour) {
+  const auto path = folder_.path() / "long.nlrec";
+  const std::uint64_t chunks = kMostReadSamples / kMaxChunkSamples + 1;
+  {
+    auto writer = RecordingWriter::create(path, "{}");
+    ASSERT_TRUE(writer.ok());
+    std::vector<GestureSample> samples(kMaxChunkSamples);
+    for (std::uint64_t i = 0; i < chunks; ++i) {
+      for (std::size_t k = 0; k < samples.size(); ++k) {
+        samples[k].tick = i * kMaxChunkSamples + k;
+        samples[k].time_ns = static_cast<std::int64_t>(samples[k].tick) * 1'000'000;
+      }
+      ASSERT_TRUE(writer->append(encodeChunk(Resolution{}, samples)).ok());
+    }
+    ASSERT_TRUE(writer->finish().ok());
+  }
+  const auto refusesIt = [&](const std::filesystem::path& file) {
+    const auto expected =
+        AllOf(HasSubstr(file.string()), HasSubstr(std::to_string(chunks * kMaxChunkSamples)),
+              HasSubstr("at most 3600000"), HasSubstr("--from --to"));
+    std::size_t shown = 0;
+    for (const auto damaged : {DamagedRecording::kRefuse, DamagedRecording::kRead}) {
+      const auto read = readRecording(file, damaged);
+      ASSERT_FALSE(read.ok());
+      EXPECT_EQ(read.error().code, ErrorCode::kInvalidInput);
+      EXPECT_THAT(read.error().message, expected);
+      EXPECT_FALSE(readRecordingByChunk(file, damaged, [&](std::span<const GestureSample> samples) {
+                     shown += samples.size();
+                     return Status();
+                   }).ok());
+    }
+    EXPECT_EQ(shown, 0u) << "nothing is decoded first";
+    const auto track = readRecordedTrack(file, {});
+    ASSERT_FALSE(track.ok());
+    EXPECT_THAT(track.error().message, expected);
+  };
+  refusesIt(path);
+  // without its index the chunks themselves say how much they hold
+  std::string bytes = *readWholeFile(path);
+  EXPECT_LT(bytes.size(), 1u << 20);
+  bytes.resize(bytes.size() - 3);
+  refusesIt(changed(bytes));
+}
+
+TEST_F(WholeRecording, isShownChunkByChunk) {
+  std::vector<std::size_t> shown;
+  const auto holes =
+      readRecordingByChunk(write(3), DamagedRecording::kRefuse, [&](std::span<const GestureSample> samples) {
+        shown.push_back(samples.size());
+        return Status();
+      });
+  ASSERT_TRUE(holes.ok()) << holes.error().message;
+  EXPECT_THAT(*holes, IsEmpty());
+  EXPECT_THAT(shown, ElementsAre(kPerChunk, kPerChunk, kPerChunk));
+  const auto ended =
+      readRecordingByChunk(write(3), DamagedRecording::kRefuse, [](std::span<const GestureSample>) -> Status {
+        return Error{ErrorCode::kFailed, "enough"};
+      });
+  ASSERT_FALSE(ended.ok());
+  EXPECT_EQ(ended.error().message, "enough");
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -5,6 +5,7 @@
 
 #include "common/base/clock.h"
 #include "db/check.h"
+#include "db/seen_time.h"
 #include "db/session_results.h"
 #include "db/session_rows.h"
 #include "tests/support/fake_time.h"
@@ -22,6 +23,8 @@ using test::kClosedChunks;
 using test::kSamplesEach;
 using test::samplesIn;
 using RetentionTest = test::RetentionTest;
+
+constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
 TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks) {
   pb::Request profile;
@@ -392,6 +395,60 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
   // A run on a person's request trusts the clock.
   EXPECT_EQ(runNow().deleted(), 1u);
   EXPECT_OK(store->service().dailyRetention());
+}
+
+// the server's clock was 400 days behind while they came, and is right again; they came after the database
+// was made
+TEST_F(RetentionTest, whatCameWhileTheClockWasBehindIsLeftAloneAndTold) {
+  const Uuid id = addClosed();
+  ASSERT_OK(change([&](Connection& c) {
+    return c.run("UPDATE sessions SET closed_unix_ns = closed_unix_ns - ?", 400 * kDay_ns);
+  }));
+  (void)get(manager, policy(-1, 0, 365));
+  const auto report = runNow();
+  EXPECT_EQ(report.deleted(), 0u);
+  EXPECT_EQ(report.left_alone(), 1u);
+  ASSERT_EQ(report.steps_size(), 1);
+  EXPECT_EQ(report.steps(0).action(), pb::RetentionStep::LEFT_ALONE);
+  EXPECT_EQ(report.steps(0).bytes_after(), report.steps(0).bytes_before());
+  EXPECT_NE(report.steps(0).text().find("was behind"), std::string::npos) << report.steps(0).text();
+  EXPECT_FALSE(info(id).has_removed_original());
+}
+
+TEST_F(RetentionTest, aSessionClosedWhileTheClockIsBehindCountsFromTheLatestTimeThatTheClockHasShown) {
+  const std::int64_t latest = wallNowNs() + 400 * kDay_ns;
+  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).note(latest); }));
+  addClosed();
+  (void)get(manager, policy(-1, 0, 365));
+  auto reader = store->readers().borrow();
+  const auto actionAfter = [&](std::int64_t days) {
+    const auto due = RetentionStore(**reader).due(latest + days * kDay_ns);
+    EXPECT_OK(due);
+    if (!due || due->size() != 1) return std::string("nothing is due");
+    return std::string(due->front().clock_was_behind ? "left alone" : "deleted");
+  };
+  EXPECT_EQ(actionAfter(0), "left alone");
+  EXPECT_EQ(actionAfter(364), "left alone");
+  EXPECT_EQ(actionAfter(365), "deleted");
+}
+
+TEST_F(RetentionTest, aClockThatIsBehindIsToldAtEachStartUntilAPersonStartsARun) {
+  EXPECT_EQ(store->clockBehind(), "");
+  const auto startAgain = [&] {
+    store.reset();
+    store = test::openStore(folder.path() / "data");
+    return store->clockBehind();
+  };
+  EXPECT_EQ(startAgain(), "");
+  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).note(wallNowNs() + 400 * kDay_ns); }));
+  for (int i = 0; i < 2; ++i) {
+    const std::string text = startAgain();
+    EXPECT_NE(text.find("needlelab-admin retention run"), std::string::npos) << text;
+  }
+  (void)runNow(true);
+  EXPECT_NE(startAgain(), "") << "a dry run says nothing of the clock";
+  (void)runNow();
+  EXPECT_EQ(startAgain(), "");
 }
 
 }  // namespace

@@ -1,0 +1,45 @@
+/// The latest time that the server's clock has shown, so that a clock which is behind it later is noticed.
+/// Retention counts the age of a recording from such times (retention_store.h).
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "common/base/result.h"
+#include "common/base/uuid.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+/// A clock that is back by up to this was put right by a time server: neither noted nor told.
+inline constexpr std::int64_t kClockSlack_ns = 3'600'000'000'000;
+
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
+class SeenTimeStore {
+ public:
+  explicit SeenTimeStore(Connection& connection) : connection_(connection) {}
+
+  /// The latest time noted; in a database of earlier versions, the latest time at which a session was closed
+  /// or the database made. 0: nothing says one.
+  Result<std::int64_t> latest();
+  /// Notes what the clock shows, if it is later than the latest.
+  Status note(std::int64_t now_unix_ns);
+  /// Notes the time of a close. If the clock is behind, notes of the session that it was closed at the latest
+  /// time or after it. In the transaction that closes the session.
+  Status noteClose(const Uuid& session, std::int64_t now_unix_ns);
+  /// A person says that the clock is right: it is the latest time from now on, also if it is behind, because
+  /// then it was ahead before. What was noted of sessions stays.
+  Status confirm(std::int64_t now_unix_ns);
+
+  /// The sessions that were closed while the clock was behind, each with the time at which it was closed at
+  /// the earliest.
+  Result<std::map<Uuid, std::int64_t>> closedBehind();
+  /// What a person should know when the clock is behind the latest time; else empty.
+  Result<std::string> behindText(std::int64_t now_unix_ns);
+
+ private:
+  Connection& connection_;
+};
+
+}  // namespace needlelab
