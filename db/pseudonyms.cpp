@@ -200,7 +200,30 @@ std::string hexStart(const PseudonymKey::Hash& hash, std::size_t bytes) {
   return hexDigitsOf(textOf(ByteView(hash).first(bytes)));
 }
 
+constexpr std::string_view kErasedStart = "erased-";
+constexpr std::size_t kErasedBytes = 6;
+
 }  // namespace
+
+std::string newErasurePseudonym() {
+  std::array<unsigned char, kErasedBytes> random{};
+  randombytes_buf(random.data(), random.size());
+  return std::string(kErasedStart) + hexDigitsOf(textOf(random));
+}
+
+bool isErasurePseudonym(std::string_view name) {
+  const std::string small = lowerCase(name);
+  const std::string_view digits = std::string_view(small).substr(std::min(kErasedStart.size(), small.size()));
+  return small.starts_with(kErasedStart) && digits.size() == 2 * kErasedBytes &&
+         std::all_of(digits.begin(), digits.end(), [](char c) { return hexDigit(c) >= 0; });
+}
+
+Status checkNoPseudonym(std::string_view field, std::string_view name) {
+  if (!isErasurePseudonym(name)) return {};
+  return Error{ErrorCode::kInvalidInput,
+               std::string(field) + ": '" + std::string(name) +
+                   "' has the form of the names that erased people have: take another one"};
+}
 
 std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
                         std::string_view in_its_place) {

@@ -47,6 +47,13 @@ class PseudonymKey {
   Hash key_;
 };
 
+/// "erased-" and 12 hexadecimal digits, at random: in the place of an erased person's name.
+std::string newErasurePseudonym();
+/// Whether a name has that form, in whatever case.
+bool isErasurePseudonym(std::string_view name);
+/// kInvalidInput: it has that form, so that nobody gets an erased person's sessions.
+Status checkNoPseudonym(std::string_view field, std::string_view name);
+
 /// Lower-case hexadecimal digits.
 std::string hexDigitsOf(std::string_view bytes);
 /// The inverse. kInvalidInput.
