@@ -126,8 +126,8 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
       // a person created later with the same name is another person; an erasure that this database knows left
       // sessions that wait, and other guests come after it, whatever the clock says
       const bool restored = !known.contains(line.pseudonym);
-      const bool before = restored || (names.text(0) != kGuestName && !names.isNull(2) &&
-                                       names.integer(2) <= line.unix_ns);
+      const bool before =
+          restored || (names.text(0) != kGuestName && !names.isNull(2) && names.integer(2) <= line.unix_ns);
       if (line.name_hash == hash && before) repeat.push_back({names.text(0), line, restored});
     }
   }

@@ -79,8 +79,8 @@ Result<std::vector<TextRow>> textRows(Statement rows, int texts) {
   });
 }
 
-/// Takes the person out of what a restore left for the log of the next start (service/restore.cpp): "user anna:
-/// was disabled; station st1: was revoked".
+/// Takes the person out of what a restore left for the log of the next start (service/restore.cpp): "user
+/// anna: was disabled; station st1: was revoked".
 Status eraseAccess(Connection& connection, const std::string& name) {
   constexpr std::string_view kKey = "access_valid_again", kBetween = "; ";
   MetaStore meta(connection);

@@ -130,7 +130,8 @@ std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& fo
 /// What an erasure of kGuestName does not reach; empty: it is another name.
 std::string textOnGuests(const std::string& name) {
   if (name != kGuestName) return {};
-  return "Sessions of guests that stations deliver from now on are kept, also older ones: erase 'guest' again "
+  return "Sessions of guests that stations deliver from now on are kept, also older ones: erase 'guest' "
+         "again "
          "once all stations have delivered theirs. ";
 }
 

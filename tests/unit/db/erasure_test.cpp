@@ -560,14 +560,14 @@ TEST_F(ErasureStoreTest, guestsWhoComeAfterAnErasureOfGuestKeepTheirSessionsWhat
   };
   for (const std::int64_t erased : {kNow, kNow + 200 * kDay}) {  // the server's clock right, and ahead
     const Uuid closed = session("guest", 2, true), still_open = session("guest", 1, false);
-    ASSERT_OK(ErasureStore(db.writer)
-                  .erase("guest", {"erased-" + std::to_string(erased), line("guest", 0).name_hash, erased},
-                         "ada", "", erased));
+    ASSERT_OK(ErasureStore(db.writer).erase(
+        "guest", {"erased-" + std::to_string(erased), line("guest", 0).name_hash, erased}, "ada", "",
+        erased));
     for (const std::int64_t started : {kNow + kDay, kNow - kDay, kNow - 1900 * kDay}) {
       const Uuid id = makeUuidV7();
       ASSERT_OK(sessions.open(describe(id, started), kNow + kDay));
       EXPECT_EQ(sessions.append(id, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
-      EXPECT_OK(sessions.open(describe(id, started), kNow + kDay)) << "the station comes again";
+      EXPECT_OK(sessions.open(describe(id, started), kNow + kDay));  // the station comes again
       EXPECT_TRUE(sessions.close(test::closeOf(id, 1), kNow + kDay)->taken());
       EXPECT_EQ(sessions.info(id)->chunks(), 1u) << started;
       EXPECT_EQ(sessions.info(id)->description().trainee(), "guest");
@@ -627,13 +627,16 @@ TEST_F(ErasureStoreTest, theReplyNamesEveryTableThatStillHasTheLettersOfTheName)
   ASSERT_OK(AuditStore(db.writer).add({0, 1, "qzxannas-pc", "chunk contradicts", "x", ""}));
   const auto erased = erase(kName);
   ASSERT_OK(erased);
-  EXPECT_EQ(
-      erased->text(),
-      "These have the letters of a name of this person, as a part of another word, as a word of the full name "
-      "or as a name that a station gave, and stay as they are; look whom they mean: 3 lines of the audit log, "
-      "such as 1, 2, 3; the notes of 1 consents, such as that of ben; 1 names that stations gave for sessions "
-      "of others, such as Qzxannas Freund; the names of 1 stations, such as qzxanna-pc; the ids of 1 profiles "
-      "and courses, such as qzxannas-knee; 1 facts about this database (meta), such as backup_path. ");
+  EXPECT_EQ(erased->text(),
+            "These have the letters of a name of this person, as a part of another word, as a word of the "
+            "full name "
+            "or as a name that a station gave, and stay as they are; look whom they mean: 3 lines of the "
+            "audit log, "
+            "such as 1, 2, 3; the notes of 1 consents, such as that of ben; 1 names that stations gave for "
+            "sessions "
+            "of others, such as Qzxannas Freund; the names of 1 stations, such as qzxanna-pc; the ids of 1 "
+            "profiles "
+            "and courses, such as qzxannas-knee; 1 facts about this database (meta), such as backup_path. ");
 }
 
 TEST_F(ErasureStoreTest, whatARestoreLeftForTheLogLosesThePerson) {
