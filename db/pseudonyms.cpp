@@ -161,9 +161,9 @@ void replaceWord(std::string& text, std::string_view word, std::string_view in_i
 
 /// Calls `take` for each word of a full name that is longer than two bytes and than one character.
 template <typename Take>
-void eachPart(std::string_view full_name, const Take& take) {
+void eachPart(std::string_view full_name, const Take& take, std::string_view between = " ,") {
   for (std::size_t at = 0; at < full_name.size();) {
-    const std::size_t end = std::min(full_name.find_first_of(" ,", at), full_name.size());
+    const std::size_t end = std::min(full_name.find_first_of(between, at), full_name.size());
     const std::string_view part = full_name.substr(at, end - at);
     const auto rest = std::count_if(part.begin(), part.end(), isContinuation);
     if (part.size() > 2 && part.size() - static_cast<std::size_t>(rest) > 1) take(part);
@@ -298,7 +298,8 @@ bool mentions(std::string_view text, const ErasedNames& names) {
   bool found = has(names.name) || std::any_of(names.given.begin(), names.given.end(), has);
   for (const std::string& full_name : names.full_names) {
     found = found || has(full_name);
-    eachPart(full_name, [&](std::string_view part) { found = found || has(part); });
+    eachPart(
+        full_name, [&](std::string_view part) { found = found || has(part); }, " ,-");
   }
   return found;
 }

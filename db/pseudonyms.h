@@ -80,7 +80,8 @@ struct ErasedNames {
 /// than two letters. In other texts they may be a common word.
 std::string withoutNames(const std::string& text, const ErasedNames& names, bool own);
 /// True when the text has a name, a given or a full name, or a word of one, anywhere, in either case, but for
-/// `others`. It finds more than withoutNames() replaces: "Annabel" for "anna", and a part of a full name.
+/// `others`. It finds more than withoutNames() replaces: "Annabel" for "anna", "ÖSTLUND" for "Östlund", and a
+/// part of a full name, also one beside a hyphen.
 bool mentions(std::string_view text, const ErasedNames& names);
 
 /// Full names of this person in the audit log, oldest first. "user change" writes them at the end of its

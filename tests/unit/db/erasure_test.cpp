@@ -603,7 +603,8 @@ TEST_F(ErasureStoreTest, sessionsUnderOtherFormsOfTheNameAreNamed) {
   EXPECT_EQ(erased->sessions(), 0u);
   EXPECT_EQ(erased->text(),
             "Sessions under names that nobody has and that are like this person's stay with their "
-            "recordings: 'ANNA at station 2' (1), 'Anna' (2), 'anna ÖSTLUND-berg' (1), 'östlund-berg' (1). "
+            "recordings: 'ANNA at station 2' (1), 'Anna' (2), 'Berg' (1), 'anna ÖSTLUND-berg' (1), 'berg' "
+            "(1), 'östlund-berg' (1). "
             "Whose they are a "
             "manager must say: give them to the right person (needlelab-admin session list "
             "--unknown-trainee, session assign), or erase each of these names, too (needlelab-admin person "
