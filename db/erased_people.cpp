@@ -46,10 +46,7 @@ Result<std::int64_t> ErasureStore::addedAt(std::string_view name, std::int64_t n
 
 Result<ErasureStore::Owner> ErasureStore::ownerOf(std::string_view trainee, std::int64_t started_unix_ns,
                                                   std::int64_t now_unix_ns) {
-  if (trainee == kGuestName) {
-    ASSIGN_OR_RETURN(auto pseudonym, erasedSince(trainee, started_unix_ns));
-    return Owner{pseudonym, false, pseudonym};
-  }
+  if (trainee == kGuestName) return Owner{};
   ASSIGN_OR_RETURN(const auto erased, newestErasure(trainee));
   if (!erased) return Owner{};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee));
@@ -127,9 +124,10 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
     const auto hash = key.nameHash(names.text(0));
     for (const ErasureLine& line : lines) {
       // a person created later with the same name is another person; an erasure that this database knows left
-      // sessions that wait
+      // sessions that wait, and other guests come after it, whatever the clock says
       const bool restored = !known.contains(line.pseudonym);
-      const bool before = restored || (!names.isNull(2) && names.integer(2) <= line.unix_ns);
+      const bool before =
+          restored || (names.text(0) != kGuestName && !names.isNull(2) && names.integer(2) <= line.unix_ns);
       if (line.name_hash == hash && before) repeat.push_back({names.text(0), line, restored});
     }
   }

@@ -13,6 +13,7 @@
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/rewrite.h"
+#include "db/schema.h"
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
 
@@ -54,6 +55,7 @@ constexpr std::string_view kNaming[] = {
     "curricula",
     "exercise_references",
     "retention_policies",
+    "meta",
 };
 
 /// SQL: whether an erasure of the name ?1 takes the session `s`; ?2: those that wait under an account's name,
@@ -75,6 +77,23 @@ Result<std::vector<TextRow>> textRows(Statement rows, int texts) {
     for (int i = 1; i <= texts; ++i) one.texts.push_back(row.text(i));
     return one;
   });
+}
+
+/// Takes the person out of what a restore left for the log of the next start (service/restore.cpp): "user
+/// anna: was disabled; station st1: was revoked".
+Status eraseAccess(Connection& connection, const std::string& name) {
+  constexpr std::string_view kKey = "access_valid_again", kBetween = "; ";
+  MetaStore meta(connection);
+  ASSIGN_OR_RETURN(const auto found, meta.get(kKey));
+  const std::string_view text = found ? std::string_view(*found) : std::string_view();
+  std::string left;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find(kBetween, at), text.size());
+    const std::string_view one = text.substr(at, end - at);
+    if (!one.starts_with("user " + name + ": ")) left.append(left.empty() ? "" : kBetween).append(one);
+    at = end + kBetween.size();
+  }
+  return left == text ? Status() : meta.set(kKey, left);
 }
 
 }  // namespace
@@ -139,6 +158,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
     RETURN_IF_ERROR(connection_.run(sql, name));
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
+  RETURN_IF_ERROR(eraseAccess(connection_, name));
   // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
   ASSIGN_OR_RETURN(
       const auto samples,
@@ -152,8 +172,9 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
       " SET erased_unix_ns = excluded.erased_unix_ns",
       line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true)));
   ASSIGN_OR_RETURN(auto left, leftOver(names, group_ids));
+  ASSIGN_OR_RETURN(const auto alike, sessionsAlike(names));
   ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(names));
-  erasure.set_text(elsewhere.text() + left + perhaps);
+  erasure.set_text(alike + elsewhere.text() + left + perhaps);
   return erasure;
 }
 
@@ -357,20 +378,58 @@ Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
   return text.empty() ? text : "These have the name and stay as they are: " + text + ". ";
 }
 
+Result<std::string> ErasureStore::sessionsAlike(const ErasedNames& names) {
+  ErasedNames all = names;
+  all.others.clear();  // the names of these sessions are among them
+  auto rows = connection_.query(
+      "SELECT trainee, count(*) FROM sessions WHERE erased = 0 AND trainee NOT IN ('', ?1, ?2)"
+      " AND trainee NOT IN (SELECT name FROM people) GROUP BY trainee ORDER BY trainee",
+      names.name, kGuestName);
+  constexpr std::size_t kNamed = 100;
+  std::size_t found = 0;
+  std::string text;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) break;
+    const std::string trainee = rows.text(0);
+    if (!mentions(trainee, all) || ++found > kNamed) continue;
+    text += (text.empty() ? "" : ", ") + fmt::format("'{}' ({})", printable(trainee), rows.natural(1));
+  }
+  if (found == 0) return text;
+  if (found > kNamed) text += fmt::format(" and {} names more", found - kNamed);
+  return "Sessions under names that nobody has and that are like this person's stay with their recordings: " +
+         text +
+         ". Whose they are a manager must say: give them to the right person (needlelab-admin session list "
+         "--unknown-trainee, session assign), or erase each of these names, too (needlelab-admin person "
+         "erase). ";
+}
+
 Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
   struct Place {
     std::string_view what, sql;  // rows: what tells the text from others, and the text
-    bool of_groups = false;
   };
   constexpr Place kTexts[] = {
       {"{} remarks, such as number {}", "SELECT id, text FROM annotations ORDER BY id"},
-      {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id", true},
-      {"{} lines of the audit log, such as {}", "SELECT id, detail FROM audit ORDER BY id"},
+      {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id"},
+      {"{} lines of the audit log, such as {}",
+       "SELECT id, who || char(10) || subject || char(10) || detail || char(10) || coalesce(imported_by, '')"
+       " || char(10) || coalesce(imported_from, '') FROM audit ORDER BY id"},
       {"the reasons of {} erasures, such as {}", "SELECT pseudonym, reason FROM erasures ORDER BY pseudonym"},
+      {"the notes of {} consents, such as that of {}", "SELECT person, note FROM consents ORDER BY id"},
+      {"{} names that stations gave for sessions of others, such as {}",
+       "SELECT given, given FROM unknown_trainees WHERE by_whom IS NOT NULL GROUP BY given ORDER BY given"},
+      {"the names of {} stations, such as {}", "SELECT name, name FROM stations ORDER BY name"},
+      {"the ids of {} profiles and courses, such as {}",
+       "SELECT id, id FROM profiles UNION SELECT id, id FROM curricula ORDER BY 1"},
+      {"{} facts about this database (meta), such as {}", "SELECT key, value FROM meta ORDER BY key"},
   };
-  // a group's name would else count as another name that has this one
-  ErasedNames without_groups = names;
-  RETURN_IF_ERROR(addOthers(connection_, without_groups, false));
+  // only accounts are surely others: a station or a trainee whom nobody knows may be called after this person
+  ASSIGN_OR_RETURN(
+      const auto accounts,
+      connection_.prepare("SELECT name FROM people UNION SELECT full_name FROM people").all(firstText));
+  const std::set<std::string> of_others(accounts.begin(), accounts.end());
+  ErasedNames searched = names;
+  std::erase_if(searched.others, [&](const std::string& other) { return !of_others.contains(other); });
   constexpr std::size_t kNamed = 3;
   std::string text;
   for (const Place& place : kTexts) {
@@ -380,7 +439,7 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
     for (;;) {
       ASSIGN_OR_RETURN(const bool more, rows.step());
       if (!more) break;
-      if (!mentions(rows.text(1), place.of_groups ? without_groups : names)) continue;
+      if (!mentions(rows.text(1), searched)) continue;
       if (++found <= kNamed) some += (some.empty() ? "" : ", ") + rows.text(0);
     }
     if (found > 0) text += (text.empty() ? "" : "; ") + fmt::format(fmt::runtime(place.what), found, some);

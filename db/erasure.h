@@ -70,9 +70,9 @@ class ErasureStore {
   /// Of a session that a station delivers now under this name. Where a person of the name was erased and no
   /// account was added since, it is the erased person's, whatever the station's clock says. The session of an
   /// account is always kept; if it says that it began before the account, it may be the erased person's,
-  /// unless the server's clock has not reached the account's time (addedAt). As nobody adds kGuestName,
-  /// `started_unix_ns` alone decides for it. Without the key it is nobody's of them: sessions are stored in
-  /// any case, and `check` reports the missing key.
+  /// unless the server's clock has not reached the account's time (addedAt). kGuestName is nobody: its
+  /// sessions are always kept, because no account tells those of before from those of after. Without the key
+  /// it is nobody's of them: sessions are stored in any case, and `check` reports the missing key.
   Result<Owner> ownerOf(std::string_view trainee, std::int64_t started_unix_ns, std::int64_t now_unix_ns);
   /// The pseudonym of the person with this name who was erased at `unix_ns` or later. Nothing: as above.
   Result<std::optional<std::string>> erasedSince(std::string_view name, std::int64_t unix_ns);
@@ -108,6 +108,9 @@ class ErasureStore {
   Result<std::vector<std::string>> eraseInGroups(ErasedNames names, Elsewhere& elsewhere);
   /// Where the name is left, for the administrator; empty: nowhere.
   Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids);
+  /// Sessions under names that nobody has, in which a plain search finds a name of this person: each name
+  /// with how many, for the administrator; empty: none.
+  Result<std::string> sessionsAlike(const ErasedNames& names);
   /// Texts that the name may still be in, by a plain search, for the administrator to look at; empty: none.
   Result<std::string> perhapsLeft(const ErasedNames& names);
   Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure,

@@ -6,6 +6,7 @@
 
 #include "common/base/text.h"
 #include "db/documents.h"
+#include "db/pseudonyms.h"
 
 namespace needlelab {
 namespace {
@@ -75,16 +76,17 @@ pb::Consent consentOf(const Statement& row) {
 
 }  // namespace
 
-Status checkNotTheServer(std::string_view field, std::string_view name) {
-  if (lowerCase(name) != kServerName) return {};
-  return Error{ErrorCode::kInvalidInput,
-               std::string(field) + ": '" + std::string(name) +
-                   "' is the name under which the server itself writes: take another one"};
+Status checkNotReserved(std::string_view field, std::string_view name) {
+  if (lowerCase(name) == kServerName)
+    return Error{ErrorCode::kInvalidInput,
+                 std::string(field) + ": '" + std::string(name) +
+                     "' is the name under which the server itself writes: take another one"};
+  return checkNoPseudonym(field, name);
 }
 
 Status PeopleStore::add(const Person& person) {
   RETURN_IF_ERROR(checkNewName("name", person.name));
-  RETURN_IF_ERROR(checkNotTheServer("name", person.name));
+  RETURN_IF_ERROR(checkNotReserved("name", person.name));
   RETURN_IF_ERROR(checkRoleOfPerson(person.role));
   RETURN_IF_ERROR(checkNewText("full_name", person.full_name, 0, 200));
   ASSIGN_OR_RETURN(const auto known, find(person.name));

@@ -42,6 +42,38 @@ constexpr Letters kWordLetters[] = {
     {0xff21, 0xff3a}, {0xff41, 0xff5a},
 };
 
+/// Capitals of two bytes in UTF-8, and how far behind them their small letters are, which have two bytes,
+/// too.
+struct Capitals {
+  std::uint32_t first, last, small;
+  std::uint32_t every = 1;  ///< 2: each second one is a capital
+};
+constexpr Capitals kCapitals[] = {
+    {0x00c0, 0x00d6, 0x20}, {0x00d8, 0x00de, 0x20}, {0x0100, 0x012e, 1, 2}, {0x0132, 0x0136, 1, 2},
+    {0x0139, 0x0147, 1, 2}, {0x014a, 0x0176, 1, 2}, {0x0179, 0x017d, 1, 2}, {0x0386, 0x0386, 38},
+    {0x0388, 0x038a, 37},   {0x038c, 0x038c, 64},   {0x038e, 0x038f, 63},   {0x0391, 0x03ab, 0x20},
+    {0x03c2, 0x03c2, 1},  // the sigma that ends a word
+    {0x0400, 0x040f, 0x50}, {0x0410, 0x042f, 0x20}, {0x0531, 0x0556, 0x30},
+};
+
+/// The text in small letters of ASCII, Latin, Greek, Cyrillic and Armenian, with as many bytes.
+std::string smallLetters(std::string_view text) {
+  std::string small = lowerCase(text);
+  for (std::size_t at = 0; at + 1 < small.size(); ++at) {
+    const auto lead = static_cast<unsigned char>(small[at]), next = static_cast<unsigned char>(small[at + 1]);
+    if ((lead & 0xe0) != 0xc0 || (next & 0xc0) != 0x80) continue;
+    std::uint32_t point = (lead & 0x1fu) << 6 | (next & 0x3fu);
+    const auto row = std::find_if(std::begin(kCapitals), std::end(kCapitals), [&](const Capitals& one) {
+      return point >= one.first && point <= one.last && (point - one.first) % one.every == 0;
+    });
+    if (row == std::end(kCapitals)) continue;
+    point += row->small;
+    small[at] = static_cast<char>(0xc0u | point >> 6);
+    small[at + 1] = static_cast<char>(0x80u | (point & 0x3fu));
+  }
+  return small;
+}
+
 bool isContinuation(char c) {
   return (static_cast<unsigned char>(c) & 0xc0) == 0x80;
 }
@@ -129,9 +161,9 @@ void replaceWord(std::string& text, std::string_view word, std::string_view in_i
 
 /// Calls `take` for each word of a full name that is longer than two bytes and than one character.
 template <typename Take>
-void eachPart(std::string_view full_name, const Take& take) {
+void eachPart(std::string_view full_name, const Take& take, std::string_view between = " ,") {
   for (std::size_t at = 0; at < full_name.size();) {
-    const std::size_t end = std::min(full_name.find_first_of(" ,", at), full_name.size());
+    const std::size_t end = std::min(full_name.find_first_of(between, at), full_name.size());
     const std::string_view part = full_name.substr(at, end - at);
     const auto rest = std::count_if(part.begin(), part.end(), isContinuation);
     if (part.size() > 2 && part.size() - static_cast<std::size_t>(rest) > 1) take(part);
@@ -200,7 +232,30 @@ std::string hexStart(const PseudonymKey::Hash& hash, std::size_t bytes) {
   return hexDigitsOf(textOf(ByteView(hash).first(bytes)));
 }
 
+constexpr std::string_view kErasedStart = "erased-";
+constexpr std::size_t kErasedBytes = 6;
+
 }  // namespace
+
+std::string newErasurePseudonym() {
+  std::array<unsigned char, kErasedBytes> random{};
+  randombytes_buf(random.data(), random.size());
+  return std::string(kErasedStart) + hexDigitsOf(textOf(random));
+}
+
+bool isErasurePseudonym(std::string_view name) {
+  const std::string small = lowerCase(name);
+  const std::string_view digits = std::string_view(small).substr(std::min(kErasedStart.size(), small.size()));
+  return small.starts_with(kErasedStart) && digits.size() == 2 * kErasedBytes &&
+         std::all_of(digits.begin(), digits.end(), [](char c) { return hexDigit(c) >= 0; });
+}
+
+Status checkNoPseudonym(std::string_view field, std::string_view name) {
+  if (!isErasurePseudonym(name)) return {};
+  return Error{ErrorCode::kInvalidInput,
+               std::string(field) + ": '" + std::string(name) +
+                   "' has the form of the names that erased people have: take another one"};
+}
 
 std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
                         std::string_view in_its_place) {
@@ -231,19 +286,20 @@ std::string withoutNames(const std::string& text, const ErasedNames& names, bool
 }
 
 bool mentions(std::string_view text, const ErasedNames& names) {
+  const std::string small = smallLetters(text);
   const auto has = [&](std::string_view word) {
     if (word.empty()) return false;
-    for (auto from = text.begin();; ++from) {
-      from = std::search(from, text.end(), word.begin(), word.end(), sameLetter);
-      if (from == text.end()) return false;
-      const auto at = static_cast<std::size_t>(from - text.begin());
+    const std::string small_word = smallLetters(word);
+    for (std::size_t at = small.find(small_word); at != std::string::npos;
+         at = small.find(small_word, at + 1))
       if (!isWithinOther(text, at, at + word.size(), names.others)) return true;
-    }
+    return false;
   };
   bool found = has(names.name) || std::any_of(names.given.begin(), names.given.end(), has);
   for (const std::string& full_name : names.full_names) {
     found = found || has(full_name);
-    eachPart(full_name, [&](std::string_view part) { found = found || has(part); });
+    eachPart(
+        full_name, [&](std::string_view part) { found = found || has(part); }, " ,-");
   }
   return found;
 }

@@ -47,6 +47,13 @@ class PseudonymKey {
   Hash key_;
 };
 
+/// "erased-" and 12 hexadecimal digits, at random: in the place of an erased person's name.
+std::string newErasurePseudonym();
+/// Whether a name has that form, in whatever case.
+bool isErasurePseudonym(std::string_view name);
+/// kInvalidInput: it has that form, so that nobody gets an erased person's sessions.
+Status checkNoPseudonym(std::string_view field, std::string_view name);
+
 /// Lower-case hexadecimal digits.
 std::string hexDigitsOf(std::string_view bytes);
 /// The inverse. kInvalidInput.
@@ -73,7 +80,8 @@ struct ErasedNames {
 /// than two letters. In other texts they may be a common word.
 std::string withoutNames(const std::string& text, const ErasedNames& names, bool own);
 /// True when the text has a name, a given or a full name, or a word of one, anywhere, in either case, but for
-/// `others`. It finds more than withoutNames() replaces: "Annabel" for "anna", and a part of a full name.
+/// `others`. It finds more than withoutNames() replaces: "Annabel" for "anna", "ÖSTLUND" for "Östlund", and a
+/// part of a full name, also one beside a hyphen.
 bool mentions(std::string_view text, const ErasedNames& names);
 
 /// Full names of this person in the audit log, oldest first. "user change" writes them at the end of its

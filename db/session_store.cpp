@@ -13,6 +13,7 @@
 #include "db/audit.h"
 #include "db/erasure.h"
 #include "db/people.h"
+#include "db/pseudonyms.h"
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
 #include "proto/session_rules.h"
@@ -184,6 +185,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
                      " is known with another description: a session id is used once only"};
   }
 
+  RETURN_IF_ERROR(checkNoPseudonym("session description, trainee", given.trainee()));
   auto station = connection_.query("SELECT 1 FROM stations WHERE name = ?", description.station());
   ASSIGN_OR_RETURN(const bool exists, station.step());
   if (!exists)

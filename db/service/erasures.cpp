@@ -3,7 +3,6 @@
 #include "db/service/erasures.h"
 
 #include <fmt/core.h>
-#include <sodium.h>
 #include <algorithm>
 #include <array>
 #include <filesystem>
@@ -12,6 +11,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/base/text.h"
 #include "db/audit.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
@@ -23,12 +23,6 @@
 
 namespace needlelab::handlers {
 namespace {
-
-std::string newErasurePseudonym() {
-  std::array<unsigned char, 6> random{};
-  randombytes_buf(random.data(), random.size());
-  return "erased-" + hexDigitsOf(textOf(random));
-}
 
 /// Whether a database that lies aside names the person as somebody's name; true also when that cannot be
 /// read, as in an encrypted backup.
@@ -71,26 +65,51 @@ bool isUnfinishedCopy(std::string_view file) {
   return file.ends_with(".partial") || file.ends_with(".backup-copy");
 }
 
-/// Databases beside the one in use, and where the last backup was put, that name the person: replaced ones
-/// and backups, each with its log. Unfinished copies of backups, and logs whose database is gone, are listed
-/// unread.
+/// The regular files below `place` that are not empty, in folders of at most `deepest` levels below it. No
+/// symbolic link below it is followed.
+std::vector<std::filesystem::path> filesBelow(const std::filesystem::path& place, int deepest) {
+  std::vector<std::filesystem::path> files;
+  std::error_code error;
+  constexpr auto kSkip = std::filesystem::directory_options::skip_permission_denied;
+  for (auto at = std::filesystem::recursive_directory_iterator(place, kSkip, error);
+       !error && at != std::filesystem::recursive_directory_iterator(); at.increment(error)) {
+    std::error_code ignored;
+    const auto type = at->symlink_status(ignored).type();
+    if (type == std::filesystem::file_type::directory && at.depth() >= deepest) {
+      at.disable_recursion_pending();
+    } else if (type == std::filesystem::file_type::regular && at->file_size(ignored) > 0 && !ignored) {
+      files.push_back(at->path());
+    }
+  }
+  return files;
+}
+
+/// Databases below the folder of the one in use, and where the last backup was put, that name the person:
+/// replaced ones and backups, each with its log. Unfinished copies of backups, and logs whose database is
+/// gone, are listed unread.
 std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& folder,
                                                  const std::filesystem::path& backups,
                                                  const std::string& name) {
   std::set<std::filesystem::path> databases, naming, logs;
-  for (const auto& place : {folder, folder / "backups", backups}) {
-    std::error_code error;
-    for (auto at = std::filesystem::directory_iterator(place, error);
-         !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
-      std::error_code ignored;
-      const auto& path = at->path();
+  struct Place {
+    std::filesystem::path path;
+    int deepest = 0;
+  };
+  constexpr int kDeepest = 16;
+  // `backups` may be a link to another disk
+  for (const auto& [place, deepest] :
+       {Place{folder, kDeepest}, Place{folder / "backups", kDeepest}, Place{backups, 0}}) {
+    for (const auto& path : filesBelow(place, deepest)) {
       const std::string file = path.filename().string();
-      if (file.ends_with("-shm") || !at->is_regular_file(ignored) || at->file_size(ignored) == 0) continue;
+      std::error_code ignored;
+      // the one in use is not even opened: closing it again would give up SQLite's locks
+      if (file.ends_with("-shm") || std::filesystem::equivalent(path, folder / "needlelab.db", ignored))
+        continue;
       if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return file.ends_with(end); }))
         logs.insert(path);
       else if (isUnfinishedCopy(file))
         naming.insert(path);
-      else if (file != "needlelab.db" && isDatabase(path))
+      else if (isDatabase(path))
         databases.insert(path);
     }
   }
@@ -106,6 +125,14 @@ std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& fo
     if ((naming.contains(of) || orphan) && std::filesystem::exists(path, ignored)) naming.insert(path);
   }
   return {naming.begin(), naming.end()};
+}
+
+/// What an erasure of kGuestName does not reach; empty: it is another name.
+std::string textOnGuests(const std::string& name) {
+  if (name != kGuestName) return {};
+  return "Sessions of guests that stations deliver from now on are kept, also older ones: erase 'guest' "
+         "again "
+         "once all stations have delivered theirs. ";
 }
 
 /// What to do with sessions that wait under the name; empty: there are none.
@@ -190,7 +217,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     named += (named.empty() ? "" : ", ") + file.string();
   }
   erasure.set_text(
-      textOnWaiting(call.name(), erasure.waiting_sessions()) + erasure.text() +
+      textOnGuests(call.name()) + textOnWaiting(call.name(), erasure.waiting_sessions()) + erasure.text() +
       (files.empty()
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")

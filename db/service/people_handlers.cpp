@@ -140,7 +140,7 @@ Status ownOnly(const Context& context, const std::string& name, const std::strin
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   // do the slow part first, on this thread; the writer's thread only stores
   RETURN_IF_ERROR(checkNewName("name", call.name()));
-  RETURN_IF_ERROR(checkNotTheServer("name", call.name()));
+  RETURN_IF_ERROR(checkNotReserved("name", call.name()));
   RETURN_IF_ERROR(mayManage(context, call.role()));
   ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.name(), call.password()));
   Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};

@@ -318,7 +318,7 @@ class PeopleTable {
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
                  (row.has_code ? ", with a code" : "");
       for (const auto& valid :
-           {checkNewName("name", row.person.name), checkNotTheServer("name", row.person.name)})
+           {checkNewName("name", row.person.name), checkNotReserved("name", row.person.name)})
         if (!valid) row.fault("name", valid.error().message);
       if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
       if (!row.has_password && row.person.role != pb::TRAINEE)

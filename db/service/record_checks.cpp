@@ -168,7 +168,7 @@ Status checkFields(const RecordTable& table, const RecordJson& record) {
 
 Status checkRecord(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "person") {
-    RETURN_IF_ERROR(checkNotTheServer("name", textIn(record, "name")));
+    RETURN_IF_ERROR(checkNotReserved("name", textIn(record, "name")));
     RETURN_IF_ERROR(checkNewText("full_name", textIn(record, "full_name"), 0, 200));
     RETURN_IF_ERROR(checkText("password_hash", textIn(record, "password_hash"), 0, 200));
     RETURN_IF_ERROR(checkText("code_hash", textIn(record, "code_hash"), 0, 200));

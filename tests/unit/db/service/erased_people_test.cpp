@@ -365,6 +365,41 @@ TEST_F(ErasedPeople, mayBeInLogsAndUnfinishedCopiesOfBackups) {
   EXPECT_EQ(std::set<std::string>(still.begin(), still.end()), listed_names);
 }
 
+TEST_F(ErasedPeople, mayBeInDatabasesInAnyFolderBelowTheServersOwn) {
+  addNamed("qzxanna", "");
+  const auto data = folder.path() / "data", elsewhere = folder.path() / "elsewhere";
+  std::set<std::string> listed;
+  // as restores of before were undone, by OPERATIONS of then
+  for (const auto& place : {data / "restored", data / "a" / "b" / "c", elsewhere}) {
+    std::filesystem::create_directories(place);
+    const auto copy = place / "needlelab.db";
+    pb::Request backup;
+    backup.mutable_backup()->set_path(copy.string());
+    get(admin, backup);
+    listed.insert(copy.string());
+  }
+  std::filesystem::create_directory_symlink(elsewhere, data / "link");
+  std::filesystem::create_directory_symlink(data, data / "a" / "round");
+  const auto erasure = get(admin, erase("qzxanna")).erasure();
+  EXPECT_EQ(std::set<std::string>(erasure.files().begin(), erasure.files().end()), listed)
+      << "also where the last backup is; each once";
+  for (const std::string& file : listed) std::filesystem::remove(file);
+  EXPECT_EQ(filesWith(folder.path(), "qzxanna"), std::vector<std::string>());
+}
+
+TEST_F(ErasedPeople, ofGuestAreThoseOfNowAndTheReplySaysSo) {
+  addStation();
+  closedSession("guest", 1, "");
+  EXPECT_NE(get(admin, erase("guest")).erasure().text().find("deliver from now on are kept"),
+            std::string::npos);
+  closedSession("guest", 1, "");
+  pb::Request check;
+  check.mutable_check();
+  const auto report = get(admin, check).check_report();
+  EXPECT_TRUE(report.ok()) << report.DebugString();
+  EXPECT_EQ(get(admin, erase("guest")).erasure().sessions(), 1u);
+}
+
 TEST_F(ErasedPeople, mayBeInEveryEncryptedBackup) {
   addNamed("anna", "");
   const auto key = BackupKey::make(folder.path() / "backup.key");
