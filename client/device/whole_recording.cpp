@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -46,8 +47,10 @@ class WholeReader {
 
   /// The holes.
   Result<std::vector<std::string>> run() {
-    for (const RecordingReader::Damage& damage : reader_.damages())
+    for (const RecordingReader::Damage& damage : reader_.damages()) {
       faults_.push_back({damage.offset, damage.what});
+      damaged_.insert(damage.offset);
+    }
     for (std::size_t i = 0; i < reader_.entries().size(); ++i) RETURN_IF_ERROR(readChunk(i));
     findHoles();
     compareWithItself();
@@ -63,9 +66,7 @@ class WholeReader {
     const auto samples = reader_.samples(index);
     if (!samples) {
       if (samples.error().code == ErrorCode::kFailed) return samples.error();
-      const bool named = std::any_of(faults_.begin(), faults_.end(),
-                                     [&](const Fault& fault) { return fault.offset == entry.offset; });
-      if (!named) faults_.push_back({entry.offset, samples.error().message});
+      if (!damaged_.contains(entry.offset)) faults_.push_back({entry.offset, samples.error().message});
       return {};
     }
     ASSIGN_OR_RETURN(const auto bytes, reader_.chunkBytes(index));
@@ -81,8 +82,8 @@ class WholeReader {
                      [](const Fault& a, const Fault& b) { return a.offset < b.offset; });
     std::optional<std::size_t> last_place;
     for (const Fault& fault : faults_) {
-      const auto behind = std::find_if(pieces_.begin(), pieces_.end(),
-                                       [&](const Piece& piece) { return piece.offset > fault.offset; });
+      const auto behind = std::partition_point(
+          pieces_.begin(), pieces_.end(), [&](const Piece& piece) { return piece.offset <= fault.offset; });
       const auto place = static_cast<std::size_t>(behind - pieces_.begin());
       if (std::exchange(last_place, place) == place) continue;
       holes_.push_back(holeText(place > 0 ? &pieces_[place - 1] : nullptr,
@@ -143,7 +144,8 @@ class WholeReader {
   std::vector<std::string> holes_;
   std::uint64_t samples_ = 0;  // that were shown
   std::vector<Fault> faults_;
-  std::vector<Piece> pieces_;
+  std::set<std::uint64_t> damaged_;  // places that the reader named
+  std::vector<Piece> pieces_;        // by their place
   SessionHash hash_;
 };
 

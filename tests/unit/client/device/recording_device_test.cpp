@@ -157,6 +157,11 @@ TEST(RecordingDevice, aTrackTooLongForItsRateIsRefused) {
   auto status = device.open(1000);
   ASSERT_FALSE(status.ok());
   EXPECT_THAT(status.error().message, HasSubstr("long.csv"));
+  // two rows may be hours apart
+  RecordingDevice four_hours(trackOf({0, 14'400}, {{}, {}}), "four hours");
+  status = four_hours.open(1000);
+  ASSERT_FALSE(status.ok());
+  EXPECT_THAT(status.error().message, HasSubstr("at most 14400000"));
 }
 
 TEST(RecordingDevice, saysWhetherItHasAPlunger) {
