@@ -37,10 +37,10 @@ TEST_F(Records, everythingComesBackExactly) {
               14);
     const test::TempFolder elsewhere;
     const auto other = test::openStore(elsewhere.path() / "data");
-    const auto plan = importAll(*other, records, 7, true);
+    const auto plan = importAll(*other, records, 7, true, true);
     EXPECT_FALSE(plan.done());
     EXPECT_EQ(plan.faults_size(), 0) << plan.faults(0).ShortDebugString();
-    const auto report = importAll(*other, records, 50);
+    const auto report = importAll(*other, records, 50, false, true);
     EXPECT_TRUE(report.done()) << report.ShortDebugString();
     // except for the line that records this, and the exports' own lines
     auto again = exportAll(*other, secrets);
@@ -59,7 +59,7 @@ TEST_F(Records, everythingComesBackExactly) {
     check.mutable_check();
     const auto checked = other->service().execute(admin, check).reply.check_report();
     EXPECT_TRUE(checked.ok()) << checked.ShortDebugString();
-    const auto twice = importAll(*other, records, 1000);
+    const auto twice = importAll(*other, records, 1000, false, true);
     EXPECT_TRUE(twice.done());
     for (const auto& count : twice.counts()) EXPECT_EQ(count.added(), 0u) << count.kind();
   }
