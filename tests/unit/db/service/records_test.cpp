@@ -566,6 +566,21 @@ TEST_F(RestoreElsewhere, doesNotObeyItWhereTheFolderHasMacsAndTheBackupIsOfBefor
   EXPECT_EQ(beside->notes.size(), 1u);
 }
 
+TEST_F(RestoreElsewhere, aFolderWhoseOwnListIsTooLongStartsAndSaysWhatToDo) {
+  useKey();
+  ASSERT_OK(restored());
+  const auto own = readWholeFile(other / kErasuresFile);
+  ASSERT_OK(own);
+  ASSERT_OK(writeFileAtomically(other / kErasuresFile, viewOf(std::string((16u << 20) + 1, '\n'))));
+  people();
+  ASSERT_EQ(faults.size(), 1u);
+  EXPECT_NE(faults[0].find("has 16777217 bytes, such a list has at most 16777216 bytes"), std::string::npos)
+      << faults[0];
+  EXPECT_NE(faults[0].find("Put an older copy of the file into place"), std::string::npos) << faults[0];
+  ASSERT_OK(writeFileAtomically(other / kErasuresFile, viewOf(*own)));
+  EXPECT_EQ(people(), Names{"ben"});
+}
+
 TEST_F(RestoreElsewhere, isRefusedBeforeAnythingIsReplacedWhenTheListIsTooLong) {
   useKey();
   ASSERT_OK(restored());
