@@ -245,7 +245,7 @@ TEST_F(Import, namesWhoGetsInAndWhoConsents) {
   };
   const RecordJson word{{"kind", "consent"},    {"id", 1},   {"person", "tom"}, {"given", 1}, {"unix_ns", 5},
                         {"recorded_by", "tom"}, {"note", ""}};
-  const RecordJson station{{"kind", "station"},
+  const RecordJson machine{{"kind", "station"},
                            {"name", "thief"},
                            {"key_hash", std::string(64, 'a')},
                            {"revoked", 0},
@@ -253,7 +253,7 @@ TEST_F(Import, namesWhoGetsInAndWhoConsents) {
   const auto report =
       importAll(*store,
                 {person("tom", 1, "", nullptr), person("tim", 1, "", "$code"), person("ines", 2, "", nullptr),
-                 person("mallory", 4, "$hash", nullptr), word.dump(), station.dump()},
+                 person("mallory", 4, "$hash", nullptr), word.dump(), machine.dump()},
                 10);
   EXPECT_TRUE(report.done()) << report.ShortDebugString();
   ASSERT_EQ(report.notes_size(), 5) << report.ShortDebugString();
