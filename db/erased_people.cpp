@@ -2,6 +2,8 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <iterator>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -12,6 +14,22 @@
 #include "db/unknown_trainees.h"
 
 namespace needlelab {
+namespace {
+
+/// Those of the lines' pseudonyms that are names of accounts.
+Result<std::set<std::string>> pseudonymsOfAccounts(Connection& connection,
+                                                   const std::vector<ErasureLine>& lines) {
+  std::set<std::string> pseudonyms, accounts;
+  for (const ErasureLine& line : lines) pseudonyms.insert(line.pseudonym);
+  auto rows = connection.prepare("SELECT name FROM people");
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return accounts;
+    if (pseudonyms.contains(rows.text(0))) accounts.insert(rows.text(0));
+  }
+}
+
+}  // namespace
 
 Result<std::optional<ErasureStore::Erased>> ErasureStore::newestErasure(std::string_view name) {
   {
@@ -91,6 +109,7 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
   // also erasures in the database: imported older records may have brought people back
   std::set<std::string> known;
+  std::vector<ErasureLine> known_lines;
   auto rows = connection_.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
@@ -100,12 +119,18 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
     if (hash.size() != line.name_hash.size()) continue;
     std::copy(hash.begin(), hash.end(), line.name_hash.begin());
     known.insert(line.pseudonym);
-    std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
-    lines.push_back(std::move(line));
+    known_lines.push_back(std::move(line));
   }
+  std::erase_if(lines, [&](const ErasureLine& line) { return known.contains(line.pseudonym); });
+  lines.insert(lines.end(), std::move_iterator(known_lines.begin()), std::move_iterator(known_lines.end()));
   if (lines.empty()) return repeat;
   ASSIGN_OR_RETURN(const auto key, this->key());
   dropFaulty(lines, key);
+  // the sessions would become that account's
+  ASSIGN_OR_RETURN(const auto accounts, pseudonymsOfAccounts(connection_, lines));
+  std::erase_if(lines, [&](const ErasureLine& line) { return accounts.contains(line.pseudonym); });
+  std::multimap<PseudonymKey::Hash, const ErasureLine*> by_hash;
+  for (const ErasureLine& line : lines) by_hash.emplace(line.name_hash, &line);
   // the first trace of each name; and the first that is not a session that waits
   auto names = connection_.prepare(
       fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
@@ -121,14 +146,15 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, names.step());
     if (!more) return repeat;
-    const auto hash = key.nameHash(names.text(0));
-    for (const ErasureLine& line : lines) {
+    const auto [first, end] = by_hash.equal_range(key.nameHash(names.text(0)));
+    for (auto one = first; one != end; ++one) {
+      const ErasureLine& line = *one->second;
       // a person created later with the same name is another person; an erasure that this database knows left
       // sessions that wait, and other guests come after it, whatever the clock says
       const bool restored = !known.contains(line.pseudonym);
       const bool before =
           restored || (names.text(0) != kGuestName && !names.isNull(2) && names.integer(2) <= line.unix_ns);
-      if (line.name_hash == hash && before) repeat.push_back({names.text(0), line, restored});
+      if (before) repeat.push_back({names.text(0), line, restored});
     }
   }
 }
@@ -137,7 +163,14 @@ Result<std::vector<std::string>> ErasureStore::listFaults(const std::filesystem:
   ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
   if (lines.empty()) return std::vector<std::string>();
   ASSIGN_OR_RETURN(const auto key, this->key());
-  return erasureListFaults(folder / kErasuresFile, lines, key);
+  auto faults = erasureListFaults(folder / kErasuresFile, lines, key);
+  ASSIGN_OR_RETURN(const auto accounts, pseudonymsOfAccounts(connection_, lines));
+  for (const std::string& name : accounts)
+    faults.push_back(fmt::format(
+        "{}: the pseudonym of a line, '{}', is the name of an account: the line is not obeyed, because the "
+        "erased person's sessions would become that account's. Remove the line, or erase the account",
+        (folder / kErasuresFile).string(), printable(name)));
+  return faults;
 }
 
 std::string erasureToRepeatText(const ErasureToRepeat& erasure) {

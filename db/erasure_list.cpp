@@ -3,9 +3,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <set>
 #include <sstream>
 #include <string_view>
 #include <system_error>
+#include <unordered_map>
 #include <utility>
 
 #include "common/base/bytes.h"
@@ -19,6 +21,18 @@ namespace {
 constexpr std::string_view kWithWaiting = "with-waiting";
 constexpr std::string_view kKey = "key=";
 constexpr std::string_view kMac = "mac=";
+
+constexpr std::size_t kMostListBytes = 16u << 20;  // 50,000 lines with MACs have 9 MB
+
+/// `found`: "17 bytes"; `most`: "5 bytes".
+std::string tooLongText(const std::filesystem::path& path, const std::string& found,
+                        const std::string& most) {
+  return fmt::format(
+      "{}: has {}, such a list has at most {}: somebody put lines into it. Put an older copy of the file "
+      "into "
+      "place; if there is none, move it away, and erase these people again by name",
+      path.string(), found, most);
+}
 
 /// What the MAC holds: the line without it.
 std::string bareText(const ErasureLine& line) {
@@ -58,12 +72,27 @@ std::string notObeyedText(const std::filesystem::path& path, const Found& found,
 
 }  // namespace
 
+bool isErasurePseudonym(std::string_view pseudonym) {
+  constexpr std::string_view kPrefix = "erased-";
+  constexpr std::size_t kDigits = 12;
+  return pseudonym.starts_with(kPrefix) && pseudonym.size() == kPrefix.size() + kDigits &&
+         pseudonym.find_first_not_of("0123456789abcdef", kPrefix.size()) == std::string_view::npos;
+}
+
 Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
   const auto path = folder / file;
   std::vector<ErasureLine> lines;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return lines;
-  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, 16u << 20));
+  // not readWholeFile()'s kInvalidInput: a list that is too long must not keep the server from starting
+  if (const auto bytes = std::filesystem::file_size(path, error); !error && bytes > kMostListBytes)
+    return Error{ErrorCode::kCorrupt,
+                 tooLongText(path, fmt::format("{} bytes", bytes), fmt::format("{} bytes", kMostListBytes))};
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, kMostListBytes));
+  if (const auto rows = std::count(text.begin(), text.end(), '\n');
+      rows > static_cast<std::ptrdiff_t>(kMostErasureLines))
+    return Error{ErrorCode::kCorrupt, tooLongText(path, fmt::format("{} lines", rows),
+                                                  fmt::format("{} lines", kMostErasureLines))};
   std::istringstream in(text);
   for (std::string row; std::getline(in, row);) {
     std::istringstream cells(row);
@@ -91,29 +120,39 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
 
 Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                      const char* file) {
+  if (lines.size() > kMostErasureLines)
+    return Error{ErrorCode::kInvalidInput,
+                 tooLongText(folder / file, fmt::format("now {} lines", lines.size()),
+                             fmt::format("{} lines", kMostErasureLines))};
   std::string text;
   for (const ErasureLine& line : lines) {
     text += bareText(line);
     if (line.seal) text += fmt::format(" {}{} {}{}", kKey, line.seal->key, kMac, line.seal->mac);
     text += '\n';
   }
+  if (text.size() > kMostListBytes)
+    return Error{ErrorCode::kInvalidInput,
+                 tooLongText(folder / file, fmt::format("now {} bytes", text.size()),
+                             fmt::format("{} bytes", kMostListBytes))};
   return writeFileAtomically(folder / file, viewOf(text), 0600);
 }
 
 Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                    const char* file, const PseudonymKey* key) {
   ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
+  std::unordered_map<std::string, std::size_t> places;
+  for (std::size_t at = 0; at < all.size(); ++at) places.emplace(all[at].pseudonym, at);
   bool more = false;
   for (const ErasureLine& line : lines) {
-    const auto there = std::find_if(all.begin(), all.end(),
-                                    [&](const auto& other) { return other.pseudonym == line.pseudonym; });
-    if (there == all.end()) {
+    const auto [place, is_new] = places.emplace(line.pseudonym, all.size());
+    if (is_new) {
       all.push_back(line);
     } else {
-      const bool holds_better = key != nullptr && sealOf(line, *key) == SealState::kOurs &&
-                                sealOf(*there, *key) != SealState::kOurs;
-      if (there->unix_ns >= line.unix_ns && !holds_better) continue;
-      *there = line;
+      ErasureLine& there = all[place->second];
+      const bool holds_better =
+          key != nullptr && sealOf(line, *key) == SealState::kOurs && sealOf(there, *key) != SealState::kOurs;
+      if (there.unix_ns >= line.unix_ns && !holds_better) continue;
+      there = line;
     }
     more = true;
   }
@@ -156,36 +195,68 @@ void dropFaulty(std::vector<ErasureLine>& lines, const PseudonymKey& key) {
 Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                                       const std::filesystem::path& folder) {
   ErasuresBeside beside;
-  ASSIGN_OR_RETURN(beside.lines, readErasures(backups, kErasuresCopy));
-  std::error_code error;
-  if (beside.lines.empty() || !std::filesystem::exists(folder / "pseudonym.key", error)) return beside;
-  ASSIGN_OR_RETURN(const auto key, PseudonymKey::ofFolder(folder));
-  const auto path = backups / kErasuresCopy;
+  beside.path = backups / kErasuresCopy;
+  auto read = readErasures(backups, kErasuresCopy);
+  if (!read) return Error{read.error().code, read.error().message + "; nothing was changed"};
+  beside.lines = std::move(*read);
   auto& lines = beside.lines;
+  if (lines.empty()) return beside;
+  if (lines.size() > kMostLinesBeside)
+    return Error{ErrorCode::kCorrupt, tooLongText(beside.path, fmt::format("{} lines", lines.size()),
+                                                  fmt::format("{} lines", kMostLinesBeside)) +
+                                          "; nothing was changed"};
+
+  // what is here is nothing new, whoever wrote it there
+  ASSIGN_OR_RETURN(const auto here, readErasures(folder));
+  const auto has_mac = [](const ErasureLine& line) { return line.seal.has_value(); };
+  beside.seals =
+      std::any_of(here.begin(), here.end(), has_mac) || std::any_of(lines.begin(), lines.end(), has_mac);
+  std::set<std::string> known;
+  for (const ErasureLine& line : here) known.insert(line.pseudonym);
+  std::erase_if(lines, [&](const ErasureLine& line) { return !line.seal && known.contains(line.pseudonym); });
+
+  Found misnamed;
+  for (const ErasureLine& line : lines)
+    if (!isErasurePseudonym(line.pseudonym) && misnamed.count++ == 0) misnamed.first = &line;
+  if (misnamed.count > 0)
+    beside.notes.push_back(notObeyedText(beside.path, misnamed, "have no pseudonym of an erasure"));
+  std::erase_if(lines, [](const ErasureLine& line) { return !isErasurePseudonym(line.pseudonym); });
+
+  std::error_code error;
+  if (!std::filesystem::exists(folder / "pseudonym.key", error)) return beside;
+  ASSIGN_OR_RETURN(beside.key, PseudonymKey::ofFolder(folder));
+  const PseudonymKey& key = *beside.key;
   const Found others = inState(lines, key, SealState::kOtherKey);
   const bool ours = inState(lines, key, SealState::kOurs).count > 0;
   if (others.count > 0 && !ours)
     return Error{ErrorCode::kInvalidInput,
-                 otherKeyText(path, others, key) +
+                 otherKeyText(beside.path, others, key) +
                      ", and keep the one that is there elsewhere; nothing was changed. Only if that key is "
                      "lost, restore without the list: move it away, and erase these people again by name"};
   // lines of another key are added: `check` goes on naming them
   if (const Found broken = inState(lines, key, SealState::kBroken); broken.count > 0)
-    beside.notes.push_back(notObeyedText(path, broken, "were changed: their MAC is wrong"));
-  const Found old = inState(lines, key, SealState::kNone);
-  const bool with_macs = old.count < lines.size();
-  if (old.count > 0)
-    beside.notes.push_back(
-        with_macs ? notObeyedText(path, old, "have no MAC, although others have")
-                  : fmt::format("{}: {} lines have no MAC, because a version of before wrote them: they are "
-                                "taken as they are",
-                                path.string(), old.count));
-  std::erase_if(lines, [&](const ErasureLine& line) {
-    const SealState state = sealOf(line, key);
-    return state == SealState::kBroken || (state == SealState::kNone && with_macs);
-  });
-  sealOld(lines, key);
+    beside.notes.push_back(notObeyedText(beside.path, broken, "were changed: their MAC is wrong"));
+  std::erase_if(lines, [&](const ErasureLine& line) { return sealOf(line, key) == SealState::kBroken; });
   return beside;
+}
+
+void settleOldLines(ErasuresBeside& beside, bool backup_seals, bool take) {
+  Found old;
+  for (const ErasureLine& line : beside.lines)
+    if (!line.seal && old.count++ == 0) old.first = &line;
+  if (old.count == 0) return;
+  if (take || !(beside.seals || backup_seals)) {
+    beside.notes.push_back(fmt::format("{}: {} lines have no MAC: {}: they are taken as they are",
+                                       beside.path.string(), old.count,
+                                       take ? "--take-old-list says that a version of before wrote them"
+                                            : "a version of before wrote them"));
+    if (beside.key) sealOld(beside.lines, *beside.key);
+    return;
+  }
+  beside.notes.push_back(
+      notObeyedText(beside.path, old, "have no MAC, although each line of this version has one") +
+      ". If a version of before wrote them, restore again with --take-old-list");
+  std::erase_if(beside.lines, [](const ErasureLine& line) { return !line.seal; });
 }
 
 }  // namespace needlelab

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -32,13 +33,27 @@ struct ErasureLine {
 inline constexpr const char* kErasuresFile = "erasures";
 inline constexpr const char* kErasuresCopy = "needlelab.erasures";
 
-/// Reads DIR/erasures; nothing when the file does not exist. It does not look at the MACs. kCorrupt.
+/// Of a list, and of one beside a backup: a restore leaves room for erasures to come.
+inline constexpr std::size_t kMostErasureLines = 50'000, kMostLinesBeside = 25'000;
+
+/// Key of `meta`, set by each program that gives lines MACs: a backup with it has no list without them beside
+/// it.
+inline constexpr std::string_view kSealsErasuresKey = "seals_erasures";
+
+/// Whether the pseudonym is one that an erasure makes, "erased-" and 12 hexadecimal digits, and no person's
+/// name.
+bool isErasurePseudonym(std::string_view pseudonym);
+
+/// Reads DIR/erasures; nothing when the file does not exist. It does not look at the MACs. kCorrupt, also
+/// above kMostErasureLines.
 Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder,
                                               const char* file = kErasuresFile);
+/// kInvalidInput, with nothing written, for a list that readErasures() would not read.
 Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                      const char* file = kErasuresFile);
 /// Adds to the list `file` of `folder` what it lacks of `lines`; writes nothing when it lacks nothing. With
-/// the `key`, lines that have its MAC also replace those of the same pseudonym that have not.
+/// the `key`, lines that have its MAC also replace those of the same pseudonym that have not. Errors as of
+/// both.
 Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                    const char* file = kErasuresFile, const PseudonymKey* key = nullptr);
 
@@ -66,12 +81,20 @@ void dropFaulty(std::vector<ErasureLine>& lines, const PseudonymKey& key);
 struct ErasuresBeside {
   std::vector<ErasureLine> lines;
   std::vector<std::string> notes;
+  std::filesystem::path path;
+  std::optional<PseudonymKey> key;  ///< of the restore's folder; nothing: there is none yet
+  bool seals = false;               ///< the folder's list, or this one, has lines with a MAC
 };
-/// Reads and checks it for a restore into the data folder `folder`. Without a key there all lines are taken,
-/// and looked at when the key is there. Changed lines are told and not taken; so are lines without a MAC
-/// beside lines with one. A list without any MAC is taken with a note. kInvalidInput: all lines with a MAC
-/// are of another key than the one in `folder`; kCorrupt.
+/// Reads and checks it for a restore into the data folder `folder`; settleOldLines() decides on lines without
+/// a MAC. Without a key there all lines are taken, and looked at when the key is there. Changed lines, and
+/// those whose pseudonym is none, are told and not taken. kInvalidInput: all lines with a MAC are of another
+/// key than the one in `folder`; kCorrupt: also for more than kMostLinesBeside.
 Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                                       const std::filesystem::path& folder);
+/// Lines without a MAC: where the folder, the list or the backup has MACs (`backup_seals`:
+/// kSealsErasuresKey), who took MACs away could have written any line, so they are told and not taken, unless
+/// somebody asked for them (`take`). Else a version of before wrote them: they are taken with a note, and get
+/// MACs.
+void settleOldLines(ErasuresBeside& beside, bool backup_seals, bool take);
 
 }  // namespace needlelab

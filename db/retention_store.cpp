@@ -65,34 +65,6 @@ Status note(Connection& connection, const DueRecording& due, const char* action,
 constexpr std::uint32_t kMostDays = 36'500;
 constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
-Status checkPolicy(const pb::RetentionPolicy& policy) {
-  const auto bad = [](const std::string& text) {
-    return Error{ErrorCode::kInvalidInput, "retention policy, " + text};
-  };
-  if (!policy.exercise_id().empty()) {
-    RETURN_IF_ERROR(checkName("exercise_id", policy.exercise_id()));
-  }
-  const auto days = [&](const char* field, std::uint32_t value) -> Status {
-    if (value <= kMostDays) return {};
-    return bad(fmt::format("{}: {}, allowed is 0 to {}", field, value, kMostDays));
-  };
-  RETURN_IF_ERROR(days("thin_after_days", policy.thin_after_days()));
-  RETURN_IF_ERROR(days("delete_after_days", policy.delete_after_days()));
-  const double hz = policy.thin_rate_hz(), factor = policy.thin_coarser();
-  if (policy.has_thin_after_days() && !(hz >= 0.1 && hz <= 10'000))
-    return bad(fmt::format("thin_rate_hz: {:f}, allowed is 0.1 to 10000", hz));
-  if (!policy.has_thin_after_days() && (hz != 0 || (factor != 0 && factor != 1)))
-    return bad("thin_rate_hz and thin_coarser: only with thin_after_days");
-  if (factor != 0 && !(factor >= 1 && factor <= 1000))
-    return bad(fmt::format("thin_coarser: {:f}, allowed is 1 to 1000", factor));
-  if (policy.has_thin_after_days() && policy.has_delete_after_days() &&
-      policy.delete_after_days() <= policy.thin_after_days()) {
-    return bad(fmt::format("delete_after_days: {}, allowed is more than thin_after_days, {}",
-                           policy.delete_after_days(), policy.thin_after_days()));
-  }
-  return {};
-}
-
 std::string daysText(std::uint32_t days) {
   return fmt::format("{} {}", days, days == 1 ? "day" : "days");
 }
@@ -405,6 +377,34 @@ Result<RetentionStore::Space> RetentionStore::space() {
   space.database_bytes = static_cast<std::uint64_t>(*page * *pages);
   space.free_bytes = static_cast<std::uint64_t>(*page * *free);
   return space;
+}
+
+Status RetentionStore::checkPolicy(const pb::RetentionPolicy& policy) {
+  const auto bad = [](const std::string& text) {
+    return Error{ErrorCode::kInvalidInput, "retention policy, " + text};
+  };
+  if (!policy.exercise_id().empty()) {
+    RETURN_IF_ERROR(checkName("exercise_id", policy.exercise_id()));
+  }
+  const auto days = [&](const char* field, std::uint32_t value) -> Status {
+    if (value <= kMostDays) return {};
+    return bad(fmt::format("{}: {}, allowed is 0 to {}", field, value, kMostDays));
+  };
+  RETURN_IF_ERROR(days("thin_after_days", policy.thin_after_days()));
+  RETURN_IF_ERROR(days("delete_after_days", policy.delete_after_days()));
+  const double hz = policy.thin_rate_hz(), factor = policy.thin_coarser();
+  if (policy.has_thin_after_days() && !(hz >= 0.1 && hz <= 10'000))
+    return bad(fmt::format("thin_rate_hz: {:f}, allowed is 0.1 to 10000", hz));
+  if (!policy.has_thin_after_days() && (hz != 0 || (factor != 0 && factor != 1)))
+    return bad("thin_rate_hz and thin_coarser: only with thin_after_days");
+  if (factor != 0 && !(factor >= 1 && factor <= 1000))
+    return bad(fmt::format("thin_coarser: {:f}, allowed is 1 to 1000", factor));
+  if (policy.has_thin_after_days() && policy.has_delete_after_days() &&
+      policy.delete_after_days() <= policy.thin_after_days()) {
+    return bad(fmt::format("delete_after_days: {}, allowed is more than thin_after_days, {}",
+                           policy.delete_after_days(), policy.thin_after_days()));
+  }
+  return {};
 }
 
 Status RetentionStore::setPolicy(const pb::RetentionPolicy& policy) {

@@ -45,6 +45,8 @@ class RetentionStore {
   explicit RetentionStore(Connection& connection) : connection_(connection) {}
 
   /// kInvalidInput names field, value and range.
+  static Status checkPolicy(const pb::RetentionPolicy& policy);
+  /// As checkPolicy().
   Status setPolicy(const pb::RetentionPolicy& policy);
   /// Checks the name of an exercise in `field`: empty (the default, or all), an exercise of a curriculum, an
   /// exercise with stored sessions (its curriculum may be gone), or one that already has a policy. Otherwise

@@ -43,11 +43,13 @@ Status writeRecords(CommandContext& context, const std::string& file,
   return {};
 }
 
-Status importAll(CommandContext& context, const std::string& file, const std::string& text, bool dry_run) {
+Status importAll(CommandContext& context, const std::string& file, const std::string& text, bool dry_run,
+                 bool with_policies) {
   pb::Request request;
   auto* import_all = request.mutable_import_all();
   import_all->set_import_id(uuidText(makeUuidV7()));
   import_all->set_dry_run(dry_run);
+  import_all->set_with_policies(with_policies);
   std::size_t bytes = 0;
   pb::ImportReport report;
   const auto send = [&](bool last) -> Status {
@@ -80,6 +82,7 @@ Status importAll(CommandContext& context, const std::string& file, const std::st
           "no records");
       !done)
     return done;
+  for (const auto& note : report.notes()) context.output.remark(oneLine(note));
   for (const auto& fault : report.faults())
     context.output.remark(oneLine(file + ": " + fault.path() + ": " + fault.message()));
   if (!report.faults().empty())
@@ -203,7 +206,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   addConsentCommands(app, chosen);
   struct Values {
     std::string study, out, exercise, file, text, session, format = "csv";
-    bool remarks = false, setup = false, passwords = false, dry_run = false;
+    bool remarks = false, setup = false, passwords = false, dry_run = false, with_policies = false;
   };
   const auto values = std::make_shared<Values>();
   auto* study = app.add_subcommand("study", "for researchers: those who consent, under pseudonyms");
@@ -255,6 +258,10 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* import_all = app.add_subcommand("import-all", "read in what export-all wrote: all of it or nothing");
   import_all->add_option("file", values->file)->required()->type_name("FILE");
   import_all->add_flag("--dry-run", values->dry_run, "only say what would happen");
+  import_all->add_flag(
+      "--with-policies", values->with_policies,
+      "retention policies and the lab's settings, too: from then on recordings are deleted by "
+      "them");
   import_all->callback([&chosen, values] {
     chosen.may_create = true;
     // a file that cannot be read makes no folder
@@ -263,7 +270,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
       return {};
     };
     chosen.run = [values](CommandContext& context) {
-      return importAll(context, values->file, values->text, values->dry_run);
+      return importAll(context, values->file, values->text, values->dry_run, values->with_policies);
     };
   });
 }

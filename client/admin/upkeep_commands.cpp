@@ -80,8 +80,8 @@ Status newBackupKey(Output& output, const std::string& file) {
 }
 
 Status restore(const std::filesystem::path& folder, Output& output, const std::string& from,
-               const std::string& key) {
-  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs(), nullptr, key));
+               const std::string& key, bool take_old_list) {
+  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs(), nullptr, key, take_old_list));
   // open it once, to check that it opens, and to write the audit log
   Store::Options options;
   options.holder = "needlelab-admin";
@@ -161,7 +161,7 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
   struct Values {
     std::string path, folder, from, codes, key, encrypt_with;
     std::uint32_t keep = 14;
-    bool counts_as_safe = false;
+    bool counts_as_safe = false, take_old_list = false;
   };
   const auto values = std::make_shared<Values>();
 
@@ -214,9 +214,12 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
       ->add_option("--key", values->key,
                    "the key's file, for an encrypted backup; a plain one is refused then")
       ->type_name("KEYFILE");
+  restore_command->add_flag("--take-old-list", values->take_old_list,
+                            "erase also whom lines without a MAC name in the list of erasures beside the "
+                            "backup: a version of before wrote it, and nobody else could");
   restore_command->callback([&chosen, values] {
     chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
-      return restore(folder, output, values->from, values->key);
+      return restore(folder, output, values->from, values->key, values->take_old_list);
     };
   });
 

@@ -14,6 +14,7 @@
 #include "db/service/erasures.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
+#include "db/service/import_rules.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/record_tables.h"
 #include "db/unknown_trainees.h"
@@ -133,12 +134,13 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
 class Import {
  public:
   Import(Connection& writer, pb::ImportReport& report, std::int64_t now_unix_ns, std::string importer,
-         std::string import_id)
+         const pb::ImportAll& call)
       : writer_(writer),
         report_(report),
         now_unix_ns_(now_unix_ns),
         importer_(std::move(importer)),
-        import_id_(std::move(import_id)) {}
+        import_id_(call.import_id()),
+        rules_(writer, call.with_policies(), now_unix_ns) {}
 
   /// kFailed ends the import: the database failed. Faults of a record go into the report.
   Status take(const std::string& text) {
@@ -170,6 +172,7 @@ class Import {
 
   /// Stores the exercises of the courses' newest revisions; flags sessions of trainees whom nobody knew.
   Status finish() {
+    for (const std::string& note : rules_.notes()) report_.add_notes(note);
     RETURN_IF_ERROR(flagUnknownTrainees());
     for (const std::string& id : courses_) {
       const auto course = CurriculumStore(writer_).get(id);
@@ -200,8 +203,16 @@ class Import {
     if (table.kind == "course" && record.contains("id") && record["id"].is_string())
       courses_.insert(record["id"].get<std::string>());
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, secrets));
+    bool same = !there.is_null() && (there == record || erasures_->isErasuresWork(table, there, record));
+    if (!same) {
+      ASSIGN_OR_RETURN(const auto rule, rules_.look(table, record, there));
+      if (rule == ImportRules::Verdict::kLeftOut) {
+        (void)count(table.kind);  // the kind has its row, and its note
+        return {};
+      }
+      same = there == record;
+    }
     if (!there.is_null()) {
-      const bool same = there == record || erasures_->isErasuresWork(table, there, record);
       // samples came with the program
       const bool sample =
           (table.kind == "profile" || table.kind == "course") && (there)["author"] == kSampleAuthor;
@@ -216,6 +227,7 @@ class Import {
     }
     RETURN_IF_ERROR(checkRecord(table, record));
     RETURN_IF_ERROR(insertRecord(writer_, table, record));
+    rules_.noteStored(table, record);
     if (table.kind == "session") {
       new_sessions_.push_back({writer_.lastRowId(), record["trainee"].get<std::string>()});
       RETURN_IF_ERROR(withoutRecording(record));
@@ -314,6 +326,7 @@ class Import {
   std::uint64_t number_ = 0;
   std::set<std::string> courses_, people_;  ///< by id and by name: in these records
   std::vector<NewSession> new_sessions_;
+  ImportRules rules_;
   std::optional<ImportErasures> erasures_;  ///< set by begin()
   /// Of the audit log; read for the first imported line.
   std::optional<std::unordered_set<std::string>> lines_;
@@ -399,7 +412,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
 
   std::string detail;
   const auto status = write(context, call.import_id(), detail, [&](Connection& writer) -> Status {
-    Import batch(writer, *report, context.now_unix_ns, context.who.name, call.import_id());
+    Import batch(writer, *report, context.now_unix_ns, context.who.name, call);
     RETURN_IF_ERROR(batch.begin());
     RETURN_IF_ERROR(eachRecord(writer, call.import_id(), [&](const std::string& text) {
       batch.foresee(text);

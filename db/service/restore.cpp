@@ -12,6 +12,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -98,8 +99,14 @@ Result<std::optional<BackupKey>> keyFor(const fs::path& from, const fs::path& ke
   return std::optional<BackupKey>(std::move(key));
 }
 
+/// A copy that this program can read.
+struct CheckedCopy {
+  RestoreResult result;
+  bool seals_erasures = false;  ///< kSealsErasuresKey
+};
+
 /// The copy's contents, if it is intact and this program knows its schema.
-Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
+Result<CheckedCopy> checkCopy(const fs::path& copy, const fs::path& from) {
   ASSIGN_OR_RETURN(auto opened, Connection::open(copy, {.mode = Connection::Mode::kReader, .copy_of = from}));
   auto id = opened.prepare("PRAGMA application_id");
   ASSIGN_OR_RETURN(const bool row, id.step());
@@ -112,27 +119,28 @@ Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
                  fmt::format("{}: its schema has version {}, this program (needlelab {}) knows versions up "
                              "to {}: use the newer program",
                              from.string(), *version, NEEDLELAB_VERSION, newestSchemaVersion())};
-  RestoreResult result;
-  result.schema = *version;
-  return result;
+  CheckedCopy checked;
+  checked.result.schema = *version;
+  ASSIGN_OR_RETURN(const auto seals, MetaStore(opened).get(kSealsErasuresKey));
+  checked.seals_erasures = seals.has_value();
+  return checked;
 }
 
 /// Takes out whom the next start erases anew by one of `erasures`: their access is not valid again, and their
 /// name must not stand in a text that outlives the erasure.
 Status leaveOutErased(Connection& writer, std::vector<ErasureLine> erasures,
                       std::vector<RestoredAccess>& again) {
-  ASSIGN_OR_RETURN(const auto known, writer.prepare("SELECT pseudonym FROM erasures").all(firstText));
-  std::erase_if(erasures, [&](const ErasureLine& line) {
-    return std::find(known.begin(), known.end(), line.pseudonym) != known.end();
-  });
+  ASSIGN_OR_RETURN(const auto rows, writer.prepare("SELECT pseudonym FROM erasures").all(firstText));
+  const std::set<std::string> known(rows.begin(), rows.end());
+  std::erase_if(erasures, [&](const ErasureLine& line) { return known.contains(line.pseudonym); });
   std::error_code error;
   // without the key nobody is erased anew: the server's log and `check` say so
   if (erasures.empty() || !fs::exists(writer.path().parent_path() / "pseudonym.key", error)) return {};
   ASSIGN_OR_RETURN(const auto key, ErasureStore(writer).key());
+  std::set<PseudonymKey::Hash> erased;
+  for (const ErasureLine& line : erasures) erased.insert(line.name_hash);
   std::erase_if(again, [&](const RestoredAccess& one) {
-    const auto hash = key.nameHash(one.name);
-    return !one.station && std::any_of(erasures.begin(), erasures.end(),
-                                       [&](const ErasureLine& line) { return line.name_hash == hash; });
+    return !one.station && erased.contains(key.nameHash(one.name));
   });
   return {};
 }
@@ -227,7 +235,7 @@ Status keep(const fs::path& file, const fs::path& as, LinkCall link) {
 }  // namespace
 
 Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns,
-                                  LinkCall link, const fs::path& key_file) {
+                                  LinkCall link, const fs::path& key_file, bool take_old_list) {
   std::error_code error;
   if (!fs::is_directory(folder, error))
     return Error{ErrorCode::kInvalidInput,
@@ -250,7 +258,6 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   // that of a machine that is lost
   ASSIGN_OR_RETURN(auto erasures, erasuresBeside(from.parent_path(), folder));
   ASSIGN_OR_RETURN(auto all_erasures, readErasures(folder));
-  all_erasures.insert(all_erasures.end(), erasures.lines.begin(), erasures.lines.end());
 
   const auto drop = [&] {
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
@@ -260,26 +267,30 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     drop();
     return done.error();
   }
-  auto result = checkCopy(copy, from);
-  if (result)
-    if (auto done = migrateAndCheck(copy, from, database, all_erasures, now_unix_ns, *result); !done)
-      result = done.error();
-  if (!result) {
+  const auto checked = checkCopy(copy, from);
+  if (!checked) {
     drop();
-    return result;
+    return checked.error();
+  }
+  RestoreResult result = checked->result;
+  settleOldLines(erasures, checked->seals_erasures, take_old_list);
+  all_erasures.insert(all_erasures.end(), erasures.lines.begin(), erasures.lines.end());
+  if (auto done = migrateAndCheck(copy, from, database, all_erasures, now_unix_ns, result); !done) {
+    drop();
+    return done.error();
   }
 
   if (auto added = addErasures(folder, erasures.lines); !added) {
     drop();
     return added.error();
   }
-  result->erasure_notes = std::move(erasures.notes);
+  result.erasure_notes = std::move(erasures.notes);
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore
   std::string kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns);
   for (int number = 2; fs::exists(folder / kept, error); ++number)
     kept = fmt::format("{}.replaced-{}-{}", kDatabase, timeText(now_unix_ns), number);
-  if (fs::exists(database, error)) result->kept = folder / kept;
+  if (fs::exists(database, error)) result.kept = folder / kept;
   RETURN_IF_ERROR(syncFolder(folder));
   if (auto done = writeFileAtomically(folder / kRestorePending, viewOf(kept), 0600); !done) {
     drop();

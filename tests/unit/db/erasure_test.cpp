@@ -787,6 +787,48 @@ TEST_F(ErasureStoreTest, linesThatWereChangedOrAreOfAnotherKeyAreToldAndNotObeye
       << faults()[0];
 }
 
+TEST_F(ErasureStoreTest, aPseudonymIsOneOnlyInTheFormThatErasuresMake) {
+  EXPECT_TRUE(isErasurePseudonym("erased-0123456789ab"));
+  for (const char* other : {"", "ben", "erased-", "erased-0123456789a", "erased-0123456789abc",
+                            "erased-0123456789aB", "erased-0123456789a ", "Erased-0123456789ab"})
+    EXPECT_FALSE(isErasurePseudonym(other)) << other;
+}
+
+TEST_F(ErasureStoreTest, aLineWhosePseudonymAnAccountHasIsToldAndNotObeyed) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  ErasureLine made = line("anna", 77);
+  made.pseudonym = "ben";
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(made, *key)}));
+  EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
+  const auto faults = ErasureStore(db.writer).listFaults(db.folder.path());
+  ASSERT_OK(faults);
+  ASSERT_EQ(faults->size(), 1u);
+  EXPECT_NE(faults->at(0).find("'ben', is the name of an account"), std::string::npos) << faults->at(0);
+}
+
+TEST_F(ErasureStoreTest, noListIsWrittenThatCouldNotBeReadAgain) {
+  std::vector<ErasureLine> lines;
+  for (std::size_t i = 0; i < kMostErasureLines; ++i)
+    lines.push_back({fmt::format("erased-{:012x}", i), {}, 77, false, ErasureSeal{"k", "m"}});
+  ASSERT_OK(writeErasures(db.folder.path(), lines));
+  EXPECT_EQ(readErasures(db.folder.path())->size(), kMostErasureLines);
+  // each line is there: not one comparison for each pair of them
+  ASSERT_OK(addErasures(db.folder.path(), lines));
+  const auto more = addErasures(db.folder.path(), {line("anna", 77)});
+  ASSERT_FALSE(more.ok());
+  EXPECT_EQ(more.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(more.error().message.find("now 50001 lines, such a list has at most 50000"), std::string::npos);
+  EXPECT_EQ(readErasures(db.folder.path())->size(), kMostErasureLines) << "as it was";
+  lines.resize(1);
+  lines[0].seal->mac.assign(16u << 20, 'f');
+  EXPECT_EQ(writeErasures(db.folder.path(), lines).error().code, ErrorCode::kInvalidInput);
+  // one that another program wrote is told, and the server starts
+  ASSERT_OK(
+      writeFileAtomically(db.folder.path() / kErasuresFile, viewOf(std::string((16u << 20) + 1, '\n'))));
+  EXPECT_EQ(readErasures(db.folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
 TEST_F(ErasureStoreTest, aLineBesideABackupThatWasChangedIsPutRight) {
   const auto key = PseudonymKey::ofFolder(db.folder.path());
   ASSERT_OK(key);

@@ -86,12 +86,23 @@ TEST_F(TeachingCommands, everythingGoesFromOneServerToAnother) {
   const auto csv = folder.write("class.csv", "name,group\nanna,class-a\nben,class-a\n").string();
   good({"user", "import", csv});
   good({"assign", "--group", "class-a", "--exercise", "knee-recess"});
+  good({"retention", "set", "--default", "--delete-after", "365"});
   good({"export-all", "--out", file("all.jsonl"), "--with-passwords"});
   const auto mode = std::filesystem::status(file("all.jsonl")).permissions();
   EXPECT_EQ(mode, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   const std::string other = file("other");
   EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl"), "--dry-run"}).code, 0);
-  EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl")}).code, 0);
+  const Run without = run({"--data", other, "import-all", file("all.jsonl")});
+  EXPECT_EQ(without.code, 0) << without.err;
+  EXPECT_NE(
+      without.err.find("retention policy of all other exercises, delete recordings after 365 days: left out"),
+      std::string::npos)
+      << without.err;
+  EXPECT_NE(without.err.find("administrator 'ada' is new here, with a password"), std::string::npos)
+      << without.err;
+  EXPECT_EQ(run({"--data", other, "retention", "show", "--json"}).rows().size(), 0u);
+  EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl"), "--with-policies"}).code, 0);
+  EXPECT_EQ(run({"--data", other, "retention", "show", "--json"}).rows().at(0).at("delete_after_days"), 365);
   EXPECT_EQ(run({"--data", other, "group", "show", "class-a"}).code, 0);
   EXPECT_EQ(run({"--data", other, "user", "list", "--json"}).rows()[3].at("has_password"), true);
   // On a running server, the same file again changes nothing.

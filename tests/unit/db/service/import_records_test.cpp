@@ -1,6 +1,9 @@
 // Records of any shape are imported or refused without a crash; each log line is imported once.
+#include <fmt/core.h>
+
 #include "common/base/files.h"
 #include "db/audit_chain.h"
+#include "db/retention_store.h"
 #include "db/service/audit_anchor.h"
 #include "tests/unit/db/service/records_fixture.h"
 
@@ -154,14 +157,162 @@ TEST_F(Import, takesNobodyUnderTheServersName) {
 
 TEST_F(Import, takesNoOtherFactsAboutADatabaseForSettings) {
   const auto said = [&](const std::string& key, const std::string& value) {
-    const auto report =
-        importAll(*store, {RecordJson{{"kind", "lab_setting"}, {"key", key}, {"value", value}}.dump()}, 1);
+    const auto report = importAll(
+        *store, {RecordJson{{"kind", "lab_setting"}, {"key", key}, {"value", value}}.dump()}, 1, false, true);
     return report.faults_size() == 0 ? std::string() : report.faults(0).message();
   };
   EXPECT_EQ(said("backup_path", "/elsewhere"), "key: is 'backup_path', allowed is codes_required");
   EXPECT_EQ(said("codes_required", "yes"), "value: allowed are 0 and 1");
   EXPECT_EQ(said("codes_required", "1"), "");
   EXPECT_EQ(said("codes_required", "0").rfind("differs", 0), 0u);
+}
+
+TEST_F(Import, leavesOutPoliciesThatAreNotThoseHereAndNamesThem) {
+  RecordJson policy{{"kind", "retention_policy"}, {"exercise_id", ""},   {"thin_after_days", nullptr},
+                    {"thin_rate_hz", nullptr},    {"thin_coarser", 1.0}, {"delete_after_days", 0},
+                    {"without_backup", 1},        {"by_whom", "ada"},    {"changed_unix_ns", 1}};
+  const auto stored = [&] {
+    auto reader = store->readers().borrow();
+    EXPECT_OK(reader);
+    return *RetentionStore(**reader).policies();
+  };
+  const auto left_out = importAll(*store, {policy.dump()}, 1);
+  EXPECT_TRUE(left_out.done());
+  ASSERT_EQ(left_out.notes_size(), 1);
+  EXPECT_EQ(
+      left_out.notes(0).rfind("retention policy of all other exercises, delete recordings after 0 days: "
+                              "left out, ",
+                              0),
+      0u)
+      << left_out.notes(0);
+  EXPECT_TRUE(stored().empty());
+  // asked for: never without a backup
+  const auto taken = importAll(*store, {policy.dump()}, 1, false, true);
+  EXPECT_TRUE(taken.done());
+  ASSERT_EQ(taken.notes_size(), 2);
+  EXPECT_NE(taken.notes(0).find("taken without without_backup"), std::string::npos) << taken.notes(0);
+  ASSERT_EQ(stored().size(), 1u);
+  EXPECT_FALSE(stored()[0].without_backup());
+  EXPECT_TRUE(importAll(*store, {policy.dump()}, 1, false, true).done()) << "again";
+  // equal to what is here
+  policy["without_backup"] = 0;
+  const auto equal = importAll(*store, {policy.dump()}, 1);
+  EXPECT_TRUE(equal.done());
+  EXPECT_EQ(equal.notes_size(), 0);
+  EXPECT_EQ(equal.counts(0).unchanged(), 1u);
+}
+
+TEST_F(Import, refusesPoliciesThatNobodyCouldSet) {
+  const RecordJson policy{{"kind", "retention_policy"}, {"exercise_id", "knee"}, {"thin_after_days", 30},
+                          {"thin_rate_hz", 100.0},      {"thin_coarser", 1.0},   {"delete_after_days", 365},
+                          {"without_backup", 0},        {"by_whom", "ada"},      {"changed_unix_ns", 1}};
+  const auto said = [&](const char* field, const RecordJson& value) {
+    auto bad = policy;
+    bad[field] = value;
+    const auto report = importAll(*store, {bad.dump()}, 1, true, true);
+    return report.faults_size() == 1 ? report.faults(0).message() : std::string();
+  };
+  EXPECT_EQ(said("delete_after_days", 36'501),
+            "retention policy, delete_after_days: 36501, allowed is 0 to 36500");
+  EXPECT_EQ(said("delete_after_days", (std::int64_t{1} << 32) + 5).rfind("retention policy, delete_", 0), 0u);
+  EXPECT_EQ(said("thin_rate_hz", 1e6).rfind("retention policy, thin_rate_hz", 0), 0u);
+  EXPECT_EQ(said("delete_after_days", 30).rfind("retention policy, delete_after_days: 30", 0), 0u);
+}
+
+TEST_F(Import, leavesTheLabsSettingsAsTheyAreUnlessAskedTo) {
+  const RecordJson setting{{"kind", "lab_setting"}, {"key", "codes_required"}, {"value", "1"}};
+  const auto required = [&] {
+    auto reader = store->readers().borrow();
+    EXPECT_OK(reader);
+    return *LabSettingsStore(**reader).codesRequired();
+  };
+  const auto left_out = importAll(*store, {setting.dump()}, 1);
+  EXPECT_TRUE(left_out.done());
+  ASSERT_EQ(left_out.notes_size(), 1);
+  EXPECT_EQ(left_out.notes(0).rfind("lab setting: codes of trainees required: left out", 0), 0u);
+  EXPECT_FALSE(required());
+  EXPECT_EQ(importAll(*store, {setting.dump()}, 1, false, true).notes_size(), 1);
+  EXPECT_TRUE(required());
+}
+
+TEST_F(Import, namesWhoGetsInAndWhoConsents) {
+  const auto person = [](const std::string& name, int role, const RecordJson& hash, const RecordJson& code) {
+    return RecordJson{{"kind", "person"},      {"name", name},     {"role", role},
+                      {"password_hash", hash}, {"disabled", 0},    {"created_unix_ns", 1},
+                      {"full_name", ""},       {"revision", 1},    {"changed_unix_ns", 1},
+                      {"changed_by", ""},      {"code_hash", code}}
+        .dump();
+  };
+  const RecordJson word{{"kind", "consent"},    {"id", 1},   {"person", "tom"}, {"given", 1}, {"unix_ns", 5},
+                        {"recorded_by", "tom"}, {"note", ""}};
+  const RecordJson machine{{"kind", "station"},
+                           {"name", "thief"},
+                           {"key_hash", std::string(64, 'a')},
+                           {"revoked", 0},
+                           {"created_unix_ns", 1}};
+  const auto report =
+      importAll(*store,
+                {person("tom", 1, "", nullptr), person("tim", 1, "", "$code"), person("ines", 2, "", nullptr),
+                 person("mallory", 4, "$hash", nullptr), word.dump(), machine.dump()},
+                10);
+  EXPECT_TRUE(report.done()) << report.ShortDebugString();
+  ASSERT_EQ(report.notes_size(), 5) << report.ShortDebugString();
+  EXPECT_EQ(report.notes(0), "administrator 'mallory' is new here, with a password");
+  EXPECT_EQ(report.notes(1), "instructor 'ines' is new here, with no password");
+  EXPECT_EQ(report.notes(2), "station 'thief' is new here, with its key");
+  EXPECT_EQ(report.notes(3), "trainee 'tim' is new here, with a code");
+  EXPECT_EQ(report.notes(4).rfind("'tom' consents to studies, by the person, 1970-01-01", 0), 0u);
+}
+
+TEST_F(Import, namesThoseOfACrowdWhoCanDoMostFirst) {
+  std::vector<std::string> records;
+  for (int i = 0; i < 150; ++i)
+    records.push_back(RecordJson{
+        {"kind", "person"},
+        {"name", fmt::format("p{}", i)},
+        {"role", i == 149 ? 4 : 2},
+        {"disabled", 0},
+        {"created_unix_ns", 1},
+        {"full_name", ""},
+        {"revision", 1},
+        {"changed_unix_ns", 1},
+        {"changed_by",
+         ""}}.dump());
+  const auto report = importAll(*store, records, 200, true);
+  ASSERT_EQ(report.notes_size(), 102);
+  EXPECT_EQ(report.notes(0), "administrator 'p149' is new here, with no password");
+  EXPECT_EQ(report.notes(101), "and 49 more lines on other staff");
+}
+
+TEST_F(Import, takesNoErasureOfWhoHasAnAccountHereAndNoneThatIsYetToCome) {
+  addPerson("tom", pb::TRAINEE);
+  const auto key = PseudonymKey::ofFolder(folder.path() / "data");
+  ASSERT_OK(key);
+  const auto erasure = [&](const std::string& pseudonym, const std::string& name, std::int64_t unix_ns) {
+    return RecordJson{{"kind", "erasure"},
+                      {"pseudonym", pseudonym},
+                      {"name_hash", hexDigitsOf(textOf(key->nameHash(name)))},
+                      {"erased_unix_ns", unix_ns},
+                      {"by_whom", "ada"},
+                      {"reason", ""}}
+        .dump();
+  };
+  constexpr std::int64_t kIn2200 = 7'258'118'400'000'000'000;
+  const auto toms = importAll(*store, {erasure("erased-00000000beef", "tom", kIn2200)}, 1);
+  EXPECT_TRUE(toms.done());
+  ASSERT_EQ(toms.notes_size(), 2);
+  EXPECT_NE(toms.notes(1).find("left out, 'tom' has an account here"), std::string::npos) << toms.notes(1);
+  const auto misnamed = importAll(*store, {erasure("tom", "ghost", 5)}, 1);
+  ASSERT_EQ(misnamed.faults_size(), 1);
+  EXPECT_EQ(misnamed.faults(0).message().rfind("pseudonym: must be \"erased-\" and 12", 0), 0u);
+  for (const bool again : {false, true})
+    EXPECT_TRUE(importAll(*store, {erasure("erased-00000000f00d", "ghost", kIn2200)}, 1).done()) << again;
+  auto reader = store->readers().borrow();
+  ASSERT_OK(reader);
+  auto row = (*reader)->prepare("SELECT count(*), max(erased_unix_ns) FROM erasures");
+  ASSERT_TRUE(*row.step());
+  EXPECT_EQ(row.integer(0), 1);
+  EXPECT_LT(row.integer(1), kIn2200);
 }
 
 TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {

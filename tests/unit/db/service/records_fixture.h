@@ -58,11 +58,12 @@ class RecordsTest : public ServiceTest {
     });
   }
   pb::ImportReport importAll(Store& into, const std::vector<std::string>& records, std::size_t piece,
-                             bool dry_run = false) {
+                             bool dry_run = false, bool with_policies = false) {
     pb::Request request;
     auto* import = request.mutable_import_all();
     import->set_import_id("import-1");
     import->set_dry_run(dry_run);
+    import->set_with_policies(with_policies);
     for (std::size_t i = 0; i < records.size(); i += piece) {
       import->clear_records();
       for (std::size_t j = i; j < std::min(i + piece, records.size()); ++j) import->add_records(records[j]);
@@ -185,7 +186,7 @@ inline void fillAtRandom(Connection& c, std::uint64_t seed) {
             "?, ?, 1)",
             text(), number(1ull << 62)));
   ASSERT_OK(c.run("INSERT INTO retention_policies VALUES ('knee-recess', 30, ?, 1.0, 365, 0, ?, 1)",
-                  static_cast<double>(random() % 100'000 + 1) / 3.0, text()));
+                  static_cast<double>(random() % 30'000 + 1) / 3.0, text()));
   // after the sessions: those of people with codes would wait
   for (std::size_t i = 0; i < people.size(); i += 3)
     ASSERT_OK(PeopleStore(c).setCodeHash(people[i], "$code" + text()));

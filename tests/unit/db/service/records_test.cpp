@@ -1,4 +1,6 @@
 // Exports everything and imports it again; studies; exports and erases a person's data.
+#include <fmt/core.h>
+
 #include "common/base/files.h"
 #include "db/audit_chain.h"
 #include "db/service/audit_anchor.h"
@@ -35,10 +37,10 @@ TEST_F(Records, everythingComesBackExactly) {
               14);
     const test::TempFolder elsewhere;
     const auto other = test::openStore(elsewhere.path() / "data");
-    const auto plan = importAll(*other, records, 7, true);
+    const auto plan = importAll(*other, records, 7, true, true);
     EXPECT_FALSE(plan.done());
     EXPECT_EQ(plan.faults_size(), 0) << plan.faults(0).ShortDebugString();
-    const auto report = importAll(*other, records, 50);
+    const auto report = importAll(*other, records, 50, false, true);
     EXPECT_TRUE(report.done()) << report.ShortDebugString();
     // except for the line that records this, and the exports' own lines
     auto again = exportAll(*other, secrets);
@@ -57,7 +59,7 @@ TEST_F(Records, everythingComesBackExactly) {
     check.mutable_check();
     const auto checked = other->service().execute(admin, check).reply.check_report();
     EXPECT_TRUE(checked.ok()) << checked.ShortDebugString();
-    const auto twice = importAll(*other, records, 1000);
+    const auto twice = importAll(*other, records, 1000, false, true);
     EXPECT_TRUE(twice.done());
     for (const auto& count : twice.counts()) EXPECT_EQ(count.added(), 0u) << count.kind();
   }
@@ -426,8 +428,13 @@ class RestoreElsewhere : public Records {
     std::filesystem::copy_file(folder.path() / "data/pseudonym.key", other / "pseudonym.key",
                                std::filesystem::copy_options::overwrite_existing);
   }
-  Result<RestoreResult> restored() {
-    return restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000);
+  void takeMacsAway() {
+    auto lines = test::TestDb::must(readErasures(kept, kErasuresCopy));
+    for (ErasureLine& line : lines) line.seal.reset();
+    ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
+  }
+  Result<RestoreResult> restored(bool take_old_list = false) {
+    return restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000, nullptr, {}, take_old_list);
   }
   /// Opens the restored store. Who of anna and ben is in it.
   std::vector<std::string> people() {
@@ -488,30 +495,117 @@ TEST_F(RestoreElsewhere, doesNotObeyLinesThatSomebodyPutIntoTheList) {
   auto lines = test::TestDb::must(readErasures(kept, kErasuresCopy));
   ASSERT_EQ(lines.size(), 1u);
   const auto bens = PseudonymKey::ofFolder(other)->nameHash("ben");
-  lines.push_back({"erased-5678", bens, 1'900'000'000'000'000'000, true, lines[0].seal});
-  lines.push_back({"erased-9abc", bens, 1'900'000'000'000'000'000, true});
+  lines.push_back({"erased-567856785678", bens, 1'900'000'000'000'000'000, true, lines[0].seal});
+  lines.push_back({"erased-9abc9abc9abc", bens, 1'900'000'000'000'000'000, true});
+  lines.push_back({"ben", lines[0].name_hash, 1'900'000'000'000'000'000, true});
   ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
   const auto done = restored();
   ASSERT_OK(done);
-  ASSERT_EQ(done->erasure_notes.size(), 2u);
-  EXPECT_NE(done->erasure_notes[0].find("erased-5678, were changed"), std::string::npos);
-  EXPECT_NE(done->erasure_notes[1].find("erased-9abc, have no MAC, although"), std::string::npos);
+  ASSERT_EQ(done->erasure_notes.size(), 3u);
+  EXPECT_NE(done->erasure_notes[0].find("that of ben, have no pseudonym of an erasure"), std::string::npos);
+  EXPECT_NE(done->erasure_notes[1].find("erased-567856785678, were changed"), std::string::npos);
+  EXPECT_NE(done->erasure_notes[2].find("erased-9abc9abc9abc, have no MAC, although"), std::string::npos);
   EXPECT_EQ(people(), Names{"ben"});
   EXPECT_EQ(readErasures(other)->size(), 1u);
 }
 
 TEST_F(RestoreElsewhere, takesAListOfBeforeTheMacsWithANote) {
   useKey();
-  auto lines = test::TestDb::must(readErasures(kept, kErasuresCopy));
-  for (ErasureLine& line : lines) line.seal.reset();
-  ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
+  takeMacsAway();
+  {
+    // as a version of before made it
+    auto backup = Connection::open(kept / "before.db", {.mode = Connection::Mode::kWriter});
+    ASSERT_OK(backup);
+    ASSERT_OK(backup->run("DELETE FROM meta WHERE key = ?", kSealsErasuresKey));
+    ASSERT_OK(backup->script("PRAGMA journal_mode=DELETE"));
+  }
   const auto done = restored();
   ASSERT_OK(done);
   ASSERT_EQ(done->erasure_notes.size(), 1u);
-  EXPECT_NE(done->erasure_notes[0].find("1 lines have no MAC, because a version of before"),
-            std::string::npos);
+  EXPECT_NE(done->erasure_notes[0].find("1 lines have no MAC: a version of before"), std::string::npos);
   EXPECT_EQ(people(), Names{"ben"});
   EXPECT_TRUE(readErasures(other)->at(0).seal.has_value()) << "from now on it has one";
+}
+
+TEST_F(RestoreElsewhere, doesNotObeyAListWhoseMacsSomebodyTookAwayUnlessAskedTo) {
+  useKey();
+  takeMacsAway();
+  const auto told = restored();
+  ASSERT_OK(told);
+  ASSERT_EQ(told->erasure_notes.size(), 1u);
+  EXPECT_NE(told->erasure_notes[0].find(pseudonym + ", have no MAC, although"), std::string::npos);
+  EXPECT_NE(told->erasure_notes[0].find("--take-old-list"), std::string::npos);
+  EXPECT_TRUE(readErasures(other)->empty());
+  EXPECT_EQ(people(), (Names{"anna", "ben"}));
+  const auto asked = restored(true);
+  ASSERT_OK(asked);
+  ASSERT_EQ(asked->erasure_notes.size(), 1u);
+  EXPECT_EQ(people(), Names{"ben"});
+  EXPECT_TRUE(readErasures(other)->at(0).seal.has_value());
+}
+
+// Without a key nobody can look at MACs yet, but whether a line has one can be seen.
+TEST_F(RestoreElsewhere, doesNotObeyItWithAKeyThatIsPutThereAfterwards) {
+  takeMacsAway();
+  ASSERT_OK(restored());
+  useKey();
+  EXPECT_EQ(people(), (Names{"anna", "ben"}));
+}
+
+TEST_F(RestoreElsewhere, doesNotObeyItWhereTheFolderHasMacsAndTheBackupIsOfBefore) {
+  useKey();
+  ASSERT_OK(restored());
+  EXPECT_EQ(people(), Names{"ben"});
+  const auto bens = PseudonymKey::ofFolder(other)->nameHash("ben");
+  ASSERT_OK(
+      writeErasures(kept, {{"erased-567856785678", bens, 1'900'000'000'000'000'000, true}}, kErasuresCopy));
+  auto beside = erasuresBeside(kept, other);
+  ASSERT_OK(beside);
+  settleOldLines(*beside, false, false);
+  EXPECT_TRUE(beside->lines.empty());
+  EXPECT_EQ(beside->notes.size(), 1u);
+}
+
+TEST_F(RestoreElsewhere, aFolderWhoseOwnListIsTooLongStartsAndSaysWhatToDo) {
+  useKey();
+  ASSERT_OK(restored());
+  const auto own = readWholeFile(other / kErasuresFile);
+  ASSERT_OK(own);
+  ASSERT_OK(writeFileAtomically(other / kErasuresFile, viewOf(std::string((16u << 20) + 1, '\n'))));
+  people();
+  ASSERT_EQ(faults.size(), 1u);
+  EXPECT_NE(faults[0].find("has 16777217 bytes, such a list has at most 16777216 bytes"), std::string::npos)
+      << faults[0];
+  EXPECT_NE(faults[0].find("Put an older copy of the file into place"), std::string::npos) << faults[0];
+  ASSERT_OK(writeFileAtomically(other / kErasuresFile, viewOf(*own)));
+  EXPECT_EQ(people(), Names{"ben"});
+}
+
+TEST_F(RestoreElsewhere, isRefusedBeforeAnythingIsReplacedWhenTheListIsTooLong) {
+  useKey();
+  ASSERT_OK(restored());
+  const auto before = readWholeFile(other / "needlelab.db");
+  const auto own = readWholeFile(other / kErasuresFile);
+  ASSERT_OK(before);
+  ASSERT_OK(own);
+  const std::string hash(64, '0');
+  std::string text;
+  for (std::size_t i = 0; i < kMostLinesBeside + 1; ++i)
+    text += fmt::format("erased-{:012x} {} 1900000000000000000\n", i, hash);
+  ASSERT_OK(writeFileAtomically(kept / kErasuresCopy, viewOf(text)));
+  for (const bool take : {false, true}) {
+    const auto refused = restored(take);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+    EXPECT_NE(refused.error().message.find("has 25001 lines, such a list has at most 25000 lines"),
+              std::string::npos)
+        << refused.error().message;
+    EXPECT_NE(refused.error().message.find("older copy of the file into place"), std::string::npos);
+    EXPECT_NE(refused.error().message.find("nothing was changed"), std::string::npos);
+  }
+  EXPECT_EQ(*readWholeFile(other / "needlelab.db"), *before);
+  EXPECT_EQ(*readWholeFile(other / kErasuresFile), *own);
+  EXPECT_EQ(people(), Names{"ben"});
 }
 
 }  // namespace

@@ -1,0 +1,255 @@
+#include "db/service/import_rules.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string_view>
+#include <system_error>
+
+#include "common/base/local_time.h"
+#include "common/base/text.h"
+#include "db/erasure.h"
+#include "db/lab_settings.h"
+#include "db/retention_store.h"
+#include "db/service/lesson_texts.h"
+#include "db/service/requests.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kMostNotes = 100;  // of a kind
+constexpr std::size_t kLongestName = 200;
+
+std::string textIn(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+std::int64_t numberIn(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
+}
+double realIn(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_number() ? found->get<double>() : 0;
+}
+bool isGiven(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && !found->is_null();
+}
+
+/// A name of a record, for a note.
+std::string named(const std::string& name) {
+  return name.size() <= kLongestName ? "'" + printable(name) + "'"
+                                     : fmt::format("(a name of {} bytes)", name.size());
+}
+
+/// Days beyond 32 bits become the greatest number of them, which no policy may have.
+std::uint32_t daysIn(const RecordJson& record, const char* name) {
+  constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(numberIn(record, name), 0, kMost));
+}
+
+pb::RetentionPolicy policyIn(const RecordJson& record) {
+  pb::RetentionPolicy policy;
+  policy.set_exercise_id(textIn(record, "exercise_id"));
+  if (isGiven(record, "thin_after_days")) policy.set_thin_after_days(daysIn(record, "thin_after_days"));
+  policy.set_thin_rate_hz(realIn(record, "thin_rate_hz"));
+  policy.set_thin_coarser(realIn(record, "thin_coarser"));
+  if (isGiven(record, "delete_after_days")) policy.set_delete_after_days(daysIn(record, "delete_after_days"));
+  return policy;
+}
+
+std::string policyText(const pb::RetentionPolicy& policy) {
+  std::string text =
+      "retention policy of " +
+      (policy.exercise_id().empty() ? std::string("all other exercises") : named(policy.exercise_id()));
+  if (policy.has_thin_after_days())
+    text += fmt::format(", thin to {:g} Hz after {} days", policy.thin_rate_hz(), policy.thin_after_days());
+  if (policy.has_delete_after_days())
+    text += fmt::format(", delete recordings after {} days", policy.delete_after_days());
+  return text;
+}
+
+/// How somebody or a station that is new can get in; empty: not yet.
+std::string accessText(const RecordJson& person) {
+  std::string text;
+  if (!textIn(person, "password_hash").empty()) text = "a password";
+  if (!textIn(person, "code_hash").empty()) text += text.empty() ? "a code" : " and a code";
+  return text;
+}
+
+}  // namespace
+
+Result<ImportRules::Verdict> ImportRules::look(const RecordTable& table, RecordJson& record,
+                                               const RecordJson& there) {
+  if (table.kind == "retention_policy") return lookAtPolicy(table, record, there);
+  if (table.kind == "lab_setting") return lookAtSetting(table, record);
+  if (table.kind == "erasure") return lookAtErasure(record, there);
+  RETURN_IF_ERROR(lookAtRevision(table, record, there));
+  return Verdict::kTake;
+}
+
+Result<ImportRules::Verdict> ImportRules::lookAtPolicy(const RecordTable& table, RecordJson& record,
+                                                       const RecordJson& there) {
+  RETURN_IF_ERROR(checkRecord(table, record));
+  const auto policy = policyIn(record);
+  RETURN_IF_ERROR(RetentionStore::checkPolicy(policy));
+  const std::string text = policyText(policy);
+  if (!with_policies_) {
+    note(kPolicies, text +
+                        ": left out, it would change which recordings are deleted here. Set it by a "
+                        "command (retention set), or import with --with-policies");
+    return Verdict::kLeftOut;
+  }
+  if (numberIn(record, "without_backup") != 0) {
+    record["without_backup"] = 0;
+    note(kPolicies, text +
+                        ": taken without without_backup: recordings that no backup has stay. Only a person "
+                        "can say otherwise here (retention set)");
+  }
+  if (there.is_null()) note(kPolicies, text + ": stored");
+  return Verdict::kTake;
+}
+
+Result<ImportRules::Verdict> ImportRules::lookAtSetting(const RecordTable& table, const RecordJson& record) {
+  RETURN_IF_ERROR(checkRecord(table, record));
+  ASSIGN_OR_RETURN(const bool required, LabSettingsStore(writer_).codesRequired());
+  const bool wanted = textIn(record, "value") == "1";
+  if (required == wanted) return Verdict::kTake;
+  const std::string text = fmt::format("lab setting: codes of trainees {}", wanted ? "required" : "optional");
+  note(kSettings, with_policies_
+                      ? text + ": stored"
+                      : text + ": left out, here they are " + (required ? "required" : "optional") +
+                            ". Set it by a command (lab set), or import with --with-policies");
+  return with_policies_ ? Verdict::kTake : Verdict::kLeftOut;
+}
+
+Result<ImportRules::Verdict> ImportRules::lookAtErasure(RecordJson& record, const RecordJson& there) {
+  const std::string pseudonym = textIn(record, "pseudonym");
+  if (!isErasurePseudonym(pseudonym))
+    return Error{ErrorCode::kInvalidInput,
+                 "pseudonym: must be \"erased-\" and 12 hexadecimal digits, found " + named(pseudonym)};
+  // a time that is yet to come would take sessions of whoever gets the name until then
+  if (numberIn(record, "erased_unix_ns") > now_unix_ns_) {
+    record["erased_unix_ns"] = now_unix_ns_;
+    if (!there.is_null() && textIn(there, "name_hash") == textIn(record, "name_hash"))
+      record["erased_unix_ns"] = there["erased_unix_ns"];
+    else
+      note(kErasures,
+           "erasure " + named(pseudonym) + ": was made at a time that is yet to come, taken as of now");
+  }
+  RETURN_IF_ERROR(readAccounts());
+  const auto account = accounts_.find(textIn(record, "name_hash"));
+  const bool older =
+      account != accounts_.end() && account->second.created_unix_ns <= numberIn(record, "erased_unix_ns");
+  if (!older && !names_.contains(pseudonym)) return Verdict::kTake;
+  note(kErasures,
+       "erasure " + named(pseudonym) + ": left out, " + named(older ? account->second.name : pseudonym) +
+           " has an account here, and would lose what it records from now on. Erase it here if it is "
+           "the same person (person erase)");
+  return Verdict::kLeftOut;
+}
+
+Status ImportRules::readAccounts() {
+  if (accounts_read_) return {};
+  accounts_read_ = true;
+  std::error_code error;
+  const auto folder = writer_.path().parent_path();
+  // without a key no hash is that of anybody here
+  if (std::filesystem::exists(folder / "pseudonym.key", error)) {
+    ASSIGN_OR_RETURN(key_, PseudonymKey::ofFolder(folder));
+  }
+  auto people = writer_.prepare("SELECT name, created_unix_ns FROM people");
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, people.step());
+    if (!more) return {};
+    addAccount(people.text(0), people.integer(1));
+  }
+}
+
+void ImportRules::addAccount(const std::string& name, std::int64_t created_unix_ns) {
+  names_.insert(name);
+  if (key_)
+    accounts_.insert_or_assign(hexDigitsOf(textOf(key_->nameHash(name))), Account{name, created_unix_ns});
+}
+
+Status ImportRules::lookAtRevision(const RecordTable& table, const RecordJson& record,
+                                   const RecordJson& there) {
+  const bool document = table.kind == "profile" || table.kind == "course";
+  if (!document && table.kind != "reference") return {};
+  const std::string id = textIn(record, document ? "id" : "exercise_id");
+  if (!there.is_null()) {
+    if (document && textIn(there, "author") == kSampleAuthor &&
+        textIn(there, "json") != textIn(record, "json"))
+      note(kRevisions, fmt::format("{} {}: replaces the sample that is here", table.kind, named(id)));
+    return {};
+  }
+  const std::string of = std::string(table.kind) + " " + id;
+  auto known = newest_.find(of);
+  if (known == newest_.end()) {
+    auto row = writer_.query(fmt::format("SELECT coalesce(max(revision), 0) FROM {} WHERE {} = ?",
+                                         table.table, document ? "id" : "exercise_id"),
+                             id);
+    RETURN_IF_ERROR(row.step());
+    known = newest_.emplace(of, row.integer(0)).first;
+  }
+  const std::int64_t revision = numberIn(record, "revision");
+  if (known->second > 0 && revision > known->second)
+    note(kRevisions, fmt::format("{} {}: revision {} holds from now on, here it was {}", table.kind,
+                                 named(id), revision, known->second));
+  return {};
+}
+
+void ImportRules::noteStored(const RecordTable& table, const RecordJson& record) {
+  if (table.kind == "person") {
+    if (accounts_read_) addAccount(textIn(record, "name"), numberIn(record, "created_unix_ns"));
+    const auto role = static_cast<pb::Role>(numberIn(record, "role"));
+    const std::string access = accessText(record);
+    if (role == pb::TRAINEE && access.empty()) return;
+    note(role == pb::ADMINISTRATOR ? kAdministrators
+         : role == pb::TRAINEE     ? kTrainees
+                                   : kStaff,
+         fmt::format("{} {} is new here, with {}{}", roleName(role), named(textIn(record, "name")),
+                     access.empty() ? "no password" : access,
+                     numberIn(record, "disabled") != 0 ? ", disabled" : ""));
+  } else if (table.kind == "station") {
+    if (textIn(record, "key_hash").empty() || numberIn(record, "revoked") != 0) return;
+    note(kStations, "station " + named(textIn(record, "name")) + " is new here, with its key");
+  } else if (table.kind == "consent") {
+    const std::string person = textIn(record, "person"), by = textIn(record, "recorded_by");
+    note(kConsents, fmt::format("{} {} to studies, {}, {}", named(person),
+                                numberIn(record, "given") != 0 ? "consents" : "does not consent",
+                                by == person ? "by the person" : "on paper, by " + named(by),
+                                localTime(numberIn(record, "unix_ns"), TimeForm::kZoned)));
+  }
+}
+
+void ImportRules::note(Kind kind, const std::string& text) {
+  Lines& lines = lines_[kind];
+  if (++lines.count <= kMostNotes) lines.first.push_back(text);
+}
+
+std::vector<std::string> ImportRules::notes() const {
+  constexpr std::array<std::string_view, kKinds> kNames = {"retention policies",
+                                                           "administrators",
+                                                           "other staff",
+                                                           "stations with keys",
+                                                           "settings",
+                                                           "erasures",
+                                                           "revisions",
+                                                           "trainees with passwords or codes",
+                                                           "consents"};
+  std::vector<std::string> all;
+  for (std::size_t kind = 0; kind < kKinds; ++kind) {
+    const Lines& lines = lines_[kind];
+    all.insert(all.end(), lines.first.begin(), lines.first.end());
+    if (lines.count > kMostNotes)
+      all.push_back(fmt::format("and {} more lines on {}", lines.count - kMostNotes, kNames[kind]));
+  }
+  return all;
+}
+
+}  // namespace needlelab
