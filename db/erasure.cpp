@@ -11,8 +11,9 @@
 #include "common/base/text.h"
 #include "db/audit_chain.h"
 #include "db/documents.h"
+#include "db/free_parts.h"
 #include "db/people.h"
-#include "db/rewrite.h"
+#include "db/schema.h"
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
 
@@ -37,23 +38,6 @@ constexpr std::array kDoers = {
     NameColumn{"removed_originals", "by_whom"},
     NameColumn{"erasures", "by_whom"},
     NameColumn{"unknown_trainees", "by_whom"},
-};
-
-/// Tables that name people, without the sessions. Retention's rows name only staff and hold long lists.
-constexpr std::string_view kNaming[] = {
-    "people",
-    "groups",
-    "group_members",
-    "consents",
-    "assignments",
-    "annotations",
-    "audit",
-    "unknown_trainees",
-    "erasures",
-    "profiles",
-    "curricula",
-    "exercise_references",
-    "retention_policies",
 };
 
 /// SQL: whether an erasure of the name ?1 takes the session `s`; ?2: those that wait under an account's name,
@@ -139,6 +123,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
     RETURN_IF_ERROR(connection_.run(sql, name));
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
+  RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
   // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
   ASSIGN_OR_RETURN(
       const auto samples,
@@ -155,27 +140,6 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(names));
   erasure.set_text(elsewhere.text() + left + perhaps);
   return erasure;
-}
-
-Result<std::string> ErasureStore::clearFreeParts(std::int64_t most_bytes) {
-  RETURN_IF_ERROR(rewriteTables(connection_, kNaming));
-  ASSIGN_OR_RETURN(const auto bytes,
-                   connection_
-                       .prepare("SELECT coalesce(sum(length(profile_json) + length(description)"
-                                " + coalesce(length(score_json), 0)), 0) FROM sessions")
-                       .first([](const Statement& row) { return row.integer(0); }));
-  if (bytes.value_or(0) <= most_bytes) {
-    constexpr std::string_view kSessions[] = {"sessions"};
-    RETURN_IF_ERROR(rewriteTables(connection_, kSessions));
-    return std::string();
-  }
-  for (const char* index : {"sessions_by_trainee", "sessions_by_attempt"})
-    RETURN_IF_ERROR(connection_.script(std::string("REINDEX ") + index));
-  return fmt::format(
-      "The profiles and scores of all sessions have {} MiB, too many to rewrite them (at most "
-      "{}): a free part of a page of needlelab.db may still have the name of a session's "
-      "trainee. ",
-      *bytes >> 20, most_bytes >> 20);
 }
 
 Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,

@@ -15,6 +15,7 @@
 #include "db/audit.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
+#include "db/free_parts.h"
 #include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
@@ -162,8 +163,6 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                      ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
                                                 context.now_unix_ns, call.with_waiting_sessions()));
     erasure = std::move(done);
-    ASSIGN_OR_RETURN(const auto left, ErasureStore(writer).clearFreeParts());
-    erasure.set_text(left + erasure.text());
     std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
                                      erasure.recordings(), erasure.scores());
     if (erasure.waiting_sessions() > 0)
@@ -230,12 +229,6 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
     RETURN_IF_ERROR(transaction.commit());
     ++count;
   }
-  if (count > 0) {
-    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
-    const auto cleared = store.clearFreeParts();
-    if (!cleared) return cleared.error();
-    RETURN_IF_ERROR(transaction.commit());
-  }
   return count;
 }
 
@@ -272,7 +265,7 @@ Result<std::size_t> clearOlderErasures(Connection& writer, std::int64_t now_unix
                                number));
   }
   if (!sessions->empty()) {
-    RETURN_IF_ERROR(ErasureStore(writer).clearFreeParts());
+    RETURN_IF_ERROR(MetaStore(writer).set(kFreePartsKey, "1"));
     RETURN_IF_ERROR(AuditStore(writer).add(
         {0, now_unix_ns, kServerName, "person erase", "",
          fmt::format("completed: {} sessions that an earlier version erased had kept their profiles",
