@@ -61,6 +61,21 @@ Result<std::vector<TextRow>> textRows(Statement rows, int texts) {
   });
 }
 
+/// Calls `take` for each row, a page of rows at a time, so that memory does not grow with the table. `sql`
+/// takes the last number (?1), the rows of a page (?2) and `values`, and gives rows by number.
+template <typename Take, typename... Values>
+Status eachRow(Connection& connection, std::string_view sql, int texts, const Take& take,
+               const Values&... values) {
+  constexpr std::size_t kPage = 256;
+  for (std::int64_t last = -1;;) {
+    ASSIGN_OR_RETURN(const auto rows,
+                     textRows(connection.query(sql, last, std::uint64_t{kPage}, values...), texts));
+    for (const TextRow& row : rows) RETURN_IF_ERROR(take(row));
+    if (rows.size() < kPage) return {};
+    last = rows.back().id;
+  }
+}
+
 }  // namespace
 
 Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view name, bool with_waiting) {
@@ -234,18 +249,18 @@ Status ErasureStore::eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere
   // remarks also name people in other people's sessions; parts of a full name and given names are replaced
   // only in the person's own sessions
   for (const bool own : {true, false}) {
-    ASSIGN_OR_RETURN(
-        const auto remarks,
-        textRows(connection_.query("SELECT a.id, a.text FROM annotations a"
-                                   " JOIN sessions s ON s.number = a.session WHERE (s.trainee = ?1) = ?2",
-                                   names.in_its_place, own),
-                 1));
-    for (const TextRow& remark : remarks) {
-      const std::string text = withoutNames(remark.texts[0], names, own);
-      if (text == remark.texts[0]) continue;
-      elsewhere.remarks += own ? 0 : 1;
-      RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
-    }
+    RETURN_IF_ERROR(eachRow(
+        connection_,
+        "SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
+        " WHERE a.id > ?1 AND (s.trainee = ?3) = ?4 ORDER BY a.id LIMIT ?2",
+        1,
+        [&](const TextRow& remark) -> Status {
+          const std::string text = withoutNames(remark.texts[0], names, own);
+          if (text == remark.texts[0]) return {};
+          elsewhere.remarks += own ? 0 : 1;
+          return connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id);
+        },
+        names.in_its_place, own));
   }
   return {};
 }
@@ -367,29 +382,27 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
       connection_.run("UPDATE unknown_trainees SET given = ? WHERE given = ? AND by_whom IS NOT NULL",
                       names.in_its_place, names.name));
   // the audit log keeps its lines and their order; only the name changes
-  ASSIGN_OR_RETURN(
-      const auto lines,
-      textRows(connection_.prepare(
-                   "SELECT id, who, action, subject, detail, coalesce(imported_by, '') FROM audit"),
-               5));
-  for (const TextRow& line : lines) {
-    const AuditRow before{0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3], line.texts[4]};
-    AuditRow after = withoutNames(before, names, sessions);
-    if (before.imported_by == names.name) after.imported_by = names.in_its_place;
-    if (after.who == before.who && after.subject == before.subject && after.detail == before.detail &&
-        after.imported_by == before.imported_by)
-      continue;
-    erasure.set_audit_lines(erasure.audit_lines() + 1);
-    if (after.detail != before.detail && after.subject == before.subject &&
-        !sessions.contains(before.subject))
-      ++elsewhere.audit_lines;
-    RETURN_IF_ERROR(
-        connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
-                        " imported_by = nullif(?4, '') WHERE id = ?5",
-                        after.who, after.subject, after.detail, after.imported_by, line.id));
-    RETURN_IF_ERROR(AuditChain(connection_).amend(line.id));
-  }
-  return {};
+  return eachRow(connection_,
+                 "SELECT id, who, action, subject, detail, coalesce(imported_by, '') FROM audit WHERE id > ?1"
+                 " ORDER BY id LIMIT ?2",
+                 5, [&](const TextRow& line) -> Status {
+                   const AuditRow before{
+                       0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3], line.texts[4]};
+                   AuditRow after = withoutNames(before, names, sessions);
+                   if (before.imported_by == names.name) after.imported_by = names.in_its_place;
+                   if (after.who == before.who && after.subject == before.subject &&
+                       after.detail == before.detail && after.imported_by == before.imported_by)
+                     return {};
+                   erasure.set_audit_lines(erasure.audit_lines() + 1);
+                   if (after.detail != before.detail && after.subject == before.subject &&
+                       !sessions.contains(before.subject))
+                     ++elsewhere.audit_lines;
+                   RETURN_IF_ERROR(
+                       connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
+                                       " imported_by = nullif(?4, '') WHERE id = ?5",
+                                       after.who, after.subject, after.detail, after.imported_by, line.id));
+                   return AuditChain(connection_).amend(line.id);
+                 });
 }
 
 void clearDeviceWords(pb::SessionDescription& description) {
