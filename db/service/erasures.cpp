@@ -109,6 +109,32 @@ std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& fo
   return {naming.begin(), naming.end()};
 }
 
+/// kNoRoom unless the disk has room for what the erasure's transaction writes: a commit that finds the disk
+/// full would end the server.
+Status checkRoomToErase(Connection& connection, const std::string& name) {
+  constexpr std::uint64_t kLeast = 8 << 20, kOfSession = 64 << 10;
+  ASSIGN_OR_RETURN(const auto rows,
+                   connection
+                       .query("SELECT count(*), coalesce(sum(length(profile_json) + length(description)"
+                              " + coalesce(length(score_json), 0)), 0) FROM sessions WHERE trainee = ?",
+                              name)
+                       .first([](const Statement& row) {
+                         return std::pair{row.natural(0), row.natural(1)};
+                       }));
+  const auto [sessions, bytes] = rows.value_or(std::pair<std::uint64_t, std::uint64_t>());
+  // in the log, and once more in the database
+  const std::uint64_t needed = kLeast + 2 * (bytes + sessions * kOfSession);
+  std::error_code error;
+  const auto folder = connection.path().parent_path();
+  const auto space = std::filesystem::space(folder, error);
+  if (error || space.available >= needed) return {};
+  return Error{
+      ErrorCode::kNoRoom,
+      fmt::format("the disk of {} has {} MiB left, and the erasure of '{}' may write {} MiB: make room "
+                  "on it, then erase again",
+                  folder.string(), space.available >> 20, name, (needed >> 20) + 1)};
+}
+
 /// What to do with sessions that wait under the name; empty: there are none.
 std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
   if (sessions == 0) return {};
@@ -136,6 +162,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                      (open->size() > 1 ? " and others" : "") +
                      ": let it be ended first, or say that what is still sent of it shall not be kept "
                      "(with_open_sessions)"};
+  RETURN_IF_ERROR(checkRoomToErase(context.reader, call.name()));
   const auto folder = context.reader.path().parent_path();
   ASSIGN_OR_RETURN(const auto key, ErasureStore(context.reader).key());
 
@@ -215,6 +242,7 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
   std::size_t count = 0;
   for (const ErasureToRepeat& one : *repeat) {
     if (!one.restored) continue;
+    RETURN_IF_ERROR(handlers::checkRoomToErase(writer, one.name));
     ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
     const auto done = store.erase(one.name, one.line, kServerName, "repeated after a restore", now_unix_ns,
                                   one.line.with_waiting);
