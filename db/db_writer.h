@@ -17,6 +17,7 @@
 #include "common/base/result.h"
 #include "common/base/time_source.h"
 #include "db/connection.h"
+#include "db/free_parts.h"
 
 namespace needlelab {
 
@@ -65,7 +66,7 @@ class DbWriter {
     std::uint64_t wal_bytes = 0;          ///< size of the write-ahead log's file after the last commit
     std::uint64_t wal_pages_waiting = 0;  ///< in the log but not in the database, after the last checkpoint
     std::uint64_t logs_emptied = 0;       ///< times that the log was cut to 0 bytes
-    bool log_pending = false;             ///< emptyLog() was called, and readers still need the log
+    bool log_pending = false;             ///< emptyLog() was called, and has not done
   };
 
   /// Takes ownership of the writer connection and starts the thread. `on_fatal` may be empty.
@@ -85,9 +86,11 @@ class DbWriter {
   /// Posts an item and waits for its result. Not from the writer's thread.
   Status run(Work work);
 
-  /// Has the log emptied (Connection::emptyLog), so that what the commits so far overwrote is no longer in
-  /// any file. Waits up to `patience` for it. False: readers still need the log, or the writer has ended; the
-  /// writer goes on trying, and the next start empties it in any case. Not from the writer's thread.
+  /// Has the log emptied (Connection::emptyLog) and the free parts of pages overwritten (free_parts.h), so
+  /// that what the commits so far overwrote is no longer in any file. It does so in pieces, and commits go on
+  /// between them. Waits up to `patience` for it. False: readers still need the log, there is more to
+  /// overwrite, or the writer has ended; the writer goes on trying until it ends. Not from the writer's
+  /// thread.
   bool emptyLog(std::chrono::milliseconds patience);
 
   /// Refuses new work, commits the queue and ends the thread. May be called repeatedly.
@@ -99,6 +102,7 @@ class DbWriter {
 
  private:
   static constexpr int kEmptyingPatience_ms = 50;
+  static constexpr std::size_t kPagesAtOnce = 4096;  ///< cleared between two commits: some 16 MiB
   struct Item {
     Work work;
     Done done;
@@ -108,6 +112,9 @@ class DbWriter {
   /// Checkpoints or empties the log when that is due. An error: the writer must stop.
   Status tendLog();
   Status tryToEmptyLog();
+  /// With an empty log: clears a piece of the pages' free parts. True: all is cleared that was asked for up
+  /// to clearing_for_.
+  bool clearFreeParts(std::uint64_t asked);
   /// When the log is to be tended next; nothing: only after the next commit or call of emptyLog(). Call with
   /// mutex_ held.
   [[nodiscard]] std::optional<std::int64_t> nextTendNs() const;
@@ -132,12 +139,14 @@ class DbWriter {
   std::condition_variable emptied_;
   std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_
   std::uint64_t emptying_tried_ = 0;     ///< of these, those with a try after them; guarded by mutex_
-  std::uint64_t emptying_done_ = 0;      ///< of these, those with an empty log after them; guarded by mutex_
+  std::uint64_t emptying_done_ = 0;      ///< of these, those that are done; guarded by mutex_
   bool ended_ = false;                   ///< the thread tends the log no more; guarded by mutex_
   bool uncheckpointed_ = false;          ///< the writer's thread only
   std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
   std::int64_t next_emptying_ns_ = 0;    ///< the writer's thread only
   std::uint64_t log_bytes_ = 0;          ///< the writer's thread only
+  FreeParts free_parts_;                 ///< the writer's thread only
+  std::uint64_t clearing_for_ = 0;       ///< calls of emptyLog() before free_parts_ began; its thread only
 
   std::mutex join_mutex_;  ///< one stop() at a time
   std::thread thread_;

@@ -11,8 +11,8 @@
 #include "common/base/text.h"
 #include "db/audit_chain.h"
 #include "db/documents.h"
+#include "db/free_parts.h"
 #include "db/people.h"
-#include "db/rewrite.h"
 #include "db/schema.h"
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
@@ -38,24 +38,6 @@ constexpr std::array kDoers = {
     NameColumn{"removed_originals", "by_whom"},
     NameColumn{"erasures", "by_whom"},
     NameColumn{"unknown_trainees", "by_whom"},
-};
-
-/// Tables that name people, without the sessions. Retention's rows name only staff and hold long lists.
-constexpr std::string_view kNaming[] = {
-    "people",
-    "groups",
-    "group_members",
-    "consents",
-    "assignments",
-    "annotations",
-    "audit",
-    "unknown_trainees",
-    "erasures",
-    "profiles",
-    "curricula",
-    "exercise_references",
-    "retention_policies",
-    "meta",
 };
 
 /// SQL: whether an erasure of the name ?1 takes the session `s`; ?2: those that wait under an account's name,
@@ -94,6 +76,21 @@ Status eraseAccess(Connection& connection, const std::string& name) {
     at = end + kBetween.size();
   }
   return left == text ? Status() : meta.set(kKey, left);
+}
+
+/// Calls `take` for each row, a page of rows at a time, so that memory does not grow with the table. `sql`
+/// takes the last number (?1), the rows of a page (?2) and `values`, and gives rows by number.
+template <typename Take, typename... Values>
+Status eachRow(Connection& connection, std::string_view sql, int texts, const Take& take,
+               const Values&... values) {
+  constexpr std::size_t kPage = 256;
+  for (std::int64_t last = -1;;) {
+    ASSIGN_OR_RETURN(const auto rows,
+                     textRows(connection.query(sql, last, std::uint64_t{kPage}, values...), texts));
+    for (const TextRow& row : rows) RETURN_IF_ERROR(take(row));
+    if (rows.size() < kPage) return {};
+    last = rows.back().id;
+  }
 }
 
 }  // namespace
@@ -159,6 +156,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
   RETURN_IF_ERROR(eraseAccess(connection_, name));
+  RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
   // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
   ASSIGN_OR_RETURN(
       const auto samples,
@@ -176,27 +174,6 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(names));
   erasure.set_text(alike + elsewhere.text() + left + perhaps);
   return erasure;
-}
-
-Result<std::string> ErasureStore::clearFreeParts(std::int64_t most_bytes) {
-  RETURN_IF_ERROR(rewriteTables(connection_, kNaming));
-  ASSIGN_OR_RETURN(const auto bytes,
-                   connection_
-                       .prepare("SELECT coalesce(sum(length(profile_json) + length(description)"
-                                " + coalesce(length(score_json), 0)), 0) FROM sessions")
-                       .first([](const Statement& row) { return row.integer(0); }));
-  if (bytes.value_or(0) <= most_bytes) {
-    constexpr std::string_view kSessions[] = {"sessions"};
-    RETURN_IF_ERROR(rewriteTables(connection_, kSessions));
-    return std::string();
-  }
-  for (const char* index : {"sessions_by_trainee", "sessions_by_attempt"})
-    RETURN_IF_ERROR(connection_.script(std::string("REINDEX ") + index));
-  return fmt::format(
-      "The profiles and scores of all sessions have {} MiB, too many to rewrite them (at most "
-      "{}): a free part of a page of needlelab.db may still have the name of a session's "
-      "trainee. ",
-      *bytes >> 20, most_bytes >> 20);
 }
 
 Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
@@ -291,18 +268,18 @@ Status ErasureStore::eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere
   // remarks also name people in other people's sessions; parts of a full name and given names are replaced
   // only in the person's own sessions
   for (const bool own : {true, false}) {
-    ASSIGN_OR_RETURN(
-        const auto remarks,
-        textRows(connection_.query("SELECT a.id, a.text FROM annotations a"
-                                   " JOIN sessions s ON s.number = a.session WHERE (s.trainee = ?1) = ?2",
-                                   names.in_its_place, own),
-                 1));
-    for (const TextRow& remark : remarks) {
-      const std::string text = withoutNames(remark.texts[0], names, own);
-      if (text == remark.texts[0]) continue;
-      elsewhere.remarks += own ? 0 : 1;
-      RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
-    }
+    RETURN_IF_ERROR(eachRow(
+        connection_,
+        "SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
+        " WHERE a.id > ?1 AND (s.trainee = ?3) = ?4 ORDER BY a.id LIMIT ?2",
+        1,
+        [&](const TextRow& remark) -> Status {
+          const std::string text = withoutNames(remark.texts[0], names, own);
+          if (text == remark.texts[0]) return {};
+          elsewhere.remarks += own ? 0 : 1;
+          return connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id);
+        },
+        names.in_its_place, own));
   }
   return {};
 }
@@ -462,29 +439,27 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
       connection_.run("UPDATE unknown_trainees SET given = ? WHERE given = ? AND by_whom IS NOT NULL",
                       names.in_its_place, names.name));
   // the audit log keeps its lines and their order; only the name changes
-  ASSIGN_OR_RETURN(
-      const auto lines,
-      textRows(connection_.prepare(
-                   "SELECT id, who, action, subject, detail, coalesce(imported_by, '') FROM audit"),
-               5));
-  for (const TextRow& line : lines) {
-    const AuditRow before{0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3], line.texts[4]};
-    AuditRow after = withoutNames(before, names, sessions);
-    if (before.imported_by == names.name) after.imported_by = names.in_its_place;
-    if (after.who == before.who && after.subject == before.subject && after.detail == before.detail &&
-        after.imported_by == before.imported_by)
-      continue;
-    erasure.set_audit_lines(erasure.audit_lines() + 1);
-    if (after.detail != before.detail && after.subject == before.subject &&
-        !sessions.contains(before.subject))
-      ++elsewhere.audit_lines;
-    RETURN_IF_ERROR(
-        connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
-                        " imported_by = nullif(?4, '') WHERE id = ?5",
-                        after.who, after.subject, after.detail, after.imported_by, line.id));
-    RETURN_IF_ERROR(AuditChain(connection_).amend(line.id));
-  }
-  return {};
+  return eachRow(connection_,
+                 "SELECT id, who, action, subject, detail, coalesce(imported_by, '') FROM audit WHERE id > ?1"
+                 " ORDER BY id LIMIT ?2",
+                 5, [&](const TextRow& line) -> Status {
+                   const AuditRow before{
+                       0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3], line.texts[4]};
+                   AuditRow after = withoutNames(before, names, sessions);
+                   if (before.imported_by == names.name) after.imported_by = names.in_its_place;
+                   if (after.who == before.who && after.subject == before.subject &&
+                       after.detail == before.detail && after.imported_by == before.imported_by)
+                     return {};
+                   erasure.set_audit_lines(erasure.audit_lines() + 1);
+                   if (after.detail != before.detail && after.subject == before.subject &&
+                       !sessions.contains(before.subject))
+                     ++elsewhere.audit_lines;
+                   RETURN_IF_ERROR(
+                       connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
+                                       " imported_by = nullif(?4, '') WHERE id = ?5",
+                                       after.who, after.subject, after.detail, after.imported_by, line.id));
+                   return AuditChain(connection_).amend(line.id);
+                 });
 }
 
 void clearDeviceWords(pb::SessionDescription& description) {

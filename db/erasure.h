@@ -28,10 +28,6 @@ struct ErasureToRepeat {
 /// "'anna' was erased on … and is in this database again, …: needlelab-admin person erase anna": for display.
 std::string erasureToRepeatText(const ErasureToRepeat& erasure);
 
-/// Profiles, descriptions and scores of all sessions that an erasure still rewrites: it holds them in memory,
-/// and the writer for about a second. Recordings do not count; they are never rewritten.
-inline constexpr std::int64_t kMostRewrittenBytes = 64 << 20;
-
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class ErasureStore {
  public:
@@ -46,16 +42,11 @@ class ErasureStore {
   /// without score, events and attempts' verdicts. Retention removes their chunks later
   /// (RetentionStore::leftovers). Sessions that wait for a manager under the name of an account stay as they
   /// are, unless `with_waiting`: they may be another person's. `text` of the reply: places that still have
-  /// the name. kNotFound: the name has neither a person nor sessions; kDenied: the last administrator who can
+  /// the name. Free parts of pages may have it until they are cleared (free_parts.h, kFreePartsKey).
+  /// kNotFound: the name has neither a person nor sessions; kDenied: the last administrator who can
   /// log in.
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
-
-  /// After erase(), in the same transaction or a later one: rewrites the tables in which people are named
-  /// (rewrite.h), so that no free part of a page has the name. The sessions are rewritten up to
-  /// `most_bytes` of profiles, descriptions and scores; of more, only the indexes with names. `text` for the
-  /// administrator: empty unless they were more.
-  Result<std::string> clearFreeParts(std::int64_t most_bytes = kMostRewrittenBytes);
 
   /// When an account of this name that is added now was made: now; or just after the newest erasure of the
   /// name, if the clock was ahead then. So the times of both tell which came first.

@@ -13,6 +13,8 @@
 #include "common/base/files.h"
 #include "db/audit_head.h"
 #include "db/connection.h"
+#include "db/erasure.h"
+#include "db/free_parts.h"
 #include "db/schema.h"
 #include "db/service/data_folder.h"
 #include "db/seen_time.h"
@@ -101,6 +103,34 @@ Result<Connection> openFrozen(const std::filesystem::path& path, const Error& wh
   return connection;
 }
 
+/// Why the start ends: nobody may be served while people are back who were erased.
+Error mustBeErasedFirst(const std::filesystem::path& folder, const Error& why) {
+  return {why.code,
+          fmt::format("{}: people are in this database again who were erased, and are erased anew "
+                      "before anybody is served, which failed: {}. Make room on the disk, then start "
+                      "again",
+                      folder.string(), why.message)};
+}
+
+/// After repeatErasures() failed. Cuts the log, which else keeps the room that the attempt took.
+Error erasuresNotRepeated(Connection& connection, const Error& why) {
+  (void)connection.emptyLog(0);
+  return why.code == ErrorCode::kNoRoom ? mustBeErasedFirst(connection.path().parent_path(), why) : why;
+}
+
+/// For a database that is only read: kNoRoom when erasures of DIR/erasures wait to be repeated. `why`: the
+/// reason that nothing is written.
+Status requireNoneToErase(Connection& frozen, const Error& why) {
+  const auto folder = frozen.path().parent_path();
+  const auto repeat = ErasureStore(frozen).toRepeat(folder);
+  // the server's log and `check` report a missing key or a broken list
+  if (!repeat && repeat.error().code == ErrorCode::kCorrupt) return {};
+  if (!repeat) return repeat.error();
+  for (const ErasureToRepeat& one : *repeat)
+    if (one.restored) return mustBeErasedFirst(folder, why);
+  return {};
+}
+
 }  // namespace
 
 Result<FolderLock> FolderLock::take(const std::filesystem::path& folder, const std::string& holder) {
@@ -176,32 +206,36 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   auto connection = options.read_only_because.empty()
                         ? openToWrite(path)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, options.read_only_because});
-  std::size_t repeated = 0, completed = 0;
+  bool unfinished = false;
   if (connection) {
     // before anybody is served: a restored backup does not know who was erased since, and a log from before
     // the last end may still have what was erased
     const std::int64_t now_unix_ns = wallNowNs();
-    ASSIGN_OR_RETURN(completed, clearOlderErasures(*connection, now_unix_ns));
-    ASSIGN_OR_RETURN(repeated, repeatErasures(*connection, now_unix_ns));
+    RETURN_IF_ERROR(clearOlderErasures(*connection, now_unix_ns));
+    const auto repeated = repeatErasures(*connection, now_unix_ns);
+    if (!repeated) return erasuresNotRepeated(*connection, repeated.error());
     ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
     RETURN_IF_ERROR(SeenTimeStore(*connection).note(now_unix_ns));
     RETURN_IF_ERROR(dropOldImports(*connection, now_unix_ns));
     const auto emptied = connection->emptyLog(0);
     if (!emptied) return emptied.error();
-    store->erasures_repeated_ = repeated;
+    ASSIGN_OR_RETURN(const auto pending, MetaStore(*connection).get(kFreePartsKey));
+    unfinished = pending.has_value();
+    store->erasures_repeated_ = *repeated;
     store->readers_ = std::make_unique<ReaderPool>(path);
     store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
   } else {
     if (connection.error().code != ErrorCode::kNoRoom) return connection.error();
     store->read_only_ = connection.error();
     ASSIGN_OR_RETURN(auto frozen, openFrozen(path, connection.error()));
+    RETURN_IF_ERROR(requireNoneToErase(frozen, connection.error()));
     constexpr std::size_t kMostIdle = 8;
     store->readers_ = std::make_unique<ReaderPool>(path, kMostIdle, Connection::Mode::kFrozen);
     store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());
   }
   store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
   if (backup_key) store->service_->setBackupKey(std::move(*backup_key));
-  if (repeated > 0 || completed > 0) (void)store->service_->finishErasure();
+  if (unfinished) (void)store->service_->finishErasure();
   return store;
 }
 

@@ -15,6 +15,7 @@
 #include "db/audit.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
+#include "db/free_parts.h"
 #include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
@@ -135,6 +136,32 @@ std::string textOnGuests(const std::string& name) {
          "once all stations have delivered theirs. ";
 }
 
+/// kNoRoom unless the disk has room for what the erasure's transaction writes: a commit that finds the disk
+/// full would end the server.
+Status checkRoomToErase(Connection& connection, const std::string& name) {
+  constexpr std::uint64_t kLeast = 8 << 20, kOfSession = 64 << 10;
+  ASSIGN_OR_RETURN(const auto rows,
+                   connection
+                       .query("SELECT count(*), coalesce(sum(length(profile_json) + length(description)"
+                              " + coalesce(length(score_json), 0)), 0) FROM sessions WHERE trainee = ?",
+                              name)
+                       .first([](const Statement& row) {
+                         return std::pair{row.natural(0), row.natural(1)};
+                       }));
+  const auto [sessions, bytes] = rows.value_or(std::pair<std::uint64_t, std::uint64_t>());
+  // in the log, and once more in the database
+  const std::uint64_t needed = kLeast + 2 * (bytes + sessions * kOfSession);
+  std::error_code error;
+  const auto folder = connection.path().parent_path();
+  const auto space = std::filesystem::space(folder, error);
+  if (error || space.available >= needed) return {};
+  return Error{
+      ErrorCode::kNoRoom,
+      fmt::format("the disk of {} has {} MiB left, and the erasure of '{}' may write {} MiB: make room "
+                  "on it, then erase again",
+                  folder.string(), space.available >> 20, name, (needed >> 20) + 1)};
+}
+
 /// What to do with sessions that wait under the name; empty: there are none.
 std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
   if (sessions == 0) return {};
@@ -162,6 +189,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                      (open->size() > 1 ? " and others" : "") +
                      ": let it be ended first, or say that what is still sent of it shall not be kept "
                      "(with_open_sessions)"};
+  RETURN_IF_ERROR(checkRoomToErase(context.reader, call.name()));
   const auto folder = context.reader.path().parent_path();
   ASSIGN_OR_RETURN(const auto key, ErasureStore(context.reader).key());
 
@@ -189,8 +217,6 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                      ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
                                                 context.now_unix_ns, call.with_waiting_sessions()));
     erasure = std::move(done);
-    ASSIGN_OR_RETURN(const auto left, ErasureStore(writer).clearFreeParts());
-    erasure.set_text(left + erasure.text());
     std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
                                      erasure.recordings(), erasure.scores());
     if (erasure.waiting_sessions() > 0)
@@ -243,6 +269,7 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
   std::size_t count = 0;
   for (const ErasureToRepeat& one : *repeat) {
     if (!one.restored) continue;
+    RETURN_IF_ERROR(handlers::checkRoomToErase(writer, one.name));
     ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
     const auto done = store.erase(one.name, one.line, kServerName, "repeated after a restore", now_unix_ns,
                                   one.line.with_waiting);
@@ -256,12 +283,6 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
                                             done->sessions(), done->recordings(), done->scores())}));
     RETURN_IF_ERROR(transaction.commit());
     ++count;
-  }
-  if (count > 0) {
-    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
-    const auto cleared = store.clearFreeParts();
-    if (!cleared) return cleared.error();
-    RETURN_IF_ERROR(transaction.commit());
   }
   return count;
 }
@@ -299,7 +320,7 @@ Result<std::size_t> clearOlderErasures(Connection& writer, std::int64_t now_unix
                                number));
   }
   if (!sessions->empty()) {
-    RETURN_IF_ERROR(ErasureStore(writer).clearFreeParts());
+    RETURN_IF_ERROR(MetaStore(writer).set(kFreePartsKey, "1"));
     RETURN_IF_ERROR(AuditStore(writer).add(
         {0, now_unix_ns, kServerName, "person erase", "",
          fmt::format("completed: {} sessions that an earlier version erased had kept their profiles",

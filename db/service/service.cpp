@@ -15,6 +15,7 @@
 #include "db/audit.h"
 #include "db/credentials.h"
 #include "db/erasure.h"
+#include "db/free_parts.h"
 #include "db/people.h"
 #include "db/retention_store.h"
 #include "db/schema.h"
@@ -221,12 +222,26 @@ std::string Service::removeErased() {
 
 std::string Service::emptyLogOfErased() {
   constexpr std::chrono::seconds kPatience{2};
-  if (writer_.emptyLog(kPatience)) return {};
-  return "Pending: the log beside the database (needlelab.db-wal) still has what was erased, because "
-         "somebody "
-         "reads (a backup, an export). It is emptied when they have done, at the latest when the server "
-         "starts "
-         "again; until then 'check' says so. ";
+  std::optional<std::string> pending;
+  if (auto reader = readers_.borrow()) {
+    auto found = MetaStore(**reader).get(kFreePartsKey);
+    if (found) pending = std::move(*found);
+  }
+  if (writer_.emptyLog(kPatience)) {
+    // if this fails, the next start overwrites them once more; another erasure has another value
+    if (pending) {
+      (void)writer_.run([&](Connection& writer) {
+        return writer.run("DELETE FROM meta WHERE key = ? AND value = ?", kFreePartsKey, *pending);
+      });
+    }
+    return {};
+  }
+  return "Pending: the log beside the database (needlelab.db-wal) or free parts of needlelab.db still have "
+         "what "
+         "was erased, because somebody reads (a backup, an export) or because the database is large. They "
+         "are "
+         "overwritten when that is done, while lessons go on; what is left then, the next start overwrites. "
+         "Until then 'check' says so. ";
 }
 
 RetentionTools Service::retentionTools() {

@@ -166,9 +166,10 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   if (context.writer.counters().log_pending) {
     report->set_ok(false);
     report->add_faults(
-        "an erasure is pending: the log beside the database still has what was erased, because somebody "
-        "reads; "
-        "it is emptied when they have done, at the latest at the next start");
+        "an erasure is pending: the log beside the database or free parts of it still have what was erased, "
+        "because somebody reads, or because the database is large; they are overwritten when that is done, "
+        "or "
+        "after the next start");
   }
   // the database is intact, but an erased person is back in it
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());

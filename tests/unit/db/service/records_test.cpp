@@ -312,6 +312,14 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   for (const char* suffix : {"", "-wal", "-shm"})
     std::filesystem::remove(folder.path() / ("data/needlelab.db" + std::string(suffix)));
   ASSERT_OK(writeFileAtomically(folder.path() / "data/needlelab.db", viewOf(*text), 0600));
+  // who cannot be erased anew is not served either
+  Store::Options full;
+  full.read_only_because = "the disk is full";
+  const auto refused = Store::open(folder.path() / "data", full);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom);
+  EXPECT_NE(refused.error().message.find("Make room on the disk"), std::string::npos)
+      << refused.error().message;
   store = test::openStore(folder.path() / "data");
   EXPECT_EQ(store->erasuresRepeated(), 1u);
   EXPECT_TRUE(store->service().erasuresToRepeat()->empty());
