@@ -13,6 +13,7 @@
 #include "common/base/bytes.h"
 #include "common/base/files.h"
 #include "common/base/text.h"
+#include "db/pseudonyms.h"
 
 namespace needlelab {
 namespace {
@@ -71,13 +72,6 @@ std::string notObeyedText(const std::filesystem::path& path, const Found& found,
 }
 
 }  // namespace
-
-bool isErasurePseudonym(std::string_view pseudonym) {
-  constexpr std::string_view kPrefix = "erased-";
-  constexpr std::size_t kDigits = 12;
-  return pseudonym.starts_with(kPrefix) && pseudonym.size() == kPrefix.size() + kDigits &&
-         pseudonym.find_first_not_of("0123456789abcdef", kPrefix.size()) == std::string_view::npos;
-}
 
 Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
   const auto path = folder / file;

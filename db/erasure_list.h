@@ -40,10 +40,6 @@ inline constexpr std::size_t kMostErasureLines = 50'000, kMostLinesBeside = 25'0
 /// it.
 inline constexpr std::string_view kSealsErasuresKey = "seals_erasures";
 
-/// Whether the pseudonym is one that an erasure makes, "erased-" and 12 hexadecimal digits, and no person's
-/// name.
-bool isErasurePseudonym(std::string_view pseudonym);
-
 /// Reads DIR/erasures; nothing when the file does not exist. It does not look at the MACs. kCorrupt, also
 /// above kMostErasureLines.
 Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder,

@@ -13,6 +13,7 @@
 #include "common/base/text.h"
 #include "db/erasure.h"
 #include "db/lab_settings.h"
+#include "db/pseudonyms.h"
 #include "db/retention_store.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/requests.h"

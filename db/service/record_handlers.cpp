@@ -428,12 +428,16 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
     return writer.run("DELETE FROM import_pieces WHERE import_id = ?", call.import_id());
   });
   report->set_done(status.ok());
-  if (status) return reply;
   const bool by_plan = call.dry_run() || !report->faults().empty();
-  const auto dropped = context.writer.run([&](Connection& writer) {
-    return writer.run("DELETE FROM import_pieces WHERE import_id = ?", call.import_id());
-  });
-  if (!by_plan) return status.error();
+  Status dropped;
+  if (!status)
+    dropped = context.writer.run([&](Connection& writer) {
+      return writer.run("DELETE FROM import_pieces WHERE import_id = ?", call.import_id());
+    });
+  // the pieces may name people whom this database has erased: the log must not keep them
+  constexpr std::chrono::seconds kPatience{2};
+  context.writer.emptyLog(kPatience);
+  if (!status && !by_plan) return status.error();
   if (!dropped) return dropped.error();
   return reply;
 }
