@@ -244,14 +244,12 @@ std::string newErasurePseudonym() {
 }
 
 bool isErasurePseudonym(std::string_view name) {
-  const std::string small = lowerCase(name);
-  const std::string_view digits = std::string_view(small).substr(std::min(kErasedStart.size(), small.size()));
-  return small.starts_with(kErasedStart) && digits.size() == 2 * kErasedBytes &&
-         std::all_of(digits.begin(), digits.end(), [](char c) { return hexDigit(c) >= 0; });
+  return name.starts_with(kErasedStart) && name.size() == kErasedStart.size() + 2 * kErasedBytes &&
+         name.find_first_not_of("0123456789abcdef", kErasedStart.size()) == std::string_view::npos;
 }
 
 Status checkNoPseudonym(std::string_view field, std::string_view name) {
-  if (!isErasurePseudonym(name)) return {};
+  if (!isErasurePseudonym(lowerCase(name))) return {};
   return Error{ErrorCode::kInvalidInput,
                std::string(field) + ": '" + std::string(name) +
                    "' has the form of the names that erased people have: take another one"};

@@ -49,7 +49,7 @@ class PseudonymKey {
 
 /// "erased-" and 12 hexadecimal digits, at random: in the place of an erased person's name.
 std::string newErasurePseudonym();
-/// Whether a name has that form, in whatever case.
+/// Whether a name has that form.
 bool isErasurePseudonym(std::string_view name);
 /// kInvalidInput: it has that form, so that nobody gets an erased person's sessions.
 Status checkNoPseudonym(std::string_view field, std::string_view name);
