@@ -24,21 +24,9 @@ namespace {
 constexpr std::size_t kMostNotes = 100;  // of a kind
 constexpr std::size_t kLongestName = 200;
 
-std::string textIn(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
-}
-std::int64_t numberIn(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
-}
 double realIn(const RecordJson& record, const char* name) {
   const auto found = record.find(name);
   return found != record.end() && found->is_number() ? found->get<double>() : 0;
-}
-bool isGiven(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && !found->is_null();
 }
 
 /// A name of a record, for a note.

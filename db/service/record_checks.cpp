@@ -27,20 +27,6 @@ Error wrongField(std::string_view name, const std::string& text) {
   return {ErrorCode::kInvalidInput, std::string(name) + ": " + text};
 }
 
-/// A type-checked field's text; empty when it is absent.
-std::string textIn(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
-}
-std::int64_t numberIn(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
-}
-bool isGiven(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && !found->is_null();
-}
-
 Status checkInteger(std::string_view name, const RecordJson& value) {
   if (!value.is_number_integer() || (value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX))
     return wrongField(name, "must be a whole number of 64 bits");

@@ -299,6 +299,21 @@ Status bindMissing(Statement& statement, const RecordColumn& column) {
 
 }  // namespace
 
+std::string textIn(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+
+std::int64_t numberIn(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
+}
+
+bool isGiven(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && !found->is_null();
+}
+
 std::string_view fieldOf(const RecordColumn& column) {
   return column.name == "kind" ? std::string_view("what") : column.name;
 }

@@ -15,6 +15,13 @@ namespace needlelab {
 
 using RecordJson = nlohmann::ordered_json;
 
+/// A field's text; empty when it is absent or of another type.
+std::string textIn(const RecordJson& record, const char* name);
+/// A field's whole number; 0 when it is absent or of another type.
+std::int64_t numberIn(const RecordJson& record, const char* name);
+/// Whether the field is there and not null.
+bool isGiven(const RecordJson& record, const char* name);
+
 /// A column's JSON form.
 enum class RecordColumnKind : std::uint8_t {
   kInteger,

@@ -16,8 +16,6 @@ namespace {
 using test::chunkOf;
 using test::closeOf;
 
-constexpr std::int64_t kDay_ns = 86'400'000'000'000;
-
 class RetentionStoreTest : public testing::Test {
  protected:
   /// Adds a session of `chunks` chunks, closed on `day` unless the day is negative.
@@ -27,7 +25,7 @@ class RetentionStoreTest : public testing::Test {
     d.set_exercise_id(exercise);
     EXPECT_OK(sessions.open(d, 1));
     for (std::uint64_t seq = 0; seq < chunks; ++seq) EXPECT_OK(sessions.append(id, seq, chunkOf(seq)));
-    if (day >= 0) EXPECT_OK(sessions.close(closeOf(id, chunks), day * kDay_ns));
+    if (day >= 0) EXPECT_OK(sessions.close(closeOf(id, chunks), day * test::kDay_ns));
     if (safe) EXPECT_OK(sessions.markSafe(id, chunks));
     return id;
   }
@@ -45,7 +43,7 @@ class RetentionStoreTest : public testing::Test {
   }
   /// Returns the actions that are due on a day, as "id action" in the order of due().
   std::vector<std::string> dueOn(std::int64_t day) {
-    const auto due = store.due(day * kDay_ns);
+    const auto due = store.due(day * test::kDay_ns);
     EXPECT_OK(due);
     std::vector<std::string> texts;
     for (const auto& one : *due)
@@ -84,7 +82,7 @@ class RetentionStoreTest : public testing::Test {
     if (auto done = store.appendDerived(id, 0, chunkOf(7)); !done) return done;
     const auto sums = store.sums(id);
     if (!sums) return sums.error();
-    return store.switchToDerived(dueOf(id, false), *sums, crcsOf(3), "retention", 100 * kDay_ns);
+    return store.switchToDerived(dueOf(id, false), *sums, crcsOf(3), "retention", 100 * test::kDay_ns);
   }
   bool sound() {
     const auto check = checkDatabase(db.writer);
@@ -147,7 +145,7 @@ TEST_F(RetentionStoreTest, openAndUncoveredSessionsAreNotTouched) {
 TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFuture) {
   ASSERT_OK(store.setPolicy(policy("", 20, 30)));
   const Uuid received = add("received", 10), started = add("started", 10), seen = add("seen", 10);
-  const std::int64_t day_100 = 100 * kDay_ns;
+  const std::int64_t day_100 = 100 * test::kDay_ns;
   const auto set = [&](const char* column, const Uuid& id) {
     ASSERT_OK(db.writer.run("UPDATE sessions SET " + std::string(column) + " = ? WHERE id = ?", day_100,
                             ByteView(id)));
@@ -155,7 +153,7 @@ TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFu
   set("received_unix_ns", received);
   set("started_unix_ns", started);
   ASSERT_OK(SeenTimeStore(db.writer).note(day_100));
-  ASSERT_OK(SeenTimeStore(db.writer).noteClose(seen, 10 * kDay_ns));
+  ASSERT_OK(SeenTimeStore(db.writer).noteClose(seen, 10 * test::kDay_ns));
   const auto all = [&](const char* action) {
     std::vector<std::string> texts;
     for (const Uuid& id : {received, seen, started}) texts.push_back(uuidText(id) + action);
@@ -168,7 +166,7 @@ TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFu
   EXPECT_EQ(dueOn(120), all(" thin"));
   EXPECT_EQ(dueOn(129), all(" thin"));
   EXPECT_EQ(dueOn(130), all(" delete"));
-  for (const auto& one : *store.due(100 * kDay_ns)) {
+  for (const auto& one : *store.due(100 * test::kDay_ns)) {
     EXPECT_NE(one.reason.find("1970-01-11 00:00:00 UTC"), std::string::npos) << one.reason;
     EXPECT_NE(one.reason.find("1970-04-11 00:00:00 UTC"), std::string::npos) << one.reason;
   }
@@ -177,7 +175,7 @@ TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFu
 TEST_F(RetentionStoreTest, whatWasClosedBeforeTheDatabaseWasMadeCountsFromThen) {
   ASSERT_OK(store.setPolicy(policy("", -1, 30)));
   const std::string before = uuidText(add("knee-1", 10)), after = uuidText(add("knee-1", 105));
-  ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(100 * kDay_ns)));
+  ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(100 * test::kDay_ns)));
   EXPECT_EQ(dueOn(129), (std::vector<std::string>{before + " left"}));
   EXPECT_EQ(dueOn(130), (std::vector<std::string>{before + " delete"}));
   EXPECT_EQ(dueOn(135), (std::vector<std::string>{before + " delete", after + " delete"}));
@@ -188,7 +186,7 @@ TEST_F(RetentionStoreTest, aPolicyChangedDuringTheRunStopsIt) {
   auto told = policy("knee-1", -1, 5);
   told.set_without_backup(true);
   ASSERT_OK(store.setPolicy(told));
-  const auto due = store.due(100 * kDay_ns);
+  const auto due = store.due(100 * test::kDay_ns);
   ASSERT_OK(due);
   ASSERT_EQ(due->size(), 2u);
   // --without-backup is revoked, then --keep, then the exercise follows a default
@@ -245,7 +243,7 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   wrong.samples += 1;
   EXPECT_FALSE(store.switchToDerived(dueOf(id, false), wrong, crcsOf(3), "x", 1).ok());
   EXPECT_FALSE(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(2), "x", 1).ok());
-  ASSERT_OK(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(3), "retention", 100 * kDay_ns));
+  ASSERT_OK(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(3), "retention", 100 * test::kDay_ns));
 
   EXPECT_TRUE(sound()) << "the original is still on its way out";
   const auto info = sessions.info(id);
@@ -256,7 +254,7 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   EXPECT_EQ(info->removed_original().fate(), pb::RemovedOriginal::THINNED);
   EXPECT_EQ(info->removed_original().samples(), 60u);
   EXPECT_EQ(info->removed_original().hash(), closeOf(id, 3).hash());
-  EXPECT_EQ(info->removed_original().removed_unix_ns(), 100 * kDay_ns);
+  EXPECT_EQ(info->removed_original().removed_unix_ns(), 100 * test::kDay_ns);
   const auto read = sessions.readChunks(id, 0, 10, 1 << 20);
   ASSERT_OK(read);
   ASSERT_EQ(read->size(), 1u);
@@ -283,10 +281,10 @@ TEST_F(RetentionStoreTest, aDeletedRecordingLeavesItsSession) {
   const Uuid original = add("knee-1", 10), second = add("knee-1", 10);
   ASSERT_OK(thin(second));
   while (*store.removeSome(second, 100)) continue;
-  ASSERT_OK(store.markDeleted(dueOf(original, true), crcsOf(3), "retention", 200 * kDay_ns));
+  ASSERT_OK(store.markDeleted(dueOf(original, true), crcsOf(3), "retention", 200 * test::kDay_ns));
   auto due = dueOf(second, true);
   due.thinned = true;
-  ASSERT_OK(store.markDeleted(due, {}, "retention", 200 * kDay_ns));
+  ASSERT_OK(store.markDeleted(due, {}, "retention", 200 * test::kDay_ns));
   EXPECT_FALSE(store.markDeleted(due, {}, "retention", 1).ok()) << "once";
   EXPECT_TRUE(sound());
   EXPECT_EQ(store.leftovers()->size(), 2u);
@@ -297,7 +295,7 @@ TEST_F(RetentionStoreTest, aDeletedRecordingLeavesItsSession) {
     EXPECT_EQ(info->chunks(), 0u);
     EXPECT_EQ(info->removed_original().fate(), pb::RemovedOriginal::DELETED);
     EXPECT_EQ(info->removed_original().hash(), closeOf(id, 3).hash());
-    EXPECT_EQ(info->removed_original().deleted_unix_ns(), 200 * kDay_ns);
+    EXPECT_EQ(info->removed_original().deleted_unix_ns(), 200 * test::kDay_ns);
     const auto refused = sessions.readChunks(id, 0, 10, 1 << 20);
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);

@@ -7,8 +7,6 @@
 namespace needlelab {
 namespace {
 
-constexpr std::int64_t kDay_ns = 86'400'000'000'000;
-
 class SeenTimeTest : public testing::Test {
  protected:
   std::int64_t latest() { return test::TestDb::must(seen.latest()); }
@@ -20,47 +18,47 @@ class SeenTimeTest : public testing::Test {
 
 TEST_F(SeenTimeTest, onlyALaterTimeIsNoted) {
   EXPECT_EQ(latest(), 0);
-  ASSERT_OK(seen.note(20 * kDay_ns));
-  ASSERT_OK(seen.note(10 * kDay_ns));
-  EXPECT_EQ(latest(), 20 * kDay_ns);
-  ASSERT_OK(seen.note(21 * kDay_ns));
-  EXPECT_EQ(latest(), 21 * kDay_ns);
+  ASSERT_OK(seen.note(20 * test::kDay_ns));
+  ASSERT_OK(seen.note(10 * test::kDay_ns));
+  EXPECT_EQ(latest(), 20 * test::kDay_ns);
+  ASSERT_OK(seen.note(21 * test::kDay_ns));
+  EXPECT_EQ(latest(), 21 * test::kDay_ns);
 }
 
 TEST_F(SeenTimeTest, aDatabaseOfEarlierVersionsHasTheTimesOfItsSessionsAndOfItsMaking) {
-  ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(3 * kDay_ns)));
-  EXPECT_EQ(latest(), 3 * kDay_ns);
+  ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(3 * test::kDay_ns)));
+  EXPECT_EQ(latest(), 3 * test::kDay_ns);
   const Uuid id = makeUuidV7();
   ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));
   ASSERT_OK(SessionStore(db.writer).append(id, 0, test::chunkOf(0)));
-  ASSERT_OK(SessionStore(db.writer).close(test::closeOf(id, 1), 7 * kDay_ns));
-  EXPECT_EQ(latest(), 7 * kDay_ns);
-  ASSERT_OK(seen.note(5 * kDay_ns));
-  EXPECT_EQ(latest(), 7 * kDay_ns);
+  ASSERT_OK(SessionStore(db.writer).close(test::closeOf(id, 1), 7 * test::kDay_ns));
+  EXPECT_EQ(latest(), 7 * test::kDay_ns);
+  ASSERT_OK(seen.note(5 * test::kDay_ns));
+  EXPECT_EQ(latest(), 7 * test::kDay_ns);
 }
 
 TEST_F(SeenTimeTest, aCloseIsNotedOnlyWhileTheClockIsBehindByMoreThanATimeServerSetsItBack) {
   const Uuid right = makeUuidV7(), little = makeUuidV7(), behind = makeUuidV7();
-  ASSERT_OK(seen.noteClose(right, 20 * kDay_ns));
-  ASSERT_OK(seen.noteClose(little, 20 * kDay_ns - kClockSlack_ns));
+  ASSERT_OK(seen.noteClose(right, 20 * test::kDay_ns));
+  ASSERT_OK(seen.noteClose(little, 20 * test::kDay_ns - kClockSlack_ns));
   EXPECT_TRUE(closedBehind().empty());
-  ASSERT_OK(seen.noteClose(behind, 20 * kDay_ns - kClockSlack_ns - 1));
-  EXPECT_EQ(closedBehind(), (std::map<Uuid, std::int64_t>{{behind, 20 * kDay_ns}}));
-  EXPECT_EQ(latest(), 20 * kDay_ns);
+  ASSERT_OK(seen.noteClose(behind, 20 * test::kDay_ns - kClockSlack_ns - 1));
+  EXPECT_EQ(closedBehind(), (std::map<Uuid, std::int64_t>{{behind, 20 * test::kDay_ns}}));
+  EXPECT_EQ(latest(), 20 * test::kDay_ns);
 }
 
 TEST_F(SeenTimeTest, aClockThatWasAheadIsForgottenWhenAPersonSaysSo) {
-  ASSERT_OK(seen.note(400 * kDay_ns));
-  EXPECT_NE(test::TestDb::must(seen.behindText(20 * kDay_ns)), "");
-  ASSERT_OK(seen.confirm(20 * kDay_ns));
-  EXPECT_EQ(latest(), 20 * kDay_ns);
-  EXPECT_EQ(test::TestDb::must(seen.behindText(20 * kDay_ns)), "");
+  ASSERT_OK(seen.note(400 * test::kDay_ns));
+  EXPECT_NE(test::TestDb::must(seen.behindText(20 * test::kDay_ns)), "");
+  ASSERT_OK(seen.confirm(20 * test::kDay_ns));
+  EXPECT_EQ(latest(), 20 * test::kDay_ns);
+  EXPECT_EQ(test::TestDb::must(seen.behindText(20 * test::kDay_ns)), "");
 }
 
 TEST_F(SeenTimeTest, aClockThatIsBehindIsToldWithBothTimes) {
-  ASSERT_OK(seen.note(400 * kDay_ns));
-  EXPECT_EQ(test::TestDb::must(seen.behindText(400 * kDay_ns - kClockSlack_ns)), "");
-  const std::string text = test::TestDb::must(seen.behindText(20 * kDay_ns));
+  ASSERT_OK(seen.note(400 * test::kDay_ns));
+  EXPECT_EQ(test::TestDb::must(seen.behindText(400 * test::kDay_ns - kClockSlack_ns)), "");
+  const std::string text = test::TestDb::must(seen.behindText(20 * test::kDay_ns));
   EXPECT_NE(text.find("1970-01-2"), std::string::npos) << text;
   EXPECT_NE(text.find("1971-02-0"), std::string::npos) << text;
 }

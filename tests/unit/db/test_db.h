@@ -1,6 +1,7 @@
 /// A fresh database with one station, and sessions and chunks to put into it.
 #pragma once
 
+#include <cstdint>
 #include <gtest/gtest.h>
 
 #include <string>
@@ -15,6 +16,8 @@
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
+
+inline constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
 /// Fails the test with the error message if the result is an error.
 #define ASSERT_OK(expression)                                             \

@@ -50,7 +50,7 @@ TEST(Roles, everyCallIsInTheTableForEveryRole) {
 }
 
 /// The terms used in requests_before.tsv.
-std::string textOf(RequestThreads threads) {
+std::string wordFor(RequestThreads threads) {
   switch (threads) {
     case RequestThreads::kWorkers:
       return "workers";
@@ -65,7 +65,7 @@ std::string textOf(RequestThreads threads) {
   }
   return "?";
 }
-std::string textOf(ServerPart part) {
+std::string wordFor(ServerPart part) {
   return part == ServerPart::kFillStations ? "fill stations"
          : part == ServerPart::kDeliver    ? "deliver"
                                            : "none";
@@ -92,8 +92,8 @@ TEST(Requests, theRowsSayWhatTheTablesOfBeforeSaid) {
     EXPECT_EQ(may, letters) << name;
     const RequestRow* row = requestRow(call);
     ASSERT_NE(row, nullptr) << name;
-    EXPECT_EQ(textOf(row->threads), threads) << name;
-    EXPECT_EQ(textOf(row->server_part), server_part) << name;
+    EXPECT_EQ(wordFor(row->threads), threads) << name;
+    EXPECT_EQ(wordFor(row->server_part), server_part) << name;
     ++rows;
   }
   EXPECT_EQ(rows, 65u);

@@ -24,8 +24,6 @@ using test::kSamplesEach;
 using test::samplesIn;
 using RetentionTest = test::RetentionTest;
 
-constexpr std::int64_t kDay_ns = 86'400'000'000'000;
-
 TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks) {
   pb::Request profile;
   profile.mutable_get_profile()->set_id("knee-adult");
@@ -402,7 +400,7 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
 TEST_F(RetentionTest, whatCameWhileTheClockWasBehindIsLeftAloneAndTold) {
   const Uuid id = addClosed();
   ASSERT_OK(change([&](Connection& c) {
-    return c.run("UPDATE sessions SET closed_unix_ns = closed_unix_ns - ?", 400 * kDay_ns);
+    return c.run("UPDATE sessions SET closed_unix_ns = closed_unix_ns - ?", 400 * test::kDay_ns);
   }));
   (void)get(manager, policy(-1, 0, 365));
   const auto report = runNow();
@@ -416,13 +414,13 @@ TEST_F(RetentionTest, whatCameWhileTheClockWasBehindIsLeftAloneAndTold) {
 }
 
 TEST_F(RetentionTest, aSessionClosedWhileTheClockIsBehindCountsFromTheLatestTimeThatTheClockHasShown) {
-  const std::int64_t latest = wallNowNs() + 400 * kDay_ns;
+  const std::int64_t latest = wallNowNs() + 400 * test::kDay_ns;
   ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).note(latest); }));
   addClosed();
   (void)get(manager, policy(-1, 0, 365));
   auto reader = store->readers().borrow();
   const auto actionAfter = [&](std::int64_t days) {
-    const auto due = RetentionStore(**reader).due(latest + days * kDay_ns);
+    const auto due = RetentionStore(**reader).due(latest + days * test::kDay_ns);
     EXPECT_OK(due);
     if (!due || due->size() != 1) return std::string("nothing is due");
     return std::string(due->front().clock_was_behind ? "left alone" : "deleted");
@@ -440,7 +438,7 @@ TEST_F(RetentionTest, aClockThatIsBehindIsToldAtEachStartUntilAPersonStartsARun)
     return store->clockBehind();
   };
   EXPECT_EQ(startAgain(), "");
-  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).note(wallNowNs() + 400 * kDay_ns); }));
+  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).note(wallNowNs() + 400 * test::kDay_ns); }));
   for (int i = 0; i < 2; ++i) {
     const std::string text = startAgain();
     EXPECT_NE(text.find("needlelab-admin retention run"), std::string::npos) << text;

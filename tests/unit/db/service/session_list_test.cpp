@@ -7,8 +7,6 @@
 namespace needlelab {
 namespace {
 
-constexpr std::int64_t kDay_ns = 86'400'000'000'000;
-
 class SessionList : public test::ServiceTest {
  protected:
   struct Made {
@@ -30,7 +28,7 @@ class SessionList : public test::ServiceTest {
       auto d = test::describe(id);
       d.set_trainee(made.trainee);
       d.set_exercise_id(made.exercise);
-      d.set_started_unix_ns(made.day * kDay_ns);
+      d.set_started_unix_ns(made.day * test::kDay_ns);
       if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
       if (!made.score) return {};
       if (auto appended = SessionStore(c).append(id, 0, test::chunkOf(0)); !appended) return appended.error();
@@ -99,16 +97,16 @@ TEST_F(SessionList, isSearchedByDateVerdictExerciseAndPartsOfNames) {
     return found(instructor, wanted);
   };
   // from is included, to is not
-  EXPECT_EQ(by([](auto& w) { w.set_from_unix_ns(11 * kDay_ns); }), (Ids{second, third, stranger}));
-  EXPECT_EQ(by([](auto& w) { w.set_to_unix_ns(11 * kDay_ns); }), (Ids{first}));
+  EXPECT_EQ(by([](auto& w) { w.set_from_unix_ns(11 * test::kDay_ns); }), (Ids{second, third, stranger}));
+  EXPECT_EQ(by([](auto& w) { w.set_to_unix_ns(11 * test::kDay_ns); }), (Ids{first}));
   EXPECT_EQ(by([](auto& w) {
-              w.set_from_unix_ns(10 * kDay_ns + 1);
-              w.set_to_unix_ns(12 * kDay_ns + 1);
+              w.set_from_unix_ns(10 * test::kDay_ns + 1);
+              w.set_to_unix_ns(12 * test::kDay_ns + 1);
             }),
             (Ids{second, third}));
   EXPECT_EQ(by([](auto& w) {
-              w.set_from_unix_ns(12 * kDay_ns);
-              w.set_to_unix_ns(12 * kDay_ns);
+              w.set_from_unix_ns(12 * test::kDay_ns);
+              w.set_to_unix_ns(12 * test::kDay_ns);
             }),
             Ids{});
   EXPECT_EQ(by([](auto& w) { w.set_verdict(pb::ListSessions::PASSED); }), (Ids{first}));
@@ -155,7 +153,7 @@ TEST_F(SessionList, pagesOfASearchHoldEachSessionOnceInOrder) {
     auto& list = *request.mutable_list_sessions();
     list.set_limit(limit);
     list.set_verdict(pb::ListSessions::PASSED);
-    list.set_from_unix_ns(3 * kDay_ns);
+    list.set_from_unix_ns(3 * test::kDay_ns);
     do {
       const auto reply = get(instructor, request);
       ASSERT_LE(reply.sessions().sessions_size(), static_cast<int>(limit));
