@@ -38,7 +38,7 @@ Task<Status> PeerConnection::take(ByteView frame) {
   Shares shares;
   if (head->body == pb::Envelope::kRequest) {
     shares.reply =
-        co_await waitForRoom(context_.replies, context_.reply_room, replyRoomOf(context_, head->call));
+        co_await waitForRoom(context_.replies, context_.reply_room, replyRoomOf(context_, who_, head->call));
     if (!shares.reply) co_return Status{};
     context_.counters.most_reply_bytes = context_.replies.mostTaken();
   }
@@ -96,6 +96,11 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
     if (const Status role = checkRole(who_, head.call); !role.ok())
       return refuseUnparsed(refusalOf(role.error()));
   }
+  if (head.body == pb::Envelope::kCloseSession && head.payload.size() > context_.bounds.close_bytes) {
+    return refuseUnparsed(
+        makeRefusal(pb::Refusal::INVALID, fmt::format("close_session has {} bytes, at most {} are allowed",
+                                                      head.payload.size(), context_.bounds.close_bytes)));
+  }
   return true;
 }
 
@@ -103,12 +108,13 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
 /// Nothing: it is refused, or the connection ends.
 Task<std::optional<ByteBudget::Share>> PeerConnection::roomForDecoded(std::size_t bytes,
                                                                       std::uint64_t request) {
-  if (!context_.decoded.mayFit(bytes)) {
+  const std::size_t most = context_.decoded.mostBytes(budgetOwner(who_, {}));
+  if (bytes > most) {
     ++context_.counters.messages_refused_unparsed;
     refuse(pb::Refusal::TOO_LARGE,
            fmt::format("the message would take some {} bytes of memory, at most {} are allowed: send less at "
                        "once",
-                       bytes, context_.decoded.mostBytes()),
+                       bytes, most),
            request);
     co_return std::nullopt;
   }
@@ -174,7 +180,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       break;
     }
     case pb::Envelope::kCloseSession:
-      takeClose(std::move(*envelope.mutable_close_session()), std::move(shares));
+      takeClose(std::move(*envelope.mutable_close_session()));
       break;
     case pb::Envelope::kRequest:
       context_.admission.used(id_);
