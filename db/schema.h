@@ -48,8 +48,8 @@ std::span<const EmbeddedFile> embeddedMigrations();
 std::span<const EmbeddedFile> embeddedSamples();
 
 /// Facts about the database, by key: engine_version, created_unix_ns, backup_unix_ns, backup_path; the latest
-/// time (seen_time.h); and the lab's settings (lab_settings.h). Does not own the connection. Thread: as its Connection; set() needs the
-/// writer's.
+/// time (seen_time.h); and the lab's settings (lab_settings.h). Does not own the connection. Thread: as its
+/// Connection; set() needs the writer's.
 class MetaStore {
  public:
   explicit MetaStore(Connection& connection) : connection_(connection) {}

@@ -192,6 +192,8 @@ Result<EnvelopeHead> scanEnvelope(ByteView envelope) {
   if (head.body == pb::Envelope::kOpenSession) {
     head.session_id = bytesField(bytesField(head.payload, pb::OpenSession::kDescriptionFieldNumber),
                                  pb::SessionDescription::kSessionIdFieldNumber);
+  } else if (head.body == pb::Envelope::kCloseSession) {
+    head.session_id = bytesField(head.payload, pb::CloseSession::kSessionIdFieldNumber);
   }
   return head;
 }

@@ -19,7 +19,7 @@ struct EnvelopeHead {
   std::string_view payload;                                  ///< the body's bytes
   std::uint64_t request_id = 0;                              ///< of a Request
   pb::Request::CallCase call = pb::Request::CALL_NOT_SET;    ///< of a Request; CALL_NOT_SET: of a newer minor
-  std::string_view session_id;                               ///< of an OpenSession
+  std::string_view session_id;                               ///< of an OpenSession or a CloseSession
   std::size_t beside_bytes = 0;  ///< memory of what stands beside the body, of a newer minor
 };
 

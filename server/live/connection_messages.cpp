@@ -221,9 +221,12 @@ bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
   const std::int64_t now = steadyNowNs();
   const double leaked =
       context_.bounds.small_messages_per_s * 1e-9 * static_cast<double>(now - small_messages_at_ns_);
-  small_messages_ = std::max(0.0, small_messages_ - leaked) + 1;
+  small_messages_ = std::max(0.0, small_messages_ - leaked);
   small_messages_at_ns_ = now;
-  return small_messages_ > context_.bounds.small_messages_at_once;
+  if (small_messages_ + 1 > context_.bounds.small_messages_at_once) return true;
+  // what is refused fills nothing: a station that asks again for all its sessions gets on, however many it has
+  small_messages_ += 1;
+  return false;
 }
 
 void PeerConnection::answerPing(const pb::Ping& ping) {

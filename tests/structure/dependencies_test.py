@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """The check of dependencies finds what it is there for: each fault is planted in a small tree and must be named."""
+import json
 import os
 import sys
 import tempfile
@@ -28,7 +29,7 @@ ALL_READ = ["client/net/link.cpp", "common/wire/channel.h", "common/base/text.h"
 
 
 class Dependencies(unittest.TestCase):
-    def faults(self, table=TABLE, files=None, read=None):
+    def faults(self, table=TABLE, files=None, read=None, compiled=60):
         with tempfile.TemporaryDirectory() as root:
             root = os.path.realpath(root)
             for path, text in {**FILES, **(files or {})}.items():
@@ -37,8 +38,12 @@ class Dependencies(unittest.TestCase):
                     file.write(text)
             with open(os.path.join(root, "ARCHITECTURE.md"), "w", encoding="utf-8") as file:
                 file.write(table)
+            commands = [{"command": f"c++ -c link.cpp -o client/net/link{number}.cpp.o -MD"} for number in range(60)]
+            os.makedirs(os.path.join(root, "build"))
+            with open(os.path.join(root, "build/compile_commands.json"), "w", encoding="utf-8") as file:
+                json.dump(commands, file)
             blocks = []
-            for number in range(60):
+            for number in range(compiled):
                 paths = "\n".join("    " + os.path.join(root, path) for path in (read or ALL_READ))
                 blocks.append(f"client/net/link{number}.cpp.o: #deps 4, deps mtime 1 (VALID)\n{paths}\n")
             listing = mock.Mock(stdout="\n".join(blocks))
@@ -47,6 +52,10 @@ class Dependencies(unittest.TestCase):
 
     def test_a_tree_that_keeps_to_its_table_has_no_fault(self):
         self.assertEqual(self.faults(), [])
+
+    def test_a_build_that_is_not_whole(self):
+        found = self.faults(compiled=59)
+        self.assertTrue(any("only 59 of 60 object files" in fault for fault in found), found)
 
     def test_an_include_that_the_row_does_not_list(self):
         found = self.faults(files={"db/store.cpp": '#include "common/base/text.h"\n#include "common/wire/channel.h"\n'})

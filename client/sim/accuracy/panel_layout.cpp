@@ -292,7 +292,8 @@ std::vector<PlacedLabel> placeLabels(const std::vector<PixelPoint>& points,
 
   std::vector<PlacedLabel> placed;
   const auto place = [&](std::size_t i, bool may_cover_lines) {
-    const double width = space.letter_px * static_cast<double>(countCharacters(labels[i])), height = space.line_px;
+    const double width = space.letter_px * static_cast<double>(countCharacters(labels[i])),
+                 height = space.line_px;
     for (std::size_t g = 0; g < kGaps_px.size(); ++g)
       for (const PixelPoint& side : kSides) {
         const double reach = kPoint_px + 1 + kGaps_px[g];

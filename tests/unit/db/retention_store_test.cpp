@@ -243,7 +243,8 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   wrong.samples += 1;
   EXPECT_FALSE(store.switchToDerived(dueOf(id, false), wrong, crcsOf(3), "x", 1).ok());
   EXPECT_FALSE(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(2), "x", 1).ok());
-  ASSERT_OK(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(3), "retention", 100 * test::kDay_ns));
+  ASSERT_OK(
+      store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(3), "retention", 100 * test::kDay_ns));
 
   EXPECT_TRUE(sound()) << "the original is still on its way out";
   const auto info = sessions.info(id);

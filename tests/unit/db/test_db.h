@@ -1,8 +1,8 @@
 /// A fresh database with one station, and sessions and chunks to put into it.
 #pragma once
 
-#include <cstdint>
 #include <gtest/gtest.h>
+#include <cstdint>
 
 #include <string>
 #include <vector>

@@ -61,6 +61,15 @@ TEST(EnvelopeScan, namesTheSessionOfOneThatIsOpened) {
   EXPECT_EQ(scanEnvelope(viewOf(bytes))->session_id, "0123456789abcdef");
 }
 
+TEST(EnvelopeScan, namesTheSessionOfOneThatIsClosed) {
+  pb::Envelope envelope;
+  envelope.mutable_close_session()->set_hash(std::string(32, 'x'));
+  envelope.mutable_close_session()->set_session_id("0123456789abcdef");
+  const std::string bytes = envelope.SerializeAsString();
+  EXPECT_EQ(scanEnvelope(viewOf(bytes))->session_id, "0123456789abcdef")
+      << "a station that is refused must know which close to repeat";
+}
+
 TEST(EnvelopeScan, everyBodyAndEveryCallIsRecognised) {
   const auto* bodies = pb::Envelope::descriptor()->FindOneofByName("body");
   for (int i = 0; i < bodies->field_count(); ++i) {

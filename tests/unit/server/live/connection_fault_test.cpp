@@ -70,8 +70,8 @@ class ConnectionFault : public testing::Test {
   std::unique_ptr<Store> store = test::openStore(folder.path() / "data");
   asio::thread_pool pool{1};
   test::Loopback loop;
-  ServerContext context = test::bareContext(
-      loop.io, *store, {.workers = pool, .closers = pool, .views = pool, .others = pool});
+  ServerContext context =
+      test::bareContext(loop.io, *store, {.workers = pool, .closers = pool, .views = pool, .others = pool});
   std::vector<Tcp::socket> clients;
   std::shared_ptr<PeerConnection> failing = arrive(1), other = arrive(2);
 };
