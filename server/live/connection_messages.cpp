@@ -97,9 +97,11 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
       return refuseUnparsed(refusalOf(role.error()));
   }
   if (head.body == pb::Envelope::kCloseSession && head.payload.size() > context_.bounds.close_bytes) {
-    return refuseUnparsed(
+    pb::Refusal refusal =
         makeRefusal(pb::Refusal::INVALID, fmt::format("close_session has {} bytes, at most {} are allowed",
-                                                      head.payload.size(), context_.bounds.close_bytes)));
+                                                      head.payload.size(), context_.bounds.close_bytes));
+    if (head.session_id.size() == Uuid{}.size()) refusal.set_session_id(std::string(head.session_id));
+    return refuseUnparsed(std::move(refusal));
   }
   return true;
 }
@@ -224,7 +226,8 @@ bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
   small_messages_ = std::max(0.0, small_messages_ - leaked);
   small_messages_at_ns_ = now;
   if (small_messages_ + 1 > context_.bounds.small_messages_at_once) return true;
-  // what is refused fills nothing: a station that asks again for all its sessions gets on, however many it has
+  // what is refused fills nothing: a station that asks again for all its sessions gets on, however many it
+  // has
   small_messages_ += 1;
   return false;
 }

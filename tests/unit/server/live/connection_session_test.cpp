@@ -371,6 +371,7 @@ TEST(Closes, aMessageThatIsLongerThanAnyCloseIsRefusedUnparsed) {
   const auto refusal = waitForRefusal(s.client);
   EXPECT_EQ(refusal.reason(), pb::Refusal::INVALID);
   EXPECT_FALSE(refusal.fatal());
+  EXPECT_EQ(refusal.session_id(), s.session.id());
   EXPECT_EQ(refusal.text(), "close_session has 4097 bytes, at most 4096 are allowed");
   unknown.Clear();
   unknown.AddLengthDelimited(777, std::string(pad, 'x'));
