@@ -201,7 +201,10 @@ class StreamConnection : public HttpConnection {
   }
 
   Task<boost::system::error_code> readBody(HttpParser& parser) {
-    const std::size_t most = server_->bodyLimit(headerOf(parser, bhttp::field::cookie));
+    const auto method = parser.get().method_string(), target = parser.get().target();
+    const std::size_t most =
+        server_->bodyLimit({method.data(), method.size()}, {target.data(), target.size()},
+                           headerOf(parser, bhttp::field::cookie));
     // refuse a declared length before reading anything
     if (const auto length = parser.content_length(); length && *length > most)
       co_return bhttp::make_error_code(bhttp::error::body_limit);
@@ -439,7 +442,8 @@ void HttpServer::ended(std::uint64_t id) {
   if (connections_.erase(id) > 0) left(id);
 }
 
-std::size_t HttpServer::bodyLimit(const std::string& /*cookie*/) const {
+std::size_t HttpServer::bodyLimit(std::string_view /*method*/, std::string_view /*target*/,
+                                  const std::string& /*cookie*/) const {
   return limits_.body_bytes;
 }
 

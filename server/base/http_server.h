@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 
 #include "common/wire/asio.h"
@@ -92,8 +93,9 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   virtual Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) = 0;
   /// The answer to an unreadable, too large or too slow request; nothing: cut the connection.
   virtual std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) = 0;
-  /// Maximum size of a body, by the Cookie header; asked before the body is read.
-  [[nodiscard]] virtual std::size_t bodyLimit(const std::string& cookie) const;
+  /// Maximum size of a body, by the request's line and its Cookie header; asked before the body is read.
+  [[nodiscard]] virtual std::size_t bodyLimit(std::string_view method, std::string_view target,
+                                              const std::string& cookie) const;
   /// Headers of every answer.
   [[nodiscard]] virtual const HttpHeaders& commonHeaders() const;
   virtual void handshakeFailed() {}

@@ -30,13 +30,10 @@ ByteBudget::ByteBudget(Limits limits, std::function<void()> freed) : state_(std:
   state_->freed = std::move(freed);
 }
 
-std::size_t ByteBudget::mostBytes() const {
+std::size_t ByteBudget::mostBytes(const BudgetOwner& owner) const {
   const Limits& limits = state_->limits;
-  return std::min({limits.connection, limits.owner, limits.people, limits.server});
-}
-
-bool ByteBudget::mayFit(std::size_t bytes) const {
-  return bytes <= mostBytes();
+  return owner.person ? std::min({limits.connection, limits.person, limits.people, limits.server})
+                      : std::min({limits.connection, limits.station, limits.server});
 }
 
 std::size_t ByteBudget::taken() const {
@@ -58,7 +55,7 @@ std::optional<ByteBudget::Share> ByteBudget::take(const BudgetOwner& owner, std:
     return entry == entries.end() ? std::size_t{0} : entry->second;
   };
   const bool fits = room(used(state.by_connection, owner.connection), limits.connection) &&
-                    room(used(state.by_owner, owner.name), limits.owner) &&
+                    room(used(state.by_owner, owner.name), owner.person ? limits.person : limits.station) &&
                     (!owner.person || room(state.people, limits.people)) && room(state.server, limits.server);
   if (!fits) return std::nullopt;
   if (bytes > 0) {

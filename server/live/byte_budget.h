@@ -18,14 +18,16 @@ struct BudgetOwner {
 };
 
 /// Bytes in use: of a connection, of a person or station, of all people, of the server. What people leave
-/// free is the stations': after an outage they open their sessions all at once, whatever people do. Who finds
-/// no room waits, and reads nothing meanwhile. Thread: one.
+/// free is the stations': after an outage they open their sessions all at once, whatever people do. Nobody
+/// has more than a quarter of what there is for its kind. Who finds no room waits, and reads nothing
+/// meanwhile. Thread: one.
 class ByteBudget {
  public:
   struct Limits {
     std::size_t connection = 0;
-    std::size_t owner = 0;
+    std::size_t person = 0;  ///< on all connections; at most a quarter of `people`
     std::size_t people = 0;
+    std::size_t station = 0;  ///< on all connections; at most a quarter of what people leave of `server`
     std::size_t server = 0;
   };
   class Share;
@@ -35,9 +37,8 @@ class ByteBudget {
 
   /// Takes `bytes` until the share's end. Nothing: at the moment a budget has less room.
   std::optional<Share> take(const BudgetOwner& owner, std::size_t bytes);
-  /// False: so many bytes fit never, however long one waits.
-  [[nodiscard]] bool mayFit(std::size_t bytes) const;
-  [[nodiscard]] std::size_t mostBytes() const;
+  /// What one share may have: more bytes fit never, however long one waits.
+  [[nodiscard]] std::size_t mostBytes(const BudgetOwner& owner) const;
   /// Of all.
   [[nodiscard]] std::size_t taken() const;
   /// The most that was taken at once so far.

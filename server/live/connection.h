@@ -133,8 +133,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void refuseChunk(const pb::Chunk& chunk, const Appended& appended);
   void scheduleAcks();
   void sendAcks();
-  void takeClose(pb::CloseSession request, Shares shares);
-  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request, Shares shares,
+  void takeClose(pb::CloseSession request);
+  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
                              StationCloses::Place place);
   void takeClockOffset(const pb::ClockOffset& offset);
   Watermarks& watermarks(const std::string& session_id);

@@ -38,7 +38,7 @@ Task<Status> PeerConnection::take(ByteView frame) {
   Shares shares;
   if (head->body == pb::Envelope::kRequest) {
     shares.reply =
-        co_await waitForRoom(context_.replies, context_.reply_room, replyRoomOf(context_, head->call));
+        co_await waitForRoom(context_.replies, context_.reply_room, replyRoomOf(context_, who_, head->call));
     if (!shares.reply) co_return Status{};
     context_.counters.most_reply_bytes = context_.replies.mostTaken();
   }
@@ -96,6 +96,13 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
     if (const Status role = checkRole(who_, head.call); !role.ok())
       return refuseUnparsed(refusalOf(role.error()));
   }
+  if (head.body == pb::Envelope::kCloseSession && head.payload.size() > context_.bounds.close_bytes) {
+    pb::Refusal refusal =
+        makeRefusal(pb::Refusal::INVALID, fmt::format("close_session has {} bytes, at most {} are allowed",
+                                                      head.payload.size(), context_.bounds.close_bytes));
+    if (head.session_id.size() == Uuid{}.size()) refusal.set_session_id(std::string(head.session_id));
+    return refuseUnparsed(std::move(refusal));
+  }
   return true;
 }
 
@@ -103,12 +110,13 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
 /// Nothing: it is refused, or the connection ends.
 Task<std::optional<ByteBudget::Share>> PeerConnection::roomForDecoded(std::size_t bytes,
                                                                       std::uint64_t request) {
-  if (!context_.decoded.mayFit(bytes)) {
+  const std::size_t most = context_.decoded.mostBytes(budgetOwner(who_, {}));
+  if (bytes > most) {
     ++context_.counters.messages_refused_unparsed;
     refuse(pb::Refusal::TOO_LARGE,
            fmt::format("the message would take some {} bytes of memory, at most {} are allowed: send less at "
                        "once",
-                       bytes, context_.decoded.mostBytes()),
+                       bytes, most),
            request);
     co_return std::nullopt;
   }
@@ -174,7 +182,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       break;
     }
     case pb::Envelope::kCloseSession:
-      takeClose(std::move(*envelope.mutable_close_session()), std::move(shares));
+      takeClose(std::move(*envelope.mutable_close_session()));
       break;
     case pb::Envelope::kRequest:
       context_.admission.used(id_);
@@ -218,7 +226,8 @@ bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
   small_messages_ = std::max(0.0, small_messages_ - leaked);
   small_messages_at_ns_ = now;
   if (small_messages_ + 1 > context_.bounds.small_messages_at_once) return true;
-  // what is refused fills nothing: a station that asks again for all its sessions gets on, however many it has
+  // what is refused fills nothing: a station that asks again for all its sessions gets on, however many it
+  // has
   small_messages_ += 1;
   return false;
 }

@@ -278,7 +278,7 @@ void PeerConnection::sendAcks() {
   }
 }
 
-void PeerConnection::takeClose(pb::CloseSession request, Shares shares) {
+void PeerConnection::takeClose(pb::CloseSession request) {
   const std::string& session_id = request.session_id();
   if (const auto id = uuidOf(session_id); !id.ok()) {
     refuse(pb::Refusal::INVALID, "close_session." + id.error().message);
@@ -302,14 +302,14 @@ void PeerConnection::takeClose(pb::CloseSession request, Shares shares) {
     return;
   }
   closing_sessions_.insert(session_id);
+  // a copy: what is discarded leaves its room behind, and the message's part of the budget ends now
   request.DiscardUnknownFields();
-  asio::co_spawn(context_.io,
-                 closeSession(shared_from_this(), std::move(request), std::move(shares), std::move(place)),
+  asio::co_spawn(context_.io, closeSession(shared_from_this(), pb::CloseSession(request), std::move(place)),
                  endsAlone(shared_from_this()));
 }
 
 Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
-                                    Shares shares, StationCloses::Place place) {
+                                    StationCloses::Place place) {
   PeerConnection& peer = *self;
   const std::string session_id = request.session_id();
 
@@ -328,7 +328,6 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
     outcome = committed.error();
   }
   place.reset();
-  shares.decoded.reset();
   peer.closing_sessions_.erase(session_id);
   peer.freed_.notify();
 

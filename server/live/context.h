@@ -61,14 +61,24 @@ struct ConnectionBounds {
   /// A message that becomes no more than this has no part in the budget: `requests_at_work` and
   /// `closes_of_station` bound it.
   std::size_t uncounted_decoded_bytes = 4u << 10;
-  /// Memory of messages that are parsed and not done yet, of both ports together. A connection's is more than
-  /// a message of 1 MiB can become (kMostPayloadFields).
-  ByteBudget::Limits decoded{
-      .connection = 8u << 20, .owner = 16u << 20, .people = 24u << 20, .server = 32u << 20};
+  /// A CloseSession with more bytes is refused unparsed; it needs some 100. So the closes that wait hold
+  /// little (`closes_of_station`) and have no part in the budget.
+  std::size_t close_bytes = 4u << 10;
+  /// Memory of messages that are parsed and not done yet, of both ports together. A person's is more than a
+  /// message of 1 MiB can become (kMostPayloadFields), a station's more than its longest, an OpenSession with
+  /// a profile of 1 MiB.
+  ByteBudget::Limits decoded{.connection = 8u << 20,
+                             .person = 8u << 20,
+                             .people = 32u << 20,
+                             .station = 2u << 20,
+                             .server = 40u << 20};
   /// Replies that are being made or are not read yet, of both ports together. While a reply is made it has
   /// the room of the longest, 1 MiB: so a person has at most 12 such requests at work on all connections.
-  ByteBudget::Limits replies{
-      .connection = 8u << 20, .owner = 12u << 20, .people = 96u << 20, .server = 128u << 20};
+  ByteBudget::Limits replies{.connection = 8u << 20,
+                             .person = 12u << 20,
+                             .people = 96u << 20,
+                             .station = 8u << 20,
+                             .server = 128u << 20};
 };
 
 /// Totals since the start.

@@ -177,11 +177,11 @@ BudgetOwner budgetOwner(const Principal& who, std::string connection) {
   return {std::move(connection), turnNameOf(who), who.role != pb::STATION};
 }
 
-std::size_t replyRoomOf(const ServerContext& context, pb::Request::CallCase call) {
+std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::Request::CallCase call) {
   constexpr std::size_t kDoneBytes = 4u << 10;
   const RequestRow* const row = requestRow(call);
   const bool done_only = row != nullptr && row->reply == pb::Reply::kDone;
-  return std::min(done_only ? kDoneBytes : kMaxFrameBytes, context.replies.mostBytes());
+  return std::min(done_only ? kDoneBytes : kMaxFrameBytes, context.replies.mostBytes(budgetOwner(who, {})));
 }
 
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {

@@ -33,9 +33,9 @@ FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes);
 /// The owner of messages from this connection, in the budget that both ports share. `connection`: unique.
 BudgetOwner budgetOwner(const Principal& who, std::string connection);
 
-/// The room that a reply to this call takes while it is made: of the longest reply; little where the reply
-/// says "done" only. At most what the budget has (ServerContext::replies).
-std::size_t replyRoomOf(const ServerContext& context, pb::Request::CallCase call);
+/// The room that a reply to this call of `who` takes while it is made: of the longest reply; little where the
+/// reply says "done" only. At most what the budget has (ServerContext::replies).
+std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::Request::CallCase call);
 
 /// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);

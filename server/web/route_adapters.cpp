@@ -22,7 +22,8 @@ namespace {
 
 WebJson addedPerson(const WebCall& call, const pb::Reply& reply) {
   if (reply.has_user()) return jsonOf(reply.user());
-  return WebJson{{"name", call.body.value("name", "")}, {"role", call.body.value("role", "")}};
+  const pb::AddUser& added = call.request->add_user();
+  return WebJson{{"name", added.name()}, {"role", pb::Role_Name(added.role())}};
 }
 
 /// Changes role, name and access; or only the consent to studies.

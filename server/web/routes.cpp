@@ -153,6 +153,11 @@ PlainFields plainFieldsOf(const WebRoute& route) {
   return fields;
 }
 
+bool takesBody(const WebRoute& route) {
+  if (route.call == Call::CALL_NOT_SET) return route.how.action == WebAction::kLogIn;
+  return !plainFieldsOf(route).body.empty();
+}
+
 const FieldDescriptor* rowsOf(const Descriptor& message) {
   const FieldDescriptor* rows = nullptr;
   for (int i = 0; i < message.field_count(); ++i) {

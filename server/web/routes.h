@@ -93,6 +93,8 @@ struct PlainFields {
   Field base = nullptr;     ///< base_revision, from If-Match
 };
 PlainFields plainFieldsOf(const WebRoute& route);
+/// Whether a request of this route carries something in its body.
+bool takesBody(const WebRoute& route);
 /// The message's list of rows; null when the message is not a list.
 const google::protobuf::FieldDescriptor* rowsOf(const google::protobuf::Descriptor& message);
 

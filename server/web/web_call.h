@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -64,10 +65,11 @@ std::optional<std::string> bytesOfBase64Url(std::string_view text);
 /// One API request during its processing.
 struct WebCall {
   WebTarget target;
-  std::vector<std::string> parts;         ///< the values of {…} in the route's pattern
-  nlohmann::json body;                    ///< null: the request has no body
-  std::size_t body_bytes = 0;             ///< of its text
-  std::optional<std::uint32_t> if_match;  ///< the change's base revision
+  std::vector<std::string> parts;  ///< the values of {…} in the route's pattern
+  nlohmann::json body;             ///< null: the request has no body, or `request` has been built from it
+  std::shared_ptr<const pb::Request> request;  ///< null: not built yet
+  std::size_t body_bytes = 0;                  ///< of its text
+  std::optional<std::uint32_t> if_match;       ///< the change's base revision
   Principal who;
 
   /// A query parameter; empty when absent.

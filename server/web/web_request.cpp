@@ -204,8 +204,9 @@ void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error)
              {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
+/// `share`: of the body's JSON. Once the request is built it is the request's, which may wait long.
 Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& route,
-                                std::shared_ptr<WebCall> call) {
+                                std::shared_ptr<WebCall> call, std::optional<ByteBudget::Share> share) {
   ServerContext& context = server->context();
   // parsing a class or a course of a megabyte takes time: not on the network's thread
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
@@ -215,9 +216,13 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   else
     built = build();
   wipeSecrets(call->body);
+  call->body = nullptr;
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
+  if (const std::size_t bytes = built->SpaceUsedLong(); share)
+    share->lower(bytes <= context.bounds.uncounted_decoded_bytes ? 0 : bytes);
   const auto request = wipedWhenReleased(std::move(*built));
+  call->request = request;
   std::function<bool()> gone = asked->gone;
   const auto outcome = co_await executeRequest(context, call->who, request, std::move(gone));
   if (outcome->error) noteNoRoom(context, *call, *outcome->error);
@@ -308,7 +313,7 @@ struct SessionStream {
 /// Takes the room of a piece while it is made. Nothing: the browser is gone.
 Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
   ServerContext& context = server->context();
-  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes());
+  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes(budgetOwner(who, {})));
   auto room = co_await waitForRoom(request, who, context.replies, context.reply_room, bytes);
   context.counters.most_reply_bytes = context.replies.mostTaken();
   co_return room;
@@ -370,6 +375,12 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
   return std::nullopt;
 }
 
+/// Whether there is a body where none is taken. A POST without fields may have an empty object.
+bool hasForeignBody(const HttpRequest& request, const WebRoute& route) {
+  if (request.body.empty() || takesBody(route)) return false;
+  return request.method != "POST" || request.body != "{}";
+}
+
 /// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the
 /// browser is gone.
 Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Principal who,
@@ -377,7 +388,7 @@ Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Princi
   ServerContext& context = server->context();
   if (request->body.size() <= kSmallBody) co_return std::nullopt;
   const std::size_t bytes = jsonBytes(request->body);
-  if (!context.decoded.mayFit(bytes))
+  if (bytes > context.decoded.mostBytes(budgetOwner(who, {})))
     co_return errorAnswer(413, "too_large", "the body has too many values: send less at once");
   share = co_await waitForRoom(request, std::move(who), context.decoded, context.decoded_room, bytes);
   if (share) co_return std::nullopt;
@@ -409,6 +420,8 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   request->route = std::string(route.method) + " " + std::string(route.pattern);
   if (auto foreign = foreignPage(*request, route.how.action == WebAction::kLive))
     co_return std::move(*foreign);
+  if (hasForeignBody(*request, route))
+    co_return errorAnswer(400, "invalid_input", "this address takes no body");
 
   auto call = std::make_shared<WebCall>();
   if (route.how.action == WebAction::kLogIn) {
@@ -456,11 +469,11 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork ||
       route.how.action == WebAction::kSteps) {
     reply_room = co_await waitForRoom(request, call->who, context.replies, context.reply_room,
-                                      replyRoomOf(context, route.call));
+                                      replyRoomOf(context, call->who, route.call));
     if (!reply_room) co_return browserGone();
     context.counters.most_reply_bytes = context.replies.mostTaken();
   }
-  // given back here, on the network's thread, when the request is answered
+  // of the body's JSON; given back on the network's thread
   std::optional<ByteBudget::Share> share;
   if (auto refused = co_await takeShare(server, request, call->who, share)) co_return std::move(*refused);
   if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
@@ -500,7 +513,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   else if (route.how.action == WebAction::kSteps)
     answer = co_await throughSteps(server, request, route, call, std::move(by));
   else
-    answer = co_await throughService(server, request, route, call);
+    answer = co_await throughService(server, request, route, call, std::move(share));
   if (reply_room) {
     reply_room->lower(answer.body.size());
     answer.until_sent = std::make_shared<const ByteBudget::Share>(std::move(*reply_room));

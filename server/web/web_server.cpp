@@ -1,6 +1,7 @@
 #include "server/web/web_server.h"
 
 #include <fmt/core.h>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -8,6 +9,7 @@
 #include "common/base/files.h"
 #include "server/base/listen.h"
 #include "server/base/log.h"
+#include "server/web/routes.h"
 
 namespace needlelab {
 namespace {
@@ -21,6 +23,15 @@ std::filesystem::path defaultWebRoot() {
     if (std::filesystem::is_directory(installed, error)) return installed;
   }
   return NEEDLELAB_WEB_ROOT;
+}
+
+/// Whether there is a route at this address that takes a body.
+bool mayHaveBody(std::string_view method, std::string_view target) {
+  const auto parsed = parseTarget(target);
+  if (!parsed || parsed->segments.size() < 2 || parsed->segments[0] != "api" || parsed->segments[1] != "v1")
+    return false;
+  const WebMatch match = matchRoute(method, std::span(parsed->segments).subspan(2));
+  return match.route != nullptr && takesBody(*match.route);
 }
 
 }  // namespace
@@ -95,8 +106,10 @@ std::optional<HttpAnswer> WebServer::unreadable(const boost::system::error_code&
   return unreadableAnswer(error);
 }
 
-std::size_t WebServer::bodyLimit(const std::string& cookie) const {
-  return sessions_.find(cookie, steadyNowNs()) ? settings_.body_bytes : settings_.stranger_body_bytes;
+std::size_t WebServer::bodyLimit(std::string_view method, std::string_view target,
+                                 const std::string& cookie) const {
+  const bool wanted = mayHaveBody(method, target) && sessions_.find(cookie, steadyNowNs());
+  return wanted ? settings_.body_bytes : settings_.small_body_bytes;
 }
 
 const HttpHeaders& WebServer::commonHeaders() const {

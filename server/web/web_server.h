@@ -28,7 +28,8 @@ struct WebSettings : HttpLimits {
   std::filesystem::path port_file;  ///< written after listening; empty: none
   std::filesystem::path root;       ///< of the console's files; empty: their build or installation folder
 
-  std::size_t stranger_body_bytes = 4u << 10;  ///< before log-in
+  /// Before log-in, and where no body is taken: it is refused then.
+  std::size_t small_body_bytes = 4u << 10;
   /// Connections that have not shown a valid session yet are strangers: only they are counted by address, and
   /// they are cut as on the other port. A connection is used by a request with a session.
   Admission::Settings admission{.max_connections = 512,
@@ -69,7 +70,8 @@ class WebServer : public HttpServer {
   /// web_request.cpp: answers a request.
   Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) override;
   std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) override;
-  [[nodiscard]] std::size_t bodyLimit(const std::string& cookie) const override;
+  [[nodiscard]] std::size_t bodyLimit(std::string_view method, std::string_view target,
+                                      const std::string& cookie) const override;
   [[nodiscard]] const HttpHeaders& commonHeaders() const override;
   void handshakeFailed() override;
   /// Counts the request in the metrics and logs it; of strangers' requests only some a minute.

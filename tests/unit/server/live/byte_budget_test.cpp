@@ -7,16 +7,19 @@
 #include <utility>
 #include <vector>
 
+#include "server/live/context.h"
+
 namespace needlelab {
 namespace {
 
-constexpr ByteBudget::Limits kLimits{.connection = 10, .owner = 25, .people = 60, .server = 80};
+constexpr ByteBudget::Limits kLimits{
+    .connection = 10, .person = 25, .people = 60, .station = 15, .server = 80};
 
 BudgetOwner personAt(const std::string& name, int connection) {
   return {name + " " + std::to_string(connection), "person " + name, true};
 }
-BudgetOwner stationNamed(const std::string& name) {
-  return {"live " + name, "station " + name, false};
+BudgetOwner stationNamed(const std::string& name, int connection = 1) {
+  return {name + " " + std::to_string(connection), "station " + name, false};
 }
 
 TEST(ByteBudget, aConnectionHasItsPartAndGetsItBack) {
@@ -57,11 +60,30 @@ TEST(ByteBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
   EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 8u) << "stations may have all";
 }
 
+TEST(ByteBudget, aStationHasItsPartHoweverManyConnectionsItHas) {
+  ByteBudget budget(kLimits);
+  std::vector<ByteBudget::Share> shares;
+  for (int connection = 0; connection < 100; ++connection)
+    if (auto share = budget.take(stationNamed("s1", connection), 5)) shares.push_back(std::move(*share));
+  EXPECT_EQ(shares.size(), 3u) << "of 15";
+  EXPECT_TRUE(budget.take(stationNamed("s2"), 10).has_value()) << "others have theirs";
+}
+
+TEST(ByteBudget, nobodyHasMoreThanAQuarterOfWhatThereIsForItsKind) {
+  const ConnectionBounds bounds;
+  for (const ByteBudget::Limits& limits : {bounds.decoded, bounds.replies}) {
+    EXPECT_LE(4 * limits.person, limits.people);
+    EXPECT_LE(4 * limits.station, limits.server - limits.people);
+  }
+}
+
 TEST(ByteBudget, whatFitsNeverIsKnownAtOnce) {
   const ByteBudget budget(kLimits);
-  EXPECT_TRUE(budget.mayFit(10));
-  EXPECT_FALSE(budget.mayFit(11));
-  EXPECT_EQ(budget.mostBytes(), 10u);
+  EXPECT_EQ(budget.mostBytes(personAt("anna", 1)), 10u) << "of a connection";
+  EXPECT_EQ(budget.mostBytes(stationNamed("s1")), 10u);
+  const ByteBudget wide({.connection = 99, .person = 25, .people = 60, .station = 15, .server = 80});
+  EXPECT_EQ(wide.mostBytes(personAt("anna", 1)), 25u);
+  EXPECT_EQ(wide.mostBytes(stationNamed("s1")), 15u);
 }
 
 TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {

@@ -175,7 +175,7 @@ TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
   constexpr std::uint64_t kEach = 8, kOthers = 40;
   constexpr std::size_t kLongest = 1u << 20, kBound = 3 * kLongest;
   RunningServer server([](ServerOptions& options) {
-    options.bounds.replies.owner = kBound;
+    options.bounds.replies.person = kBound;
     options.limits.socket_buffer_bytes = 64 << 10;  // less than a reply
     options.limits.write_timeout = std::chrono::minutes(1);
   });

@@ -71,6 +71,16 @@ TEST(Routes, eachIsThereOnceAndHasWhatItsActionNeeds) {
   }
 }
 
+TEST(Routes, takeABodyWhereTheDescriptionHasOne) {
+  const json api = json::parse(openApiText());
+  for (const WebRoute& route : webRoutes()) {
+    std::string method(route.method);
+    for (char& c : method) c = static_cast<char>(std::tolower(c));
+    EXPECT_EQ(takesBody(route), api["paths"][std::string(route.pattern)][method].contains("requestBody"))
+        << route.method << " " << route.pattern;
+  }
+}
+
 TEST(Routes, eachAdapterIsOfARow) {
   for (const RouteAdapter& adapter : routeAdapters()) {
     int rows = 0;

@@ -1,7 +1,10 @@
 // Tests the limits for every peer: sizes, times, numbers, and input that is not HTTP.
 #include <algorithm>
 #include <atomic>
+#include <future>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "tests/unit/server/web/web_lab.h"
 
@@ -97,6 +100,56 @@ TEST(WebLimits, aHeaderAndABodyHaveTheirSizes) {
           .status,
       413);
   EXPECT_EQ(ada.get("/api/v1/session").status, 200) << "the server goes on";
+}
+
+// The finding: bodies of plots, which nobody reads, held the budget of parsed messages as long as the plots
+// were made.
+TEST(WebLimits, aBodyWhereNoneIsTakenIsRefusedAndALongOneUnread) {
+  WebLab lab;
+  const std::string plot = "/api/v1/sessions/" + lab.recorded(1) + "/samples?points=10";
+  Browser ada = lab.browserOf("ada");
+  EXPECT_EQ(askChecked(ada, "GET", plot).status, 200);
+  const std::vector<std::pair<std::string, std::string>> without = {{"GET", plot},
+                                                                    {"GET", "/api/v1/people"},
+                                                                    {"GET", "/api/v1/session"},
+                                                                    {"GET", "/api/v1/openapi.json"},
+                                                                    {"DELETE", "/api/v1/groups/none"},
+                                                                    {"POST", "/api/v1/check"}};
+  for (const auto& [method, path] : without) {
+    const WebReply refused = askChecked(ada, method, path, "[1]");
+    EXPECT_EQ(refused.status, 400) << method << " " << path;
+    EXPECT_EQ(refused.json()["error"]["message"], "this address takes no body") << method << " " << path;
+    // only the header comes: a server that read the body would wait for it
+    WebWire wire(lab.port());
+    WebHeaders headers = ada.own(method);
+    headers.emplace_back("Content-Type", "application/json");
+    headers.emplace_back("Content-Length", "4097");
+    (void)wire.send(requestText(method, path, "", headers));
+    EXPECT_EQ(wire.read().status, 413) << method << " " << path;
+  }
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/check", "{}").status, 200) << "an empty object is no body";
+}
+
+TEST(WebLimits, aRequestThatIsBuiltNoLongerHasTheRoomOfItsJson) {
+  WebLab lab([](ServerOptions& options) { options.bounds.decoded.people = 30'000; });
+  Browser mara = lab.browserOf("mara"), ada = lab.browserOf("ada");
+  const auto padded = [](const json& body) { return std::string(20'000, ' ') + body.dump(); };
+  std::promise<void> go;
+  DbWriter::Work wait = [held = go.get_future().share()](Connection&) {
+    held.wait();
+    return Status();
+  };
+  ASSERT_TRUE(lab.server().server().store().writer().post(std::move(wait), {}).ok());
+  WebWire waits(lab.port());
+  WebHeaders headers = mara.own("POST");
+  (void)waits.send(requestText("POST", "/api/v1/groups",
+                               padded({{"id", "autumn"}, {"name", "Autumn"}, {"members", json::array()}}),
+                               headers));
+  // no two fit beside each other: once the group waits for the writer, none would be answered any more
+  for (int i = 0; i < 50; ++i)
+    ASSERT_EQ(ada.ask("POST", "/api/v1/profiles/check", padded(json::object())).status, 200) << i;
+  go.set_value();
+  EXPECT_EQ(waits.read().status, 201);
 }
 
 TEST(WebLimits, whatIsNoHttpIsEnded) {
@@ -431,7 +484,7 @@ TEST(WebLimits, whoHasTheMostConnectionsGivesWayToPeopleWhoHaveFewer) {
 
 TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome) {
   constexpr std::size_t kLongest = 1u << 20;  // the room of a reply while it is made
-  WebLab lab([](ServerOptions& options) { options.bounds.replies.owner = 2 * kLongest; });
+  WebLab lab([](ServerOptions& options) { options.bounds.replies.person = 2 * kLongest; });
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
   std::vector<std::unique_ptr<WebWire>> open;
   for (int i = 0; i < 12; ++i) {
@@ -448,7 +501,7 @@ TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome)
 TEST(WebLimits, downloadsThatNobodyReadsHaveABoundInBytesOverAllConnectionsAndOthersComplete) {
   constexpr std::size_t kOfOne = 3u << 20, kOfPeople = 6u << 20;
   WebLab lab([](ServerOptions& options) {
-    options.bounds.replies.owner = kOfOne;
+    options.bounds.replies.person = kOfOne;
     options.bounds.replies.people = kOfPeople;
   });
   constexpr std::uint64_t kChunks = 1500;  // of 100 samples; some 13 MB of CSV, more than the sockets hold
