@@ -420,14 +420,15 @@ TEST_F(Teaching, whoWatchesLiveIsInTheAuditLogOnceAnHour) {
   addStation();
   const Uuid open = addSession("anna", 1);
   const Principal other{"mia", pb::CURRICULUM_MANAGER};
+  const auto hears = [](const Error& error) { ADD_FAILURE() << error.message; };
   for (int again = 0; again < 3; ++again) {
-    store->service().noteWatching(instructor, "station-1", "");
-    store->service().noteWatching(instructor, "", test::bytesOfId(open));
-    store->service().noteWatching(instructor, "", "");
-    store->service().noteWatching(instructor, "made up", "");
-    store->service().noteWatching(instructor, "", test::bytesOfId(makeUuidV7()));
+    store->service().noteWatching(instructor, "station-1", "", hears);
+    store->service().noteWatching(instructor, "", test::bytesOfId(open), hears);
+    store->service().noteWatching(instructor, "", "", hears);
+    store->service().noteWatching(instructor, "made up", "", hears);
+    store->service().noteWatching(instructor, "", test::bytesOfId(makeUuidV7()), hears);
   }
-  store->service().noteWatching(other, "station-1", "");
+  store->service().noteWatching(other, "station-1", "", hears);
   // the writer comes to the end of them
   ASSERT_OK(change([](Connection&) { return Status(); }));
   pb::Request list;
