@@ -44,7 +44,7 @@ class DbWriter {
     std::size_t max_items = 16384;  ///< in the queue; more are refused
     /// Beyond these, for items that are posted with Places::kKept.
     std::size_t kept_items = 256;
-    std::size_t max_group = 4096;   ///< items in a transaction; the window ends early when the group is full
+    std::size_t max_group = 4096;  ///< items in a transaction; the window ends early when the group is full
     /// Receives the text of an exception from an item, after the item was rolled back and refused like any
     /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};

@@ -220,7 +220,8 @@ class Service {
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;
   ReaderPool& readers_;
-  const std::shared_ptr<ExportLedger> exports_ = std::make_shared<ExportLedger>();  ///< the writer's items have it
+  const std::shared_ptr<ExportLedger> exports_ =
+      std::make_shared<ExportLedger>();  ///< the writer's items have it
   CodeGuard codes_;
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time

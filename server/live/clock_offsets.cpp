@@ -18,7 +18,8 @@ void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offse
         state->end(item);
         for (const auto& [id, best] : *item) {
           // one that was erased meanwhile keeps no other from its offset
-          const Status stored = SessionStore(connection).setClockOffset(id, best.offset_ns, best.round_trip_ns);
+          const Status stored =
+              SessionStore(connection).setClockOffset(id, best.offset_ns, best.round_trip_ns);
           if (stored.ok()) continue;
           if (stored.error().code != ErrorCode::kNotFound) return stored;
           state->sayNotStored(stored.error());

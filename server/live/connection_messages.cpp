@@ -118,8 +118,8 @@ std::optional<pb::Refusal> PeerConnection::tooLong(const EnvelopeHead& head) con
       return makeRefusal(
           pb::Refusal::TOO_LARGE,
           fmt::format("{} has {} bytes, at most {} are allowed",
-                      pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body))->name(), bytes,
-                      context_.bounds.small_message_bytes));
+                      pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body))->name(),
+                      bytes, context_.bounds.small_message_bytes));
     default:
       return std::nullopt;
   }
@@ -216,8 +216,9 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
         refuse(std::move(*refusal));
       else
         context_.store.service().noteWatching(
-            who_, wanted.station(), wanted.session_id(),
-            [](const Error& error) { logEvent(LogLevel::kError, "audit_failed", {{"text", error.message}}); });
+            who_, wanted.station(), wanted.session_id(), [](const Error& error) {
+              logEvent(LogLevel::kError, "audit_failed", {{"text", error.message}});
+            });
       break;
     }
     case pb::Envelope::kUnsubscribe: {

@@ -527,8 +527,8 @@ TEST(DurablePlane, aClockOffsetWithoutARoundTripIsRefused) {
     EXPECT_EQ(refusal.reason(), pb::Refusal::INVALID);
     EXPECT_FALSE(refusal.fatal());
     EXPECT_EQ(refusal.session_id(), s.session.id());
-    EXPECT_EQ(refusal.text(), "clock_offset.round_trip_ns is " + std::to_string(round_trip_ns) +
-                                  ", allowed is above 0");
+    EXPECT_EQ(refusal.text(),
+              "clock_offset.round_trip_ns is " + std::to_string(round_trip_ns) + ", allowed is above 0");
   }
 }
 

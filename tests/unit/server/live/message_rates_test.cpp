@@ -20,7 +20,7 @@ TEST(MessageRates, soManyAtOnceThenSoManyASecond) {
   MessageRates rates(50, 5);
   const auto bench = rates.of("station bench", 0);
   EXPECT_EQ(takenAt(*bench, 0, 1000), 50);
-  EXPECT_EQ(takenAt(*bench, 2 * kSecond_ns, 1000), 10) << "what was refused filled nothing";
+  EXPECT_EQ(takenAt(*bench, 21 * kSecond_ns / 10, 1000), 10) << "what was refused filled nothing";
   EXPECT_EQ(takenAt(*bench, 100 * kSecond_ns, 1000), 50);
 }
 
