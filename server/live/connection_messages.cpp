@@ -103,28 +103,6 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
   return true;
 }
 
-/// The refusal of a small message that is longer than any of its kind.
-std::optional<pb::Refusal> PeerConnection::tooLong(const EnvelopeHead& head) const {
-  const std::size_t bytes = head.payload.size();
-  switch (head.body) {
-    case pb::Envelope::kStationStatus:
-      return context_.hub.checkStatusBytes(bytes);
-    case pb::Envelope::kClockOffset:
-    case pb::Envelope::kPing:
-    case pb::Envelope::kPong:
-    case pb::Envelope::kSubscribe:
-    case pb::Envelope::kUnsubscribe:
-      if (bytes <= context_.bounds.small_message_bytes) return std::nullopt;
-      return makeRefusal(
-          pb::Refusal::TOO_LARGE,
-          fmt::format("{} has {} bytes, at most {} are allowed",
-                      pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body))->name(),
-                      bytes, context_.bounds.small_message_bytes));
-    default:
-      return std::nullopt;
-  }
-}
-
 /// Waits until the message fits beside those that are not done yet; meanwhile this socket is not read.
 /// Nothing: it is refused, or the connection ends.
 Task<std::optional<ByteBudget::Share>> PeerConnection::roomForDecoded(std::size_t bytes,
@@ -235,6 +213,28 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       break;
     default:
       break;  // mayRead permits no other body
+  }
+}
+
+/// The refusal of a small message that is longer than any of its kind.
+std::optional<pb::Refusal> PeerConnection::tooLong(const EnvelopeHead& head) const {
+  const std::size_t bytes = head.payload.size();
+  switch (head.body) {
+    case pb::Envelope::kStationStatus:
+      return context_.hub.checkStatusBytes(bytes);
+    case pb::Envelope::kClockOffset:
+    case pb::Envelope::kPing:
+    case pb::Envelope::kPong:
+    case pb::Envelope::kSubscribe:
+    case pb::Envelope::kUnsubscribe:
+      if (bytes <= context_.bounds.small_message_bytes) return std::nullopt;
+      return makeRefusal(
+          pb::Refusal::TOO_LARGE,
+          fmt::format("{} has {} bytes, at most {} are allowed",
+                      pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body))->name(),
+                      bytes, context_.bounds.small_message_bytes));
+    default:
+      return std::nullopt;
   }
 }
 
