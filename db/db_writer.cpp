@@ -40,13 +40,13 @@ DbWriter::~DbWriter() {
   stop();
 }
 
-Status DbWriter::post(Work work, Done done) {
+Status DbWriter::post(Work work, Done done, Places places) {
   bool wakes = false;
   {
     const std::lock_guard lock(mutex_);
     if (refuses_) return *failed_;
     if (stopping_ || failed_) return stoppedError(failed_);
-    if (queue_.size() >= options_.max_items) {
+    if (queue_.size() >= options_.max_items + (places == Places::kKept ? options_.kept_items : 0)) {
       return Error{
           ErrorCode::kUnavailable,
           fmt::format("the database writer's queue is full with {} items: try again later", queue_.size())};

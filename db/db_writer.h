@@ -42,7 +42,9 @@ class DbWriter {
     /// Between two tries to empty the log while readers need it. Commits wait for 50 ms in each.
     std::chrono::milliseconds empty_every{1000};
     std::size_t max_items = 16384;  ///< in the queue; more are refused
-    std::size_t max_group = 4096;   ///< items in a transaction; the window ends early when the group is full
+    /// Beyond these, for items that are posted with Places::kKept.
+    std::size_t kept_items = 256;
+    std::size_t max_group = 4096;  ///< items in a transaction; the window ends early when the group is full
     /// Receives the text of an exception from an item, after the item was rolled back and refused like any
     /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};
@@ -79,9 +81,11 @@ class DbWriter {
   /// Calls stop().
   ~DbWriter();
 
+  /// kKept: an item of the audit log, of which few come, also where others fill the queue.
+  enum class Places { kCommon, kKept };
   /// Queues an item. Fails at once with kUnavailable, without calling `done`, when the queue is full or the
   /// writer is stopping or has failed. `done` may be empty.
-  Status post(Work work, Done done);
+  Status post(Work work, Done done, Places places = Places::kCommon);
 
   /// Posts an item and waits for its result. Not from the writer's thread.
   Status run(Work work);

@@ -205,6 +205,7 @@ int Server::run() {
   asio::co_spawn(p.io, p.hangUpLoop(), rethrow);
   p.io.run();
   p.context->login_lines.sayLeftOut(INT64_MAX);
+  p.context->clock_offsets.sayLeftOut(INT64_MAX);
   // all connections have ended; the writer commits its queue before it ends
   p.store->writer().stop();
   if (const auto failed = p.store->writer().failed(); failed && !p.store->readOnly()) {

@@ -33,7 +33,7 @@ void noteLocked(const Context& context, const std::string& name, const std::stri
       0, context.now_unix_ns, context.who.name, "code locked", name, "too many wrong codes: waits " + wait};
   static_cast<void>(context.writer.post(
       [line = std::move(line)](Connection& writer) { return AuditStore(writer).add(line); },
-      [](const Status&) {}));
+      [](const Status&) {}, DbWriter::Places::kKept));
 }
 
 Result<pb::Reply> settingsReply(Connection& connection) {

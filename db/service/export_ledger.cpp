@@ -54,7 +54,7 @@ bool ExportLedger::isNew(const Principal& who, std::string_view what, std::int64
   };
   const std::lock_guard lock(mutex_);
   while (!in_order_.empty() && isOld(in_order_.front().second)) dropFirst();
-  const std::string key = who.name + "\n" + std::string(what);
+  const std::string key = keyOf(who, what);
   const auto note = noted_.find(key);
   // behind one that a clock that was set back has made young, an old one may stand
   if (note != noted_.end() && !isOld(note->second)) return false;
@@ -63,6 +63,15 @@ bool ExportLedger::isNew(const Principal& who, std::string_view what, std::int64
   noted_[key] = now_unix_ns;
   in_order_.emplace_back(key, now_unix_ns);
   return true;
+}
+
+void ExportLedger::takeBack(const Principal& who, std::string_view what) {
+  const std::lock_guard lock(mutex_);
+  noted_.erase(keyOf(who, what));
+}
+
+std::string ExportLedger::keyOf(const Principal& who, std::string_view what) {
+  return who.name + "\n" + std::string(what);
 }
 
 void ExportLedger::dropFirst() {

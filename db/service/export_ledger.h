@@ -33,9 +33,12 @@ class ExportLedger {
   /// True when the audit log should record that `who` reads `what` now: once an hour, for data that takes
   /// many requests to read. Logarithmic in the number of notes, also on average when old ones end.
   bool isNew(const Principal& who, std::string_view what, std::int64_t now_unix_ns);
+  /// Takes back what isNew() noted, because its line was not stored: the next read is new again.
+  void takeBack(const Principal& who, std::string_view what);
 
  private:
   [[nodiscard]] std::string seal16(const Principal& who, std::string_view what, std::string_view place) const;
+  static std::string keyOf(const Principal& who, std::string_view what);
   void dropFirst();
   std::array<unsigned char, 32> key_{};
   std::mutex mutex_;

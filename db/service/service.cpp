@@ -112,7 +112,7 @@ Result<pb::Reply> Service::withReader(
     const Principal& who, std::string_view action,
     const std::function<Result<pb::Reply>(const handlers::Context&)>& work) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  return work({who, writer_, *reader, wallNowNs(), action, exports_, codes_, &cancelled_, &reference_paths_,
+  return work({who, writer_, *reader, wallNowNs(), action, *exports_, codes_, &cancelled_, &reference_paths_,
                &disks_, backup_key_ ? &*backup_key_ : nullptr});
 }
 
@@ -343,6 +343,10 @@ Status Service::note(const std::string& who, const std::string& action, const st
 
 void Service::noteSoon(const std::string& who, const std::string& action, const std::string& subject,
                        const std::string& detail, std::function<void(const Error&)> failed) {
+  addSoon({{0, wallNowNs(), who, action, subject, detail}, std::move(failed)});
+}
+
+void Service::addSoon(SoonNoted::Line line) {
   std::optional<Error> refused;
   {
     const std::lock_guard lock(soon_noted_->mutex);
@@ -351,26 +355,30 @@ void Service::noteSoon(const std::string& who, const std::string& action, const 
       const Status posted = writer_.post(
           [noted = soon_noted_, item](Connection& writer) -> Status {
             noted->end(item);
-            for (const AuditRow& line : item->lines) RETURN_IF_ERROR(AuditStore(writer).add(line));
+            for (const SoonNoted::Line& each : *item) {
+              if (each.wanted) {
+                ASSIGN_OR_RETURN(const bool wanted, each.wanted(writer));
+                if (!wanted) continue;
+              }
+              RETURN_IF_ERROR(AuditStore(writer).add(each.row));
+            }
             return {};
           },
           [noted = soon_noted_, item](const Status& stored) {
             noted->end(item);  // also where the work did not begin
             if (stored.ok()) return;
-            for (const auto& hears : item->failed) hears(stored.error());
-          });
+            for (const SoonNoted::Line& each : *item) each.failed(stored.error());
+          },
+          DbWriter::Places::kKept);
       if (posted.ok()) {
         soon_noted_->open = item;
       } else {
         refused = posted.error();
       }
     }
-    if (!refused) {
-      soon_noted_->open->lines.push_back({0, wallNowNs(), who, action, subject, detail});
-      soon_noted_->open->failed.push_back(failed);
-    }
+    if (!refused) soon_noted_->open->push_back(std::move(line));
   }
-  if (refused) failed(*refused);
+  if (refused) line.failed(*refused);
 }
 
 void Service::SoonNoted::end(const std::shared_ptr<Item>& item) {
@@ -379,30 +387,39 @@ void Service::SoonNoted::end(const std::shared_ptr<Item>& item) {
 }
 
 Status Service::noteLogin(const Principal& who, const std::string& host) {
-  if (who.role == pb::TRAINEE || !exports_.isNew(who, "log-in\n" + host, wallNowNs())) return {};
-  return note(who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host);
+  const std::string what = "log-in\n" + host;
+  if (who.role == pb::TRAINEE || !exports_->isNew(who, what, wallNowNs())) return {};
+  Status noted = note(who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host);
+  if (!noted.ok()) exports_->takeBack(who, what);
+  return noted;
 }
 
-void Service::noteWatching(const Principal& who, const std::string& station, const std::string& session) {
+void Service::noteWatching(const Principal& who, const std::string& station, const std::string& session,
+                           std::function<void(const Error&)> failed) {
   if (station.empty() && session.empty()) return;
   const std::int64_t now_unix_ns = wallNowNs();
-  if (!exports_.isNew(who, "watch\n" + station + "\n" + session, now_unix_ns)) return;
-  const AuditRow line{0,
-                      now_unix_ns,
-                      who.name,
-                      "watch live",
-                      session.empty() ? station : sessionText(session),
-                      session.empty() ? "a station" : "a session"};
+  const std::string what = "watch\n" + station + "\n" + session;
+  if (!exports_->isNew(who, what, now_unix_ns)) return;
   // without the line watching goes on: nobody may wait on the network's thread
-  static_cast<void>(writer_.post(
-      [line, station, session](Connection& writer) -> Status {
-        auto known = session.empty() ? writer.query("SELECT 1 FROM stations WHERE name = ?", station)
-                                     : writer.query("SELECT 1 FROM sessions WHERE id = ? AND state = ?",
-                                                    viewOf(session), static_cast<int>(pb::SESSION_OPEN));
-        ASSIGN_OR_RETURN(const bool found, known.step());
-        return found ? AuditStore(writer).add(line) : Status();
-      },
-      [](const Status&) {}));
+  SoonNoted::Line line;
+  line.row = {0,
+              now_unix_ns,
+              who.name,
+              "watch live",
+              session.empty() ? station : sessionText(session),
+              session.empty() ? "a station" : "a session"};
+  line.failed = [exports = exports_, who, what, failed = std::move(failed)](const Error& error) {
+    exports->takeBack(who, what);
+    failed(error);
+  };
+  line.wanted = [station, session](Connection& writer) -> Result<bool> {
+    auto known = session.empty() ? writer.query("SELECT 1 FROM stations WHERE name = ?", station)
+                                 : writer.query("SELECT 1 FROM sessions WHERE id = ? AND state = ?",
+                                                viewOf(session), static_cast<int>(pb::SESSION_OPEN));
+    ASSIGN_OR_RETURN(const bool found, known.step());
+    return found;
+  };
+  addSoon(std::move(line));
 }
 
 }  // namespace needlelab

@@ -167,7 +167,9 @@ class Service {
   /// Writes down that `who` begins to watch a station or, if `session` is not empty, a session live: for each
   /// person and what is watched once an hour. Only stations and open sessions that exist get a line, so that
   /// made-up ones fill nothing. Does not wait; thread: any.
-  void noteWatching(const Principal& who, const std::string& station, const std::string& session);
+  /// `failed`: as in noteSoon(); the next time that `who` watches it has a line then.
+  void noteWatching(const Principal& who, const std::string& station, const std::string& session,
+                    std::function<void(const Error&)> failed);
   /// Writes down that staff or a researcher has logged in from `host`: for each person and host once an hour.
   Status noteLogin(const Principal& who, const std::string& host);
 
@@ -181,12 +183,14 @@ class Service {
     std::uint64_t event_bytes = 0;  ///< as in CloseOutcome
     bool is_pending = false;        ///< nothing is stored yet: not all distances are computed
   };
-  /// Lines of noteSoon() on their way to the writer, whose queue may outlive the service.
+  /// Lines of noteSoon() and noteWatching() on their way to the writer, whose queue may outlive the service.
   struct SoonNoted {
-    struct Item {
-      std::vector<AuditRow> lines;
-      std::vector<std::function<void(const Error&)>> failed;  ///< of each line
+    struct Line {
+      AuditRow row;
+      std::function<void(const Error&)> failed;
+      std::function<Result<bool>(Connection&)> wanted{};  ///< whether it is stored; empty: it is
     };
+    using Item = std::vector<Line>;
     /// No further line belongs to this item.
     void end(const std::shared_ptr<Item>& item);
     std::mutex mutex;
@@ -216,7 +220,8 @@ class Service {
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;
   ReaderPool& readers_;
-  ExportLedger exports_;
+  const std::shared_ptr<ExportLedger> exports_ =
+      std::make_shared<ExportLedger>();  ///< the writer's items have it
   CodeGuard codes_;
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
@@ -228,6 +233,7 @@ class Service {
       score_faults_;  ///< of sessions closed by this process; guarded by faults_mutex_
   /// Why samplesOf() refused sessions that somebody had scored anew; guarded by faults_mutex_.
   std::map<Uuid, Error> unreadable_;
+  void addSoon(SoonNoted::Line line);
   const std::shared_ptr<SoonNoted> soon_noted_ = std::make_shared<SoonNoted>();
   ReferencePaths reference_paths_;
   RunningHashes running_hashes_;

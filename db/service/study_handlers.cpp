@@ -320,8 +320,13 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
   for (const StudySession& session : sessions) {
     if (study->sessionName(session.id) != call.session()) continue;
     // before any data is returned
-    if (context.exports.isNew(context.who, call.study() + "\n" + call.session(), context.now_unix_ns)) {
-      RETURN_IF_ERROR(write(context, call.study(), call.session(), [](Connection&) { return Status(); }));
+    const std::string what = call.study() + "\n" + call.session();
+    if (context.exports.isNew(context.who, what, context.now_unix_ns)) {
+      const Status noted = write(context, call.study(), call.session(), [](Connection&) { return Status(); });
+      if (!noted.ok()) {
+        context.exports.takeBack(context.who, what);
+        return noted.error();
+      }
     }
     pb::ReadChunks read;
     read.set_session_id(session.id.data(), session.id.size());

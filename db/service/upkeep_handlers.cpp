@@ -91,7 +91,9 @@ Status noteRead(const Context& context, const std::string& subject, const std::s
   const std::string what = std::string(context.action) + "\n" + subject + "\n" + detail;
   if (!context.exports.isNew(context.who, what, context.now_unix_ns)) return {};
   const Status noted = write(context, subject, detail, [](Connection&) { return Status(); });
-  return context.writer.failed() ? Status() : noted;
+  if (context.writer.failed()) return {};
+  if (!noted.ok()) context.exports.takeBack(context.who, what);
+  return noted;
 }
 
 pb::Reply doneReply() {

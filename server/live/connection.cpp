@@ -15,6 +15,8 @@ PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::sh
       channel_(std::move(channel)),
       pong_(channel_->executor()),
       freed_(channel_->executor()),
+      small_messages_(std::make_shared<MessageBucket>(context.bounds.small_messages_at_once,
+                                                      context.bounds.small_messages_per_s)),
       address_key_(Admission::keyOf(peerHost())) {}
 
 PeerConnection::~PeerConnection() = default;

@@ -107,6 +107,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   bool passLive(ByteView frame);
   Task<Status> take(ByteView frame);
   [[nodiscard]] bool mayRead(const EnvelopeHead& head);
+  [[nodiscard]] std::optional<pb::Refusal> tooLong(const EnvelopeHead& head) const;
   Task<std::optional<ByteBudget::Share>> roomForDecoded(std::size_t bytes, std::uint64_t request);
   Task<std::optional<ByteBudget::Share>> waitForRoom(ByteBudget& budget, std::shared_ptr<Signal> freed,
                                                      std::size_t bytes);
@@ -154,8 +155,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::size_t requests_at_work_ = 0;
   std::size_t refusals_ = 0;          // sent by this server
   std::size_t refusals_of_peer_ = 0;  // after log-in
-  double small_messages_ = 0;         // decays with time
-  std::int64_t small_messages_at_ns_ = 0;
+  /// Its own until the log-in, then the account's (MessageRates).
+  std::shared_ptr<MessageBucket> small_messages_;
   bool told_no_room_ = false;  // in the log
   bool acks_scheduled_ = false;
   /// gone(), for work on other threads that waits for its turn.

@@ -156,6 +156,7 @@ bool PeerConnection::takePlace() {
 
 Task<> PeerConnection::welcome(std::int64_t password_ns) {
   auto self = shared_from_this();
+  small_messages_ = context_.small_messages.of(turnNameOf(who_), steadyNowNs());
   pb::Envelope envelope;
   pb::Welcome& welcome = *envelope.mutable_welcome();
   if (who_.role == pb::STATION) {

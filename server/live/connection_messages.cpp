@@ -7,6 +7,7 @@
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests.h"
+#include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/request_effects.h"
 
@@ -42,10 +43,12 @@ Task<Status> PeerConnection::take(ByteView frame) {
     if (!shares.reply) co_return Status{};
     context_.counters.most_reply_bytes = context_.replies.mostTaken();
   }
-  // chunks have limits of their own (busy); before log-in a message is small, and done at once
-  if (head->body != pb::Envelope::kChunk && who_.role != pb::ROLE_UNSPECIFIED &&
-      cost->decoded_bytes > context_.bounds.uncounted_decoded_bytes) {
-    shares.decoded = co_await roomForDecoded(cost->decoded_bytes, head->request_id);
+  // a chunk's own bytes have limits of their own (busy), what else stands in it does not
+  const std::size_t elsewhere = head->body == pb::Envelope::kChunk ? head->payload.size() : 0;
+  const std::size_t counted = cost->decoded_bytes - std::min(cost->decoded_bytes, elsewhere);
+  // before log-in a message is small, and done at once
+  if (who_.role != pb::ROLE_UNSPECIFIED && counted > context_.bounds.uncounted_decoded_bytes) {
+    shares.decoded = co_await roomForDecoded(counted, head->request_id);
     if (!shares.decoded) co_return Status{};
   }
   auto envelope = co_await parse(frame, *cost);
@@ -92,6 +95,7 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
     case Verdict::kNeverFromPeer:
       return refuseUnparsed(makeRefusal(pb::Refusal::STATE, text("is sent by servers only")));
   }
+  if (auto refusal = tooLong(head)) return refuseUnparsed(std::move(*refusal));
   if (head.body == pb::Envelope::kRequest) {
     if (const Status role = checkRole(who_, head.call); !role.ok())
       return refuseUnparsed(refusalOf(role.error()));
@@ -197,7 +201,10 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       if (refusal)
         refuse(std::move(*refusal));
       else
-        context_.store.service().noteWatching(who_, wanted.station(), wanted.session_id());
+        context_.store.service().noteWatching(
+            who_, wanted.station(), wanted.session_id(), [](const Error& error) {
+              logEvent(LogLevel::kError, "audit_failed", {{"text", error.message}});
+            });
       break;
     }
     case pb::Envelope::kUnsubscribe: {
@@ -217,19 +224,32 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
   }
 }
 
+/// The refusal of a small message that is longer than any of its kind.
+std::optional<pb::Refusal> PeerConnection::tooLong(const EnvelopeHead& head) const {
+  const std::size_t bytes = head.payload.size();
+  switch (head.body) {
+    case pb::Envelope::kStationStatus:
+      return context_.hub.checkStatusBytes(bytes);
+    case pb::Envelope::kClockOffset:
+    case pb::Envelope::kPing:
+    case pb::Envelope::kPong:
+    case pb::Envelope::kSubscribe:
+    case pb::Envelope::kUnsubscribe:
+      if (bytes <= context_.bounds.small_message_bytes) return std::nullopt;
+      return makeRefusal(
+          pb::Refusal::TOO_LARGE,
+          fmt::format("{} has {} bytes, at most {} are allowed",
+                      pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body))->name(),
+                      bytes, context_.bounds.small_message_bytes));
+    default:
+      return std::nullopt;
+  }
+}
+
 bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
   // limited by pending work instead: busy()
   if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest) return false;
-  const std::int64_t now = steadyNowNs();
-  const double leaked =
-      context_.bounds.small_messages_per_s * 1e-9 * static_cast<double>(now - small_messages_at_ns_);
-  small_messages_ = std::max(0.0, small_messages_ - leaked);
-  small_messages_at_ns_ = now;
-  if (small_messages_ + 1 > context_.bounds.small_messages_at_once) return true;
-  // what is refused fills nothing: a station that asks again for all its sessions gets on, however many it
-  // has
-  small_messages_ += 1;
-  return false;
+  return !small_messages_->take(steadyNowNs());
 }
 
 void PeerConnection::answerPing(const pb::Ping& ping) {

@@ -150,7 +150,12 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   ++chunks_in_flight_;
   context_.chunks_in_flight.add(chunk.data().size());
   chunk_bytes_in_flight_ += chunk.data().size();
-  auto shared = std::make_shared<const pb::Chunk>(std::move(chunk));
+  // without what else stood in it, which nothing counts while it waits
+  const auto known = std::make_shared<pb::Chunk>();
+  known->set_session_id(chunk.session_id());
+  known->set_seq(chunk.seq());
+  known->set_data(std::move(*chunk.mutable_data()));
+  const std::shared_ptr<const pb::Chunk> shared = known;
   auto appended = std::make_shared<Appended>();
   DbWriter::Work work = [shared, appended, id = *id, station = who_.name,
                          &quotas = context_.quotas](Connection& writer) -> Status {
@@ -383,15 +388,14 @@ void PeerConnection::takeClockOffset(const pb::ClockOffset& offset) {
                           offset.session_id()));
     return;
   }
-  DbWriter::Work work = [id = *id, offset](Connection& writer) {
-    return SessionStore(writer).setClockOffset(id, offset.offset_ns(), offset.round_trip_ns());
-  };
-  DbWriter::Done done = [conn = id_](const Status& status) {
-    if (!status.ok())
-      logEvent(LogLevel::kWarning, "clock_offset_not_stored",
-               {{"conn", conn}, {"text", status.error().message}});
-  };
-  if (const Status posted = context_.store.writer().post(std::move(work), done); !posted.ok()) done(posted);
+  if (offset.round_trip_ns() <= 0) {
+    refuse(sessionRefusal(
+        pb::Refusal::INVALID,
+        fmt::format("clock_offset.round_trip_ns is {}, allowed is above 0", offset.round_trip_ns()),
+        offset.session_id()));
+    return;
+  }
+  context_.clock_offsets.put(context_.store.writer(), *id, offset.offset_ns(), offset.round_trip_ns());
 }
 
 Task<> PeerConnection::tellSafe(std::shared_ptr<PeerConnection> self) {

@@ -20,6 +20,7 @@
 #include "server/live/admission.h"
 #include "server/live/byte_budget.h"
 #include "server/live/chunk_budget.h"
+#include "server/live/clock_offsets.h"
 #include "server/live/disk_room.h"
 #include "server/live/fair_pool.h"
 #include "server/live/handshake_turns.h"
@@ -27,6 +28,7 @@
 #include "server/live/login_guard.h"
 #include "server/live/login_lines.h"
 #include "server/live/login_queue.h"
+#include "server/live/message_rates.h"
 #include "server/live/offload.h"
 #include "server/live/password_pool.h"
 #include "server/live/people_shares.h"
@@ -50,8 +52,12 @@ struct ConnectionBounds {
   LoginQueue::Settings logins;              ///< of the whole server, that wait for the password check
   std::uint64_t login_lines_a_minute = 60;  ///< in the log, of refused ones (login_lines.h)
   std::size_t connections_of_person = 256;  ///< logged in at once
-  double small_messages_at_once = 5000;     ///< all but chunks and requests, which have their own limits
+  /// Of a station or person, by all of its connections: all but chunks and requests, which have their own
+  /// limits.
+  double small_messages_at_once = 5000;
   double small_messages_per_s = 500;
+  /// A ClockOffset, Ping, Pong, Subscribe or Unsubscribe with more bytes is refused unparsed.
+  std::size_t small_message_bytes = 4u << 10;
   std::size_t refusals = 200;  ///< refused messages after log-in; then the connection ends
   /// Time for a station to confirm an instructor's message; after that the instructor gets an error.
   std::chrono::milliseconds confirm_timeout{5'000};
@@ -151,6 +157,8 @@ struct ServerContext {
   /// Of each station, on `closers`.
   std::unique_ptr<FairPool> closes_in_turn = std::make_unique<FairPool>(closers, kCloserThreads);
   StationCloses closes{bounds.closes_of_station};
+  MessageRates small_messages{bounds.small_messages_at_once, bounds.small_messages_per_s};
+  ClockOffsets clock_offsets{};
   /// Keys, tokens and open sessions of those who log in, on `logins`.
   std::unique_ptr<FairPool> logins_in_turn = std::make_unique<FairPool>(logins, kLoginThreads);
   /// Whatever hashes, on `passwords`.

@@ -101,13 +101,16 @@ void Hub::detachStation(const std::string& name, const HubPeer& peer) {
   forgetIfUnused(name);
 }
 
+std::optional<pb::Refusal> Hub::checkStatusBytes(std::size_t bytes) const {
+  if (bytes <= settings_.max_status_bytes) return std::nullopt;
+  return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a status line of {} bytes: the limit is {}", bytes,
+                                                         settings_.max_status_bytes));
+}
+
 std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::StationStatus& status,
                                          std::int64_t now_ns) {
   if (auto wrong = checkSessionId("station_status", status.session_id())) return wrong;
-  if (const std::size_t bytes = status.ByteSizeLong(); bytes > settings_.max_status_bytes) {
-    return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a status line of {} bytes: the limit is {}",
-                                                           bytes, settings_.max_status_bytes));
-  }
+  if (auto wrong = checkStatusBytes(status.ByteSizeLong())) return wrong;
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
   Station& station = found->second;

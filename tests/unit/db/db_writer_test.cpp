@@ -146,6 +146,29 @@ TEST(DbWriter, aFullQueueRefusesAtOnce) {
   EXPECT_EQ(writer.counters().items, 4u);
 }
 
+TEST(DbWriter, aFullQueueHasPlacesThatAreKeptAndTheyAreBoundedToo) {
+  test::TestDb db;
+  std::promise<void> go;
+  auto gate = go.get_future().share();
+  DbWriter writer(std::move(db.writer), {.window = 0ms, .max_items = 3, .kept_items = 2}, {});
+  std::promise<void> running;
+  ASSERT_OK(
+      writer.post([&running, gate](Connection&) { return running.set_value(), gate.wait(), Status(); }, {}));
+  running.get_future().wait();
+  const auto post = [&](const std::string& name, DbWriter::Places places) {
+    return writer.post(addStation(name), {}, places).ok();
+  };
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(post("s" + std::to_string(i), DbWriter::Places::kCommon));
+  for (int i = 3; i < 5; ++i) {
+    EXPECT_FALSE(post("more", DbWriter::Places::kCommon));
+    EXPECT_TRUE(post("s" + std::to_string(i), DbWriter::Places::kKept));
+  }
+  EXPECT_FALSE(post("more", DbWriter::Places::kKept));
+  go.set_value();
+  writer.stop();
+  EXPECT_EQ(writer.counters().items, 6u);
+}
+
 TEST(DbWriter, stopCommitsWhatIsQueuedAndThenTakesNothing) {
   test::TestDb db;
   auto reader = db.reader();

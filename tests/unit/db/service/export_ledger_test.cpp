@@ -27,6 +27,18 @@ TEST(ExportLedger, aClockThatIsSetBackMakesAReadNew) {
   EXPECT_FALSE(ledger.isNew(kIna, "a", kHour_ns + 1));
 }
 
+TEST(ExportLedger, whatWasTakenBackIsNewAgainForThatPersonAlone) {
+  ExportLedger ledger;
+  const Principal max{"max", pb::INSTRUCTOR};
+  ASSERT_TRUE(ledger.isNew(kIna, "a", 0));
+  ASSERT_TRUE(ledger.isNew(max, "a", 0));
+  ledger.takeBack(kIna, "a");
+  ledger.takeBack(kIna, "never noted");
+  EXPECT_TRUE(ledger.isNew(kIna, "a", 1));
+  EXPECT_FALSE(ledger.isNew(kIna, "a", 2));
+  EXPECT_FALSE(ledger.isNew(max, "a", 2));
+}
+
 // names that somebody makes up fill nothing, and cost the others' notes one by one only
 TEST(ExportLedger, beyondTenThousandNotesTheOldestGivesWayAlone) {
   ExportLedger ledger;

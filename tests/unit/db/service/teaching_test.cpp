@@ -1,10 +1,13 @@
 // Tests the managers' permissions, concurrent edits, classes from tables, locks, results.
 #include <algorithm>
 #include <atomic>
+#include <future>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "tests/support/time_zone.h"
 #include "tests/unit/db/service/teaching_fixture.h"
@@ -420,14 +423,15 @@ TEST_F(Teaching, whoWatchesLiveIsInTheAuditLogOnceAnHour) {
   addStation();
   const Uuid open = addSession("anna", 1);
   const Principal other{"mia", pb::CURRICULUM_MANAGER};
+  const auto hears = [](const Error& error) { ADD_FAILURE() << error.message; };
   for (int again = 0; again < 3; ++again) {
-    store->service().noteWatching(instructor, "station-1", "");
-    store->service().noteWatching(instructor, "", test::bytesOfId(open));
-    store->service().noteWatching(instructor, "", "");
-    store->service().noteWatching(instructor, "made up", "");
-    store->service().noteWatching(instructor, "", test::bytesOfId(makeUuidV7()));
+    store->service().noteWatching(instructor, "station-1", "", hears);
+    store->service().noteWatching(instructor, "", test::bytesOfId(open), hears);
+    store->service().noteWatching(instructor, "", "", hears);
+    store->service().noteWatching(instructor, "made up", "", hears);
+    store->service().noteWatching(instructor, "", test::bytesOfId(makeUuidV7()), hears);
   }
-  store->service().noteWatching(other, "station-1", "");
+  store->service().noteWatching(other, "station-1", "", hears);
   // the writer comes to the end of them
   ASSERT_OK(change([](Connection&) { return Status(); }));
   pb::Request list;
@@ -439,6 +443,68 @@ TEST_F(Teaching, whoWatchesLiveIsInTheAuditLogOnceAnHour) {
   std::vector<std::string> expected{"ina " + uuidText(open), "ina station-1", "mia station-1"};
   std::sort(expected.begin(), expected.end());
   EXPECT_EQ(lines, expected);
+}
+
+/// Holds the writer and fills its queue until release().
+class FullWriter {
+ public:
+  FullWriter(DbWriter& writer, DbWriter::Places places) {
+    std::promise<void> begun;
+    EXPECT_OK(writer.post(
+        [&begun, held = go_.get_future().share()](Connection&) -> Status {
+          begun.set_value();
+          held.wait();
+          return {};
+        },
+        {}));
+    begun.get_future().wait();
+    while (writer.post([](Connection&) { return Status(); }, {}, places).ok()) continue;
+  }
+  ~FullWriter() { release(); }
+  void release() {
+    if (!std::exchange(released_, true)) go_.set_value();
+  }
+
+ private:
+  std::promise<void> go_;
+  bool released_ = false;
+};
+
+// The finding: a friend's station filled the queue, and 13 of 40 sessions were watched without a line.
+TEST_F(Teaching, whoWatchesLiveHasALineAlsoWhileOthersFillTheWritersQueue) {
+  addStation();
+  std::vector<std::string> open;
+  for (int i = 0; i < 40; ++i) open.push_back(test::bytesOfId(addSession("anna", 1)));
+  FullWriter full(store->writer(), DbWriter::Places::kCommon);
+  for (const std::string& session : open)
+    store->service().noteWatching(instructor, "", session,
+                                  [](const Error& error) { ADD_FAILURE() << error.message; });
+  full.release();
+  ASSERT_OK(change([](Connection&) { return Status(); }));
+  pb::Request list;
+  list.mutable_list_audit()->set_action("watch live");
+  EXPECT_EQ(get(admin, list).audit().entries_size(), 40);
+}
+
+TEST_F(Teaching, aLineThatCouldNotBeStoredIsSaidAndComesWithTheNextWatching) {
+  addStation();
+  std::vector<ErrorCode> failed;
+  const auto hears = [&failed](const Error& error) { failed.push_back(error.code); };
+  {
+    FullWriter full(store->writer(), DbWriter::Places::kKept);
+    store->service().noteWatching(instructor, "station-1", "", hears);
+    EXPECT_EQ(failed, std::vector{ErrorCode::kUnavailable});
+    EXPECT_FALSE(store->service().noteLogin(instructor, "127.0.0.1").ok());
+  }
+  while (store->writer().counters().waiting > 0) std::this_thread::yield();
+  store->service().noteWatching(instructor, "station-1", "", hears);
+  EXPECT_OK(store->service().noteLogin(instructor, "127.0.0.1"));
+  EXPECT_EQ(failed.size(), 1u);
+  for (const char* action : {"watch live", "log-in"}) {
+    pb::Request list;
+    list.mutable_list_audit()->set_action(action);
+    EXPECT_EQ(get(admin, list).audit().entries_size(), 1) << action;
+  }
 }
 
 // A band of one is that session's result, which a trainee may not read (score show: NOT_FOUND).

@@ -507,5 +507,34 @@ TEST(Access, aFloodOfPingsIsRefusedAndThenEndsTheConnection) {
   EXPECT_EQ(limited, 21) << "20, and the last one for good";
 }
 
+// The finding: a log-in costs 2 ms, and each new connection had 5,000 messages at once.
+TEST(Access, whatAStationMaySendAtOnceItMaySendOnAllItsConnectionsTogether) {
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.small_messages_at_once = 50;
+    options.bounds.small_messages_per_s = 1e-9;
+  });
+  const std::string key = server.addStation("bench-1"), other = server.addStation("bench-2");
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(1);
+  const auto pongsOf = [&](const pb::Login& login) {
+    RawPeer peer(server);
+    EXPECT_TRUE(peer.logIn(login).has_welcome());
+    for (int i = 0; i < 20; ++i) peer.send(ping);
+    int pongs = 0;
+    for (int answers = 0; answers < 20;) {
+      const auto got = peer.receive();
+      if (!got) break;
+      pongs += got->has_pong() ? 1 : 0;
+      answers += got->has_pong() || got->has_refusal() ? 1 : 0;
+    }
+    return pongs;
+  };
+  std::vector<int> pongs;
+  for (int connection = 0; connection < 4; ++connection)
+    pongs.push_back(pongsOf(stationLogin("bench-1", key)));
+  EXPECT_EQ(pongs, (std::vector<int>{20, 20, 10, 0}));
+  EXPECT_EQ(pongsOf(stationLogin("bench-2", other)), 20);
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <future>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -501,6 +502,59 @@ TEST(DurablePlane, clockOffsetsAreStoredWithTheLeastRoundTrip) {
   s.session.waitForAck(s.client, 1);
   EXPECT_EQ(s.stored().clock_offset_ns(), 200);
   EXPECT_EQ(s.stored().clock_round_trip_ns(), 20);
+}
+
+pb::Envelope clockOffset(const FakeSession& session, std::int64_t offset_ns, std::int64_t round_trip_ns) {
+  pb::Envelope envelope;
+  envelope.mutable_clock_offset()->set_session_id(session.id());
+  envelope.mutable_clock_offset()->set_offset_ns(offset_ns);
+  envelope.mutable_clock_offset()->set_round_trip_ns(round_trip_ns);
+  return envelope;
+}
+
+// The finding: each ClockOffset was an item of the writer's queue, which one station filled, so that other
+// stations' chunks and people's changes were refused.
+TEST(DurablePlane, clockOffsetsThatComeWhileTheWriterIsBusyAreOneItemOfItsQueue) {
+  StationAndServer s;
+  const auto sessions = openSessions(s, 3);
+  HeldWriter held(s.server.server());
+  DbWriter& writer = s.server.server().store().writer();
+  while (writer.counters().waiting > 0) std::this_thread::yield();  // it is at the item that holds it
+  constexpr int kEach = 100;
+  for (int i = 0; i < kEach; ++i) {
+    // of each session another one is the best
+    for (int n = 0; n < 3; ++n) {
+      const int round_trip_ns = 1 + (i + 30 * n) % kEach;
+      ASSERT_TRUE(s.client.send(clockOffset(sessions[n], 1000 * n + i, round_trip_ns)).ok());
+    }
+  }
+  ASSERT_TRUE(s.client.send(ping(7)).ok());
+  (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_pong() && e.pong().id() == 7; });
+  EXPECT_EQ(writer.counters().waiting, 1u);
+  held.release();
+  ASSERT_TRUE(s.client.send(sessions[0].chunk(0)).ok());
+  sessions[0].waitForAck(s.client, 1);
+  for (int n = 0; n < 3; ++n) {
+    pb::Request get;
+    get.mutable_get_session()->set_session_id(sessions[n].id());
+    const auto info = s.server.asAdmin(get).session();
+    EXPECT_EQ(info.clock_offset_ns(), 1000 * n + (kEach - 30 * n) % kEach) << n;
+    EXPECT_EQ(info.clock_round_trip_ns(), 1) << n;
+  }
+}
+
+TEST(DurablePlane, aClockOffsetWithoutARoundTripIsRefused) {
+  StationAndServer s;
+  s.open();
+  for (const std::int64_t round_trip_ns : {std::int64_t{0}, std::int64_t{-5}}) {
+    ASSERT_TRUE(s.client.send(clockOffset(s.session, 1, round_trip_ns)).ok());
+    const auto refusal = waitForRefusal(s.client);
+    EXPECT_EQ(refusal.reason(), pb::Refusal::INVALID);
+    EXPECT_FALSE(refusal.fatal());
+    EXPECT_EQ(refusal.session_id(), s.session.id());
+    EXPECT_EQ(refusal.text(),
+              "clock_offset.round_trip_ns is " + std::to_string(round_trip_ns) + ", allowed is above 0");
+  }
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -148,6 +149,85 @@ TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
   EXPECT_THAT(answers[0].refusal().text(), HasSubstr("at most 100000 are allowed"));
   EXPECT_EQ(server.stop(), 0);
   EXPECT_EQ(server.counters().messages_parsed, 3u);
+}
+
+/// The body gets a field of a newer version, so that it has so many bytes.
+void padBody(google::protobuf::Message& body, std::size_t bytes) {
+  auto& unknown = *body.GetReflection()->MutableUnknownFields(&body);
+  // with its tag of two bytes and its length of two
+  unknown.AddLengthDelimited(777, std::string(bytes - body.ByteSizeLong() - 4, 'x'));
+  ASSERT_EQ(body.ByteSizeLong(), bytes);
+}
+
+// The finding: ClockOffsets of 0.9 MB waited for the writer, counted by nothing: 920 MB with one station's
+// key.
+TEST(MessageBounds, smallMessagesThatAreLongAreRefusedUnparsed) {
+  RunningServer server;
+  RawPeer peer(server);
+  ASSERT_TRUE(peer.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
+  const FakeSession session("bench-1");
+  peer.send(session.open());
+  while (const auto got = peer.receive())
+    if (got->has_session_opened()) break;
+  const auto refusalTo = [&](auto field, std::size_t bytes) {
+    pb::Envelope envelope;
+    padBody(*field(envelope), bytes);
+    const auto answers = answersTo(peer, {envelope});
+    return answers.empty() || !answers.back().has_refusal() ? pb::Refusal() : answers.back().refusal();
+  };
+  const auto clockOffsetOf = [&](pb::Envelope& e) {
+    e.mutable_clock_offset()->set_session_id(session.id());
+    e.mutable_clock_offset()->set_round_trip_ns(1);
+    return e.mutable_clock_offset();
+  };
+  const auto pingOf = [](pb::Envelope& e) { return e.mutable_ping(); };
+  const auto pongOf = [](pb::Envelope& e) { return e.mutable_pong(); };
+  const auto statusOf = [](pb::Envelope& e) { return e.mutable_station_status(); };
+  const auto expect = [](const pb::Refusal& refusal, const std::string& text) {
+    EXPECT_EQ(refusal.reason(), pb::Refusal::TOO_LARGE);
+    EXPECT_FALSE(refusal.fatal());
+    EXPECT_EQ(refusal.text(), text);
+  };
+  expect(refusalTo(clockOffsetOf, 4097), "clock_offset has 4097 bytes, at most 4096 are allowed");
+  expect(refusalTo(pingOf, 4097), "ping has 4097 bytes, at most 4096 are allowed");
+  expect(refusalTo(pongOf, 4097), "pong has 4097 bytes, at most 4096 are allowed");
+  expect(refusalTo(statusOf, 2049), "a status line of 2049 bytes: the limit is 2048");
+  EXPECT_EQ(refusalTo(clockOffsetOf, 4096).text(), "");
+  EXPECT_EQ(refusalTo(pingOf, 4096).text(), "");
+  EXPECT_EQ(refusalTo(pongOf, 4096).text(), "");
+  EXPECT_EQ(refusalTo(statusOf, 2048).text(), "");
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_EQ(server.counters().messages_refused_unparsed, 4u);
+}
+
+// A chunk waits for the writer with its own bytes, which the bound on chunks counts.
+TEST(MessageBounds, whatStandsInAChunkBesideItsBytesCountsInTheBudget) {
+  RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; });
+  RawPeer peer(server);
+  ASSERT_TRUE(peer.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
+  const FakeSession session("bench-1");
+  peer.send(session.open());
+  while (const auto got = peer.receive())
+    if (got->has_session_opened()) break;
+  auto chunk = session.chunk(0);
+  auto& body = *chunk.mutable_chunk();
+  auto& unknown = *body.GetReflection()->MutableUnknownFields(&body);
+  for (int i = 0; i < 30'000; ++i) unknown.AddVarint(777, 1);
+  peer.send(chunk);
+  std::optional<pb::Envelope> got;
+  while ((got = peer.receive()))
+    if (got->has_refusal()) break;
+  ASSERT_TRUE(got.has_value());
+  EXPECT_EQ(got->refusal().reason(), pb::Refusal::TOO_LARGE);
+  EXPECT_THAT(got->refusal().text(), HasSubstr("at most 100000 are allowed"));
+  // as many bytes of its own are no matter of this budget
+  auto large = session.chunk(0);
+  large.mutable_chunk()->set_data(std::string(200'000, 'x'));
+  peer.send(large);
+  while ((got = peer.receive()))
+    if (got->has_refusal()) break;
+  ASSERT_TRUE(got.has_value());
+  EXPECT_NE(got->refusal().reason(), pb::Refusal::TOO_LARGE) << got->ShortDebugString();
 }
 
 // Two requests of which only one fits at a time: the second waits for the first one's end, and is answered.

@@ -1,0 +1,61 @@
+#include "server/live/clock_offsets.h"
+
+#include "common/base/clock.h"
+#include "db/session_store.h"
+
+namespace needlelab {
+
+void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offset_ns,
+                       std::int64_t round_trip_ns) {
+  Status posted;
+  {
+    const std::lock_guard lock(state_->mutex);
+    auto& open = state_->open;
+    if (open && open->size() >= kMostSessions && !open->contains(session)) open.reset();
+    if (!open) {
+      const auto item = std::make_shared<Item>();
+      DbWriter::Work work = [state = state_, item](Connection& connection) -> Status {
+        state->end(item);
+        for (const auto& [id, best] : *item) {
+          // one that was erased meanwhile keeps no other from its offset
+          const Status stored =
+              SessionStore(connection).setClockOffset(id, best.offset_ns, best.round_trip_ns);
+          if (stored.ok()) continue;
+          if (stored.error().code != ErrorCode::kNotFound) return stored;
+          state->sayNotStored(stored.error());
+        }
+        return {};
+      };
+      posted = writer.post(std::move(work), [state = state_, item](const Status& stored) {
+        state->end(item);  // also where the work did not begin
+        if (!stored.ok()) state->sayNotStored(stored.error());
+      });
+      if (posted.ok()) open = item;
+    }
+    if (posted.ok()) {
+      Offset& best = open->try_emplace(session, Offset{offset_ns, round_trip_ns}).first->second;
+      if (round_trip_ns < best.round_trip_ns) best = {offset_ns, round_trip_ns};
+    }
+  }
+  if (!posted.ok()) state_->sayNotStored(posted.error());
+}
+
+void ClockOffsets::State::end(const std::shared_ptr<Item>& item) {
+  const std::lock_guard lock(mutex);
+  if (open == item) open.reset();
+}
+
+void ClockOffsets::State::sayNotStored(const Error& error) {
+  const std::int64_t now_ns = steadyNowNs();
+  sayLeftOut(now_ns);
+  const std::lock_guard lock(lines_mutex);
+  if (lines.take(now_ns)) logEvent(LogLevel::kWarning, "clock_offset_not_stored", {{"text", error.message}});
+}
+
+void ClockOffsets::State::sayLeftOut(std::int64_t now_ns) {
+  const std::lock_guard lock(lines_mutex);
+  if (const std::uint64_t count = lines.leftOut(now_ns); count > 0)
+    logEvent(LogLevel::kWarning, "clock_offsets_left_out", {{"count", count}});
+}
+
+}  // namespace needlelab
