@@ -100,13 +100,6 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
     if (const Status role = checkRole(who_, head.call); !role.ok())
       return refuseUnparsed(refusalOf(role.error()));
   }
-  if (head.body == pb::Envelope::kCloseSession && head.payload.size() > context_.bounds.close_bytes) {
-    pb::Refusal refusal =
-        makeRefusal(pb::Refusal::INVALID, fmt::format("close_session has {} bytes, at most {} are allowed",
-                                                      head.payload.size(), context_.bounds.close_bytes));
-    if (head.session_id.size() == Uuid{}.size()) refusal.set_session_id(std::string(head.session_id));
-    return refuseUnparsed(std::move(refusal));
-  }
   return true;
 }
 
@@ -235,12 +228,16 @@ std::optional<pb::Refusal> PeerConnection::tooLong(const EnvelopeHead& head) con
     case pb::Envelope::kPong:
     case pb::Envelope::kSubscribe:
     case pb::Envelope::kUnsubscribe:
+    case pb::Envelope::kCloseSession: {
       if (bytes <= context_.bounds.small_message_bytes) return std::nullopt;
-      return makeRefusal(
-          pb::Refusal::TOO_LARGE,
+      pb::Refusal refusal = makeRefusal(
+          head.body == pb::Envelope::kCloseSession ? pb::Refusal::INVALID : pb::Refusal::TOO_LARGE,
           fmt::format("{} has {} bytes, at most {} are allowed",
                       pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body))->name(),
                       bytes, context_.bounds.small_message_bytes));
+      if (head.session_id.size() == Uuid{}.size()) refusal.set_session_id(std::string(head.session_id));
+      return refusal;
+    }
     default:
       return std::nullopt;
   }

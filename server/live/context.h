@@ -56,7 +56,8 @@ struct ConnectionBounds {
   /// limits.
   double small_messages_at_once = 5000;
   double small_messages_per_s = 500;
-  /// A ClockOffset, Ping, Pong, Subscribe or Unsubscribe with more bytes is refused unparsed.
+  /// A ClockOffset, CloseSession, Ping, Pong, Subscribe or Unsubscribe with more bytes is refused unparsed. So
+  /// the closes that wait hold little (`closes_of_station`) and have no part in the budget of memory.
   std::size_t small_message_bytes = 4u << 10;
   std::size_t refusals = 200;  ///< refused messages after log-in; then the connection ends
   /// Time for a station to confirm an instructor's message; after that the instructor gets an error.
@@ -67,9 +68,6 @@ struct ConnectionBounds {
   /// A message that becomes no more than this has no part in the budget: `requests_at_work` and
   /// `closes_of_station` bound it.
   std::size_t uncounted_decoded_bytes = 4u << 10;
-  /// A CloseSession with more bytes is refused unparsed; it needs some 100. So the closes that wait hold
-  /// little (`closes_of_station`) and have no part in the budget.
-  std::size_t close_bytes = 4u << 10;
   /// Memory of messages that are parsed and not done yet, of both ports together. A person's is more than a
   /// message of 1 MiB can become (kMostPayloadFields), a station's more than its longest, an OpenSession with
   /// a profile of 1 MiB.
