@@ -310,19 +310,17 @@ Status ErasureStore::eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere
   // remarks also name people in other people's sessions; parts of a full name and given names are replaced
   // only in the person's own sessions
   for (const bool own : {true, false}) {
-    RETURN_IF_ERROR(eachRow(
-        connection_,
-        "SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
-        " WHERE a.id > ?1 AND (s.trainee = ?3) = ?4 ORDER BY a.id LIMIT ?2",
-        1,
-        [&](const TextRow& remark) -> Status {
-          const std::string text = withoutNames(remark.texts[0], names, own);
-          if (text == remark.texts[0]) return {};
-          elsewhere.remarks += own ? 0 : 1;
-          RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
-          return noteRow();
-        },
-        names.in_its_place, own));
+    const auto replace = [&](const TextRow& remark) -> Status {
+      const std::string text = withoutNames(remark.texts[0], names, own);
+      if (text == remark.texts[0]) return {};
+      elsewhere.remarks += own ? 0 : 1;
+      RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
+      return noteRow();
+    };
+    RETURN_IF_ERROR(eachRow(connection_,
+                            "SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
+                            " WHERE a.id > ?1 AND (s.trainee = ?3) = ?4 ORDER BY a.id LIMIT ?2",
+                            1, replace, names.in_its_place, own));
   }
   return eachRow(
       connection_, "SELECT id FROM annotations WHERE id > ?1 AND author = ?3 ORDER BY id LIMIT ?2", 0,

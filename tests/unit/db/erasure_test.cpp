@@ -1,8 +1,10 @@
 #include "db/erasure.h"
 
 #include <fmt/core.h>
+#include <gmock/gmock.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <numeric>
@@ -17,6 +19,7 @@
 #include "common/base/text.h"
 #include "db/audit.h"
 #include "db/check.h"
+#include "db/db_writer.h"
 #include "db/documents.h"
 #include "db/free_parts.h"
 #include "db/people.h"
@@ -26,6 +29,7 @@
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
 #include "tests/unit/db/dump.h"
+#include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -1010,6 +1014,93 @@ TEST(Pseudonym, aLongTextFullOfTheNameIsReadOnceForAllOtherNames) {
   for (int i = 0; i < 150'000; ++i) of_others += fmt::format("tom-{} ", i % 1000);
   EXPECT_EQ(withoutNames(of_others, names, false), of_others);
   EXPECT_FALSE(mentions(of_others, names));
+}
+
+/// A disk of `bytes` for the log; the database lies on another one.
+class SmallDisk {
+ public:
+  explicit SmallDisk(std::int64_t bytes) : bytes_(bytes) {
+    test::ShimVfs::instance().setHook(
+        [this](test::ShimVfs::Op op, const std::string& path, std::int64_t offset, int size) {
+          if (op != test::ShimVfs::Op::kWrite || !path.ends_with("-wal")) return SQLITE_OK;
+          if (offset + size > bytes_) return full_ = true, SQLITE_FULL;
+          log_ = std::max(log_.load(), offset + size);
+          return SQLITE_OK;
+        });
+  }
+  ~SmallDisk() { test::ShimVfs::instance().setHook({}); }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  [[nodiscard]] std::uint64_t left() const { return static_cast<std::uint64_t>(bytes_ - log_); }
+  [[nodiscard]] bool wasFull() const { return full_; }
+
+ private:
+  std::int64_t bytes_;
+  std::atomic<std::int64_t> log_ = 0;
+  std::atomic<bool> full_ = false;
+};
+
+TEST(ErasureOnAFullDisk, isRefusedAndTheWriterGoesOnWhereverThePersonIsNamed) {
+  constexpr std::int64_t kDisk = 56 << 20;
+  // 80 MB each: more than the disk and the writer's memory take
+  const std::pair<const char*, const char*> places[] = {
+      {"remarks",
+       "INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
+       " SELECT 1, 1, 'anna' || char(10) || printf('%8000s', ''), 'ina', 1 FROM n"},
+      {"remarks by the person",
+       "INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
+       " SELECT 1, 1, printf('%8000s', ''), 'anna', 1 FROM n"},
+      {"lines of the audit log",
+       "INSERT INTO audit (unix_ns, who, action, subject, detail)"
+       " SELECT 1, 'anna', 'settings', 'lab', printf('%8000s', '') FROM n"},
+      {"profiles",
+       "INSERT INTO profiles (id, revision, name, json, author, created_unix_ns)"
+       " SELECT 'p', i + 1, 'P', printf('%8000s', ''), 'anna', 1 FROM n"},
+      {"pieces of imports",
+       "INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
+       " SELECT 'i', i, printf('%8000s', ''), 'ada', 1 FROM n"},
+  };
+  for (const auto& [place, fill] : places) {
+    SCOPED_TRACE(place);
+    test::TestDb db(test::ShimVfs::name());
+    ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1}));
+    auto d = test::describe(makeUuidV7());
+    d.set_trainee("ben");
+    ASSERT_OK(SessionStore(db.writer).open(d, 1));
+    const std::string sql = fill;
+    const std::size_t select = sql.find(" SELECT ");
+    ASSERT_OK(
+        db.writer.script(sql.substr(0, select) +
+                         " WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < 9999)" +
+                         sql.substr(select)));
+    const auto emptied = db.writer.emptyLog(0);
+    ASSERT_OK(emptied);
+    auto reader = db.reader();
+    const auto key = PseudonymKey::ofFolder(db.folder.path());
+    ASSERT_OK(key);
+    const ErasureLine line{"erased-1234", key->nameHash("anna"), 77};
+    const SmallDisk disk(kDisk);
+    DbWriter writer(std::move(db.writer), {}, {});
+    const auto erase = [&](const ErasureStore::FreeRoom& room) {
+      return writer.run([&](Connection& connection) -> Status {
+        const auto done = ErasureStore(connection, room).erase("anna", line, "ada", "wish", 77);
+        return done ? Status() : Status(done.error());
+      });
+    };
+    const auto refused = erase([&] { return std::optional(disk.left()); });
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom) << refused.error().message;
+    EXPECT_THAT(refused.error().message, testing::HasSubstr("make room on it, then erase again"));
+    EXPECT_FALSE(disk.wasFull());
+    EXPECT_FALSE(writer.failed());
+    ASSERT_OK(writer.run([](Connection& connection) {
+      return PeopleStore(connection).add({"eve", pb::TRAINEE, "", false, 1});
+    }));
+    const auto anna = PeopleStore(reader).find("anna"), eve = PeopleStore(reader).find("eve");
+    ASSERT_OK(anna);
+    ASSERT_OK(eve);
+    EXPECT_TRUE(*anna && *eve) << "nothing of the erasure is stored";
+  }
 }
 
 }  // namespace
