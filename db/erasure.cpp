@@ -41,9 +41,6 @@ constexpr std::array kDoers = {
     NameColumn{"unknown_trainees", "by_whom"},
 };
 
-/// Room that stays: for the changed pages that are still in the writer's memory (16 MiB) and the rows until
-/// the next look.
-constexpr std::uint64_t kRoomLeft = 32 << 20;
 constexpr int kRowsBetweenLooks = 16;
 constexpr std::uint64_t kPageBytes = 4096;
 
@@ -124,7 +121,7 @@ Status ErasureStore::requireRoom(std::uint64_t bytes) {
     left = space.available;
   }
   // in the log, and once more in the file
-  const std::uint64_t needed = kRoomLeft + grown + 2 * bytes;
+  const std::uint64_t needed = kRoomLeft_bytes + grown + 2 * bytes;
   if (!left || *left >= needed) return {};
   return Error{ErrorCode::kNoRoom,
                fmt::format("the disk of {} has {} MiB left, and the erasure needs {} MiB or more to go on: "
@@ -309,19 +306,18 @@ std::string ErasureStore::Elsewhere::text() const {
 Status ErasureStore::eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere) {
   // remarks also name people in other people's sessions; parts of a full name and given names are replaced
   // only in the person's own sessions
-  for (const bool own : {true, false}) {
-    const auto replace = [&](const TextRow& remark) -> Status {
-      const std::string text = withoutNames(remark.texts[0], names, own);
-      if (text == remark.texts[0]) return {};
-      elsewhere.remarks += own ? 0 : 1;
-      RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
-      return noteRow();
-    };
-    RETURN_IF_ERROR(eachRow(connection_,
-                            "SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
-                            " WHERE a.id > ?1 AND (s.trainee = ?3) = ?4 ORDER BY a.id LIMIT ?2",
-                            1, replace, names.in_its_place, own));
-  }
+  const auto replace = [&](const TextRow& remark) -> Status {
+    const bool own = remark.texts[1] == "1";
+    const std::string text = withoutNames(remark.texts[0], names, own);
+    if (text == remark.texts[0]) return {};
+    elsewhere.remarks += own ? 0 : 1;
+    RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
+    return noteRow();
+  };
+  RETURN_IF_ERROR(eachRow(connection_,
+                          "SELECT a.id, a.text, s.trainee = ?3 FROM annotations a"
+                          " JOIN sessions s ON s.number = a.session WHERE a.id > ?1 ORDER BY a.id LIMIT ?2",
+                          2, replace, names.in_its_place));
   return eachRow(
       connection_, "SELECT id FROM annotations WHERE id > ?1 AND author = ?3 ORDER BY id LIMIT ?2", 0,
       [&](const TextRow& remark) -> Status {

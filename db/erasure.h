@@ -33,6 +33,9 @@ std::string erasureToRepeatText(const ErasureToRepeat& erasure);
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class ErasureStore {
  public:
+  /// What an erasure leaves free: for the changed pages that are still in the writer's memory (16 MiB), and
+  /// for the rows until the next look.
+  static constexpr std::uint64_t kRoomLeft_bytes = 32 << 20;
   /// Bytes that are free on the database's disk; nothing: nobody can tell.
   using FreeRoom = std::function<std::optional<std::uint64_t>()>;
   /// `free_room`: for tests; empty: the disk's own.

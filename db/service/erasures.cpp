@@ -140,7 +140,7 @@ std::string textOnGuests(const std::string& name) {
 /// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For
 /// what others wrote of the person ErasureStore::erase() asks as it goes on.
 Status checkRoomToErase(Connection& connection, const std::string& name) {
-  constexpr std::uint64_t kLeast = 8 << 20, kOfSession = 64 << 10;
+  constexpr std::uint64_t kOfSession = 64 << 10;
   ASSIGN_OR_RETURN(const auto rows,
                    connection
                        .query("SELECT count(*), coalesce(sum(length(profile_json) + length(description)"
@@ -151,7 +151,7 @@ Status checkRoomToErase(Connection& connection, const std::string& name) {
                        }));
   const auto [sessions, bytes] = rows.value_or(std::pair<std::uint64_t, std::uint64_t>());
   // in the log, and once more in the database
-  const std::uint64_t needed = kLeast + 2 * (bytes + sessions * kOfSession);
+  const std::uint64_t needed = ErasureStore::kRoomLeft_bytes + 2 * (bytes + sessions * kOfSession);
   std::error_code error;
   const auto folder = connection.path().parent_path();
   const auto space = std::filesystem::space(folder, error);
