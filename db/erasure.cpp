@@ -22,23 +22,27 @@ namespace {
 
 struct NameColumn {
   std::string_view table, column;
+  std::string_view long_text = "''";  ///< SQL: what makes rows longer than a page
 };
 
-/// Columns with the name of the person who did something, or whom a station named. The rows stay.
+/// Columns with the name of the person who did something, or whom a station named. The rows stay. Those of
+/// remarks, which are many, are eraseRemarks()'s.
 constexpr std::array kDoers = {
-    NameColumn{"profiles", "author"},
-    NameColumn{"curricula", "author"},
+    NameColumn{"profiles", "author", "json"},
+    NameColumn{"curricula", "author", "json"},
     NameColumn{"assignments", "by_whom"},
     NameColumn{"groups", "changed_by"},
     NameColumn{"people", "changed_by"},
     NameColumn{"consents", "recorded_by"},
-    NameColumn{"annotations", "author"},
-    NameColumn{"exercise_references", "by_whom"},
+    NameColumn{"exercise_references", "by_whom", "sessions"},
     NameColumn{"retention_policies", "by_whom"},
-    NameColumn{"removed_originals", "by_whom"},
+    NameColumn{"removed_originals", "by_whom", "crcs"},
     NameColumn{"erasures", "by_whom"},
     NameColumn{"unknown_trainees", "by_whom"},
 };
+
+constexpr int kRowsBetweenLooks = 16;
+constexpr std::uint64_t kPageBytes = 4096;
 
 /// SQL: whether an erasure of the name ?1 takes the session `s`; ?2: those that wait under an account's name,
 /// too.
@@ -94,6 +98,36 @@ Status eachRow(Connection& connection, std::string_view sql, int texts, const Ta
 }
 
 }  // namespace
+
+Status ErasureStore::noteRow() {
+  return ++rows_ < kRowsBetweenLooks ? Status() : requireRoom();
+}
+
+Status ErasureStore::requireRoom(std::uint64_t bytes) {
+  rows_ = 0;
+  ASSIGN_OR_RETURN(const auto pages, connection_.prepare("PRAGMA page_count").first([](const Statement& row) {
+    return row.natural(0);
+  }));
+  const auto& path = connection_.path();
+  std::error_code error;
+  const std::uint64_t file = std::filesystem::file_size(path, error);
+  if (error) return {};
+  // the file grows only when the log is emptied
+  const std::uint64_t grown = std::max(pages.value_or(0) * kPageBytes, file) - file;
+  std::optional<std::uint64_t> left;
+  if (free_room_) {
+    left = free_room_();
+  } else if (const auto space = std::filesystem::space(path.parent_path(), error); !error) {
+    left = space.available;
+  }
+  // in the log, and once more in the file
+  const std::uint64_t needed = kRoomLeft_bytes + grown + 2 * bytes;
+  if (!left || *left >= needed) return {};
+  return Error{ErrorCode::kNoRoom,
+               fmt::format("the disk of {} has {} MiB left, and the erasure needs {} MiB or more to go on: "
+                           "nothing was erased; make room on it, then erase again",
+                           path.parent_path().string(), *left >> 20, (needed >> 20) + 1)};
+}
 
 Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view name, bool with_waiting) {
   return connection_
@@ -154,6 +188,10 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
         "DELETE FROM group_members WHERE person = ?", "DELETE FROM people WHERE name = ?"}) {
     RETURN_IF_ERROR(connection_.run(sql, name));
   }
+  ASSIGN_OR_RETURN(const auto pieces,
+                   connection_.prepare("SELECT coalesce(sum(length(records)), 0) FROM import_pieces")
+                       .first([](const Statement& row) { return row.natural(0); }));
+  RETURN_IF_ERROR(requireRoom(pieces.value_or(0)));  // what is deleted is overwritten
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
   RETURN_IF_ERROR(eraseAccess(connection_, name));
   RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
@@ -205,6 +243,7 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, 
                                             .all(sessionOf));
   constexpr std::string_view kReason = "the data of its person was erased";
   for (const Session& session : sessions) {
+    RETURN_IF_ERROR(requireRoom());  // its events and scores have a few MB
     ids.insert(session.id);
     pb::SessionDescription description;
     if (!description.ParseFromString(session.description))
@@ -267,21 +306,26 @@ std::string ErasureStore::Elsewhere::text() const {
 Status ErasureStore::eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere) {
   // remarks also name people in other people's sessions; parts of a full name and given names are replaced
   // only in the person's own sessions
-  for (const bool own : {true, false}) {
-    RETURN_IF_ERROR(eachRow(
-        connection_,
-        "SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
-        " WHERE a.id > ?1 AND (s.trainee = ?3) = ?4 ORDER BY a.id LIMIT ?2",
-        1,
-        [&](const TextRow& remark) -> Status {
-          const std::string text = withoutNames(remark.texts[0], names, own);
-          if (text == remark.texts[0]) return {};
-          elsewhere.remarks += own ? 0 : 1;
-          return connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id);
-        },
-        names.in_its_place, own));
-  }
-  return {};
+  const auto replace = [&](const TextRow& remark) -> Status {
+    const bool own = remark.texts[1] == "1";
+    const std::string text = withoutNames(remark.texts[0], names, own);
+    if (text == remark.texts[0]) return {};
+    elsewhere.remarks += own ? 0 : 1;
+    RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
+    return noteRow();
+  };
+  RETURN_IF_ERROR(eachRow(connection_,
+                          "SELECT a.id, a.text, s.trainee = ?3 FROM annotations a"
+                          " JOIN sessions s ON s.number = a.session WHERE a.id > ?1 ORDER BY a.id LIMIT ?2",
+                          2, replace, names.in_its_place));
+  return eachRow(
+      connection_, "SELECT id FROM annotations WHERE id > ?1 AND author = ?3 ORDER BY id LIMIT ?2", 0,
+      [&](const TextRow& remark) -> Status {
+        RETURN_IF_ERROR(
+            connection_.run("UPDATE annotations SET author = ? WHERE id = ?", names.in_its_place, remark.id));
+        return noteRow();
+      },
+      names.name);
 }
 
 Result<std::vector<std::string>> ErasureStore::eraseInGroups(ErasedNames names, Elsewhere& elsewhere) {
@@ -357,7 +401,7 @@ Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
 
 Result<std::string> ErasureStore::sessionsAlike(const ErasedNames& names) {
   ErasedNames all = names;
-  all.others.clear();  // the names of these sessions are among them
+  all.others = {};  // the names of these sessions are among them
   auto rows = connection_.query(
       "SELECT trainee, count(*) FROM sessions WHERE erased = 0 AND trainee NOT IN ('', ?1, ?2)"
       " AND trainee NOT IN (SELECT name FROM people) GROUP BY trainee ORDER BY trainee",
@@ -406,7 +450,9 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
       connection_.prepare("SELECT name FROM people UNION SELECT full_name FROM people").all(firstText));
   const std::set<std::string> of_others(accounts.begin(), accounts.end());
   ErasedNames searched = names;
-  std::erase_if(searched.others, [&](const std::string& other) { return !of_others.contains(other); });
+  std::vector<std::string> others = names.others.list();
+  std::erase_if(others, [&](const std::string& other) { return !of_others.contains(other); });
+  searched.others = OtherNames(std::move(others));
   constexpr std::size_t kNamed = 3;
   std::string text;
   for (const Place& place : kTexts) {
@@ -429,11 +475,7 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
 
 Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::string>& sessions,
                                 pb::Erasure& erasure, Elsewhere& elsewhere) {
-  for (const auto& [table, column] : kDoers) {
-    RETURN_IF_ERROR(connection_.run("UPDATE " + std::string(table) + " SET " + std::string(column) +
-                                        " = ? WHERE " + std::string(column) + " = ?",
-                                    names.in_its_place, names.name));
-  }
+  RETURN_IF_ERROR(eraseDoers(names));
   // what the stations gave for sessions that were assigned; those that wait keep it
   RETURN_IF_ERROR(
       connection_.run("UPDATE unknown_trainees SET given = ? WHERE given = ? AND by_whom IS NOT NULL",
@@ -458,8 +500,24 @@ Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::st
                        connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
                                        " imported_by = nullif(?4, '') WHERE id = ?5",
                                        after.who, after.subject, after.detail, after.imported_by, line.id));
-                   return AuditChain(connection_).amend(line.id);
+                   RETURN_IF_ERROR(AuditChain(connection_).amend(line.id));
+                   return noteRow();
                  });
+}
+
+Status ErasureStore::eraseDoers(const ErasedNames& names) {
+  for (const auto& [table, column, long_text] : kDoers) {
+    ASSIGN_OR_RETURN(const auto bytes,
+                     connection_
+                         .query(fmt::format("SELECT coalesce(sum(length({}) + {}), 0) FROM {} WHERE {} = ?",
+                                            long_text, kPageBytes, table, column),
+                                names.name)
+                         .first([](const Statement& row) { return row.natural(0); }));
+    RETURN_IF_ERROR(requireRoom(bytes.value_or(0)));
+    RETURN_IF_ERROR(connection_.run(fmt::format("UPDATE {} SET {} = ? WHERE {} = ?", table, column, column),
+                                    names.in_its_place, names.name));
+  }
+  return {};
 }
 
 void clearDeviceWords(pb::SessionDescription& description) {

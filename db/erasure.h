@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -31,7 +33,14 @@ std::string erasureToRepeatText(const ErasureToRepeat& erasure);
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class ErasureStore {
  public:
-  explicit ErasureStore(Connection& connection) : connection_(connection) {}
+  /// What an erasure leaves free: for the changed pages that are still in the writer's memory (16 MiB), and
+  /// for the rows until the next look.
+  static constexpr std::uint64_t kRoomLeft_bytes = 32 << 20;
+  /// Bytes that are free on the database's disk; nothing: nobody can tell.
+  using FreeRoom = std::function<std::optional<std::uint64_t>()>;
+  /// `free_room`: for tests; empty: the disk's own.
+  explicit ErasureStore(Connection& connection, FreeRoom free_room = {})
+      : connection_(connection), free_room_(std::move(free_room)) {}
 
   /// The key beside the database; created when missing. kCorrupt: the key is missing although people were
   /// erased. A new key could not identify them.
@@ -44,7 +53,7 @@ class ErasureStore {
   /// are, unless `with_waiting`: they may be another person's. `text` of the reply: places that still have
   /// the name. Free parts of pages may have it until they are cleared (free_parts.h, kFreePartsKey).
   /// kNotFound: the name has neither a person nor sessions; kDenied: the last administrator who can
-  /// log in.
+  /// log in; kNoRoom: the disk would have become full. Then the transaction is sound and must be undone.
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
 
@@ -89,6 +98,13 @@ class ErasureStore {
     /// For the administrator; empty: nothing was.
     [[nodiscard]] std::string text() const;
   };
+  /// Called after each row that is written. kNoRoom as requireRoom(), which it asks now and then.
+  Status noteRow();
+  /// kNoRoom unless the disk has room to write `bytes` more, to commit and to empty the log. SQLite itself
+  /// must not find it full: that would end the server.
+  Status requireRoom(std::uint64_t bytes = 0);
+  /// Replaces the person as who did something.
+  Status eraseDoers(const ErasedNames& names);
   /// The newest erasure of the name.
   Result<std::optional<Erased>> newestErasure(std::string_view name);
   Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
@@ -107,6 +123,8 @@ class ErasureStore {
   Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure,
                     Elsewhere& elsewhere);
   Connection& connection_;
+  FreeRoom free_room_;
+  int rows_ = 0;  ///< that were written since requireRoom()
 };
 
 /// The profile of an erased person's session. A station sends the profile with the session, and a name may

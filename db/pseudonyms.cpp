@@ -130,33 +130,23 @@ std::size_t findWord(std::string_view text, std::string_view word, std::size_t f
   return std::string_view::npos;
 }
 
-/// True when one of `others` contains [begin, end) in the text.
-bool isWithinOther(std::string_view text, std::size_t begin, std::size_t end,
-                   const std::vector<std::string>& others) {
-  return std::any_of(others.begin(), others.end(), [&](const std::string& other) {
-    if (other.size() <= end - begin) return false;
-    const std::size_t reach = other.size() - (end - begin);
-    for (std::size_t at = begin > reach ? begin - reach : 0; at <= begin; ++at) {
-      const std::size_t found = findWord(text, other, at, Case::kEither);
-      if (found == std::string_view::npos || found > begin) return false;
-      if (found + other.size() >= end) return true;
-      at = found;
-    }
-    return false;
-  });
-}
-
 void replaceWord(std::string& text, std::string_view word, std::string_view in_its_place, Case letters,
-                 const std::vector<std::string>& others) {
+                 const OtherNames& others) {
   if (word.empty()) return;
-  std::size_t from = 0;
-  for (;;) {
+  std::optional<OtherNames::Places> places;  // most texts have no name
+  std::string without;
+  std::size_t done = 0;
+  for (std::size_t from = 0;;) {
     const std::size_t at = findWord(text, word, from, letters);
-    if (at == std::string::npos) return;
-    const bool other = isWithinOther(text, at, at + word.size(), others);
-    if (!other) text.replace(at, word.size(), in_its_place);
-    from = other ? at + 1 : at + in_its_place.size();
+    if (at == std::string::npos) break;
+    if (!places) places = others.placesIn(text, standsAlone);
+    from = at + 1;
+    if (places->cover(at, at + word.size())) continue;
+    without.append(text, done, at - done).append(in_its_place);
+    done = from = at + word.size();
   }
+  if (done == 0) return;
+  text = without.append(text, done);
 }
 
 /// Calls `take` for each word of a full name that is longer than two bytes and than one character.
@@ -285,12 +275,15 @@ std::string withoutNames(const std::string& text, const ErasedNames& names, bool
 
 bool mentions(std::string_view text, const ErasedNames& names) {
   const std::string small = smallLetters(text);
+  std::optional<OtherNames::Places> places;
   const auto has = [&](std::string_view word) {
     if (word.empty()) return false;
     const std::string small_word = smallLetters(word);
     for (std::size_t at = small.find(small_word); at != std::string::npos;
-         at = small.find(small_word, at + 1))
-      if (!isWithinOther(text, at, at + word.size(), names.others)) return true;
+         at = small.find(small_word, at + 1)) {
+      if (!places) places = names.others.placesIn(text, standsAlone);
+      if (!places->cover(at, at + word.size())) return true;
+    }
     return false;
   };
   bool found = has(names.name) || std::any_of(names.given.begin(), names.given.end(), has);
@@ -350,7 +343,7 @@ Status addOthers(Connection& connection, ErasedNames& names, bool of_groups) {
     });
     if (!mine && holds) others.insert(other);
   }
-  names.others.assign(others.begin(), others.end());
+  names.others = OtherNames(std::vector<std::string>(others.begin(), others.end()));
   return {};
 }
 

@@ -13,6 +13,7 @@
 #include "common/base/uuid.h"
 #include "db/audit.h"
 #include "db/connection.h"
+#include "db/other_names.h"
 
 namespace needlelab {
 
@@ -70,7 +71,7 @@ std::string withoutName(const std::string& text, std::string_view name, std::str
 struct ErasedNames {
   std::string name;
   std::vector<std::string> full_names;  ///< current and earlier ones
-  std::vector<std::string> others;      ///< names and ids of others that contain one of these
+  OtherNames others;                    ///< names and ids of others that contain one of these
   std::string in_its_place;             ///< the pseudonym
   std::vector<std::string> given;       ///< what people typed at stations for this person: any word
 };

@@ -118,6 +118,12 @@ Error erasuresNotRepeated(Connection& connection, const Error& why) {
   return why.code == ErrorCode::kNoRoom ? mustBeErasedFirst(connection.path().parent_path(), why) : why;
 }
 
+/// Cuts the log of a database that nobody has open, as far as there is room for what was committed: an
+/// erasure that was killed may have left it, and it would keep the very room that the next start needs.
+void cutLog(const std::filesystem::path& path) {
+  if (auto writer = Connection::open(path, {.mode = Connection::Mode::kWriter})) (void)writer->emptyLog(0);
+}
+
 /// For a database that is only read: kNoRoom when erasures of DIR/erasures wait to be repeated. `why`: the
 /// reason that nothing is written.
 Status requireNoneToErase(Connection& frozen, const Error& why) {
@@ -228,7 +234,11 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     if (connection.error().code != ErrorCode::kNoRoom) return connection.error();
     store->read_only_ = connection.error();
     ASSIGN_OR_RETURN(auto frozen, openFrozen(path, connection.error()));
-    RETURN_IF_ERROR(requireNoneToErase(frozen, connection.error()));
+    if (const auto none = requireNoneToErase(frozen, connection.error()); !none.ok()) {
+      { const Connection closed = std::move(frozen); }
+      cutLog(path);
+      return none.error();
+    }
     constexpr std::size_t kMostIdle = 8;
     store->readers_ = std::make_unique<ReaderPool>(path, kMostIdle, Connection::Mode::kFrozen);
     store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());

@@ -5,6 +5,7 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <mutex>
@@ -136,10 +137,10 @@ std::string textOnGuests(const std::string& name) {
          "once all stations have delivered theirs. ";
 }
 
-/// kNoRoom unless the disk has room for what the erasure's transaction writes: a commit that finds the disk
-/// full would end the server.
+/// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For
+/// what others wrote of the person ErasureStore::erase() asks as it goes on.
 Status checkRoomToErase(Connection& connection, const std::string& name) {
-  constexpr std::uint64_t kLeast = 8 << 20, kOfSession = 64 << 10;
+  constexpr std::uint64_t kOfSession = 64 << 10;
   ASSIGN_OR_RETURN(const auto rows,
                    connection
                        .query("SELECT count(*), coalesce(sum(length(profile_json) + length(description)"
@@ -150,7 +151,7 @@ Status checkRoomToErase(Connection& connection, const std::string& name) {
                        }));
   const auto [sessions, bytes] = rows.value_or(std::pair<std::uint64_t, std::uint64_t>());
   // in the log, and once more in the database
-  const std::uint64_t needed = kLeast + 2 * (bytes + sessions * kOfSession);
+  const std::uint64_t needed = ErasureStore::kRoomLeft_bytes + 2 * (bytes + sessions * kOfSession);
   std::error_code error;
   const auto folder = connection.path().parent_path();
   const auto space = std::filesystem::space(folder, error);
@@ -227,6 +228,9 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   if (!status) {
     // nothing was erased, so the file must not say so
     RETURN_IF_ERROR(writeErasures(folder, before));
+    // what was undone keeps its room in the log
+    if (status.error().code == ErrorCode::kNoRoom)
+      (void)context.writer.emptyLog(std::chrono::milliseconds::zero());
     return status.error();
   }
   const auto backup = MetaStore(context.reader).get("backup_path");
@@ -269,6 +273,7 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
   std::size_t count = 0;
   for (const ErasureToRepeat& one : *repeat) {
     if (!one.restored) continue;
+    (void)writer.emptyLog(0);  // a start before this one may have been killed, and its log has the room
     RETURN_IF_ERROR(handlers::checkRoomToErase(writer, one.name));
     ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
     const auto done = store.erase(one.name, one.line, kServerName, "repeated after a restore", now_unix_ns,

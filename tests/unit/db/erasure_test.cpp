@@ -1,20 +1,25 @@
 #include "db/erasure.h"
 
 #include <fmt/core.h>
+#include <gmock/gmock.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <numeric>
 #include <optional>
+#include <random>
 #include <set>
 #include <sstream>
 #include <utility>
 #include <vector>
 
 #include "common/base/files.h"
+#include "common/base/text.h"
 #include "db/audit.h"
 #include "db/check.h"
+#include "db/db_writer.h"
 #include "db/documents.h"
 #include "db/free_parts.h"
 #include "db/people.h"
@@ -24,6 +29,7 @@
 #include "db/session_rows.h"
 #include "db/unknown_trainees.h"
 #include "tests/unit/db/dump.h"
+#include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -942,6 +948,159 @@ TEST(Pseudonym, aNameInAScriptWithoutSpacesIsReplacedWhereverItStands) {
   EXPECT_EQ(withoutName("山田さん", "b1", "安 山田", "X"), "Xさん");
   const ErasedNames names{"李雷", {}, {"李雷明"}, "X", {}};
   EXPECT_EQ(withoutNames("李雷明和李雷", names, false), "李雷明和X") << "not within another person's name";
+}
+
+/// `tom` in the text becomes X where no letter of ASCII goes on from it and none of the others that stand so
+/// has it as a part. The other characters of the text are no letters.
+std::string withoutTom(const std::string& text, const std::vector<std::string>& others) {
+  const auto has = [&](std::size_t at, const std::string& name) {
+    const auto goesOn = [](char inside, char neighbour) {
+      const bool letter = (neighbour >= '0' && neighbour <= '9') || (neighbour >= 'a' && neighbour <= 'z') ||
+                          (neighbour >= 'A' && neighbour <= 'Z');
+      return letter && static_cast<unsigned char>(inside) < 0x80;
+    };
+    const std::size_t end = at + name.size();
+    return end <= text.size() && lowerCase(text.substr(at, name.size())) == lowerCase(name) &&
+           (at == 0 || !goesOn(name.front(), text[at - 1])) &&
+           (end == text.size() || !goesOn(name.back(), text[end]));
+  };
+  std::string without;
+  for (std::size_t at = 0; at < text.size();) {
+    bool stays = !has(at, "tom");
+    for (const std::string& other : others)
+      for (std::size_t begin = 0; !stays && begin <= at; ++begin)
+        stays = has(begin, other) && other.size() > 3 && begin + other.size() >= at + 3;
+    without += stays ? text.substr(at, 1) : "X";
+    at += stays ? 1 : 3;
+  }
+  return without;
+}
+
+TEST(Pseudonym, aNameStaysInOtherNamesWhateverTheirOrderAndOverlap) {
+  const std::vector<std::string> pieces = {"tom", "Tom", "TOM", " ", " ", "-", "-", "0", "a", "\u2014"};
+  std::mt19937 random(20);
+  const auto some = [&](std::size_t most) {
+    std::string text;
+    for (std::size_t count = 1 + random() % most; count > 0; --count)
+      text += pieces[random() % pieces.size()];
+    return text;
+  };
+  std::size_t protect = 0, replaced = 0;
+  for (int i = 0; i < 3000; ++i) {
+    std::vector<std::string> others(random() % 6);
+    for (std::string& other : others) other = some(6);
+    const std::string text = some(40);
+    const ErasedNames names{"tom", {}, OtherNames(others), "X", {}};
+    const std::string expected = withoutTom(text, others);
+    ASSERT_EQ(withoutNames(text, names, false), expected)
+        << text << "; others: " << testing::PrintToString(others);
+    protect += expected != withoutTom(text, {}) ? 1 : 0;
+    replaced += expected != text ? 1 : 0;
+  }
+  EXPECT_GT(protect, 100u);
+  EXPECT_GT(replaced, 100u);
+}
+
+TEST(Pseudonym, aLongTextFullOfTheNameIsReadOnceForAllOtherNames) {
+  // before, each of the hits was looked for in each other name to the end of the text: hours
+  std::vector<std::string> others;
+  for (int i = 0; i < 1000; ++i) others.push_back(fmt::format("tom-{}", i));
+  const ErasedNames names{"tom", {}, OtherNames(others), "X", {}};
+  std::string text, expected;
+  for (int i = 0; i < 250'000; ++i) text += "tom ", expected += "X ";
+  EXPECT_EQ(withoutNames(text + "Tom-999", names, false), expected + "Tom-999");
+  EXPECT_TRUE(mentions(text, names));
+  std::string of_others;
+  for (int i = 0; i < 150'000; ++i) of_others += fmt::format("tom-{} ", i % 1000);
+  EXPECT_EQ(withoutNames(of_others, names, false), of_others);
+  EXPECT_FALSE(mentions(of_others, names));
+}
+
+/// A disk of `bytes` for the log; the database lies on another one.
+class SmallDisk {
+ public:
+  explicit SmallDisk(std::int64_t bytes) : bytes_(bytes) {
+    test::ShimVfs::instance().setHook(
+        [this](test::ShimVfs::Op op, const std::string& path, std::int64_t offset, int size) {
+          if (op != test::ShimVfs::Op::kWrite || !path.ends_with("-wal")) return SQLITE_OK;
+          if (offset + size > bytes_) return full_ = true, SQLITE_FULL;
+          log_ = std::max(log_.load(), offset + size);
+          return SQLITE_OK;
+        });
+  }
+  ~SmallDisk() { test::ShimVfs::instance().setHook({}); }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  [[nodiscard]] std::uint64_t left() const { return static_cast<std::uint64_t>(bytes_ - log_); }
+  [[nodiscard]] bool wasFull() const { return full_; }
+
+ private:
+  std::int64_t bytes_;
+  std::atomic<std::int64_t> log_ = 0;
+  std::atomic<bool> full_ = false;
+};
+
+TEST(ErasureOnAFullDisk, isRefusedAndTheWriterGoesOnWhereverThePersonIsNamed) {
+  constexpr std::int64_t kDisk = 56 << 20;
+  // 80 MB each: more than the disk and the writer's memory take
+  const std::pair<const char*, const char*> places[] = {
+      {"remarks",
+       "INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
+       " SELECT 1, 1, 'anna' || char(10) || printf('%8000s', ''), 'ina', 1 FROM n"},
+      {"remarks by the person",
+       "INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
+       " SELECT 1, 1, printf('%8000s', ''), 'anna', 1 FROM n"},
+      {"lines of the audit log",
+       "INSERT INTO audit (unix_ns, who, action, subject, detail)"
+       " SELECT 1, 'anna', 'settings', 'lab', printf('%8000s', '') FROM n"},
+      {"profiles",
+       "INSERT INTO profiles (id, revision, name, json, author, created_unix_ns)"
+       " SELECT 'p', i + 1, 'P', printf('%8000s', ''), 'anna', 1 FROM n"},
+      {"pieces of imports",
+       "INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
+       " SELECT 'i', i, printf('%8000s', ''), 'ada', 1 FROM n"},
+  };
+  for (const auto& [place, fill] : places) {
+    SCOPED_TRACE(place);
+    test::TestDb db(test::ShimVfs::name());
+    ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1}));
+    auto d = test::describe(makeUuidV7());
+    d.set_trainee("ben");
+    ASSERT_OK(SessionStore(db.writer).open(d, 1));
+    const std::string sql = fill;
+    const std::size_t select = sql.find(" SELECT ");
+    ASSERT_OK(
+        db.writer.script(sql.substr(0, select) +
+                         " WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < 9999)" +
+                         sql.substr(select)));
+    const auto emptied = db.writer.emptyLog(0);
+    ASSERT_OK(emptied);
+    auto reader = db.reader();
+    const auto key = PseudonymKey::ofFolder(db.folder.path());
+    ASSERT_OK(key);
+    const ErasureLine line{"erased-1234", key->nameHash("anna"), 77};
+    const SmallDisk disk(kDisk);
+    DbWriter writer(std::move(db.writer), {}, {});
+    const auto erase = [&](const ErasureStore::FreeRoom& room) {
+      return writer.run([&](Connection& connection) -> Status {
+        const auto done = ErasureStore(connection, room).erase("anna", line, "ada", "wish", 77);
+        return done ? Status() : Status(done.error());
+      });
+    };
+    const auto refused = erase([&] { return std::optional(disk.left()); });
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom) << refused.error().message;
+    EXPECT_THAT(refused.error().message, testing::HasSubstr("make room on it, then erase again"));
+    EXPECT_FALSE(disk.wasFull());
+    EXPECT_FALSE(writer.failed());
+    ASSERT_OK(writer.run([](Connection& connection) {
+      return PeopleStore(connection).add({"eve", pb::TRAINEE, "", false, 1});
+    }));
+    const auto anna = PeopleStore(reader).find("anna"), eve = PeopleStore(reader).find("eve");
+    ASSERT_OK(anna);
+    ASSERT_OK(eve);
+    EXPECT_TRUE(*anna && *eve) << "nothing of the erasure is stored";
+  }
 }
 
 }  // namespace

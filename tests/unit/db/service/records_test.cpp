@@ -315,9 +315,13 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   // who cannot be erased anew is not served either
   Store::Options full;
   full.read_only_because = "the disk is full";
+  // an erasure that was killed left a log without a commit
+  const auto log = folder.path() / "data/needlelab.db-wal";
+  ASSERT_OK(writeFileAtomically(log, Bytes(1 << 20), 0600));
   const auto refused = Store::open(folder.path() / "data", full);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom);
+  EXPECT_EQ(std::filesystem::file_size(log), 0u) << "the room that the next start needs";
   EXPECT_NE(refused.error().message.find("Make room on the disk"), std::string::npos)
       << refused.error().message;
   store = test::openStore(folder.path() / "data");
