@@ -314,7 +314,7 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   ASSERT_OK(writeFileAtomically(folder.path() / "data/needlelab.db", viewOf(*text), 0600));
   // who cannot be erased anew is not served either
   Store::Options full;
-  full.read_only_because = "the disk is full";
+  full.read_only_because = [] { return std::string("the disk is full"); };
   const auto refused = Store::open(folder.path() / "data", full);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kNoRoom);
