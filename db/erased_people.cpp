@@ -31,7 +31,8 @@ Result<std::set<std::string>> pseudonymsOfAccounts(Connection& connection,
 
 }  // namespace
 
-Result<std::optional<ErasureStore::Erased>> ErasureStore::newestErasure(std::string_view name) {
+Result<std::optional<ErasureStore::Erased>> ErasureStore::newestErasure(std::string_view name,
+                                                                        bool of_an_account) {
   {
     auto any = connection_.prepare("SELECT 1 FROM erasures LIMIT 1");
     ASSIGN_OR_RETURN(const bool found, any.step());
@@ -43,9 +44,10 @@ Result<std::optional<ErasureStore::Erased>> ErasureStore::newestErasure(std::str
   const auto hash = key->nameHash(name);
   return connection_
       .query(
-          "SELECT pseudonym, erased_unix_ns FROM erasures WHERE name_hash = ?"
+          "SELECT pseudonym, erased_unix_ns FROM erasures WHERE name_hash = ?1"
+          " AND (?2 = 0 OR ?3 || pseudonym NOT IN (SELECT key FROM meta))"
           " ORDER BY erased_unix_ns DESC LIMIT 1",
-          ByteView(hash))
+          ByteView(hash), of_an_account, kWithoutAccountKey)
       .first([](const Statement& row) {
         return Erased{row.text(0), row.integer(1)};
       });
@@ -68,8 +70,11 @@ Result<ErasureStore::Owner> ErasureStore::ownerOf(std::string_view trainee, std:
   ASSIGN_OR_RETURN(const auto erased, newestErasure(trainee));
   if (!erased) return Owner{};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee));
-  if (!person || person->created_unix_ns < erased->unix_ns)
-    return Owner{erased->pseudonym, false, erased->pseudonym};
+  // a name that nobody had is the next one's, who has no account either
+  ASSIGN_OR_RETURN(const auto account, newestErasure(trainee, true));
+  if (account && (!person || person->created_unix_ns < account->unix_ns))
+    return Owner{account->pseudonym, false, erased->pseudonym};
+  if (!person) return Owner{std::nullopt, false, erased->pseudonym};
   const bool times_tell = person->created_unix_ns <= now_unix_ns;
   return Owner{std::nullopt, times_tell && started_unix_ns < person->created_unix_ns, erased->pseudonym};
 }
@@ -110,11 +115,14 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   // also erasures in the database: imported older records may have brought people back
   std::set<std::string> known;
   std::vector<ErasureLine> known_lines;
-  auto rows = connection_.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
+  auto rows = connection_.query(
+      "SELECT pseudonym, name_hash, erased_unix_ns, ?1 || pseudonym IN (SELECT key FROM meta) FROM erasures",
+      kWithoutAccountKey);
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) break;
     ErasureLine line{rows.text(0), {}, rows.integer(2)};
+    line.without_account = rows.integer(3) != 0;
     const auto hash = rows.bytes(1);
     if (hash.size() != line.name_hash.size()) continue;
     std::copy(hash.begin(), hash.end(), line.name_hash.begin());
@@ -129,6 +137,9 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   // the sessions would become that account's
   ASSIGN_OR_RETURN(const auto accounts, pseudonymsOfAccounts(connection_, lines));
   std::erase_if(lines, [&](const ErasureLine& line) { return accounts.contains(line.pseudonym); });
+  // an account's first: what it takes, the other one no longer finds, and the name stays the erased person's
+  std::stable_partition(lines.begin(), lines.end(),
+                        [](const ErasureLine& line) { return !line.without_account; });
   std::multimap<PseudonymKey::Hash, const ErasureLine*> by_hash;
   for (const ErasureLine& line : lines) by_hash.emplace(line.name_hash, &line);
   // the first trace of each name; and the first that is not a session that waits
@@ -157,6 +168,34 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
       if (before) repeat.push_back({names.text(0), line, restored});
     }
   }
+}
+
+Status ErasureStore::remember(const ErasureLine& line, bool without_account, const std::string& by,
+                              const std::string& reason) {
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
+                      " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
+                      " SET erased_unix_ns = excluded.erased_unix_ns",
+                      line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, reason));
+  return connection_.run(without_account
+                             ? "INSERT INTO meta (key, value) VALUES (?, '') ON CONFLICT (key) DO NOTHING"
+                             : "DELETE FROM meta WHERE key = ?",
+                         std::string(kWithoutAccountKey) + line.pseudonym);
+}
+
+Status ErasureStore::rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay) {
+  ASSIGN_OR_RETURN(auto lines, readErasures(folder));
+  if (lines.empty()) return {};
+  ASSIGN_OR_RETURN(const auto key, this->key());
+  dropFaulty(lines, key);
+  ASSIGN_OR_RETURN(auto passed, pseudonymsOfAccounts(connection_, lines));
+  passed.insert(stay.begin(), stay.end());
+  ASSIGN_OR_RETURN(const auto known, connection_.prepare("SELECT pseudonym FROM erasures").all(firstText));
+  passed.insert(known.begin(), known.end());
+  for (const ErasureLine& line : lines)
+    if (!passed.contains(line.pseudonym))
+      RETURN_IF_ERROR(remember(line, line.without_account, kServerName, "from the list beside the database"));
+  return {};
 }
 
 Result<std::vector<std::string>> ErasureStore::listFaults(const std::filesystem::path& folder) {

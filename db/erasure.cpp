@@ -202,11 +202,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
           .first(firstText));
   if (samples) RETURN_IF_ERROR(connection_.run("DELETE FROM sqlite_stat4"));
   RETURN_IF_ERROR(eraseWords(names, sessions, erasure, elsewhere));
-  RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
-      " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
-      " SET erased_unix_ns = excluded.erased_unix_ns",
-      line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true)));
+  RETURN_IF_ERROR(remember(line, line.without_account && !person, by, withoutNames(reason, names, true)));
   ASSIGN_OR_RETURN(auto left, leftOver(names, group_ids));
   ASSIGN_OR_RETURN(const auto alike, sessionsAlike(names));
   ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(names));

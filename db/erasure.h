@@ -67,12 +67,13 @@ class ErasureStore {
     /// Of whoever of the name was erased last, also where the session is not theirs.
     std::optional<std::string> namesake = {};
   };
-  /// Of a session that a station delivers now under this name. Where a person of the name was erased and no
-  /// account was added since, it is the erased person's, whatever the station's clock says. The session of an
-  /// account is always kept; if it says that it began before the account, it may be the erased person's,
-  /// unless the server's clock has not reached the account's time (addedAt). kGuestName is nobody: its
-  /// sessions are always kept, because no account tells those of before from those of after. Without the key
-  /// it is nobody's of them: sessions are stored in any case, and `check` reports the missing key.
+  /// Of a session that a station delivers now under this name. Where an account of the name was erased and
+  /// none was added since, it is the erased person's, whatever the station's clock says. Under a name that
+  /// was erased while nobody had it, it is kept and waits: it may be another's. The session of an account is
+  /// always kept; if it says that it began before the account, it may be the erased person's, unless the
+  /// server's clock has not reached the account's time (addedAt). kGuestName is nobody: its sessions are
+  /// always kept, because no account tells those of before from those of after. Without the key it is
+  /// nobody's of them: sessions are stored in any case, and `check` reports the missing key.
   Result<Owner> ownerOf(std::string_view trainee, std::int64_t started_unix_ns, std::int64_t now_unix_ns);
   /// The pseudonym of the person with this name who was erased at `unix_ns` or later. Nothing: as above.
   Result<std::optional<std::string>> erasedSince(std::string_view name, std::int64_t unix_ns);
@@ -83,6 +84,10 @@ class ErasureStore {
   /// backup or from imported older records. Sessions that an erasure here left waiting are not theirs. Lines
   /// that listFaults() tells are not obeyed. Empty when all is well. kCorrupt: as key().
   Result<std::vector<ErasureToRepeat>> toRepeat(const std::filesystem::path& folder);
+  /// Puts the lines of DIR/erasures that this database does not know into it, but not those of the pseudonyms
+  /// `stay`: who comes under such a name from now on is not from before the erasure. Lines that listFaults()
+  /// tells are passed over. In a transaction. kCorrupt: as key().
+  Status rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay);
   /// Lines of DIR/erasures that another key made, or that were changed, for display; empty when all is well.
   /// kCorrupt: as key().
   Result<std::vector<std::string>> listFaults(const std::filesystem::path& folder);
@@ -105,8 +110,11 @@ class ErasureStore {
   Status requireRoom(std::uint64_t bytes = 0);
   /// Replaces the person as who did something.
   Status eraseDoers(const ErasedNames& names);
-  /// The newest erasure of the name.
-  Result<std::optional<Erased>> newestErasure(std::string_view name);
+  /// The newest erasure of the name, or the newest one `of_an_account`.
+  Result<std::optional<Erased>> newestErasure(std::string_view name, bool of_an_account = false);
+  /// Puts the erasure into the database, or makes it newer; `without_account`: nobody had the name.
+  Status remember(const ErasureLine& line, bool without_account, const std::string& by,
+                  const std::string& reason);
   Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
                        const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure);
   Status eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere);
@@ -126,6 +134,9 @@ class ErasureStore {
   FreeRoom free_room_;
   int rows_ = 0;  ///< that were written since requireRoom()
 };
+
+/// Key of `meta`, and behind it the pseudonym: the erasure was of a name that nobody had.
+inline constexpr std::string_view kWithoutAccountKey = "erased_without_account ";
 
 /// The profile of an erased person's session. A station sends the profile with the session, and a name may
 /// stand anywhere in its texts; nothing reads it once the recording is gone. The session keeps its id and

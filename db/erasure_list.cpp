@@ -20,6 +20,7 @@ namespace {
 
 // cells behind the time
 constexpr std::string_view kWithWaiting = "with-waiting";
+constexpr std::string_view kWithoutAccount = "without-account";
 constexpr std::string_view kKey = "key=";
 constexpr std::string_view kMac = "mac=";
 
@@ -37,8 +38,9 @@ std::string tooLongText(const std::filesystem::path& path, const std::string& fo
 
 /// What the MAC holds: the line without it.
 std::string bareText(const ErasureLine& line) {
-  return fmt::format("{} {} {}{}", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns,
-                     line.with_waiting ? " " + std::string(kWithWaiting) : "");
+  return fmt::format("{} {} {}{}{}", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns,
+                     line.with_waiting ? " " + std::string(kWithWaiting) : "",
+                     line.without_account ? " " + std::string(kWithoutAccount) : "");
 }
 
 /// How many lines are in this state, and the pseudonym of the first.
@@ -103,6 +105,7 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
     for (std::string more; cells >> more;) {
       const bool is_key = more.starts_with(kKey), is_mac = more.starts_with(kMac);
       if (more == kWithWaiting) line.with_waiting = true;
+      if (more == kWithoutAccount) line.without_account = true;
       if (!is_key && !is_mac) continue;
       if (!line.seal) line.seal.emplace();
       (is_key ? line.seal->key : line.seal->mac) = more.substr(kKey.size());

@@ -26,6 +26,7 @@ struct ErasureLine {
   std::int64_t unix_ns = 0;
   bool with_waiting = false;          ///< it took the sessions that waited for a manager, too
   std::optional<ErasureSeal> seal{};  ///< nothing: a version from before the MACs wrote it
+  bool without_account = false;       ///< nobody had the name: it is another's when it comes again
 };
 
 /// The list in the data folder, and the copy of it beside backups, which a restore on another machine adds to

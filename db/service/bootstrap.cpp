@@ -82,6 +82,9 @@ Status fillNewDatabase(Connection& connection) {
 Result<Connection> openToWrite(const std::filesystem::path& path) {
   ASSIGN_OR_RETURN(auto connection,
                    Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
+  // a change that was killed may have left a log that holds the room for what comes now
+  if (const auto cut = connection.emptyLog(0); !cut && cut.error().code != ErrorCode::kNoRoom)
+    return cut.error();
   RETURN_IF_ERROR(migrate(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
   // a key that is no key is refused here, and not by the first change
@@ -135,6 +138,19 @@ Status requireNoneToErase(Connection& frozen, const Error& why) {
   for (const ErasureToRepeat& one : *repeat)
     if (one.restored) return mustBeErasedFirst(folder, why);
   return {};
+}
+
+/// Why nothing may be written, empty: it may be. Where erasures wait, it is asked again without the log: an
+/// erasure that was killed may have left one that holds the room.
+Result<std::string> readOnlyBecause(const std::filesystem::path& path, const Store::Options& options) {
+  std::string why = options.read_only_because ? options.read_only_because() : "";
+  if (why.empty()) return why;
+  {
+    ASSIGN_OR_RETURN(auto frozen, openFrozen(path, {ErrorCode::kNoRoom, why}));
+    if (requireNoneToErase(frozen, {ErrorCode::kNoRoom, why})) return why;
+  }
+  cutLog(path);
+  return options.read_only_because();
 }
 
 }  // namespace
@@ -209,9 +225,10 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
 
   std::unique_ptr<Store> store(new Store(std::move(lock)));
   store->leftovers_ = std::move(leftovers);
-  auto connection = options.read_only_because.empty()
+  ASSIGN_OR_RETURN(const auto read_only_because, readOnlyBecause(path, options));
+  auto connection = read_only_because.empty()
                         ? openToWrite(path)
-                        : Result<Connection>(Error{ErrorCode::kNoRoom, options.read_only_because});
+                        : Result<Connection>(Error{ErrorCode::kNoRoom, read_only_because});
   bool unfinished = false;
   if (connection) {
     // before anybody is served: a restored backup does not know who was erased since, and a log from before
@@ -234,11 +251,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     if (connection.error().code != ErrorCode::kNoRoom) return connection.error();
     store->read_only_ = connection.error();
     ASSIGN_OR_RETURN(auto frozen, openFrozen(path, connection.error()));
-    if (const auto none = requireNoneToErase(frozen, connection.error()); !none.ok()) {
-      { const Connection closed = std::move(frozen); }
-      cutLog(path);
-      return none.error();
-    }
+    RETURN_IF_ERROR(requireNoneToErase(frozen, connection.error()));
     constexpr std::size_t kMostIdle = 8;
     store->readers_ = std::make_unique<ReaderPool>(path, kMostIdle, Connection::Mode::kFrozen);
     store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -40,8 +41,9 @@ class Store {
     bool create = true;                       ///< false: kNotFound when DIR has no database
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
-    /// Why the database must not be written to; empty: it may be.
-    std::string read_only_because = {};
+    /// Says why the database must not be written to; empty: it may be. Called on the thread that opens, also
+    /// twice: the second time after what a killed program left was removed.
+    std::function<std::string()> read_only_because = {};
     TimeSource* time = &machineTime();      ///< the service's; must outlive the store
     std::filesystem::path backup_key = {};  ///< the file of the key that encrypts backups; empty: none
   };

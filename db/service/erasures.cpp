@@ -129,12 +129,13 @@ std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& fo
   return {naming.begin(), naming.end()};
 }
 
-/// What an erasure of kGuestName does not reach; empty: it is another name.
-std::string textOnGuests(const std::string& name) {
-  if (name != kGuestName) return {};
-  return "Sessions of guests that stations deliver from now on are kept, also older ones: erase 'guest' "
-         "again "
-         "once all stations have delivered theirs. ";
+/// What the erasure of a name that nobody had does not reach.
+std::string textOnLater(const std::string& name) {
+  return fmt::format(
+      "Nobody has the name '{0}', so sessions under it that stations deliver from now on are kept, also "
+      "older "
+      "ones: erase '{0}' again once all stations have delivered theirs. ",
+      name);
 }
 
 /// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For
@@ -204,20 +205,29 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   ASSIGN_OR_RETURN(const auto repeat, ErasureStore(context.reader).toRepeat(folder));
   const auto again = std::find_if(repeat.begin(), repeat.end(),
                                   [&](const auto& erasure) { return erasure.name == call.name(); });
-  const ErasureLine line = sealed({again != repeat.end() ? again->line.pseudonym : newErasurePseudonym(),
-                                   hash, context.now_unix_ns, call.with_waiting_sessions()},
-                                  key);
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.name()));
+  ErasureLine unsealed{newErasurePseudonym(), hash, context.now_unix_ns, call.with_waiting_sessions()};
+  unsealed.without_account = !person;
+  if (again != repeat.end()) {
+    unsealed.pseudonym = again->line.pseudonym;
+    unsealed.without_account = !person && again->line.without_account;
+  }
+  const ErasureLine line = sealed(std::move(unsealed), key);
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
   sealOld(lines, key);
   RETURN_IF_ERROR(writeErasures(folder, lines));
 
   pb::Erasure erasure;
+  bool keeps_later = false;
   const auto status = context.writer.run([&](Connection& writer) -> Status {
     ASSIGN_OR_RETURN(auto done,
                      ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
                                                 context.now_unix_ns, call.with_waiting_sessions()));
     erasure = std::move(done);
+    ASSIGN_OR_RETURN(const auto owner,
+                     ErasureStore(writer).ownerOf(call.name(), context.now_unix_ns, context.now_unix_ns));
+    keeps_later = !owner.pseudonym;
     std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
                                      erasure.recordings(), erasure.scores());
     if (erasure.waiting_sessions() > 0)
@@ -247,7 +257,8 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     named += (named.empty() ? "" : ", ") + file.string();
   }
   erasure.set_text(
-      textOnGuests(call.name()) + textOnWaiting(call.name(), erasure.waiting_sessions()) + erasure.text() +
+      (keeps_later ? textOnLater(call.name()) : "") + textOnWaiting(call.name(), erasure.waiting_sessions()) +
+      erasure.text() +
       (files.empty()
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")
@@ -271,6 +282,7 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
   if (!repeat && repeat.error().code == ErrorCode::kCorrupt) return std::size_t{0};
   if (!repeat) return repeat.error();
   std::size_t count = 0;
+  std::set<std::string> stay;
   for (const ErasureToRepeat& one : *repeat) {
     if (!one.restored) continue;
     (void)writer.emptyLog(0);  // a start before this one may have been killed, and its log has the room
@@ -279,8 +291,10 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
     const auto done = store.erase(one.name, one.line, kServerName, "repeated after a restore", now_unix_ns,
                                   one.line.with_waiting);
     // the last administrator, or a name that an erasure before this one took: they stay as they are
-    if (!done && (done.error().code == ErrorCode::kDenied || done.error().code == ErrorCode::kNotFound))
+    if (!done && (done.error().code == ErrorCode::kDenied || done.error().code == ErrorCode::kNotFound)) {
+      if (done.error().code == ErrorCode::kDenied) stay.insert(one.line.pseudonym);
       continue;
+    }
     if (!done) return done.error();
     RETURN_IF_ERROR(
         AuditStore(writer).add({0, now_unix_ns, kServerName, "person erase", one.line.pseudonym,
@@ -289,6 +303,9 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns)
     RETURN_IF_ERROR(transaction.commit());
     ++count;
   }
+  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
+  RETURN_IF_ERROR(store.rememberList(writer.path().parent_path(), stay));
+  RETURN_IF_ERROR(transaction.commit());
   return count;
 }
 

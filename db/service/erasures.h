@@ -18,7 +18,8 @@ namespace needlelab {
 
 /// Repeats the erasures of DIR/erasures that this database, a restored backup, does not know, before anybody
 /// is served: a transaction each, with a line of the audit log. Leaves the last administrator, whom
-/// toRepeat() goes on naming. Returns how many. Writer's connection, outside a transaction.
+/// toRepeat() goes on naming; the database knows all others from then on. Returns how many. Writer's
+/// connection, outside a transaction.
 Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns);
 
 /// Takes the profile and what the station wrote about its device out of sessions that an earlier version

@@ -314,7 +314,7 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   ASSERT_OK(writeFileAtomically(folder.path() / "data/needlelab.db", viewOf(*text), 0600));
   // who cannot be erased anew is not served either
   Store::Options full;
-  full.read_only_because = "the disk is full";
+  full.read_only_because = [] { return std::string("the disk is full"); };
   // an erasure that was killed left a log without a commit
   const auto log = folder.path() / "data/needlelab.db-wal";
   ASSERT_OK(writeFileAtomically(log, Bytes(1 << 20), 0600));
