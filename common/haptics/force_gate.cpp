@@ -202,6 +202,7 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
   }
 
   // fault: the force falls linearly to zero
+  const double share_before = fade_;
   Wrench next;
   if (fault_ != Fault::kNone) {
     flags_ |= kGateFaulted;
@@ -225,8 +226,10 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
     if (hot_force) thermal_scale_ = norm(next.force_N) / force_before;
     if (hot_torque) thermal_scale_ = std::min(thermal_scale_, norm(next.torque_Nm) / torque_before);
   }
-  const bool slew_force = limitChange(next.force_N, out_.force_N, slew_force_N_);
-  const bool slew_torque = limitChange(next.torque_Nm, out_.torque_Nm, slew_torque_Nm_);
+  // as the share falls by time, so may the force: else missed ticks would hold it up
+  const double ticks = fade_ < share_before ? static_cast<double>(std::max<std::int64_t>(1, elapsed_ticks_)) : 1;
+  const bool slew_force = limitChange(next.force_N, out_.force_N, slew_force_N_ * ticks);
+  const bool slew_torque = limitChange(next.torque_Nm, out_.torque_Nm, slew_torque_Nm_ * ticks);
   if (slew_force || slew_torque) flags_ |= kGateSlewLimited;
 
   out_ = next;
