@@ -117,8 +117,8 @@ class ForceGate {
   /// Raises a FAULT with a cause outside the gate, such as a crash of the view. Call it before `admit`, in
   /// each tick while the cause lasts; a FAULT of another kind that is already active keeps its name.
   void raiseFromOutside(Fault fault) noexcept;
-  /// A person acknowledges the fault. It has no effect before a tick without the cause (`causeLasts`), so that
-  /// nothing starts by itself when an emergency stop is released; it may come before the tip is outside.
+  /// A person acknowledges the fault. It has no effect before a tick without the cause (`causeLasts`), so
+  /// that nothing starts by itself when an emergency stop is released; it may come before the tip is outside.
   void acknowledge() noexcept { acknowledged_ = fault_ != Fault::kNone && !cause_lasts_; }
   /// Tells the gate whether the tip is outside the tissue (any δ ≤ 0): in FAULT, call it before `admit` with
   /// the same sample, so that the first tick after the fault is outside.

@@ -379,6 +379,39 @@ TEST(ForceGate, missedTicksCountForAHoldsRampAlsoWhenAStallEndsInIt) {
   EXPECT_EQ(again.gate.guard(force(2)).wrench().force_N.x, 0);
 }
 
+TEST(ForceGate, missedTicksCountForAFallFasterThanTheSlewLimitOfATick) {
+  // found by simulated runs: 2 N a tick held up a ramp that had missed ticks, beyond its 20 ms
+  const std::uint32_t fault = kDeviceLost, hold = kDeviceReleased, stall = 0;
+  for (const std::uint32_t condition : {fault, hold, stall}) {
+    Running r;
+    for (int k = 0; k < 50; ++k) r.tick(force(6, 0.6));
+    const auto next = [&](std::int64_t elapsed) {
+      r.gate.admit(tipAt(0), true, 0, elapsed, condition);
+      return r.gate.guard(force(6, 0.6)).wrench();
+    };
+    const auto expectShare = [&](const Wrench& wrench, double share) {
+      EXPECT_NEAR(wrench.force_N.x, 6 * share, 1e-9) << condition;
+      EXPECT_NEAR(wrench.torque_Nm.y, 0.6 * share, 1e-9) << condition;
+    };
+    expectShare(next(condition == stall ? 30 : 1), 0.95);
+    expectShare(next(10), 0.45);
+    expectShare(next(50), 0);
+  }
+}
+
+TEST(ForceGate, missedTicksGiveARisingForceNoGreaterStep) {
+  Running r;
+  r.settle(6);
+  r.gate.admit(tipAt(0), true, 0, 1, kDeviceReleased);
+  r.gate.guard(force(6));
+  r.gate.admit(tipAt(0), true, 0, 10, kDeviceReleased);
+  EXPECT_NEAR(r.gate.guard(force(6)).wrench().force_N.x, 6 * 0.45, 1e-9);
+  // the hold is over, and the wanted force has turned round
+  r.gate.admit(tipAt(0), true, 0, 10, 0);
+  EXPECT_NEAR(r.gate.guard(force(-6)).wrench().force_N.x, 6 * 0.45 - 2, 1e-9);
+  EXPECT_TRUE(r.gate.flags() & kGateSlewLimited);
+}
+
 TEST(ForceGate, everyFaultHasItsOwnWords) {
   std::vector<std::string> seen;
   for (int i = 0; i <= 11; ++i) {

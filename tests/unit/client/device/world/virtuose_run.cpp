@@ -120,7 +120,8 @@ void VirtuoseRun::end() {
     if (!standin_.calls().ends_with("virtSetForce virtSetPowerOn virtClose"))
       breakRule("the last calls are in another order");
   }
-  // the service hears the end at the latest by the silence: so it is when the link breaks during the last calls
+  // the service hears the end at the latest by the silence: so it is when the link breaks during the last
+  // calls
   const bool is_heard = was_good && link_changed_ns_ <= since_ns;
   world.sleepForNs(is_heard ? 20 * kMs : kWatchdog_ns + kOnItsWay_ns);
   const StandinState last = standin_.state();
