@@ -226,11 +226,11 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
     if (hot_force) thermal_scale_ = norm(next.force_N) / force_before;
     if (hot_torque) thermal_scale_ = std::min(thermal_scale_, norm(next.torque_Nm) / torque_before);
   }
-  // as the share falls by time, so may the force: else missed ticks would hold it up
-  const double ticks =
-      fade_ < share_before ? static_cast<double>(std::max<std::int64_t>(1, elapsed_ticks_)) : 1;
-  const bool slew_force = limitChange(next.force_N, out_.force_N, slew_force_N_ * ticks);
-  const bool slew_torque = limitChange(next.torque_Nm, out_.torque_Nm, slew_torque_Nm_ * ticks);
+  // where missed ticks count for a ramp, the share takes its force with it; slew limits what else changes
+  const bool falls_late = fade_ < share_before && elapsed_ticks_ > 1;
+  const Wrench from = falls_late ? scaled(out_, fade_ / share_before) : out_;
+  const bool slew_force = limitChange(next.force_N, from.force_N, slew_force_N_);
+  const bool slew_torque = limitChange(next.torque_Nm, from.torque_Nm, slew_torque_Nm_);
   if (slew_force || slew_torque) flags_ |= kGateSlewLimited;
 
   out_ = next;

@@ -449,7 +449,10 @@ TEST(GateCondition, underFuzzForceIsAlwaysWithinLimitsAndNeverComesBackByItself)
     }
     ASSERT_TRUE(std::isfinite(now));
     ASSERT_LE(std::abs(now), 10 + 1e-9);
-    ASSERT_LE(std::abs(now - before), 2 + 1e-9);
+    ASSERT_LE(now - before, 2 + 1e-9);
+    if (b.elapsed <= 1) {  // only a ramp that missed ticks falls faster
+      ASSERT_LE(before - now, 2 + 1e-9);
+    }
     if (is != Fault::kNone) {
       ASSERT_LE(now, before);
     }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -40,6 +41,13 @@ struct Running {
     return out;
   }
 };
+
+// From `from` to `to`; `may_fall`: from whichever part of `from` is nearest.
+double change(Vec3 from, Vec3 to, bool may_fall) {
+  const double square = dot(from, from);
+  const double part = may_fall && square > 0 ? std::clamp(dot(from, to) / square, 0.0, 1.0) : 1;
+  return norm(to - from * part);
+}
 
 TEST(ForceGate, aDefaultGuardedWrenchIsZero) {
   EXPECT_EQ(GuardedWrench().wrench(), Wrench{});
@@ -399,17 +407,18 @@ TEST(ForceGate, missedTicksCountForAFallFasterThanTheSlewLimitOfATick) {
   }
 }
 
-TEST(ForceGate, missedTicksGiveARisingForceNoGreaterStep) {
-  Running r;
-  r.settle(6);
-  r.gate.admit(tipAt(0), true, 0, 1, kDeviceReleased);
-  r.gate.guard(force(6));
-  r.gate.admit(tipAt(0), true, 0, 10, kDeviceReleased);
-  EXPECT_NEAR(r.gate.guard(force(6)).wrench().force_N.x, 6 * 0.45, 1e-9);
-  // the hold is over, and the wanted force has turned round
-  r.gate.admit(tipAt(0), true, 0, 10, 0);
-  EXPECT_NEAR(r.gate.guard(force(-6)).wrench().force_N.x, 6 * 0.45 - 2, 1e-9);
-  EXPECT_TRUE(r.gate.flags() & kGateSlewLimited);
+TEST(ForceGate, missedTicksGiveAForceThatTurnsRoundNoGreaterStep) {
+  for (const std::uint32_t condition : {static_cast<std::uint32_t>(kDeviceReleased), 0u}) {
+    Running r;
+    r.settle(6);
+    r.gate.admit(tipAt(0), true, 0, 1, kDeviceReleased);
+    EXPECT_NEAR(r.gate.guard(force(6)).wrench().force_N.x, 6 * 0.95, 1e-9);
+    // while the hold lasts the share falls to 0.45, and then 2 N of the change remain; after it the share
+    // rises
+    r.gate.admit(tipAt(0), true, 0, 10, condition);
+    EXPECT_NEAR(r.gate.guard(force(-6)).wrench().force_N.x, 6 * (condition != 0 ? 0.45 : 0.95) - 2, 1e-9);
+    EXPECT_TRUE(r.gate.flags() & kGateSlewLimited);
+  }
 }
 
 TEST(ForceGate, everyFaultHasItsOwnWords) {
@@ -452,8 +461,10 @@ TEST(ForceGate, underFuzzNothingIsEverOverALimit) {
       ASSERT_TRUE(isFinite(out.force_N) && isFinite(out.torque_Nm));
       ASSERT_LE(norm(out.force_N), 10 + 1e-9);
       ASSERT_LE(norm(out.torque_Nm), 0.8 + 1e-9);
-      ASSERT_LE(norm(out.force_N - before.force_N), 2 * ms + 1e-9);
-      ASSERT_LE(norm(out.torque_Nm - before.torque_Nm), 0.1 * ms + 1e-9);
+      // after missed ticks a ramp may have taken any part of the force at once
+      const bool may_fall = elapsed > 1;
+      ASSERT_LE(change(before.force_N, out.force_N, may_fall), 2 * ms + 1e-9);
+      ASSERT_LE(change(before.torque_Nm, out.torque_Nm, may_fall), 0.1 * ms + 1e-9);
       before = out;
       const bool now = gate.fault() != Fault::kNone;
       faults += now && !in_fault;
