@@ -95,6 +95,8 @@ class GuardedWrench {
 ///   changes by at most 1/20 of the wanted force, plus the change of the wanted force. The same happens after
 ///   a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
 ///
+/// Missed ticks count for both falls: the next tick takes their part of the force at once.
+///
 /// Thread: the haptic thread only (its owner may call acknowledge between ticks). Real-time safe; uses no
 /// clock: it counts ticks.
 class ForceGate {
