@@ -202,6 +202,7 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
   }
 
   // fault: the force falls linearly to zero
+  const double share_before = fade_;
   Wrench next;
   if (fault_ != Fault::kNone) {
     flags_ |= kGateFaulted;
@@ -225,8 +226,11 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
     if (hot_force) thermal_scale_ = norm(next.force_N) / force_before;
     if (hot_torque) thermal_scale_ = std::min(thermal_scale_, norm(next.torque_Nm) / torque_before);
   }
-  const bool slew_force = limitChange(next.force_N, out_.force_N, slew_force_N_);
-  const bool slew_torque = limitChange(next.torque_Nm, out_.torque_Nm, slew_torque_Nm_);
+  // where missed ticks count for a ramp, the share takes its force with it; slew limits what else changes
+  const bool falls_late = fade_ < share_before && elapsed_ticks_ > 1;
+  const Wrench from = falls_late ? scaled(out_, fade_ / share_before) : out_;
+  const bool slew_force = limitChange(next.force_N, from.force_N, slew_force_N_);
+  const bool slew_torque = limitChange(next.torque_Nm, from.torque_Nm, slew_torque_Nm_);
   if (slew_force || slew_torque) flags_ |= kGateSlewLimited;
 
   out_ = next;

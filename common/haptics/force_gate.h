@@ -95,6 +95,8 @@ class GuardedWrench {
 ///   changes by at most 1/20 of the wanted force, plus the change of the wanted force. The same happens after
 ///   a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
 ///
+/// Missed ticks count for both falls: the next tick takes their part of the force at once.
+///
 /// Thread: the haptic thread only (its owner may call acknowledge between ticks). Real-time safe; uses no
 /// clock: it counts ticks.
 class ForceGate {
@@ -117,9 +119,9 @@ class ForceGate {
   /// Raises a FAULT with a cause outside the gate, such as a crash of the view. Call it before `admit`, in
   /// each tick while the cause lasts; a FAULT of another kind that is already active keeps its name.
   void raiseFromOutside(Fault fault) noexcept;
-  /// A person acknowledges the fault. It has no effect while the cause lasts, so that nothing starts by
-  /// itself when an emergency stop is released; it may come before the tip is outside.
-  void acknowledge() noexcept { acknowledged_ = fault_ != Fault::kNone; }
+  /// A person acknowledges the fault. It has no effect before a tick without the cause (`causeLasts`), so
+  /// that nothing starts by itself when an emergency stop is released; it may come before the tip is outside.
+  void acknowledge() noexcept { acknowledged_ = fault_ != Fault::kNone && !cause_lasts_; }
   /// Tells the gate whether the tip is outside the tissue (any δ ≤ 0): in FAULT, call it before `admit` with
   /// the same sample, so that the first tick after the fault is outside.
   void noteOutside(bool outside) noexcept { outside_ = outside; }

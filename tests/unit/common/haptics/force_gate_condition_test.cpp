@@ -146,6 +146,25 @@ TEST(GateCondition, anAcknowledgementBeforeTheCauseIsOverDoesNotCount) {
   }
 }
 
+TEST(GateCondition, anAcknowledgementBeforeTheFirstTickWithoutTheCauseDoesNotCount) {
+  // found by a simulated run: the cause went while the device was read, after the acknowledgement
+  for (const auto& [flag, fault] : kOwnFaults) {
+    Bench b;
+    b.running();
+    b.outside = true;
+    b.condition = flag;
+    b.run(50);
+    b.gate.acknowledge();
+    EXPECT_FALSE(b.gate.acknowledged());
+    b.condition = 0;
+    EXPECT_EQ(b.run(500), 0.0) << "nothing starts by itself when the cause goes";
+    EXPECT_EQ(b.gate.fault(), fault);
+    b.gate.acknowledge();
+    EXPECT_NEAR(b.tick(), 3.0 * kRise, 1e-9);
+    EXPECT_EQ(b.gate.fault(), Fault::kNone);
+  }
+}
+
 TEST(GateCondition, acknowledgedInTheTissueItWaitsForTheNeedleToBeOutside) {
   Bench b;
   b.running();
@@ -430,7 +449,10 @@ TEST(GateCondition, underFuzzForceIsAlwaysWithinLimitsAndNeverComesBackByItself)
     }
     ASSERT_TRUE(std::isfinite(now));
     ASSERT_LE(std::abs(now), 10 + 1e-9);
-    ASSERT_LE(std::abs(now - before), 2 + 1e-9);
+    ASSERT_LE(now - before, 2 + 1e-9);
+    if (b.elapsed <= 1) {  // only a ramp that missed ticks falls faster
+      ASSERT_LE(before - now, 2 + 1e-9);
+    }
     if (is != Fault::kNone) {
       ASSERT_LE(now, before);
     }

@@ -120,8 +120,10 @@ void VirtuoseRun::end() {
     if (!standin_.calls().ends_with("virtSetForce virtSetPowerOn virtClose"))
       breakRule("the last calls are in another order");
   }
-  // the service hears the end at the latest by the silence
-  world.sleepForNs(was_good ? 20 * kMs : kWatchdog_ns + kOnItsWay_ns);
+  // the service hears the end at the latest by the silence: so it is when the link breaks during the last
+  // calls
+  const bool is_heard = was_good && link_changed_ns_ <= since_ns;
+  world.sleepForNs(is_heard ? 20 * kMs : kWatchdog_ns + kOnItsWay_ns);
   const StandinState last = standin_.state();
   if (last.exchanges != after.exchanges) breakRule("a command after the end");
   if (last.open_contexts != 0)
@@ -142,7 +144,8 @@ void VirtuoseRun::moveHand(bool inwards) {
 
 void VirtuoseRun::acknowledge() {
   WorldRun::acknowledge();
-  acknowledged_ = true;
+  // it does not count before a tick without the cause
+  if (!haptic->gate().causeLasts()) acknowledged_ = true;
 }
 
 // ---- what goes wrong
