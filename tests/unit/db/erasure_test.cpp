@@ -902,7 +902,8 @@ TEST(Pseudonym, aPlainSearchFindsANameInEitherCaseOfItsScript) {
   const std::pair<std::string, std::string> pairs[] = {
       {"Östlund", "öSTLUND"}, {"ŽIŽEK", "žižek"},     {"Łukasz", "łUKASZ"}, {"Иванов", "ИВАНОВ"},
       {"Ђоко", "ђоко"},       {"Γιώργος", "ΓΙΏΡΓΟΣ"}, {"Արամ", "արամ"},     {"Þór", "þÓR"},
-      {"Ωmega", "ωMEGA"},     {"李明", "李明"},
+      {"Ωmega", "ωMEGA"},     {"李明", "李明"},       {"Ionuț", "IONUȚ"},   {"Айгүл", "АЙГҮЛ"},
+      {"Nguyễn", "NGUYỄN"},   {"Ґалаґан", "ҐАЛАҐАН"}, {"Weiß", "WEISS"},    {"Weiß", "WEIẞ"},
   };
   for (const auto& [name, written] : pairs) {
     const ErasedNames names{"x-1", {name}, {}, "p", {}};
@@ -910,6 +911,9 @@ TEST(Pseudonym, aPlainSearchFindsANameInEitherCaseOfItsScript) {
     EXPECT_TRUE(mentions(name, {written, {}, {}, "p", {}})) << name;
     EXPECT_FALSE(mentions("bei " + written + "-Berg", {name, {}, {written + "-Berg"}, "p", {}})) << name;
   }
+  // in another number of bytes, beside a text that has another one, too
+  EXPECT_TRUE(mentions("ẞẞ WEISS", {"x-1", {"Weiß"}, {"Weißhaupt", "ẞẞ"}, "p", {}}));
+  EXPECT_FALSE(mentions("ẞẞ WEISSHAUPT", {"x-1", {"Weiß"}, {"Weißhaupt"}, "p", {}}));
   EXPECT_FALSE(mentions("×stlund", {"÷stlund", {}, {}, "p", {}})) << "signs are no letters";
 }
 
