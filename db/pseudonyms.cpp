@@ -251,29 +251,26 @@ std::string withoutNames(const std::string& text, const ErasedNames& names, bool
   return without;
 }
 
-bool mentions(std::string_view text, const ErasedNames& names) {
-  const std::string folded = foldCase(text);
-  std::optional<std::vector<std::string>> others;  // folded at the first hit
-  const auto has = [&](std::string_view word) {
-    if (word.empty()) return false;
-    const std::string folded_word = foldCase(word);
-    for (std::size_t at = folded.find(folded_word); at != std::string::npos;
-         at = folded.find(folded_word, at + 1)) {
-      if (!others) {
-        others.emplace();
-        for (const std::string& other : names.others) others->push_back(foldCase(other));
-      }
-      if (!isWithinOther(folded, at, at + folded_word.size(), *others)) return true;
-    }
-    return false;
+NameSearch::NameSearch(const ErasedNames& names) {
+  const auto add = [this](std::string_view word) {
+    if (!word.empty()) words_.push_back(foldCase(word));
   };
-  bool found = has(names.name) || std::any_of(names.given.begin(), names.given.end(), has);
+  add(names.name);
+  for (const std::string& given : names.given) add(given);
   for (const std::string& full_name : names.full_names) {
-    found = found || has(full_name);
-    eachPart(
-        full_name, [&](std::string_view part) { found = found || has(part); }, " ,-");
+    add(full_name);
+    eachPart(full_name, add, " ,-");
   }
-  return found;
+  for (const std::string& other : names.others) others_.push_back(foldCase(other));
+}
+
+bool NameSearch::finds(std::string_view text) const {
+  const std::string folded = foldCase(text);
+  return std::any_of(words_.begin(), words_.end(), [&](const std::string& word) {
+    for (std::size_t at = folded.find(word); at != std::string::npos; at = folded.find(word, at + 1))
+      if (!isWithinOther(folded, at, at + word.size(), others_)) return true;
+    return false;
+  });
 }
 
 Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name) {

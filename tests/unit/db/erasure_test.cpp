@@ -907,14 +907,15 @@ TEST(Pseudonym, aPlainSearchFindsANameInEitherCaseOfItsScript) {
   };
   for (const auto& [name, written] : pairs) {
     const ErasedNames names{"x-1", {name}, {}, "p", {}};
-    EXPECT_TRUE(mentions("bei " + written + "s", names)) << name;
-    EXPECT_TRUE(mentions(name, {written, {}, {}, "p", {}})) << name;
-    EXPECT_FALSE(mentions("bei " + written + "-Berg", {name, {}, {written + "-Berg"}, "p", {}})) << name;
+    EXPECT_TRUE(NameSearch(names).finds("bei " + written + "s")) << name;
+    EXPECT_TRUE(NameSearch({written, {}, {}, "p", {}}).finds(name)) << name;
+    EXPECT_FALSE(NameSearch({name, {}, {written + "-Berg"}, "p", {}}).finds("bei " + written + "-Berg"))
+        << name;
   }
   // in another number of bytes, beside a text that has another one, too
-  EXPECT_TRUE(mentions("ẞẞ WEISS", {"x-1", {"Weiß"}, {"Weißhaupt", "ẞẞ"}, "p", {}}));
-  EXPECT_FALSE(mentions("ẞẞ WEISSHAUPT", {"x-1", {"Weiß"}, {"Weißhaupt"}, "p", {}}));
-  EXPECT_FALSE(mentions("×stlund", {"÷stlund", {}, {}, "p", {}})) << "signs are no letters";
+  EXPECT_TRUE(NameSearch({"x-1", {"Weiß"}, {"Weißhaupt", "ẞẞ"}, "p", {}}).finds("ẞẞ WEISS"));
+  EXPECT_FALSE(NameSearch({"x-1", {"Weiß"}, {"Weißhaupt"}, "p", {}}).finds("ẞẞ WEISSHAUPT"));
+  EXPECT_FALSE(NameSearch({"÷stlund", {}, {}, "p", {}}).finds("×stlund")) << "signs are no letters";
 }
 
 TEST(Pseudonym, punctuationOfEveryScriptEndsAName) {
