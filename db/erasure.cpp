@@ -403,13 +403,14 @@ Result<std::string> ErasureStore::sessionsAlike(const ErasedNames& names) {
       " AND trainee NOT IN (SELECT name FROM people) GROUP BY trainee ORDER BY trainee",
       names.name, kGuestName);
   constexpr std::size_t kNamed = 100;
+  const NameSearch search(all);
   std::size_t found = 0;
   std::string text;
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) break;
     const std::string trainee = rows.text(0);
-    if (!mentions(trainee, all) || ++found > kNamed) continue;
+    if (!search.finds(trainee) || ++found > kNamed) continue;
     text += (text.empty() ? "" : ", ") + fmt::format("'{}' ({})", printable(trainee), rows.natural(1));
   }
   if (found == 0) return text;
@@ -449,6 +450,7 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
   std::vector<std::string> others = names.others.list();
   std::erase_if(others, [&](const std::string& other) { return !of_others.contains(other); });
   searched.others = OtherNames(std::move(others));
+  const NameSearch search(searched);
   constexpr std::size_t kNamed = 3;
   std::string text;
   for (const Place& place : kTexts) {
@@ -458,7 +460,7 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
     for (;;) {
       ASSIGN_OR_RETURN(const bool more, rows.step());
       if (!more) break;
-      if (!mentions(rows.text(1), searched)) continue;
+      if (!search.finds(rows.text(1))) continue;
       if (++found <= kNamed) some += (some.empty() ? "" : ", ") + rows.text(0);
     }
     if (found > 0) text += (text.empty() ? "" : "; ") + fmt::format(fmt::runtime(place.what), found, some);

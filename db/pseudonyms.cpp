@@ -42,38 +42,6 @@ constexpr Letters kWordLetters[] = {
     {0xff21, 0xff3a}, {0xff41, 0xff5a},
 };
 
-/// Capitals of two bytes in UTF-8, and how far behind them their small letters are, which have two bytes,
-/// too.
-struct Capitals {
-  std::uint32_t first, last, small;
-  std::uint32_t every = 1;  ///< 2: each second one is a capital
-};
-constexpr Capitals kCapitals[] = {
-    {0x00c0, 0x00d6, 0x20}, {0x00d8, 0x00de, 0x20}, {0x0100, 0x012e, 1, 2}, {0x0132, 0x0136, 1, 2},
-    {0x0139, 0x0147, 1, 2}, {0x014a, 0x0176, 1, 2}, {0x0179, 0x017d, 1, 2}, {0x0386, 0x0386, 38},
-    {0x0388, 0x038a, 37},   {0x038c, 0x038c, 64},   {0x038e, 0x038f, 63},   {0x0391, 0x03ab, 0x20},
-    {0x03c2, 0x03c2, 1},  // the sigma that ends a word
-    {0x0400, 0x040f, 0x50}, {0x0410, 0x042f, 0x20}, {0x0531, 0x0556, 0x30},
-};
-
-/// The text in small letters of ASCII, Latin, Greek, Cyrillic and Armenian, with as many bytes.
-std::string smallLetters(std::string_view text) {
-  std::string small = lowerCase(text);
-  for (std::size_t at = 0; at + 1 < small.size(); ++at) {
-    const auto lead = static_cast<unsigned char>(small[at]), next = static_cast<unsigned char>(small[at + 1]);
-    if ((lead & 0xe0) != 0xc0 || (next & 0xc0) != 0x80) continue;
-    std::uint32_t point = (lead & 0x1fu) << 6 | (next & 0x3fu);
-    const auto row = std::find_if(std::begin(kCapitals), std::end(kCapitals), [&](const Capitals& one) {
-      return point >= one.first && point <= one.last && (point - one.first) % one.every == 0;
-    });
-    if (row == std::end(kCapitals)) continue;
-    point += row->small;
-    small[at] = static_cast<char>(0xc0u | point >> 6);
-    small[at + 1] = static_cast<char>(0x80u | (point & 0x3fu));
-  }
-  return small;
-}
-
 bool isContinuation(char c) {
   return (static_cast<unsigned char>(c) & 0xc0) == 0x80;
 }
@@ -273,26 +241,31 @@ std::string withoutNames(const std::string& text, const ErasedNames& names, bool
   return without;
 }
 
-bool mentions(std::string_view text, const ErasedNames& names) {
-  const std::string small = smallLetters(text);
-  std::optional<OtherNames::Places> places;
-  const auto has = [&](std::string_view word) {
-    if (word.empty()) return false;
-    const std::string small_word = smallLetters(word);
-    for (std::size_t at = small.find(small_word); at != std::string::npos;
-         at = small.find(small_word, at + 1)) {
-      if (!places) places = names.others.placesIn(text, standsAlone);
+NameSearch::NameSearch(const ErasedNames& names) {
+  const auto add = [this](std::string_view word) {
+    if (!word.empty()) words_.push_back(foldCase(word));
+  };
+  add(names.name);
+  for (const std::string& given : names.given) add(given);
+  for (const std::string& full_name : names.full_names) {
+    add(full_name);
+    eachPart(full_name, add, " ,-");
+  }
+  std::vector<std::string> others;
+  for (const std::string& other : names.others.list()) others.push_back(foldCase(other));
+  others_ = OtherNames(std::move(others));
+}
+
+bool NameSearch::finds(std::string_view text) const {
+  const std::string folded = foldCase(text);
+  std::optional<OtherNames::Places> places;  // most texts have no name
+  return std::any_of(words_.begin(), words_.end(), [&](const std::string& word) {
+    for (std::size_t at = folded.find(word); at != std::string::npos; at = folded.find(word, at + 1)) {
+      if (!places) places = others_.placesIn(folded, standsAlone);
       if (!places->cover(at, at + word.size())) return true;
     }
     return false;
-  };
-  bool found = has(names.name) || std::any_of(names.given.begin(), names.given.end(), has);
-  for (const std::string& full_name : names.full_names) {
-    found = found || has(full_name);
-    eachPart(
-        full_name, [&](std::string_view part) { found = found || has(part); }, " ,-");
-  }
-  return found;
+  });
 }
 
 Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name) {

@@ -80,10 +80,19 @@ struct ErasedNames {
 /// texts about this person: also replaces given names, and, case-sensitively, each word of a full name longer
 /// than two letters. In other texts they may be a common word.
 std::string withoutNames(const std::string& text, const ErasedNames& names, bool own);
-/// True when the text has a name, a given or a full name, or a word of one, anywhere, in either case, but for
-/// `others`. It finds more than withoutNames() replaces: "Annabel" for "anna", "ÖSTLUND" for "Östlund", and a
-/// part of a full name, also one beside a hyphen.
-bool mentions(std::string_view text, const ErasedNames& names);
+/// Looks for a name, a given or a full name, or a word of one, anywhere in texts, in either case of any
+/// script (foldCase), but for `others`. It finds more than withoutNames() replaces: "Annabel" for "anna",
+/// "ÖSTLUND" for "Östlund", "WEISS" for "Weiß", and a part of a full name, also one beside a hyphen. Thread:
+/// immutable.
+class NameSearch {
+ public:
+  explicit NameSearch(const ErasedNames& names);
+  [[nodiscard]] bool finds(std::string_view text) const;
+
+ private:
+  std::vector<std::string> words_;  ///< folded
+  OtherNames others_;               ///< folded
+};
 
 /// Full names of this person in the audit log, oldest first. "user change" writes them at the end of its
 /// line: "full name: 'Old' to 'New'".

@@ -1,5 +1,7 @@
 #include "db/seen_time.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <string_view>
 
@@ -12,6 +14,10 @@ namespace {
 // keys of `meta`
 constexpr std::string_view kLatest = "latest_unix_ns";
 constexpr std::string_view kClosedBehind = "closed_behind ";  // and the session
+
+bool isAhead(std::int64_t seen_unix_ns, std::int64_t now_unix_ns) {
+  return seen_unix_ns != 0 && now_unix_ns - seen_unix_ns > kMostAhead_ns;
+}
 
 }  // namespace
 
@@ -27,12 +33,13 @@ Result<std::int64_t> SeenTimeStore::latest() {
 
 Status SeenTimeStore::note(std::int64_t now_unix_ns) {
   ASSIGN_OR_RETURN(const auto seen, latest());
-  return confirm(std::max(seen, now_unix_ns));
+  // written also when it stays: what is closed by a clock that is ahead must not become the latest time
+  return confirm(isAhead(seen, now_unix_ns) ? seen : std::max(seen, now_unix_ns));
 }
 
 Status SeenTimeStore::noteClose(const Uuid& session, std::int64_t now_unix_ns) {
   ASSIGN_OR_RETURN(const auto seen, latest());
-  if (now_unix_ns >= seen) return confirm(now_unix_ns);
+  if (now_unix_ns >= seen) return note(now_unix_ns);
   if (now_unix_ns + kClockSlack_ns >= seen) return {};
   return MetaStore(connection_).set(std::string(kClosedBehind) + uuidText(session), std::to_string(seen));
 }
@@ -61,6 +68,18 @@ Result<std::string> SeenTimeStore::behindText(std::int64_t now_unix_ns) {
          localTime(seen, TimeForm::kZoned) +
          " before: set it right. If it is right (it was ahead before), say so by: needlelab-admin retention "
          "run";
+}
+
+Result<std::string> SeenTimeStore::aheadText(std::int64_t now_unix_ns) {
+  ASSIGN_OR_RETURN(const auto seen, latest());
+  if (!isAhead(seen, now_unix_ns)) return std::string();
+  return fmt::format(
+      "the server's clock shows {}, {} days after the latest time that is known, {}: retention removes "
+      "nothing "
+      "by itself. Set the clock right. If it is right (nothing ran for so long, or an older backup was "
+      "restored), say so by: needlelab-admin retention run",
+      localTime(now_unix_ns, TimeForm::kZoned), (now_unix_ns - seen) / 86'400'000'000'000,
+      localTime(seen, TimeForm::kZoned));
 }
 
 }  // namespace needlelab

@@ -88,6 +88,8 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     logEvent(LogLevel::kWarning, "erasures_repeated", {{"people", repeated}});
   if (const std::string& text = p.store->clockBehind(); !text.empty())
     logEvent(LogLevel::kWarning, "clock_behind", {{"text", text}});
+  if (const std::string& text = p.store->clockAhead(); !text.empty())
+    logEvent(LogLevel::kWarning, "clock_ahead", {{"text", text}});
   ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
   for (const std::string& text : repeat) logEvent(LogLevel::kError, "erasure_to_repeat", {{"text", text}});
   if (!p.store->readOnly()) RETURN_IF_ERROR(logValidAgain(*p.store));

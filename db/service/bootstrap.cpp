@@ -11,6 +11,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
+#include "common/base/text.h"
 #include "db/audit_head.h"
 #include "db/connection.h"
 #include "db/erasure.h"
@@ -210,6 +211,8 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
                        "add the first user or station, to make one"};
     }
   }
+  // an erasure would not find names in capitals
+  RETURN_IF_ERROR(foldingWorks());
   std::optional<BackupKey> backup_key;
   if (!options.backup_key.empty()) {
     ASSIGN_OR_RETURN(backup_key, BackupKey::read(options.backup_key));
@@ -238,6 +241,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     const auto repeated = repeatErasures(*connection, now_unix_ns);
     if (!repeated) return erasuresNotRepeated(*connection, repeated.error());
     ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
+    ASSIGN_OR_RETURN(store->clock_ahead_, SeenTimeStore(*connection).aheadText(now_unix_ns));
     RETURN_IF_ERROR(SeenTimeStore(*connection).note(now_unix_ns));
     RETURN_IF_ERROR(dropOldImports(*connection, now_unix_ns));
     const auto emptied = connection->emptyLog(0);

@@ -77,6 +77,8 @@ class Store {
   [[nodiscard]] std::size_t erasuresRepeated() const { return erasures_repeated_; }
   /// What a person should know if the clock was behind when this store was opened (seen_time.h); else empty.
   [[nodiscard]] const std::string& clockBehind() const { return clock_behind_; }
+  /// The same if it was ahead.
+  [[nodiscard]] const std::string& clockAhead() const { return clock_ahead_; }
 
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
@@ -86,7 +88,7 @@ class Store {
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;
   std::size_t erasures_repeated_ = 0;
-  std::string clock_behind_;
+  std::string clock_behind_, clock_ahead_;
   std::vector<std::filesystem::path> leftovers_;
 };
 

@@ -111,9 +111,9 @@ class Service {
   /// One run of retention (retention.h): minutes to hours. Fails at once with kUnavailable while another run
   /// is in progress; the message gives its start and user. A dry run only reads and never waits.
   Result<pb::RetentionReport> retention(const std::string& by_whom, bool dry_run);
-  /// The server's daily run, under the name "retention". Also kUnavailable when the last run was more than 31
-  /// days ago: a clock that has jumped must not delete anything. A user who starts a run confirms that the
-  /// clock is right.
+  /// The server's daily run, under the name "retention". Also kUnavailable when the last run, or the latest
+  /// time that is known (seen_time.h), was more than 31 days ago: a clock that has jumped must not delete
+  /// anything. A user who starts a run confirms that the clock is right.
   Result<pb::RetentionReport> dailyRetention();
   /// Scores the sessions without a score of the current definitions (rescoring.h): minutes to hours.
   /// kUnavailable: another run is in progress.

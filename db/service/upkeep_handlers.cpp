@@ -7,6 +7,7 @@
 #include "db/credentials.h"
 #include "db/erasure.h"
 #include "db/people.h"
+#include "db/seen_time.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 
@@ -172,6 +173,11 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
         "because somebody reads, or because the database is large; they are overwritten when that is done, "
         "or "
         "after the next start");
+  }
+  ASSIGN_OR_RETURN(const auto ahead, SeenTimeStore(context.reader).aheadText(context.now_unix_ns));
+  if (!ahead.empty()) {
+    report->set_ok(false);
+    report->add_faults(ahead);
   }
   // the database is intact, but an erased person is back in it
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());

@@ -232,6 +232,8 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
             "Pages in the log that the last checkpoint left there.");
   out.gauge("needlelab_erasure_pending", context.store.writer().counters().log_pending ? 1 : 0,
             "1 while the log still has what was erased, because somebody reads.");
+  out.gauge("needlelab_clock_ahead", facts.clock_ahead ? 1 : 0,
+            "1 while the clock has jumped ahead, so that retention removes nothing by itself.");
   out.gauge("needlelab_disk_free_bytes", real(facts.free_bytes), "Free on the database's disk.");
   out.gauge("needlelab_disk_room_level", static_cast<double>(context.disk_room.level()),
             "0: there is room; 1: no new session is taken; 2: nothing recorded is stored.");

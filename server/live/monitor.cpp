@@ -18,6 +18,7 @@
 #include "common/base/text.h"
 #include "common/wire/certificates.h"
 #include "db/schema.h"
+#include "db/seen_time.h"
 #include "server/base/log.h"
 
 namespace needlelab {
@@ -125,6 +126,10 @@ StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate
   } else if (*when) {
     facts.backup_unix_ns = std::strtoll((*when)->c_str(), nullptr, 10);
   }
+  if (const auto ahead = SeenTimeStore(**reader).aheadText(wallNowNs()); !ahead.ok())
+    facts.fault = ahead.error().message;
+  else
+    facts.clock_ahead = !ahead->empty();
   return facts;
 }
 

@@ -75,6 +75,7 @@ TEST(Metrics, addUpAfterALesson) {
   EXPECT_EQ(after["needlelab_chunks_in_flight"], 0);
   EXPECT_EQ(after["needlelab_sessions_closed_total"], 1);
   EXPECT_EQ(after["needlelab_unsafe_chunks"], chunks) << "no backup yet";
+  EXPECT_EQ(after["needlelab_clock_ahead"], 0);
   EXPECT_GE(after["needlelab_acks_total"], 2);
   // Every item was committed in exactly one group, and every group in one commit.
   EXPECT_EQ(after["needlelab_commit_group_items_sum"], after["needlelab_writer_items_total"]);

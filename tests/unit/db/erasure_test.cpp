@@ -908,15 +908,20 @@ TEST(Pseudonym, aPlainSearchFindsANameInEitherCaseOfItsScript) {
   const std::pair<std::string, std::string> pairs[] = {
       {"Östlund", "öSTLUND"}, {"ŽIŽEK", "žižek"},     {"Łukasz", "łUKASZ"}, {"Иванов", "ИВАНОВ"},
       {"Ђоко", "ђоко"},       {"Γιώργος", "ΓΙΏΡΓΟΣ"}, {"Արամ", "արամ"},     {"Þór", "þÓR"},
-      {"Ωmega", "ωMEGA"},     {"李明", "李明"},
+      {"Ωmega", "ωMEGA"},     {"李明", "李明"},       {"Ionuț", "IONUȚ"},   {"Айгүл", "АЙГҮЛ"},
+      {"Nguyễn", "NGUYỄN"},   {"Ґалаґан", "ҐАЛАҐАН"}, {"Weiß", "WEISS"},    {"Weiß", "WEIẞ"},
   };
   for (const auto& [name, written] : pairs) {
     const ErasedNames names{"x-1", {name}, {}, "p", {}};
-    EXPECT_TRUE(mentions("bei " + written + "s", names)) << name;
-    EXPECT_TRUE(mentions(name, {written, {}, {}, "p", {}})) << name;
-    EXPECT_FALSE(mentions("bei " + written + "-Berg", {name, {}, {written + "-Berg"}, "p", {}})) << name;
+    EXPECT_TRUE(NameSearch(names).finds("bei " + written + "s")) << name;
+    EXPECT_TRUE(NameSearch({written, {}, {}, "p", {}}).finds(name)) << name;
+    EXPECT_FALSE(NameSearch({name, {}, {written + "-Berg"}, "p", {}}).finds("bei " + written + "-Berg"))
+        << name;
   }
-  EXPECT_FALSE(mentions("×stlund", {"÷stlund", {}, {}, "p", {}})) << "signs are no letters";
+  // in another number of bytes, beside a text that has another one, too
+  EXPECT_TRUE(NameSearch({"x-1", {"Weiß"}, {"Weißhaupt", "ẞẞ"}, "p", {}}).finds("ẞẞ WEISS"));
+  EXPECT_FALSE(NameSearch({"x-1", {"Weiß"}, {"Weißhaupt"}, "p", {}}).finds("ẞẞ WEISSHAUPT"));
+  EXPECT_FALSE(NameSearch({"÷stlund", {}, {}, "p", {}}).finds("×stlund")) << "signs are no letters";
 }
 
 TEST(Pseudonym, punctuationOfEveryScriptEndsAName) {

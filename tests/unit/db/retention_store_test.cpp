@@ -152,7 +152,7 @@ TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFu
   };
   set("received_unix_ns", received);
   set("started_unix_ns", started);
-  ASSERT_OK(SeenTimeStore(db.writer).note(day_100));
+  ASSERT_OK(SeenTimeStore(db.writer).confirm(day_100));
   ASSERT_OK(SeenTimeStore(db.writer).noteClose(seen, 10 * test::kDay_ns));
   const auto all = [&](const char* action) {
     std::vector<std::string> texts;

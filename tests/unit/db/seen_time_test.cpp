@@ -55,6 +55,37 @@ TEST_F(SeenTimeTest, aClockThatWasAheadIsForgottenWhenAPersonSaysSo) {
   EXPECT_EQ(test::TestDb::must(seen.behindText(20 * test::kDay_ns)), "");
 }
 
+TEST_F(SeenTimeTest, aClockThatJumpsAheadIsToldAndNotBelievedUntilAPersonSaysSo) {
+  const std::int64_t most = 20 * test::kDay_ns + kMostAhead_ns;
+  ASSERT_OK(seen.note(20 * test::kDay_ns));
+  EXPECT_EQ(test::TestDb::must(seen.aheadText(most)), "");
+  for (int start = 0; start < 2; ++start) {
+    const std::string text = test::TestDb::must(seen.aheadText(400 * test::kDay_ns));
+    EXPECT_NE(text.find("380 days after"), std::string::npos) << text;
+    EXPECT_NE(text.find("needlelab-admin retention run"), std::string::npos) << text;
+    ASSERT_OK(seen.note(400 * test::kDay_ns));
+    ASSERT_OK(seen.noteClose(makeUuidV7(), 400 * test::kDay_ns));
+    ASSERT_OK(seen.note(most + 1));
+    EXPECT_EQ(latest(), 20 * test::kDay_ns);
+  }
+  // set right again, it was never ahead
+  EXPECT_EQ(test::TestDb::must(seen.behindText(20 * test::kDay_ns)), "");
+  ASSERT_OK(seen.note(most));
+  EXPECT_EQ(latest(), most);
+  ASSERT_OK(seen.confirm(400 * test::kDay_ns));
+  EXPECT_EQ(test::TestDb::must(seen.aheadText(400 * test::kDay_ns)), "");
+}
+
+TEST_F(SeenTimeTest, whatIsClosedByAClockThatIsAheadIsNoLatestTimeInADatabaseOfEarlierVersionsEither) {
+  ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(3 * test::kDay_ns)));
+  ASSERT_OK(seen.note(400 * test::kDay_ns));
+  const Uuid id = makeUuidV7();
+  ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));
+  ASSERT_OK(SessionStore(db.writer).append(id, 0, test::chunkOf(0)));
+  ASSERT_OK(SessionStore(db.writer).close(test::closeOf(id, 1), 400 * test::kDay_ns));
+  EXPECT_EQ(latest(), 3 * test::kDay_ns);
+}
+
 TEST_F(SeenTimeTest, aClockThatIsBehindIsToldWithBothTimes) {
   ASSERT_OK(seen.note(400 * test::kDay_ns));
   EXPECT_EQ(test::TestDb::must(seen.behindText(400 * test::kDay_ns - kClockSlack_ns)), "");

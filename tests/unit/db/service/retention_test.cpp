@@ -395,6 +395,48 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
   EXPECT_OK(store->service().dailyRetention());
 }
 
+// no run was ever noted: the server or its first policy is new
+TEST_F(RetentionTest, aFirstRunByAClockThatIsAheadDeletesNothingUntilAPersonStartsOne) {
+  const Uuid id = addClosed();
+  (void)get(manager, policy(-1, 0, 0));
+  // as if the clock had jumped, while the server runs and over its starts
+  ASSERT_OK(
+      change([&](Connection& c) { return SeenTimeStore(c).confirm(wallNowNs() - 400 * test::kDay_ns); }));
+  pb::Request check;
+  check.mutable_check();
+  for (int start = 0; start < 3; ++start) {
+    const auto daily = store->service().dailyRetention();
+    ASSERT_FALSE(daily.ok());
+    EXPECT_EQ(daily.error().code, ErrorCode::kUnavailable);
+    EXPECT_NE(daily.error().message.find("400 days after"), std::string::npos) << daily.error().message;
+    EXPECT_FALSE(info(id).has_removed_original());
+    const auto report = get(admin, check).check_report();
+    EXPECT_FALSE(report.ok());
+    ASSERT_EQ(report.faults_size(), 1);
+    EXPECT_NE(report.faults(0).find("needlelab-admin retention run"), std::string::npos);
+    addClosed();  // a close does not make it believed
+    (void)runNow(true);
+    store.reset();
+    store = test::openStore(folder.path() / "data");
+    EXPECT_NE(store->clockAhead(), "");
+  }
+  store->service().setRetentionPace({.pause = 0ms});
+  EXPECT_EQ(runNow().deleted(), 4u);
+  EXPECT_TRUE(get(admin, check).check_report().ok());
+  EXPECT_OK(store->service().dailyRetention());
+  store.reset();
+  store = test::openStore(folder.path() / "data");
+  EXPECT_EQ(store->clockAhead(), "");
+}
+
+TEST_F(RetentionTest, theDailyRunNotesTheTimeOfALabWhereNothingIsClosed) {
+  const std::int64_t day_30 = wallNowNs() - 30 * test::kDay_ns;
+  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).confirm(day_30); }));
+  EXPECT_OK(store->service().dailyRetention());
+  auto reader = store->readers().borrow();
+  EXPECT_GE(test::TestDb::must(SeenTimeStore(**reader).latest()), day_30 + 30 * test::kDay_ns);
+}
+
 // the server's clock was 400 days behind while they came, and is right again; they came after the database
 // was made
 TEST_F(RetentionTest, whatCameWhileTheClockWasBehindIsLeftAloneAndTold) {
@@ -415,7 +457,7 @@ TEST_F(RetentionTest, whatCameWhileTheClockWasBehindIsLeftAloneAndTold) {
 
 TEST_F(RetentionTest, aSessionClosedWhileTheClockIsBehindCountsFromTheLatestTimeThatTheClockHasShown) {
   const std::int64_t latest = wallNowNs() + 400 * test::kDay_ns;
-  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).note(latest); }));
+  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).confirm(latest); }));
   addClosed();
   (void)get(manager, policy(-1, 0, 365));
   auto reader = store->readers().borrow();
@@ -438,7 +480,8 @@ TEST_F(RetentionTest, aClockThatIsBehindIsToldAtEachStartUntilAPersonStartsARun)
     return store->clockBehind();
   };
   EXPECT_EQ(startAgain(), "");
-  ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).note(wallNowNs() + 400 * test::kDay_ns); }));
+  ASSERT_OK(
+      change([&](Connection& c) { return SeenTimeStore(c).confirm(wallNowNs() + 400 * test::kDay_ns); }));
   for (int i = 0; i < 2; ++i) {
     const std::string text = startAgain();
     EXPECT_NE(text.find("needlelab-admin retention run"), std::string::npos) << text;
