@@ -1014,11 +1014,11 @@ TEST(Pseudonym, aLongTextFullOfTheNameIsReadOnceForAllOtherNames) {
   std::string text, expected;
   for (int i = 0; i < 250'000; ++i) text += "tom ", expected += "X ";
   EXPECT_EQ(withoutNames(text + "Tom-999", names, false), expected + "Tom-999");
-  EXPECT_TRUE(mentions(text, names));
+  EXPECT_TRUE(NameSearch(names).finds(text));
   std::string of_others;
   for (int i = 0; i < 150'000; ++i) of_others += fmt::format("tom-{} ", i % 1000);
   EXPECT_EQ(withoutNames(of_others, names, false), of_others);
-  EXPECT_FALSE(mentions(of_others, names));
+  EXPECT_FALSE(NameSearch(names).finds(of_others));
 }
 
 /// A disk of `bytes` for the log; the database lies on another one.
