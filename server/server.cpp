@@ -69,12 +69,11 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
       raw->beginStop("the server's database failed");
     });
   };
-  const auto free_bytes = p.options.free_bytes(p.options.data);
-  p.free_at_start = free_bytes.value_or(0);
-  if (!is_new)
-    store_options.read_only_because = [&p] {
-      return readOnlyBecause(p.options.data, p.options.free_bytes(p.options.data), p.options.min_free_bytes);
-    };
+  store_options.read_only_because = [&p, is_new] {
+    const auto free_bytes = p.options.free_bytes(p.options.data);
+    p.free_at_start = free_bytes.value_or(0);
+    return is_new ? std::string() : readOnlyBecause(p.options.data, free_bytes, p.options.min_free_bytes);
+  };
   ASSIGN_OR_RETURN(auto store, Store::open(p.options.data, store_options));
   p.store = std::move(store);
   if (const auto& why = p.store->readOnly())

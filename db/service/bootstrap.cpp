@@ -84,8 +84,7 @@ Result<Connection> openToWrite(const std::filesystem::path& path) {
   ASSIGN_OR_RETURN(auto connection,
                    Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
   // a change that was killed may have left a log that holds the room for what comes now
-  if (const auto cut = connection.emptyLog(0); !cut && cut.error().code != ErrorCode::kNoRoom)
-    return cut.error();
+  (void)connection.emptyLog(0);
   RETURN_IF_ERROR(migrate(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
   // a key that is no key is refused here, and not by the first change
@@ -143,7 +142,7 @@ Status requireNoneToErase(Connection& frozen, const Error& why) {
 
 /// Why nothing may be written, empty: it may be. Where erasures wait, it is asked again without the log: an
 /// erasure that was killed may have left one that holds the room.
-Result<std::string> readOnlyBecause(const std::filesystem::path& path, const Store::Options& options) {
+Result<std::string> whyReadOnly(const std::filesystem::path& path, const Store::Options& options) {
   std::string why = options.read_only_because ? options.read_only_because() : "";
   if (why.empty()) return why;
   {
@@ -228,7 +227,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
 
   std::unique_ptr<Store> store(new Store(std::move(lock)));
   store->leftovers_ = std::move(leftovers);
-  ASSIGN_OR_RETURN(const auto read_only_because, readOnlyBecause(path, options));
+  ASSIGN_OR_RETURN(const auto read_only_because, whyReadOnly(path, options));
   auto connection = read_only_because.empty()
                         ? openToWrite(path)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, read_only_because});

@@ -618,6 +618,56 @@ TEST_F(ErasureStoreTest, guestsWhoComeAfterAnErasureOfGuestKeepTheirSessionsWhat
   EXPECT_TRUE(check->ok()) << check->faults.front();
 }
 
+TEST_F(ErasureStoreTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsTheSessionsWhichWait) {
+  constexpr std::int64_t kDay = 86'400'000'000'000, kNow = 1'800'000'000'000'000'000;
+  SessionStore sessions(db.writer);
+  const auto eraseName = [&](const std::string& pseudonym, bool without_account, std::int64_t when) {
+    auto of = line("Anna", when);
+    of.pseudonym = pseudonym;
+    of.without_account = without_account;
+    return ErasureStore(db.writer).erase("Anna", of, "ada", "", when);
+  };
+  const auto deliver = [&](const Uuid& id, std::int64_t started) {
+    auto d = test::describe(id);
+    d.set_trainee("Anna");
+    d.set_started_unix_ns(started);
+    EXPECT_OK(sessions.open(d, kNow + kDay));
+    EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
+    EXPECT_OK(sessions.open(d, kNow + kDay));  // the station comes again
+    EXPECT_TRUE(sessions.close(test::closeOf(id, 1), kNow + kDay)->taken());
+    return sessions.info(id)->description().trainee();
+  };
+  // the server's clock right, and ahead
+  for (const auto& [pseudonym, when] :
+       {std::pair{"erased-1", kNow}, std::pair{"erased-2", kNow + 200 * kDay}}) {
+    const Uuid taken = session("Anna", 1, true);
+    ASSERT_OK(eraseName(pseudonym, true, when));
+    for (const std::int64_t started : {kNow + kDay, kNow - kDay}) {
+      const Uuid id = makeUuidV7();
+      EXPECT_EQ(deliver(id, started), "Anna");
+      EXPECT_EQ(sessions.info(id)->chunks(), 1u) << started;
+      EXPECT_TRUE(waits(id));
+    }
+    auto again = test::describe(taken);
+    again.set_trainee("Anna");
+    ASSERT_OK(sessions.open(again, kNow + kDay));
+    EXPECT_EQ(sessions.info(taken)->description().trainee(), pseudonym) << "offered again, it stays away";
+    EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
+  }
+  // an erasure of before does not say that nobody had the name: what comes late may be an account's
+  ASSERT_OK(eraseName("erased-3", false, kNow + 201 * kDay));
+  EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-3");
+  ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, kNow + 202 * kDay}));
+  ASSERT_OK(eraseName("erased-4", true, kNow + 203 * kDay));  // added since the line was made
+  session("ben", 1, true);
+  ASSERT_OK(db.writer.run("UPDATE sessions SET trainee = 'Anna' WHERE trainee = 'ben'"));
+  ASSERT_OK(eraseName("erased-5", true, kNow + 204 * kDay));
+  EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-4") << "the account's, also after an erasure of what waited";
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
 TEST_F(ErasureStoreTest, sessionsUnderOtherFormsOfTheNameAreNamed) {
   ASSERT_OK(PeopleStore(db.writer).add({"annabel", pb::TRAINEE, "", false, 1}));
   for (const char* given : {"anna ÖSTLUND-berg", "Anna", "berg", "Berg", "ANNA at station 2", "östlund-berg"})
@@ -735,6 +785,7 @@ TEST_F(ErasureStoreTest, theListBesideABackupIsAddedToWithoutLosingALine) {
   ErasureLine first = line("anna", 77), second = line("ben", 88);
   first.with_waiting = true;
   second.pseudonym = "erased-5678";
+  second.without_account = true;
   ASSERT_OK(addErasures(beside.path(), {first}, kErasuresCopy));
   ASSERT_OK(addErasures(beside.path(), {second}, kErasuresCopy));
   ASSERT_OK(addErasures(beside.path(), {first, second}, kErasuresCopy));
@@ -743,6 +794,8 @@ TEST_F(ErasureStoreTest, theListBesideABackupIsAddedToWithoutLosingALine) {
   ASSERT_EQ(lines->size(), 2u);
   EXPECT_TRUE((*lines)[0].with_waiting);
   EXPECT_FALSE((*lines)[1].with_waiting);
+  EXPECT_FALSE((*lines)[0].without_account);
+  EXPECT_TRUE((*lines)[1].without_account);
   EXPECT_EQ((*lines)[1].name_hash, second.name_hash);
   EXPECT_TRUE(readErasures(beside.path())->empty()) << "another file";
 }
@@ -767,13 +820,14 @@ TEST_F(ErasureStoreTest, linesOfTheListAreHeldByAMacOfTheKey) {
   EXPECT_EQ(sealOf(read, other), SealState::kOtherKey);
   EXPECT_FALSE((*lines)[1].seal.has_value());
   // each change shows
-  for (const int what : {0, 1, 2, 3, 4}) {
+  for (const int what : {0, 1, 2, 3, 4, 5}) {
     ErasureLine changed = read;
     if (what == 0) changed.pseudonym += "0";
     if (what == 1) changed.name_hash[31] ^= 1;
     if (what == 2) changed.unix_ns += 1;
     if (what == 3) changed.with_waiting = false;
     if (what == 4) changed.seal->mac.clear();
+    if (what == 5) changed.without_account = true;
     EXPECT_EQ(sealOf(changed, *key), SealState::kBroken) << what;
   }
   // programs of before read the first four cells

@@ -400,6 +400,66 @@ TEST_F(ErasedPeople, ofGuestAreThoseOfNowAndTheReplySaysSo) {
   EXPECT_EQ(get(admin, erase("guest")).erasure().sessions(), 1u);
 }
 
+TEST_F(ErasedPeople, leaveTheirFirstNamesToOthersAlsoAfterARestore) {
+  addStation();
+  addNamed("anna.ohm", "Anna Ohm");
+  const auto path = folder.path() / "data" / "needlelab.db";
+  pb::Request backup;
+  const auto chunks = [&](const Uuid& id) {
+    pb::Request show;
+    show.mutable_get_session()->set_session_id(test::bytesOfId(id));
+    return get(instructor, show).session().chunks();
+  };
+  const auto restart = [&](const std::string& from) {
+    store.reset();
+    if (!from.empty()) {
+      for (const char* suffix : {"-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
+      std::filesystem::copy_file(folder.path() / from, path,
+                                 std::filesystem::copy_options::overwrite_existing);
+    }
+    store = test::openStore(folder.path() / "data");
+    return store->erasuresRepeated();
+  };
+  backup.mutable_backup()->set_path((folder.path() / "nobody.db").string());
+  get(admin, backup);
+  const Uuid hers = closedSession("Anna", 1, "");
+  backup.mutable_backup()->set_path((folder.path() / "hers.db").string());
+  get(admin, backup);
+  EXPECT_EQ(get(admin, erase("anna.ohm")).erasure().text().find("deliver from now on are kept"),
+            std::string::npos);
+  EXPECT_NE(get(admin, erase("Anna")).erasure().text().find("deliver from now on are kept"),
+            std::string::npos);
+  EXPECT_EQ(chunks(hers), 0u);
+  const auto lines = readErasures(folder.path() / "data");
+  ASSERT_OK(lines);
+  EXPECT_FALSE(lines->at(0).without_account);
+  EXPECT_TRUE(lines->at(1).without_account);
+
+  struct Case {
+    std::string from;
+    std::size_t repeated;
+  };
+  for (const auto& [from, repeated] : {Case{"", 0}, Case{"hers.db", 2}, Case{"nobody.db", 1}}) {
+    EXPECT_EQ(restart(from), repeated) << from;
+    const Uuid others = closedSession("Anna", 2, ""), late = makeUuidV7();
+    ASSERT_OK(change([&](Connection& c) -> Status {
+      auto d = test::describe(late);
+      d.set_trainee("anna.ohm");
+      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+      return ErasureStore(c).ownerOf("anna.ohm", 1, 1)->pseudonym
+                 ? Status()
+                 : Status(Error{ErrorCode::kFailed, "of the account that was erased"});
+    }));
+    EXPECT_EQ(chunks(others), 3u) << from;
+    EXPECT_EQ(restart(""), 0u) << from;
+    EXPECT_EQ(chunks(others), 3u) << from << ": not taken by the next start";
+    pb::Request waiting;
+    waiting.mutable_list_sessions()->set_unknown_trainee(true);
+    EXPECT_EQ(get(manager, waiting).sessions().sessions_size(), 1) << from;
+    EXPECT_TRUE(store->service().erasuresToRepeat()->empty());
+  }
+}
+
 TEST_F(ErasedPeople, mayBeInEveryEncryptedBackup) {
   addNamed("anna", "");
   const auto key = BackupKey::make(folder.path() / "backup.key");

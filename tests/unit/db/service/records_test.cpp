@@ -346,6 +346,36 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   EXPECT_EQ(store->erasuresRepeated(), 0u);
 }
 
+TEST_F(Records, theLogOfAnErasureThatWasKilledDoesNotHoldTheRoomThatItsRepetitionNeeds) {
+  addNamed("anna", "Anna A");
+  const auto path = folder.path() / "data/needlelab.db", log = folder.path() / "data/needlelab.db-wal";
+  pb::Request backup;
+  backup.mutable_backup()->set_path((folder.path() / "before.db").string());
+  get(admin, backup);
+  get(admin, erase("anna"));
+  store.reset();
+  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
+  std::filesystem::copy_file(folder.path() / "before.db", path);
+  {
+    auto killed = Connection::open(path, {.mode = Connection::Mode::kWriter});
+    ASSERT_OK(killed);
+    ASSERT_OK(killed->run("INSERT INTO meta (key, value) VALUES ('in_the_log', '1')"));
+    std::filesystem::copy_file(log, folder.path() / "log");
+  }
+  std::filesystem::copy_file(folder.path() / "log", log, std::filesystem::copy_options::overwrite_existing);
+  Store::Options full;
+  full.read_only_because = [log] {
+    std::error_code error;
+    const auto bytes = std::filesystem::file_size(log, error);
+    return std::string(!error && bytes > 0 ? "the disk is full" : "");
+  };
+  ASSERT_FALSE(full.read_only_because().empty());
+  const auto started = Store::open(folder.path() / "data", full);
+  ASSERT_OK(started);
+  EXPECT_FALSE((*started)->readOnly());
+  EXPECT_EQ((*started)->erasuresRepeated(), 1u);
+}
+
 TEST_F(Records, aRestoreDoesNotNameWhoIsErasedAnewAmongTheAccessesThatAreValidAgain) {
   constexpr std::int64_t kLater = 1'900'000'000'000'000'000;
   const auto data = folder.path() / "data";
