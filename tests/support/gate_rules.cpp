@@ -76,8 +76,8 @@ void GateRules::checkShare(const HapticThread& haptic) {
   const double elapsed = begins ? 1 : static_cast<double>(haptic.elapsedTicks());
   most_share_ = is_held ? std::max(0.0, most_share_ - elapsed / kFadeOutTicks)
                         : std::min(1.0, most_share_ + 1 / kFadeInTicks);
-  // the greatest change of the force per tick may hold it up
-  if ((haptic.gate().flags() & kGateSlewLimited) != 0) return;
+  // the greatest change of the force per tick may hold it up, but not beyond the end of a fall
+  if (most_share_ > 0 && (haptic.gate().flags() & kGateSlewLimited) != 0) return;
   if (haptic.force_N() > most_share_ * wanted_N_ + 1e-6)
     broken_(fmt::format("{} N of the wanted {} N, where a share of {} is the most", haptic.force_N(),
                         wanted_N_, most_share_));
