@@ -401,7 +401,7 @@ Status Service::noteLogin(const Principal& who, const std::string& host) {
 
 void Service::noteWatching(const Principal& who, const std::string& station, const std::string& session,
                            std::function<void(const Error&)> failed) {
-  if (station.empty() && session.empty()) return;
+  if ((station.empty() && session.empty()) || writer_.failed()) return;
   const std::int64_t now_unix_ns = wallNowNs();
   const std::string what = "watch\n" + station + "\n" + session;
   if (!exports_->isNew(who, what, now_unix_ns)) return;

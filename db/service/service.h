@@ -167,7 +167,8 @@ class Service {
   /// Writes down that `who` begins to watch a station or, if `session` is not empty, a session live: for each
   /// person and what is watched once an hour. Only stations and open sessions that exist get a line, so that
   /// made-up ones fill nothing. Does not wait; thread: any.
-  /// `failed`: as in noteSoon(); the next time that `who` watches it has a line then.
+  /// `failed`: as in noteSoon(); the next time that `who` watches it has a line then. Where the database can
+  /// no longer be written to there is no line.
   void noteWatching(const Principal& who, const std::string& station, const std::string& session,
                     std::function<void(const Error&)> failed);
   /// Writes down that staff or a researcher has logged in from `host`: for each person and host once an hour.
