@@ -94,6 +94,10 @@ Status noteRead(const Context& context, const std::string& subject, const std::s
   return context.writer.failed() ? Status() : noted;
 }
 
+void noteAccessChanged(const Context& context) {
+  if (context.access_changed != nullptr) *context.access_changed = true;
+}
+
 pb::Reply doneReply() {
   pb::Reply reply;
   reply.mutable_done();
