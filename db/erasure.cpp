@@ -276,10 +276,9 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, 
     RETURN_IF_ERROR(connection_.run("DELETE FROM session_events WHERE session = ?", session.number));
     // a misspelt name names the person too
     RETURN_IF_ERROR(connection_.run("DELETE FROM unknown_trainees WHERE session = ?", session.number));
-    ASSIGN_OR_RETURN(
-        const auto remarks,
-        textRows(connection_.query("SELECT id, text FROM annotations WHERE session = ?", session.number), 1));
-    erasure.set_remarks_kept(erasure.remarks_kept() + remarks.size());
+    auto remarks = connection_.query("SELECT count(*) FROM annotations WHERE session = ?", session.number);
+    RETURN_IF_ERROR(remarks.step());
+    erasure.set_remarks_kept(erasure.remarks_kept() + remarks.natural(0));
   }
   erasure.set_sessions(sessions.size());
   auto left = connection_.query("SELECT count(*) FROM sessions WHERE trainee = ?", name);

@@ -26,14 +26,22 @@ constexpr std::string_view kMac = "mac=";
 
 constexpr std::size_t kMostListBytes = 16u << 20;  // 50,000 lines with MACs have 9 MB
 
-/// `found`: "17 bytes"; `most`: "5 bytes".
-std::string tooLongText(const std::filesystem::path& path, const std::string& found,
-                        const std::string& most) {
-  return fmt::format(
+/// `found`: "17 bytes"; `most`: "5 bytes"; `of_key`: the folder whose key made the lines.
+std::string tooLongText(const std::filesystem::path& path, const std::string& found, const std::string& most,
+                        const std::filesystem::path& of_key) {
+  std::string text = fmt::format(
       "{}: has {}, such a list has at most {}: somebody put lines into it. Put an older copy of the file "
       "into "
-      "place; if there is none, move it away, and erase these people again by name",
+      "place; if there is none, ",
       path.string(), found, most);
+  std::error_code error;
+  const std::string only = "leave only the lines of your pseudonym.key in it";
+  if (!std::filesystem::exists(of_key / "pseudonym.key", error)) return text + only;
+  const auto key = PseudonymKey::ofFolder(of_key);
+  if (!key) return text + only;
+  return text + only +
+         fmt::format(": cp '{0}' '{0}.all' && grep ' {1}{2} ' '{0}.all' > '{0}'", path.string(), kKey,
+                     key->id());
 }
 
 /// What the MAC holds: the line without it.
@@ -73,22 +81,47 @@ std::string notObeyedText(const std::filesystem::path& path, const Found& found,
       path.string(), found.count, printable(found.first->pseudonym), why);
 }
 
-}  // namespace
+/// Takes lines of another key out that the list `here` has no room for, and those whose pseudonym it has. A
+/// few are added, so that `check` goes on naming them.
+void leaveOutOthers(ErasuresBeside& beside, const std::vector<ErasureLine>& here, const PseudonymKey& key) {
+  std::set<std::string> known;
+  for (const ErasureLine& line : here) known.insert(line.pseudonym);
+  std::size_t others = inState(here, key, SealState::kOtherKey).count;
+  std::vector<ErasureLine> kept;
+  Found left;
+  for (ErasureLine& line : beside.lines) {
+    if (sealOf(line, key) != SealState::kOtherKey) {
+      kept.push_back(std::move(line));
+    } else if (!known.contains(line.pseudonym) && others < kMostOtherLines) {
+      ++others;
+      kept.push_back(std::move(line));
+    } else if (!known.contains(line.pseudonym) && left.count++ == 0) {
+      left.first = &line;
+    }
+  }
+  if (left.count > 0)
+    beside.notes.push_back(otherKeyText(beside.path, left, key) +
+                           fmt::format(". They are not added to the list here, which takes {} of such lines: "
+                                       "keep the one that is there",
+                                       kMostOtherLines));
+  beside.lines = std::move(kept);
+}
 
-Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
-  const auto path = folder / file;
+/// `of_key`: the folder whose key made the lines.
+Result<std::vector<ErasureLine>> readList(const std::filesystem::path& path,
+                                          const std::filesystem::path& of_key) {
   std::vector<ErasureLine> lines;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return lines;
   // not readWholeFile()'s kInvalidInput: a list that is too long must not keep the server from starting
   if (const auto bytes = std::filesystem::file_size(path, error); !error && bytes > kMostListBytes)
-    return Error{ErrorCode::kCorrupt,
-                 tooLongText(path, fmt::format("{} bytes", bytes), fmt::format("{} bytes", kMostListBytes))};
+    return Error{ErrorCode::kCorrupt, tooLongText(path, fmt::format("{} bytes", bytes),
+                                                  fmt::format("{} bytes", kMostListBytes), of_key)};
   ASSIGN_OR_RETURN(const auto text, readWholeFile(path, kMostListBytes));
   if (const auto rows = std::count(text.begin(), text.end(), '\n');
       rows > static_cast<std::ptrdiff_t>(kMostErasureLines))
     return Error{ErrorCode::kCorrupt, tooLongText(path, fmt::format("{} lines", rows),
-                                                  fmt::format("{} lines", kMostErasureLines))};
+                                                  fmt::format("{} lines", kMostErasureLines), of_key)};
   std::istringstream in(text);
   for (std::string row; std::getline(in, row);) {
     std::istringstream cells(row);
@@ -115,12 +148,18 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
   return lines;
 }
 
+}  // namespace
+
+Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
+  return readList(folder / file, folder);
+}
+
 Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                      const char* file) {
   if (lines.size() > kMostErasureLines)
     return Error{ErrorCode::kInvalidInput,
                  tooLongText(folder / file, fmt::format("now {} lines", lines.size()),
-                             fmt::format("{} lines", kMostErasureLines))};
+                             fmt::format("{} lines", kMostErasureLines), folder)};
   std::string text;
   for (const ErasureLine& line : lines) {
     text += bareText(line);
@@ -130,7 +169,7 @@ Status writeErasures(const std::filesystem::path& folder, const std::vector<Eras
   if (text.size() > kMostListBytes)
     return Error{ErrorCode::kInvalidInput,
                  tooLongText(folder / file, fmt::format("now {} bytes", text.size()),
-                             fmt::format("{} bytes", kMostListBytes))};
+                             fmt::format("{} bytes", kMostListBytes), folder)};
   return writeFileAtomically(folder / file, viewOf(text), 0600);
 }
 
@@ -146,9 +185,10 @@ Status addErasures(const std::filesystem::path& folder, const std::vector<Erasur
       all.push_back(line);
     } else {
       ErasureLine& there = all[place->second];
-      const bool holds_better =
-          key != nullptr && sealOf(line, *key) == SealState::kOurs && sealOf(there, *key) != SealState::kOurs;
-      if (there.unix_ns >= line.unix_ns && !holds_better) continue;
+      const bool holds = key != nullptr && sealOf(line, *key) == SealState::kOurs;
+      const bool there_holds = key != nullptr && sealOf(there, *key) == SealState::kOurs;
+      if (there_holds && !holds) continue;
+      if (there.unix_ns >= line.unix_ns && holds == there_holds) continue;
       there = line;
     }
     more = true;
@@ -193,14 +233,14 @@ Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                                       const std::filesystem::path& folder) {
   ErasuresBeside beside;
   beside.path = backups / kErasuresCopy;
-  auto read = readErasures(backups, kErasuresCopy);
+  auto read = readList(beside.path, folder);
   if (!read) return Error{read.error().code, read.error().message + "; nothing was changed"};
   beside.lines = std::move(*read);
   auto& lines = beside.lines;
   if (lines.empty()) return beside;
   if (lines.size() > kMostLinesBeside)
     return Error{ErrorCode::kCorrupt, tooLongText(beside.path, fmt::format("{} lines", lines.size()),
-                                                  fmt::format("{} lines", kMostLinesBeside)) +
+                                                  fmt::format("{} lines", kMostLinesBeside), folder) +
                                           "; nothing was changed"};
 
   // what is here is nothing new, whoever wrote it there
@@ -220,7 +260,19 @@ Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
   std::erase_if(lines, [](const ErasureLine& line) { return !isErasurePseudonym(line.pseudonym); });
 
   std::error_code error;
-  if (!std::filesystem::exists(folder / "pseudonym.key", error)) return beside;
+  if (!std::filesystem::exists(folder / "pseudonym.key", error)) {
+    // whose they are cannot be told yet: two lists together leave room for erasures to come, too
+    const auto is_new = [&](const ErasureLine& line) { return !known.contains(line.pseudonym); };
+    const auto more = static_cast<std::size_t>(std::count_if(lines.begin(), lines.end(), is_new));
+    if (more > 0 && here.size() + more > kMostLinesBeside)
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("{}: has {} lines that {} has not, with {} lines: put the pseudonym.key of the "
+                      "machine that erased these people into {} first; nothing was changed",
+                      beside.path.string(), more, (folder / kErasuresFile).string(), here.size(),
+                      folder.string())};
+    return beside;
+  }
   ASSIGN_OR_RETURN(beside.key, PseudonymKey::ofFolder(folder));
   const PseudonymKey& key = *beside.key;
   const Found others = inState(lines, key, SealState::kOtherKey);
@@ -230,7 +282,7 @@ Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                  otherKeyText(beside.path, others, key) +
                      ", and keep the one that is there elsewhere; nothing was changed. Only if that key is "
                      "lost, restore without the list: move it away, and erase these people again by name"};
-  // lines of another key are added: `check` goes on naming them
+  leaveOutOthers(beside, here, key);
   if (const Found broken = inState(lines, key, SealState::kBroken); broken.count > 0)
     beside.notes.push_back(notObeyedText(beside.path, broken, "were changed: their MAC is wrong"));
   std::erase_if(lines, [&](const ErasureLine& line) { return sealOf(line, key) == SealState::kBroken; });

@@ -36,6 +36,8 @@ inline constexpr const char* kErasuresCopy = "needlelab.erasures";
 
 /// Of a list, and of one beside a backup: a restore leaves room for erasures to come.
 inline constexpr std::size_t kMostErasureLines = 50'000, kMostLinesBeside = 25'000;
+/// Lines of another key to which a restore adds: anybody can write them.
+inline constexpr std::size_t kMostOtherLines = 100;
 
 /// Key of `meta`, set by each program that gives lines MACs: a backup with it has no list without them beside
 /// it.
@@ -49,8 +51,8 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
 Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                      const char* file = kErasuresFile);
 /// Adds to the list `file` of `folder` what it lacks of `lines`; writes nothing when it lacks nothing. With
-/// the `key`, lines that have its MAC also replace those of the same pseudonym that have not. Errors as of
-/// both.
+/// the `key`, lines that have its MAC also replace those of the same pseudonym that have not, and are
+/// replaced by none of these. Errors as of both.
 Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                    const char* file = kErasuresFile, const PseudonymKey* key = nullptr);
 
@@ -84,8 +86,9 @@ struct ErasuresBeside {
 };
 /// Reads and checks it for a restore into the data folder `folder`; settleOldLines() decides on lines without
 /// a MAC. Without a key there all lines are taken, and looked at when the key is there. Changed lines, and
-/// those whose pseudonym is none, are told and not taken. kInvalidInput: all lines with a MAC are of another
-/// key than the one in `folder`; kCorrupt: also for more than kMostLinesBeside.
+/// those whose pseudonym is none, are told and not taken; of another key's, so many as make kMostOtherLines
+/// in the folder's list. kInvalidInput: all lines with a MAC are of another key than the one in `folder`;
+/// without a key there, it and the folder's list have more than kMostLinesBeside; kCorrupt: it alone has.
 Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                                       const std::filesystem::path& folder);
 /// Lines without a MAC: where the folder, the list or the backup has MACs (`backup_seals`:

@@ -41,6 +41,7 @@ struct Context {
   ReferencePaths* paths = nullptr;               ///< of reference sessions
   const BlockDevices* disks = nullptr;           ///< null: this machine's
   const BackupKey* backup_key = nullptr;         ///< null: backups are not encrypted
+  bool* access_changed = nullptr;                ///< of the Outcome; null: nobody asks
 };
 
 /// Whether the person is there, is not disabled and has this role; or the station is there and is not
@@ -61,6 +62,9 @@ Status edit(const Context& context, const std::string& subject, const std::strin
 /// person within an hour make one line (ExportLedger::isNew). Where the database can no longer be written to,
 /// reading goes on without a line.
 Status noteRead(const Context& context, const std::string& subject, const std::string& detail);
+
+/// After the commit: the request ended an access, or what it was opened with (Outcome::access_changed).
+void noteAccessChanged(const Context& context);
 
 /// A reply that only confirms success.
 pb::Reply doneReply();

@@ -166,6 +166,7 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
     return PeopleStore(writer).setPasswordHash(call.name(), hash);
   });
   if (!written) return written.error();
+  noteAccessChanged(context);
   return doneReply();
 }
 
@@ -183,6 +184,7 @@ Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& cal
                                      call.name(), !call.enable(), context.who.name, context.now_unix_ns);
                                });
   if (!written) return written.error();
+  if (!call.enable()) noteAccessChanged(context);
   return doneReply();
 }
 
@@ -199,6 +201,7 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
       return userReply(context, call.name());
   }
   std::string detail;
+  bool access_changed = false;
   const auto addDetail = [&](const std::string& text) { detail += (detail.empty() ? "" : "; ") + text; };
   // all in the writer's transaction, so that the checks use the current role and rights
   const Status written = edit(context, call.name(), detail, [&](Connection& writer) -> Status {
@@ -213,11 +216,13 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
                                                    "first"};
       addDetail("role: " + std::string(roleName(person.role)) + " to " + std::string(roleName(call.role())));
       change.role = call.role();
+      access_changed = true;
     }
     if (call.has_disabled() && call.disabled() != person.disabled) {
       RETURN_IF_ERROR(mayEndAccess(context, person));
       addDetail(call.disabled() ? "disabled" : "enabled again");
       change.disabled = call.disabled();
+      access_changed = access_changed || call.disabled();
     }
     if (call.has_full_name() && call.full_name() != person.full_name) {
       // last, and in exactly these words: an erasure parses them to find earlier names (db/pseudonyms.h)
@@ -229,6 +234,7 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
     return changed ? Status() : Status(changed.error());
   });
   if (!written) return written.error();
+  if (access_changed) noteAccessChanged(context);
   return userReply(context, call.name());
 }
 

@@ -60,7 +60,9 @@ struct HttpLine {
 
 /// The function that executes a call, with its message type and whether it stores.
 struct RequestHandler {
-  Result<pb::Reply> (*run)(Service& service, const Principal& who, const pb::Request& request) = nullptr;
+  /// Sets `access_changed` as Outcome has it.
+  Result<pb::Reply> (*run)(Service& service, const Principal& who, const pb::Request& request,
+                           bool& access_changed) = nullptr;
   const google::protobuf::Descriptor* (*message)() = nullptr;  ///< the type of the call's message
   Storing storing = Storing::kNothing;
 };

@@ -280,7 +280,9 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     return done.error();
   }
 
-  if (auto added = addErasures(folder, erasures.lines); !added) {
+  if (auto added =
+          addErasures(folder, erasures.lines, kErasuresFile, erasures.key ? &*erasures.key : nullptr);
+      !added) {
     drop();
     return added.error();
   }

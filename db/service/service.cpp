@@ -79,6 +79,7 @@ Error loginRefused() {
 
 Outcome Service::execute(const Principal& principal, const pb::Request& request) {
   const RequestRow* row = requestRow(request.call_case());
+  Outcome outcome;
   const auto guarded = [&]() -> Result<pb::Reply> {
     // an unexpected exception fails only this request and must not affect lessons
     try {
@@ -87,7 +88,7 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
         ASSIGN_OR_RETURN(auto reader, readers_.borrow());
         RETURN_IF_ERROR(handlers::checkAccess(*reader, principal));
       }
-      return row->handler.run(*this, principal, request);
+      return row->handler.run(*this, principal, request, outcome.access_changed);
     } catch (const std::exception& thrown) {
       return Error{
           ErrorCode::kFailed,
@@ -95,7 +96,6 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
                       callName(request.call_case()), thrown.what())};
     }
   };
-  Outcome outcome;
   auto reply = guarded();
   if (reply) {
     assert(reply->result_case() == row->reply);

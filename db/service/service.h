@@ -43,6 +43,10 @@ struct Outcome {
   std::optional<Error>
       error;  ///< set: the request was refused (wire/refusal.h translates), `reply` holds only the id
   ServerPart server_part = ServerPart::kNone;
+  /// The account or station that the request names was disabled or revoked, or got another role or password,
+  /// by this request: false where it was so already. Not set by an erasure and an import, whose replies say
+  /// it.
+  bool access_changed = false;
 };
 
 /// The outcome of a station's request to close a session.

@@ -84,6 +84,7 @@ Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation&
   if (station && station->revoked) return doneReply();  // as it is already
   RETURN_IF_ERROR(write(context, call.name(), "",
                         [&](Connection& writer) { return StationStore(writer).revoke(call.name()); }));
+  noteAccessChanged(context);
   return doneReply();
 }
 

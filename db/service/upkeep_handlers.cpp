@@ -97,6 +97,10 @@ Status noteRead(const Context& context, const std::string& subject, const std::s
   return noted;
 }
 
+void noteAccessChanged(const Context& context) {
+  if (context.access_changed != nullptr) *context.access_changed = true;
+}
+
 pb::Reply doneReply() {
   pb::Reply reply;
   reply.mutable_done();

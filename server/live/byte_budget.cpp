@@ -13,6 +13,13 @@ struct ByteBudget::State {
   std::unordered_map<std::string, std::size_t> by_connection, by_owner;
   std::size_t people = 0, server = 0, most = 0;
 
+  void add(const BudgetOwner& owner, std::size_t bytes) {
+    by_connection[owner.connection] += bytes;
+    by_owner[owner.name] += bytes;
+    if (owner.person) people += bytes;
+    server += bytes;
+    most = std::max(most, server);
+  }
   void giveBack(const BudgetOwner& owner, std::size_t bytes) {
     const auto less = [bytes](auto& entries, const std::string& key) {
       if (const auto entry = entries.find(key); (entry->second -= bytes) == 0) entries.erase(entry);
@@ -58,13 +65,7 @@ std::optional<ByteBudget::Share> ByteBudget::take(const BudgetOwner& owner, std:
                     room(used(state.by_owner, owner.name), owner.person ? limits.person : limits.station) &&
                     (!owner.person || room(state.people, limits.people)) && room(state.server, limits.server);
   if (!fits) return std::nullopt;
-  if (bytes > 0) {
-    state.by_connection[owner.connection] += bytes;
-    state.by_owner[owner.name] += bytes;
-    if (owner.person) state.people += bytes;
-    state.server += bytes;
-    state.most = std::max(state.most, state.server);
-  }
+  if (bytes > 0) state.add(owner, bytes);
   return Share(state_, owner, bytes);
 }
 
@@ -80,6 +81,13 @@ ByteBudget::Share& ByteBudget::Share::operator=(Share&& other) noexcept {
 
 ByteBudget::Share::~Share() {
   if (state_ && bytes_ > 0) state_->giveBack(owner_, bytes_);
+}
+
+void ByteBudget::Share::become(std::size_t bytes) {
+  lower(bytes);
+  if (!state_ || bytes <= bytes_) return;
+  state_->add(owner_, bytes - bytes_);
+  bytes_ = bytes;
 }
 
 void ByteBudget::Share::lower(std::size_t bytes) {

@@ -60,6 +60,9 @@ class ByteBudget::Share {
 
   /// Gives back all but `bytes`, if it has more.
   void lower(std::size_t bytes);
+  /// Has `bytes` from now on, also more than the budget has room for: they are in memory already, and others
+  /// wait the longer.
+  void become(std::size_t bytes);
 
  private:
   friend class ByteBudget;

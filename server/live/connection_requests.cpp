@@ -48,7 +48,7 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteB
     sendHolding(envelope, std::make_shared<const ByteBudget::Share>(std::move(room)));
     if (envelope.reply().has_new_code()) wipe(*envelope.mutable_reply()->mutable_new_code()->mutable_code());
   }
-  followUp(context_, request, envelope.reply(), who_.name, this);
+  followUp(context_, request, envelope.reply(), outcome.access_changed, who_.name, this);
 }
 
 Task<bool> PeerConnection::sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope) {

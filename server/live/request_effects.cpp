@@ -212,7 +212,7 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
   co_return refusal;
 }
 
-void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply,
+void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
               const std::string& by, const PeerConnection* asker) {
   if (reply.has_backup_done()) {
     ++context.counters.backups;
@@ -224,21 +224,21 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
                        PeerConnection::endsAlone(peer->shared_from_this()));
     }
   }
-  if (request.has_revoke_station())
-    endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");
-  if (request.has_disable_user() && !request.disable_user().enable())
-    endAccess(context, request.disable_user().name(), false, by, nullptr, "the account was disabled");
-  // end all connections of a person with a new role, including the requester's own
   const char* const changed = "the account was changed: log in again";
-  if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled())) {
-    const bool same = asker != nullptr && reply.user().role() == asker->who().role;
-    endAccess(context, request.change_user().name(), false, by, same ? asker : nullptr, changed);
-  }
   if (request.has_erase_person())
     endAccess(context, request.erase_person().name(), false, by, nullptr, "the account is no more",
               reply.erasure().pseudonym());
   for (const std::string& name : reply.people_import().roles_changed())
     endAccess(context, name, false, by, nullptr, changed);
+  // who asks for what is so already disturbs nobody's log-in
+  if (!access_changed) return;
+  if (request.has_revoke_station())
+    endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");
+  if (request.has_disable_user())
+    endAccess(context, request.disable_user().name(), false, by, nullptr, "the account was disabled");
+  // all connections of a person with a new role, including the requester's own
+  if (request.has_change_user())
+    endAccess(context, request.change_user().name(), false, by, nullptr, changed);
   // keep the connection on which a person sets its own password; users of the others may only know the old
   // password
   if (request.has_set_password())

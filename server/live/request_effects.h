@@ -54,9 +54,9 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
                                           Outcome& outcome);
 
 /// After a successful request: ends the access of disabled accounts, ends log-ins with a changed password,
-/// announces backups. `asker` (may be null) is the requester's connection, which stays open when it changes
-/// its own password. Thread: the network's.
-void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply,
+/// announces backups. `access_changed`: of the Outcome. `asker` (may be null) is the requester's connection,
+/// which stays open when it changes its own password. Thread: the network's.
+void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
               const std::string& by, const PeerConnection* asker);
 
 /// Ends all connections and tokens of a name. `logged_as`: text for the logs in place of the name; empty: the

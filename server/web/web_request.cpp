@@ -228,7 +228,7 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   if (outcome->error) noteNoRoom(context, *call, *outcome->error);
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
-  followUp(context, *request, outcome->reply, call->who.name, nullptr);
+  followUp(context, *request, outcome->reply, outcome->access_changed, call->who.name, nullptr);
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
@@ -515,7 +515,8 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   else
     answer = co_await throughService(server, request, route, call, std::move(share));
   if (reply_room) {
-    reply_room->lower(answer.body.size());
+    reply_room->become(answer.body.size());
+    context.counters.most_reply_bytes = context.replies.mostTaken();
     answer.until_sent = std::make_shared<const ByteBudget::Share>(std::move(*reply_room));
   }
   co_return answer;

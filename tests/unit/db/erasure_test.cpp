@@ -6,12 +6,15 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <numeric>
 #include <optional>
 #include <random>
 #include <set>
 #include <sstream>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -104,6 +107,35 @@ TEST_F(ErasureStoreTest, nothingInTheDatabaseNamesThePersonAfterwards) {
   ASSERT_OK(check);
   EXPECT_TRUE(check->ok()) << check->faults.front();
   EXPECT_EQ(erase("anna").error().code, ErrorCode::kNotFound);
+}
+
+/// The peak of this process's memory while `work` runs, in bytes.
+template <typename Work>
+std::uint64_t peakOf(const Work& work) {
+  std::ofstream("/proc/self/clear_refs") << "5";
+  work();
+  std::ifstream in("/proc/self/status");
+  std::uint64_t kib = 0;
+  for (std::string line; std::getline(in, line);)
+    if (line.starts_with("VmHWM:")) kib = std::stoull(line.substr(6));
+  return kib << 10;
+}
+
+TEST_F(ErasureStoreTest, memoryDoesNotGrowWithTheRemarksInThePersonsSessions) {
+  const Uuid id = session("anna", 1, true);
+  constexpr std::uint64_t kRemarks = 30'000, kLength = 2000;
+  ASSERT_OK(
+      db.writer.run("WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?2)"
+                    " INSERT INTO annotations (session, tick, author, text, created_unix_ns)"
+                    " SELECT s.number, 1, 'ina', printf('%.*c', ?3, '.'), 1 FROM sessions s, n"
+                    " WHERE s.id = ?1",
+                    ByteView(id), kRemarks, kLength));
+  Result<pb::Erasure> erased = Error{ErrorCode::kFailed, "not asked"};
+  const std::uint64_t before = peakOf([] {});
+  const std::uint64_t peak = peakOf([&] { erased = erase("anna"); });
+  ASSERT_OK(erased);
+  EXPECT_EQ(erased->remarks_kept(), kRemarks);
+  EXPECT_LT(peak - before, kRemarks * kLength / 3);
 }
 
 TEST_F(ErasureStoreTest, namesBesideTypographicPunctuationGoToo) {
@@ -908,6 +940,26 @@ TEST_F(ErasureStoreTest, noListIsWrittenThatCouldNotBeReadAgain) {
   ASSERT_OK(
       writeFileAtomically(db.folder.path() / kErasuresFile, viewOf(std::string((16u << 20) + 1, '\n'))));
   EXPECT_EQ(readErasures(db.folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+TEST_F(ErasureStoreTest, theCommandThatShortensAListLeavesThisFoldersLines) {
+  const ErasureLine own = sealed(line("anna", 77), *PseudonymKey::ofFolder(db.folder.path()));
+  ASSERT_OK(writeErasures(db.folder.path(), {own}));
+  std::string text = *readWholeFile(db.folder.path() / kErasuresFile);
+  for (std::size_t i = 0; i < kMostErasureLines; ++i)
+    text += fmt::format("erased-{:012x} {} 99 key=0123456789abcdef mac=00\n", i, std::string(64, '0'));
+  ASSERT_OK(writeFileAtomically(db.folder.path() / kErasuresFile, viewOf(text)));
+  const auto refused = readErasures(db.folder.path());
+  ASSERT_FALSE(refused.ok());
+  const std::string& message = refused.error().message;
+  const auto at = message.find("cp '");
+  ASSERT_NE(at, std::string::npos) << message;
+  ASSERT_EQ(std::system(message.substr(at).c_str()), 0) << message;
+  const auto left = readErasures(db.folder.path());
+  ASSERT_OK(left);
+  ASSERT_EQ(left->size(), 1u);
+  EXPECT_EQ(left->front().pseudonym, own.pseudonym);
+  EXPECT_EQ(*readWholeFile(db.folder.path() / "erasures.all"), text);
 }
 
 TEST_F(ErasureStoreTest, aLineBesideABackupThatWasChangedIsPutRight) {

@@ -46,6 +46,49 @@ TEST_F(PeopleHandlers, aPersonCanLogInUntilDisabled) {
   EXPECT_OK(service.loginPerson("ina", "correct horse"));
 }
 
+TEST_F(PeopleHandlers, onlyWhatChangedAnAccessSaysSo) {
+  get(admin, addUser("ada", pb::ADMINISTRATOR, "correct horse"));
+  get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
+  const auto changes = [&](const pb::Request& request) {
+    const Outcome outcome = store->service().execute(admin, request);
+    EXPECT_FALSE(outcome.error) << outcome.error->message;
+    return outcome.access_changed;
+  };
+  const auto disable = [&](bool enable) {
+    pb::Request request;
+    request.mutable_disable_user()->set_name("ina");
+    request.mutable_disable_user()->set_enable(enable);
+    return changes(request);
+  };
+  EXPECT_FALSE(disable(true));
+  EXPECT_TRUE(disable(false));
+  EXPECT_FALSE(disable(false)) << "it is disabled already";
+  EXPECT_FALSE(disable(true)) << "nothing was opened";
+  const auto change = [&](auto set) {
+    pb::Request show, request;
+    show.mutable_get_user()->set_name("ina");
+    request.mutable_change_user()->set_name("ina");
+    request.mutable_change_user()->set_base_revision(get(admin, show).user().revision());
+    set(*request.mutable_change_user());
+    return changes(request);
+  };
+  EXPECT_FALSE(change([](pb::ChangeUser& user) { user.set_role(pb::INSTRUCTOR); }));
+  EXPECT_FALSE(change([](pb::ChangeUser& user) { user.set_full_name("Ina I"); }));
+  EXPECT_TRUE(change([](pb::ChangeUser& user) { user.set_role(pb::TRAINEE); }));
+  EXPECT_TRUE(change([](pb::ChangeUser& user) { user.set_disabled(true); }));
+  EXPECT_FALSE(change([](pb::ChangeUser& user) { user.set_disabled(true); }));
+  pb::Request password;
+  password.mutable_set_password()->set_name("ina");
+  password.mutable_set_password()->set_password("battery staple");
+  EXPECT_TRUE(changes(password));
+  pb::Request add, revoke;
+  add.mutable_add_station()->set_name("bench");
+  revoke.mutable_revoke_station()->set_name("bench");
+  EXPECT_FALSE(changes(add));
+  EXPECT_TRUE(changes(revoke));
+  EXPECT_FALSE(changes(revoke));
+}
+
 // requests wait for their turn behind others of their account: seconds behind an import with many codes
 TEST_F(PeopleHandlers, whatAnAccountAskedForBeforeItWasDisabledIsNotDoneAfterwards) {
   get(admin, addUser("ada", pb::ADMINISTRATOR, "correct horse"));

@@ -478,6 +478,12 @@ class RestoreElsewhere : public Records {
   Result<RestoreResult> restored(bool take_old_list = false) {
     return restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000, nullptr, {}, take_old_list);
   }
+  /// The list beside the backup: `own`, and so many lines of another key, numbered from `first`.
+  void putBeside(std::vector<ErasureLine> own, std::size_t first, std::size_t count) {
+    for (std::size_t i = first; i < first + count; ++i)
+      own.push_back({fmt::format("erased-{:012x}", i), {}, 77, false, ErasureSeal{"0123456789abcdef", "00"}});
+    ASSERT_OK(writeErasures(kept, own, kErasuresCopy));
+  }
   /// Opens the restored store. Who of anna and ben is in it.
   std::vector<std::string> people() {
     const auto opened = test::openStore(other);
@@ -620,6 +626,61 @@ TEST_F(RestoreElsewhere, aFolderWhoseOwnListIsTooLongStartsAndSaysWhatToDo) {
       << faults[0];
   EXPECT_NE(faults[0].find("Put an older copy of the file into place"), std::string::npos) << faults[0];
   ASSERT_OK(writeFileAtomically(other / kErasuresFile, viewOf(*own)));
+  EXPECT_EQ(people(), Names{"ben"});
+}
+
+TEST_F(RestoreElsewhere, twoListsFullOfLinesOfAnotherKeyLeaveRoomForErasures) {
+  useKey();
+  const auto own = test::TestDb::must(readErasures(kept, kErasuresCopy));
+  for (const std::size_t first : {std::size_t{0}, kMostLinesBeside}) {
+    putBeside(own, first, kMostLinesBeside - 1);
+    const auto done = restored();
+    ASSERT_OK(done);
+    ASSERT_EQ(done->erasure_notes.size(), 1u);
+    EXPECT_NE(done->erasure_notes[0].find("another pseudonym.key"), std::string::npos);
+    EXPECT_NE(done->erasure_notes[0].find("not added to the list here"), std::string::npos);
+    EXPECT_EQ(readErasures(other)->size(), 1 + kMostOtherLines);
+  }
+  EXPECT_EQ(people(), Names{"ben"});
+  ASSERT_EQ(faults.size(), 1u) << "the few that were added are named";
+  {
+    const auto opened = test::openStore(other);
+    const auto outcome = opened->service().execute(admin, erase("ben"));
+    EXPECT_FALSE(outcome.error) << outcome.error->message;
+  }
+  EXPECT_TRUE(people().empty());
+}
+
+TEST_F(RestoreElsewhere, withoutAKeyTwoListsAreRefusedThatLeaveNoRoom) {
+  const auto own = test::TestDb::must(readErasures(kept, kErasuresCopy));
+  constexpr std::size_t kMany = 20'000;
+  putBeside(own, 0, kMany);
+  ASSERT_OK(restored());
+  ASSERT_OK(restored()) << "nothing new";
+  putBeside(own, kMany, kMany);
+  const auto refused = restored();
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(refused.error().message.find("has 20000 lines that"), std::string::npos);
+  EXPECT_NE(refused.error().message.find("put the pseudonym.key of the machine"), std::string::npos);
+  EXPECT_EQ(readErasures(other)->size(), kMany + 1);
+  useKey();
+  ASSERT_OK(restored());
+  EXPECT_EQ(readErasures(other)->size(), kMany + 1);
+  EXPECT_EQ(people(), Names{"ben"});
+}
+
+TEST_F(RestoreElsewhere, noLineOfAnotherKeyReplacesOneOfThisFolder) {
+  useKey();
+  ASSERT_OK(restored());
+  auto lines = test::TestDb::must(readErasures(kept, kErasuresCopy));
+  lines.push_back({pseudonym, {}, 1'900'000'000'000'000'000, true, ErasureSeal{"0123456789abcdef", "00"}});
+  ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
+  ASSERT_OK(restored());
+  const auto here = readErasures(other);
+  ASSERT_OK(here);
+  ASSERT_EQ(here->size(), 1u);
+  EXPECT_EQ(sealOf(here->front(), *PseudonymKey::ofFolder(other)), SealState::kOurs);
   EXPECT_EQ(people(), Names{"ben"});
 }
 

@@ -281,6 +281,33 @@ TEST(Access, whoGetsAnotherRoleByATableIsPutOutAndNamedInTheLog) {
   expectEnded(*chief);
 }
 
+TEST(Access, whoAsksForWhatIsSoAlreadyPutsNobodyOut) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto anna = server.connect(personLogin("anna", kPassword));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(anna.ok() && chief.ok());
+  pb::Request same;
+  same.mutable_change_user()->set_name("anna");
+  same.mutable_change_user()->set_base_revision(1);
+  same.mutable_change_user()->set_role(pb::INSTRUCTOR);
+  ASSERT_TRUE(chief->call(same).ok());
+  same.mutable_change_user()->set_full_name("Anna A");
+  ASSERT_TRUE(chief->call(same).ok()) << "another name is no other access";
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_TRUE(anna->call(list).ok());
+  EXPECT_TRUE(server.connect(byToken(anna->welcome().token())).ok());
+  // by another change of the account they end
+  pb::Request demote;
+  demote.mutable_change_user()->set_name("anna");
+  demote.mutable_change_user()->set_base_revision(2);
+  demote.mutable_change_user()->set_role(pb::TRAINEE);
+  ASSERT_TRUE(chief->call(demote).ok());
+  expectEnded(*anna);
+}
+
 TEST(Access, whoDisablesItselfIsOutAfterTheAnswer) {
   RunningServer server;
   server.addUser("chief", pb::ADMINISTRATOR, kPassword);

@@ -106,6 +106,25 @@ TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
   EXPECT_EQ(freed, 2) << "a share may end after the budget";
 }
 
+TEST(ByteBudget, aShareThatCameToMoreThanItTookCountsAllAndOthersWait) {
+  int freed = 0;
+  ByteBudget budget(kLimits, [&] { ++freed; });
+  auto share = budget.take(personAt("anna", 1), 5);
+  share->become(22);
+  EXPECT_EQ(budget.taken(), 22u) << "more than its connection may take";
+  EXPECT_EQ(budget.mostTaken(), 22u);
+  EXPECT_EQ(freed, 0);
+  EXPECT_FALSE(budget.take(personAt("anna", 1), 1).has_value());
+  EXPECT_FALSE(budget.take(personAt("anna", 2), 4).has_value()) << "of 25";
+  EXPECT_TRUE(budget.take(personAt("anna", 2), 3).has_value());
+  share->become(2);
+  EXPECT_EQ(budget.taken(), 2u);
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 8).has_value());
+  share.reset();
+  EXPECT_EQ(budget.taken(), 0u);
+  EXPECT_TRUE(budget.take(personAt("anna", 1), 10).has_value());
+}
+
 TEST(ByteBudget, aShareThatNeedsLessThanItTookGivesTheRestBackAtOnce) {
   int freed = 0;
   ByteBudget budget(kLimits, [&] { ++freed; });
