@@ -56,8 +56,8 @@ struct ConnectionBounds {
   /// limits.
   double small_messages_at_once = 5000;
   double small_messages_per_s = 500;
-  /// A ClockOffset, CloseSession, Ping, Pong, Subscribe or Unsubscribe with more bytes is refused unparsed. So
-  /// the closes that wait hold little (`closes_of_station`) and have no part in the budget of memory.
+  /// A ClockOffset, CloseSession, Ping, Pong, Subscribe or Unsubscribe with more bytes is refused unparsed.
+  /// So the closes that wait hold little (`closes_of_station`) and have no part in the budget of memory.
   std::size_t small_message_bytes = 4u << 10;
   std::size_t refusals = 200;  ///< refused messages after log-in; then the connection ends
   /// Time for a station to confirm an instructor's message; after that the instructor gets an error.
