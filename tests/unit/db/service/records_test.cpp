@@ -656,7 +656,7 @@ TEST_F(RestoreElsewhere, withoutAKeyTwoListsAreRefusedThatLeaveNoRoom) {
   constexpr std::size_t kMany = 20'000;
   putBeside(own, 0, kMany);
   ASSERT_OK(restored());
-  ASSERT_OK(restored()) << "nothing new";
+  ASSERT_OK(restored());  // nothing new
   putBeside(own, kMany, kMany);
   const auto refused = restored();
   ASSERT_FALSE(refused.ok());

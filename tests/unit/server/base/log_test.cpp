@@ -94,24 +94,24 @@ TEST(Log, theJournalHearsThePriority) {
 }
 
 TEST(LogBound, aMinuteHasSoManyLinesAndTheOthersAreSaidOnceAsANumber) {
-  constexpr std::int64_t kSecond_ns = 1'000'000'000;
+  constexpr std::int64_t second_ns = 1'000'000'000;
   LogBound bound(3);
   EXPECT_EQ(bound.leftOut(0), 0u);
   std::uint64_t written = 0;
   for (std::int64_t s = 100; s < 160; ++s) {
-    written += bound.take(s * kSecond_ns);
-    EXPECT_EQ(bound.leftOut(s * kSecond_ns), 0u) << "the minute is not over";
+    written += bound.take(s * second_ns);
+    EXPECT_EQ(bound.leftOut(s * second_ns), 0u) << "the minute is not over";
   }
   EXPECT_EQ(written, 3u);
-  EXPECT_EQ(bound.leftOut(160 * kSecond_ns), 57u);
-  EXPECT_EQ(bound.leftOut(160 * kSecond_ns), 0u) << "once";
+  EXPECT_EQ(bound.leftOut(160 * second_ns), 57u);
+  EXPECT_EQ(bound.leftOut(160 * second_ns), 0u) << "once";
   // the next minute begins with its first line
-  EXPECT_TRUE(bound.take(500 * kSecond_ns));
-  EXPECT_TRUE(bound.take(559 * kSecond_ns));
-  EXPECT_TRUE(bound.take(559 * kSecond_ns));
-  EXPECT_FALSE(bound.take(560 * kSecond_ns - 1));
-  EXPECT_TRUE(bound.take(560 * kSecond_ns)) << "also if nobody asked in between";
-  EXPECT_EQ(bound.leftOut(560 * kSecond_ns), 1u);
+  EXPECT_TRUE(bound.take(500 * second_ns));
+  EXPECT_TRUE(bound.take(559 * second_ns));
+  EXPECT_TRUE(bound.take(559 * second_ns));
+  EXPECT_FALSE(bound.take(560 * second_ns - 1));
+  EXPECT_TRUE(bound.take(560 * second_ns)) << "also if nobody asked in between";
+  EXPECT_EQ(bound.leftOut(560 * second_ns), 1u);
   EXPECT_EQ(bound.leftOut(INT64_MAX), 0u) << "nothing was left out of the last one";
 }
 
