@@ -84,7 +84,8 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
     case Verdict::kAllowed:
       break;
     case Verdict::kIgnored:
-      return head.body == pb::Envelope::kPong;
+      if (head.body != pb::Envelope::kPong) return false;
+      break;
     case Verdict::kUnknown:
       return refuseUnparsed(makeRefusal(pb::Refusal::INVALID, "a message without a body that protocol " +
                                                                   versionText(ourVersion()) + " knows"));

@@ -480,6 +480,7 @@ TEST_F(Teaching, whoWatchesLiveHasALineAlsoWhileOthersFillTheWritersQueue) {
     store->service().noteWatching(instructor, "", session,
                                   [](const Error& error) { ADD_FAILURE() << error.message; });
   full.release();
+  while (store->writer().counters().waiting > 0) std::this_thread::yield();
   ASSERT_OK(change([](Connection&) { return Status(); }));
   pb::Request list;
   list.mutable_list_audit()->set_action("watch live");

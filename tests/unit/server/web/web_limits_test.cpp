@@ -3,6 +3,7 @@
 #include <atomic>
 #include <future>
 #include <memory>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -133,6 +134,14 @@ TEST(WebLimits, aBodyWhereNoneIsTakenIsRefusedAndALongOneUnread) {
 TEST(WebLimits, aRequestThatIsBuiltNoLongerHasTheRoomOfItsJson) {
   WebLab lab([](ServerOptions& options) { options.bounds.decoded.people = 30'000; });
   Browser mara = lab.browserOf("mara"), ada = lab.browserOf("ada");
+  // the lines of their log-ins wait for the writer on the workers' threads
+  const auto lines = [&lab] {
+    auto reader = lab.server().server().store().readers().borrow();
+    return (*reader)
+        ->query("SELECT count(*) FROM audit WHERE action = 'log-in'")
+        .first([](const Statement& row) { return row.integer(0); });
+  };
+  while (*lines() != std::optional<std::int64_t>(2)) std::this_thread::yield();
   const auto padded = [](const json& body) { return std::string(20'000, ' ') + body.dump(); };
   std::promise<void> go;
   DbWriter::Work wait = [held = go.get_future().share()](Connection&) {
