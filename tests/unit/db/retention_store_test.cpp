@@ -166,7 +166,9 @@ TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFu
   EXPECT_EQ(dueOn(120), all(" thin"));
   EXPECT_EQ(dueOn(129), all(" thin"));
   EXPECT_EQ(dueOn(130), all(" delete"));
-  for (const auto& one : *store.due(100 * test::kDay_ns)) {
+  const auto due = store.due(100 * test::kDay_ns);
+  ASSERT_OK(due);
+  for (const auto& one : *due) {
     EXPECT_NE(one.reason.find("1970-01-11 00:00:00 UTC"), std::string::npos) << one.reason;
     EXPECT_NE(one.reason.find("1970-04-11 00:00:00 UTC"), std::string::npos) << one.reason;
   }
