@@ -137,7 +137,9 @@ TEST_F(ErasureStoreTest, memoryDoesNotGrowWithTheRemarksInThePersonsSessions) {
   ASSERT_OK(erased);
   EXPECT_EQ(erased->remarks_kept(), kRemarks);
   // a sanitizer keeps what is freed
-  if (!test::kSanitized) EXPECT_LT(peak - before, kRemarks * kLength / 3);
+  if (!test::kSanitized) {
+    EXPECT_LT(peak - before, kRemarks * kLength / 3);
+  }
 }
 
 TEST_F(ErasureStoreTest, namesBesideTypographicPunctuationGoToo) {
