@@ -49,6 +49,17 @@ struct Outcome {
   bool access_changed = false;
 };
 
+/// What one step of VerifySession reads, as SessionStore::hashOn() counts: some 80 ms, in which an import or a
+/// backup waits for it. Smaller: more looks at the session's row; greater: longer waits.
+inline constexpr std::uint64_t kVerifiedBytesAtOnce = std::uint64_t{16} << 20;
+
+/// A request between the steps of its work.
+struct RequestUnderWay {
+  bool access_changed = false;               ///< as in Outcome
+  bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
+  std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
+};
+
 /// The outcome of a station's request to close a session.
 struct CloseOutcome {
   Closed closed;
@@ -78,6 +89,10 @@ class Service {
   /// Checks the role (requests.h) and, of who logged in, that the account still has it; executes the request
   /// and writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
+  /// Does one step of it, which most requests have only one of. Nothing: call it again, after others had their
+  /// turn. The role and the account are checked in each step.
+  std::optional<Outcome> executeStep(const Principal& principal, const pb::Request& request,
+                                     RequestUnderWay& under_way);
 
   /// At the program's end: cancels running and later backups, checks and verifications. Thread: any.
   void cancelLongWork() { cancelled_ = true; }

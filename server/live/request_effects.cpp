@@ -143,13 +143,19 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     if (const Status room = roomFor(context, who, storing, request->ByteSizeLong()); !room.ok())
       co_return refusedBefore(*request, room.error());
   }
-  std::function<Executed()> work = [&service = context.store.service(), who, request, threads,
-                                    gone = std::move(gone)] {
+  const auto under_way = std::make_shared<RequestUnderWay>();
+  const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
+                                          under_way, gone = std::move(gone)]() -> Executed {
     if (gone()) return refusedBefore(*request, {ErrorCode::kUnavailable, "who asked has gone"});
     if (threads == RequestThreads::kHours) yieldToOthers();
-    return std::make_shared<Outcome>(service.execute(who, *request));
+    auto outcome = service.executeStep(who, *request, *under_way);
+    return outcome ? std::make_shared<Outcome>(*std::move(outcome)) : nullptr;
   };
-  co_return co_await onItsThreads(context, threads, who, std::move(work));
+  for (;;) {
+    std::function<Executed()> work = step;
+    const Executed done = co_await onItsThreads(context, threads, who, std::move(work));
+    if (done) co_return done;
+  }
 }
 
 std::string turnNameOf(const Principal& who) {

@@ -40,9 +40,9 @@ std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::
 /// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
-/// Executes a request on its thread pool (threadsOf in db/service/requests.h). Thread: the network's. `gone`
-/// says whether the asker has gone, on any thread: of whom it says so when the turn comes, nothing is done
-/// (kUnavailable). What has begun is finished.
+/// Executes a request on its thread pool (threadsOf in db/service/requests.h), each of its steps in a turn of
+/// its own. Thread: the network's. `gone` says whether the asker has gone, on any thread: of whom it says so
+/// when a turn comes, no more is done (kUnavailable). A step that has begun is finished.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request,
                                               std::function<bool()> gone);

@@ -48,6 +48,13 @@ struct RequestThreadsTest : testing::Test {
     EXPECT_NE(outcome, nullptr);
   }
 
+  /// The same; sets `outcome` at its end.
+  Task<> answer(Principal who, pb::Request request, std::shared_ptr<Outcome>* outcome) {
+    std::function<bool()> gone = [] { return false; };
+    const auto shared = std::make_shared<const pb::Request>(std::move(request));
+    *outcome = co_await executeRequest(context, who, shared, std::move(gone));
+  }
+
   /// An administrator adds a station; `gone` as for executeRequest, on the workers. Sets `outcome` at its
   /// end.
   Task<> addStation(std::string name, std::function<bool()> gone, std::shared_ptr<Outcome>* outcome) {
@@ -253,6 +260,43 @@ TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   closers.join();
   EXPECT_EQ(steps, 0);
   EXPECT_EQ(closes_done, 0);
+}
+
+TEST_F(RequestThreadsTest, theVerificationOfALongSessionGivesWayToOthersBetweenItsSteps) {
+  constexpr std::uint64_t kChunks = 20'000;  // more than kVerifiedBytesAtOnce, as it counts
+  const Uuid id = makeUuidV7();
+  ASSERT_TRUE(store->writer()
+                  .run([&](Connection& c) -> Status {
+                    RETURN_IF_ERROR(StationStore(c).add("station-1", StationKeyBytes{}, 1));
+                    SessionStore sessions(c);
+                    if (const auto opened = sessions.open(test::describe(id), 1); !opened) return opened.error();
+                    for (std::uint64_t seq = 0; seq < kChunks; ++seq)
+                      if (const auto stored = sessions.append(id, seq, test::chunkOf(seq, 1)); !stored)
+                        return stored.error();
+                    return {};
+                  })
+                  .ok());
+  pb::Request verify;
+  verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
+  ASSERT_EQ(threadsOf(verify, pb::INSTRUCTOR), RequestThreads::kSlow);
+  occupy(*context.slow_workers_of_people, "ada");
+  std::shared_ptr<Outcome> outcome;
+  asio::co_spawn(loop.io, answer({"ines", pb::INSTRUCTOR}, verify, &outcome), rethrow);
+  loop.io.restart();
+  loop.io.poll();
+  // comes after ines, and is done before she has read all: her last step finds what it does
+  context.slow_workers_of_people->post(turnNameOf({"mara", pb::CURRICULUM_MANAGER}), [this] {
+    EXPECT_TRUE(store->writer()
+                    .run([](Connection& c) {
+                      return c.run("UPDATE chunks SET crc = crc + 1 WHERE seq = ?", kChunks - 1);
+                    })
+                    .ok());
+  });
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_FALSE(outcome->reply.verified().ok());
+  EXPECT_THAT(outcome->reply.verified().text(), testing::HasSubstr("chunk 19999"));
 }
 
 TEST_F(RequestThreadsTest, noWorkerWaitsForTheWriterWithALineOfWhatWasNotDelivered) {
