@@ -230,8 +230,9 @@ class SessionStore {
   /// database could not be read.
   Result<SessionCheck> verify(const Uuid& session);
   /// The same in steps: goes on behind the chunks of `so_far`, and ends once it has read `most_bytes`, as
-  /// hashOn() counts. Nothing: there is more, call it again. Between two steps chunks may come and the session
-  /// may be closed; a recording that is thinned or removed meanwhile is begun anew, as what it is then.
+  /// hashOn() counts. Nothing: there is more, call it again. Between two steps chunks may come and the
+  /// session may be closed; a recording that is thinned or removed meanwhile is begun anew, as what it is
+  /// then.
   Result<std::optional<SessionCheck>> verifyOn(const Uuid& session, std::uint64_t most_bytes,
                                                SessionCheckSoFar& so_far);
 

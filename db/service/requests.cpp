@@ -47,8 +47,7 @@ const Message& callOf(const pb::Request& request) {
 /// Wraps a handler of handlers.h, with a borrowed reader.
 template <typename Message>
 Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
-                      RequestUnderWay& under_way,
-                      Result<Reply> (*handler)(const Context&, const Message&)) {
+                      RequestUnderWay& under_way, Result<Reply> (*handler)(const Context&, const Message&)) {
   return service.withReader(who, callName(request.call_case()), [&](Context context) {
     context.under_way = &under_way;
     return handler(context, callOf<Message>(request));

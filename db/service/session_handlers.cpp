@@ -212,8 +212,8 @@ Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession&
   const CancelScope may_end(context.reader, context.cancelled);
   RequestUnderWay& under_way = *context.under_way;
   if (!under_way.check) under_way.check.emplace();
-  ASSIGN_OR_RETURN(const auto check, SessionStore(context.reader)
-                                         .verifyOn(id, kVerifiedBytesAtOnce, *under_way.check));
+  ASSIGN_OR_RETURN(const auto check,
+                   SessionStore(context.reader).verifyOn(id, kVerifiedBytesAtOnce, *under_way.check));
   pb::Reply reply;
   under_way.more = !check;
   if (under_way.more) return reply;
