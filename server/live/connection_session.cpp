@@ -326,6 +326,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   CloseWork work;
   work.step = [&service, close] { return service.closeStep(*close); };
   work.gone = [gone = peer.gone_] { return gone->load(); };
+  work.is_long = [close] { return close->is_long; };
   Result<CloseOutcome> outcome = Error{ErrorCode::kFailed, "not done"};
   if (committed.ok()) {
     outcome = co_await closeInTurn(peer.context_, peer.who_.name, std::move(work));

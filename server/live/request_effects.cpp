@@ -168,7 +168,8 @@ Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string stati
   for (;;) {
     if (work.gone()) co_return has_gone;
     std::function<Step()> piece = [work, has_gone]() -> Step { return work.gone() ? has_gone : work.step(); };
-    Step done = co_await offload(*context.closes_in_turn, station, std::move(piece));
+    FairPool& turns = work.is_long && work.is_long() ? *context.long_scores_in_turn : *context.closes_in_turn;
+    Step done = co_await offload(turns, station, std::move(piece));
     if (!done.ok()) co_return done.error();
     if (done->has_value()) co_return std::move(**done);
   }

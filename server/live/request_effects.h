@@ -19,10 +19,12 @@ std::string turnNameOf(const Principal& who);
 struct CloseWork {
   std::function<Result<std::optional<CloseOutcome>>()> step;  ///< nothing: there is more to do
   std::function<bool()> gone;  ///< whether the connection that asked has ended; on any thread
+  /// Whether the next step is a long score; not during a step. Empty: none is.
+  std::function<bool()> is_long{};
 };
 /// Closes a session for its station, on the closers: nobody else's work waits for it. Each step is a turn
-/// among the closes of all stations. Of a connection that has ended no further step is done (kUnavailable).
-/// Thread: the network's.
+/// among the closes of all stations, a long score one among the long ones. Of a connection that has ended no
+/// further step is done (kUnavailable). Thread: the network's.
 Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work);
 
 /// Where a person's reply of so many bytes is written as text: up to 16 KiB (about a millisecond) on the
