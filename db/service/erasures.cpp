@@ -10,19 +10,19 @@
 #include <filesystem>
 #include <fstream>
 #include <mutex>
+#include <set>
+#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
-#include "common/base/text.h"
 #include "db/audit.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
-#include "db/free_parts.h"
 #include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
 #include "db/service/handlers.h"
-#include "db/session_rows.h"
 
 namespace needlelab {
 

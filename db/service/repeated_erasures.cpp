@@ -18,7 +18,6 @@
 #include "db/people.h"
 #include "db/schema.h"
 #include "db/service/erasures.h"
-#include "db/session_rows.h"
 
 namespace needlelab {
 namespace {

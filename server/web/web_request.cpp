@@ -1,8 +1,5 @@
 #include "server/web/web_server.h"
 
-#include <fmt/core.h>
-#include <algorithm>
-#include <filesystem>
 #include <utility>
 
 #include "common/base/clock.h"
