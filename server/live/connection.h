@@ -151,7 +151,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   // ids of this connection's own Pings; the channel's Pings have no ids
   std::uint64_t pings_asked_ = 0, pings_answered_ = 0;
   Signal freed_;  // pending work has ended: there may be capacity to read on
-  std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
+  std::size_t chunks_in_flight_ = 0;
   std::size_t requests_at_work_ = 0;
   std::size_t refusals_ = 0;          // sent by this server
   std::size_t refusals_of_peer_ = 0;  // after log-in
