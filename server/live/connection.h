@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -97,6 +98,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void setState(ConnectionState next);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
+  /// So many lines a minute of an account (MessageBucket), whose connections come back as often as they like.
+  void logRefused(const char* event, std::initializer_list<LogField> fields);
   void refusedByPeer(const pb::Refusal& refusal);
   void leave();
   [[nodiscard]] bool busy() const;

@@ -246,13 +246,12 @@ void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appende
         return pb::Refusal::INVALID;
     }
   }();
-  logEvent(LogLevel::kWarning, "chunk_refused",
-           {{"conn", id_},
-            {"station", who_.name},
-            {"session", sessionText(chunk.session_id())},
-            {"seq", chunk.seq()},
-            {"reason", reasonName(reason)},
-            {"expected_seq", appended.next_seq}});
+  logRefused("chunk_refused", {{"conn", id_},
+                               {"station", who_.name},
+                               {"session", sessionText(chunk.session_id())},
+                               {"seq", chunk.seq()},
+                               {"reason", reasonName(reason)},
+                               {"expected_seq", appended.next_seq}});
   if (over()) return;
   pb::Refusal refusal = sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq);
   // two recordings with one session id: nothing that follows can be stored, and the audit log has its line
