@@ -42,7 +42,8 @@ class PeerConnection;
 
 /// Limits on the load from one connection.
 struct ConnectionBounds {
-  std::size_t chunks_in_flight = 64;  ///< received but not yet committed; at the limit its socket is not read
+  /// Of a station, on all its connections: received but not yet committed. At the limit they are not read.
+  std::size_t chunks_in_flight = 64;
   std::size_t chunk_bytes_in_flight = 8u << 20;
   ChunkBudget::Limits all_chunks_in_flight;  ///< of the whole server
   std::size_t requests_at_work = 8;

@@ -42,9 +42,14 @@ std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::
 /// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
-/// Executes a request on its thread pool (threadsOf in db/service/requests.h), each of its steps in a turn of
-/// its own. Thread: the network's. `gone` says whether the asker has gone, on any thread: of whom it says so
-/// when a turn comes, no more is done (kUnavailable). A step that has begun is finished.
+/// Takes the room of a call that stores something, from the person's share of the day and from the disk's;
+/// whatever executes a call asks here first. `bytes`: of the request. Errors: kNoRoom. Thread: the network's.
+Status takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call, std::size_t bytes);
+
+/// Takes the request's room (takeRoom), then executes it on its thread pool (threadsOf in
+/// db/service/requests.h), each of its steps in a turn of its own. Thread: the network's. `gone` says whether
+/// the asker has gone, on any thread: of whom it says so when a turn comes, no more is done (kUnavailable). A
+/// step that has begun is finished.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request,
                                               std::function<bool()> gone);

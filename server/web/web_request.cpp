@@ -283,6 +283,15 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.body = std::string(route.how.text());
     co_return answer;
   }
+  // those of kRequest take it as they are executed
+  const bool is_direct = route.how.action == WebAction::kWork || route.how.action == WebAction::kSteps ||
+                         route.how.action == WebAction::kStream;
+  if (is_direct) {
+    if (const Status room = takeRoom(context, call->who, route.call, call->body_bytes); !room) {
+      noteNoRoom(context, *call, room.error());
+      co_return errorAnswer(room.error());
+    }
+  }
   AskedBy by{turnNameOf(call->who), session->token, account};
   if (route.how.action == WebAction::kStream)
     co_return co_await throughStream(server, request, route, call, std::move(by));
