@@ -425,7 +425,7 @@ TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
   *free_bytes = 20 * kMiB;
   while (askChecked(ada, "GET", "/api/v1/session").json()["disk_room"]["level"] != "no_chunks") continue;
   const WebReply refused = annotate();
-  EXPECT_EQ(refused.status, 507) << refused.body;
+  EXPECT_EQ(refused.status, 503) << refused.body;
   EXPECT_EQ(refused.json()["error"]["code"], "no_room");
   EXPECT_EQ(askChecked(ines, "GET", "/api/v1/sessions/" + id + "/annotations").json()["items"].size(), 1u);
 }
