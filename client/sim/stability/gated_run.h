@@ -19,6 +19,7 @@ struct DeviceSample {
   TipSample tip;
   bool fresh = true;         ///< false: it said nothing
   bool acknowledge = false;  ///< a person acknowledges the fault in this tick
+  std::int64_t elapsed_ticks = 1;  ///< periods since the sample before, by the loop's clock
 };
 
 struct GatedTick {
