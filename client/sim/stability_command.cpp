@@ -278,10 +278,10 @@ int stability(const StabilityOptions& options) {
 
 void addStabilityCommand(CLI::App& app, SimCommand& chosen) {
   auto options = std::make_shared<StabilityOptions>();
-  CLI::App* command =
-      app.add_subcommand("stability",
-                         "Runs the hard cases in closed loop over all axial models: chatter, force steps, "
-                         "energy. Exit code 1 when the enhanced tracking wall is not stable, but for cases known to fail");
+  CLI::App* command = app.add_subcommand(
+      "stability",
+      "Runs the hard cases in closed loop over all axial models: chatter, force steps, "
+      "energy. Exit code 1 when the enhanced tracking wall is not stable, but for cases known to fail");
   addJsonOption(*command, options->json);
   command->add_option(
       "--out", options->out,

@@ -73,7 +73,8 @@ TEST(GlitchUnderGate, theGateTakesNoneOfALargerOne) {
   EXPECT_LT(*over.measured, 0.03) << "the held force of one tick";
 }
 
-// a source that takes a jump for a new zero, as a device that is clutched, is off by it until the needle is out
+// a source that takes a jump for a new zero, as a device that is clutched, is off by it until the needle is
+// out
 TEST(FrozenAxis, aJumpTakenForANewZeroFails) {
   class NewZero final : public ForceSource {
    public:

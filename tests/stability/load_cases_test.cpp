@@ -40,11 +40,11 @@ TEST(ReleaseUnderLoad, controlAForceThatKeepsItsSizeGivesMore) {
 TEST(ReleaseUnderLoad, controlAMembraneThatPushesHarderOutThanInGivesMore) {
   // 1.2 times the force while the depth falls
   double depth_m = 0;
-  const CaseRow row =
-      rowOf("release_under_load", kLoaded, changed([depth_m](const TipSample&, ForceSource&, StepReport& r) mutable {
-              if (r.depth_m < depth_m) r.wrench_W.force_N = r.wrench_W.force_N * 1.2;
-              depth_m = r.depth_m;
-            }));
+  const CaseRow row = rowOf("release_under_load", kLoaded,
+                            changed([depth_m](const TipSample&, ForceSource&, StepReport& r) mutable {
+                              if (r.depth_m < depth_m) r.wrench_W.force_N = r.wrench_W.force_N * 1.2;
+                              depth_m = r.depth_m;
+                            }));
   EXPECT_FALSE(holds(row));
   EXPECT_NEAR(*row.measured, 1.2, 0.06) << rowText(row);
 }
@@ -58,11 +58,11 @@ TEST(DeratedRelease, theForceFallsAndRisesWithoutAStep) {
 // a switch in place of a level: half of the force while the last second was above 3 N
 TEST(DeratedRelease, controlAThermostatSteps) {
   double heat = 0;
-  const CaseRow row =
-      rowOf("derated_release", kLoaded, changed([heat](const TipSample&, ForceSource&, StepReport& r) mutable {
-              if (heat > 9) r.wrench_W.force_N = r.wrench_W.force_N * 0.5;
-              heat += (normSquared(r.wrench_W.force_N) - heat) * 1e-3;
-            }));
+  const CaseRow row = rowOf("derated_release", kLoaded,
+                            changed([heat](const TipSample&, ForceSource&, StepReport& r) mutable {
+                              if (heat > 9) r.wrench_W.force_N = r.wrench_W.force_N * 0.5;
+                              heat += (normSquared(r.wrench_W.force_N) - heat) * 1e-3;
+                            }));
   // it may keep the motors so cool that the gate has nothing to do: then it has no row at all
   EXPECT_FALSE(row.applicable && row.passed) << rowText(row);
 }

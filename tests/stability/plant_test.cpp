@@ -99,8 +99,8 @@ TEST(LoopMargins, areTheoryOverTheStiffness) {
   EXPECT_EQ(dampingAcross(3.5, 0, 0.13), 0);
 }
 
-// Without a hand all work goes into the device's losses and its motion, whatever the force: the hand gets nothing.
-// A force that pulls a resting hand along gives it what a spring takes.
+// Without a hand all work goes into the device's losses and its motion, whatever the force: the hand gets
+// nothing. A force that pulls a resting hand along gives it what a spring takes.
 TEST(GripEnergy, isWhatTheHandGets) {
   class Push final : public ForceSource {
    public:

@@ -231,7 +231,8 @@ std::string marginsText(const std::vector<CaseRow>& rows) {
   }
   if (text.empty()) return text;
   return "\nWhat theory allows over the wall's stiffness: with the case's hand (coupled stability); with the "
-         "device's own damping alone (passivity: below 1 the loop is not passive); energy got at the grip [J]\n" +
+         "device's own damping alone (passivity: below 1 the loop is not passive); energy got at the grip "
+         "[J]\n" +
          text;
 }
 
@@ -329,8 +330,8 @@ nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows) {
          {"max_force_n", orNull(row.max_force_N)},
          {"max_unexplained_step_n", orNull(row.max_unexplained_step_N)},
          {"chatter_n", orNull(row.chatter_N)},
-         {"step_noticeable", stepIsNoticeable(row) ? nlohmann::ordered_json(*stepIsNoticeable(row))
-                                                   : nlohmann::ordered_json()},
+         {"step_noticeable",
+          stepIsNoticeable(row) ? nlohmann::ordered_json(*stepIsNoticeable(row)) : nlohmann::ordered_json()},
          {"energy_j", orNull(row.energy_J)},
          {"coupled_margin", orNull(row.coupled_margin)},
          {"passive_margin", orNull(row.passive_margin)},

@@ -38,11 +38,11 @@ struct CaseRow {
   std::optional<double> max_unexplained_step_N;
   std::optional<double> chatter_N;  ///< RMS of the force in 50-500 Hz over the case's window
   std::optional<double> energy_J;   ///< given to the hand, net
-  /// Closed loops only, the least of the runs: what theory allows over the stiffness, with the hand of the case
-  /// (coupled stability) and with the device's own damping alone (passivity), as LoopMargins.
+  /// Closed loops only, the least of the runs: what theory allows over the stiffness, with the hand of the
+  /// case (coupled stability) and with the device's own damping alone (passivity), as LoopMargins.
   std::optional<double> coupled_margin, passive_margin;
   std::optional<double> grip_energy_J;  ///< closed loops only, the greatest: as greatestGripEnergy_J
-  std::optional<double> measured;   ///< the value that the case judges, in the unit of `quantity`
+  std::optional<double> measured;       ///< the value that the case judges, in the unit of `quantity`
   std::optional<double> limit;
   std::string quantity;  ///< e.g. "peak-to-peak in the hold [N]"
   bool passed = false;
@@ -93,8 +93,8 @@ std::vector<StabilityCase> motionCases();
 std::vector<StabilityCase> scanCases();
 std::vector<StabilityCase> loadCases();
 std::vector<StabilityCase> deviceCases();
-/// All of them: holds, prescribed motions, stiffness and missing ticks, then releases under load and the lever,
-/// and what a device or its clock does wrong.
+/// All of them: holds, prescribed motions, stiffness and missing ticks, then releases under load and the
+/// lever, and what a device or its clock does wrong.
 std::vector<StabilityCase> allCases();
 
 /// Runs a case; a row that is not applicable where the case says nothing about `model`.
@@ -111,8 +111,8 @@ inline constexpr Vec3 kInward_W{0, 0, -1};
 Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& scene, const HandPlan& plan,
                           const PlantOptions& options);
 
-/// A force step in the row that no spring explains and that a hand may notice (kNoticeableStep_N); empty where
-/// steps were not measured.
+/// A force step in the row that no spring explains and that a hand may notice (kNoticeableStep_N); empty
+/// where steps were not measured.
 std::optional<bool> stepIsNoticeable(const CaseRow& row);
 
 /// finite, max force, unexplained step, chatter over the window, energy given to the hand over the whole run,
@@ -156,8 +156,8 @@ nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows);
 
 /// One line a case, one column a model: the measured value, marked where it chatters (~) or diverges (!);
 /// below it each case's quantity, the notes, the margins of the closed loops, the force steps that a hand may
-/// notice, and in which cases another model does no worse than the enhanced tracking wall. `rows` case by case,
-/// each with the same models.
+/// notice, and in which cases another model does no worse than the enhanced tracking wall. `rows` case by
+/// case, each with the same models.
 std::string rowsText(const std::vector<CaseRow>& rows);
 
 /// Short names of models for column heads: "wall", "wall 2018", "direct", …

@@ -187,6 +187,7 @@ PlantOptions CaseEntry::plant() {
       {"damping_ns_per_m", &device.limits.damping_Ns_per_m},
       {"dry_friction_n", &device.dry_friction_N},
       {"encoder_step_m", &device.encoder_step_m},
+      {"encoder_step_rad", &device.encoder_step_rad},
       {"inertia_kgm2", &device.inertia_kgm2},
       {"rotational_damping_nms_per_rad", &device.rotational_damping_Nms_per_rad},
       {"tool_x_m", &device.X_HT.p.x},

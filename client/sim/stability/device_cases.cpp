@@ -1,5 +1,6 @@
-/// What a device or its clock does wrong without the gate's seeing it: a jump just under its limit, an axis that
-/// stands still, the other quaternion of the same rotation; and a clock that steps, which the gate must bridge.
+/// What a device or its clock does wrong without the gate's seeing it: a jump just under its limit, an axis
+/// that stands still, the other quaternion of the same rotation; and a clock that steps, which the gate must
+/// bridge.
 
 #include <fmt/core.h>
 
@@ -22,7 +23,8 @@ namespace {
 
 // a case of the gate: as shipped, with it
 template <auto Run>
-Result<CaseOutcome> withGate(const CaseSettings& settings, AxialModel model, const ForceSourceFactory& source) {
+Result<CaseOutcome> withGate(const CaseSettings& settings, AxialModel model,
+                             const ForceSourceFactory& source) {
   return Run(settings, model, source, Gate::kPresent);
 }
 
@@ -30,10 +32,12 @@ Result<CaseOutcome> withGate(const CaseSettings& settings, AxialModel model, con
 
 std::vector<StabilityCase> deviceCases() {
   return {
-      {"glitch_under_gate", "for one tick the tip is 4.9 mm elsewhere: 5 mm is too much for the gate", true, true,
-       withGate<glitchUnderGate>},
-      {"frozen_axis", "one axis stands still for 0.4 s while the others go on", true, true, withGate<frozenAxis>},
-      {"quaternion_sign", "the device reports q and −q, which are the same rotation", true, true, quaternionSign},
+      {"glitch_under_gate", "for one tick the tip is 4.9 mm elsewhere: 5 mm is too much for the gate", true,
+       true, withGate<glitchUnderGate>},
+      {"frozen_axis", "one axis stands still for 0.4 s while the others go on", true, true,
+       withGate<frozenAxis>},
+      {"quaternion_sign", "the device reports q and −q, which are the same rotation", true, true,
+       quaternionSign},
       {"clock_steps", "the loop's clock steps forward, or back", true, true, withGate<clockSteps>},
   };
 }
@@ -100,7 +104,8 @@ Result<CaseOutcome> glitchUnderGate(const CaseSettings& settings, AxialModel mod
   const LayerSpec& layer = wall.layers.front();
   judgeMotion(outcome.row, "greatest departure from the run without it [N]",
               worst.fault ? HUGE_VAL : worst.departure_N, layer.cutting_force_N + layer.attracted_force_N);
-  outcome.row.note = fmt::format("noticeable for up to {:.2g} s", static_cast<double>(worst.felt_ticks) / kScriptRate_hz);
+  outcome.row.note =
+      fmt::format("noticeable for up to {:.2g} s", static_cast<double>(worst.felt_ticks) / kScriptRate_hz);
   return outcome;
 }
 
@@ -122,7 +127,8 @@ AsidePlan asidePlan(double depth_m, double aside_m, double deeper_m, double spee
   of.stroke_s[0] = of.plan.duration_s();
   of.plan.moveTo(at(aside_m, depth_m + deeper_m), speed_mps, Motion::kLinear).hold(0.3);
   of.stroke_s[1] = of.plan.duration_s();
-  of.plan.moveTo(at(0, depth_m), speed_mps, Motion::kLinear).moveTo(at(0, -0.005), speed_mps, Motion::kLinear);
+  of.plan.moveTo(at(0, depth_m), speed_mps, Motion::kLinear)
+      .moveTo(at(0, -0.005), speed_mps, Motion::kLinear);
   return of;
 }
 
@@ -137,11 +143,11 @@ std::vector<DeviceSample> deviceSamples(const HandPlan& plan) {
 
 }  // namespace
 
-// The force is that of the place that the device reports. When the axis goes on again, the place jumps, the gate
-// bridges the jump, and the force must be that of a device that never froze: along the needle it has no memory of
-// the way; the fixture's dead radius has one, worth k·|e| at most.
-Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model, const ForceSourceFactory& source,
-                               Gate gate) {
+// The force is that of the place that the device reports. When the axis goes on again, the place jumps, the
+// gate bridges the jump, and the force must be that of a device that never froze: along the needle it has no
+// memory of the way; the fixture's dead radius has one, worth k·|e| at most.
+Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model,
+                               const ForceSourceFactory& source, Gate gate) {
   CaseEntry entry(settings.file, "frozen_axis", settings.long_form);
   const SceneSpec wall = entry.scene(), scene = entry.scene(model);
   const double depth_m = entry.number("depth_m", 0.001, 0.03), aside_m = entry.number("aside_m", 0, 0.02),
@@ -158,7 +164,7 @@ Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model, c
   CaseOutcome outcome{rowOf(sound)};
   double departure_N = 0, given_J = 0;
   bool fault = false;
-  for (const double Vec3::*axis : {&Vec3::x, &Vec3::y, &Vec3::z})
+  for (double Vec3::*axis : {&Vec3::x, &Vec3::y, &Vec3::z})
     for (const double stroke_s : plan.stroke_s) {
       const auto from = static_cast<std::size_t>(stroke_s * kScriptRate_hz + 0.5);
       const auto to = from + static_cast<std::size_t>(frozen_s * kScriptRate_hz + 0.5);
@@ -174,22 +180,26 @@ Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model, c
       for (std::size_t k = to; k < frozen.size(); ++k) {
         fault = fault || frozen[k].fault != Fault::kNone;
         if (k < to + static_cast<std::size_t>(kGateWait_s * kScriptRate_hz)) continue;
+        // the needle stands upright: the fixture's force lies across W's z
+        const Vec3 by_N = frozen[k].out_W.force_N - sound[k].out_W.force_N;
         const StepReport& at = sound[k].report;
-        const double radius_N = axis == &Vec3::z ? 0 : at.clamping_stiffness_N_per_m * at.lateral_error_m;
-        departure_N = std::max(departure_N, norm(frozen[k].out_W.force_N - sound[k].out_W.force_N) - radius_N);
+        const double radius_N = at.clamping_stiffness_N_per_m * at.lateral_error_m;
+        departure_N = std::max({departure_N, std::abs(by_N.z), norm({by_N.x, by_N.y, 0}) - radius_N});
       }
     }
   outcome.row.energy_J = given_J;
   judgeMotion(outcome.row, "departure from a device that did not freeze, 20 ms after it [N]",
               fault ? HUGE_VAL : departure_N, limit);
-  // while an axis stands still the force does not know of the hand's way: no more than the tissue's own force over it
+  // while an axis stands still the force does not know of the hand's way: no more than the tissue's own force
+  // over it
   const LayerSpec& layer = wall.layers.front();
   const double most_J = (layer.cutting_force_N + layer.attracted_force_N) * speed * frozen_s;
   if (given_J > most_J) {
     if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
     outcome.row.passed = false;
   }
-  outcome.row.note = fmt::format("a frozen axis gives the hand {:.2g} mJ, {:.2g} mJ passes", 1e3 * given_J, 1e3 * most_J);
+  outcome.row.note =
+      fmt::format("a frozen axis gives the hand {:.2g} mJ, {:.2g} mJ passes", 1e3 * given_J, 1e3 * most_J);
   return outcome;
 }
 
@@ -222,8 +232,8 @@ Quat otherSign(Quat q) {
 
 }  // namespace
 
-// q and −q are one rotation, and every product of the tool's transform takes either: the same force and torque to
-// the last bit, however often the sign changes
+// q and −q are one rotation, and every product of the tool's transform takes either: the same force and
+// torque to the last bit, however often the sign changes
 Result<CaseOutcome> quaternionSign(const CaseSettings& settings, AxialModel model,
                                    const ForceSourceFactory& source) {
   CaseEntry entry(settings.file, "quaternion_sign", settings.long_form);
@@ -233,7 +243,8 @@ Result<CaseOutcome> quaternionSign(const CaseSettings& settings, AxialModel mode
   if (!entry.status().ok()) return entry.status().error();
   ASSIGN_OR_RETURN(const auto motion, motionOf(settings, "quaternion_sign"));
   std::vector<Pose> handles;
-  for (const TipSample& tip : samplesOf(motion)) handles.push_back(Pose{tip.p_WT_m, tip.q_WT} * inverse(X_HT));
+  for (const TipSample& tip : samplesOf(motion))
+    handles.push_back(Pose{tip.p_WT_m, tip.q_WT} * inverse(X_HT));
   const auto run = [&](const std::vector<Pose>& poses) {
     return runAtHandle(source, scene, poses, X_HT, motion.rate_hz);
   };
@@ -269,8 +280,8 @@ namespace {
 
 constexpr std::int64_t kWatchdogTicks = 20, kFallTicks = 20, kRiseTicks = 200;
 
-// FORCE_MODEL.md, "Gate", for a loop that stood still: up to the watchdog's limit nothing; beyond it the share of
-// the force falls within 20 ms and rises within 200 ms
+// FORCE_MODEL.md, "Gate", for a loop that stood still: up to the watchdog's limit nothing; beyond it the
+// share of the force falls within 20 ms and rises within 200 ms
 double shareAfter(std::int64_t stood_still, std::size_t ticks_since) {
   if (stood_still <= kWatchdogTicks) return 1;
   const auto since = static_cast<std::int64_t>(ticks_since) + 1;
@@ -280,12 +291,12 @@ double shareAfter(std::int64_t stood_still, std::size_t ticks_since) {
 
 }  // namespace
 
-// Forward, the loop takes the ticks for missed and fades in again; the needle has not moved meanwhile. Back, the
-// loop waits until its clock has come there again and notices nothing: the needle has gone on, and the device
-// renders the last force. (The machine's clock of the loop, CLOCK_MONOTONIC, does neither; a virtual machine that
-// stood still does the first.)
-Result<CaseOutcome> clockSteps(const CaseSettings& settings, AxialModel model, const ForceSourceFactory& source,
-                               Gate gate) {
+// Forward, the loop takes the ticks for missed and fades in again; the needle has not moved meanwhile. Back,
+// the loop waits until its clock has come there again and notices nothing: the needle has gone on, and the
+// device renders the last force. (The machine's clock of the loop, CLOCK_MONOTONIC, does neither; a virtual
+// machine that stood still does the first.)
+Result<CaseOutcome> clockSteps(const CaseSettings& settings, AxialModel model,
+                               const ForceSourceFactory& source, Gate gate) {
   CaseEntry entry(settings.file, "clock_steps", settings.long_form);
   const SceneSpec scene = entry.scene(model);
   const double depth_m = entry.number("depth_m", 0.0005, 0.03), speed = entry.number("speed_m_s", 1e-3, 0.1),

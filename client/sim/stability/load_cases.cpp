@@ -1,5 +1,5 @@
-/// The closed-loop cases of a load: a hand that lets go under it, motors too hot for it, and a fixture at the end
-/// of the tool's lever. Private to this folder.
+/// The closed-loop cases of a load: a hand that lets go under it, motors too hot for it, and a fixture at the
+/// end of the tool's lever. Private to this folder.
 
 #include <fmt/core.h>
 
@@ -11,6 +11,7 @@
 
 #include "client/sim/stability/case.h"
 #include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/scan_nudge.h"
 #include "client/sim/tools/hand_thresholds.h"
 #include "common/haptics/models/like_for_like.h"
 
@@ -33,7 +34,8 @@ std::vector<StabilityCase> loadCases() {
        leverClamping},
       {"random_energy_500981", "the random gesture of a nearly free hand that a late loop gives energy", true,
        false, randomEnergySeed,
-       "a spring that is held for a tick and comes a tick late is not passive, whatever its model, and this hand "
+       "a spring that is held for a tick and comes a tick late is not passive, whatever its model, and this "
+       "hand "
        "hardly damps it"},
   };
 }
@@ -71,8 +73,9 @@ GivenBack givenBack(const PlantRun& run, double from_s) {
 
 }  // namespace
 
-// A spring pressed with f holds f²/2K. Held for T and d ticks late it gives K T (½ + d) ∫v² more: for the quarter
-// of a swing that empties it, (π/2)(½ + d) ωT of what it held, ω² = K/m. No model may give more than both.
+// A spring pressed with f holds f²/2K. Held for T and d ticks late it gives K T (½ + d) ∫v² more: for the
+// quarter of a swing that empties it, (π/2)(½ + d) ωT of what it held, ω² = K/m. No model may give more than
+// both.
 Result<CaseOutcome> releaseUnderLoad(const CaseSettings& settings, AxialModel model,
                                      const ForceSourceFactory& source) {
   if (model == AxialModel::kFem) {
@@ -86,12 +89,12 @@ Result<CaseOutcome> releaseUnderLoad(const CaseSettings& settings, AxialModel mo
   const double speed = entry.number("speed_m_s", 1e-3, 0.1), rest_s = entry.number("rest_s", 1e-3, 1),
                free_s = entry.number("free_s", 0.1, 10), deep_m = entry.number("tissue_depth_m", 0.001, 0.05);
   const std::vector<double> presses = entry.numbers("membrane_press_n");
-  CaseTally tally("work given back over what the spring held, and hold and delay add", entry.number("limit", 0),
-                  entry.chatterFilter());
+  CaseTally tally("work given back over what the spring held, and hold and delay add",
+                  entry.number("limit", 0), entry.chatterFilter());
   if (!entry.status().ok()) return entry.status().error();
 
-  // against the membrane the needle rests where it is as stiff as its linear term; the tissue is pressed with its
-  // full cutting force
+  // against the membrane the needle rests where it is as stiff as its linear term; the tissue is pressed with
+  // its full cutting force
   std::vector<Pressed> all;
   for (const double press_N : presses)
     all.push_back({press_N, both.layers.front().membrane->linear_N_per_m,
@@ -99,8 +102,8 @@ Result<CaseOutcome> releaseUnderLoad(const CaseSettings& settings, AxialModel mo
   SceneSpec tissue = both;
   tissue.layers.front().membrane.reset();
   const double cutting_N = tissue.layers.front().cutting_force_N;
-  all.push_back({cutting_N, tissue.tracking_wall.stiffness_N_per_m, fmt::format("tissue, {:g} N", cutting_N),
-                 tissue});
+  all.push_back(
+      {cutting_N, tissue.tracking_wall.stiffness_N_per_m, fmt::format("tissue, {:g} N", cutting_N), tissue});
 
   std::string note;
   for (Pressed& one : all) {
@@ -112,8 +115,7 @@ Result<CaseOutcome> releaseUnderLoad(const CaseSettings& settings, AxialModel mo
     one.let_go_s = one.plan.duration_s();
     one.plan.hold(free_s);
     plant.device.hand.let_go_s = one.let_go_s;
-    ASSIGN_OR_RETURN(const auto run,
-                     runScene(source, likeForLike(one.scene, model), one.plan, plant));
+    ASSIGN_OR_RETURN(const auto run, runScene(source, likeForLike(one.scene, model), one.plan, plant));
     const GivenBack given = givenBack(run, one.let_go_s);
     const double held_J = given.force_N * given.force_N / (2 * one.spring_N_per_m);
     const double turn_per_tick =
@@ -137,8 +139,9 @@ double renderedStep_N(const PlantRun& run, TimeWindow window) {
   const PlantTick* before = nullptr;
   for (const PlantTick& tick : ticksIn(run, window)) {
     if (before != nullptr)
-      most_N = std::max(most_N, norm(tick.rendered_force_N - before->rendered_force_N) -
-                                    run.axial_stiffness_N_per_m * norm(tick.seen.p_WT_m - before->seen.p_WT_m));
+      most_N =
+          std::max(most_N, norm(tick.rendered_force_N - before->rendered_force_N) -
+                               run.axial_stiffness_N_per_m * norm(tick.seen.p_WT_m - before->seen.p_WT_m));
     before = &tick;
   }
   return most_N;
@@ -192,13 +195,37 @@ Result<CaseOutcome> deratedRelease(const CaseSettings& settings, AxialModel mode
     if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
     outcome.row.passed = false;
   }
-  outcome.row.note = fmt::format("down to {:.2g} of {:.2g} N; RMS over 10 s {:.3g} N, {:g} N passes", least_share,
-                                 wanted_N, rms_N, most_N);
+  outcome.row.note = fmt::format("down to {:.2g} of {:.2g} N; RMS over 10 s {:.3g} N, {:g} N passes",
+                                 least_share, wanted_N, rms_N, most_N);
   return outcome;
 }
 
+namespace {
+
+// what is left of a push aside
+struct Aside {
+  double swing_N = 0;  ///< peak-to-peak of the fixture's force in the window
+  double stiffness_N_per_m = 0;
+  bool growing = false;
+};
+Aside asideIn(const PlantRun& run, TimeWindow window) {
+  Aside left;
+  left.growing = heldIn(run, window);
+  for (const Vec3 across : {Vec3{1, 0, 0}, Vec3{0, 1, 0}}) {
+    const auto force_N = forceAlong(ticksIn(run, window), across);
+    left.swing_N = std::max(left.swing_N, peakToPeak(force_N));
+    left.growing = left.growing || grows(force_N, 0.05);
+  }
+  for (const PlantTick& tick : run.ticks)
+    left.stiffness_N_per_m = std::max(left.stiffness_N_per_m, tick.report.clamping_stiffness_N_per_m);
+  return left;
+}
+
+}  // namespace
+
 // The stiffness k at the tip is k·lever² about the handle. It is stable with this hand while
-// k ≤ b_tip/(T (½ + d)), 1/b_tip = 1/b + lever²/b_turn (dampingAcross): the push aside must die out.
+// k ≤ b_tip/(T (½ + d)), 1/b_tip = 1/b + lever²/b_turn (dampingAcross): the push aside must die out, but for
+// what the encoders cannot tell from rest (kRestEncoderSteps), and with exact encoders altogether.
 Result<CaseOutcome> leverClamping(const CaseSettings& settings, AxialModel model,
                                   const ForceSourceFactory& source) {
   CaseEntry entry(settings.file, "lever_clamping", settings.long_form);
@@ -207,29 +234,36 @@ Result<CaseOutcome> leverClamping(const CaseSettings& settings, AxialModel model
   const double depth_m = entry.number("depth_m", 0.001, 0.05), speed = entry.number("speed_m_s", 1e-3, 0.1),
                aside_m = entry.number("aside_m", 1e-4, 0.02), push_s = entry.number("push_s", 0.01, 5),
                watch_s = entry.number("watch_s", 0.5, 20), judged_s = entry.number("judged_s", 0.1, 20);
-  CaseTally tally("force aside, peak-to-peak in the end [N]", entry.number("limit", 0), entry.chatterFilter());
+  const BandFilter band = entry.chatterFilter();
   if (!entry.status().ok()) return entry.status().error();
 
   HandPlan plan(uprightAt(-0.005));
   plan.hold(0.3).moveTo(uprightAt(depth_m), speed, Motion::kTrapezoid).hold(0.3);
   plan.moveIn(uprightAt(depth_m, aside_m), push_s, Motion::kMinJerk).hold(watch_s);
-  ASSIGN_OR_RETURN(const auto run, runScene(source, scene, plan, plant));
   const TimeWindow end{plan.duration_s() - judged_s, plan.duration_s()};
-  double swing_N = 0;
-  bool growing = heldIn(run, end);
-  for (const Vec3 across : {Vec3{1, 0, 0}, Vec3{0, 1, 0}}) {
-    const auto force_N = forceAlong(ticksIn(run, end), across);
-    swing_N = std::max(swing_N, peakToPeak(force_N));
-    growing = growing || grows(force_N, kNoticeableStep_N);
-  }
-  tally.add(run, end, swing_N, std::string(axialModelName(model)), growing);
+  PlantOptions exact = plant;
+  exact.device.encoder_step_m = exact.device.encoder_step_rad = 0;
+  ASSIGN_OR_RETURN(const auto run, runScene(source, scene, plan, plant));
+  ASSIGN_OR_RETURN(const auto without, runScene(source, scene, plan, exact));
+  const Aside left = asideIn(run, end), left_exact = asideIn(without, end);
+
+  const SimulatedDeviceOptions& device = plant.device;
+  const double lever_m = norm(device.X_HT.p);
+  const double encoder_m = device.encoder_step_m + lever_m * device.encoder_step_rad;
+  CaseTally tally("force aside, peak-to-peak in the end [N]",
+                  kRestEncoderSteps * encoder_m * left.stiffness_N_per_m, band);
+  tally.add(run, end, left.swing_N, std::string(axialModelName(model)), left.growing || left_exact.growing);
   CaseOutcome outcome = tally.finish();
-  const double lever_m = norm(plant.device.X_HT.p);
-  double stiffness = 0;
-  for (const PlantTick& tick : run.ticks) stiffness = std::max(stiffness, tick.report.clamping_stiffness_N_per_m);
-  outcome.row.note =
-      fmt::format("{:.0f} N/m at the tip are {:.2g} N·m/rad at the handle; the device holds {:g}", stiffness,
-                  stiffness * lever_m * lever_m, plant.device.limits.max_rotational_stiffness_Nm_per_rad);
+  if (left_exact.swing_N > kNoticeableStep_N) {
+    if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
+    outcome.row.passed = false;
+  }
+  outcome.row.note = fmt::format(
+      "{:.0f} N/m at the tip are {:.2g} N·m/rad at the handle, the device holds {:g}; {:.2g} N are left, "
+      "with "
+      "exact encoders {:.1g} N",
+      left.stiffness_N_per_m, left.stiffness_N_per_m * lever_m * lever_m,
+      device.limits.max_rotational_stiffness_Nm_per_rad, left.swing_N, left_exact.swing_N);
   return outcome;
 }
 

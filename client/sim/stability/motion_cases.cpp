@@ -27,8 +27,9 @@ std::vector<StabilityCase> motionCases() {
       {"retreat_in_ramp", "the needle is drawn back while the force of a stop fades", true, true,
        retreatInRamp},
       {"clamp_pump", "aside while shallow, in, back, out: the fixture must not pay", false, true, clampPump},
-      {"reversal_capped", "pushed aside beyond the fixture's greatest force and back, while the depth changes",
-       false, true, reversalCapped},
+      {"reversal_capped",
+       "pushed aside beyond the fixture's greatest force and back, while the depth changes", false, true,
+       reversalCapped},
       {"tilt_pump", "tilted while shallow, in, upright, out: the tilt limit must not pay", false, true,
        tiltPump},
       {"turn_wide", "30 mm aside at 12 mm deep: the trajectory turns without a step", false, true, turnWide},
@@ -36,8 +37,8 @@ std::vector<StabilityCase> motionCases() {
       {"exit_normal", "the pull on the way out fades to nothing at the skin", true, true, exitNormal},
       {"sphere_far_side", "in on one side of a limb and out on the other", true, true, sphereFarSide},
       {"beyond_the_needle", "deeper than the needle is long, and out", true, true, beyondTheNeedle},
-      {"layers_in_one_tick", "0.5 m/s through layers of which two or three lie within a tick's way", true, true,
-       layersInOneTick},
+      {"layers_in_one_tick", "0.5 m/s through layers of which two or three lie within a tick's way", true,
+       true, layersInOneTick},
       {"starts_inside", "the station starts with the tip in the tissue", true, true, startsInside},
       {"teleport", "the tip jumps by 50 mm", true, true, gated<teleport>},
       {"not_a_number", "position or orientation is not a number", true, true, gated<notANumber>},
@@ -292,7 +293,8 @@ Result<CaseOutcome> layersInOneTick(const CaseSettings& settings, AxialModel mod
   ASSIGN_OR_RETURN(const auto coarse, fastRun(source, scene, path.plan, rate, behind_m));
   ASSIGN_OR_RETURN(const auto fine, fastRun(source, scene, path.plan, rate * kFiner, behind_m));
 
-  CaseOutcome outcome{rowOf(observed(coarse.run)), {forceTrace(coarse.run, std::string(axialModelName(model)))}};
+  CaseOutcome outcome{rowOf(observed(coarse.run)),
+                      {forceTrace(coarse.run, std::string(axialModelName(model)))}};
   double departure_N = coarse.deep_tick < coarse.run.ticks.size() ? 0 : HUGE_VAL;
   for (std::size_t k = coarse.deep_tick; k < coarse.run.ticks.size(); ++k) {
     const std::size_t same = std::min(k * kFiner, fine.run.ticks.size() - 1);
@@ -382,15 +384,16 @@ Result<CaseOutcome> reversalCapped(const CaseSettings& settings, AxialModel mode
                    runMotion(source, given.scene, samplesOf(given.motion), given.motion.rate_hz));
   const PassivityRecord record = observed(run);
   CaseOutcome outcome{rowOf(record), {forceTrace(run, std::string(axialModelName(model)))}};
-  judgeMotion(outcome.row, "greatest energy given to the hand so far [J]", judgedEnergy_J(record), given.limit);
+  judgeMotion(outcome.row, "greatest energy given to the hand so far [J]", judgedEnergy_J(record),
+              given.limit);
   // the run must have been at the cap; there the force is the fixture's greatest, and it never jumps
   const double excess_N = record.max_force_N - given.scene.virtual_fixture.max_force_N;
   if (!(record.flags & kFlagClampCapped) || excess_N > 1e-9 || record.worst_step_N > step_limit_N) {
     outcome.row.passed = false;
     if (outcome.row.verdict == Verdict::kStable) outcome.row.verdict = Verdict::kChatters;
   }
-  outcome.row.note = fmt::format("force {:.3g} N at most, step beyond the springs {:.2g} N", record.max_force_N,
-                                 record.worst_step_N);
+  outcome.row.note = fmt::format("force {:.3g} N at most, step beyond the springs {:.2g} N",
+                                 record.max_force_N, record.worst_step_N);
   return outcome;
 }
 

@@ -245,8 +245,7 @@ double greatestGripEnergy_J(const PlantRun& run, const SimulatedDeviceOptions& d
   };
   for (const PlantTick& tick : run.ticks) {
     if (before != nullptr)
-      lost_J +=
-          0.5 * (lostPerSecond_W(*before) + lostPerSecond_W(tick)) * (tick.time_s - before->time_s);
+      lost_J += 0.5 * (lostPerSecond_W(*before) + lostPerSecond_W(tick)) * (tick.time_s - before->time_s);
     const double kinetic_J = 0.5 * device.limits.apparent_mass_kg * normSquared(tick.v_W_mps) +
                              0.5 * device.inertia_kgm2 * normSquared(tick.w_W_radps);
     greatest_J = std::max(greatest_J, tick.energy_J + tick.turn_energy_J - lost_J - kinetic_J);

@@ -26,8 +26,8 @@ std::vector<StabilityCase> scanCases() {
       {"over_limit_bounded", "a wall far too stiff for a soft hand stays within its own forces", true, false,
        overLimitBounded},
       {"free_hand_release", "a needle that the hand lets go is not thrown out", true, false, freeHandRelease},
-      {"free_hand_no_friction", "the same without dry friction: it swings about the wall, and no further", true,
-       false, freeHandNoFriction},
+      {"free_hand_no_friction", "the same without dry friction: it swings about the wall, and no further",
+       true, false, freeHandNoFriction},
       {"skin_flutter", "trembling through the skin gives the hand no energy", true, false, skinFlutter},
       {"friction_reversal", "shaft friction turns round without chatter", false, false, frictionReversal},
       {"late_and_missing_ticks", "ticks that come late or not at all do not shake the hold", true, false,
@@ -167,7 +167,8 @@ double swingAtTheEnd_m(const PlantRun& run) {
 // a needle thrown back fast enough to end the stop stops again
 void judgeNewStops(CaseRow& row, int stops) {
   if (stops == 0) return;
-  row.note += fmt::format("{}{}{}", row.note.empty() ? "" : "; ", stops, stops > 1 ? " new stops" : " new stop");
+  row.note +=
+      fmt::format("{}{}{}", row.note.empty() ? "" : "; ", stops, stops > 1 ? " new stops" : " new stop");
   if (row.passed) row.verdict = Verdict::kChatters;
   row.passed = false;
 }
@@ -192,9 +193,10 @@ Result<CaseOutcome> freeHandRelease(const CaseSettings& settings, AxialModel mod
   return outcome;
 }
 
-// Without dry friction nothing but the damping takes the energy f_rej²/2K that the stopped wall still holds: the
-// needle swings by f_rej/K to both sides of the place without force, where the wall pulls it back. Beyond that
-// the wall would follow it and take energy. So it retreats by 2·f_rej/K at most, and by two steps of the encoder.
+// Without dry friction nothing but the damping takes the energy f_rej²/2K that the stopped wall still holds:
+// the needle swings by f_rej/K to both sides of the place without force, where the wall pulls it back. Beyond
+// that the wall would follow it and take energy. So it retreats by 2·f_rej/K at most, and by two steps of the
+// encoder.
 Result<CaseOutcome> freeHandNoFriction(const CaseSettings& settings, AxialModel model,
                                        const ForceSourceFactory& source) {
   CaseEntry entry(settings.file, "free_hand_no_friction", settings.long_form);
@@ -216,8 +218,9 @@ Result<CaseOutcome> freeHandNoFriction(const CaseSettings& settings, AxialModel 
     ASSIGN_OR_RETURN(const auto run, runScene(source, scene, path.plan, plant));
     tally.add(run, free, retreat_m(run, free.from_s), std::string(axialModelName(model)));
     stops = std::max(stops, stopsAfter(run, free.from_s));
-    note += fmt::format("{}device of {:g} N·s/m ({:.2g} of what is passive): swings by {:.2g} mm in the end",
-                        note.empty() ? "" : "; ", damping, 1 / run.margins.passive, 1e3 * swingAtTheEnd_m(run));
+    note +=
+        fmt::format("{}device of {:g} N·s/m ({:.2g} of what is passive): swings by {:.2g} mm in the end",
+                    note.empty() ? "" : "; ", damping, 1 / run.margins.passive, 1e3 * swingAtTheEnd_m(run));
   }
   CaseOutcome outcome = tally.finish();
   outcome.row.note = note;
