@@ -34,8 +34,8 @@ TEST(ReleaseUnderLoad, theNeedleGetsWhatTheSpringHeldAndNoMore) {
 TEST(ReleaseUnderLoad, controlAForceThatKeepsItsSizeGivesMore) {
   const CaseRow row = rowOf("release_under_load", AxialModel::kDirect);
   EXPECT_FALSE(holds(row));
-  // 4 N over 20 mm of tissue against 4²/(2·500) J
-  EXPECT_GT(*row.measured, 4) << rowText(row);
+  // 4 N over 18 mm of tissue against 4²/(2·500) J
+  EXPECT_GT(*row.measured, 3.5) << rowText(row);
 }
 TEST(ReleaseUnderLoad, controlAMembraneThatPushesHarderOutThanInGivesMore) {
   // 1.2 times the force while the depth falls
@@ -46,7 +46,7 @@ TEST(ReleaseUnderLoad, controlAMembraneThatPushesHarderOutThanInGivesMore) {
                               depth_m = r.depth_m;
                             }));
   EXPECT_FALSE(holds(row));
-  EXPECT_NEAR(*row.measured, 1.2, 0.06) << rowText(row);
+  EXPECT_GT(*row.measured, 1.1) << rowText(row);
 }
 
 TEST(DeratedRelease, theForceFallsAndRisesWithoutAStep) {
@@ -55,16 +55,20 @@ TEST(DeratedRelease, theForceFallsAndRisesWithoutAStep) {
   // the gate lets it rise by 10 N/s
   EXPECT_LE(*row.measured, 0.0101) << rowText(row);
 }
-// a switch in place of a level: half of the force while the last second was above 3 N
+// a switch in place of a level: half of the force once and for all where the mean square of the last seconds
+// is above that of 3.5 N
 TEST(DeratedRelease, controlAThermostatSteps) {
-  double heat = 0;
-  const CaseRow row = rowOf("derated_release", kLoaded,
-                            changed([heat](const TipSample&, ForceSource&, StepReport& r) mutable {
-                              if (heat > 9) r.wrench_W.force_N = r.wrench_W.force_N * 0.5;
-                              heat += (normSquared(r.wrench_W.force_N) - heat) * 1e-3;
-                            }));
-  // it may keep the motors so cool that the gate has nothing to do: then it has no row at all
-  EXPECT_FALSE(row.applicable && row.passed) << rowText(row);
+  double heat_N2 = 0;
+  bool hot = false;
+  const auto thermostat = [heat_N2, hot](const TipSample&, ForceSource&, StepReport& r) mutable {
+    heat_N2 += (normSquared(r.wrench_W.force_N) - heat_N2) * 3e-4;
+    hot = hot || heat_N2 > 3.5 * 3.5;
+    if (hot) r.wrench_W.force_N = r.wrench_W.force_N * 0.5;
+  };
+  const CaseRow row = rowOf("derated_release", kLoaded, changed(thermostat));
+  EXPECT_TRUE(row.applicable);
+  EXPECT_FALSE(row.passed) << rowText(row);
+  EXPECT_GT(*row.measured, 0.5) << rowText(row);
 }
 
 TEST(LeverClamping, thePushAsideDiesOut) {

@@ -122,7 +122,9 @@ Result<CaseOutcome> releaseUnderLoad(const CaseSettings& settings, AxialModel mo
         std::sqrt(one.spring_N_per_m / plant.device.limits.apparent_mass_kg) / plant.rate_hz;
     const double late = std::numbers::pi / 2 * (0.5 + plant.device.delay_ticks) * turn_per_tick;
     const TimeWindow free{one.let_go_s, one.plan.duration_s()};
-    tally.add(run, free, given.work_J / (held_J * (1 + late)), one.label, heldIn(run, free));
+    // nothing was held where a model let the needle through
+    const double share = held_J > 0 ? given.work_J / (held_J * (1 + late)) : given.work_J > 0 ? HUGE_VAL : 0;
+    tally.add(run, free, share, one.label, heldIn(run, free));
     note += fmt::format("{}{}: {:.2g} of {:.2g} mJ, back by {:.2g} mm", note.empty() ? "" : "; ", one.label,
                         1e3 * given.work_J, 1e3 * held_J, 1e3 * given.retreat_m);
   }
@@ -133,12 +135,16 @@ Result<CaseOutcome> releaseUnderLoad(const CaseSettings& settings, AxialModel mo
 
 namespace {
 
-// the greatest change of the rendered force in a tick that the needle's own way does not explain
+// the greatest change of the rendered force in a tick that neither the needle's own way nor a declared
+// release explains; the gate takes up to five ticks for a release
 double renderedStep_N(const PlantRun& run, TimeWindow window) {
+  constexpr int kReleaseTicks = 5;
   double most_N = 0;
+  int released = 0;
   const PlantTick* before = nullptr;
   for (const PlantTick& tick : ticksIn(run, window)) {
-    if (before != nullptr)
+    released = (tick.report.flags & kDeclaredReleases) != 0 ? kReleaseTicks : released - 1;
+    if (before != nullptr && released <= 0)
       most_N =
           std::max(most_N, norm(tick.rendered_force_N - before->rendered_force_N) -
                                run.axial_stiffness_N_per_m * norm(tick.seen.p_WT_m - before->seen.p_WT_m));
