@@ -188,8 +188,8 @@ Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model,
       }
     }
   outcome.row.energy_J = given_J;
-  judgeMotion(outcome.row, "departure from a device that did not freeze, 20 ms after it [N]",
-              fault ? HUGE_VAL : departure_N, limit);
+  judgeMotion(outcome.row, "departure, 20 ms after the axis froze [N]", fault ? HUGE_VAL : departure_N,
+              limit);
   // while an axis stands still the force does not know of the hand's way: no more than the tissue's own force
   // over it
   const LayerSpec& layer = wall.layers.front();

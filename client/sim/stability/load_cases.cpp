@@ -89,8 +89,7 @@ Result<CaseOutcome> releaseUnderLoad(const CaseSettings& settings, AxialModel mo
   const double speed = entry.number("speed_m_s", 1e-3, 0.1), rest_s = entry.number("rest_s", 1e-3, 1),
                free_s = entry.number("free_s", 0.1, 10), deep_m = entry.number("tissue_depth_m", 0.001, 0.05);
   const std::vector<double> presses = entry.numbers("membrane_press_n");
-  CaseTally tally("work given back over what the spring held, and hold and delay add",
-                  entry.number("limit", 0), entry.chatterFilter());
+  CaseTally tally("work given back over what was held", entry.number("limit", 0), entry.chatterFilter());
   if (!entry.status().ok()) return entry.status().error();
 
   // against the membrane the needle rests where it is as stiff as its linear term; the tissue is pressed with

@@ -301,8 +301,7 @@ Result<CaseOutcome> layersInOneTick(const CaseSettings& settings, AxialModel mod
     departure_N = std::max(departure_N, norm(coarse.run.ticks[k].report.wrench_W.force_N -
                                              fine.run.ticks[same].report.wrench_W.force_N));
   }
-  judgeMotion(outcome.row, "departure from a run of ten times the rate, behind the layers [N]", departure_N,
-              limit);
+  judgeMotion(outcome.row, "departure from ten times the rate, behind them [N]", departure_N, limit);
   int in_a_tick = 0;
   for (std::size_t k = 1; k < coarse.run.ticks.size(); ++k)
     in_a_tick = std::max(in_a_tick, coarse.run.ticks[k].report.layer - coarse.run.ticks[k - 1].report.layer);

@@ -189,7 +189,7 @@ Result<CaseOutcome> freeHandRelease(const CaseSettings& settings, AxialModel mod
   ASSIGN_OR_RETURN(const auto run, runScene(source, scene, path.plan, plant));
   tally.add(run, free, retreat_m(run, free.from_s), std::string(axialModelName(model)));
   CaseOutcome outcome = tally.finish();
-  judgeNewStops(outcome.row, stopsAfter(run, free.from_s));
+  judgeNewStops(outcome.row, hasStop(model) ? stopsAfter(run, free.from_s) : 0);
   return outcome;
 }
 
@@ -224,7 +224,7 @@ Result<CaseOutcome> freeHandNoFriction(const CaseSettings& settings, AxialModel 
   }
   CaseOutcome outcome = tally.finish();
   outcome.row.note = note;
-  judgeNewStops(outcome.row, stops);
+  judgeNewStops(outcome.row, hasStop(model) ? stops : 0);
   return outcome;
 }
 
