@@ -167,7 +167,7 @@ Result<CaseOutcome> freeHandRelease(const CaseSettings& settings, AxialModel mod
   CaseOutcome outcome = tally.finish();
 
   // a needle thrown back fast enough to end the stop stops again
-  if (const int stops = stopsAfter(run, free.from_s); stops > 0) {
+  if (const int stops = stopsAfter(run, free.from_s); hasStop(model) && stops > 0) {
     outcome.row.note = fmt::format("{}{}", stops, stops > 1 ? " new stops" : " new stop");
     if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
     outcome.row.passed = false;
