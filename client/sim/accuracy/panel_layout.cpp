@@ -223,6 +223,9 @@ void addPoints(const Panel& panel, const PanelFrame& frame, std::size_t number, 
       data.row(block(point.fits ? "filled" : "hollow"), {x, y, series});
       if (spread > 0 && point.y > 0)
         data.row(block("bars"), {x, y, std::clamp(y - spread, frame.y.from, y), y + spread, series});
+      if (point.x_range)
+        data.row(block("xbars"), {x, y, std::clamp(point.x_range->first, frame.x.from, x),
+                                  std::clamp(point.x_range->second, x, frame.x.to), series});
     }
     for (const auto& [x, y] : frontOf(panel, frame, s))
       data.row(fmt::format("front {} {}", number, s), {x, y});
