@@ -157,7 +157,7 @@ int accuracy(const AccuracyCommand& command) {
   ProgressLine line(static_cast<std::size_t>(parts) + (counts ? 1u : 0u) + (draws ? 1u : 0u));
   AccuracyRows rows;
   std::vector<std::string> notes;
-  AccuracyOptions options{command.long_form || command.full, *data, command.full, {}};
+  AccuracyOptions options{command.long_form || command.full, *data, command.full, {}, {}};
   if (counts) {
     line.begin("instructions of a tick");
     options.counted = countedTicks(command, notes);

@@ -116,7 +116,8 @@ std::string measuresOf(const AccuracyRow& row) {
 // "; it is 4.3 times the limit"
 std::string missText(const AccuracyRow& row) {
   const double miss = missOf(row);
-  return std::isfinite(miss) ? "; with its interval it is " + sig(miss, 2) + " times the limit" : std::string();
+  if (!(miss > 1) || !std::isfinite(miss)) return {};
+  return "; with its interval it is " + sig(miss, 2) + " times the limit";
 }
 
 std::string conditionOf(const AccuracyRow& row, bool good) {
@@ -300,7 +301,9 @@ std::vector<std::string> recommendation(const AccuracyRows& rows) {
       likewise.push_back(groups[k].scene + " (" + measuresOf(*advices[k].row) + ")");
     }
     paragraphs.push_back(advices[i].text +
-                         (likewise.empty() ? "" : " The same choice in " + list(likewise) + "."));
+                         (likewise.empty()         ? ""
+                          : advices[i].good_enough ? " The same choice in " + list(likewise) + "."
+                                                   : " It is the nearest, too, in " + list(likewise) + "."));
   }
   static constexpr std::array<const char*, 5> kWords = {"the model ", "an FEM mesh of ", "a loop of ",
                                                         "stored steps of ", "live frames of "};
@@ -336,7 +339,9 @@ std::string findingOf(AccuracyStudy study, const AccuracyRows& rows) {
     if (advice.row == nullptr) continue;
     const AccuracyRow& row = *advice.row;
     if (advice.is_choice && !advice.good_enough)
-      return "None passes: " + choiceOf(row) + " comes nearest, " + sig(missOf(row), 2) + " times the limit";
+      return missOf(row) > 1 ? "None passes: " + choiceOf(row) + " comes nearest, " + sig(missOf(row), 2) +
+                                   " times the limit"
+                             : "None passes but " + choiceOf(row) + ", the comparator";
     switch (study) {
       case AccuracyStudy::kModel:
         return choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " + timeText(priceOf(row)) +

@@ -172,7 +172,7 @@ std::string addTickTime(const SceneModel& model, const StraightGesture& gesture,
     keep(report);
     if (++next == gesture.depth_m.size()) next = 0;
   };
-  constexpr CostEffort kEffort{5, 2000, 11, 100};  // less than for the scenes: many rows, the same few models
+  constexpr CostEffort kEffort{5, 400, 3, 12};  // less than for the scenes: many rows, the same few models
   const TickCost cost = measureTicks({{tick, gesture.depth_m.size()}}, kEffort).front();
   row.rate_hz = gesture.rate_hz;
   setCost(row, cost, gesture.rate_hz);

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,6 +26,7 @@ struct AccuracyOptions {
   std::filesystem::path data;  ///< folder of the recordings (../shared/data); empty = not there
   bool full = false;           ///< the long form, the loop of milliseconds, the finest meshes: no limit of time
   std::vector<CountedTick> counted = {};  ///< empty = not counted
+  std::optional<CostEffort> effort = {};  ///< in place of the form's
 };
 
 /// How much of a tick's cost is measured with these options.

@@ -1,6 +1,7 @@
 /// The models that the studies compare, and the instructions that a tick of each takes.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
