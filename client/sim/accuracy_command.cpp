@@ -54,8 +54,8 @@ bool wanted(const AccuracyCommand& command, AccuracyStudy study) {
   return false;
 }
 
-// One line on a terminal: the part, its share, the time since the start. Elsewhere a line as each part begins, so
-// that a log shows where it is.
+// One line on a terminal: the part, its share, the time since the start. Elsewhere a line as each part
+// begins, so that a log shows where it is.
 class ProgressLine {
  public:
   explicit ProgressLine(std::size_t parts) : parts_(parts) {}
@@ -64,15 +64,15 @@ class ProgressLine {
     share_ = 0;
     name_ = part;
     if (!terminal_)
-      std::fprintf(stderr, "needlelab-sim accuracy: part %zu of %zu, %s (after %.0f s)\n", part_, parts_, name_.c_str(),
-                   seconds());
+      std::fprintf(stderr, "needlelab-sim accuracy: part %zu of %zu, %s (after %.0f s)\n", part_, parts_,
+                   name_.c_str(), seconds());
   }
   AccuracyProgress callback() {
     if (!terminal_) return [](std::string_view, double) {};
     return [this](std::string_view doing, double share) {
       share_ = share;
-      std::fprintf(stderr, "\r\033[K%zu/%zu %s: %3.0f %% %.*s (%.0f s)", part_, parts_, name_.c_str(), 100 * share_,
-                   static_cast<int>(doing.size()), doing.data(), seconds());
+      std::fprintf(stderr, "\r\033[K%zu/%zu %s: %3.0f %% %.*s (%.0f s)", part_, parts_, name_.c_str(),
+                   100 * share_, static_cast<int>(doing.size()), doing.data(), seconds());
     };
   }
   void clear() const {
@@ -209,8 +209,9 @@ void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
       ->check(
           CLI::IsMember(std::vector<std::string>(kAccuracyStudyNames.begin(), kAccuracyStudyNames.end())));
   command->add_flag("--long", options->long_form, "more gestures, more repeats, larger meshes: minutes");
-  command->add_flag("--full", options->full,
-                    "--long with the loop of milliseconds and the finest meshes, without a limit of time: hours");
+  command->add_flag(
+      "--full", options->full,
+      "--long with the loop of milliseconds and the finest meshes, without a limit of time: hours");
   command->add_flag("--no-instructions", options->no_instructions,
                     "do not count instructions under valgrind, which break ties of time");
   command->add_flag("--count-only", options->count_only)->group("");

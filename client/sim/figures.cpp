@@ -87,7 +87,8 @@ double smoothSpeed_z(const FigureRun& run, std::size_t i) {
 // ---- figures 8 and 9
 
 constexpr char kSixLayerScene[] =
-    "A simulated hand; forces, tissues and K_t are the paper's; thicknesses, place of the skin, grip and motion are set by "
+    "A simulated hand; forces, tissues and K_t are the paper's; thicknesses, place of the skin, grip and "
+    "motion are set by "
     "hand.";
 constexpr double kFilmRate_hz = 1000;
 constexpr double kLeadIn_s = 0.8;  // rest before the figure's time 0; the gate's fade-in is over by then
@@ -150,8 +151,8 @@ HandPlan clampingPlan() {
   return plan;
 }
 
-// the places that the figures name, as the paper's text does (ticks): the start, point 1, where the user gives up,
-// point 2, where the trajectory changes, and the target
+// the places that the figures name, as the paper's text does (ticks): the start, point 1, where the user
+// gives up, point 2, where the trajectory changes, and the target
 struct Places {
   std::optional<std::size_t> entry, point2;
   std::size_t point1 = 0, target = 0;
@@ -268,7 +269,8 @@ Figure figure10(const FigureRun& run) {
   const Places places = placesOf(run);
   const Vec3 p0 = run.ticks[places.entry.value_or(0)].X_WT.p;
   const Vec3 u0 = zAxis(run.ticks[places.entry.value_or(0)].X_WT.q);
-  // the changed trajectory, from P0 through the foot of the tip at the target: p plus the error towards the line
+  // the changed trajectory, from P0 through the foot of the tip at the target: p plus the error towards the
+  // line
   const ChainTick& end = run.ticks[places.target];
   const double f = norm(end.report.wrench_W.force_N);
   const Vec3 foot =

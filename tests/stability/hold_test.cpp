@@ -94,7 +94,8 @@ TEST(StopOnce, withoutHysteresisTremorEndsIt) {
 TEST(StopCases, aModelWithoutAStopIsNotAskedAboutOne) {
   for (const AxialModel model : {AxialModel::kDirect, AxialModel::kVoigt, AxialModel::kGodObject,
                                  AxialModel::kFirstOrder, AxialModel::kFem})
-    for (const char* name : {"tremor_stops", "creep_then_stop", "stop_once", "retreat_in_ramp", "frozen_device"}) {
+    for (const char* name :
+         {"tremor_stops", "creep_then_stop", "stop_once", "retreat_in_ramp", "frozen_device"}) {
       const CaseRow row = rowOf(name, model);
       EXPECT_FALSE(row.applicable) << name << ", " << axialModelName(model);
       EXPECT_EQ(row.verdict, Verdict::kNotApplicable) << name << ", " << axialModelName(model);

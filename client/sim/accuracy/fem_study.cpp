@@ -75,8 +75,10 @@ AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest
       "elasticity "
       "is derived from the scene's lateral stiffness, not measured: which model is nearer to tissue it "
       "cannot say";
-  if (row.own_law) row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
-  row.cannot_show += stiffnessRemark(*row.felt_stiffness_N_per_m, feltStiffness_N_per_m(finest.model, study.spec));
+  if (row.own_law)
+    row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
+  row.cannot_show +=
+      stiffnessRemark(*row.felt_stiffness_N_per_m, feltStiffness_N_per_m(finest.model, study.spec));
   return row;
 }
 
@@ -177,8 +179,8 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   row.max_error_n = error.max_N;
   row.noticeable_n = noticeableForce_N(error.fem_peak_N);
   const std::string text =
-      fmt::format("in ± {:.2g} N, hold ± {:.2g} N, out ± {:.2g} N (rms); FEM's peak {:.3g} N",
-                  error.in_rms_N, error.hold_rms_N, error.out_rms_N, error.fem_peak_N);
+      fmt::format("in ± {:.2g} N, hold ± {:.2g} N, out ± {:.2g} N (rms); FEM's peak {:.3g} N", error.in_rms_N,
+                  error.hold_rms_N, error.out_rms_N, error.fem_peak_N);
   row.uncertainty = text;
   row.own_law = true;
   row.cannot_show =

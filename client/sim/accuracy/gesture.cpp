@@ -235,7 +235,8 @@ double feltStiffness_N_per_m(const SceneModel& model, const SceneSpec& spec) {
 std::string stiffnessRemark(double felt_N_per_m, double asked_N_per_m) {
   if (std::abs(felt_N_per_m - asked_N_per_m) <= 0.1 * asked_N_per_m) return {};
   return fmt::format(
-      ". Drawn back in the tissue it feels {:.3g} N/m where the scene asks for {:.3g}: some of the difference is "
+      ". Drawn back in the tissue it feels {:.3g} N/m where the scene asks for {:.3g}: some of the "
+      "difference is "
       "that of stiffness",
       felt_N_per_m, asked_N_per_m);
 }

@@ -34,11 +34,13 @@ std::vector<Asked> askedOf(const SceneSpec& spec, std::uint64_t seeds) {
 std::string limitsOf(const StudyScene& scene, AxialModel which, double felt_N_per_m) {
   std::string text =
       "whether the profile is right for tissue. The profile jumps at layers and at the skin, where a device "
-      "renders a spring: some error is the price of a force without steps. Motion is prescribed: a model that "
+      "renders a spring: some error is the price of a force without steps. Motion is prescribed: a model "
+      "that "
       "chatters in a hand (needlelab-sim stability) shows nothing of it here";
   if (profileHasLawOf(which))
-    text += ". The profile contains this model's own law (the wall's stop and attracted force): no choice "
-            "follows from this row";
+    text +=
+        ". The profile contains this model's own law (the wall's stop and attracted force): no choice "
+        "follows from this row";
   return text + stiffnessRemark(felt_N_per_m, scene.spec.tracking_wall.stiffness_N_per_m);
 }
 
@@ -102,7 +104,8 @@ Result<AccuracyRows> modelProfileStudy(const AccuracyOptions& options, const Acc
       of_scene.back().instructions = instructionsOf(options, scene.name, study);
       ticks.push_back(timedSteps(compiled.back(), asked.front().gesture));
     }
-    progress(scene.name + ", timing", static_cast<double>(done) / static_cast<double>(scenes.size() * models.size()));
+    progress(scene.name + ", timing",
+             static_cast<double>(done) / static_cast<double>(scenes.size() * models.size()));
     addCosts(ticks, options, kModelRate_hz, of_scene);
     rows.insert(rows.end(), of_scene.begin(), of_scene.end());
   }

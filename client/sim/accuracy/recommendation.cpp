@@ -108,7 +108,8 @@ std::string measuresOf(const AccuracyRow& row) {
   else if (const auto cost = costOf_ns(row)) {
     text += ", " + timeText(cost->value);
     if (cost->high > cost->low) text += " (" + timeText(cost->low) + " to " + timeText(cost->high) + ")";
-    text += row.study == AccuracyStudy::kStorage || row.study == AccuracyStudy::kLive ? " a sample" : " a tick";
+    text +=
+        row.study == AccuracyStudy::kStorage || row.study == AccuracyStudy::kLive ? " a sample" : " a tick";
   }
   return text;
 }
@@ -139,10 +140,9 @@ std::string conditionOf(const AccuracyRow& row, bool good) {
                   : "none but the finest, which is the comparator, is below what a hand notices (" + noticed +
                         ")" + missText(row);
     case AccuracyStudy::kStorage:
-      return good
-                 ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
-                 : "none is below a tenth of what a hand notices (" + noticed + "); this has the least error" +
-                       missText(row);
+      return good ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
+                  : "none is below a tenth of what a hand notices (" + noticed +
+                        "); this has the least error" + missText(row);
     case AccuracyStudy::kLive:
       return good ? "the least bandwidth with a p99 latency below " + sig(kMostLatency_ms, 3) + " ms"
                   : "none has a p99 latency below " + sig(kMostLatency_ms, 3) + " ms; this has the least" +
@@ -194,8 +194,7 @@ std::string restOf(const RowGroup& group, const AccuracyRow& row) {
     text += " The largest mesh tried that fits its rate: " + nameIn(group, largest) + ".";
   else if (finer != nullptr)
     text += " The least error has " + nameIn(group, finer) + ": " + measuresOf(*finer) + ".";
-  if (!own.empty())
-    text += " Shown only, because the comparator contains their own law: " + list(own) + ".";
+  if (!own.empty()) text += " Shown only, because the comparator contains their own law: " + list(own) + ".";
   if (!unfit.empty()) text += " Too slow for their rate: " + list(unfit) + ".";
   return text;
 }
@@ -269,8 +268,9 @@ Advice adviceFor(const RowGroup& group) {
   }
   const std::string name = nameIn(group, advice.row), measures = measuresOf(*advice.row);
   if (advice.is_choice)
-    advice.text = beginning(group) + (advice.good_enough ? "take " : "none can be recommended; the nearest is ") +
-                  name + ": " + conditionOf(*advice.row, advice.good_enough) + "; " + measures + "." +
+    advice.text = beginning(group) +
+                  (advice.good_enough ? "take " : "none can be recommended; the nearest is ") + name + ": " +
+                  conditionOf(*advice.row, advice.good_enough) + "; " + measures + "." +
                   restOf(group, *advice.row);
   else
     advice.text = beginning(group) +
@@ -300,10 +300,10 @@ std::vector<std::string> recommendation(const AccuracyRows& rows) {
       said[k] = true;
       likewise.push_back(groups[k].scene + " (" + measuresOf(*advices[k].row) + ")");
     }
-    paragraphs.push_back(advices[i].text +
-                         (likewise.empty()         ? ""
-                          : advices[i].good_enough ? " The same choice in " + list(likewise) + "."
-                                                   : " It is the nearest, too, in " + list(likewise) + "."));
+    paragraphs.push_back(advices[i].text + (likewise.empty() ? ""
+                                            : advices[i].good_enough
+                                                ? " The same choice in " + list(likewise) + "."
+                                                : " It is the nearest, too, in " + list(likewise) + "."));
   }
   static constexpr std::array<const char*, 5> kWords = {"the model ", "an FEM mesh of ", "a loop of ",
                                                         "stored steps of ", "live frames of "};
@@ -326,7 +326,8 @@ std::vector<std::string> recommendation(const AccuracyRows& rows) {
   if (!choices.empty()) sum = "In sum, on this machine: " + list(choices) + ".";
   if (!missed.empty())
     sum += (sum.empty() ? "In sum: no " : " No ") + list(missed) +
-           " can be recommended from these comparisons: none meets its condition against a comparator other than "
+           " can be recommended from these comparisons: none meets its condition against a comparator other "
+           "than "
            "its own law.";
   if (!sum.empty()) paragraphs.push_back(sum);
   return paragraphs;
@@ -395,8 +396,8 @@ std::optional<CostInterval> costOf_ns(const AccuracyRow& row) {
   if (row.cost) return row.cost->cost_ns;
   const std::optional<double> known = row.study == AccuracyStudy::kRate && row.cpu_share
                                           ? std::optional(*row.cpu_share * 1e6)
-                                          : row.study == AccuracyStudy::kRate ? std::nullopt
-                                                                              : row.median_ns;
+                                      : row.study == AccuracyStudy::kRate ? std::nullopt
+                                                                          : row.median_ns;
   if (!known) return std::nullopt;
   return CostInterval{*known, *known, *known};
 }

@@ -58,11 +58,12 @@ struct Advice {
   [[nodiscard]] bool votes() const { return is_choice && good_enough; }
 };
 
-/// The rules, among the rows that fit their rate and whose comparator is not of their own law. An error passes
-/// when its interval does: rms plus spread.
+/// The rules, among the rows that fit their rate and whose comparator is not of their own law. An error
+/// passes when its interval does: rms plus spread.
 /// - model: the cheapest row with an error and a force step (where measured) below `noticeable_n`. Costs
 ///   within each other's noise count as equal; then the fewest instructions, then the least error decide.
-/// - rate: the slowest with an error and a step below `noticeable_n` for which theory allows twice the scene's
+/// - rate: the slowest with an error and a step below `noticeable_n` for which theory allows twice the
+/// scene's
 ///   stiffness (`stiffness_margin`).
 /// - mesh: the coarsest with an error below `noticeable_n`.
 /// - storage: the fewest bytes with an error of at most a tenth of a noticeable force.
@@ -72,7 +73,8 @@ struct Advice {
 /// the limit, and does not vote.
 Advice adviceFor(const RowGroup& group);
 
-/// By which factor a row misses its study's condition, at most 1 where it meets it. Infinite without an error.
+/// By which factor a row misses its study's condition, at most 1 where it meets it. Infinite without an
+/// error.
 double missOf(const AccuracyRow& row);
 
 /// A paragraph for each group, and one at the end that puts the choices together. Empty without rows.

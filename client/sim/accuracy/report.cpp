@@ -54,15 +54,20 @@ const std::vector<Column>& columns() {
       {"latency [ms]", [](const Row& r, bool) { return number(r.latency_ms); }},
       {"p99 [ms]", [](const Row& r, bool) { return number(r.latency_p99_ms); }},
       {"felt K [N/m]", [](const Row& r, bool) { return number(r.felt_stiffness_N_per_m); }},
-      {"price [ns]", [](const Row& r, bool) { return r.cost ? number(r.cost->cost_ns.value) : std::string(); }},
+      {"price [ns]",
+       [](const Row& r, bool) { return r.cost ? number(r.cost->cost_ns.value) : std::string(); }},
       {"of 5 runs", [](const Row& r, bool) { return r.cost ? rangeText(r.cost->cost_ns) : std::string(); }},
       {"instr.", [](const Row& r, bool) { return number(r.instructions); }},
       {"hot p50/p99/p99.9 (empty) [ns]",
        [](const Row& r, bool) { return r.cost ? tailText(r.cost->hot, r.cost->hot_empty) : std::string(); }},
       {"flushed (empty)",
-       [](const Row& r, bool) { return r.cost ? tailText(r.cost->flushed, r.cost->flushed_empty) : std::string(); }},
+       [](const Row& r, bool) {
+         return r.cost ? tailText(r.cost->flushed, r.cost->flushed_empty) : std::string();
+       }},
       {"after 1 ms (empty)",
-       [](const Row& r, bool) { return r.cost ? tailText(r.cost->slept, r.cost->slept_empty) : std::string(); }},
+       [](const Row& r, bool) {
+         return r.cost ? tailText(r.cost->slept, r.cost->slept_empty) : std::string();
+       }},
       {"median [ns]", [](const Row& r, bool) { return r.cost ? std::string() : number(r.median_ns); }},
       {"p99 [ns]", [](const Row& r, bool) { return r.cost ? std::string() : number(r.p99_ns); }},
       {"core [%]", [](const Row& r, bool) { return number(r.cpu_share, 100); }},
@@ -70,7 +75,9 @@ const std::vector<Column>& columns() {
                                                : *r.fits_rate ? "yes"
                                                               : "NO"; }},
       {"front", [](const Row&, bool on_front) { return on_front ? "*" : ""; }},
-      {"votes", [](const Row& r, bool) { return r.own_law ? "own law" : r.advises ? "" : "no"; }},
+      {"votes", [](const Row& r, bool) { return r.own_law   ? "own law"
+                                                : r.advises ? ""
+                                                            : "no"; }},
       {"variant", [](const Row& r, bool) { return r.variant; }},
       {"uncertainty", [](const Row& r, bool) { return r.uncertainty; }},
   };
@@ -242,12 +249,9 @@ const Axes kLatencyAxes = {"bandwidth, framing and TLS included",
                            "s",
                            [](const AccuracyRow& r) { return r.bytes_per_s; },
                            [](const AccuracyRow& r) { return scaled(r.latency_p99_ms, 1e-3); }};
-const Axes kStepAxes = {kTickTitle,
-                        "greatest step of force in a tick",
-                        "s",
-                        "N",
-                        kCost_s,
-                        [](const AccuracyRow& r) { return r.max_step_n; }};
+const Axes kStepAxes = {kTickTitle, "greatest step of force in a tick",
+                        "s",        "N",
+                        kCost_s,    [](const AccuracyRow& r) { return r.max_step_n; }};
 
 // a name that fits beside a point: a variant by its beginning
 std::string shortName(const AccuracyRow& row, const std::string& name) {

@@ -22,14 +22,17 @@ Json orNull(const std::string& text) {
 // the price of a tick with its interval, then each condition's quantiles beside an empty call's
 void addCost(Json& json, const std::optional<TickCost>& cost) {
   const TickCost c = cost.value_or(TickCost{});
-  const auto put = [&](const std::string& key, double value) { json[key] = cost ? Json(value) : Json(nullptr); };
+  const auto put = [&](const std::string& key, double value) {
+    json[key] = cost ? Json(value) : Json(nullptr);
+  };
   put("cost_ns", c.cost_ns.value);
   put("cost_low_ns", c.cost_ns.low);
   put("cost_high_ns", c.cost_ns.high);
   put("tail_ns", c.tail_ns);
   const std::pair<const char*, const TickQuantiles*> kinds[] = {
-      {"hot", &c.hot},         {"hot_empty", &c.hot_empty}, {"flushed", &c.flushed}, {"flushed_empty", &c.flushed_empty},
-      {"slept", &c.slept}, {"slept_empty", &c.slept_empty}};
+      {"hot", &c.hot},         {"hot_empty", &c.hot_empty},
+      {"flushed", &c.flushed}, {"flushed_empty", &c.flushed_empty},
+      {"slept", &c.slept},     {"slept_empty", &c.slept_empty}};
   for (const auto& [kind, quantiles] : kinds) {
     put(std::string(kind) + "_p50_ns", quantiles->p50_ns);
     put(std::string(kind) + "_p99_ns", quantiles->p99_ns);

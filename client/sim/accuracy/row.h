@@ -58,9 +58,9 @@ struct AccuracyRow {
   /// Greatest change of force from one tick to the next, but for the falls that the report declares as
   /// releases.
   std::optional<double> max_step_n;
-  std::optional<double> noticeable_n;      ///< just noticeable difference at this scene's forces
-  std::optional<TickCost> cost;            ///< of single ticks (model, rate)
-  std::optional<double> instructions;      ///< of a tick, mean over the study's gesture
+  std::optional<double> noticeable_n;            ///< just noticeable difference at this scene's forces
+  std::optional<TickCost> cost;                  ///< of single ticks (model, rate)
+  std::optional<double> instructions;            ///< of a tick, mean over the study's gesture
   std::optional<double> felt_stiffness_N_per_m;  ///< along the trajectory, drawn back 0.2 mm in the tissue
   std::optional<double> stiffness_margin;  ///< stiffness that the device alone can render at this rate, to
                                            ///< the scene's: b/(T (1/2 + delay))/K
@@ -71,8 +71,8 @@ struct AccuracyRow {
   /// The comparator contains this row's own law (a finer copy of itself, the profile that its wall renders):
   /// it is shown and says so in `cannot_show`, but cannot be chosen.
   bool own_law = false;
-  std::string uncertainty;            ///< a text with numbers; never empty
-  std::string cannot_show;            ///< limits of this row's evidence; never empty
+  std::string uncertainty;  ///< a text with numbers; never empty
+  std::string cannot_show;  ///< limits of this row's evidence; never empty
 };
 
 using AccuracyRows = std::vector<AccuracyRow>;

@@ -24,7 +24,7 @@ struct CountedTick {
 struct AccuracyOptions {
   bool long_form = false;      ///< more seeds, more repeats, larger meshes: minutes instead of seconds
   std::filesystem::path data;  ///< folder of the recordings (../shared/data); empty = not there
-  bool full = false;           ///< the long form, the loop of milliseconds, the finest meshes: no limit of time
+  bool full = false;  ///< the long form, the loop of milliseconds, the finest meshes: no limit of time
   std::vector<CountedTick> counted = {};  ///< empty = not counted
   std::optional<CostEffort> effort = {};  ///< in place of the form's
 };

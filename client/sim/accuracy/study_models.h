@@ -29,12 +29,13 @@ bool profileHasLawOf(AxialModel model);
 /// ENHANCED_TRACKING_WALL, or "VOIGT, velocity over an adaptive window": the key of `CountedTick::choice`.
 std::string choiceOf(const StudyModel& model);
 
-/// Counts the instructions of a tick of each model over the study's first gesture in each scene: `command` must
-/// be a program that calls `stepForCounting`. FEM has a coarse mesh there, because its tick depends on the
-/// needle's stations alone. Takes about half a minute. Errors: as countStepInstructions.
+/// Counts the instructions of a tick of each model over the study's first gesture in each scene: `command`
+/// must be a program that calls `stepForCounting`. FEM has a coarse mesh there, because its tick depends on
+/// the needle's stations alone. Takes about half a minute. Errors: as countStepInstructions.
 Result<std::vector<CountedTick>> countStudyTicks(const std::vector<std::string>& command);
 
-/// Steps every model through its gesture, with a mark behind each (instruction_count.h). Errors: as `compile`.
+/// Steps every model through its gesture, with a mark behind each (instruction_count.h). Errors: as
+/// `compile`.
 Status stepForCounting();
 
 /// The count of a model in a scene; empty when it was not counted.

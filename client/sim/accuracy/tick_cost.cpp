@@ -33,8 +33,8 @@ std::vector<double> pooled(const std::vector<SingleTicks>& runs, std::vector<dou
   return all;
 }
 
-// a quarter more than the last cache, as the machine gives its size; a machine that says nothing, or counts the
-// caches of cores that we do not have, gets a usual size
+// a quarter more than the last cache, as the machine gives its size; a machine that says nothing, or counts
+// the caches of cores that we do not have, gets a usual size
 std::size_t flushBytes() {
   constexpr std::size_t kMiB = 1u << 20;
   const long said = ::sysconf(_SC_LEVEL3_CACHE_SIZE);
@@ -133,8 +133,7 @@ std::vector<TickCost> measureTicks(const std::vector<TimedTick>& ticks, const Co
     for (std::size_t i = 0; i < ticks.size(); ++i) {
       runs[i].push_back(measureRun(ticks[i], effort, flush));
       if (done)
-        done(static_cast<double>(r * ticks.size() + i + 1) /
-             static_cast<double>(effort.runs * ticks.size()));
+        done(static_cast<double>(r * ticks.size() + i + 1) / static_cast<double>(effort.runs * ticks.size()));
     }
   }
   std::vector<TickCost> costs;
@@ -145,8 +144,10 @@ std::vector<TickCost> measureTicks(const std::vector<TimedTick>& ticks, const Co
 std::string costText(const TickCost& cost) {
   const std::size_t runs = std::max<std::size_t>(1, cost.runs);
   return fmt::format(
-      "time: {} runs of {} hot ticks, {} with flushed caches ({} MiB read before each), {} after 1 ms of sleep",
-      cost.runs, cost.hot_count / runs, cost.flushed_count / runs, flushBytes() >> 20, cost.slept_count / runs);
+      "time: {} runs of {} hot ticks, {} with flushed caches ({} MiB read before each), {} after 1 ms of "
+      "sleep",
+      cost.runs, cost.hot_count / runs, cost.flushed_count / runs, flushBytes() >> 20,
+      cost.slept_count / runs);
 }
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// What a tick costs as the station pays it: single ticks, each timed alone, hot, with flushed caches and after
-/// a millisecond of sleep, beside an empty call that is timed the same way.
+/// What a tick costs as the station pays it: single ticks, each timed alone, hot, with flushed caches and
+/// after a millisecond of sleep, beside an empty call that is timed the same way.
 #pragma once
 
 #include <cstddef>

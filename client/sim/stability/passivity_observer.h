@@ -21,7 +21,7 @@ struct PassivityRecord {
   double net_J = 0;              ///< over everything
   double worst_insertion_J = 0;  ///< greatest net energy of an insertion, from entry to exit
   double worst_running_J = 0;    ///< greatest that any insertion had given at any moment since its entry
-  double worst_step_N = 0;       ///< greatest force step beyond ΣK·|Δp|/c; falls of declared releases left out
+  double worst_step_N = 0;  ///< greatest force step beyond ΣK·|Δp|/c; falls of declared releases left out
   std::uint64_t worst_step_tick = 0;
   double worst_torque_step_Nm = 0;  ///< greatest change of the torque in a tick, exits left out
   std::uint64_t ticks = 0;

@@ -40,11 +40,14 @@ TEST(ParetoFront, whatWasNotMeasuredIsNotOnItAndBeatsNothing) {
 
 TEST(ParetoFront, aDifferenceWithinTheNoiseOfTheRunsDecidesNothing) {
   // cost, error, least, greatest: 100 and 104 overlap, so the smaller error alone is on the front
-  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 3, 95, 106}, {104, 2, 98, 110}}), ElementsAre(false, true));
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 3, 95, 106}, {104, 2, 98, 110}}),
+              ElementsAre(false, true));
   // the same medians with narrow runs: both are
-  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 3, 99, 101}, {104, 2, 103, 105}}), ElementsAre(true, true));
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 3, 99, 101}, {104, 2, 103, 105}}),
+              ElementsAre(true, true));
   // equal errors within the noise: both
-  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 2, 95, 106}, {104, 2, 98, 110}}), ElementsAre(true, true));
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 2, 95, 106}, {104, 2, 98, 110}}),
+              ElementsAre(true, true));
 }
 
 TEST(ParetoFront, instructionsBreakTheTiesOfTime) {
@@ -190,8 +193,8 @@ TEST(Recommendation, changesWhenTheRowsChange) {
   AccuracyRows rows = {modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)};
   rows[0].max_step_n = 1;
   EXPECT_THAT(adviceOf(rows), HasSubstr("take GOOD"));
-  // If the good model is too slow, none is good enough: the report names the smallest error that is fast enough,
-  // and does not recommend it.
+  // If the good model is too slow, none is good enough: the report names the smallest error that is fast
+  // enough, and does not recommend it.
   rows[1].fits_rate = false;
   EXPECT_THAT(adviceOf(rows), HasSubstr("none can be recommended; the nearest is CHEAP"));
   EXPECT_THAT(adviceOf(rows), HasSubstr("none is below"));
@@ -211,7 +214,8 @@ TEST(Recommendation, saysByHowMuchItsCriterionIsMissed) {
   EXPECT_DOUBLE_EQ(missOf(rows[0]), 3.75);
   EXPECT_THAT(adviceOf(rows), HasSubstr("none can be recommended; the nearest is A"));
   EXPECT_THAT(adviceOf(rows), HasSubstr("3.8 times the limit"));
-  EXPECT_THAT(findingOf(AccuracyStudy::kModel, rows), HasSubstr("None passes: A comes nearest, 3.8 times the limit"));
+  EXPECT_THAT(findingOf(AccuracyStudy::kModel, rows),
+              HasSubstr("None passes: A comes nearest, 3.8 times the limit"));
   rows[0].rms_error_n = 0.1;
   rows[0].max_step_n = 1;
   EXPECT_DOUBLE_EQ(missOf(rows[0]), 5) << "the step, which is felt whatever the error";
@@ -220,7 +224,7 @@ TEST(Recommendation, saysByHowMuchItsCriterionIsMissed) {
 
 TEST(Recommendation, whatMetNoConditionDoesNotVote) {
   AccuracyRows rows = {modelRow("A", 0.75, 10), modelRow("B", 0.9, 20), modelRow("A", 0.5, 10),
-                       modelRow("B", 0.1, 20), modelRow("A", 0.6, 10), modelRow("B", 0.9, 20)};
+                       modelRow("B", 0.1, 20),  modelRow("A", 0.6, 10), modelRow("B", 0.9, 20)};
   rows[2].scene = rows[3].scene = "second";
   rows[4].scene = rows[5].scene = "third";
   const std::string sum = recommendation(rows).back();
@@ -235,7 +239,8 @@ TEST(Recommendation, aModelAgainstItsOwnLawIsShownAndDoesNotVote) {
   AccuracyRows rows = {modelRow("FEM", 0.01, 100), modelRow("OTHER", 0.15, 200)};
   rows[0].own_law = true;
   EXPECT_THAT(adviceOf(rows), HasSubstr("take OTHER"));
-  EXPECT_THAT(adviceOf(rows), HasSubstr("Shown only, because the comparator contains their own law: FEM (0.01 N)"));
+  EXPECT_THAT(adviceOf(rows),
+              HasSubstr("Shown only, because the comparator contains their own law: FEM (0.01 N)"));
   EXPECT_EQ(jsonOf(rows[0])["votes"], false);
   EXPECT_EQ(jsonOf(rows[1])["votes"], true);
   rows[1].own_law = true;

@@ -160,8 +160,8 @@ TEST(Figure10, theForcePullsBackToTheTrajectoryWhichChangesInTheEnd) {
   EXPECT_GT(angle, 0.004);
 }
 
-// The paper's text: the start is the insertion, the user gives up at 1, changes the trajectory at 2, and reaches the
-// target afterwards.
+// The paper's text: the start is the insertion, the user gives up at 1, changes the trajectory at 2, and
+// reaches the target afterwards.
 TEST(Figure10, theMarksAreThoseOfThePapersText) {
   const auto run = runClamping();
   ASSERT_TRUE(run.ok()) << run.error().message;
