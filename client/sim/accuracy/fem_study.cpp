@@ -77,8 +77,8 @@ AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest
       "cannot say";
   if (row.own_law)
     row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
-  row.cannot_show +=
-      stiffnessRemark(*row.felt_stiffness_N_per_m, feltStiffness_N_per_m(finest.model, study.spec));
+  row.cannot_show += stiffnessRemark(*row.felt_stiffness_N_per_m,
+                                     feltStiffness_N_per_m(finest.model, study.spec), "the comparator has");
   return row;
 }
 

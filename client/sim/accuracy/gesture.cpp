@@ -232,13 +232,12 @@ double feltStiffness_N_per_m(const SceneModel& model, const SceneSpec& spec) {
   return (forces_N.back() - forces_N[pressed]) / kBack_m;
 }
 
-std::string stiffnessRemark(double felt_N_per_m, double asked_N_per_m) {
+std::string stiffnessRemark(double felt_N_per_m, double asked_N_per_m, std::string_view comparator) {
   if (std::abs(felt_N_per_m - asked_N_per_m) <= 0.1 * asked_N_per_m) return {};
   return fmt::format(
-      ". Drawn back in the tissue it feels {:.3g} N/m where the scene asks for {:.3g}: some of the "
-      "difference is "
-      "that of stiffness",
-      felt_N_per_m, asked_N_per_m);
+      ". Drawn back in the tissue it feels {:.3g} N/m, {} {:.3g}: some of the difference is that of "
+      "stiffness",
+      felt_N_per_m, comparator, asked_N_per_m);
 }
 
 void addCosts(const std::vector<TimedTick>& ticks, const AccuracyOptions& options, double rate_hz,

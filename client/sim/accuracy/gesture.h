@@ -85,9 +85,9 @@ TimedTick timedSteps(const SceneModel& model, const StudyGesture& gesture);
 /// a rest of 20 ms, 0.2 mm back, again a rest; the change of force over the way, in N/m.
 double feltStiffness_N_per_m(const SceneModel& model, const SceneSpec& spec);
 
-/// ". Drawn back in the tissue it feels 43 N/m where the scene asks for 500 …", for a row's `cannot_show`;
-/// empty when they are within a tenth.
-std::string stiffnessRemark(double felt_N_per_m, double asked_N_per_m);
+/// ". Drawn back in the tissue it feels 43 N/m, the scene asks for 500: …", for a row's `cannot_show`; empty
+/// when they are within a tenth. `comparator`: "the scene asks for".
+std::string stiffnessRemark(double felt_N_per_m, double asked_N_per_m, std::string_view comparator);
 
 /// Times the ticks in turns and fills the rows' costs, in the same order.
 void addCosts(const std::vector<TimedTick>& ticks, const AccuracyOptions& options, double rate_hz,

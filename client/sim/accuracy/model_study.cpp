@@ -41,7 +41,8 @@ std::string limitsOf(const StudyScene& scene, AxialModel which, double felt_N_pe
     text +=
         ". The profile contains this model's own law (the wall's stop and attracted force): no choice "
         "follows from this row";
-  return text + stiffnessRemark(felt_N_per_m, scene.spec.tracking_wall.stiffness_N_per_m);
+  return text +
+         stiffnessRemark(felt_N_per_m, scene.spec.tracking_wall.stiffness_N_per_m, "the scene asks for");
 }
 
 AccuracyRow rowOf(const StudyScene& scene, const StudyModel& study, const SceneModel& model,

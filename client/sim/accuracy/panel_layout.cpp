@@ -130,6 +130,10 @@ std::vector<std::pair<double, double>> frontOf(const Panel& panel, const PanelFr
       front.emplace_back(std::clamp(point.x, frame.x.from, frame.x.to),
                          std::clamp(point.y, frame.y.from, frame.y.to));
   std::sort(front.begin(), front.end());
+  // costs within the noise count as equal, so the line may pass below a point that time alone puts further
+  // left
+  for (std::size_t i = 1; i < front.size(); ++i)
+    front[i].second = std::min(front[i].second, front[i - 1].second);
   // the front continues beyond its costliest point: more time gives no less error
   if (!front.empty()) front.emplace_back(frame.x.to, front.back().second);
   return front;

@@ -39,7 +39,9 @@ double errorOf(const AccuracyRow& row) {
 }
 CostError pointOf(const AccuracyRow& row) {
   const CostInterval cost = costOf_ns(row).value_or(CostInterval{kNone, kNone, kNone});
-  return {cost.value, errorOf(row), cost.low, cost.high, row.instructions};
+  // the ticks of all rates do the same work: fewer of them are fewer instructions
+  return {cost.value, errorOf(row), cost.low, cost.high,
+          row.study == AccuracyStudy::kRate ? row.rate_hz : row.instructions};
 }
 
 // "good enough" in a study; the finest mesh has no error by definition
@@ -390,16 +392,19 @@ bool sameGroup(const RowGroup& group, const AccuracyRow& row) {
 std::optional<CostInterval> costOf_ns(const AccuracyRow& row) {
   if (row.study == AccuracyStudy::kRate && row.cost && row.rate_hz) {
     const double ticks = *row.rate_hz * 1e-3;  // in a millisecond
-    return CostInterval{row.cost->cost_ns.value * ticks, row.cost->cost_ns.low * ticks,
-                        row.cost->cost_ns.high * ticks};
+    const CostInterval& tick = row.cost->cost_ns;
+    return CostInterval{tick.value * ticks, tick.low * ticks, tick.high * ticks};
   }
   if (row.cost) return row.cost->cost_ns;
-  const std::optional<double> known = row.study == AccuracyStudy::kRate && row.cpu_share
-                                          ? std::optional(*row.cpu_share * 1e6)
-                                      : row.study == AccuracyStudy::kRate ? std::nullopt
-                                                                          : row.median_ns;
-  if (!known) return std::nullopt;
-  return CostInterval{*known, *known, *known};
+  if (row.study == AccuracyStudy::kRate) {
+    if (!row.cpu_share) return std::nullopt;
+    return CostInterval{*row.cpu_share * 1e6, *row.cpu_share * 1e6, *row.cpu_share * 1e6};
+  }
+  if (!row.median_ns) return std::nullopt;
+  // meshes are timed by single ticks: their spread is the noise
+  const double high_ns =
+      row.study == AccuracyStudy::kMesh ? row.p99_ns.value_or(*row.median_ns) : *row.median_ns;
+  return CostInterval{*row.median_ns, *row.median_ns, std::max(*row.median_ns, high_ns)};
 }
 
 double missOf(const AccuracyRow& row) {

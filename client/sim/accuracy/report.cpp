@@ -145,7 +145,7 @@ std::vector<Limit> limitsOf(const RowGroup& group) {
 std::string limitText(const Limit& limit, const RowGroup& group) {
   std::string text = "cannot show";
   if (limit.names.size() < group.rows.size())
-    for (std::size_t i = 0; i < limit.names.size(); ++i) text += (i == 0 ? ", " : " and ") + limit.names[i];
+    for (std::size_t i = 0; i < limit.names.size(); ++i) text += ", " + limit.names[i];
   return text + ": " + limit.sentence;
 }
 

@@ -28,7 +28,7 @@ set label 1 title at width/2.0,height - 24 center noenhanced font 'DejaVu Sans B
 set label 2 ' fits its rate' at 60,18 left font 'DejaVu Sans,11' textcolor rgb text_colour point pt 7 ps 1.3 lc rgb '#4a5560' offset 0.8,0
 set label 3 ' too slow for its rate' at 205,18 left font 'DejaVu Sans,11' textcolor rgb text_colour point pt 6 ps 1.3 lw 2 lc rgb '#4a5560' offset 0.8,0
 set label 4 '– – –  Pareto front: nothing is both cheaper and more accurate' at 405,18 left font 'DejaVu Sans,11' textcolor rgb text_colour
-set label 5 'bars: error, sd over repeats; time, range of five runs' at 830,18 left font 'DejaVu Sans,11' textcolor rgb text_colour
+set label 5 'bars: error, sd over repeats; time, five runs' at 880,18 left font 'DejaVu Sans,11' textcolor rgb text_colour
 plot -1, data index 'leads;' using 1:2:3:4 with vectors nohead lc rgb '#9aa4ad' lw 0.8
 unset label
 

@@ -334,8 +334,21 @@ TEST(Recommendation, takesTheCoarsestMeshThatIsGoodEnoughAndNamesTheLargestThatF
   EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: 20,000 nodes and 50,000 nodes."));
 }
 
+TEST(ParetoFront, ratesWithinTheNoiseAreOrderedByTheirTicks) {
+  AccuracyRows rows = {rateRow(1000, 0.1, 2), rateRow(2000, 0.05, 2)};
+  // 500 to 1,500 and 1,000 to 3,000 ns in a millisecond
+  for (AccuracyRow& row : rows) setCost(row, test::costOf(1000, 500, 1500), *row.rate_hz);
+  EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(true, true));
+}
+
+TEST(ParetoFront, meshesWhoseTicksOverlapDifferByTheirErrorAlone) {
+  AccuracyRows rows = {meshRow(500, 0.4, 160), meshRow(2000, 0.15, 170), meshRow(50'000, 0, 165)};
+  EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(false, true, false))
+      << "p99 is twice the median";
+}
+
 TEST(ParetoFront, theFinestMeshIsTheComparatorNotAChoice) {
-  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 2e3), meshRow(50'000, 0, 900)};
+  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 3e3), meshRow(50'000, 0, 900)};
   EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(true, true, false));
 }
 

@@ -128,8 +128,9 @@ TEST(Rendering, aHandFeelsTheWallsStiffnessAndNoneOfAForceThatIsConstant) {
   EXPECT_NEAR(felt(AxialModel::kEnhancedTrackingWall), 500, 1);
   EXPECT_NEAR(felt(AxialModel::kVoigt), 500, 1) << "the damper is at rest";
   EXPECT_NEAR(felt(AxialModel::kDirect), 0, 1e-9) << "within a layer its force is constant";
-  EXPECT_EQ(stiffnessRemark(480, 500), "");
-  EXPECT_THAT(stiffnessRemark(43, 500), testing::HasSubstr("43 N/m where the scene asks for 500"));
+  EXPECT_EQ(stiffnessRemark(480, 500, "the scene asks for"), "");
+  EXPECT_THAT(stiffnessRemark(43, 500, "the scene asks for"),
+              testing::HasSubstr("43 N/m, the scene asks for 500"));
 }
 
 TEST(StorageStudy, errorsAreWithinHalfAStepAndFewerBytesCostMoreError) {
