@@ -15,7 +15,7 @@ set tmargin at screen 0.88
 set bmargin at screen 0.45
 set yrange [0:1.4*STATS_max_y]
 set ylabel '|f_{clamping}| [N]'
-set key top right
+set key left center
 set label 100 'Clamping force: in, back, change of trajectory, in, out' at screen 0.5, 0.965 center font title_font textcolor rgb title_colour
 set label 101 scene at screen 0.5, 0.93 center noenhanced font 'DejaVu Sans,10' textcolor rgb '#5f6a73'
 array moment_s[4] = [start_s, point1_s, point2_s, target_s]
@@ -33,6 +33,7 @@ set format x '%g'
 set xlabel 'time [s]'
 set ylabel '[mm]'
 set yrange [0:62]
+set key top right
 set ytics 10
 plot csv using 1:($4*1000) skip 1 with lines ls 1 title 'inserted length', \
      '' using 1:($3*1000) skip 1 with lines ls 2 dt 1 title 'distance from the trajectory'
