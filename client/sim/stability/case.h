@@ -15,8 +15,8 @@
 
 namespace needlelab {
 
-/// True if the model stops the needle where the force does not suffice. The other models' force depends on
-/// the depth alone.
+/// True if the model stops the needle where the force does not suffice: cases and conditions about a stop are
+/// for these only. The other models' force depends on the depth alone.
 bool hasStop(AxialModel model);
 
 enum class Verdict {
