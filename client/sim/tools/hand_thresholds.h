@@ -3,12 +3,11 @@
 
 namespace needlelab {
 
-/// A step of force in time is noticed from about here on, in N. Measured for small effects: 20.8 mN with a
-/// pen held in the hand (Lee and Hannaford 2003, 11 people, 71 % right), 30 mN with a fingertip that explores
-/// (Dosher, Lee and Hannaford 2001, 7 people); effects with an edge are noticed at less force than smooth
-/// ones (Dosher and Hannaford 2005). A needle is held like a pen. All of them beside little other force: a
-/// hand that holds some newtons notices less, so a step below this is not noticed by anybody, and one above
-/// it may be.
-inline constexpr double kNoticeableStep_N = 0.02;
+/// A step of force in time is noticed from about here on, in N: 20.8 mN with a pen held in the hand (Lee and
+/// Hannaford 2003, 11 people, 71 % right). A fingertip that explores notices 30 mN (Dosher, Lee and Hannaford
+/// 2001, 7 people), and effects with an edge at less force than smooth ones (Dosher and Hannaford 2005). A
+/// needle is held like a pen. All of this beside little other force: a hand that holds some newtons notices
+/// less. So a step below this is noticed by nobody, and one above it may be.
+inline constexpr double kNoticeableStep_N = 0.0208;
 
 }  // namespace needlelab

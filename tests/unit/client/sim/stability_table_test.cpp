@@ -124,17 +124,17 @@ TEST(StabilityTable, tellsCoupledStabilityFromPassivity) {
   EXPECT_EQ(text.find("prescribed"), text.rfind("prescribed")) << "no margins: the table alone names it";
 }
 
-// 0.02 N: a pen that is held (Lee and Hannaford 2003)
+// 20.8 mN: a pen that is held (Lee and Hannaford 2003)
 TEST(StabilityTable, listsTheStepsThatAHandMayNotice) {
   CaseRow wall = judgedRow("hold", kWall, 0.1, 1, Verdict::kStable);
   CaseRow direct = judgedRow("hold", AxialModel::kDirect, 0.1, 1, Verdict::kStable);
-  wall.max_unexplained_step_N = 0.02;
+  wall.max_unexplained_step_N = 0.0207;
   direct.max_unexplained_step_N = 0.021;
   EXPECT_EQ(stepIsNoticeable(wall), false);
   EXPECT_EQ(stepIsNoticeable(direct), true);
   EXPECT_EQ(stepIsNoticeable(judgedRow("hold", kWall, 0.1, 1, Verdict::kStable)), std::nullopt);
   EXPECT_THAT(rowsText({wall, direct}),
-              HasSubstr("(above 0.02 N) [N]\n  " + line({"hold"}, "direct 0.021") + "\n"));
+              HasSubstr("(above 0.0208 N) [N]\n  " + line({"hold"}, "direct 0.021") + "\n"));
   EXPECT_THAT(rowsText({wall}), Not(HasSubstr("may notice")));
 }
 
