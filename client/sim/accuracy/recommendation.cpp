@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "client/sim/accuracy/panel_layout.h"
+#include "client/sim/tools/hand_thresholds.h"
 
 namespace needlelab {
 namespace {
@@ -125,16 +126,17 @@ std::string missText(const AccuracyRow& row) {
 
 std::string conditionOf(const AccuracyRow& row, bool good) {
   const std::string noticed = row.noticeable_n ? forceText(*row.noticeable_n) : "nothing known";
+  const std::string noticed_both = noticed + "; a step in time: " + forceText(kNoticeableStep_N);
   switch (row.study) {
     case AccuracyStudy::kModel:
       if (!row.noticeable_n) return "the least error among those that fit";
-      return good ? "the cheapest whose error and steps are below what a hand notices (" + noticed + ")"
-                  : "none is below what a hand notices (" + noticed +
+      return good ? "the cheapest whose error and steps are below what a hand notices (" + noticed_both + ")"
+                  : "none is below what a hand notices (" + noticed_both +
                         ") in both error and steps; this has the least error" + missText(row);
     case AccuracyStudy::kRate:
-      return good ? "the slowest whose error and steps are below what a hand notices (" + noticed +
+      return good ? "the slowest whose error and steps are below what a hand notices (" + noticed_both +
                         ") and for which theory allows twice the scene's stiffness, whatever the hand"
-                  : "none is below what a hand notices (" + noticed +
+                  : "none is below what a hand notices (" + noticed_both +
                         ") with twice the scene's stiffness allowed by theory; this has the least error" +
                         missText(row);
     case AccuracyStudy::kMesh:
@@ -414,12 +416,14 @@ double missOf(const AccuracyRow& row) {
   const auto share = [](double force_N, double limit_N) {
     return limit_N > 0 ? force_N / limit_N : force_N > 0 ? kNone : 0.0;
   };
+  // a step in time is felt by its own size, not as a share of the force
+  const double step = row.max_step_n.value_or(0) / kNoticeableStep_N;
   switch (row.study) {
     case AccuracyStudy::kModel:
-      return std::max(share(error_N, noticed_N), share(row.max_step_n.value_or(0), noticed_N));
+      return std::max(share(error_N, noticed_N), step);
     case AccuracyStudy::kRate:
-      return std::max({share(error_N, noticed_N), share(row.max_step_n.value_or(0), noticed_N),
-                       kStiffnessMargin / row.stiffness_margin.value_or(kNone)});
+      return std::max(
+          {share(error_N, noticed_N), step, kStiffnessMargin / row.stiffness_margin.value_or(kNone)});
     case AccuracyStudy::kMesh:
       return share(error_N, noticed_N);
     case AccuracyStudy::kStorage:

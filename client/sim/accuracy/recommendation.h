@@ -60,9 +60,10 @@ struct Advice {
 
 /// The rules, among the rows that fit their rate and whose comparator is not of their own law. An error
 /// passes when its interval does: rms plus spread.
-/// - model: the cheapest row with an error and a force step (where measured) below `noticeable_n`. Costs
+/// - model: the cheapest row with an error below `noticeable_n` and force steps (where measured) below
+///   kNoticeableStep_N. Costs
 ///   within each other's noise count as equal; then the fewest instructions, then the least error decide.
-/// - rate: the slowest with an error and a step below `noticeable_n` for which theory allows twice the
+/// - rate: the slowest with error and steps below the same for which theory allows twice the
 /// scene's
 ///   stiffness (`stiffness_margin`).
 /// - mesh: the coarsest with an error below `noticeable_n`.

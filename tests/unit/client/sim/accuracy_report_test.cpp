@@ -9,6 +9,7 @@
 #include "client/sim/accuracy/panel_layout.h"
 #include "client/sim/accuracy/recommendation.h"
 #include "client/sim/accuracy/report.h"
+#include "client/sim/tools/hand_thresholds.h"
 #include "tests/unit/client/sim/accuracy_rows.h"
 
 namespace needlelab {
@@ -201,6 +202,21 @@ TEST(Recommendation, changesWhenTheRowsChange) {
   EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: GOOD"));
 }
 
+// 0.175 N is what a hand notices of a force that it compares; a step of 0.05 N beside it is felt all the same
+TEST(Recommendation, aStepInTimeIsJudgedByItsOwnThreshold) {
+  AccuracyRows rows = {modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)};
+  rows[0].max_step_n = 0.05;
+  rows[1].max_step_n = 0.02;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take GOOD"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("(0.2 N; a step in time: 0.021 N)"));
+  rows[0].max_step_n = 0.02;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take CHEAP"));
+  AccuracyRow slow = rateRow(250, 0.01, 3), fast = rateRow(1000, 0.001, 3);
+  slow.max_step_n = 0.075;
+  EXPECT_GT(missOf(slow), 1);
+  EXPECT_LE(missOf(fast), 1);
+}
+
 TEST(Recommendation, aChoicePassesWhenItsIntervalDoes) {
   AccuracyRows rows = {modelRow("CHEAP", 0.15, 10), modelRow("DEAR", 0.1, 20)};
   rows[0].rms_error_spread_n = 0.04;
@@ -218,7 +234,7 @@ TEST(Recommendation, saysByHowMuchItsCriterionIsMissed) {
               HasSubstr("None passes: A comes nearest, 3.8 times the limit"));
   rows[0].rms_error_n = 0.1;
   rows[0].max_step_n = 1;
-  EXPECT_DOUBLE_EQ(missOf(rows[0]), 5) << "the step, which is felt whatever the error";
+  EXPECT_DOUBLE_EQ(missOf(rows[0]), 1 / kNoticeableStep_N) << "the step, which is felt whatever the error";
   EXPECT_DOUBLE_EQ(missOf(rateRow(1000, 0.1, 0.5)), 4) << "twice the stiffness, half of it allowed";
 }
 
