@@ -47,6 +47,9 @@ struct DirectSpec {
 struct VoigtSpec {
   double stiffness_N_per_m = 500;  ///< K, (0, 10000]
   double damping_Ns_per_m = 5;     ///< B, [0, 1000]
+  /// 0: ẋ over one tick. Else over an adaptive window that bridges so much noise of a position, [0, 1e-3] m;
+  /// for studies, no profile sets it.
+  double velocity_noise_m = 0;
 };
 
 struct GodObjectSpec {

@@ -89,6 +89,7 @@ class SceneModel {
   std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< ready for the tick, by `stageOf`
   double axial_stiffness_N_per_m = 0;                    ///< steepest slope of the axial model's force over x
   double axial_damping_Ns_per_m = 0;              ///< steepest slope of that force over the speed: VOIGT's B
+  double velocity_noise_m = 0;                    ///< VOIGT
   bool step_at_layers = false;                    ///< DIRECT
   std::shared_ptr<const DepthTable> depth_table;  ///< PRECOMPUTED
   std::shared_ptr<const StatisticalTarget> statistical;  ///< STATISTICAL

@@ -54,7 +54,8 @@ Result<NudgeRun> nudge(const ForceSourceFactory& source, const SceneSpec& scene,
                        const PlantOptions& plant, const NudgeOptions& options);
 
 /// Colgate and Schenkel (1997): a wall K, sampled and held, is passive when b > K T/2; with d further ticks
-/// of delay b > K T (½ + d). The hand's damping counts as the device's. In N/m.
+/// of delay b > K T (½ + d). With the device's damping alone: passive, so stable whatever the hand. With the
+/// hand's added: stable with that hand (coupled stability). In N/m.
 double passiveStiffnessLimit(double damping_Ns_per_m, double period_s, double delay_ticks);
 
 /// Abbott and Okamura (2005), Diolaiti et al. (2006): with encoder step Δ and Coulomb friction f_c a wall is
