@@ -8,7 +8,7 @@ import unittest
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), "../../client/sim/pictures"))
 import stamp  # noqa: E402
 
-SOURCES = {"a.png": ["common/haptics/**/*.cpp", "client/sim/plots/a.gp"]}
+SOURCES = {"pictures/a.png": ["common/haptics/**/*.cpp", "client/sim/plots/a.gp"]}
 
 
 class Pictures(unittest.TestCase):
@@ -18,7 +18,7 @@ class Pictures(unittest.TestCase):
         self.write("common/haptics/models/voigt.cpp", "// a damper\nint b = 5;\n")
         self.write("client/sim/plots/a.gp", "# data\nplot x\n")
         self.write("client/sim/pictures/a.png", "png")
-        stamp.write(self.folder.name, ["a.png"], SOURCES)
+        stamp.write(self.folder.name, ["pictures/a.png"], SOURCES)
 
     def write(self, name, text):
         path = os.path.join(self.folder.name, name)
@@ -55,6 +55,12 @@ class Pictures(unittest.TestCase):
         self.write("client/sim/pictures/a.png", "png")
         self.write(stamp.STAMPS, "{}\n")
         self.assertEqual(len(self.faults()), 1)
+
+    def test_the_patterns_of_the_real_pictures_find_sources(self):
+        root = os.path.join(stamp.HERE, "../../..")
+        for name, patterns in stamp.SOURCES.items():
+            for pattern in patterns:
+                self.assertTrue(stamp.glob.glob(os.path.join(root, pattern), recursive=True), f"{name}: {pattern} matches nothing")
 
 
 if __name__ == "__main__":

@@ -398,6 +398,7 @@ std::optional<CostInterval> costOf_ns(const AccuracyRow& row) {
     return CostInterval{tick.value * ticks, tick.low * ticks, tick.high * ticks};
   }
   if (row.cost) return row.cost->cost_ns;
+  if (row.runs_ns) return row.runs_ns;
   if (row.study == AccuracyStudy::kRate) {
     if (!row.cpu_share) return std::nullopt;
     return CostInterval{*row.cpu_share * 1e6, *row.cpu_share * 1e6, *row.cpu_share * 1e6};

@@ -56,7 +56,10 @@ const std::vector<Column>& columns() {
       {"felt K [N/m]", [](const Row& r, bool) { return number(r.felt_stiffness_N_per_m); }},
       {"price [ns]",
        [](const Row& r, bool) { return r.cost ? number(r.cost->cost_ns.value) : std::string(); }},
-      {"of 5 runs", [](const Row& r, bool) { return r.cost ? rangeText(r.cost->cost_ns) : std::string(); }},
+      {"of 5 runs",
+       [](const Row& r, bool) {
+         return r.cost ? rangeText(r.cost->cost_ns) : r.runs_ns ? rangeText(*r.runs_ns) : std::string();
+       }},
       {"instr.", [](const Row& r, bool) { return number(r.instructions); }},
       {"hot p50/p99/p99.9 (empty) [ns]",
        [](const Row& r, bool) { return r.cost ? tailText(r.cost->hot, r.cost->hot_empty) : std::string(); }},

@@ -20,14 +20,16 @@ Json orNull(const std::string& text) {
 }
 
 // the price of a tick with its interval, then each condition's quantiles beside an empty call's
-void addCost(Json& json, const std::optional<TickCost>& cost) {
+void addCost(Json& json, const AccuracyRow& row) {
+  const std::optional<TickCost>& cost = row.cost;
   const TickCost c = cost.value_or(TickCost{});
   const auto put = [&](const std::string& key, double value) {
     json[key] = cost ? Json(value) : Json(nullptr);
   };
-  put("cost_ns", c.cost_ns.value);
-  put("cost_low_ns", c.cost_ns.low);
-  put("cost_high_ns", c.cost_ns.high);
+  const std::optional<CostInterval> price = cost ? std::optional(cost->cost_ns) : row.runs_ns;
+  json["cost_ns"] = price ? Json(price->value) : Json(nullptr);
+  json["cost_low_ns"] = price ? Json(price->low) : Json(nullptr);
+  json["cost_high_ns"] = price ? Json(price->high) : Json(nullptr);
   put("tail_ns", c.tail_ns);
   const std::pair<const char*, const TickQuantiles*> kinds[] = {
       {"hot", &c.hot},         {"hot_empty", &c.hot_empty},
@@ -79,7 +81,7 @@ Json jsonOf(const AccuracyRow& row) {
       {"bytes_per_s", orNull(row.bytes_per_s)},
       {"instructions", orNull(row.instructions)},
   };
-  addCost(json, row.cost);
+  addCost(json, row);
   json["votes"] = row.advises && !row.own_law;
   json["uncertainty"] = row.uncertainty;
   json["cannot_show"] = row.cannot_show;

@@ -60,6 +60,7 @@ struct AccuracyRow {
   std::optional<double> max_step_n;
   std::optional<double> noticeable_n;            ///< just noticeable difference at this scene's forces
   std::optional<TickCost> cost;                  ///< of single ticks (model, rate)
+  std::optional<CostInterval> runs_ns;           ///< of a sample (storage, live): five runs
   std::optional<double> instructions;            ///< of a tick, mean over the study's gesture
   std::optional<double> felt_stiffness_N_per_m;  ///< along the trajectory, drawn back 0.2 mm in the tissue
   std::optional<double> stiffness_margin;  ///< stiffness that the device alone can render at this rate, to

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <thread>
+#include <utility>
 
 #include "common/base/clock.h"
 
@@ -92,6 +93,12 @@ TickQuantiles quantilesOf(std::vector<double> single_ns) {
   return {quantile(single_ns, 0.5), quantile(single_ns, 0.99), quantile(single_ns, 0.999)};
 }
 
+CostInterval intervalOf(std::vector<double> runs) {
+  if (runs.empty()) return {};
+  std::sort(runs.begin(), runs.end());
+  return {quantile(runs, 0.5), runs.front(), runs.back()};
+}
+
 TickCost tickCostOf(const std::vector<SingleTicks>& runs, const std::vector<SingleTicks>& empty) {
   TickCost cost;
   cost.runs = std::min(runs.size(), empty.size());
@@ -101,10 +108,7 @@ TickCost tickCostOf(const std::vector<SingleTicks>& runs, const std::vector<Sing
     tails_ns.push_back(std::max(quantilesOf(runs[r].hot_ns).p999_ns, quantilesOf(runs[r].slept_ns).p999_ns));
   }
   cost.tail_ns = medianOf(tails_ns);
-  if (!costs_ns.empty()) {
-    const auto [low, high] = std::minmax_element(costs_ns.begin(), costs_ns.end());
-    cost.cost_ns = {medianOf(costs_ns), *low, *high};
-  }
+  cost.cost_ns = intervalOf(std::move(costs_ns));
   struct Kind {
     std::vector<double> SingleTicks::*single_ns;
     TickQuantiles &ticks, &empty;

@@ -18,11 +18,14 @@ struct TickQuantiles {
 /// values.
 TickQuantiles quantilesOf(std::vector<double> single_ns);
 
-/// A cost with the noise of its runs, in ns.
+/// A cost with the noise of its runs.
 struct CostInterval {
   double value = 0;          ///< median of the runs
   double low = 0, high = 0;  ///< of the least and of the greatest run
 };
+
+/// From one value of each run. Zeros for no runs.
+CostInterval intervalOf(std::vector<double> runs);
 
 /// Single durations of one run, in ns.
 struct SingleTicks {

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Which sources the pictures and tables of this folder were made from.
+"""Which sources the pictures and tables of client/sim were made from.
 
 usage: stamp.py                    names those whose sources have changed since, or that were changed by hand
        stamp.py --write NAME…      notes the sources as they are: after drawing (`draw` does it)
@@ -14,19 +14,26 @@ import re
 import sys
 
 HERE = os.path.dirname(os.path.realpath(__file__))
-STAMPS = "client/sim/pictures/made_from.json"
+FOLDER = "client/sim"
+STAMPS = f"{FOLDER}/pictures/made_from.json"
 ENGINE = ["common/haptics/**/*.cpp", "common/haptics/**/*.h"]
 LOOP = ENGINE + ["client/device/hand*", "client/device/simulated_device*", "client/device/haptic_chain*", "client/sim/tools/closed_loop*"]
 FIGURES = LOOP + ["client/sim/figures.cpp", "client/sim/plots/style.gp"]
 REPORT = LOOP + ["client/sim/accuracy/*.cpp", "client/sim/accuracy/*.h", "client/sim/plots/style.gp", "client/sim/plots/accuracy.gp",
                  "common/fem/*.cpp", "common/fem/*.h", "common/gesture/chunk*", "db/samples/paper-1dof.json", "db/samples/paper-six-layers.json"]
+CASES = LOOP + ["client/sim/stability/*.cpp", "client/sim/stability/*.h", "client/sim/stability_command.cpp", "tests/stability/cases.json",
+                "client/sim/plots/style.gp", "client/sim/plots/models.gp", "common/fem/*.cpp", "common/fem/*.h"]
 SOURCES = {
-    "six-layers.png": FIGURES + ["client/sim/plots/fig09.gp", "client/sim/plots/phases.gp", "db/samples/paper-six-layers.json"],
-    "clamping.png": FIGURES + ["client/sim/plots/fig10.gp", "db/samples/paper-clamping.json"],
-    "effects.png": ENGINE + ["client/effect_cost/*.cpp", "client/sim/effects_study.cpp", "client/sim/plots/effects.gp",
+    "pictures/six-layers.png": FIGURES + ["client/sim/plots/fig09.gp", "client/sim/plots/phases.gp", "db/samples/paper-six-layers.json"],
+    "pictures/clamping.png": FIGURES + ["client/sim/plots/fig10.gp", "db/samples/paper-clamping.json"],
+    "pictures/effects.png": ENGINE + ["client/effect_cost/*.cpp", "client/sim/effects_study.cpp", "client/sim/plots/effects.gp",
                              "client/sim/plots/style.gp"],
-    "accuracy.png": REPORT,
-    "accuracy.txt": REPORT,
+    "pictures/accuracy.png": REPORT,
+    "pictures/accuracy.txt": REPORT,
+    "stability/pictures/cases.png": CASES + ["client/sim/plots/stability.gp"],
+    "stability/pictures/holds.png": CASES + ["client/sim/plots/stability-holds.gp"],
+    "stability/pictures/stiffness_limits.png": CASES + ["client/sim/plots/stiffness_limits.gp"],
+    "stability/pictures/stiffness_rest.png": CASES + ["client/sim/plots/stiffness_rest.gp"],
 }
 
 
@@ -52,7 +59,7 @@ def hash_of_sources(root, patterns):
 
 
 def stamp_of(root, name, sources=SOURCES):
-    with open(os.path.join(root, os.path.dirname(STAMPS), name), "rb") as file:
+    with open(os.path.join(root, FOLDER, name), "rb") as file:
         made = hashlib.sha256(file.read()).hexdigest()[:16]
     return {"made": made, "sources": hash_of_sources(root, sources[name])}
 
@@ -63,7 +70,7 @@ def check(root, sources=SOURCES):
         stamps = json.load(file)
     faults = []
     for name in sources:
-        path = f"client/sim/pictures/{name}"
+        path = f"{FOLDER}/{name}"
         if not os.path.exists(os.path.join(root, path)):
             faults.append(f"there is no {path}")
             continue

@@ -43,6 +43,14 @@ TEST(TickCost, isTheFlushedMedianLessAnEmptyCallsWithTheRangeOfItsRuns) {
   EXPECT_EQ(tickCostOf({runOf(1, 80, 1)}, {runOf(1, 100, 1)}).cost_ns.value, 0) << "never below nothing";
 }
 
+TEST(TickCost, anIntervalRunsFromTheLeastToTheGreatestRun) {
+  const CostInterval interval = intervalOf({70, 62, 66, 90, 64});
+  EXPECT_EQ(interval.value, 66);
+  EXPECT_EQ(interval.low, 62);
+  EXPECT_EQ(interval.high, 90);
+  EXPECT_EQ(intervalOf({}).high, 0);
+}
+
 TEST(TickCost, aSlowSingleTickIsInTheTailWhereAMeanOfItsBatchWouldHideIt) {
   std::vector<SingleTicks> runs(5, runOf(50, 900, 300));
   for (SingleTicks& run : runs) run.hot_ns[7] = run.hot_ns[8] = 20'000;  // two in a thousand
