@@ -187,7 +187,7 @@ double forceOf(const Moment& moment) {
 
 std::array<double, kEffectCount> termsOf(const StepReport& report) {
   std::array<double, kEffectCount> terms{};
-  for (const EffectEntry* effect : effectEntries())
+  for (const EffectEntry* effect : effectsAsShown())
     terms[static_cast<std::size_t>(effect->effect)] = effect->value(report);
   return terms;
 }
