@@ -103,7 +103,7 @@ void live(ByteView data) {
         const pb::LiveFrame& same = whole->live_frame();
         require(same.session_id() == view->session_id && same.data() == view->data &&
                     same.frame_seq() == view->frame_seq && same.due_steady_ns() == view->due_steady_ns &&
-                    same.capture_unix_ns() == view->capture_unix_ns,
+                    same.capture_unix_ns() == view->capture_unix_ns && same.cut_memory() == view->cut_memory,
                 "both ways read the same");
         (void)hub.onLiveFrame(name, *view, now_ns);
         break;
