@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint8_t kVersion = 1;
+constexpr std::uint8_t kCutVersion = 1;
 /// A direction is as long as this but for rounding.
 constexpr double kUnitTolerance = 1e-9;
 
@@ -48,7 +48,7 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
   Bytes bytes;
   bytes.reserve(kMostCutSnapshotBytes);
   ByteWriter to(bytes);
-  to.put(kVersion);
+  to.put(kCutVersion);
   to.put(static_cast<std::uint8_t>(cuts.count));
   to.put(static_cast<std::uint8_t>(cuts.next));
   to.put(std::uint8_t{0});
@@ -66,9 +66,9 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
 Result<CutSnapshot> decodeCuts(ByteView bytes) {
   ByteReader from(bytes);
   const auto version = from.get<std::uint8_t>();
-  if (from.ok() && version != kVersion)
+  if (from.ok() && version != kCutVersion)
     return Error{ErrorCode::kVersion,
-                 fmt::format("memory of the cut: version {}, this program reads {}", version, kVersion)};
+                 fmt::format("memory of the cut: version {}, this program reads {}", version, kCutVersion)};
   CutSnapshot snapshot;
   CutMemory& cuts = snapshot.cuts;
   cuts.count = from.get<std::uint8_t>();

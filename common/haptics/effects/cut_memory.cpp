@@ -18,22 +18,22 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kOwn = stageOf(Effect::kCutMemory);
+constexpr std::size_t kCutOwn = stageOf(Effect::kCutMemory);
 // the author's numbers
-constexpr std::size_t kShare = 0, kRadius_m = 1;
+constexpr std::size_t kCutShare = 0, kCutRadius_m = 1;
 /// Above the rounding of places, far below a step that can be felt.
 constexpr double kRounding_m = 1e-12;
 /// The squared sine below which two lines leave each other by less than a micrometre a metre.
 constexpr double kParallel = 1e-12;
 
 template <std::size_t kIndex>
-double& numberOf(SceneSpec& spec) {
-  return spec.stage_numbers[kOwn][kIndex];
+double& cutNumber(SceneSpec& spec) {
+  return spec.stage_numbers[kCutOwn][kIndex];
 }
 
-constexpr std::array<EffectField, 2> kFields = {
-    {{"cutting_share", "Share of the cutting force along a cut", {0, 1}, 0.23, numberOf<kShare>},
-     {"radius_m", "Radius of a cut", {0, 0.01, true}, 0.001, numberOf<kRadius_m>}}};
+constexpr std::array<EffectField, 2> kCutFields = {
+    {{"cutting_share", "Share of the cutting force along a cut", {0, 1}, 0.23, cutNumber<kCutShare>},
+     {"radius_m", "Radius of a cut", {0, 0.01, true}, 0.001, cutNumber<kCutRadius_m>}}};
 
 Vec3 pointAt(const SimState& state, double x_m) {
   return state.p_entry_W_m + state.u_W * x_m;
@@ -99,7 +99,7 @@ double heldForce(const SceneModel& model, const SimState& state, double x_m) {
 // opens the membranes that the needle meets at a hole; returns the change of the force along u
 double openMembranes(const SceneModel& model, SimState& state, double x_m, double x_before_m,
                      StepReport& report) {
-  const double radius_m = model.stage_numbers[kOwn][kRadius_m];
+  const double radius_m = model.stage_numbers[kCutOwn][kCutRadius_m];
   std::uint32_t open = 0;
   bool held_before = false;
   for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
@@ -126,7 +126,7 @@ double openMembranes(const SceneModel& model, SimState& state, double x_m, doubl
 // the place along u up to which the tissue at the wall is cut; below the wall's own place: it is not
 double endOfCut(const SceneModel& model, const SimState& state) {
   const CutMemory& cuts = state.cuts;
-  const double radius_m = model.stage_numbers[kOwn][kRadius_m];
+  const double radius_m = model.stage_numbers[kCutOwn][kCutRadius_m];
   const Vec3 wall_W_m = pointAt(state, state.wall_m);
   double end_m = cuts.own < kMaxCutTracks ? cuts.tracks[cuts.own].length_m : 0.0;
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
@@ -143,7 +143,8 @@ double endOfCut(const SceneModel& model, const SimState& state) {
 double followCut(const SceneModel& model, SimState& state, double x_m, double x_before_m, double end_m,
                  StepReport& report) {
   const double x_cut_m = cuttingPosition(state, x_m);
-  const double reach_m = model.stage_numbers[kOwn][kShare] * model.cut_reach(model, state, report.depth_m);
+  const double reach_m =
+      model.stage_numbers[kCutOwn][kCutShare] * model.cut_reach(model, state, report.depth_m);
   const double to_m = std::min(x_cut_m - reach_m, end_m);
   const double move_m = to_m - state.wall_m;
   if (!(move_m > 0.0)) return 0.0;
@@ -209,10 +210,10 @@ constinit const EffectEntry kCutMemoryEntry = {
     .term = "cut memory",
     .place = 6,
     .section = "cut_memory",
-    .fields = kFields,
+    .fields = kCutFields,
     .hasNumbers =
         [](const SceneSpec& spec) {
-          if (!(spec.stage_numbers[kOwn][kRadius_m] > 0)) return false;
+          if (!(spec.stage_numbers[kCutOwn][kCutRadius_m] > 0)) return false;
           return cutsByAWall(spec.axial_model) || spec.axial_model == AxialModel::kFirstOrder ||
                  std::any_of(spec.layers.begin(), spec.layers.end(),
                              [](const LayerSpec& layer) { return layer.membrane.has_value(); });

@@ -12,20 +12,20 @@
 namespace needlelab::test {
 namespace {
 
-constexpr EffectMask kCutting = bitOf(Effect::kCutting), kPuncture = bitOf(Effect::kPuncture),
-                     kMemory = bitOf(Effect::kCutMemory);
-constexpr double kShare = 0.3, kRadius_m = 0.001, kStiffness_N_per_m = 500;
+constexpr EffectMask kCut = bitOf(Effect::kCutting), kPierce = bitOf(Effect::kPuncture),
+                     kRemember = bitOf(Effect::kCutMemory);
+constexpr double kCutShare = 0.3, kCutRadius_m = 0.001, kWallStiffness_N_per_m = 500;
 
 SceneSpec remembering(SceneSpec scene, EffectMask effects) {
-  scene.effects = effects | kMemory;
+  scene.effects = effects | kRemember;
   const EffectEntry& memory = effectEntry(Effect::kCutMemory);
-  memory.fields[0].of(scene) = kShare;
-  memory.fields[1].of(scene) = kRadius_m;
+  memory.fields[0].of(scene) = kCutShare;
+  memory.fields[1].of(scene) = kCutRadius_m;
   return scene;
 }
 
 /// One layer that 2 N cut: whole tissue is dragged 4 mm behind the tip, cut tissue 1.2 mm.
-SceneSpec cutScene(EffectMask effects = kCutting) {
+SceneSpec cutScene(EffectMask effects = kCut) {
   return remembering(oneLayer(2.0, 0.5, 0.0), effects);
 }
 
@@ -50,14 +50,14 @@ TEST(CutMemory, cutsTheSameTrackForItsShareAndWholeTissueBehindItForTheWhole) {
   // the wall, and with it the cut, is 4 mm behind the tip
   for (const StepReport& report : insertAgain(probe, 0.025)) {
     const double x = std::max(0.0, report.depth_m);
-    const double stretch_m = std::min(std::max(std::min(x, kShare * 0.004), x - 0.016), 0.004);
+    const double stretch_m = std::min(std::max(std::min(x, kCutShare * 0.004), x - 0.016), 0.004);
     ASSERT_NEAR(report.cutting_N, -500 * stretch_m, 1e-9) << "at " << x;
   }
-  EXPECT_NEAR(insertAgain(probe, 0.020).back().cutting_N, -kShare * 2.0, 1e-9) << "now it is cut to 21 mm";
+  EXPECT_NEAR(insertAgain(probe, 0.020).back().cutting_N, -kCutShare * 2.0, 1e-9) << "now it is cut to 21 mm";
 }
 
 TEST(CutMemory, withoutItTheSameTrackCostsTheWholeAgain) {
-  Probe probe(withEffects(cutScene(), kCutting), 1000);
+  Probe probe(withEffects(cutScene(), kCut), 1000);
   probe.at(-0.001);
   probe.go(1050, 0.020);
   EXPECT_NEAR(insertAgain(probe, 0.010).back().cutting_N, -2.0, 1e-9);
@@ -70,7 +70,7 @@ TEST(CutMemory, tissueIsCutOnceWithinAnInsertionToo) {
   probe.go(600, 0.008);  // the attracted force has dragged the wall to 9 mm
   for (const StepReport& report : probe.go(800, 0.024)) {
     const double x = report.depth_m;
-    const double stretch_m = std::min(std::max(std::min(x - 0.009, kShare * 0.004), x - 0.016), 0.004);
+    const double stretch_m = std::min(std::max(std::min(x - 0.009, kCutShare * 0.004), x - 0.016), 0.004);
     ASSERT_NEAR(report.cutting_N + report.attracted_N, -500 * stretch_m, 1e-9) << "at " << x;
   }
 }
@@ -90,12 +90,12 @@ TEST(CutMemory, aTremblingHandDoesNotFallIntoItsOwnCut) {
 }
 
 TEST(CutMemory, isOneOfWidthNotOfDepth) {
-  for (const double aside_m : {0.0, 0.9 * kRadius_m, 1.1 * kRadius_m, 0.005}) {
+  for (const double aside_m : {0.0, 0.9 * kCutRadius_m, 1.1 * kCutRadius_m, 0.005}) {
     Probe probe(cutScene(), 1000);
     probe.at(-0.001);
     probe.go(1050, 0.020);
     const double most_N = mostCutting(insertAgain(probe, 0.010, aside_m));
-    EXPECT_NEAR(most_N, aside_m < kRadius_m ? kShare * 2.0 : 2.0, 1e-9) << aside_m;
+    EXPECT_NEAR(most_N, aside_m < kCutRadius_m ? kCutShare * 2.0 : 2.0, 1e-9) << aside_m;
   }
 }
 
@@ -133,7 +133,7 @@ TEST(CutMemory, theFirstInsertionsWorkLessTheSecondsIsTheWorkOfFracture) {
   const Motion once = insertHoldWithdraw(2000, defaultSite(), {0, 0, -1}, {0, 0, -1}, 0.020, 0.02, 0.0);
   const auto first = run.run(once), second = run.run(once), third = run.run(once);
   // what is cut is the way of the wall: 20 mm less the 4 mm by which the tissue gives way
-  const double fracture_J = (1 - kShare) * 2.0 * (0.020 - 2.0 / kStiffness_N_per_m);
+  const double fracture_J = (1 - kCutShare) * 2.0 * (0.020 - 2.0 / kWallStiffness_N_per_m);
   EXPECT_NEAR(forceWork(once, second) - forceWork(once, first), fracture_J, 1e-6);
   EXPECT_NEAR(forceWork(once, third), forceWork(once, second), 1e-9) << "nothing more is cut";
   for (std::size_t k = 0; k < once.size(); ++k) ASSERT_EQ(first[k].friction_N, second[k].friction_N);
@@ -142,7 +142,7 @@ TEST(CutMemory, theFirstInsertionsWorkLessTheSecondsIsTheWorkOfFracture) {
 TEST(CutMemory, aMembraneThatWasPiercedStaysOpenNearItsHole) {
   SceneSpec scene = oneLayer(1.0, 0, 0);
   scene.layers[0].membrane = MembraneSpec{200, 20'000, 0.6};
-  scene = remembering(scene, kPuncture);
+  scene = remembering(scene, kPierce);
   EngineRun run(scene, 2000);
   const Motion once = insertHoldWithdraw(2000, defaultSite(), {0, 0, -1}, {0, 0, -1}, 0.010, 0.02, 0.0);
   const auto first = run.run(once), second = run.run(once);
@@ -162,8 +162,8 @@ TEST(CutMemory, aMembraneThatWasPiercedStaysOpenNearItsHole) {
     for (const StepReport& report : run.run(moved)) most_N = std::max(most_N, -report.puncture_N);
     return most_N;
   };
-  EXPECT_EQ(beside(0.9 * kRadius_m), 0.0);
-  EXPECT_GT(beside(-1.1 * kRadius_m), 0.58);
+  EXPECT_EQ(beside(0.9 * kCutRadius_m), 0.0);
+  EXPECT_GT(beside(-1.1 * kCutRadius_m), 0.58);
 }
 
 TEST(CutMemory, aDeeperMembraneIsOpenOnlyWhereTheTrackWentThroughIt) {
@@ -171,7 +171,7 @@ TEST(CutMemory, aDeeperMembraneIsOpenOnlyWhereTheTrackWentThroughIt) {
   scene.layers.push_back(scene.layers[0]);
   scene.layers[0].thickness_m = 0.010;
   scene.layers[0].membrane = scene.layers[1].membrane = MembraneSpec{400, 0, 0.4};
-  Probe probe(remembering(scene, kPuncture), 1000);
+  Probe probe(remembering(scene, kPierce), 1000);
   probe.at(-0.001);
   probe.go(300, 0.005);  // through the first one only
   double most_N = 0;
@@ -196,13 +196,13 @@ TEST(CutMemory, actsWithTheWallsOfATableToo) {
     probe.at(-0.001);
     probe.go(1050, 0.020);
     EXPECT_NEAR(probe.last().cutting_N, -2.0, 1e-9) << axialModelName(model);
-    EXPECT_NEAR(insertAgain(probe, 0.016).back().cutting_N, -kShare * 2.0, 1e-9) << axialModelName(model);
+    EXPECT_NEAR(insertAgain(probe, 0.016).back().cutting_N, -kCutShare * 2.0, 1e-9) << axialModelName(model);
   }
 }
 
 TEST(CutMemory, withoutAWallThatCutsOnlyMembranesAreRemembered) {
   for (const AxialModel model : {AxialModel::kDirect, AxialModel::kVoigt, AxialModel::kGodObject}) {
-    SceneSpec scene = remembering(oneLayer(1.0, 0, 0), kCutting | kPuncture);
+    SceneSpec scene = remembering(oneLayer(1.0, 0, 0), kCut | kPierce);
     scene.axial_model = model;
     EXPECT_FALSE(compiled(scene, 1000).isLive(Effect::kCutMemory)) << axialModelName(model);
     scene.layers[0].membrane = MembraneSpec{200, 0, 0.2};
@@ -228,8 +228,8 @@ TEST(CutMemory, keepsSixteenTracksAndForgetsTheOldest) {
     probe.at(-0.001, 0.005 * hole);
     return mostCutting(probe.go(500, 0.007, 0.005 * hole));
   };
-  EXPECT_NEAR(costs(1), kShare * 2.0, 1e-9) << "the second one is the oldest now";
-  EXPECT_NEAR(costs(16), kShare * 2.0, 1e-9);
+  EXPECT_NEAR(costs(1), kCutShare * 2.0, 1e-9) << "the second one is the oldest now";
+  EXPECT_NEAR(costs(16), kCutShare * 2.0, 1e-9);
   EXPECT_NEAR(costs(0), 2.0, 1e-9);
 }
 
