@@ -134,7 +134,7 @@ const WrongField kWrongProfiles[] = {
      "targets[1].name: \"joint space\" is used twice"},
     // how many
     {"/layers", "[]", "layers: has 0 items, allowed are 1 to 32"},
-    {"/effects/6", "\"CUTTING\"", "effects: has 7 items, allowed are 0 to 6"},
+    {"/effects/7", "\"CUTTING\"", "effects: has 8 items, allowed are 0 to 7"},
     // shapes
     {"/limb", "{}", "limb: give exactly one of plane, sphere, capsule; found none"},
     {"/limb/sphere", R"({"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.05})",

@@ -55,10 +55,11 @@ TEST(Palette, lettersStandOutFromTheirGround) {
 TEST(Palette, partsOfTheForceAreToldApartByDichromatsToo) {
   for (const bool protanope : {false, true})
     for (const EffectEntry* one : effectsAsShown())
-      for (const EffectEntry* other : effectsAsShown())
-        if (one->place < other->place)
-          EXPECT_GT(distance(seenBy(colourOf(*one), protanope), seenBy(colourOf(*other), protanope)), 0.1)
-              << one->name << " and " << other->name;
+      for (const EffectEntry* other : effectsAsShown()) {
+        if (one->place >= other->place) continue;
+        EXPECT_GT(distance(seenBy(colourOf(*one), protanope), seenBy(colourOf(*other), protanope)), 0.1)
+            << one->name << " and " << other->name;
+      }
 }
 
 TEST(Palette, thePlannedLineHasAColourOfItsOwn) {
