@@ -23,6 +23,8 @@ constexpr std::size_t kCutOwn = stageOf(Effect::kCutMemory);
 constexpr std::size_t kCutShare = 0, kCutRadius_m = 1;
 /// Above the rounding of places, far below a step that can be felt.
 constexpr double kRounding_m = 1e-12;
+/// Less than this beyond a cut is no new cut.
+constexpr double kNewCut_m = 1e-6;
 /// The squared sine below which two lines leave each other by less than a micrometre a metre.
 constexpr double kParallel = 1e-12;
 
@@ -157,21 +159,37 @@ double followCut(const SceneModel& model, SimState& state, double x_m, double x_
   return report.cutting_N - before_N;
 }
 
+// the place of a track for this insertion: that of one which it makes longer along the same line, else the
+// next
+std::uint32_t placeOfTrack(CutMemory& cuts, const SimState& state, double radius_m) {
+  const Vec3 wall_W_m = pointAt(state, state.wall_m);
+  for (std::uint32_t i = 0; i < cuts.count; ++i) {
+    const CutTrack& track = cuts.tracks[i];
+    const OnTrack wall = onTrack(track, wall_W_m, radius_m);
+    if (wall.near && wall.along_m >= track.length_m && onTrack(track, state.p_entry_W_m, radius_m).near)
+      return i;
+  }
+  const std::uint32_t place = cuts.next;
+  cuts.next = (cuts.next + 1) % static_cast<std::uint32_t>(kMaxCutTracks);
+  cuts.count = std::min(cuts.count + 1, static_cast<std::uint32_t>(kMaxCutTracks));
+  cuts.tracks[place] = {};
+  return place;
+}
+
 // writes down what is cut or ruptured now and was not before
-void record(SimState& state, double end_m, bool wall_cuts) {
+void record(const SceneModel& model, SimState& state, double end_m, bool wall_cuts) {
   CutMemory& cuts = state.cuts;
-  const bool cut_new = wall_cuts && state.wall_m > end_m;
-  const bool ruptured_new = (state.membranes_ruptured & ~cuts.opened) != 0;
   if (cuts.own == kMaxCutTracks) {
+    const bool cut_new = wall_cuts && state.wall_m > end_m + kNewCut_m;
+    const bool ruptured_new = (state.membranes_ruptured & ~cuts.opened) != 0;
     if (!cut_new && !ruptured_new) return;
-    cuts.own = cuts.next;
-    cuts.next = (cuts.next + 1) % static_cast<std::uint32_t>(kMaxCutTracks);
-    cuts.count = std::min(cuts.count + 1, static_cast<std::uint32_t>(kMaxCutTracks));
-    cuts.tracks[cuts.own] = {state.p_entry_W_m, state.u_W, 0.0, 0};
+    cuts.own = placeOfTrack(cuts, state, model.stage_numbers[kCutOwn][kCutRadius_m]);
+    cuts.tracks[cuts.own].p_entry_W_m = state.p_entry_W_m;
+    cuts.tracks[cuts.own].u_W = state.u_W;
   }
   CutTrack& own = cuts.tracks[cuts.own];
   if (wall_cuts) own.length_m = std::max(own.length_m, state.wall_m);
-  own.membranes = state.membranes_ruptured;
+  own.membranes |= state.membranes_ruptured;
 }
 
 Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
@@ -187,7 +205,7 @@ Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
   const bool wall_cuts = model.cut_reach != nullptr && model.isLive(Effect::kCutting);
   const double end_m = wall_cuts ? endOfCut(model, state) : 0.0;
   if (wall_cuts) along_N += followCut(model, state, x_m, x_before_m, end_m, report);
-  record(state, end_m, wall_cuts);
+  record(model, state, end_m, wall_cuts);
   // "no wall" stays "no wall"
   if (!std::isnan(report.p_wall_W_m.x)) report.p_wall_W_m = pointAt(state, state.wall_m);
   return state.u_W * along_N;

@@ -185,6 +185,32 @@ TEST(CutMemory, aDeeperMembraneIsOpenOnlyWhereTheTrackWentThroughIt) {
   for (const StepReport& report : insertAgain(probe, 0.015)) ASSERT_EQ(report.puncture_N, 0.0);
 }
 
+TEST(CutMemory, aMembraneThatHoldsAndMeetsAHoleIsARelease) {
+  SceneSpec scene = oneLayer(2.0, 0, 0);
+  scene.layers[0].membrane = MembraneSpec{200, 0, 2};
+  scene.layers[0].friction_N_per_m = 30;
+  const auto model = std::make_unique<SceneModel>(
+      compiled(remembering(scene, kCut | kPierce | bitOf(Effect::kShaftFriction)), 1000));
+  const auto state = std::make_unique<SimState>();
+  StepReport report;
+  const auto stepTo = [&](double depth_m) {
+    step(*model, {{0, 0, -depth_m}, pointing({0, 0, -1})}, *state, report);
+    return report;
+  };
+  stepTo(-0.001);
+  for (int i = 1; i <= 200; ++i) stepTo(2e-5 * i);
+  ASSERT_NEAR(report.puncture_N, -0.8, 1e-9) << "it is tented by 4 mm";
+  // u turned, say, and now leads through an old hole
+  state->cuts.tracks[0] = {{0.0005, 0, 0}, {0, 0, -1}, 0.001, 1};
+  state->cuts.count = state->cuts.next = 1;
+  const StepReport open = stepTo(0.004);
+  EXPECT_EQ(open.puncture_N, 0.0);
+  EXPECT_TRUE(open.flags & kFlagRupture);
+  EXPECT_NEAR(open.cutting_N + open.friction_N, 0, 1e-9) << "nothing was cut or rubbed behind the membrane";
+  EXPECT_NEAR(norm(open.wrench_W.force_N), 0, 1e-9);
+  EXPECT_FALSE(stepTo(0.004).flags & kFlagRupture) << "once";
+}
+
 TEST(CutMemory, actsWithTheWallsOfATableToo) {
   for (const AxialModel model :
        {AxialModel::kTrackingWall, AxialModel::kStatistical, AxialModel::kPrecomputed}) {
@@ -239,6 +265,12 @@ TEST(CutMemory, goingInAndOutOfOneHoleTakesOnePlace) {
   probe.go(1050, 0.020);
   for (int i = 0; i < 40; ++i) insertAgain(probe, 0.019);
   EXPECT_EQ(probe.state().cuts.count, 1u);
+
+  // to the same depth again and again, where each stop lets the wall creep on: the track gets longer
+  EngineRun run(remembering(allEffects(), kPlacedEffects), 1000);
+  const Motion once = insertHoldWithdraw(1000, defaultSite(), {0, 0, -1}, {0, 0, -1}, 0.035, 0.03, 0.5);
+  for (int i = 0; i < 40; ++i) run.run(once);
+  EXPECT_EQ(run.state().cuts.count, 1u);
 }
 
 TEST(CutMemory, aTurnOfTheTrajectoryTakesTheTrackAlong) {
