@@ -14,7 +14,7 @@ namespace {
 
 constexpr EffectMask kCut = bitOf(Effect::kCutting), kPierce = bitOf(Effect::kPuncture),
                      kRemember = bitOf(Effect::kCutMemory);
-constexpr double kCutShare = 0.3, kCutRadius_m = 0.001, kWallStiffness_N_per_m = 500;
+constexpr double kCutShare = 0.307, kCutRadius_m = 0.001, kWallStiffness_N_per_m = 500;
 
 SceneSpec remembering(SceneSpec scene, EffectMask effects) {
   scene.effects = effects | kRemember;
@@ -52,6 +52,9 @@ TEST(CutMemory, cutsTheSameTrackForItsShareAndWholeTissueBehindItForTheWhole) {
     const double x = std::max(0.0, report.depth_m);
     const double stretch_m = std::min(std::max(std::min(x, kCutShare * 0.004), x - 0.016), 0.004);
     ASSERT_NEAR(report.cutting_N, -500 * stretch_m, 1e-9) << "at " << x;
+    if (report.layer >= 0) {
+      ASSERT_NEAR(report.p_wall_W_m.z, -(x - stretch_m), 1e-12) << "at " << x;
+    }
   }
   EXPECT_NEAR(insertAgain(probe, 0.020).back().cutting_N, -kCutShare * 2.0, 1e-9) << "now it is cut to 21 mm";
 }
@@ -100,29 +103,30 @@ TEST(CutMemory, isOneOfWidthNotOfDepth) {
 }
 
 TEST(CutMemory, aNeedleThatComesIntoAnOldCutFromTheSideIsReleasedOnce) {
-  SceneSpec scene = cutScene();
-  Probe probe(scene, 1000);
-  probe.at(-0.001);
-  probe.go(1300, 0.025);
-  probe.go(300, -0.001);
-  // 10 mm aside and tilted so that it meets the old cut 14 mm deep
-  const double slope = 0.010 / 0.014;
-  probe.tilt(std::atan(-slope));
-  probe.at(-0.001, 0.010 + 0.001 * slope);
-  int releases = 0;
-  double before_N = 0;
-  for (const StepReport& report : probe.go(1050, 0.020, 0.010 - 0.020 * slope)) {
-    const bool released = (report.flags & kFlagLayerChange) != 0;
-    if (!released) {
-      ASSERT_GE(before_N - report.cutting_N, -0.03) << "no step without a flag";
-    } else {
-      EXPECT_GT(report.cutting_N, before_N + 0.5);
+  // so steep that the old cut is narrower than what the wall would move: it stops at its other side
+  for (const double slope : {0.7, 1.5}) {
+    Probe probe(cutScene(), 1000);
+    probe.at(-0.001);
+    probe.go(1300, 0.025);
+    probe.go(300, -0.001);
+    // begins aside and meets the old cut 14 mm deep
+    probe.tilt(std::atan(-slope));
+    probe.at(-0.001, 0.015 * slope);
+    int releases = 0;
+    double before_N = 0;
+    for (const StepReport& report : probe.go(1050, 0.020, -0.006 * slope)) {
+      if ((report.flags & kFlagLayerChange) != 0) {
+        ++releases;
+        EXPECT_GT(report.cutting_N, before_N + 0.5);
+        EXPECT_LE(std::hypot(report.p_wall_W_m.x, report.p_wall_W_m.y), kCutRadius_m + 1e-9);
+      } else {
+        ASSERT_GE(before_N - report.cutting_N, -0.03) << "no step without a flag";
+      }
+      before_N = report.cutting_N;
     }
-    releases += released ? 1 : 0;
-    before_N = report.cutting_N;
+    EXPECT_EQ(releases, 1) << slope;
+    EXPECT_NEAR(probe.last().cutting_N, -2.0, 1e-9) << "on the other side the tissue is whole";
   }
-  EXPECT_EQ(releases, 1);
-  EXPECT_NEAR(probe.last().cutting_N, -2.0, 1e-9) << "on the other side the tissue is whole";
 }
 
 // Azar and Hayward 2008: what the second insertion at the same place costs less is the work of fracture.
@@ -208,7 +212,27 @@ TEST(CutMemory, aMembraneThatHoldsAndMeetsAHoleIsARelease) {
   EXPECT_TRUE(open.flags & kFlagRupture);
   EXPECT_NEAR(open.cutting_N + open.friction_N, 0, 1e-9) << "nothing was cut or rubbed behind the membrane";
   EXPECT_NEAR(norm(open.wrench_W.force_N), 0, 1e-9);
-  EXPECT_FALSE(stepTo(0.004).flags & kFlagRupture) << "once";
+  const StepReport after = stepTo(0.004);
+  EXPECT_FALSE(after.flags & kFlagRupture) << "once";
+  EXPECT_NEAR(norm(after.wrench_W.force_N), 0, 1e-9) << "both walls have followed the tip";
+}
+
+TEST(CutMemory, aRuptureBesideAnOldHoleMakesAHoleOfItsOwn) {
+  SceneSpec scene = oneLayer(0, 0, 0);
+  scene.layers[0].membrane = MembraneSpec{200, 0, 0.4};
+  Probe probe(remembering(scene, kPierce), 1000);
+  const auto mostAt = [&](double aside_m) {
+    probe.go(300, -0.001, aside_m);
+    double most_N = 0;
+    for (const StepReport& report : probe.go(500, 0.006, aside_m))
+      most_N = std::max(most_N, -report.puncture_N);
+    probe.go(300, -0.001, aside_m);
+    return most_N;
+  };
+  EXPECT_GT(mostAt(0), 0.38);
+  EXPECT_EQ(mostAt(0), 0);
+  EXPECT_GT(mostAt(0.004), 0.38);
+  EXPECT_EQ(mostAt(0.004), 0);
 }
 
 TEST(CutMemory, actsWithTheWallsOfATableToo) {
@@ -279,17 +303,41 @@ TEST(CutMemory, aTurnOfTheTrajectoryTakesTheTrackAlong) {
   scene = remembering(scene, kPlacedEffects);
   EngineRun run(scene, 1000);
   int turned = 0;
+  double length_before_m = 0, shift_before_m = 0;
   for (const TipSample& sample : randomGesture(7, 1000, defaultSite())) {
+    const bool was_own = run.state().inside && run.state().cuts.own != kMaxCutTracks;
+    if (was_own) length_before_m = run.state().cuts.tracks[run.state().cuts.own].length_m;
+    shift_before_m = run.state().x_shift_m;
     const StepReport report = run.step(sample);
     const CutMemory& cuts = run.state().cuts;
     if (report.layer < 0 || cuts.own == kMaxCutTracks) continue;
     const CutTrack& own = cuts.tracks[cuts.own];
+    if (was_own && (report.flags & kFlagEntry) == 0) {
+      ASSERT_NEAR(own.length_m,
+                  std::max(length_before_m + run.state().x_shift_m - shift_before_m, run.state().wall_m),
+                  1e-12);
+    }
     ASSERT_EQ(own.u_W, run.state().u_W);
     ASSERT_EQ(own.p_entry_W_m, run.state().p_entry_W_m);
     ASSERT_GE(own.length_m, run.state().wall_m - 1e-12);
     turned += (report.flags & kFlagTurn) != 0 ? 1 : 0;
   }
   EXPECT_GT(turned, 10);
+}
+
+TEST(CutMemory, aTurnWhileTheNeedleIsDrawnBackMovesTheEndOfTheCutAsAllLengths) {
+  SceneSpec scene = withClamping(allEffects(), ClampingMode::kPassive);
+  scene.virtual_fixture.max_force_N = 0.5;
+  Probe probe(remembering(scene, kPlacedEffects), 1000);
+  probe.at(-0.001);
+  probe.go(1000, 0.030);
+  probe.go(700, 0.015);
+  const double length_m = probe.state().cuts.tracks[0].length_m, shift_m = probe.state().x_shift_m;
+  ASSERT_GT(length_m, probe.state().wall_m + 0.005);
+  probe.go(500, 0.015, 0.012);
+  const double moved_m = probe.state().x_shift_m - shift_m;
+  ASSERT_GT(std::abs(moved_m), 1e-4) << "u has turned";
+  EXPECT_NEAR(probe.state().cuts.tracks[0].length_m, length_m + moved_m, 1e-12);
 }
 
 TEST(CutMemory, outlivesAnExitAndNotTheState) {
