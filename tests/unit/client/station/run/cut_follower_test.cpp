@@ -6,7 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "client/device/haptic_chain.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "tests/support/motions.h"
