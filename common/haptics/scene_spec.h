@@ -23,7 +23,8 @@ enum class Effect : std::uint8_t {
   kClamping,
   kOrientationLimit,
   kShaftFriction,
-  kPuncture
+  kPuncture,
+  kCutMemory
 };
 /// Always 0, but in tests/instructions: the engine compiled with some more effects, to count what they cost.
 #ifdef NEEDLELAB_DUMMY_EFFECTS
@@ -31,7 +32,7 @@ inline constexpr std::size_t kDummyEffectCount = NEEDLELAB_DUMMY_EFFECTS;
 #else
 inline constexpr std::size_t kDummyEffectCount = 0;
 #endif
-inline constexpr std::size_t kEffectCount = 6 + kDummyEffectCount;
+inline constexpr std::size_t kEffectCount = 7 + kDummyEffectCount;
 /// The number of effects with a fixed place within the tick; the others are stages: their forces are added at
 /// the end.
 inline constexpr std::size_t kPlacedEffectCount = 6;

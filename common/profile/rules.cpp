@@ -345,6 +345,10 @@ void warnAboutModel(const pb::Profile& profile, std::vector<std::string>& warnin
   if (!attracts && lists(profile, pb::Profile::ATTRACTED))
     warnings.push_back("effects: ATTRACTED is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
                        " has no attracted force");
+  const bool has_wall = attracts || model == pb::Profile::TRACKING_WALL || model == pb::Profile::STATISTICAL;
+  if (!has_wall && lists(profile, pb::Profile::CUT_MEMORY))
+    warnings.push_back("effects: CUT_MEMORY is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
+                       " has no wall that cuts: only membranes are remembered");
   const bool cuts = model != pb::Profile::PRECOMPUTED && model > pb::Profile::ENHANCED_TRACKING_WALL;
   if (cuts && !lists(profile, pb::Profile::CUTTING))
     warnings.push_back("effects: CUTTING is not listed, without it axial_model " +

@@ -27,6 +27,7 @@ export const kProfileShape = {
   virtual_fixture: { mode: 'text' },
   orientation_limit: {},
   shaft_friction: {},
+  cut_memory: {},
   direct: {},
   voigt: {},
   god_object: {},

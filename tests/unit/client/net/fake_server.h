@@ -66,6 +66,8 @@ class FakeServer : public LoopbackServer {
     return sessions_;
   }
   std::uint64_t liveFrames() { return live_frames_; }
+  /// Live frames with the memory of the cut.
+  std::uint64_t liveMemories() { return live_memories_; }
   std::uint64_t statusLines() { return status_lines_; }
   pb::StationStatus newestStatus() {
     const std::scoped_lock lock(status_mutex_);
@@ -177,6 +179,7 @@ class FakeServer : public LoopbackServer {
           envelope.clock_offset().round_trip_ns();
     } else if (envelope.has_live_frame()) {
       ++live_frames_;
+      if (!envelope.live_frame().cut_memory().empty()) ++live_memories_;
     } else if (envelope.has_station_status()) {
       const std::scoped_lock status_lock(status_mutex_);
       newest_status_ = envelope.station_status();
@@ -292,7 +295,7 @@ class FakeServer : public LoopbackServer {
   std::map<std::string, std::string> codes_;  // by trainee
   std::map<std::string, int> wrong_codes_;
   std::vector<std::string> given_codes_;
-  std::atomic<std::uint64_t> live_frames_{0}, status_lines_{0}, most_chunks_{0};
+  std::atomic<std::uint64_t> live_frames_{0}, live_memories_{0}, status_lines_{0}, most_chunks_{0};
   std::mutex status_mutex_;
   pb::StationStatus newest_status_;
 };
