@@ -67,9 +67,9 @@ struct FirstOrderSpec {
 
 /// The shaft's friction against the motion in one direction, per inserted length.
 struct ShaftFrictionSpec {
-  double kinetic_N_per_m = 0;     ///< [0, 1e4]
-  double static_N_per_m = 0;      ///< OKAMURA: at rest, from kinetic to 1e4
-  double viscous_Ns_per_m2 = 0;   ///< added to kinetic, per speed, [0, 1e5]
+  double kinetic_N_per_m = 0;    ///< [0, 1e4]
+  double static_N_per_m = 0;     ///< OKAMURA: at rest, from kinetic to 1e4
+  double viscous_Ns_per_m2 = 0;  ///< added to kinetic, per speed, [0, 1e5]
 };
 
 /// Parameters of one layer, for OKAMURA and DAHL.

@@ -94,7 +94,7 @@ class SceneModel {
   std::shared_ptr<const DepthTable> depth_table;  ///< PRECOMPUTED
   std::shared_ptr<const StatisticalTarget> statistical;  ///< STATISTICAL
 
-  std::shared_ptr<const FemNeedle> fem;            ///< FEM
+  std::shared_ptr<const FemNeedle> fem;             ///< FEM
   std::shared_ptr<const ShaftLimits> shaft_limits;  ///< OKAMURA, DAHL
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }

@@ -122,8 +122,12 @@ constexpr std::array<std::string_view, 4> kMayBeSynthetic = {"mean_n", "sd_n", "
                                                              "factors"};
 
 OkamuraSpec okamuraOf(const pb::Okamura& from) {
-  OkamuraSpec to{from.linear_n_per_m(), from.quadratic_n_per_m2(), from.puncture_force_n(),
-                 from.cutting_force_n(), {}, {}};
+  OkamuraSpec to{from.linear_n_per_m(),
+                 from.quadratic_n_per_m2(),
+                 from.puncture_force_n(),
+                 from.cutting_force_n(),
+                 {},
+                 {}};
   to.in.kinetic_N_per_m = from.kinetic_in_n_per_m();
   to.in.static_N_per_m = from.has_static_in_n_per_m() ? from.static_in_n_per_m() : from.kinetic_in_n_per_m();
   to.in.viscous_Ns_per_m2 = from.viscous_in_ns_per_m2();

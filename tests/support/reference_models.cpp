@@ -179,9 +179,10 @@ ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
   wall_ = std::min(std::max(wall_, x_c - cutting / K_t), x_c);
   out.cutting_N = -K_t * (x_c - wall_);
   const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
-  const double reach = integralOver(length, tick.slant,
-                                    [](const LayerSpec& layer) { return layer.first_order->friction_N_per_m; }) /
-                       K_f;
+  const double reach =
+      integralOver(length, tick.slant,
+                   [](const LayerSpec& layer) { return layer.first_order->friction_N_per_m; }) /
+      K_f;
   friction_wall_ = std::min(std::max(friction_wall_, x_c - reach), x_c + reach);
   out.friction_N = -K_f * (x_c - friction_wall_);
   return out;
@@ -198,8 +199,8 @@ double ReferenceModel::karnopp(const ModelTick& tick, double slid_m, double kine
   return kinetic_N + viscous_N_per_mps * speed + std::max(0.0, left);
 }
 
-// §3.6 OKAMURA, DAHL: in each layer a quadratic stiffness up to its puncture force; then constant cutting, and
-// friction of the length by a spring, whose length changes with the way against the tissue
+// §3.6 OKAMURA, DAHL: in each layer a quadratic stiffness up to its puncture force; then constant cutting,
+// and friction of the length by a spring, whose length changes with the way against the tissue
 ModelForce ReferenceModel::threeForces(const ModelTick& tick) {
   const auto openTo = [&](double x_m) {
     double x_c = x_m;

@@ -356,7 +356,8 @@ std::string findingOf(const SkillReport& report) {
   });
   const std::size_t half = report.options.trainees / 2;
   return fmt::format(
-      "{} of {} measures with a better end put {} simulated experts nearer to it than {} simulated novices; {} "
+      "{} of {} measures with a better end put {} simulated experts nearer to it than {} simulated novices; "
+      "{} "
       "put them further from it; with labels at random any separates in {:.1f} % of shuffles",
       count(Separation::kTowardsBetter), directed, half, half, count(Separation::kTowardsWorse),
       100 * report.shuffled_any_share);

@@ -17,7 +17,7 @@ struct SkillStudyOptions {
   /// 4-200, an even number: half of them are novices, half experts. With 12 no p can be below 2/924, which is
   /// above 0.05 once it is corrected for 37 measures.
   std::size_t trainees = 16;
-  std::size_t attempts = 4;   ///< of each at each exercise, 1-100
+  std::size_t attempts = 4;  ///< of each at each exercise, 1-100
   std::uint64_t seed = 1;
   std::size_t shuffles = 2000;
   std::size_t exercises = 6;  ///< the first so many of the course injection-steps, 1-6

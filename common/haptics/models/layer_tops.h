@@ -1,5 +1,5 @@
-/// What FIRST_ORDER, OKAMURA and DAHL share: every layer's top holds like a membrane until it is punctured, and
-/// while one holds, there is no cutting or friction beyond it (FORCE_MODEL.md, "Axial models").
+/// What FIRST_ORDER, OKAMURA and DAHL share: every layer's top holds like a membrane until it is punctured,
+/// and while one holds, there is no cutting or friction beyond it (FORCE_MODEL.md, "Axial models").
 #pragma once
 
 #include <algorithm>

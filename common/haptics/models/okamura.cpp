@@ -5,10 +5,10 @@
 /// element, with limits of each direction and a viscous term. FORCE_MODEL.md, "Axial models", has the rules.
 ///
 /// Both frictions are a spring K_f from the needle to a place w_f in the tissue, as shaft friction is: a
-/// device measures places, and the force that Karnopp's law needs at rest is what holds the spring. Every move
-/// of w_f shortens the spring, whatever the limits do, so the element can only take energy. Speeds are means
-/// over 100 ms; therefore the viscous part raises the limit and is no force of its own, which would push the
-/// hand on for 50 ms after it turned back.
+/// device measures places, and the force that Karnopp's law needs at rest is what holds the spring. Every
+/// move of w_f shortens the spring, whatever the limits do, so the element can only take energy. Speeds are
+/// means over 100 ms; therefore the viscous part raises the limit and is no force of its own, which would
+/// push the hand on for 50 ms after it turned back.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -210,9 +210,9 @@ void compileThreeForces(const SceneSpec& spec, SceneModel& model, double steepes
   model.membrane_count = model.layer_count;
   model.shaft_limits = std::move(limits);
   // while a top holds, x_c and both walls stand still
-  model.axial_stiffness_N_per_m = std::max(
-      steepest_N_per_m, spec.tracking_wall.stiffness_N_per_m +
-                            (rubs ? steepest_friction * spec.friction_stiffness_N_per_m : 0.0));
+  model.axial_stiffness_N_per_m =
+      std::max(steepest_N_per_m, spec.tracking_wall.stiffness_N_per_m +
+                                     (rubs ? steepest_friction * spec.friction_stiffness_N_per_m : 0.0));
 }
 
 EffectMask alwaysCutting(const SceneSpec&) {

@@ -98,7 +98,8 @@ TEST(OkamuraModel, sticksBelowTheSpeedOfRestAndSlipsAboveIt) {
   double before_N = probe.last().friction_N, before_m = depth_m;
   bool fell = false;
   for (const StepReport& r : moveTo(probe, depth_m, 0.05, 0.02)) {
-    EXPECT_LE(std::abs(r.friction_N - before_N), kSpring_N_per_m * (r.depth_m - before_m) + 1e-3) << r.depth_m;
+    EXPECT_LE(std::abs(r.friction_N - before_N), kSpring_N_per_m * (r.depth_m - before_m) + 1e-3)
+        << r.depth_m;
     fell = fell || r.friction_N > before_N + 1e-6;
     before_N = r.friction_N, before_m = r.depth_m;
   }
@@ -117,7 +118,8 @@ TEST(OkamuraModel, sticksBelowTheSpeedOfRestAndSlipsAboveIt) {
 }
 
 /// Back and forth between `low_m` and `low_m + way_m`, a second each way; the reports of the last cycle.
-std::vector<StepReport> lastCycle(const SceneSpec& scene, double rate_hz, double low_m, double way_m, int cycles) {
+std::vector<StepReport> lastCycle(const SceneSpec& scene, double rate_hz, double low_m, double way_m,
+                                  int cycles) {
   Probe probe(scene, rate_hz);
   probe.at(-0.001);
   const int stroke = static_cast<int>(rate_hz);
@@ -154,7 +156,8 @@ TEST(DahlModel, theLoopsAreaIsItsClosedForm) {
 TEST(DahlModel, followsItsDifferentialEquationWithUnequalLimits) {
   const ShaftFrictionSpec in{30, 30, 0}, out{12, 12, 0};
   const auto loop = lastCycle(rubbingSkin(AxialModel::kDahl, in, out), 1000, 0.02, 0.008, 2);
-  // dF/dx = σ (1 − sign(dx) F/limit), by steps of a hundredth of a tick; while F falls the limit is of F's own side
+  // dF/dx = σ (1 − sign(dx) F/limit), by steps of a hundredth of a tick; while F falls the limit is of F's
+  // own side
   double force_N = -loop.front().friction_N, worst_N = 0;
   for (std::size_t i = 1; i < loop.size(); ++i) {
     const double dx_m = (loop[i].depth_m - loop[i - 1].depth_m) / 100;

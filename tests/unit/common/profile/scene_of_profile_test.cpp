@@ -288,7 +288,8 @@ TEST(ModelSections, fieldsWithADefaultMayBeLeftOut) {
   EXPECT_EQ(scene.statistical.correlation_length_m, 3e-3);
   EXPECT_EQ(scene.statistical.mean_factor, 1);
   text = kGoodModels;
-  for (const char* name : {"static_in_n_per_m", "static_out_n_per_m", "viscous_in_ns_per_m2", "viscous_out_ns_per_m2"})
+  for (const char* name :
+       {"static_in_n_per_m", "static_out_n_per_m", "viscous_in_ns_per_m2", "viscous_out_ns_per_m2"})
     text = mutated(text, std::string("/layers/0/okamura/") + name, "");
   scene = *sceneSpecOf(*parseProfile(text, "p"));
   EXPECT_EQ(scene.layers[0].okamura->in.static_N_per_m, 12) << "no stronger than kinetic friction";

@@ -10,8 +10,8 @@
 namespace needlelab {
 namespace {
 
-/// Strokes of 20 mm in 2 s each, `rest_s` before, between and after them, 5 mm deep at first; `shake_m` at 2 Hz in
-/// the movement.
+/// Strokes of 20 mm in 2 s each, `rest_s` before, between and after them, 5 mm deep at first; `shake_m` at 2
+/// Hz in the movement.
 double sparcOfStrokes(int strokes, double rest_s, double shake_m = 0) {
   const double stroke_s = 2, each_s = stroke_s + rest_s;
   const auto samples = gesture(1000, strokes * each_s + rest_s, [&](double t, GestureSample& s) {

@@ -104,9 +104,10 @@ TEST(SkillStudy, theFindingCountsOnlyMeasuresThatSeparateTowardsTheirBetterEnd) 
   EXPECT_EQ(report.rows[3].separation(), Separation::kTowardsWorse);
   EXPECT_EQ(report.rows[4].separation(), Separation::kNoBetterEnd);
   EXPECT_EQ(report.rows[5].separation(), Separation::kNone) << "0.001 by itself, but one of six";
-  EXPECT_EQ(findingOf(report),
-            "2 of 5 measures with a better end put 8 simulated experts nearer to it than 8 simulated novices; 2 "
-            "put them further from it; with labels at random any separates in 4.1 % of shuffles");
+  EXPECT_EQ(
+      findingOf(report),
+      "2 of 5 measures with a better end put 8 simulated experts nearer to it than 8 simulated novices; 2 "
+      "put them further from it; with labels at random any separates in 4.1 % of shuffles");
 }
 
 TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
