@@ -55,6 +55,7 @@ double chordStep(const Run& run, std::size_t i, const F& quantity) {
 /// Steps [first, end) of a run.
 struct Stretch {
   std::size_t first = 0, end = 0;
+  double way = 0;  ///< in it, m or rad; only of movements
 };
 
 /// The movements of a run, in order. Each reaches from the step in which the speed last rose above
@@ -64,10 +65,10 @@ std::vector<Stretch> movementsOf(const Run& run, const ActionLimits& limits, con
   std::vector<Stretch> movements;
   Stretch now;
   std::size_t rise = 0;
-  double way = 0, slow_s = 0;
+  double slow_s = 0;
   bool moving = false;
   const auto finish = [&] {
-    if (moving && way >= limits.least) movements.push_back(now);
+    if (moving && now.way >= limits.least) movements.push_back(now);
     moving = false;
   };
   for (std::size_t i = 0; i < run.inside.size(); ++i) {
@@ -76,10 +77,10 @@ std::vector<Stretch> movementsOf(const Run& run, const ActionLimits& limits, con
     if (!moving && speed > limits.begin_per_s) {
       moving = true;
       now.first = rise;
-      way = slow_s = 0;
+      now.way = slow_s = 0;
     }
     if (moving) {
-      way += step;
+      now.way += step;
       slow_s = slow ? slow_s + run.period_s : 0;
       if (!slow) now.end = i + 1;
       if (slow_s >= kActionPause_s * (1 - 1e-9)) finish();
@@ -123,20 +124,21 @@ RunStretch firstEntryToLastExit(const Gesture& gesture) {
     const double length_s = static_cast<double>(end - begin) * run.period_s;
     if (best.run == nullptr || (in_tissue && !best.in_tissue) ||
         (in_tissue == best.in_tissue && length_s > longest_s)) {
-      best = {&run, {begin, end}, in_tissue};
+      best = {&run, {begin, end, 0}, in_tissue};
       longest_s = length_s;
     }
   }
   return best;
 }
 
-/// The mean SPARC of the tip's movements that reach into tissue, all of them where none does. SPARC tells
-/// apart one movement from another; over several with rests between it mostly counts the rests
-/// (Balasubramanian et al. 2015, "On the analysis of movement smoothness"). A gesture so slow that it has no
-/// movement is one: `whole`. At most `kLongestProfile` points are taken, the first.
+/// The mean SPARC of the tip's movements that reach into tissue, all of them where none does, each by its
+/// way: a correction that is just long enough to be a movement changes little. SPARC tells apart one movement
+/// from another; over several with rests between it mostly counts the rests (Balasubramanian et al. 2015, "On
+/// the analysis of movement smoothness"). A gesture so slow that it has no movement is one: `whole`. At most
+/// `kLongestProfile` points are taken, the first.
 std::optional<double> sparcOfMovements(const Gesture& gesture, const RunStretch& whole) {
-  double sum = 0;
-  std::size_t count = 0, points = 0;
+  double sum = 0, way_m = 0;
+  std::size_t points = 0;
   for (const Run& run : gesture.runs) {
     for (const Stretch& movement : tipMovementsOf(run)) {
       const auto first = run.inside.begin() + static_cast<std::ptrdiff_t>(movement.first);
@@ -146,11 +148,11 @@ std::optional<double> sparcOfMovements(const Gesture& gesture, const RunStretch&
       if (points > kLongestProfile) break;
       const auto value = sparc(speedsOf(run, movement), 1 / run.period_s);
       if (!value) continue;
-      sum += *value;
-      ++count;
+      sum += *value * movement.way;
+      way_m += movement.way;
     }
   }
-  if (count > 0) return sum / static_cast<double>(count);
+  if (way_m > 0) return sum / way_m;
   return sparc(speedsOf(*whole.run, whole.stretch), 1 / whole.run->period_s);
 }
 
@@ -163,7 +165,8 @@ std::optional<double> sparcOfMovements(const Gesture& gesture, const RunStretch&
 ///   track.
 /// - `tissue_damage_m2`: area swept by the shaft inside tissue; straight in and out sweeps none.
 /// - `sparc`: of the tip's speed (track.h) in each movement, as `translational_actions` counts them; their
-///   mean. `ldlj`: of the tip's speed from the first entry to the last exit, rests included.
+///   mean, weighted by their ways. `ldlj`: of the tip's speed from the first entry to the last exit, rests
+///   included.
 void addMotion(const Gesture& gesture, Rows& rows) {
   double path_m = 0, path_in_m = 0, time_s = 0, time_in_s = 0, peak_mps = 0, area_m2 = 0;
   for (const Run& run : gesture.runs) {

@@ -244,7 +244,7 @@ def ldlj(speed, rate_hz):
 
 def movements(steps, period_s, begin, end, least):
     """Stretches of `least` or more that begin above one speed and end when it stays below another for 0.1 s: of each the
-    steps from where the speed last rose above the lower one to where it was last above it."""
+    steps from where the speed last rose above the lower one to where it was last above it, and its way."""
     found, way, slow, moving = [], 0.0, 0, False
     patience = math.ceil(0.1 / period_s * (1 - 1e-9))
     rise = first = last = 0
@@ -259,10 +259,10 @@ def movements(steps, period_s, begin, end, least):
             if slow >= patience:
                 moving = False
                 if way >= least:
-                    found.append((first, last))
+                    found.append((first, last, way))
         if speed < end:
             rise = i + 1
-    return found + ([(first, last)] if moving and way >= least else [])
+    return found + ([(first, last, way)] if moving and way >= least else [])
 
 
 def chords(values, count):
@@ -376,13 +376,16 @@ def motion(g, runs, result):
         rank = (bool(within), (span[1] - span[0]) * r.period_s)
         if longest is None or rank > longest[0]:
             longest = (rank, r.speed[span[0]:span[1] + 1], r.period_s)
-    # of each movement of the tip that reaches into tissue (of all where none does); of the whole where there is no movement
+    # of each movement of the tip that reaches into tissue (of all where none does), by its way; of the whole where there is none
     arcs = []
     for r in runs:
-        for first, last in movements(chords(r.tip, len(r.steps)), r.period_s, *TIP_MOVES):
+        for first, last, way in movements(chords(r.tip, len(r.steps)), r.period_s, *TIP_MOVES):
             if not longest[0][0] or any(share > 0 for share in r.inside[first:last + 1]):
-                arcs.append(sparc(r.speed[first:last + 2], 1 / r.period_s))
-    result["sparc"] = sum(arcs) / len(arcs) if arcs else sparc(longest[1], 1 / longest[2])
+                arcs.append((sparc(r.speed[first:last + 2], 1 / r.period_s), way))
+    if arcs:
+        result["sparc"] = sum(arc * way for arc, way in arcs) / sum(way for _, way in arcs)
+    else:
+        result["sparc"] = sparc(longest[1], 1 / longest[2])
     result["ldlj"] = ldlj(longest[1], 1 / longest[2])
     result["translational_actions"] = sum(len(movements(chords(r.tip, len(r.steps)), r.period_s, *TIP_MOVES)) for r in runs)
     result["rotational_actions"] = sum(len(movements(chords(r.axis, len(r.steps)), r.period_s, 0.1, 0.05, 0.05)) for r in runs)

@@ -22,7 +22,7 @@ set ytics mirror in scale 1 textcolor rgb 'black'
 # finding and caution in three lines; the finding parts at its semicolon
 at = strstrt(finding, '; ')
 set title (at > 0 ? finding[1:at]."\n".finding[at + 2:*] : finding)."\n{/DejaVuSans=10 Simulated hands: a check of the machinery, no evidence about people}" font 'DejaVu Sans Bold,12'
-set xlabel "Hedges' g of experts against novices, {/:Bold to the right: experts nearer to the measure's better end} (95 % bootstrap interval, cut at the edge)" font 'DejaVu Sans,11' offset 0,0.5
+set xlabel "Hedges' g of experts against novices, towards the better end; 95 % bootstrap interval (cut at the edge)" font 'DejaVu Sans,11' offset 0,0.5
 set xtics font 'DejaVu Sans,10'
 set xrange [-most:most]
 set yrange [0:rows + 2]
@@ -34,11 +34,11 @@ set arrow 1 from 0, graph 0 to 0, graph 1 nohead lc rgb '#7d8790'
 set object 1 rectangle from first -most, graph 0 to first 0, graph 1 behind fc rgb '#f7efe9' fs solid noborder
 set label 1 '← experts worse' at graph 0.01, graph 0.985 font 'DejaVu Sans,10' textcolor rgb safe_colour[2]
 set label 2 'experts better →' at graph 0.99, graph 0.985 right font 'DejaVu Sans,10' textcolor rgb safe_colour[1]
-set key nobox noopaque below center horizontal font 'DejaVu Sans,10'
+set key nobox noopaque below center horizontal maxcols 2 font 'DejaVu Sans,10'
 set bmargin 5
 array mark[4] = [6, 7, 9, 5]
 array colour[4] = ['#7d8790', safe_colour[1], safe_colour[2], safe_colour[3]]
-array name[4] = ['does not separate', 'separates, towards the better end', 'separates, the other way', 'separates; neither end is better, right is more']
+array name[4] = ['does not separate', 'separates: experts better', 'separates: experts worse', 'separates, no better end (right: more)']
 of(k) = int(k) + 1
 plot csv using (0):1:ytic(6) skip 1 with points pt 7 ps 0 notitle, \
      for [k in '1 2 3 0'] csv using ($5 == int(k) ? held($2) : NaN):1:(held($3)):(held($4)) skip 1 with xerrorbars \

@@ -289,7 +289,7 @@ class SkillStudy {
 }  // namespace
 
 double rateTolerance(const std::string& measure, const std::string& unit) {
-  if (unit == "s") return 5e-3;
+  if (unit == "s") return 8e-3;
   if (unit == "m") return 2e-4;
   if (unit == "m^2") return 5e-6;
   if (unit == "N") return 0.1;
@@ -356,9 +356,9 @@ std::string findingOf(const SkillReport& report) {
   });
   const std::size_t half = report.options.trainees / 2;
   return fmt::format(
-      "{} of {} measures with a better end put {} simulated experts nearer to it than {} simulated novices; "
-      "{} "
-      "put them further from it; with labels at random any separates in {:.1f} % of shuffles",
+      "{} of {} measures find {} simulated experts better than {} simulated novices; {} find them worse; "
+      "with labels "
+      "at random any does either in {:.1f} % of shuffles",
       count(Separation::kTowardsBetter), directed, half, half, count(Separation::kTowardsWorse),
       100 * report.shuffled_any_share);
 }

@@ -59,7 +59,7 @@ struct SkillRow {
 };
 
 /// How far a measure of the same movement may be off between 500 Hz and 2 kHz, in its unit. Set by hand,
-/// below the usual steps of a requirement: 5 ms, 0.2 mm, 5 mm², 0.1 N (a peak may fall between two ticks), 2
+/// below the usual steps of a requirement: 8 ms, 0.2 mm, 5 mm², 0.1 N (a peak may fall between two ticks), 2
 /// mm/s, 5 µJ, 0.5 % of a share, 0.5 of SPARC and of LDLJ (sums over a spectrum, and a logarithm); counts
 /// must be the same.
 double rateTolerance(const std::string& measure, const std::string& unit);
@@ -84,7 +84,8 @@ Result<SkillReport> runSkillStudy(const SkillStudyOptions& options,
                                   const std::function<void(std::size_t, std::size_t)>& progress = {});
 
 /// The finding in one sentence, and the caution that goes with it. It counts the measures that separate
-/// towards their better end, and names the number of those that separate the other way.
+/// towards their better end ("find them better", of those that have one) and, apart, those that separate the
+/// other way.
 std::string findingOf(const SkillReport& report);
 extern const char* const kSkillCaution;
 

@@ -67,9 +67,8 @@ TEST(SkillCommand, aRowsNumbersFollowFromItsMeansAndSpreads) {
       std::count_if(rows.begin(), rows.end(), [](const auto& row) { return row.at("better") != "neither"; });
   EXPECT_EQ(json.at("finding"),
             "0 of " + std::to_string(directed) +
-                " measures with a better end put 2 simulated experts nearer to it than 2 "
-                "simulated novices; 0 put them further from it; with labels at random any "
-                "separates in 0.0 % of shuffles");
+                " measures find 2 simulated experts better than 2 simulated novices; 0 find "
+                "them worse; with labels at random any does either in 0.0 % of shuffles");
   EXPECT_EQ(json.at("separate_the_other_way").size() + json.at("separate_without_a_better_end").size(), 0u);
   EXPECT_THAT(json.at("caution").get<std::string>(), HasSubstr("no evidence about people"));
   std::vector<double> levels;

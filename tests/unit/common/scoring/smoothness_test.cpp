@@ -50,21 +50,31 @@ TEST(Sparc, aStrokeInPiecesIsLessSmooth) {
   EXPECT_LT(sparcOfStrokes(1, 1, 1e-3), sparcOfStrokes(1, 1) - 0.1);
 }
 
-TEST(Sparc, isTheMeanOfTheMovements) {
-  const auto of = [](double first_m, double second_m) {
-    const auto samples = gesture(1000, 7, [&](double t, GestureSample& s) {
-      const auto stroke = [](double since_s, double shake_m) {
+TEST(Sparc, isTheMeanOfTheMovementsByTheirWays) {
+  struct Stroke {
+    double way_m, shake_m;  // in 2 s, at 2 Hz; it never turns back
+  };
+  const auto of = [](const std::vector<Stroke>& strokes) {
+    const double duration_s = 1 + 3 * static_cast<double>(strokes.size());
+    const auto samples = gesture(1000, duration_s, [&](double t, GestureSample& s) {
+      double depth_m = 0.005, start_s = 1;
+      for (const Stroke& stroke : strokes) {
+        const double since_s = t - start_s;
         const double bell = since_s > 0 && since_s < 2 ? std::sin(std::numbers::pi * since_s / 2) : 0.0;
-        return 0.01 * ease(since_s, 2) + shake_m * std::sin(4 * std::numbers::pi * since_s) * bell * bell;
-      };
-      setDepth(s, 0.005 + stroke(t - 1, first_m) + stroke(t - 4, second_m));
+        depth_m += stroke.way_m * ease(since_s, 2) +
+                   stroke.shake_m * std::sin(4 * std::numbers::pi * since_s) * bell * bell;
+        start_s += 3;
+      }
+      setDepth(s, depth_m);
     });
     return valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "sparc");
   };
-  const double smooth = of(0, 0), rough = of(1e-3, 1e-3);
-  EXPECT_LT(rough, smooth - 0.1);
-  EXPECT_NEAR(of(0, 1e-3), (smooth + rough) / 2, 0.01 * std::abs(rough));
-  EXPECT_NEAR(of(1e-3, 0), (smooth + rough) / 2, 0.01 * std::abs(rough));
+  const Stroke smooth{0.01, 0}, rough{0.02, 7e-4};
+  const double smooth_alone = of({smooth}), rough_alone = of({rough});
+  EXPECT_LT(rough_alone, smooth_alone - 0.02);
+  const double mean = (smooth_alone + 2 * rough_alone) / 3;
+  EXPECT_NEAR(of({smooth, rough}), mean, 0.1 * (smooth_alone - rough_alone));
+  EXPECT_NEAR(of({rough, smooth}), mean, 0.1 * (smooth_alone - rough_alone));
 }
 
 TEST(Sparc, movementsOutsideCountOnlyWhereNoneReachesIntoTissue) {

@@ -76,7 +76,7 @@ TEST(SkillStudy, shuffledLabelsSeparateInFivePercentAtMostForSeveralSeeds) {
     // 2,000 shuffles have a spread of half a percent
     const double most = 0.05 + 4 * std::sqrt(0.05 * 0.95 / 2000);
     EXPECT_LE(report->shuffled_any_share, most) << "any of them, seed " << options.seed;
-    EXPECT_LE(report->shuffled_mean_share, 0.05) << "seed " << options.seed;
+    EXPECT_LE(report->shuffled_mean_share, most) << "seed " << options.seed;
     // each measure by itself, uncorrected
     for (const SkillRow& r : report->rows)
       EXPECT_LE(r.shuffled_share, most) << r.measure << ", seed " << options.seed;
@@ -106,8 +106,8 @@ TEST(SkillStudy, theFindingCountsOnlyMeasuresThatSeparateTowardsTheirBetterEnd) 
   EXPECT_EQ(report.rows[5].separation(), Separation::kNone) << "0.001 by itself, but one of six";
   EXPECT_EQ(
       findingOf(report),
-      "2 of 5 measures with a better end put 8 simulated experts nearer to it than 8 simulated novices; 2 "
-      "put them further from it; with labels at random any separates in 4.1 % of shuffles");
+      "2 of 5 measures find 8 simulated experts better than 8 simulated novices; 2 find them worse; with "
+      "labels at random any does either in 4.1 % of shuffles");
 }
 
 TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
@@ -119,8 +119,9 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
   EXPECT_EQ(report->gestures, options.trainees * report->exercises.size() * options.attempts);
   EXPECT_EQ(report->faults, 0u);
   EXPECT_TRUE(report->exact_test);
-  EXPECT_LE(report->shuffled_mean_share, 0.05);
-  EXPECT_LE(report->shuffled_any_share, 0.07);
+  const double most = 0.05 + 4 * std::sqrt(0.05 * 0.95 / 2000);
+  EXPECT_LE(report->shuffled_mean_share, most);
+  EXPECT_LE(report->shuffled_any_share, most);
   const auto row = [&](const std::string& name) {
     const auto found = std::find_if(report->rows.begin(), report->rows.end(),
                                     [&](const SkillRow& r) { return r.measure == name; });
@@ -134,10 +135,15 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
   }
   EXPECT_LT(row("target_nearest_m").hedges_g, 0);
   EXPECT_GT(row("ldlj").hedges_g, 0);
-  // the same gesture at 500 Hz and 2 kHz scores the same, each measure within its tolerance
+  // The same gesture at 500 Hz and 2 kHz scores the same, each measure within its tolerance. A pause that
+  // ends a movement at one rate and is just too short at the other makes two of one, for SPARC, too: at most
+  // once here.
   EXPECT_EQ(report->rate_gestures, options.trainees);
+  const double miscounted = row("translational_actions").rate_difference;
+  EXPECT_LE(miscounted, test::longForm() ? 1 : 0);
   for (const SkillRow& r : report->rows) {
-    EXPECT_LE(r.rate_difference, r.rate_tolerance) << r.measure;
+    if (miscounted == 0 || (r.measure != "sparc" && r.measure != "translational_actions"))
+      EXPECT_LE(r.rate_difference, r.rate_tolerance) << r.measure;
     EXPECT_EQ(r.rate_tolerance, rateTolerance(r.measure, r.unit));
   }
   EXPECT_EQ(rateTolerance("entries", ""), 0) << "counts are the same";
