@@ -26,7 +26,7 @@ std::vector<StabilityCase> scanCases() {
        overLimitBounded},
       {"free_hand_release", "a needle that the hand lets go is not thrown out", true, false, freeHandRelease},
       {"skin_flutter", "trembling through the skin gives the hand no energy", true, false, skinFlutter},
-      {"friction_reversal", "shaft friction turns round without chatter", false, false, frictionReversal},
+      {"friction_reversal", "shaft friction turns round without chatter", true, false, frictionReversal},
       {"late_and_missing_ticks", "ticks that come late or not at all do not shake the hold", true, false,
        lateAndMissingTicks},
   };

@@ -29,6 +29,7 @@ inline constexpr double kSyntheticSdShare = 0.1;
 /// - OKAMURA, DAHL: cutting, puncture force and kinetic friction as FIRST_ORDER; linear and quadratic
 ///   stiffness of the membrane, or K_t and 0; static friction 1.55 times kinetic in and 1.75 times out,
 ///   viscous 24.5 and 20.1 s/m times kinetic: the ratios of bovine liver (Okamura, Simone and O'Leary 2004).
+///   Of a scene that lists neither SHAFT_FRICTION nor PUNCTURE both give the forces of FIRST_ORDER.
 /// - FEM: E from the lateral stiffness per length k' of a rigid needle, k' = 8πG (1 − ν)/((3 − 4ν) ln(R/r)),
 ///   the leading term of a rigid disc moved in plane strain (Baguelin, Frank and Said 1977) with R/r = 100:
 ///   E = 1.16 k' at ν = 0.45; 10 kPa where k' is 0. Cutting and friction as for FIRST_ORDER, SHAFT_FRICTION
