@@ -12,6 +12,7 @@ namespace needlelab {
 
 struct DepthTable;
 struct FemNeedle;
+struct ShaftLimits;
 struct SimState;
 class StatisticalTarget;
 struct StepReport;
@@ -98,8 +99,9 @@ class SceneModel {
   std::shared_ptr<const DepthTable> depth_table;  ///< PRECOMPUTED
   std::shared_ptr<const StatisticalTarget> statistical;  ///< STATISTICAL
 
-  std::shared_ptr<const FemNeedle> fem;  ///< FEM
-  CutReach cut_reach = nullptr;          ///< null: the model has no wall that cuts
+  std::shared_ptr<const FemNeedle> fem;             ///< FEM
+  std::shared_ptr<const ShaftLimits> shaft_limits;  ///< OKAMURA, DAHL
+  CutReach cut_reach = nullptr;                     ///< null: the model has no wall that cuts
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +

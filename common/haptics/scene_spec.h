@@ -86,6 +86,7 @@ struct LayerSpec {
   double friction_N_per_m = 0;            ///< shaft friction per inserted length, [0, 1e4]
   std::optional<MembraneSpec> membrane;
   std::optional<FirstOrderSpec> first_order;  ///< required in every layer if the model is FIRST_ORDER
+  std::optional<OkamuraSpec> okamura;         ///< required in every layer if the model is OKAMURA or DAHL
 };
 
 enum class StopMode : std::uint8_t { kRamp, kExponential };

@@ -98,6 +98,8 @@ std::uint64_t hashOf(const SimState& state) {
     hash.add(std::uint64_t{i});
     for (const double d : state.stage[i]) hash.add(d);
   }
+  // a scene of another model has the same hash as before OKAMURA existed
+  if (state.slid_m != 0.0) hash.add(state.slid_m);
   const NeedleState& needle = state.needle;
   if (needle.stations == 0) return hash.value();
   for (const double d : {needle.x_m, needle.cut_m, needle.gap_m, needle.tip_N, needle.tip_most_N})

@@ -121,6 +121,7 @@ struct SimState {
       0;                       ///< GOD_OBJECT: the layer of that top, or of the top that the tip passed last
   std::uint32_t tops_met = 0;  ///< GOD_OBJECT: number of layer tops that the tip has crossed
   std::array<double, kMaxLayers> top_place_m;  ///< position along u, less `x_shift_m`
+  double slid_m = 0;  ///< OKAMURA: way against the tissue since the needle last stuck; 0 while it sticks
 
   // stages, by `stageOf`: 0 at entry
   std::array<StageNumbers, kMaxStages> stage{};

@@ -256,7 +256,8 @@ std::string noticeableSteps(const std::vector<CaseRow>& rows) {
 
 std::string_view shortName(AxialModel model) {
   static constexpr std::array<std::string_view, kAxialModelCount> kNames = {
-      "wall", "wall 2018", "direct", "Voigt", "god object", "first order", "statistical", "table", "FEM"};
+      "wall",        "wall 2018", "direct", "Voigt",   "god object", "first order",
+      "statistical", "table",     "FEM",    "Okamura", "Dahl"};
   return kNames[static_cast<std::size_t>(model)];
 }
 

@@ -83,8 +83,8 @@ inline constexpr double kMaxProfileStiffness_N_per_m = 10'000;  ///< of a profil
 
 /// What "K" is: K_t of the tracking wall and of the models that it renders (STATISTICAL, and PRECOMPUTED,
 /// where the table rises with K_t too), the section's stiffness of DIRECT, VOIGT and GOD_OBJECT, the
-/// stiffness up to puncture of FIRST_ORDER: all by likeForLike from K_t. FEM has no such number: its E and
-/// its compliance are scaled until a nudge feels K.
+/// stiffness up to puncture of FIRST_ORDER, OKAMURA and DAHL: all by likeForLike from K_t. FEM has no such
+/// number: its E and its compliance are scaled until a nudge feels K.
 class ScannedModel {
  public:
   /// `scene` is the wall's. For FEM the constructor solves the mesh and measures the felt stiffness by nudges

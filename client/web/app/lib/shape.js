@@ -22,7 +22,7 @@ export const kProfileShape = {
     sphere: { center_m: kVector, radius_m: 'length' },
     capsule: { a_m: kVector, b_m: kVector, radius_m: 'length' },
   },
-  layers: [{ tissue: 'text', name: 'text', thickness_m: 'length', puncture: {}, first_order: {} }],
+  layers: [{ tissue: 'text', name: 'text', thickness_m: 'length', puncture: {}, first_order: {}, okamura: {} }],
   tracking_wall: { stop_mode: 'text' },
   virtual_fixture: { mode: 'text' },
   orientation_limit: {},
