@@ -53,6 +53,7 @@ Json jsonOf(const AccuracyRow& row) {
       {"rms_error_m", orNull(row.rms_error_m)},
       {"latency_p99_ms", orNull(row.latency_p99_ms)},
       {"bytes_per_s", orNull(row.bytes_per_s)},
+      {"parameters", orNull(row.parameters)},
       {"uncertainty", row.uncertainty},
       {"cannot_show", row.cannot_show},
   };
