@@ -301,9 +301,10 @@ CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most
 CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
   made.model = AxialModel::kPrecomputed;
-  const auto whole = static_cast<std::size_t>(std::floor(fit_on.back().at / kTableStep_m)) + 1;
+  const double deepest_m = std::max(fit_on.back().at, kTableStep_m);
+  const auto whole = static_cast<std::size_t>(std::floor(deepest_m / kTableStep_m)) + 1;
   const std::size_t rows = std::min(whole, most_numbers);
-  const double step_m = rows < whole ? fit_on.back().at / static_cast<double>(rows - 1) : kTableStep_m;
+  const double step_m = rows < whole ? deepest_m / static_cast<double>(rows - 1) : kTableStep_m;
   made.variant = fmt::format("table of {} rows, {:.3g} mm apart", rows, step_m * 1e3);
   for (std::size_t i = 0; i < rows; ++i)
     made.parameters.push_back(

@@ -64,9 +64,9 @@ struct AccuracyRow {
   std::optional<double> latency_p99_ms;
   std::optional<double> bytes_per_s;  ///< on the wire, framing and TLS included
   std::optional<double> parameters;   ///< numbers that were fitted to data of the reference
-  bool advises = true;  ///< false: shown, but no choice follows from it (fitted to what it is judged by)
-  std::string uncertainty;            ///< a text with numbers; never empty
-  std::string cannot_show;            ///< limits of this row's evidence; never empty
+  bool advises = true;      ///< false: shown, but no choice follows from it (fitted to what it is judged by)
+  std::string uncertainty;  ///< a text with numbers; never empty
+  std::string cannot_show;  ///< limits of this row's evidence; never empty
 };
 
 using AccuracyRows = std::vector<AccuracyRow>;
