@@ -241,9 +241,8 @@ AccuracyRow alternateRow(const char* reference, const CurveFit& a, const CurveFi
   const std::string time = addRun(a, curve.depth_m.back(), row);
   row.uncertainty = fmt::format(
       "{} and {} numbers; {} bins of 0.25 mm held out; error on the fitted halves {:.3f} and {:.3f} N, on "
-      "the "
-      "held-out ones {:.3f} and {:.3f} N; rows scatter {:.2f} N (rms) about their bin's mean, nearly all of "
-      "it in the falls at ruptures",
+      "the held-out ones {:.3f} and {:.3f} N; rows scatter {:.2f} N (rms) about their bin's mean, nearly all "
+      "of it in the falls at ruptures",
       a.parameters, b.parameters, a.held_out.bins + b.held_out.bins, a.fitted.rms, b.fitted.rms,
       a.held_out.rms, b.held_out.rms, std::max(a.held_out.floor, b.held_out.floor));
   row.uncertainty += time;
@@ -305,8 +304,7 @@ Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const De
   row.uncertainty = fmt::format(
       "error of one insertion, mean of {} per half; the mean of all insertions is off by {:.3f} and {:.3f} "
       "N; {:.0f} % and {:.0f} % of the rows held out after the contact lie within the 95 % band, over {} "
-      "blocks "
-      "of 0.5 mm: {}; ",
+      "blocks of 0.5 mm: {}; ",
       insertions, checks[0].held_out_of_mean.rms, checks[1].held_out_of_mean.rms, 100 * checks[0].in_band,
       100 * checks[1].in_band, checks[0].blocks + checks[1].blocks, verdict.text);
   row.uncertainty += addTickTime(*model, run->gesture, row);

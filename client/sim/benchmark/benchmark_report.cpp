@@ -27,12 +27,12 @@ std::string number(const std::optional<double>& value, const char* format = "{:.
   return value && std::isfinite(*value) ? fmt::format(fmt::runtime(format), *value) : std::string();
 }
 
-struct Column {
+struct ReportColumn {
   const char* title;
   std::string (*cell)(const BenchmarkRow&);
   bool left = false;
 };
-constexpr std::array<Column, 13> kColumns = {{
+constexpr std::array<ReportColumn, 13> kReportColumns = {{
     {"model", [](const BenchmarkRow& r) { return r.model; }, true},
     {"numbers", [](const BenchmarkRow& r) { return fmt::format("{}", r.parameters); }},
     {"error [N]", [](const BenchmarkRow& r) { return number(r.error_N); }},
@@ -56,7 +56,7 @@ constexpr std::array<Column, 13> kColumns = {{
 
 std::string tableOf(const std::vector<BenchmarkRow>& rows) {
   std::vector<std::string> lines(rows.size() + 1);
-  for (const Column& column : kColumns) {
+  for (const ReportColumn& column : kReportColumns) {
     std::vector<std::string> cells = {column.title};
     for (const BenchmarkRow& row : rows) cells.push_back(column.cell(row));
     if (std::all_of(cells.begin() + 1, cells.end(), [](const std::string& cell) { return cell.empty(); }))

@@ -119,22 +119,22 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
 
 // --- a file
 
-enum Column : std::size_t {
-  kForce,
-  kDepth,
-  kTime,
-  kSpeed,
-  kDiameter,
-  kCurve,
-  kSpecimen,
-  kNeedle,
-  kTissue,
-  kColumns
+enum CurveCell : std::size_t {
+  kForceCell,
+  kDepthCell,
+  kTimeCell,
+  kSpeedCell,
+  kDiameterCell,
+  kCurveCell,
+  kSpecimenCell,
+  kNeedleCell,
+  kTissueCell,
+  kCellKinds
 };
-constexpr std::array<std::string_view, kColumns> kColumnNames = {
+constexpr std::array<std::string_view, kCellKinds> kCellNames = {
     "force_n", "depth_m", "t_s", "speed_m_s", "needle_diameter_m", "curve", "specimen", "needle", "tissue"};
-constexpr std::array<NumberRange, 5> kColumnRanges = {kCurveForce_N, kCurveDepth_m, kCurveTime_s,
-                                                      kCurveSpeed_mps, kCurveDiameter_m};
+constexpr std::array<NumberRange, 5> kCellRanges = {kCurveForce_N, kCurveDepth_m, kCurveTime_s,
+                                                    kCurveSpeed_mps, kCurveDiameter_m};
 
 std::string_view trimmed(std::string_view text) {
   while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
@@ -190,13 +190,13 @@ class CurveFile {
   Result<std::vector<ForceCurve>> read(std::size_t& rows_left);
 
  private:
-  [[nodiscard]] bool has(Column column) const { return at_[column].has_value(); }
+  [[nodiscard]] bool has(CurveCell column) const { return at_[column].has_value(); }
   [[nodiscard]] Error lineError(const std::string& why) const {
     return wrong(fmt::format("{} line {}", path_.string(), lines_.number), why);
   }
   Status header();
-  Result<double> numberIn(Column column) const;
-  Status textIn(Column column, const std::string& known, std::string& into) const;
+  Result<double> numberIn(CurveCell column) const;
+  Status textIn(CurveCell column, const std::string& known, std::string& into) const;
   Status addRow(std::vector<Growing>& curves);
   Result<ForceCurve> finished(Growing grown) const;
 
@@ -205,7 +205,7 @@ class CurveFile {
   std::string text_;
   Lines lines_;
   std::size_t cell_count_ = 0;
-  std::array<std::optional<std::size_t>, kColumns> at_;
+  std::array<std::optional<std::size_t>, kCellKinds> at_;
   std::vector<std::string_view> cells_;
   std::map<std::tuple<std::string, std::string, std::string, std::string>, std::size_t> index_;
 };
@@ -220,21 +220,21 @@ Status CurveFile::header() {
   if (!splitInto(line, cells_)) return lineError(fmt::format("more than {} columns", kMostCells));
   cell_count_ = cells_.size();
   for (std::size_t i = 0; i < cells_.size(); ++i)
-    for (std::size_t c = 0; c < kColumns; ++c)
-      if (cells_[i] == kColumnNames[c]) {
+    for (std::size_t c = 0; c < kCellKinds; ++c)
+      if (cells_[i] == kCellNames[c]) {
         if (at_[c]) return lineError("column " + shown(cells_[i]) + " stands twice in the header");
         at_[c] = i;
       }
   // a fact that is said twice may be said differently
-  const std::pair<Column, bool> said[] = {{kSpecimen, !facts_.specimen.empty()},
-                                          {kNeedle, !facts_.needle.empty()},
-                                          {kTissue, !facts_.tissue.empty()},
-                                          {kSpeed, facts_.speed_mps > 0},
-                                          {kDiameter, facts_.diameter_m > 0}};
+  const std::pair<CurveCell, bool> said[] = {{kSpecimenCell, !facts_.specimen.empty()},
+                                             {kNeedleCell, !facts_.needle.empty()},
+                                             {kTissueCell, !facts_.tissue.empty()},
+                                             {kSpeedCell, facts_.speed_mps > 0},
+                                             {kDiameterCell, facts_.diameter_m > 0}};
   for (const auto& [column, in_facts] : said)
     if (in_facts && has(column))
       return lineError(fmt::format("column '{}': the description says it, too; take it out of one of them",
-                                   kColumnNames[column]));
+                                   kCellNames[column]));
   return {};
 }
 
@@ -245,35 +245,35 @@ Status CurveFile::open(std::string& missing) {
   const auto lacks = [&](bool is_missing, std::string_view name) {
     if (is_missing) missing += (missing.empty() ? "" : ", ") + std::string(name);
   };
-  lacks(!has(kForce), "force_n");
-  lacks(!has(kDepth) && !has(kTime), "depth_m (or t_s)");
-  lacks(!has(kSpeed) && facts_.speed_mps == 0 && !(has(kDepth) && has(kTime)), "speed_m_s");
-  lacks(!has(kSpecimen) && facts_.specimen.empty(), "specimen");
-  lacks(!has(kNeedle) && facts_.needle.empty(), "needle");
-  lacks(!has(kTissue) && facts_.tissue.empty(), "tissue");
+  lacks(!has(kForceCell), "force_n");
+  lacks(!has(kDepthCell) && !has(kTimeCell), "depth_m (or t_s)");
+  lacks(!has(kSpeedCell) && facts_.speed_mps == 0 && !(has(kDepthCell) && has(kTimeCell)), "speed_m_s");
+  lacks(!has(kSpecimenCell) && facts_.specimen.empty(), "specimen");
+  lacks(!has(kNeedleCell) && facts_.needle.empty(), "needle");
+  lacks(!has(kTissueCell) && facts_.tissue.empty(), "tissue");
   return {};
 }
 
-Result<double> CurveFile::numberIn(Column column) const {
+Result<double> CurveFile::numberIn(CurveCell column) const {
   const std::string_view cell = cells_[*at_[column]];
   double value = 0;
   const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
   if (error != std::errc() || end != cell.data() + cell.size())
-    return lineError(fmt::format("column '{}': {} is not a number", kColumnNames[column], shown(cell)));
-  const NumberRange& range = kColumnRanges[column];
+    return lineError(fmt::format("column '{}': {} is not a number", kCellNames[column], shown(cell)));
+  const NumberRange& range = kCellRanges[column];
   if (!range.contains(value))
-    return lineError(fmt::format("column '{}': {} is out of range {}; {}", kColumnNames[column], shown(cell),
+    return lineError(fmt::format("column '{}': {} is out of range {}; {}", kCellNames[column], shown(cell),
                                  rangeText(range),
-                                 column == kForce  ? "newtons are expected"
-                                 : column == kTime ? "seconds are expected"
-                                                   : "metres are expected, not millimetres"));
+                                 column == kForceCell  ? "newtons are expected"
+                                 : column == kTimeCell ? "seconds are expected"
+                                                       : "metres are expected, not millimetres"));
   return value;
 }
 
-Status CurveFile::textIn(Column column, const std::string& known, std::string& into) const {
+Status CurveFile::textIn(CurveCell column, const std::string& known, std::string& into) const {
   into = has(column) ? std::string(cells_[*at_[column]]) : known;
   if (!has(column)) return {};
-  if (const Status status = checkNewText(std::string(kColumnNames[column]), into, 1, kMaxNameBytes);
+  if (const Status status = checkNewText(std::string(kCellNames[column]), into, 1, kMaxNameBytes);
       !status.ok())
     return lineError("column " + status.error().message);
   return {};
@@ -281,25 +281,25 @@ Status CurveFile::textIn(Column column, const std::string& known, std::string& i
 
 Status CurveFile::addRow(std::vector<Growing>& curves) {
   ForceCurve one;
-  RETURN_IF_ERROR(textIn(kCurve, {}, one.name));
-  RETURN_IF_ERROR(textIn(kSpecimen, facts_.specimen, one.specimen));
-  RETURN_IF_ERROR(textIn(kNeedle, facts_.needle, one.needle));
-  RETURN_IF_ERROR(textIn(kTissue, facts_.tissue, one.tissue));
+  RETURN_IF_ERROR(textIn(kCurveCell, {}, one.name));
+  RETURN_IF_ERROR(textIn(kSpecimenCell, facts_.specimen, one.specimen));
+  RETURN_IF_ERROR(textIn(kNeedleCell, facts_.needle, one.needle));
+  RETURN_IF_ERROR(textIn(kTissueCell, facts_.tissue, one.tissue));
   one.speed_mps = facts_.speed_mps;
   one.diameter_m = facts_.diameter_m;
   double depth_m = 0, t_s = 0;
-  ASSIGN_OR_RETURN(const double force_N, numberIn(kForce));
-  if (has(kDepth)) {
-    ASSIGN_OR_RETURN(depth_m, numberIn(kDepth));
+  ASSIGN_OR_RETURN(const double force_N, numberIn(kForceCell));
+  if (has(kDepthCell)) {
+    ASSIGN_OR_RETURN(depth_m, numberIn(kDepthCell));
   }
-  if (has(kTime)) {
-    ASSIGN_OR_RETURN(t_s, numberIn(kTime));
+  if (has(kTimeCell)) {
+    ASSIGN_OR_RETURN(t_s, numberIn(kTimeCell));
   }
-  if (has(kSpeed)) {
-    ASSIGN_OR_RETURN(one.speed_mps, numberIn(kSpeed));
+  if (has(kSpeedCell)) {
+    ASSIGN_OR_RETURN(one.speed_mps, numberIn(kSpeedCell));
   }
-  if (has(kDiameter)) {
-    ASSIGN_OR_RETURN(one.diameter_m, numberIn(kDiameter));
+  if (has(kDiameterCell)) {
+    ASSIGN_OR_RETURN(one.diameter_m, numberIn(kDiameterCell));
   }
   const auto [found, is_new] =
       index_.try_emplace({one.name, one.specimen, one.needle, one.tissue}, curves.size());
@@ -308,22 +308,22 @@ Status CurveFile::addRow(std::vector<Growing>& curves) {
     curves.push_back({std::move(one), {}, lines_.number});
   } else {
     const ForceCurve& first = curves[found->second].curve;
-    const auto differs = [&](Column column, double was, double is) {
+    const auto differs = [&](CurveCell column, double was, double is) {
       return lineError(fmt::format(
           "column '{}': {}, but {} in line {} of the same curve; give each insertion its own name in a "
           "column 'curve', and one speed",
-          kColumnNames[column], numberText(is), numberText(was), curves[found->second].first_line));
+          kCellNames[column], numberText(is), numberText(was), curves[found->second].first_line));
     };
-    if (first.speed_mps != one.speed_mps) return differs(kSpeed, first.speed_mps, one.speed_mps);
-    if (first.diameter_m != one.diameter_m) return differs(kDiameter, first.diameter_m, one.diameter_m);
+    if (first.speed_mps != one.speed_mps) return differs(kSpeedCell, first.speed_mps, one.speed_mps);
+    if (first.diameter_m != one.diameter_m) return differs(kDiameterCell, first.diameter_m, one.diameter_m);
   }
   Growing& grown = curves[found->second];
-  if (!grown.t_s.empty() && has(kTime) && !has(kDepth) && t_s < grown.t_s.back())
+  if (!grown.t_s.empty() && has(kTimeCell) && !has(kDepthCell) && t_s < grown.t_s.back())
     return lineError(fmt::format("column 't_s': {} comes after {}; time must not go back within a curve",
                                  numberText(t_s), numberText(grown.t_s.back())));
   grown.curve.force_N.push_back(force_N);
   grown.curve.depth_m.push_back(depth_m);
-  if (has(kTime)) grown.t_s.push_back(t_s);
+  if (has(kTimeCell)) grown.t_s.push_back(t_s);
   return {};
 }
 
@@ -345,7 +345,7 @@ Result<ForceCurve> CurveFile::finished(Growing grown) const {
                                "insertion alone, or a column 'speed_m_s'",
                                numberText(curve.speed_mps), rangeText(kCurveSpeed_mps)));
   }
-  if (!has(kDepth))
+  if (!has(kDepthCell))
     for (std::size_t i = 0; i < grown.t_s.size(); ++i) {
       curve.depth_m[i] = (grown.t_s[i] - grown.t_s.front()) * curve.speed_mps;
       if (!kCurveDepth_m.contains(curve.depth_m[i]))
