@@ -80,6 +80,21 @@ std::vector<double> forceAtDepths(const CurveRun& run, double surface_m, const s
   return force_N;
 }
 
+FitResult searchAgain(const std::function<double(const std::vector<double>&)>& cost,
+                      const std::vector<FitParameter>& parameters) {
+  FitResult found = patternSearch(cost, parameters, kMostEvaluations);
+  for (int again = 0; again < kRestarts; ++again) {
+    auto from = parameters;
+    for (std::size_t i = 0; i < from.size(); ++i) from[i].start = found.values[i];
+    FitResult next = patternSearch(cost, from, kMostEvaluations);
+    next.evaluations += found.evaluations;
+    const bool better = next.cost < 0.999 * found.cost;
+    found = std::move(next);
+    if (!better) break;
+  }
+  return found;
+}
+
 Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, const BinChoice& fit_on) {
   if (std::none_of(curve.bins.begin(), curve.bins.end(), fit_on)) return noRows();
   const double to_m = curve.depth_m.back();
@@ -90,17 +105,7 @@ Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, cons
     return curveError(curve.bins, curve.force_N, forceAtDepths(*run, scene.surface_m, curve.depth_m), fit_on)
         .rms;
   };
-  // again from where it ended, with full steps: ruptures make many small valleys
-  FitResult found = patternSearch(cost, model.parameters, kMostEvaluations);
-  for (int again = 0; again < kRestarts; ++again) {
-    auto parameters = model.parameters;
-    for (std::size_t i = 0; i < parameters.size(); ++i) parameters[i].start = found.values[i];
-    FitResult next = patternSearch(cost, parameters, kMostEvaluations);
-    next.evaluations += found.evaluations;
-    const bool better = next.cost < 0.999 * found.cost;
-    found = std::move(next);
-    if (!better) break;
-  }
+  const FitResult found = searchAgain(cost, model.parameters);
 
   CurveFit fit{
       model.model, model.variant,    model.parameters.size(), found.values, model.scene(found.values), {}, {},

@@ -45,6 +45,11 @@ struct CurveFit {
   int evaluations = 0;
 };
 
+/// The pattern search for scenes with ruptures: again from where it ended, with full steps, until that helps
+/// no more, since ruptures make many small valleys.
+FitResult searchAgain(const std::function<double(const std::vector<double>&)>& cost,
+                      const std::vector<FitParameter>& parameters);
+
 /// Fits on the bins that `fit_on` chooses; the others are held out. Errors: those of `compile`; kInvalidInput
 /// without bins.
 Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, const BinChoice& fit_on);

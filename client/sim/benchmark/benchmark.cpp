@@ -228,24 +228,25 @@ void compare(HoldOut what, std::vector<BenchmarkRow>& rows) {
   std::vector<double> p;
   for (BenchmarkRow& row : rows) {
     if (row.kind == ModelKind::kBaseline) {
-      row.verdict = Verdict::kBaseline;
+      row.verdict = BenchmarkVerdict::kBaseline;
       continue;
     }
     const std::vector<double> better_N = differences(*baseline, row);
     const MeanInterval interval = meanInterval(better_N);
     row.better_N = interval.mean;
-    row.verdict = what == HoldOut::kBlocks ? Verdict::kFits : Verdict::kCannotTell;
+    row.verdict = what == HoldOut::kBlocks ? BenchmarkVerdict::kFits : BenchmarkVerdict::kCannotTell;
     if (interval.count < 2) continue;
     row.better_low_N = interval.low;
     row.better_high_N = interval.high;
+    if (what == HoldOut::kBlocks || row.units < kLeastUnits) continue;
     models.push_back(&row);
     p.push_back(meanIsZero(better_N));
   }
   const std::vector<double> corrected = holm(p);
   for (std::size_t i = 0; i < models.size(); ++i) {
     models[i]->p = corrected[i];
-    if (what == HoldOut::kBlocks || models[i]->units < kLeastUnits || corrected[i] > 0.05) continue;
-    models[i]->verdict = *models[i]->better_N > 0 ? Verdict::kPredicts : Verdict::kWorse;
+    if (corrected[i] > 0.05) continue;
+    models[i]->verdict = *models[i]->better_N > 0 ? BenchmarkVerdict::kPredicts : BenchmarkVerdict::kWorse;
   }
 }
 
@@ -293,8 +294,8 @@ std::string textOf(const QuestionResult& question) {
                               units == 1 ? "held-out value" : "held-out values", kLeastUnits);
   std::vector<std::string> predicts, worse;
   for (const BenchmarkRow& row : question.rows) {
-    if (row.verdict == Verdict::kPredicts) predicts.push_back(row.model);
-    if (row.verdict == Verdict::kWorse) worse.push_back(row.model);
+    if (row.verdict == BenchmarkVerdict::kPredicts) predicts.push_back(row.model);
+    if (row.verdict == BenchmarkVerdict::kWorse) worse.push_back(row.model);
   }
   text += predicts.empty()
               ? fmt::format(
@@ -303,7 +304,7 @@ std::string textOf(const QuestionResult& question) {
                     baseline->model, units)
               : fmt::format("Shown to beat {} over {} units: {}.", baseline->model, units, listOf(predicts));
   if (!worse.empty()) text += " Shown to be worse: " + listOf(worse) + ".";
-  if (best->verdict == Verdict::kPredicts)
+  if (best->verdict == BenchmarkVerdict::kPredicts)
     if (const auto alike = asGoodAs(question, *best); !alike.empty())
       text += fmt::format(" Not told apart from {}: {}.", best->model, listOf(alike));
   return text;
@@ -340,7 +341,7 @@ std::string conclusionOf(const BenchmarkReport& report) {
   for (const QuestionResult& question : report.questions) {
     if (!asksForPrediction(question.what)) continue;
     const BenchmarkRow* best = question.best();
-    if (best != nullptr && best->verdict == Verdict::kPredicts)
+    if (best != nullptr && best->verdict == BenchmarkVerdict::kPredicts)
       predicts.push_back(
           fmt::format("{} for an unseen {} ({})", best->model, nameOf(question.what), errorText(*best)));
     else
@@ -389,7 +390,7 @@ Result<QuestionResult> Run::ask(const Asked& asked) {
 
 }  // namespace
 
-std::string_view nameOf(Verdict verdict) {
+std::string_view nameOf(BenchmarkVerdict verdict) {
   constexpr std::array<std::string_view, 5> kNames = {"baseline", "predicts", "worse than a baseline",
                                                       "cannot tell", "fits only"};
   return kNames[static_cast<std::size_t>(verdict)];

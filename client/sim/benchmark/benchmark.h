@@ -25,7 +25,7 @@ struct BenchmarkOptions {
 inline constexpr std::size_t kMostBenchmarkNumbers = 100;
 
 /// What a model's result says. "predicts" and "worse" compare with the better baseline, over units.
-enum class Verdict : std::uint8_t {
+enum class BenchmarkVerdict : std::uint8_t {
   kBaseline,
   kPredicts,    ///< less error than the better baseline, Holm's p at most 0.05
   kWorse,       ///< more, likewise
@@ -33,7 +33,7 @@ enum class Verdict : std::uint8_t {
   kFits,        ///< the question asks for no prediction (blocks): no verdict
 };
 /// "baseline", "predicts", "worse than a baseline", "cannot tell", "fits only".
-std::string_view nameOf(Verdict verdict);
+std::string_view nameOf(BenchmarkVerdict verdict);
 
 /// One model in one question.
 struct BenchmarkRow {
@@ -48,8 +48,8 @@ struct BenchmarkRow {
   double fit_error_N = 0;                           ///< rms on what it was fitted on, mean over folds
   std::optional<double> better_N;  ///< error of the better baseline − error, mean over units; above 0: better
   std::optional<double> better_low_N, better_high_N;  ///< its 95 % interval, uncorrected
-  std::optional<double> p;  ///< that it is 0, corrected by Holm over the question's models
-  Verdict verdict = Verdict::kFits;
+  std::optional<double> p;  ///< that it is 0, by Holm over the question's models; where units tell
+  BenchmarkVerdict verdict = BenchmarkVerdict::kFits;
   double in_band = 0;                    ///< share of held-out bins within the model's 95 % band
   std::string band;                      ///< the verdict about the band, as text
   std::optional<double> median_ns;       ///< of a tick, hot; of the engine's

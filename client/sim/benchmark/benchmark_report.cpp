@@ -202,18 +202,17 @@ BenchmarkPicture benchmarkPicture(const BenchmarkReport& report) {
     most = std::max(most, question.rows.size());
     for (std::size_t i = 0; i < question.rows.size(); ++i) {
       const BenchmarkRow& row = question.rows[i];
-      std::string label = fmt::format("{}, {} numbers", row.model, row.parameters);
+      std::string label = row.model;
       if (row.median_ns) label += fmt::format(", {:.0f} ns", *row.median_ns);
       if (row.energy_given_J) label += fmt::format(", {} µJ", fixedText(*row.energy_given_J * 1e6, 0));
       const double low_N = row.error_low_N.value_or(row.error_N);
       const double high_N = row.error_high_N.value_or(row.error_N);
       const bool gives = row.energy_given_J.value_or(0) > PassivityLimits{}.energy_J;
-      // numbers, times and energies are those of the first question; folds of others may have fewer
-      data.row(
-          fmt::format("question {}", q),
-          {static_cast<double>(question.rows.size() - i), row.error_N, low_N, high_N,
-           static_cast<double>(row.kind), gives ? 1.0 : 0.0, row.verdict == Verdict::kPredicts ? 1.0 : 0.0},
-          {label});
+      data.row(fmt::format("question {}", q),
+               {static_cast<double>(question.rows.size() - i), row.error_N, low_N, high_N,
+                static_cast<double>(row.kind), gives ? 1.0 : 0.0,
+                row.verdict == BenchmarkVerdict::kPredicts ? 1.0 : 0.0},
+               {label, fmt::format("{}", row.parameters)});
     }
   }
   picture.data = data.text();

@@ -19,7 +19,6 @@ namespace {
 
 constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
 constexpr double kFitStep_m = 3e-5;               // per tick, an eighth of a bin
-constexpr int kMostEvaluations = 3000, kRestarts = 6;
 constexpr int kStatisticalInsertions = 20;
 
 using Forces = std::vector<double>;
@@ -46,21 +45,6 @@ double countOf(const PooledBins& pooled) {
   double count = 0;
   for (const double one : pooled.counts) count += one;
   return count;
-}
-
-// again from where it ended, with full steps: ruptures make many small valleys
-FitResult searched(const std::function<double(const std::vector<double>&)>& cost,
-                   const std::vector<FitParameter>& parameters) {
-  FitResult found = patternSearch(cost, parameters, kMostEvaluations);
-  for (int again = 0; again < kRestarts; ++again) {
-    auto from = parameters;
-    for (std::size_t i = 0; i < from.size(); ++i) from[i].start = found.values[i];
-    FitResult next = patternSearch(cost, from, kMostEvaluations);
-    const bool better = next.cost < 0.999 * found.cost;
-    found = std::move(next);
-    if (!better) break;
-  }
-  return found;
 }
 
 // what a model was fitted on, and how far it is off there
@@ -111,7 +95,7 @@ FittedModel formulaModel(const Formula& formula, const TrainingSet& training) {
   model.variant = formula.variant;
   model.kind = ModelKind::kFormula;
   model.parameters = formula.parameters.size();
-  model.forces = [values = searched(cost, formula.parameters).values, law = formula.forces](
+  model.forces = [values = searchAgain(cost, formula.parameters).values, law = formula.forces](
                      const InsertionKind& kind, const std::vector<double>& depth_m) -> Result<Forces> {
     return law(values, kind, depth_m);
   };
@@ -151,7 +135,7 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
   model.variant = curve_model.variant;
   model.kind = ModelKind::kEngine;
   model.parameters = curve_model.parameters.size();
-  model.scene = curve_model.scene(searched(cost, curve_model.parameters).values);
+  model.scene = curve_model.scene(searchAgain(cost, curve_model.parameters).values);
   model.forces = [scene = *model.scene, speedOf](const InsertionKind& kind,
                                                  const std::vector<double>& depth_m) {
     return engineForces(scene, speedOf(kind), 0.1 * kFitStep_m, depth_m);

@@ -51,7 +51,7 @@ TEST(Benchmark, findsTheRateDependentFractureThatMadeTheCurvesAtASpeedThatItHasN
     const QuestionResult& speed = report.questions[0];
     ASSERT_NE(speed.best(), nullptr);
     EXPECT_EQ(speed.best()->model, "RATE_DEPENDENT_FRACTURE") << benchmarkText(report);
-    EXPECT_EQ(speed.best()->verdict, Verdict::kPredicts) << benchmarkText(report);
+    EXPECT_EQ(speed.best()->verdict, BenchmarkVerdict::kPredicts) << benchmarkText(report);
     EXPECT_EQ(speed.units.size(), 5u);
     EXPECT_THAT(report.conclusion, HasSubstr("RATE_DEPENDENT_FRACTURE for an unseen speed"));
   }
@@ -76,7 +76,7 @@ TEST(Benchmark, findsTheEnginesModelThatMadeTheCurves) {
   const BenchmarkReport report = ran(madeSet(madeVoigt(), made), {HoldOut::kSpeed});
   const QuestionResult& speed = report.questions.at(0);
   const BenchmarkRow& voigt = rowOf(speed, "VOIGT");
-  EXPECT_EQ(voigt.verdict, Verdict::kPredicts) << benchmarkText(report);
+  EXPECT_EQ(voigt.verdict, BenchmarkVerdict::kPredicts) << benchmarkText(report);
   // rows scatter by 0.02/√3 N, a bin has two or three of them
   EXPECT_LT(voigt.error_N, 0.012);
   EXPECT_LE(voigt.error_N, 1.02 * speed.best()->error_N) << benchmarkText(report);
@@ -90,7 +90,8 @@ TEST(Benchmark, whereNoModelIsBetterThanTheMeanOfTheOthersItSaysThatTheDataCanno
   made.specimens_off = 0.4;
   made.noise_N = 0.01;
   const BenchmarkReport report = ran(madeSet(madeExponential(), made), {HoldOut::kSpecimen});
-  for (const BenchmarkRow& row : report.questions.at(0).rows) EXPECT_NE(row.verdict, Verdict::kPredicts);
+  for (const BenchmarkRow& row : report.questions.at(0).rows)
+    EXPECT_NE(row.verdict, BenchmarkVerdict::kPredicts);
   EXPECT_THAT(report.conclusion,
               HasSubstr("cannot tell which model predicts the force for an unseen specimen"));
   EXPECT_THAT(report.questions[0].text, HasSubstr("No model is shown to beat"));
@@ -102,8 +103,8 @@ TEST(Benchmark, twoSpecimensTellNothing) {
   const BenchmarkReport report = ran(madeSet(madeExponential(), made), {HoldOut::kSpecimen});
   EXPECT_THAT(report.questions.at(0).text, HasSubstr("at least 3 are needed"));
   for (const BenchmarkRow& row : report.questions[0].rows) {
-    EXPECT_NE(row.verdict, Verdict::kPredicts);
-    EXPECT_NE(row.verdict, Verdict::kWorse);
+    EXPECT_NE(row.verdict, BenchmarkVerdict::kPredicts);
+    EXPECT_NE(row.verdict, BenchmarkVerdict::kWorse);
   }
 }
 
@@ -118,11 +119,11 @@ TEST(Benchmark, oneRecordedCurveIsFittedAndPredictsNothing) {
     EXPECT_THAT(report.conclusion, HasSubstr("1 specimen, 1 needle, 1 speed"));
     for (const QuestionResult& question : report.questions) {
       for (const char* baseline : {"CONNECT_THE_DOTS", "HOLD_THE_LAST"}) {
-        EXPECT_EQ(rowOf(question, baseline).verdict, Verdict::kBaseline);
+        EXPECT_EQ(rowOf(question, baseline).verdict, BenchmarkVerdict::kBaseline);
         EXPECT_THAT(question.text, HasSubstr(baseline));
       }
       for (const BenchmarkRow& row : question.rows) {
-        EXPECT_NE(row.verdict, Verdict::kPredicts) << row.model;
+        EXPECT_NE(row.verdict, BenchmarkVerdict::kPredicts) << row.model;
         EXPECT_GT(row.parameters, 0u) << row.model;
         if (row.kind != ModelKind::kBaseline) {
           EXPECT_LE(row.parameters, 20u) << row.model;
@@ -131,10 +132,10 @@ TEST(Benchmark, oneRecordedCurveIsFittedAndPredictsNothing) {
     }
     const QuestionResult& blocks = report.questions[1];
     EXPECT_EQ(blocks.what, HoldOut::kBlocks);
-    // the finding: no model of 20 numbers follows a curve as closely as its own dots do
-    EXPECT_LT(rowOf(blocks, "CONNECT_THE_DOTS").error_N, blocks.best()->error_N);
-    EXPECT_THAT(blocks.text, HasSubstr("needs no model"));
     if (recordings.real) {
+      // no model of 20 numbers follows the curve as closely as its own dots do
+      EXPECT_LT(rowOf(blocks, "CONNECT_THE_DOTS").error_N, blocks.best()->error_N);
+      EXPECT_THAT(blocks.text, HasSubstr("needs no model"));
       EXPECT_NEAR(rowOf(blocks, "CONNECT_THE_DOTS").error_N, 0.081, 0.002);
     }
     // a baseline through all dots has no residue, so no width: its band is missed
