@@ -220,11 +220,22 @@ std::vector<double> differences(const BenchmarkRow& from, const BenchmarkRow& ro
   return off_N;
 }
 
+// The same as logarithms of the ratio: one unit may be harder than another for all models, and a difference
+// in newtons would then say more of the unit than of the models.
+std::vector<double> logRatios(const BenchmarkRow& from, const BenchmarkRow& row) {
+  constexpr double kLeast_N = 1e-9;  // of errors: exact in practice
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < row.unit_errors_N.size(); ++i)
+    ratios.push_back(
+        std::log(std::max(kLeast_N, from.unit_errors_N[i]) / std::max(kLeast_N, row.unit_errors_N[i])));
+  return ratios;
+}
+
 // every model beside the better baseline
 void compare(HoldOut what, std::vector<BenchmarkRow>& rows) {
   const BenchmarkRow* baseline = betterBaseline(rows);
   if (baseline == nullptr) return;
-  std::vector<BenchmarkRow*> models;
+  std::vector<std::pair<BenchmarkRow*, double>> models;  // with the mean logarithm of how much better
   std::vector<double> p;
   for (BenchmarkRow& row : rows) {
     if (row.kind == ModelKind::kBaseline) {
@@ -239,14 +250,16 @@ void compare(HoldOut what, std::vector<BenchmarkRow>& rows) {
     row.better_low_N = interval.low;
     row.better_high_N = interval.high;
     if (what == HoldOut::kBlocks || row.units < kLeastUnits) continue;
-    models.push_back(&row);
-    p.push_back(meanIsZero(better_N));
+    const std::vector<double> ratios = logRatios(*baseline, row);
+    models.push_back({&row, meanInterval(ratios).mean});
+    p.push_back(meanIsZero(ratios));
   }
   const std::vector<double> corrected = holm(p);
   for (std::size_t i = 0; i < models.size(); ++i) {
-    models[i]->p = corrected[i];
-    if (corrected[i] > 0.05) continue;
-    models[i]->verdict = *models[i]->better_N > 0 ? BenchmarkVerdict::kPredicts : BenchmarkVerdict::kWorse;
+    auto& [row, better] = models[i];
+    row->p = corrected[i];
+    if (corrected[i] <= 0.05)
+      row->verdict = better > 0 ? BenchmarkVerdict::kPredicts : BenchmarkVerdict::kWorse;
   }
 }
 
@@ -271,7 +284,7 @@ std::string listOf(const std::vector<std::string>& names) {
 std::vector<std::string> asGoodAs(const QuestionResult& question, const BenchmarkRow& best) {
   std::vector<std::string> names;
   for (const BenchmarkRow& row : question.rows)
-    if (&row != &best && row.kind != ModelKind::kBaseline && meanIsZero(differences(row, best)) > 0.05)
+    if (&row != &best && row.kind != ModelKind::kBaseline && meanIsZero(logRatios(row, best)) > 0.05)
       names.push_back(row.model);
   return names;
 }

@@ -48,7 +48,7 @@ struct BenchmarkRow {
   double fit_error_N = 0;                           ///< rms on what it was fitted on, mean over folds
   std::optional<double> better_N;  ///< error of the better baseline − error, mean over units; above 0: better
   std::optional<double> better_low_N, better_high_N;  ///< its 95 % interval, uncorrected
-  std::optional<double> p;  ///< that it is 0, by Holm over the question's models; where units tell
+  std::optional<double> p;  ///< of the errors' ratio being 1; by Holm, where units tell
   BenchmarkVerdict verdict = BenchmarkVerdict::kFits;
   double in_band = 0;                    ///< share of held-out bins within the model's 95 % band
   std::string band;                      ///< the verdict about the band, as text

@@ -42,7 +42,10 @@ constexpr std::array<ReportColumn, 13> kReportColumns = {{
      }},
     {"max [N]", [](const BenchmarkRow& r) { return number(r.max_error_N); }},
     {"fitted [N]", [](const BenchmarkRow& r) { return number(r.fit_error_N); }},
-    {"better by [N]", [](const BenchmarkRow& r) { return number(r.better_N, "{:+.3f}"); }},
+    {"better by [N]",
+     [](const BenchmarkRow& r) {
+       return r.better_N ? fixedText(*r.better_N, 3, Sign::kBoth) : std::string();
+     }},
     {"p (Holm)", [](const BenchmarkRow& r) { return number(r.p, "{:.2g}"); }},
     {"verdict", [](const BenchmarkRow& r) { return std::string(nameOf(r.verdict)); }, true},
     {"tick [ns]", [](const BenchmarkRow& r) { return number(r.median_ns, "{:.0f}"); }},

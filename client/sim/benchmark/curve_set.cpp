@@ -264,9 +264,10 @@ Result<double> CurveFile::numberIn(CurveCell column) const {
   if (!range.contains(value))
     return lineError(fmt::format("column '{}': {} is out of range {}; {}", kCellNames[column], shown(cell),
                                  rangeText(range),
-                                 column == kForceCell  ? "newtons are expected"
-                                 : column == kTimeCell ? "seconds are expected"
-                                                       : "metres are expected, not millimetres"));
+                                 column == kForceCell   ? "newtons are expected"
+                                 : column == kTimeCell  ? "seconds are expected"
+                                 : column == kSpeedCell ? "metres a second are expected, not millimetres"
+                                                        : "metres are expected, not millimetres"));
   return value;
 }
 

@@ -44,7 +44,7 @@ TEST(Benchmark, findsTheRateDependentFractureThatMadeTheCurvesAtASpeedThatItHasN
   for (const std::uint64_t seed : {1u, 2u}) {
     MadeSet made;
     made.specimens = 2;
-    made.speeds_mps = {0.001, 0.002, 0.004, 0.008, 0.016};
+    made.speeds_mps = {0.001, 0.0015, 0.002, 0.003, 0.005, 0.008, 0.012, 0.02};
     made.seed = seed;
     const BenchmarkReport report = ran(madeSet(madeFracture(3e-3), made), {HoldOut::kSpeed});
     ASSERT_EQ(report.questions.size(), 1u);
@@ -52,7 +52,7 @@ TEST(Benchmark, findsTheRateDependentFractureThatMadeTheCurvesAtASpeedThatItHasN
     ASSERT_NE(speed.best(), nullptr);
     EXPECT_EQ(speed.best()->model, "RATE_DEPENDENT_FRACTURE") << benchmarkText(report);
     EXPECT_EQ(speed.best()->verdict, BenchmarkVerdict::kPredicts) << benchmarkText(report);
-    EXPECT_EQ(speed.units.size(), 5u);
+    EXPECT_EQ(speed.units.size(), 8u);
     EXPECT_THAT(report.conclusion, HasSubstr("RATE_DEPENDENT_FRACTURE for an unseen speed"));
   }
 }
@@ -72,7 +72,7 @@ TEST(Benchmark, findsTheExponentialThatMadeTheCurvesInASpecimenThatItHasNotSeen)
 TEST(Benchmark, findsTheEnginesModelThatMadeTheCurves) {
   MadeSet made;
   made.specimens = 2;
-  made.speeds_mps = {0.002, 0.005, 0.01, 0.02};
+  made.speeds_mps = {0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.02, 0.03};
   const BenchmarkReport report = ran(madeSet(madeVoigt(), made), {HoldOut::kSpeed});
   const QuestionResult& speed = report.questions.at(0);
   const BenchmarkRow& voigt = rowOf(speed, "VOIGT");
