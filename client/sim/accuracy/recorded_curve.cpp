@@ -108,7 +108,7 @@ Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, cons
   const FitResult found = searchAgain(cost, model.parameters);
 
   CurveFit fit{
-      model.model, model.variant,    model.parameters.size(), found.values, model.scene(found.values), {}, {},
+      model.model, model.variant,    model.numbers(), found.values, model.scene(found.values), {}, {},
       {},          found.evaluations};
   ASSIGN_OR_RETURN(const auto run, runCurve(fit.scene, to_m));
   fit.model_N = forceAtDepths(run, fit.scene.surface_m, curve.depth_m);
@@ -385,7 +385,7 @@ Result<AccuracyRows> recordedCurveRows(const AccuracyOptions& options, const Acc
       ASSIGN_OR_RETURN(auto fit, fitCurve(curve, models[c][m], choices[c]));
       if (c < 2) {
         // a model that has no more numbers anyway is the same
-        if (few[c][m].parameters.size() == models[c][m].parameters.size()) {
+        if (few[c][m].numbers() == models[c][m].numbers()) {
           few_fits.push_back(fit);
         } else {
           ASSIGN_OR_RETURN(auto small, fitCurve(curve, few[c][m], choices[c]));

@@ -161,7 +161,8 @@ std::vector<CurvePiece> curvePieces(const std::vector<CurveBin>& bins, std::size
 CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
   made.model = model;
-  const std::vector<double> tops_m = layerTops(fit_on, std::min(kMaxLayers, most_numbers));
+  const std::vector<double> tops_m = layerTops(fit_on, std::min(kMaxLayers, (most_numbers + 1) / 2));
+  made.chosen = tops_m.size() - 1;
   made.variant = counted(tops_m.size(), "layer") + ", thinnest where the force changes most";
   for (std::size_t i = 0; i < tops_m.size(); ++i) {
     const double end_m = i + 1 < tops_m.size() ? tops_m[i + 1] : fit_on.back().at;

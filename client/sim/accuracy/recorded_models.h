@@ -23,6 +23,9 @@ struct CurveModel {
   std::string variant;  ///< the parts of the scene, e.g. "32 layers"
   std::vector<FitParameter> parameters;
   std::function<CurveScene(const std::vector<double>&)> scene;
+  /// Numbers that the data chose before the search: the tops of layers. They count as fitted ones do.
+  std::size_t chosen = 0;
+  [[nodiscard]] std::size_t numbers() const { return parameters.size() + chosen; }
 };
 
 /// A depth where the force falls suddenly: a rupture.
@@ -54,7 +57,8 @@ inline constexpr std::size_t kLeastNumbers = 5;   ///< of a model with one ruptu
 std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on,
                                     std::size_t most_numbers = kAnyNumbers);
 
-/// Layers of one cutting force each, thinnest where the force changes most: walls and DIRECT.
+/// Layers of one cutting force each, thinnest where the force changes most: walls and DIRECT. Two numbers a
+/// layer but the first, whose top is the surface.
 CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on,
                         std::size_t most_numbers = kAnyNumbers);
 /// The enhanced tracking wall with one membrane per rupture and a cutting force behind each: five numbers a

@@ -134,7 +134,7 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
   model.name = axialModelName(curve_model.model);
   model.variant = curve_model.variant;
   model.kind = ModelKind::kEngine;
-  model.parameters = curve_model.parameters.size();
+  model.parameters = curve_model.numbers();
   model.scene = curve_model.scene(searchAgain(cost, curve_model.parameters).values);
   model.forces = [scene = *model.scene, speedOf](const InsertionKind& kind,
                                                  const std::vector<double>& depth_m) {

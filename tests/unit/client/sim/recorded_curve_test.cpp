@@ -222,7 +222,7 @@ TEST(RecordedRows, baselinesAreRowsOfTheirOwnInEachGroup) {
       EXPECT_EQ(jsonOf(row)["parameters"], *row.parameters);
     }
     for (const AccuracyRow& row : equal) EXPECT_LE(*row.parameters, 20) << row.model << ", " << row.variant;
-    EXPECT_EQ(*rowOf(equal, "TRACKING_WALL").parameters, 20);
+    EXPECT_EQ(*rowOf(equal, "TRACKING_WALL").parameters, 19) << "ten layers: forces, and tops but the first";
     EXPECT_EQ(*rowOf(equal, "CONNECT_THE_DOTS").parameters, 20);
 
     // joining the dots beats every model that only interpolates the real curve; the made one has noise, which

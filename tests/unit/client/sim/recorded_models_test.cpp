@@ -67,6 +67,7 @@ TEST(LayeredModel, cutsAStaircaseAtItsStepsAndTakesEachStepsForce) {
   const auto stairs = [](double depth_m) { return depth_m < 5e-3 ? 0.5 : depth_m < 12e-3 ? 2.0 : 1.25; };
   const CurveModel model = layeredModel(AxialModel::kEnhancedTrackingWall, binsOf(stairs));
   ASSERT_EQ(model.parameters.size(), 3u) << model.variant;
+  EXPECT_EQ(model.numbers(), 5u) << "two tops were chosen from the data";
   const CurveScene scene = model.scene(startsOf(model));
   EXPECT_EQ(scene.surface_m, 0);
   ASSERT_EQ(scene.spec.layers.size(), 3u);
@@ -129,7 +130,7 @@ TEST(CurveModels, keepToTheNumbersThatTheyMayHave) {
   };
   for (const std::size_t most : {5u, 10u, 20u, 30u})
     for (const CurveModel& model : curveModels(binsOf(saw), most)) {
-      EXPECT_LE(model.parameters.size(), most) << axialModelName(model.model) << ", " << model.variant;
+      EXPECT_LE(model.numbers(), most) << axialModelName(model.model) << ", " << model.variant;
       EXPECT_EQ(model.scene(startsOf(model)).spec.axial_model, model.model);
     }
   const auto pieces = curvePieces(binsOf(saw), 2);
