@@ -500,11 +500,10 @@ Result<RecordedPicture> recordedCurvePicture(const AccuracyOptions& options) {
     baselines.push_back(fmt::format("no model, {}: {:.2f} N",
                                     extrapolates ? "the last force held" : "the dots connected", no_model_N));
     if (!extrapolates)
-      finding = fmt::format(
-          "Where they only interpolate, {}: {:.2f} N against {:.2f} N; ahead of what it was fitted on, no "
-          "model knows",
-          no_model_N <= wall_N ? "connected dots beat the wall" : "the wall beats connected dots",
-          std::min(no_model_N, wall_N), std::max(no_model_N, wall_N));
+      finding =
+          fmt::format("Interpolating, {}: {:.2f} N against {:.2f} N; ahead, no model knows",
+                      no_model_N <= wall_N ? "connected dots beat the wall" : "the wall beats connected dots",
+                      std::min(no_model_N, wall_N), std::max(no_model_N, wall_N));
   }
   return RecordedPicture{"recorded_curve",
                          csvOf(csv),
@@ -539,9 +538,8 @@ Result<RecordedPicture> recordedModelsPicture(const AccuracyOptions& options) {
   return RecordedPicture{"recorded_models",
                          csvOf(csv),
                          data.text(),
-                         {{"finding", fmt::format("Models follow a recorded needle to {:.2f} to {:.2f} N "
-                                                  "where they only interpolate; connected dots, "
-                                                  "which are no model, to {:.2f} N",
+                         {{"finding", fmt::format("Models follow a recorded needle to {:.2f}-{:.2f} N; "
+                                                  "connected dots, no model at all, to {:.2f} N",
                                                   least, most, dots.held_out.rms)},
                           {"names", names},
                           {"errors", errors}}};

@@ -220,7 +220,7 @@ BenchmarkPicture benchmarkPicture(const BenchmarkReport& report) {
   }
   picture.data = data.text();
   std::vector<std::string> finding;
-  std::string rest = wrapped(report.conclusion, 40 + 40 * questions.size(), "");
+  std::string rest = wrapped(report.conclusion, 34 + 34 * questions.size(), "");
   while (!rest.empty()) {
     const std::size_t end = rest.find('\n');
     finding.push_back(rest.substr(0, end));

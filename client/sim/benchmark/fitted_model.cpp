@@ -47,6 +47,16 @@ double countOf(const PooledBins& pooled) {
   return count;
 }
 
+// with the parameters' own steps and with larger ones: the first valley is not always the deepest
+std::vector<double> bestSearch(const std::function<double(const std::vector<double>&)>& cost,
+                               const std::vector<FitParameter>& parameters) {
+  FitResult best = searchAgain(cost, parameters);
+  std::vector<FitParameter> wider = parameters;
+  for (FitParameter& parameter : wider) parameter.step *= 4;
+  FitResult other = searchAgain(cost, wider);
+  return other.cost < best.cost ? std::move(other.values) : std::move(best.values);
+}
+
 // what a model was fitted on, and how far it is off there
 Status addFitError(const TrainingSet& training, FittedModel& model) {
   double squares = 0, count = 0;
@@ -95,7 +105,7 @@ FittedModel formulaModel(const Formula& formula, const TrainingSet& training) {
   model.variant = formula.variant;
   model.kind = ModelKind::kFormula;
   model.parameters = formula.parameters.size();
-  model.forces = [values = searchAgain(cost, formula.parameters).values, law = formula.forces](
+  model.forces = [values = bestSearch(cost, formula.parameters), law = formula.forces](
                      const InsertionKind& kind, const std::vector<double>& depth_m) -> Result<Forces> {
     return law(values, kind, depth_m);
   };
@@ -135,7 +145,7 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
   model.variant = curve_model.variant;
   model.kind = ModelKind::kEngine;
   model.parameters = curve_model.numbers();
-  model.scene = curve_model.scene(searchAgain(cost, curve_model.parameters).values);
+  model.scene = curve_model.scene(bestSearch(cost, curve_model.parameters));
   model.forces = [scene = *model.scene, speedOf](const InsertionKind& kind,
                                                  const std::vector<double>& depth_m) {
     return engineForces(scene, speedOf(kind), 0.1 * kFitStep_m, depth_m);
