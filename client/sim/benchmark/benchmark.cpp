@@ -366,12 +366,14 @@ std::string conclusionOf(const BenchmarkReport& report) {
     text +=
         (text.empty() ? "" : " ") +
         fmt::format("The data cannot tell which model predicts the force for an unseen {}.", listOf(untold));
+  const auto counted = [](std::size_t count, const char* one) {
+    return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
+  };
   if (text.empty())
     text = fmt::format(
-        "The data cannot tell which model predicts: {} specimen, {} needle, {} speed in a tissue; every "
-        "model was "
-        "judged on the insertion that it was fitted on.",
-        report.specimens, report.needles, report.speeds);
+        "The data cannot tell which model predicts: no insertion could be held out as a whole ({}, {}, {})",
+        counted(report.specimens, "specimen"), counted(report.needles, "needle"),
+        counted(report.speeds, "speed"));
   return text;
 }
 

@@ -19,6 +19,8 @@ namespace {
 
 constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
 constexpr double kFitStep_m = 3e-5;               // per tick, an eighth of a bin
+constexpr double kMostFitTicks = 3000;            // of an insertion: deeper ones take longer steps
+constexpr double kFitRate_hz = 100;               // of models that know no speed
 constexpr int kStatisticalInsertions = 20;
 
 using Forces = std::vector<double>;
@@ -112,6 +114,10 @@ FittedModel formulaModel(const Formula& formula, const TrainingSet& training) {
   return model;
 }
 
+double fitStep_m(const TrainingSet& training) {
+  return std::max(kFitStep_m, training.to_m / kMostFitTicks);
+}
+
 // the engine's force at depths, for an insertion at that speed
 Result<Forces> engineForces(const CurveScene& scene, double speed_mps, double step_m,
                             const std::vector<double>& depth_m) {
@@ -124,8 +130,9 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
   const bool feels_speed = curve_model.model == AxialModel::kVoigt;
   const std::vector<PooledBins> merged = {training.all};
   const std::vector<PooledBins>& kinds = feels_speed ? training.kinds : merged;
-  const auto speedOf = [feels_speed](const InsertionKind& kind) {
-    return feels_speed ? kind.speed_mps : kRecordedSpeed_mps;
+  const double step_m = fitStep_m(training);
+  const auto speedOf = [feels_speed, step_m](const InsertionKind& kind) {
+    return feels_speed ? kind.speed_mps : kFitRate_hz * step_m;
   };
   std::vector<std::vector<double>> depths_m;
   for (const PooledBins& kind : kinds) depths_m.push_back(depthsOf(kind));
@@ -133,7 +140,7 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
     const CurveScene scene = curve_model.scene(values);
     double squares = 0, count = 0;
     for (std::size_t i = 0; i < kinds.size(); ++i) {
-      const auto force_N = engineForces(scene, speedOf(kinds[i].kind), kFitStep_m, depths_m[i]);
+      const auto force_N = engineForces(scene, speedOf(kinds[i].kind), step_m, depths_m[i]);
       if (!force_N.ok()) return std::numeric_limits<double>::infinity();
       squares += squaresOf(kinds[i], *force_N);
       count += countOf(kinds[i]);
@@ -146,9 +153,9 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
   model.kind = ModelKind::kEngine;
   model.parameters = curve_model.numbers();
   model.scene = curve_model.scene(bestSearch(cost, curve_model.parameters));
-  model.forces = [scene = *model.scene, speedOf](const InsertionKind& kind,
-                                                 const std::vector<double>& depth_m) {
-    return engineForces(scene, speedOf(kind), 0.1 * kFitStep_m, depth_m);
+  model.forces = [scene = *model.scene, speedOf, step_m](const InsertionKind& kind,
+                                                         const std::vector<double>& depth_m) {
+    return engineForces(scene, speedOf(kind), 0.1 * step_m, depth_m);
   };
   return model;
 }
@@ -194,14 +201,13 @@ FittedModel statisticalModel(const TrainingSet& training, std::size_t most_numbe
   model.scene->spec.axial_model = AxialModel::kStatistical;
   model.scene->spec.precomputed = {};
   model.scene->spec.statistical = spec;
-  model.forces = [scene = *model.scene](const InsertionKind&,
-                                        const std::vector<double>& depth_m) -> Result<Forces> {
+  model.forces = [scene = *model.scene, step_m = fitStep_m(training)](
+                     const InsertionKind&, const std::vector<double>& depth_m) -> Result<Forces> {
     Forces mean_N(depth_m.size(), 0);
     CurveScene drawn = scene;
     for (int i = 0; i < kStatisticalInsertions; ++i) {
       drawn.spec.statistical.seed = scene.spec.statistical.seed + static_cast<std::uint64_t>(i);
-      ASSIGN_OR_RETURN(const auto force_N,
-                       engineForces(drawn, kRecordedSpeed_mps, 0.1 * kFitStep_m, depth_m));
+      ASSIGN_OR_RETURN(const auto force_N, engineForces(drawn, kFitRate_hz * step_m, 0.1 * step_m, depth_m));
       for (std::size_t k = 0; k < mean_N.size(); ++k) mean_N[k] += force_N[k] / kStatisticalInsertions;
     }
     return mean_N;

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -51,6 +52,36 @@ TEST(BenchmarkCommand, givesTablesJsonCsvAndPicture) {
   if (hasGnuplot()) {
     EXPECT_GT(std::filesystem::file_size(out / "benchmark.png"), 10'000u);
   }
+}
+
+TEST(BenchmarkCommand, aFolderOfSpecimensIsAskedAboutAnUnseenOne) {
+  const TempFolder folder;
+  // 100, 110 and 120 N/m from the surface on: the mean of two others is off by 15, 0 and 15 N/m
+  for (int specimen = 0; specimen < 3; ++specimen) {
+    std::string text = "depth_m,force_n\n";
+    for (int i = 0; i <= 100; ++i)
+      text += std::to_string(1e-4 * i) + "," + std::to_string((100 + 10 * specimen) * 1e-4 * i) + "\n";
+    folder.write("s" + std::to_string(specimen) + ".csv", text);
+  }
+  std::string curves;
+  for (const char* specimen : {"0", "1", "2"})
+    curves += std::string(curves.empty() ? "" : ",") + R"({"file": "s)" + specimen +
+              R"(.csv", "specimen": ")" + specimen +
+              R"(", "needle": "18G", "tissue": "gel", "speed_m_s": 0.003})";
+  folder.write("data_set.json", R"({"name": "gels", "licence": "CC0", "curves": [)" + curves + "]}");
+  const Outcome outcome =
+      sim({"benchmark", "--data", folder.path().string(), "--held-out", "specimen", "--no-times", "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json.at("data").at("licence"), "CC0");
+  EXPECT_EQ(json.at("questions").at(0).at("units"), (std::vector<std::string>{"gel, 0", "gel, 1", "gel, 2"}));
+  const auto& dots = json.at("rows").at(0);
+  EXPECT_EQ(dots.at("model"), "CONNECT_THE_DOTS");
+  const auto errors = dots.at("unit_errors_n").get<std::vector<double>>();
+  // rms of 15 N/m × depth over bins from 0 to 10 mm: 15 × 10 mm/√3
+  EXPECT_NEAR(errors.at(0), 0.15 / std::sqrt(3), 0.003);
+  EXPECT_NEAR(errors.at(1), 0, 1e-3);
+  EXPECT_NEAR(errors.at(2), 0.15 / std::sqrt(3), 0.003);
 }
 
 TEST(BenchmarkCommand, withoutTimesTheSameDataGiveTheSameBytes) {
