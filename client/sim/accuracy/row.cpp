@@ -46,6 +46,7 @@ Json jsonOf(const AccuracyRow& row) {
       {"p99_ns", orNull(row.p99_ns)},
       {"fits_rate", row.fits_rate ? Json(*row.fits_rate) : Json(nullptr)},
       {"variant", orNull(row.variant)},
+      {"parameters", orNull(row.parameters)},
       {"rms_error_spread_n", orNull(row.rms_error_spread_n)},
       {"max_step_n", orNull(row.max_step_n)},
       {"noticeable_n", orNull(row.noticeable_n)},
@@ -53,7 +54,6 @@ Json jsonOf(const AccuracyRow& row) {
       {"rms_error_m", orNull(row.rms_error_m)},
       {"latency_p99_ms", orNull(row.latency_p99_ms)},
       {"bytes_per_s", orNull(row.bytes_per_s)},
-      {"parameters", orNull(row.parameters)},
       {"uncertainty", row.uncertainty},
       {"cannot_show", row.cannot_show},
   };

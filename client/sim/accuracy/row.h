@@ -35,7 +35,7 @@ constexpr std::string_view nameOf(AccuracyStudy study) {
 struct AccuracyRow {
   AccuracyStudy study = AccuracyStudy::kModel;
   std::string scene;                  ///< e.g. "paper-six-layers", "bovine_liver_heart_18g"
-  std::string model;                  ///< a name of kAxialModelNames, or of a baseline; empty = absent
+  std::string model;                  ///< a name of kAxialModelNames; empty = absent
   std::optional<double> rate_hz;      ///< of the haptic loop
   std::optional<double> mesh_nodes;   ///< of the FEM
   std::optional<double> quantum_m;    ///< step of stored lengths; 0 = lossless
@@ -53,6 +53,7 @@ struct AccuracyRow {
 
   // for some studies only
   std::string variant;  ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
+  std::optional<double> parameters;          ///< numbers that were fitted to data of the comparator
   std::optional<double> rms_error_spread_n;  ///< standard deviation of rms_error_n over seeds or repeats
   /// Greatest change of force from one tick to the next, but for the falls that the report declares as
   /// releases.
@@ -63,10 +64,9 @@ struct AccuracyRow {
   std::optional<double> rms_error_m;       ///< of position
   std::optional<double> latency_p99_ms;
   std::optional<double> bytes_per_s;  ///< on the wire, framing and TLS included
-  std::optional<double> parameters;   ///< numbers that were fitted to data of the reference
-  bool advises = true;      ///< false: shown, but no choice follows from it (fitted to what it is judged by)
-  std::string uncertainty;  ///< a text with numbers; never empty
-  std::string cannot_show;  ///< limits of this row's evidence; never empty
+  bool advises = true;                ///< false: shown, but no choice follows from it (an extrapolation)
+  std::string uncertainty;            ///< a text with numbers; never empty
+  std::string cannot_show;            ///< limits of this row's evidence; never empty
 };
 
 using AccuracyRows = std::vector<AccuracyRow>;

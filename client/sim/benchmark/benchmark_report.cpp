@@ -206,6 +206,9 @@ BenchmarkPicture benchmarkPicture(const BenchmarkReport& report) {
     for (std::size_t i = 0; i < question.rows.size(); ++i) {
       const BenchmarkRow& row = question.rows[i];
       std::string label = row.model;
+      const auto same = std::count_if(question.rows.begin(), question.rows.end(),
+                                      [&](const BenchmarkRow& other) { return other.model == row.model; });
+      if (same > 1) label += " (" + row.variant.substr(0, row.variant.find_first_of(",:;")) + ")";
       if (row.median_ns) label += fmt::format(", {:.0f} ns", *row.median_ns);
       if (row.energy_given_J) label += fmt::format(", {} µJ", fixedText(*row.energy_given_J * 1e6, 0));
       const double low_N = row.error_low_N.value_or(row.error_N);
