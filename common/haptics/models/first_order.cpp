@@ -1,11 +1,11 @@
 /// FIRST_ORDER: the needle's force as the sum of three, after Okamura, Simone and O'Leary 2004 (their
-/// quadratic stiffness taken linear, the viscous terms of their Karnopp friction left out): stiffness before
-/// puncture, then cutting and friction (FORCE_MODEL.md, "Axial models"). Each layer has a surface at its top
-/// that holds with k (x − s) until this reaches its puncture force. While a surface holds, there is no
-/// cutting or friction beyond it (x_c of FORCE_MODEL.md, "Puncture"). Cutting is constant in a layer, and
-/// friction is ∫ friction ds over the length beyond the surfaces; both use dragged walls (K_t and K_f):
-/// cutting on the way in only, friction in both directions. The model has no relaxation in a stop. It has its
-/// own puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is refused.
+/// quadratic stiffness taken linear): stiffness before puncture, then cutting and friction (FORCE_MODEL.md,
+/// "Axial models"). Each layer has a surface at its top that holds with k (x − s) until this reaches its
+/// puncture force. While a surface holds, there is no cutting or friction beyond it (x_c of FORCE_MODEL.md,
+/// "Puncture"). Cutting is constant in a layer, and friction is ∫ friction ds over the length beyond the
+/// surfaces; both use dragged walls (K_t and K_f): cutting on the way in only, friction in both directions.
+/// The model has no relaxation in a stop. It has its own puncture and friction: a scene that lists PUNCTURE
+/// or SHAFT_FRICTION is refused.
 #include <fmt/core.h>
 
 #include <algorithm>
