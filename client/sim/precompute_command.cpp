@@ -11,6 +11,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "client/sim/accuracy/study.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
 #include "common/base/clock.h"
@@ -134,6 +135,9 @@ int precompute(const PrecomputeOptions& options) {
   if (!written.ok()) return failed("precompute", written.error());
   const auto error = tableError(fem, *written);
   if (!error.ok()) return failed("precompute", error.error());
+  const std::string remark = withdrawalRemark(*error);
+  if (!remark.empty())
+    std::fprintf(stderr, "needlelab-sim precompute: %s: the table %s\n", options.out.c_str(), remark.c_str());
   if (!options.json.wanted) {
     std::printf(
         "%s: %zu rows to %.1f mm from %d nodes in %.1f s; against FEM live over the same stroke: %.3f N "
@@ -142,21 +146,23 @@ int precompute(const PrecomputeOptions& options) {
         error->rms_N, error->in_rms_N, error->hold_rms_N, error->out_rms_N, error->max_N, error->fem_peak_N);
     return kExitDone;
   }
-  const nlohmann::ordered_json row = {{"profile", made->id()},
-                                      {"out", options.out.string()},
-                                      {"nodes", (*compliance)->nodes},
-                                      {"stations", options.stations},
-                                      {"table_rows", rows->size()},
-                                      {"depth_m", depth_m},
-                                      {"mesh_s", mesh_s},
-                                      {"table_s", table_s},
-                                      {"strained_share", (*compliance)->strained_share},
-                                      {"error_rms_n", error->rms_N},
-                                      {"error_in_rms_n", error->in_rms_N},
-                                      {"error_hold_rms_n", error->hold_rms_N},
-                                      {"error_out_rms_n", error->out_rms_N},
-                                      {"error_max_n", error->max_N},
-                                      {"fem_peak_n", error->fem_peak_N}};
+  const nlohmann::ordered_json row = {
+      {"profile", made->id()},
+      {"out", options.out.string()},
+      {"nodes", (*compliance)->nodes},
+      {"stations", options.stations},
+      {"table_rows", rows->size()},
+      {"depth_m", depth_m},
+      {"mesh_s", mesh_s},
+      {"table_s", table_s},
+      {"strained_share", (*compliance)->strained_share},
+      {"error_rms_n", error->rms_N},
+      {"error_in_rms_n", error->in_rms_N},
+      {"error_hold_rms_n", error->hold_rms_N},
+      {"error_out_rms_n", error->out_rms_N},
+      {"error_max_n", error->max_N},
+      {"fem_peak_n", error->fem_peak_N},
+      {"remark", remark.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(remark)}};
   if (const Status status = writeJson(options.json, nlohmann::ordered_json::array({row})); !status.ok())
     return failed("precompute", status.error());
   return kExitDone;

@@ -23,6 +23,7 @@ int runSim(int argc, const char* const* argv) {
     addPrecomputeCommand(app, chosen);
     addScoreCommand(app, chosen);
     addAccuracyCommand(app, chosen);
+    addBenchmarkCommand(app, chosen);
     addSkillCommand(app, chosen);
     addStabilityCommand(app, chosen);
     addEffectsCommand(app, chosen);

@@ -156,6 +156,14 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
   return rows;
 }
 
+std::string withdrawalRemark(const TableError& error) {
+  if (error.out_rms_N <= noticeableForce_N(error.fem_peak_N)) return {};
+  return fmt::format(
+      "misses the withdrawal by {:.2f} N (rms) of a peak of {:.2f} N: a table knows depth and direction, not "
+      "what the shaft remembers; take FEM where the way out is felt or scored",
+      error.out_rms_N, error.fem_peak_N);
+}
+
 Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                std::vector<std::string>& /*notes*/) {
   ASSIGN_OR_RETURN(auto fem, femScene());
@@ -173,6 +181,7 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   row.scene = kScene;
   row.model = axialModelName(AxialModel::kPrecomputed);
   row.variant = "table from FEM, as needlelab-sim precompute makes it";
+  if (const std::string remark = withdrawalRemark(error); !remark.empty()) row.variant += "; " + remark;
   row.rate_hz = kFemRate_hz;
   row.reference = "live FEM over one straight insertion and withdrawal, the mesh that the table comes from";
   row.rms_error_n = error.rms_N;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "client/sim/accuracy/recorded.h"
 #include "client/sim/accuracy/recorded_fit.h"
@@ -16,10 +17,14 @@ namespace {
 constexpr double kFitRate_hz = 100;  // 30 µm per tick, an eighth of a bin; the result is run at 1 kHz
 constexpr int kMostEvaluations = 4000, kRestarts = 8;
 
-StraightGesture gestureTo(double surface_m, double to_m, double rate_hz) {
+StraightGesture gestureTo(double surface_m, double to_m, double rate_hz, double speed_mps) {
   // the first tick is outside: an insertion begins with an entry
-  const double step_m = kRecordedSpeed_mps / rate_hz;
-  return constantSpeed(-0.5 * step_m, std::max(to_m - surface_m, step_m), kRecordedSpeed_mps, rate_hz);
+  const double step_m = speed_mps / rate_hz;
+  return constantSpeed(-0.5 * step_m, std::max(to_m - surface_m, step_m), speed_mps, rate_hz);
+}
+
+Error noRows() {
+  return {ErrorCode::kInvalidInput, "no rows of the force-depth curve to fit on"};
 }
 
 }  // namespace
@@ -48,8 +53,19 @@ std::vector<CurveBin> chosenBins(const DepthCurve& curve, const BinChoice& fit_o
   return chosen;
 }
 
-Result<CurveRun> runCurve(const CurveScene& scene, double to_m, double rate_hz) {
-  CurveRun made{gestureTo(scene.surface_m, to_m, rate_hz), {}};
+Result<BaselineFit> fitBaseline(const DepthCurve& curve, Baseline baseline, const BinChoice& fit_on,
+                                std::size_t most_numbers) {
+  const std::vector<CurveBin> through = thinned(chosenBins(curve, fit_on), most_numbers);
+  if (through.empty()) return noRows();
+  std::vector<double> force_N;
+  for (const double d : curve.depth_m) force_N.push_back(baselineAt(baseline, through, d));
+  return BaselineFit{
+      baseline, through.size(), curveError(curve.bins, curve.force_N, force_N, fit_on),
+      curveError(curve.bins, curve.force_N, force_N, [&](const CurveBin& bin) { return !fit_on(bin); })};
+}
+
+Result<CurveRun> runCurve(const CurveScene& scene, double to_m, double rate_hz, double speed_mps) {
+  CurveRun made{gestureTo(scene.surface_m, to_m, rate_hz, speed_mps), {}};
   ASSIGN_OR_RETURN(auto run, runStraight(scene.spec, made.gesture));
   made.run = std::move(run);
   return made;
@@ -64,9 +80,23 @@ std::vector<double> forceAtDepths(const CurveRun& run, double surface_m, const s
   return force_N;
 }
 
+FitResult searchAgain(const std::function<double(const std::vector<double>&)>& cost,
+                      const std::vector<FitParameter>& parameters) {
+  FitResult found = patternSearch(cost, parameters, kMostEvaluations);
+  for (int again = 0; again < kRestarts; ++again) {
+    auto from = parameters;
+    for (std::size_t i = 0; i < from.size(); ++i) from[i].start = found.values[i];
+    FitResult next = patternSearch(cost, from, kMostEvaluations);
+    next.evaluations += found.evaluations;
+    const bool better = next.cost < 0.999 * found.cost;
+    found = std::move(next);
+    if (!better) break;
+  }
+  return found;
+}
+
 Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, const BinChoice& fit_on) {
-  if (std::none_of(curve.bins.begin(), curve.bins.end(), fit_on))
-    return Error{ErrorCode::kInvalidInput, "no rows of the force-depth curve to fit on"};
+  if (std::none_of(curve.bins.begin(), curve.bins.end(), fit_on)) return noRows();
   const double to_m = curve.depth_m.back();
   const auto cost = [&](const std::vector<double>& values) {
     const CurveScene scene = model.scene(values);
@@ -75,20 +105,10 @@ Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, cons
     return curveError(curve.bins, curve.force_N, forceAtDepths(*run, scene.surface_m, curve.depth_m), fit_on)
         .rms;
   };
-  // again from where it ended, with full steps: ruptures make many small valleys
-  FitResult found = patternSearch(cost, model.parameters, kMostEvaluations);
-  for (int again = 0; again < kRestarts; ++again) {
-    auto parameters = model.parameters;
-    for (std::size_t i = 0; i < parameters.size(); ++i) parameters[i].start = found.values[i];
-    FitResult next = patternSearch(cost, parameters, kMostEvaluations);
-    next.evaluations += found.evaluations;
-    const bool better = next.cost < 0.999 * found.cost;
-    found = std::move(next);
-    if (!better) break;
-  }
+  const FitResult found = searchAgain(cost, model.parameters);
 
   CurveFit fit{
-      model.model, model.variant,    model.parameters.size(), found.values, model.scene(found.values), {}, {},
+      model.model, model.variant,    model.numbers(), found.values, model.scene(found.values), {}, {},
       {},          found.evaluations};
   ASSIGN_OR_RETURN(const auto run, runCurve(fit.scene, to_m));
   fit.model_N = forceAtDepths(run, fit.scene.surface_m, curve.depth_m);
@@ -151,6 +171,7 @@ Result<SpreadCheck> checkSpread(const DepthCurve& curve, const StatisticalSpec& 
   // before the contact the digitised noise is symmetric about zero; a log-normal force is not
   constexpr double kFelt_N = 0.02;
   std::size_t rows = 0, inside = 0;
+  std::set<int> blocks;
   for (const CurveBin& bin : curve.bins) {
     if (!held_out(bin)) continue;
     for (const std::size_t i : bin.rows) {
@@ -158,10 +179,12 @@ Result<SpreadCheck> checkSpread(const DepthCurve& curve, const StatisticalSpec& 
       if (law.mean_N < kFelt_N) continue;
       const ForceBand band = centralBand95(law.mean_N, law.sd_N);
       ++rows;
+      blocks.insert(bin.block);
       if (curve.force_N[i] >= band.low_N && curve.force_N[i] <= band.high_N) ++inside;
     }
   }
   check.in_band = rows > 0 ? static_cast<double>(inside) / static_cast<double>(rows) : 0;
+  check.blocks = blocks.size();
   return check;
 }
 
@@ -175,8 +198,13 @@ constexpr const char* kCannotShow =
 
 constexpr const char* kAlternate =
     "recorded force over depth; fitted on every second block of 0.5 mm, error on the blocks held out (both "
-    "halves in "
-    "turn)";
+    "halves in turn): interpolation";
+constexpr const char* kEqual =
+    "recorded force over depth; fitted on every second block of 0.5 mm, error on the blocks held out (both "
+    "halves in turn): interpolation with at most 20 numbers each";
+constexpr const char* kExtrapolation =
+    "recorded force over depth; fitted on the first 25 mm, error on the rest (extrapolation past three "
+    "ruptures)";
 
 // the fitted scene at run time: time of a tick, greatest step, and the noticeable share of its error
 std::string addRun(const CurveFit& fit, double to_m, AccuracyRow& row) {
@@ -188,32 +216,64 @@ std::string addRun(const CurveFit& fit, double to_m, AccuracyRow& row) {
   return "; " + addTickTime(*model, run->gesture, row);
 }
 
-AccuracyRow rowOf(const CurveFit& fit) {
+// What is fitted to a curve and judged on the same curve advises nobody: interpolation shows how closely a
+// model can be bent, and beyond their data the order of the models is chance.
+AccuracyRow rowOf(const std::string& model, const char* reference, std::size_t parameters) {
   AccuracyRow row;
   row.scene = kCurveScene;
-  row.model = axialModelName(fit.model);
-  row.variant = fmt::format("{}, {} numbers fitted", fit.variant, fit.parameters);
+  row.model = model;
+  row.reference = reference;
+  row.parameters = static_cast<double>(parameters);
+  row.advises = false;
   row.cannot_show = kCannotShow;
   return row;
 }
 
 // both halves held out in turn: every bin counts once
-AccuracyRow alternateRow(const CurveFit& a, const CurveFit& b, const DepthCurve& curve) {
-  AccuracyRow row = rowOf(a);
-  row.reference = kAlternate;
-  const auto na = static_cast<double>(a.held_out.bins), nb = static_cast<double>(b.held_out.bins);
-  row.rms_error_n =
-      std::sqrt((a.held_out.rms * a.held_out.rms * na + b.held_out.rms * b.held_out.rms * nb) / (na + nb));
-  row.max_error_n = std::max(a.held_out.max, b.held_out.max);
-  row.rms_error_spread_n = std::fabs(a.held_out.rms - b.held_out.rms) / std::sqrt(2.0);
+void addHalves(const CurveError& a, const CurveError& b, AccuracyRow& row) {
+  const auto na = static_cast<double>(a.bins), nb = static_cast<double>(b.bins);
+  row.rms_error_n = std::sqrt((a.rms * a.rms * na + b.rms * b.rms * nb) / (na + nb));
+  row.max_error_n = std::max(a.max, b.max);
+  row.rms_error_spread_n = std::fabs(a.rms - b.rms) / std::sqrt(2.0);
+}
+
+AccuracyRow alternateRow(const char* reference, const CurveFit& a, const CurveFit& b,
+                         const DepthCurve& curve) {
+  AccuracyRow row =
+      rowOf(std::string(axialModelName(a.model)), reference, std::max(a.parameters, b.parameters));
+  row.variant = a.variant;
+  addHalves(a.held_out, b.held_out, row);
   const std::string time = addRun(a, curve.depth_m.back(), row);
   row.uncertainty = fmt::format(
-      "{} bins of 0.25 mm held out; error on the fitted halves {:.3f} and {:.3f} N, on the held-out ones "
-      "{:.3f} and {:.3f} N; rows scatter {:.2f} N (rms) about their bin's mean, nearly all of it in the "
-      "falls at ruptures",
-      a.held_out.bins + b.held_out.bins, a.fitted.rms, b.fitted.rms, a.held_out.rms, b.held_out.rms,
-      std::max(a.held_out.floor, b.held_out.floor));
+      "{} and {} numbers; {} bins of 0.25 mm held out; error on the fitted halves {:.3f} and {:.3f} N, on "
+      "the held-out ones {:.3f} and {:.3f} N; rows scatter {:.2f} N (rms) about their bin's mean, nearly all "
+      "of it in the falls at ruptures",
+      a.parameters, b.parameters, a.held_out.bins + b.held_out.bins, a.fitted.rms, b.fitted.rms,
+      a.held_out.rms, b.held_out.rms, std::max(a.held_out.floor, b.held_out.floor));
   row.uncertainty += time;
+  return row;
+}
+
+const char* textOf(Baseline baseline) {
+  return baseline == Baseline::kConnectTheDots ? "no model: straight lines through the fitted means"
+                                               : "no model: the last fitted mean before";
+}
+
+constexpr const char* kBaselineCannotShow =
+    "anything about tissue: it is what a model has to beat. A model that does not is no better than the data "
+    "it was fitted on";
+
+Result<AccuracyRow> baselineRow(const char* reference, Baseline baseline, const DepthCurve& curve,
+                                std::size_t most_numbers) {
+  ASSIGN_OR_RETURN(const auto a, fitBaseline(curve, baseline, alternateBlocks(0), most_numbers));
+  ASSIGN_OR_RETURN(const auto b, fitBaseline(curve, baseline, alternateBlocks(1), most_numbers));
+  AccuracyRow row = rowOf(std::string(nameOf(baseline)), reference, std::max(a.parameters, b.parameters));
+  row.variant = textOf(baseline);
+  row.cannot_show = kBaselineCannotShow;
+  addHalves(a.held_out, b.held_out, row);
+  row.uncertainty =
+      fmt::format("{} and {} numbers; {} bins of 0.25 mm held out: {:.3f} and {:.3f} N", a.parameters,
+                  b.parameters, a.held_out.bins + b.held_out.bins, a.held_out.rms, b.held_out.rms);
   return row;
 }
 
@@ -228,12 +288,11 @@ Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const De
                                  choice, insertions));
     checks.push_back(std::move(check));
   }
-  AccuracyRow row;
-  row.scene = kCurveScene;
-  row.model = axialModelName(AxialModel::kStatistical);
-  row.variant =
-      fmt::format("mean and sd of {} rows, 1 mm apart", checks[0].scene.spec.statistical.table.size());
-  row.reference = kAlternate;
+  const std::size_t table_rows = checks[0].scene.spec.statistical.table.size();
+  AccuracyRow row = rowOf(std::string(axialModelName(AxialModel::kStatistical)), kAlternate, 2 * table_rows);
+  const double in_band = 0.5 * (checks[0].in_band + checks[1].in_band);
+  const BandVerdict verdict = bandVerdict(in_band, checks[0].blocks + checks[1].blocks);
+  row.variant = fmt::format("mean and sd of {} rows, 1 mm apart; 95 % band {}", table_rows, verdict.text);
   row.rms_error_n = 0.5 * (checks[0].held_out_rms + checks[1].held_out_rms);
   row.max_error_n = std::max(checks[0].held_out_max, checks[1].held_out_max);
   row.rms_error_spread_n = 0.5 * (checks[0].spread_of_rms + checks[1].spread_of_rms);
@@ -249,36 +308,36 @@ Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const De
   row.noticeable_n = noticeableForce_N(*std::max_element(run->run.force_N.begin(), run->run.force_N.end()));
   row.uncertainty = fmt::format(
       "error of one insertion, mean of {} per half; the mean of all insertions is off by {:.3f} and {:.3f} "
-      "N; {:.0f} % and {:.0f} % of the rows held out after the contact lie within the 95 % band; ",
+      "N; {:.0f} % and {:.0f} % of the rows held out after the contact lie within the 95 % band, over {} "
+      "blocks of 0.5 mm: {}; ",
       insertions, checks[0].held_out_of_mean.rms, checks[1].held_out_of_mean.rms, 100 * checks[0].in_band,
-      100 * checks[1].in_band);
+      100 * checks[1].in_band, checks[0].blocks + checks[1].blocks, verdict.text);
   row.uncertainty += addTickTime(*model, run->gesture, row);
   return row;
 }
 
-// the baseline error: holds the last force before the split
-double errorOfHolding(const DepthCurve& curve) {
-  const auto fitted = chosenBins(curve, beforeTheSplit());
-  const std::vector<double> held_N(curve.depth_m.size(), fitted.back().value);
-  return curveError(curve.bins, curve.force_N, held_N,
-                    [](const CurveBin& bin) { return !beforeTheSplit()(bin); })
-      .rms;
-}
-
-AccuracyRow extrapolationRow(const CurveFit& fit, const DepthCurve& curve) {
-  AccuracyRow row = rowOf(fit);
-  row.reference =
-      "recorded force over depth; fitted on the first 25 mm, error on the rest (extrapolation past three "
-      "ruptures)";
-  row.advises = false;  // the order of the models beyond their data is chance
+AccuracyRow extrapolationRow(const CurveFit& fit, const BaselineFit& holding, const DepthCurve& curve) {
+  AccuracyRow row = rowOf(std::string(axialModelName(fit.model)), kExtrapolation, fit.parameters);
+  row.variant = fit.variant;
   row.rms_error_n = fit.held_out.rms;
   row.max_error_n = fit.held_out.max;
   const std::string time = addRun(fit, curve.depth_m.back(), row);
   row.uncertainty = fmt::format(
-      "{} bins of 0.25 mm held out; error on the fitted part {:.3f} N; holding the force at 25 mm to the end "
-      "is off by {:.3f} N: no model of one insertion knows of what lies ahead",
-      fit.held_out.bins, fit.fitted.rms, errorOfHolding(curve));
+      "{} bins of 0.25 mm held out; error on the fitted part {:.3f} N; {} than holding the force at 25 mm to "
+      "the end, {:.3f} N: no model of one insertion knows of what lies ahead",
+      fit.held_out.bins, fit.fitted.rms, fit.held_out.rms < holding.held_out.rms ? "less" : "no less",
+      holding.held_out.rms);
   row.uncertainty += time;
+  return row;
+}
+
+AccuracyRow extrapolationRow(const BaselineFit& fit) {
+  AccuracyRow row = rowOf(std::string(nameOf(fit.baseline)), kExtrapolation, fit.parameters);
+  row.variant = "no model: the force at 25 mm to the end";
+  row.cannot_show = kBaselineCannotShow;
+  row.rms_error_n = fit.held_out.rms;
+  row.max_error_n = fit.held_out.max;
+  row.uncertainty = fmt::format("{} bins of 0.25 mm held out", fit.held_out.bins);
   return row;
 }
 
@@ -298,29 +357,53 @@ Result<AccuracyRows> recordedCurveRows(const AccuracyOptions& options, const Acc
                   "0.25 mm; falls within one bin are between the needle's force before and after",
                   kCurveScene, backward));
 
+  AccuracyRows alternate, equal, extrapolated;
+  for (const Baseline baseline : kBaselines) {
+    ASSIGN_OR_RETURN(auto all, baselineRow(kAlternate, baseline, curve, kAnyNumbers));
+    alternate.push_back(std::move(all));
+    ASSIGN_OR_RETURN(auto some, baselineRow(kEqual, baseline, curve, kEqualNumbers));
+    equal.push_back(std::move(some));
+    ASSIGN_OR_RETURN(const auto ahead, fitBaseline(curve, baseline, beforeTheSplit()));
+    extrapolated.push_back(extrapolationRow(ahead));
+  }
+  ASSIGN_OR_RETURN(const auto holding, fitBaseline(curve, Baseline::kHoldTheLast, beforeTheSplit()));
+
   // the same models for each choice of fitted rows
   const std::vector<BinChoice> choices = {alternateBlocks(0), alternateBlocks(1), beforeTheSplit()};
-  std::vector<std::vector<CurveModel>> models;
-  for (const BinChoice& choice : choices) models.push_back(curveModels(chosenBins(curve, choice)));
-  AccuracyRows alternate, extrapolated;
+  std::vector<std::vector<CurveModel>> models, few;
+  for (const BinChoice& choice : choices) {
+    models.push_back(curveModels(chosenBins(curve, choice)));
+    few.push_back(curveModels(chosenBins(curve, choice), kEqualNumbers));
+  }
   for (std::size_t m = 0; m < models.front().size(); ++m) {
-    std::vector<CurveFit> fits;
+    std::vector<CurveFit> fits, few_fits;
     for (std::size_t c = 0; c < choices.size(); ++c) {
       if (progress)
         progress("fitting " + std::string(axialModelName(models[c][m].model)) + " to " + kCurveScene,
                  (static_cast<double>(m) + static_cast<double>(c) / 3) /
                      static_cast<double>(models.front().size()));
       ASSIGN_OR_RETURN(auto fit, fitCurve(curve, models[c][m], choices[c]));
+      if (c < 2) {
+        // a model that has no more numbers anyway is the same
+        if (few[c][m].numbers() == models[c][m].numbers()) {
+          few_fits.push_back(fit);
+        } else {
+          ASSIGN_OR_RETURN(auto small, fitCurve(curve, few[c][m], choices[c]));
+          few_fits.push_back(std::move(small));
+        }
+      }
       fits.push_back(std::move(fit));
     }
     if (fits[0].model == AxialModel::kPrecomputed) {
       ASSIGN_OR_RETURN(auto row, statisticalRow(fits, curve, options.long_form ? 1000 : 100));
       alternate.push_back(std::move(row));
     }
-    alternate.push_back(alternateRow(fits[0], fits[1], curve));
-    extrapolated.push_back(extrapolationRow(fits[2], curve));
+    alternate.push_back(alternateRow(kAlternate, fits[0], fits[1], curve));
+    equal.push_back(alternateRow(kEqual, few_fits[0], few_fits[1], curve));
+    extrapolated.push_back(extrapolationRow(fits[2], holding, curve));
   }
   AccuracyRows rows = std::move(alternate);
+  rows.insert(rows.end(), equal.begin(), equal.end());
   rows.insert(rows.end(), extrapolated.begin(), extrapolated.end());
   return rows;
 }
@@ -392,7 +475,8 @@ Result<RecordedPicture> recordedCurvePicture(const AccuracyOptions& options) {
   std::vector<std::pair<std::string, std::vector<double>>> csv = {{"depth_m", curve.depth_m},
                                                                   {"recorded_n", curve.force_N}};
   std::string finding;
-  std::vector<std::string> legend;
+  double wall_N = 0;
+  std::vector<std::string> legend, baselines;
   // panel 0: every second block held out; panel 1: all beyond 25 mm
   for (const bool extrapolates : {false, true}) {
     const int panel = extrapolates ? 1 : 0;
@@ -408,19 +492,25 @@ Result<RecordedPicture> recordedCurvePicture(const AccuracyOptions& options) {
                                    model.fit.held_out.rms));
       csv.emplace_back(fmt::format("{}_{}_n", extrapolates ? "extrapolated" : "alternate", m),
                        model.fit.model_N);
-      if (finding.empty())
-        finding = fmt::format(
-            "Between what it was fitted on, the wall follows a bovine liver and heart to {:.2f} N; ahead of "
-            "it, no "
-            "model does",
-            model.fit.held_out.rms);
+      if (!extrapolates && m == 0) wall_N = model.fit.held_out.rms;
     }
+    const Baseline baseline = extrapolates ? Baseline::kHoldTheLast : Baseline::kConnectTheDots;
+    ASSIGN_OR_RETURN(const auto no_model, fitBaseline(curve, baseline, choice));
+    const double no_model_N = no_model.held_out.rms;
+    baselines.push_back(fmt::format("no model, {}: {:.2f} N",
+                                    extrapolates ? "the last force held" : "the dots connected", no_model_N));
+    if (!extrapolates)
+      finding =
+          fmt::format("Interpolating, {}: {:.2f} N against {:.2f} N; ahead, no model knows",
+                      no_model_N <= wall_N ? "connected dots beat the wall" : "the wall beats connected dots",
+                      std::min(no_model_N, wall_N), std::max(no_model_N, wall_N));
   }
   return RecordedPicture{"recorded_curve",
                          csvOf(csv),
                          data.text(),
                          {{"finding", finding},
                           {"legend", legend},
+                          {"baselines", baselines},
                           {"block_mm", kDepthBlock_m * 1e3},
                           {"split_mm", kExtrapolateFrom_m * 1e3}}};
 }
@@ -444,16 +534,15 @@ Result<RecordedPicture> recordedModelsPicture(const AccuracyOptions& options) {
     names.push_back(modelText(model.fit));
     errors.push_back(fmt::format("{} numbers: {:.2f} N rms", model.fit.parameters, model.fit.held_out.rms));
   }
-  return RecordedPicture{
-      "recorded_models",
-      csvOf(csv),
-      data.text(),
-      {{"finding",
-        fmt::format("Models that know of layers or ruptures follow a recorded needle to {:.2f} N, a "
-                    "straight line to {:.2f} N",
-                    least, most)},
-       {"names", names},
-       {"errors", errors}}};
+  ASSIGN_OR_RETURN(const auto dots, fitBaseline(curve, Baseline::kConnectTheDots, choice));
+  return RecordedPicture{"recorded_models",
+                         csvOf(csv),
+                         data.text(),
+                         {{"finding", fmt::format("Models follow a recorded needle to {:.2f}-{:.2f} N; "
+                                                  "connected dots, no model at all, to {:.2f} N",
+                                                  least, most, dots.held_out.rms)},
+                          {"names", names},
+                          {"errors", errors}}};
 }
 
 }  // namespace needlelab

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/sim/accuracy/baseline.h"
 #include "client/sim/accuracy/recorded_fit.h"
 #include "common/haptics/limits.h"
 
@@ -16,16 +17,6 @@ constexpr double kWallStiffness_N_per_m = 1000;  // the most that the Desktop re
 constexpr double kMostForce_N = 20;
 constexpr double kLeastDrop_N = 0.3;
 constexpr double kThinnest_m = 1e-4;
-
-// the curve at a depth, linear between bins, held at the ends
-double valueAt(const std::vector<CurveBin>& bins, double depth_m) {
-  const auto after = std::lower_bound(bins.begin(), bins.end(), depth_m,
-                                      [](const CurveBin& bin, double d) { return bin.at < d; });
-  if (after == bins.begin()) return bins.front().value;
-  if (after == bins.end()) return bins.back().value;
-  const CurveBin& before = *(after - 1);
-  return std::lerp(before.value, after->value, (depth_m - before.at) / (after->at - before.at));
-}
 
 // where the force first stays above 5 % of its maximum: the needle is in contact
 double contactDepth(const std::vector<CurveBin>& bins) {
@@ -59,26 +50,6 @@ FitParameter forceParameter(const std::string& name, double start_N) {
   return {name, held, 0, kMostForce_N, std::max(0.02, 0.1 * held)};
 }
 
-// starts of segments: the contact, then the end of each rupture but the last
-struct Piece {
-  double top_m = 0, rupture_m = 0, peak_N = 0, before_N = 0, after_N = 0;
-};
-std::vector<Piece> piecesOf(const std::vector<CurveBin>& bins) {
-  std::vector<Piece> pieces;
-  double top_m = contactDepth(bins), before_N = 0;
-  for (const Rupture& rupture : findRuptures(bins, kLeastDrop_N)) {
-    pieces.push_back(
-        {top_m, std::max(rupture.depth_m, top_m + kThinnest_m), rupture.peak_N, before_N, rupture.valley_N});
-    top_m = rupture.valley_m;
-    before_N = rupture.valley_N;
-  }
-  // a curve without ruptures is a single piece
-  if (pieces.empty())
-    pieces.push_back(
-        {top_m, std::max(bins.back().at, top_m + kThinnest_m), bins.back().value, 0, bins.back().value});
-  return pieces;
-}
-
 std::string counted(std::size_t count, const char* one) {
   return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
 }
@@ -97,8 +68,8 @@ void setThicknesses(CurveScene& scene, std::vector<double> tops_m) {
 }
 
 // Tops of layers: cuts the curve repeatedly where the cut reduces the squares about the parts' means most,
-// until it has a profile's maximum number of layers or no cut gains a hundredth of a newton.
-std::vector<double> layerTops(const std::vector<CurveBin>& bins) {
+// until it has `most` layers or no cut gains a hundredth of a newton.
+std::vector<double> layerTops(const std::vector<CurveBin>& bins, std::size_t most) {
   struct Part {
     std::size_t from, to;  // bins
   };
@@ -111,7 +82,7 @@ std::vector<double> layerTops(const std::vector<CurveBin>& bins) {
     return square - sum * sum / static_cast<double>(to - from);
   };
   std::vector<Part> parts = {{0, bins.size()}};
-  while (parts.size() < kMaxLayers) {
+  while (parts.size() < most) {
     double best_gain = 1e-4;
     std::size_t best_part = 0, best_cut = 0;
     for (std::size_t p = 0; p < parts.size(); ++p) {
@@ -164,15 +135,39 @@ std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double leas
   return ruptures;
 }
 
-CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on) {
+std::vector<CurvePiece> curvePieces(const std::vector<CurveBin>& bins, std::size_t most) {
+  // a least fall that leaves few enough
+  double least_drop_N = kLeastDrop_N;
+  std::vector<Rupture> ruptures = findRuptures(bins, least_drop_N);
+  while (ruptures.size() > most) {
+    least_drop_N *= 1.05;
+    ruptures = findRuptures(bins, least_drop_N);
+  }
+  std::vector<CurvePiece> pieces;
+  double top_m = contactDepth(bins), before_N = 0;
+  for (const Rupture& rupture : ruptures) {
+    pieces.push_back(
+        {top_m, std::max(rupture.depth_m, top_m + kThinnest_m), rupture.peak_N, before_N, rupture.valley_N});
+    top_m = rupture.valley_m;
+    before_N = rupture.valley_N;
+  }
+  // a curve without ruptures is a single piece
+  if (pieces.empty())
+    pieces.push_back(
+        {top_m, std::max(bins.back().at, top_m + kThinnest_m), bins.back().value, 0, bins.back().value});
+  return pieces;
+}
+
+CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
   made.model = model;
-  const std::vector<double> tops_m = layerTops(fit_on);
+  const std::vector<double> tops_m = layerTops(fit_on, std::min(kMaxLayers, (most_numbers + 1) / 2));
+  made.chosen = tops_m.size() - 1;
   made.variant = counted(tops_m.size(), "layer") + ", thinnest where the force changes most";
   for (std::size_t i = 0; i < tops_m.size(); ++i) {
     const double end_m = i + 1 < tops_m.size() ? tops_m[i + 1] : fit_on.back().at;
-    made.parameters.push_back(
-        forceParameter(nth("cutting_n ", i), valueAt(fit_on, 0.5 * (tops_m[i] + end_m))));
+    made.parameters.push_back(forceParameter(
+        nth("cutting_n ", i), baselineAt(Baseline::kConnectTheDots, fit_on, 0.5 * (tops_m[i] + end_m))));
   }
   made.scene = [model, tops_m](const std::vector<double>& values) {
     CurveScene scene = emptyScene(model);
@@ -184,12 +179,12 @@ CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on) {
   return made;
 }
 
-CurveModel membraneModel(const std::vector<CurveBin>& fit_on) {
+CurveModel membraneModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
-  const auto pieces = piecesOf(fit_on);
+  const auto pieces = curvePieces(fit_on, most_numbers / 5);
   made.variant = "PUNCTURE: " + counted(pieces.size(), "membrane") + ", cutting behind each";
   for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const Piece& piece = pieces[i];
+    const CurvePiece& piece = pieces[i];
     const double length_m = piece.rupture_m - piece.top_m;
     made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
     made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
@@ -235,14 +230,14 @@ CurveModel lineModel(AxialModel model, const std::vector<CurveBin>& fit_on) {
   return made;
 }
 
-CurveModel godObjectModel(const std::vector<CurveBin>& fit_on) {
+CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
   made.model = AxialModel::kGodObject;
-  const auto pieces = piecesOf(fit_on);
+  const auto pieces = curvePieces(fit_on, (most_numbers - 1) / 2);
   made.variant = counted(pieces.size(), "top") + ", one per rupture";
   // one slope for all pieces: their least squares
   double force_length = 0, length_squared = 0;
-  for (const Piece& piece : pieces) {
+  for (const CurvePiece& piece : pieces) {
     const double length_m = piece.rupture_m - piece.top_m;
     force_length += piece.peak_N * length_m;
     length_squared += length_m * length_m;
@@ -270,13 +265,14 @@ CurveModel godObjectModel(const std::vector<CurveBin>& fit_on) {
   return made;
 }
 
-CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on) {
+CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
   made.model = AxialModel::kFirstOrder;
-  const auto pieces = piecesOf(fit_on);
-  made.variant = counted(pieces.size(), "layer") + ", one per rupture";
+  const auto pieces = curvePieces(fit_on, most_numbers / 5);
+  made.variant = counted(pieces.size(), "layer") +
+                 ", one per rupture; without Okamura's viscous (Karnopp) friction and quadratic stiffness";
   for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const Piece& piece = pieces[i];
+    const CurvePiece& piece = pieces[i];
     const double length_m = piece.rupture_m - piece.top_m;
     made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
     made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
@@ -303,33 +299,37 @@ CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on) {
   return made;
 }
 
-CurveModel tableModel(const std::vector<CurveBin>& fit_on) {
+CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
   made.model = AxialModel::kPrecomputed;
-  const auto rows = static_cast<std::size_t>(std::floor(fit_on.back().at / kTableStep_m)) + 1;
-  made.variant = fmt::format("table of {} rows, 1 mm apart", rows);
+  const double deepest_m = std::max(fit_on.back().at, kTableStep_m);
+  const auto whole = static_cast<std::size_t>(std::floor(deepest_m / kTableStep_m)) + 1;
+  const std::size_t rows = std::min(whole, most_numbers);
+  const double step_m = rows < whole ? deepest_m / static_cast<double>(rows - 1) : kTableStep_m;
+  made.variant = fmt::format("table of {} rows, {:.3g} mm apart", rows, step_m * 1e3);
   for (std::size_t i = 0; i < rows; ++i)
     made.parameters.push_back(
-        forceParameter(nth("cutting_n ", i), valueAt(fit_on, static_cast<double>(i) * kTableStep_m)));
-  made.scene = [](const std::vector<double>& values) {
+        forceParameter(nth("cutting_n ", i),
+                       baselineAt(Baseline::kConnectTheDots, fit_on, static_cast<double>(i) * step_m)));
+  made.scene = [step_m](const std::vector<double>& values) {
     CurveScene scene = emptyScene(AxialModel::kPrecomputed);
     scene.spec.layers.push_back(layerOf(0.1, 0));
     for (std::size_t i = 0; i < values.size(); ++i)
-      scene.spec.precomputed.table.push_back({static_cast<double>(i) * kTableStep_m, values[i], 0});
+      scene.spec.precomputed.table.push_back({static_cast<double>(i) * step_m, values[i], 0});
     return scene;
   };
   return made;
 }
 
-std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on) {
-  return {layeredModel(AxialModel::kEnhancedTrackingWall, fit_on),
-          membraneModel(fit_on),
-          layeredModel(AxialModel::kTrackingWall, fit_on),
-          layeredModel(AxialModel::kDirect, fit_on),
+std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+  return {layeredModel(AxialModel::kEnhancedTrackingWall, fit_on, most_numbers),
+          membraneModel(fit_on, most_numbers),
+          layeredModel(AxialModel::kTrackingWall, fit_on, most_numbers),
+          layeredModel(AxialModel::kDirect, fit_on, most_numbers),
           lineModel(AxialModel::kVoigt, fit_on),
-          godObjectModel(fit_on),
-          firstOrderModel(fit_on),
-          tableModel(fit_on)};
+          godObjectModel(fit_on, most_numbers),
+          firstOrderModel(fit_on, most_numbers),
+          tableModel(fit_on, most_numbers)};
 }
 
 }  // namespace needlelab

@@ -11,6 +11,7 @@
 namespace needlelab {
 namespace {
 
+constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
 constexpr double kStep_m = 1e-4;  // per tick: the target bends every quarter of the correlation length only
 
 struct LogNormal {
@@ -58,9 +59,31 @@ StatisticalSpec syntheticStatistics() {
 }
 
 ForceBand centralBand95(double mean_N, double sd_N) {
-  constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
   const LogNormal law = logNormal({mean_N, sd_N});
   return {std::exp(law.mu - kNormal975 * law.sigma), std::exp(law.mu + kNormal975 * law.sigma)};
+}
+
+BandVerdict bandVerdict(double share, std::size_t independent) {
+  // fewer than this many keep a band of 95 % whatever they are
+  constexpr std::size_t kLeast = 8;
+  constexpr double kAsked = 0.95;
+  BandVerdict verdict;
+  if (independent == 0) {
+    verdict.text = "cannot tell: no data";
+    return verdict;
+  }
+  const auto n = static_cast<double>(independent);
+  const double z2 = kNormal975 * kNormal975, middle = (share + z2 / (2 * n)) / (1 + z2 / n);
+  const double half = kNormal975 / (1 + z2 / n) * std::sqrt(share * (1 - share) / n + z2 / (4 * n * n));
+  verdict.low = std::max(0.0, middle - half);
+  verdict.high = std::min(1.0, middle + half);
+  const char* found = verdict.high < kAsked  ? "MISSED: too narrow"
+                      : verdict.low > kAsked ? "MISSED: too wide"
+                      : independent < kLeast ? "cannot tell"
+                                             : "kept";
+  verdict.text = fmt::format("{}, {:.0f} % inside ({:.0f} to {:.0f} %)", found, 100 * share,
+                             100 * verdict.low, 100 * verdict.high);
+  return verdict;
 }
 
 ForceLaw forceLawAt(const StatisticalSpec& spec, double depth_m) {

@@ -43,6 +43,7 @@ const std::vector<Column>& columns() {
   using Row = AccuracyRow;
   static const std::vector<Column> all = {
       {"choice", [](const Row& r, bool) { return choiceOf(r); }},
+      {"numbers", [](const Row& r, bool) { return number(r.parameters); }},
       {"rms error [N]", [](const Row& r, bool) { return number(r.rms_error_n); }},
       {"± [N]", [](const Row& r, bool) { return number(r.rms_error_spread_n); }},
       {"max [N]", [](const Row& r, bool) { return number(r.max_error_n); }},

@@ -71,6 +71,7 @@ Json jsonOf(const AccuracyRow& row) {
       {"p99_ns", orNull(row.p99_ns)},
       {"fits_rate", row.fits_rate ? Json(*row.fits_rate) : Json(nullptr)},
       {"variant", orNull(row.variant)},
+      {"parameters", orNull(row.parameters)},
       {"rms_error_spread_n", orNull(row.rms_error_spread_n)},
       {"max_step_n", orNull(row.max_step_n)},
       {"felt_stiffness_n_per_m", orNull(row.felt_stiffness_N_per_m)},

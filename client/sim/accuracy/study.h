@@ -10,6 +10,7 @@
 
 #include "client/sim/accuracy/row.h"
 #include "common/base/result.h"
+#include "common/fem/needle_study.h"
 #include "common/gesture/sample.h"
 
 namespace needlelab {
@@ -61,6 +62,10 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
 /// Study `model`: PRECOMPUTED with a table from FEM against FEM itself.
 Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                std::vector<std::string>& notes);
+
+/// What a table of FEM misses on the way out, as a remark, where a hand notices it; else empty. A table knows
+/// depth and direction, not what the shaft remembers.
+std::string withdrawalRemark(const TableError& error);
 
 /// Study `mesh`: sizes of the FEM mesh against the finest.
 Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProgress& progress,

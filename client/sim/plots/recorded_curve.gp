@@ -1,6 +1,7 @@
 # Three models fitted to a recorded force-depth curve, a panel a way of holding out. `data`: blocks `fitted P`,
 # `heldout P` and `model P M` (depth in mm, force in N) of panel P = 0 (every second block of `block_mm` held out) and
-# 1 (all beyond `split_mm`), model M = 0 to 2; `finding`: the title; `legend`: of panel 0's models, then of panel 1's.
+# 1 (all beyond `split_mm`), model M = 0 to 2; `finding`: the title; `legend`: of panel 0's models, then of panel 1's;
+# `baselines`: the baseline's error, a text a panel.
 width = 1500; height = 1050
 load 'style.gp'
 set datafile separator "\t"
@@ -28,6 +29,7 @@ do for [panel = 0:1] {
   set label 2 (panel == 0 ? 'held out: every second 0.5 mm (shaded); rms error there' : \
                             'fitted on the first 25 mm, held out: the rest (shaded); rms error there') \
       at graph 0.01, 0.955 font 'DejaVu Sans,12' textcolor rgb text_colour front
+  set label 3 baselines[panel + 1] at graph 0.99, 0.955 right font 'DejaVu Sans,12' textcolor rgb text_colour front
   set xlabel (panel == 0 ? '' : 'depth [mm]')
   set format x (panel == 0 ? '' : '%g')
   plot data index sprintf('fitted %d;', panel) using 1:2 with points pt 7 ps 0.5 lc rgb '#5b6670' title 'recorded, fitted on', \

@@ -43,6 +43,18 @@ TEST(PrecomputeCommand, writesAProfileThatRunsAndSaysHowFarItIsFromLiveFem) {
   EXPECT_NE(scene->effects & bitOf(Effect::kAttracted), 0u);
 }
 
+TEST(PrecomputeCommand, saysWhereTheTableMissesTheWithdrawal) {
+  const test::TempFolder folder;
+  const auto out = folder.path() / "table.json";
+  const auto outcome = sim({"precompute", "--profile", (test::kSamples / "paper-six-layers.json").string(),
+                            "--mesh", "2000", "--rows", "101", "--out", out.string(), "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const json row = json::parse(outcome.out).at("rows").at(0);
+  ASSERT_GT(row.at("error_out_rms_n").get<double>(), 0.175) << "what a hand notices";
+  EXPECT_THAT(outcome.err, HasSubstr("misses the withdrawal by"));
+  EXPECT_THAT(row.at("remark").get<std::string>(), HasSubstr("take FEM where the way out is felt"));
+}
+
 TEST(PrecomputeCommand, sameInputGivesTheSameTable) {
   const test::TempFolder folder;
   std::string text[2];

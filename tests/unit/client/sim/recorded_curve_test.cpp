@@ -8,7 +8,9 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 
+#include "client/sim/accuracy/recommendation.h"
 #include "client/sim/accuracy/recorded.h"
 #include "tests/support/recordings/recordings.h"
 #include "tests/support/temp_folder.h"
@@ -23,9 +25,10 @@ DepthCurve curveBy(const std::function<double(double x_mm)>& force_N) {
   return depthCurve(rows);
 }
 
-Result<CurveFit> fitted(const DepthCurve& curve, CurveModel (*make)(const std::vector<CurveBin>&)) {
+Result<CurveFit> fitted(const DepthCurve& curve,
+                        CurveModel (*make)(const std::vector<CurveBin>&, std::size_t)) {
   const BinChoice choice = alternateBlocks(1);
-  return fitCurve(curve, make(chosenBins(curve, choice)), choice);
+  return fitCurve(curve, make(chosenBins(curve, choice), kAnyNumbers), choice);
 }
 
 TEST(RecordedCurve, rowsThatGoBackAreSortedAndCounted) {
@@ -81,8 +84,9 @@ TEST(RecordedCurve, layersFindTheirForces) {
 
 TEST(RecordedCurve, voigtFindsTheLineOfALine) {
   const auto curve = curveBy([](double x) { return 0.08 * std::max(0.0, x - 4); });
-  const auto fit =
-      fitted(curve, [](const std::vector<CurveBin>& bins) { return lineModel(AxialModel::kVoigt, bins); });
+  const auto fit = fitted(curve, [](const std::vector<CurveBin>& bins, std::size_t) {
+    return lineModel(AxialModel::kVoigt, bins);
+  });
   ASSERT_TRUE(fit.ok()) << fit.error().message;
   EXPECT_NEAR(fit->values[1], 80, 2) << "N/m";
   // at a constant speed, damping and place of the surface act as one: K (x − s) + B v
@@ -178,6 +182,87 @@ TEST(RecordedCurve, everyModelFollowsTheBovineCurveAsWellAsItsKindAllows) {
       EXPECT_GT(fit->held_out.rms, 0.3) << axialModelName(model.model);
     }
   }
+}
+
+/// The rows of the curve alone, by a word of their reference.
+std::vector<AccuracyRow> rowsAgainst(const AccuracyRows& rows, const std::string& word) {
+  std::vector<AccuracyRow> found;
+  for (const AccuracyRow& row : rows)
+    if (row.reference.find(word) != std::string::npos) found.push_back(row);
+  return found;
+}
+
+const AccuracyRow& rowOf(const std::vector<AccuracyRow>& rows, const std::string& model) {
+  for (const AccuracyRow& row : rows)
+    if (row.model == model) return row;
+  ADD_FAILURE() << "no row of " << model;
+  return rows.front();
+}
+
+TEST(RecordedRows, baselinesAreRowsOfTheirOwnInEachGroup) {
+  for (const test::Recordings& recordings : test::allRecordings()) {
+    SCOPED_TRACE(recordings.name());
+    AccuracyOptions options;
+    options.data = recordings.folder;
+    std::vector<std::string> notes;
+    const auto all = recordedCurveRows(options, {}, notes);
+    ASSERT_TRUE(all.ok()) << all.error().message;
+    const auto bent = rowsAgainst(*all, "interpolation"), ahead = rowsAgainst(*all, "extrapolation");
+    const auto equal = rowsAgainst(*all, "at most 20 numbers");
+    EXPECT_EQ(bent.size() + ahead.size(), all->size());
+    ASSERT_FALSE(equal.empty());
+    for (const auto& group : {bent, ahead, equal})
+      for (const char* baseline : {"CONNECT_THE_DOTS", "HOLD_THE_LAST"})
+        EXPECT_GT(*rowOf(group, baseline).rms_error_n, 0) << baseline;
+
+    // numbers are printed, and equal where that is asked
+    for (const AccuracyRow& row : *all) {
+      ASSERT_TRUE(row.parameters) << row.model;
+      EXPECT_GT(*row.parameters, 0) << row.model;
+      EXPECT_EQ(jsonOf(row)["parameters"], *row.parameters);
+    }
+    for (const AccuracyRow& row : equal) EXPECT_LE(*row.parameters, 20) << row.model << ", " << row.variant;
+    EXPECT_EQ(*rowOf(equal, "TRACKING_WALL").parameters, 19) << "ten layers: forces, and tops but the first";
+    EXPECT_EQ(*rowOf(equal, "CONNECT_THE_DOTS").parameters, 20);
+
+    // joining the dots beats every model that only interpolates the real curve; the made one has noise, which
+    // a table takes out
+    const double dots_N = *rowOf(bent, "CONNECT_THE_DOTS").rms_error_n;
+    if (recordings.real) {
+      for (const AccuracyRow& row : bent)
+        if (row.model != "CONNECT_THE_DOTS") {
+          EXPECT_GT(*row.rms_error_n, dots_N) << row.model << ", " << row.variant;
+        }
+      EXPECT_NEAR(dots_N, 0.081, 0.001);
+      EXPECT_NEAR(*rowOf(ahead, "HOLD_THE_LAST").rms_error_n, 0.844, 0.001);
+      EXPECT_NEAR(*rowOf(equal, "FIRST_ORDER").rms_error_n, 0.178, 0.01);
+    }
+  }
+}
+
+TEST(RecordedRows, whatIsJudgedOnItsOwnCurveHasNoVote) {
+  AccuracyOptions options;
+  options.data = test::preferredRecordings().folder;
+  std::vector<std::string> notes;
+  const auto rows = recordedCurveRows(options, {}, notes);
+  ASSERT_TRUE(rows.ok()) << rows.error().message;
+  for (const RowGroup& group : groupsOf(*rows)) {
+    EXPECT_FALSE(adviceFor(group).is_choice) << group.reference;
+    EXPECT_NE(adviceFor(group).text.find("no choice follows"), std::string::npos) << group.reference;
+  }
+  for (const std::string& paragraph : recommendation(*rows))
+    EXPECT_EQ(paragraph.find("take "), std::string::npos) << paragraph;
+}
+
+TEST(RecordedRows, theStatisticalBandGetsAVerdict) {
+  AccuracyOptions options;
+  options.data = test::preferredRecordings().folder;
+  std::vector<std::string> notes;
+  const auto rows = recordedCurveRows(options, {}, notes);
+  ASSERT_TRUE(rows.ok()) << rows.error().message;
+  // 75 to 76 % on the real curve
+  EXPECT_NE(rowOf(*rows, "STATISTICAL").variant.find("95 % band MISSED: too narrow"), std::string::npos)
+      << rowOf(*rows, "STATISTICAL").variant;
 }
 
 TEST(RecordedRows, withoutRecordingsSayWhatToDoAndGoOn) {

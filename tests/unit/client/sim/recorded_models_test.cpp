@@ -67,6 +67,7 @@ TEST(LayeredModel, cutsAStaircaseAtItsStepsAndTakesEachStepsForce) {
   const auto stairs = [](double depth_m) { return depth_m < 5e-3 ? 0.5 : depth_m < 12e-3 ? 2.0 : 1.25; };
   const CurveModel model = layeredModel(AxialModel::kEnhancedTrackingWall, binsOf(stairs));
   ASSERT_EQ(model.parameters.size(), 3u) << model.variant;
+  EXPECT_EQ(model.numbers(), 5u) << "two tops were chosen from the data";
   const CurveScene scene = model.scene(startsOf(model));
   EXPECT_EQ(scene.surface_m, 0);
   ASSERT_EQ(scene.spec.layers.size(), 3u);
@@ -119,6 +120,37 @@ TEST(TableModel, hasARowPerMillimetreWithTheCurvesForce) {
     EXPECT_DOUBLE_EQ(scene.spec.precomputed.table[i].depth_m, static_cast<double>(i) * 1e-3);
     EXPECT_NEAR(scene.spec.precomputed.table[i].cutting_N, 0.1 * static_cast<double>(i), 1e-12);
   }
+}
+
+TEST(CurveModels, keepToTheNumbersThatTheyMayHave) {
+  // a sawtooth of eight ruptures of 0.25 to 2 N: the smallest are left out first
+  const auto saw = [](double depth_m) {
+    const double tooth = std::floor(depth_m / 2.5e-3);
+    return (depth_m - 2.5e-3 * tooth) * 100 * (4 + tooth);
+  };
+  for (const std::size_t most : {5u, 10u, 20u, 30u})
+    for (const CurveModel& model : curveModels(binsOf(saw), most)) {
+      EXPECT_LE(model.numbers(), most) << axialModelName(model.model) << ", " << model.variant;
+      EXPECT_EQ(model.scene(startsOf(model)).spec.axial_model, model.model);
+    }
+  const auto pieces = curvePieces(binsOf(saw), 2);
+  ASSERT_LE(pieces.size(), 2u);
+  EXPECT_GT(pieces.back().rupture_m, 17e-3) << "the greatest falls are the last";
+}
+
+TEST(TableModel, hasAsManyRowsAsItMayFromTopToEnd) {
+  const CurveModel model = tableModel(binsOf([](double depth_m) { return 100 * depth_m; }), 5);
+  const CurveScene scene = model.scene(startsOf(model));
+  ASSERT_EQ(scene.spec.precomputed.table.size(), 5u);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_NEAR(scene.spec.precomputed.table[i].depth_m, static_cast<double>(i) * 5e-3, 1e-12);
+    EXPECT_NEAR(scene.spec.precomputed.table[i].cutting_N, 0.5 * static_cast<double>(i), 1e-9);
+  }
+}
+
+TEST(FirstOrderModel, saysWhatOfItsSourceItLeavesOut) {
+  const CurveModel model = firstOrderModel(binsOf(oneRupture));
+  EXPECT_NE(model.variant.find("without Okamura's viscous (Karnopp) friction"), std::string::npos);
 }
 
 }  // namespace

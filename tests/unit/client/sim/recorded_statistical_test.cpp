@@ -45,6 +45,18 @@ TEST(StatisticalDraws, aBandOfAnotherSpreadIsLeft) {
   EXPECT_GT((drawn.high_N - drawn.low_N) / (narrow.high_N - narrow.low_N), 1.8);
 }
 
+TEST(BandVerdict, saysKeptMissedOrThatItCannotTell) {
+  // Wilson's interval of 75 of 100: 65.7 to 82.5 %
+  const BandVerdict narrow = bandVerdict(0.75, 100);
+  EXPECT_NEAR(narrow.low, 0.657, 5e-4);
+  EXPECT_NEAR(narrow.high, 0.825, 5e-4);
+  EXPECT_EQ(narrow.text.find("MISSED: too narrow"), 0u) << narrow.text;
+  EXPECT_EQ(bandVerdict(0.95, 100).text.find("kept"), 0u);
+  EXPECT_EQ(bandVerdict(1, 200).text.find("MISSED: too wide"), 0u);
+  EXPECT_EQ(bandVerdict(0.8, 5).text.find("cannot tell"), 0u);
+  EXPECT_EQ(bandVerdict(0, 0).text.find("cannot tell"), 0u);
+}
+
 TEST(StatisticalDraws, seedsDifferAndRepeat) {
   StatisticalSpec spec = syntheticStatistics();
   const auto a = drawStatistical(spec, {0.01}, 50, 1000), again = drawStatistical(spec, {0.01}, 50, 1000);

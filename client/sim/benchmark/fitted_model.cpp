@@ -1,0 +1,296 @@
+#include "client/sim/benchmark/fitted_model.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <utility>
+
+#include "client/sim/accuracy/recorded_statistical.h"
+#include "client/sim/benchmark/formula.h"
+#include "client/sim/stability/passivity_observer.h"
+#include "common/haptics/limits.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
+constexpr double kFitStep_m = 3e-5;               // per tick, an eighth of a bin
+constexpr double kMostFitTicks = 3000;            // of an insertion: deeper ones take longer steps
+constexpr double kFitRate_hz = 100;               // of models that know no speed
+constexpr int kStatisticalInsertions = 20;
+
+using Forces = std::vector<double>;
+
+double rateFor(double speed_mps, double step_m) {
+  return std::clamp(speed_mps / step_m, kMinRateHz, kMaxRateHz);
+}
+
+std::vector<double> depthsOf(const PooledBins& pooled) {
+  std::vector<double> depth_m;
+  for (const CurveBin& bin : pooled.bins) depth_m.push_back(bin.at);
+  return depth_m;
+}
+
+// squares of a model about the single curves' bins of one kind
+double squaresOf(const PooledBins& pooled, const Forces& force_N) {
+  double sum = 0;
+  for (std::size_t i = 0; i < pooled.bins.size(); ++i)
+    sum += pooled.counts[i] * std::pow(force_N[i] - pooled.bins[i].value, 2) + pooled.squares[i];
+  return sum;
+}
+
+double countOf(const PooledBins& pooled) {
+  double count = 0;
+  for (const double one : pooled.counts) count += one;
+  return count;
+}
+
+// with the parameters' own steps and with larger ones: the first valley is not always the deepest
+std::vector<double> bestSearch(const std::function<double(const std::vector<double>&)>& cost,
+                               const std::vector<FitParameter>& parameters) {
+  FitResult best = searchAgain(cost, parameters);
+  std::vector<FitParameter> wider = parameters;
+  for (FitParameter& parameter : wider) parameter.step *= 4;
+  FitResult other = searchAgain(cost, wider);
+  return other.cost < best.cost ? std::move(other.values) : std::move(best.values);
+}
+
+// what a model was fitted on, and how far it is off there
+Status addFitError(const TrainingSet& training, FittedModel& model) {
+  double squares = 0, count = 0;
+  for (const PooledBins& kind : training.kinds) {
+    ASSIGN_OR_RETURN(const auto force_N, model.forces(kind.kind, depthsOf(kind)));
+    squares += squaresOf(kind, force_N);
+    count += countOf(kind);
+  }
+  model.fit_error_N = std::sqrt(squares / count);
+  const double left = count - static_cast<double>(model.parameters);
+  model.spread_N = left > 0 ? std::sqrt(squares / left) : 0;
+  if (!model.limits)
+    model.limits = [half_N = kNormal975 * model.spread_N](double, double force_N) {
+      return ForceLimits{force_N - half_N, force_N + half_N};
+    };
+  return {};
+}
+
+FittedModel baselineModel(Baseline baseline, const TrainingSet& training) {
+  FittedModel model;
+  model.name = nameOf(baseline);
+  model.kind = ModelKind::kBaseline;
+  model.variant = baseline == Baseline::kConnectTheDots ? "straight lines through the means of the curves"
+                                                        : "the mean of the curves, held to the next";
+  model.parameters = training.all.bins.size();
+  model.forces = [baseline, bins = training.all.bins](const InsertionKind&,
+                                                      const std::vector<double>& depth_m) -> Result<Forces> {
+    Forces force_N;
+    for (const double d : depth_m) force_N.push_back(baselineAt(baseline, bins, d));
+    return force_N;
+  };
+  return model;
+}
+
+FittedModel formulaModel(const Formula& formula, const TrainingSet& training) {
+  const auto cost = [&](const std::vector<double>& values) {
+    double squares = 0, count = 0;
+    for (const PooledBins& kind : training.kinds) {
+      squares += squaresOf(kind, formula.forces(values, kind.kind, depthsOf(kind)));
+      count += countOf(kind);
+    }
+    return std::sqrt(squares / count);
+  };
+  FittedModel model;
+  model.name = formula.name;
+  model.variant = formula.variant;
+  model.kind = ModelKind::kFormula;
+  model.parameters = formula.parameters.size();
+  model.forces = [values = bestSearch(cost, formula.parameters), law = formula.forces](
+                     const InsertionKind& kind, const std::vector<double>& depth_m) -> Result<Forces> {
+    return law(values, kind, depth_m);
+  };
+  return model;
+}
+
+double fitStep_m(const TrainingSet& training) {
+  return std::max(kFitStep_m, training.to_m / kMostFitTicks);
+}
+
+// the engine's force at depths, for an insertion at that speed
+Result<Forces> engineForces(const CurveScene& scene, double speed_mps, double step_m,
+                            const std::vector<double>& depth_m) {
+  ASSIGN_OR_RETURN(const auto run, runCurve(scene, depth_m.back(), rateFor(speed_mps, step_m), speed_mps));
+  return forceAtDepths(run, scene.surface_m, depth_m);
+}
+
+FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& training) {
+  // VOIGT's damper alone feels the speed; for the others one kind is as good as all
+  const bool feels_speed = curve_model.model == AxialModel::kVoigt;
+  const std::vector<PooledBins> merged = {training.all};
+  const std::vector<PooledBins>& kinds = feels_speed ? training.kinds : merged;
+  const double step_m = fitStep_m(training);
+  const auto speedOf = [feels_speed, step_m](const InsertionKind& kind) {
+    return feels_speed ? kind.speed_mps : kFitRate_hz * step_m;
+  };
+  std::vector<std::vector<double>> depths_m;
+  for (const PooledBins& kind : kinds) depths_m.push_back(depthsOf(kind));
+  const auto cost = [&](const std::vector<double>& values) {
+    const CurveScene scene = curve_model.scene(values);
+    double squares = 0, count = 0;
+    for (std::size_t i = 0; i < kinds.size(); ++i) {
+      const auto force_N = engineForces(scene, speedOf(kinds[i].kind), step_m, depths_m[i]);
+      if (!force_N.ok()) return std::numeric_limits<double>::infinity();
+      squares += squaresOf(kinds[i], *force_N);
+      count += countOf(kinds[i]);
+    }
+    return std::sqrt(squares / count);
+  };
+  FittedModel model;
+  model.name = axialModelName(curve_model.model);
+  model.variant = curve_model.variant;
+  model.kind = ModelKind::kEngine;
+  model.parameters = curve_model.numbers();
+  model.scene = curve_model.scene(bestSearch(cost, curve_model.parameters));
+  model.forces = [scene = *model.scene, speedOf, step_m](const InsertionKind& kind,
+                                                         const std::vector<double>& depth_m) {
+    return engineForces(scene, speedOf(kind), 0.1 * step_m, depth_m);
+  };
+  return model;
+}
+
+// the sd about the table within a millimetre of each row, of the single curves
+StatisticalSpec spreadAbout(const PooledBins& pooled, const CurveScene& table, const Forces& table_N) {
+  constexpr double kLeast_N = 0.005;
+  const auto& rows = table.spec.precomputed.table;
+  const double reach_m = rows.size() > 1 ? std::max(0.001, 0.5 * rows[1].depth_m) : 1;
+  StatisticalSpec spec;
+  spec.seed = 1;
+  for (const auto& row : rows) {
+    double squares = 0, count = 0;
+    for (std::size_t i = 0; i < pooled.bins.size(); ++i) {
+      if (std::fabs(pooled.bins[i].at - row.depth_m) > reach_m) continue;
+      squares += pooled.counts[i] * std::pow(table_N[i] - pooled.bins[i].value, 2) + pooled.squares[i];
+      count += pooled.counts[i];
+    }
+    const double mean_N = std::max(kLeast_N, row.cutting_N);
+    const double sd_N = count > 0 ? std::sqrt(squares / count) : 0;
+    // more spread than the mean would only give a log-normal law a heavier tail
+    spec.table.push_back({row.depth_m, mean_N, std::clamp(sd_N, kLeast_N, mean_N)});
+  }
+  return spec;
+}
+
+// a table of half as many rows, each with a mean and an sd; what it says is the mean of many insertions
+FittedModel statisticalModel(const TrainingSet& training, std::size_t most_numbers) {
+  FittedModel model;
+  model.name = axialModelName(AxialModel::kStatistical);
+  const CurveModel table = tableModel(training.all.bins, std::max<std::size_t>(2, most_numbers / 2));
+  const FittedModel fitted = engineModel(table, training);
+  const auto table_N = fitted.forces(training.all.kind, depthsOf(training.all));
+  if (!table_N.ok()) {
+    model.fault = table_N.error().message;
+    return model;
+  }
+  const StatisticalSpec spec = spreadAbout(training.all, *fitted.scene, *table_N);
+  model.variant = fmt::format("mean and sd of {} rows", spec.table.size());
+  model.kind = ModelKind::kEngine;
+  model.parameters = 2 * spec.table.size();
+  model.scene = *fitted.scene;
+  model.scene->spec.axial_model = AxialModel::kStatistical;
+  model.scene->spec.precomputed = {};
+  model.scene->spec.statistical = spec;
+  model.forces = [scene = *model.scene, step_m = fitStep_m(training)](
+                     const InsertionKind&, const std::vector<double>& depth_m) -> Result<Forces> {
+    Forces mean_N(depth_m.size(), 0);
+    CurveScene drawn = scene;
+    for (int i = 0; i < kStatisticalInsertions; ++i) {
+      drawn.spec.statistical.seed = scene.spec.statistical.seed + static_cast<std::uint64_t>(i);
+      ASSIGN_OR_RETURN(const auto force_N, engineForces(drawn, kFitRate_hz * step_m, 0.1 * step_m, depth_m));
+      for (std::size_t k = 0; k < mean_N.size(); ++k) mean_N[k] += force_N[k] / kStatisticalInsertions;
+    }
+    return mean_N;
+  };
+  model.limits = [spec](double depth_m, double) {
+    const ForceLaw law = forceLawAt(spec, depth_m);
+    const ForceBand band = centralBand95(law.mean_N, law.sd_N);
+    return ForceLimits{band.low_N, band.high_N};
+  };
+  return model;
+}
+
+}  // namespace
+
+std::string_view nameOf(ModelKind kind) {
+  constexpr std::array<std::string_view, 3> kNames = {"baseline", "formula", "engine"};
+  return kNames[static_cast<std::size_t>(kind)];
+}
+
+Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t most_numbers,
+                                           const FitProgress& progress) {
+  if (training.all.bins.empty()) return Error{ErrorCode::kInvalidInput, "no bins to fit on"};
+  const auto say = [&](std::string_view model) {
+    if (progress) progress(model);
+  };
+  std::vector<FittedModel> models;
+  for (const Baseline baseline : kBaselines) models.push_back(baselineModel(baseline, training));
+  for (const Formula& formula :
+       {rateDependentFracture(training, most_numbers), gordonExponential(training, most_numbers)}) {
+    say(formula.name);
+    models.push_back(formulaModel(formula, training));
+  }
+  for (const CurveModel& model : curveModels(training.all.bins, most_numbers)) {
+    say(axialModelName(model.model));
+    models.push_back(engineModel(model, training));
+  }
+  say(axialModelName(AxialModel::kStatistical));
+  models.push_back(statisticalModel(training, most_numbers));
+  for (FittedModel& model : models) {
+    if (!model.fault.empty()) continue;
+    if (const Status status = addFitError(training, model); !status.ok())
+      model.fault = status.error().message;
+  }
+  return models;
+}
+
+Result<double> energyGiven_J(const CurveScene& scene, double to_m) {
+  constexpr double kRate_hz = 1000, kSpeed_mps = 0.02, kStroke_m = 0.001;
+  constexpr Quat kDown{1, 0, 0, 0};
+  ASSIGN_OR_RETURN(const auto model, compile(scene.spec, kRate_hz));
+  PassivityObserver observer(model.axial_stiffness_N_per_m);
+  SimState state{};
+  StepReport report;
+  const double deepest_m = std::max(to_m - scene.surface_m, 3 * kStroke_m), step_m = kSpeed_mps / kRate_hz;
+  double depth_m = -step_m;
+  const auto moveTo = [&](double goal_m) {
+    const int ticks = std::max(1, static_cast<int>(std::ceil(std::fabs(goal_m - depth_m) / step_m)));
+    const double from_m = depth_m;
+    for (int i = 1; i <= ticks; ++i) {
+      depth_m = from_m + (goal_m - from_m) * i / ticks;
+      const TipSample tip{{0, 0, -depth_m}, kDown};
+      step(model, tip, state, report);
+      observer.add(tip, report, 1);
+    }
+  };
+  for (const double part : {1.0 / 3, 2.0 / 3, 1.0}) {
+    moveTo(part * deepest_m);
+    for (int stroke = 0; stroke < 3; ++stroke) {
+      moveTo(part * deepest_m - kStroke_m);
+      moveTo(part * deepest_m);
+    }
+  }
+  moveTo(-step_m);
+  return judgedEnergy_J(observer.record());
+}
+
+Result<double> tickTime_ns(const CurveScene& scene, double to_m) {
+  constexpr double kRate_hz = 1000;
+  ASSIGN_OR_RETURN(const auto model, compile(scene.spec, kRate_hz));
+  ASSIGN_OR_RETURN(const auto run, runCurve(scene, to_m, kRate_hz));
+  AccuracyRow row;
+  addTickTime(model, run.gesture, row);
+  return *row.median_ns;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,83 @@
+#include "client/sim/benchmark/small_sample.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+namespace needlelab {
+
+double studentTail(double t, std::size_t freedom) {
+  const double angle = std::atan(std::fabs(t) / std::sqrt(static_cast<double>(freedom)));
+  const double s = std::sin(angle), c2 = std::cos(angle) * std::cos(angle);
+  // odd: cos + 2/3 cos³ + 2·4/(3·5) cos⁵ …; even: 1 + 1/2 cos² + 1·3/(2·4) cos⁴ …, up to cos^(freedom − 2)
+  const bool odd = freedom % 2 == 1;
+  double term = odd ? std::cos(angle) : 1, sum = freedom > 1 ? term : 0;
+  for (std::size_t k = odd ? 3 : 2; k + 2 <= freedom; k += 2) {
+    term *= c2 * static_cast<double>(k - 1) / static_cast<double>(k);
+    sum += term;
+  }
+  const double inside = odd ? 2 / std::numbers::pi * (angle + s * sum) : s * sum;
+  return std::clamp(1 - inside, 0.0, 1.0);
+}
+
+double studentQuantile(double tail, std::size_t freedom) {
+  double low = 0, high = 1;
+  while (studentTail(high, freedom) > tail && high < 1e12) high *= 2;
+  for (int i = 0; i < 200; ++i) {
+    const double middle = 0.5 * (low + high);
+    (studentTail(middle, freedom) > tail ? low : high) = middle;
+  }
+  return high;
+}
+
+namespace {
+
+double meanOf(std::span<const double> values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+// standard error of the mean
+double errorOfMean(std::span<const double> values, double mean) {
+  double squares = 0;
+  for (const double v : values) squares += (v - mean) * (v - mean);
+  const auto n = static_cast<double>(values.size());
+  return std::sqrt(squares / (n - 1) / n);
+}
+
+}  // namespace
+
+MeanInterval meanInterval(std::span<const double> values) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  MeanInterval interval{0, -kNone, kNone, values.size()};
+  if (values.empty()) return interval;
+  interval.mean = meanOf(values);
+  if (values.size() < 2) return interval;
+  const double half = studentQuantile(0.05, values.size() - 1) * errorOfMean(values, interval.mean);
+  interval.low = interval.mean - half;
+  interval.high = interval.mean + half;
+  return interval;
+}
+
+double meanIsZero(std::span<const double> values) {
+  if (values.size() < 2) return 1;
+  const double mean = meanOf(values), error = errorOfMean(values, mean);
+  if (error == 0) return mean == 0 ? 1 : 0;
+  return studentTail(mean / error, values.size() - 1);
+}
+
+std::vector<double> holm(std::span<const double> p) {
+  std::vector<std::size_t> order(p.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return p[a] < p[b]; });
+  std::vector<double> corrected(p.size());
+  double most = 0;
+  for (std::size_t rank = 0; rank < order.size(); ++rank) {
+    most = std::max(most, std::min(1.0, static_cast<double>(order.size() - rank) * p[order[rank]]));
+    corrected[order[rank]] = most;
+  }
+  return corrected;
+}
+
+}  // namespace needlelab

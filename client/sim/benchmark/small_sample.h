@@ -1,0 +1,32 @@
+/// What few independent values tell: intervals of a mean, and tests with a correction for how many there are.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace needlelab {
+
+/// The probability that |t| is at least this, of Student's t with so many degrees of freedom (at least 1).
+/// Closed form (Abramowitz and Stegun 26.7.3 and 26.7.4).
+double studentTail(double t, std::size_t freedom);
+/// The t that |t| exceeds with probability `tail`, in (0, 1).
+double studentQuantile(double tail, std::size_t freedom);
+
+/// A mean of independent values with its 95 % interval by Student's t, cut nowhere. With one value there is
+/// no interval: low and high are infinite.
+struct MeanInterval {
+  double mean = 0, low = 0, high = 0;
+  std::size_t count = 0;
+};
+MeanInterval meanInterval(std::span<const double> values);
+
+/// Two-sided p that the values' mean is 0; 1 for fewer than two values. Values that are all the same and not
+/// 0 give 0.
+double meanIsZero(std::span<const double> values);
+
+/// Holm's step-down correction: p values of a family, so that at most one of twenty such families has a false
+/// finding at 0.05. In the order given; each at least its own p, at most 1.
+std::vector<double> holm(std::span<const double> p);
+
+}  // namespace needlelab

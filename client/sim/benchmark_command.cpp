@@ -1,0 +1,129 @@
+/// `needlelab-sim benchmark`: models and laws against any folder of force curves, judged on what was held
+/// out.
+#include <fmt/core.h>
+#include <unistd.h>
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "client/sim/benchmark/benchmark.h"
+#include "client/sim/benchmark/benchmark_report.h"
+#include "client/sim/benchmark/curve_set.h"
+#include "client/sim/command.h"
+#include "client/sim/tools/gnuplot.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+
+namespace needlelab {
+namespace {
+
+struct BenchmarkCommand {
+  std::filesystem::path data, description, out;
+  BenchmarkOptions options;
+  bool no_times = false;
+  std::vector<std::string> questions;  // empty = all
+  JsonOption json;
+};
+
+// before the work: the folder of the pictures is there, and is not the data's
+Status checkPaths(const BenchmarkCommand& command, const CurveSet& set) {
+  if (!command.out.empty()) {
+    std::error_code failed;
+    std::filesystem::create_directories(command.out, failed);
+    if (failed)
+      return Error{ErrorCode::kInvalidInput,
+                   "--out " + command.out.string() + ": cannot make the folder: " + failed.message()};
+    if (std::filesystem::equivalent(command.out, command.data, failed))
+      return Error{ErrorCode::kInvalidInput,
+                   "--out " + command.out.string() + ": is the folder of the data; take another one"};
+  }
+  std::vector<NamedFile> inputs;
+  for (const auto& file : set.files) inputs.push_back({"--data", file});
+  return checkFolderOutputs(inputs, {"--out", command.out},
+                            {"benchmark.csv", "benchmark.dat", "benchmark.png"}, command.json);
+}
+
+Status writeFiles(const BenchmarkReport& report, const std::filesystem::path& folder) {
+  RETURN_IF_ERROR(writeFileAtomically(folder / "benchmark.csv", viewOf(benchmarkCsv(report))));
+  const BenchmarkPicture picture = benchmarkPicture(report);
+  const auto data = folder / "benchmark.dat";
+  RETURN_IF_ERROR(writeFileAtomically(data, viewOf(picture.data)));
+  if (!hasGnuplot()) {
+    std::fprintf(stderr,
+                 "needlelab-sim benchmark: gnuplot is not on the PATH: tables only (Debian: gnuplot-nox)\n");
+    return {};
+  }
+  if (report.questions.empty()) return {};
+  auto variables = picture.variables;
+  variables.emplace_back("data", data.string());
+  return drawPlot("benchmark", folder / "benchmark.png", variables);
+}
+
+int benchmark(const BenchmarkCommand& command) {
+  const auto set = readCurveSet(command.data, command.description);
+  if (!set.ok()) return failed("benchmark", set.error());
+  if (const Status status = checkPaths(command, *set); !status.ok())
+    return failed("benchmark", status.error());
+  BenchmarkProgress progress;
+  const bool shows = ::isatty(STDERR_FILENO) == 1;
+  if (shows)
+    progress = [](std::string_view doing, double share) {
+      std::fprintf(stderr, "\r\033[K%3.0f %% %.*s", 100 * share, static_cast<int>(doing.size()),
+                   doing.data());
+    };
+  BenchmarkOptions options = command.options;
+  options.times = !command.no_times;
+  for (const HoldOut what : kHoldOuts)
+    if (std::find(command.questions.begin(), command.questions.end(), nameOf(what)) !=
+        command.questions.end())
+      options.questions.push_back(what);
+  const auto report = runBenchmark(*set, options, progress);
+  if (shows) std::fprintf(stderr, "\r\033[K");
+  if (!report.ok()) return failed("benchmark", report.error());
+  if (!command.json.wanted || !command.json.file.empty()) std::fputs(benchmarkText(*report).c_str(), stdout);
+  if (command.json.wanted)
+    if (const Status status = writeJson(command.json, benchmarkRows(*report), benchmarkRest(*report));
+        !status.ok())
+      return failed("benchmark", status.error());
+  if (!command.out.empty())
+    if (const Status status = writeFiles(*report, command.out); !status.ok())
+      return failed("benchmark", status.error());
+  return kExitDone;
+}
+
+}  // namespace
+
+void addBenchmarkCommand(CLI::App& app, SimCommand& chosen) {
+  auto options = std::make_shared<BenchmarkCommand>();
+  CLI::App* command = app.add_subcommand(
+      "benchmark", "Models and laws against a folder of force curves, judged on what was held out");
+  command
+      ->add_option("--data", options->data,
+                   "folder of CSV files of force over depth or time (client/sim/benchmark/README.md)")
+      ->required();
+  command->add_option("--describe", options->description,
+                      "what is known of the files, instead of the folder's data_set.json");
+  command->add_option("--out", options->out,
+                      "folder for benchmark.csv and benchmark.png (gnuplot); made when it is not there");
+  command
+      ->add_option(
+          "--numbers", options->options.most_numbers,
+          fmt::format("that a model may have at most, {} to {}", kLeastNumbers, kMostBenchmarkNumbers))
+      ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
+      ->capture_default_str();
+  std::vector<std::string> names;
+  for (const HoldOut what : kHoldOuts) names.emplace_back(nameOf(what));
+  command->add_option("--held-out", options->questions, "only this question; may be given several times")
+      ->check(CLI::IsMember(names));
+  command->add_flag("--no-times", options->no_times,
+                    "times no tick: the same data then give the same output to the byte");
+  addJsonOption(*command, options->json);
+  command->callback([options, &chosen] { chosen = [options] { return benchmark(*options); }; });
+}
+
+}  // namespace needlelab

@@ -1,0 +1,222 @@
+// Force curves from files that nobody has to trust.
+#include "client/sim/benchmark/curve_set.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sys/stat.h>
+
+#include <fstream>
+
+#include "tests/support/recordings/recordings.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+using test::TempFolder;
+using testing::HasSubstr;
+
+/// A row a 0.5 mm, 100 N/m.
+std::string rows(int count, const std::string& behind = "", double step_m = 5e-4) {
+  std::string text;
+  for (int i = 0; i < count; ++i)
+    text += std::to_string(i * step_m) + "," + std::to_string(100 * i * step_m) + behind + "\n";
+  return text;
+}
+
+const std::string kHeader = "depth_m,force_n,specimen,needle,tissue,speed_m_s\n";
+const std::string kWords = ",s1,18G,liver,0.003";
+
+std::string faultOf(const TempFolder& folder) {
+  const auto set = readCurveSet(folder.path());
+  if (set.ok()) return "no fault";
+  EXPECT_EQ(set.error().code, ErrorCode::kInvalidInput);
+  return set.error().message;
+}
+
+TEST(CurveSet, columnsSayAllThatIsKnown) {
+  const TempFolder folder;
+  folder.write("b.csv", kHeader + rows(10, kWords) + rows(10, ",s2,20G,liver,0.003"));
+  folder.write("a.csv",
+               "\xEF\xBB\xBF force_n , depth_m,remark,specimen,needle,tissue,speed_m_s\r\n"
+               "0,0,x,s0,18G,gel,0.01\r\n1,0.001,,s0,18G,gel,0.01\r\n2,0.002,y,s0,18G,gel,0.01\r\n\r\n"
+               "4,0.004,,s0,18G,gel,0.01\r\n3,0.003,,s0,18G,gel,0.01\r\n5,0.005,,s0,18G,gel,0.01\r\n"
+               "6,0.006,,s0,18G,gel,0.01\r\n7,0.007,,s0,18G,gel,0.01");
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  ASSERT_EQ(set->curves.size(), 3u);
+  EXPECT_EQ(set->curves[0].tissue, "gel");
+  EXPECT_EQ(set->curves[0].speed_mps, 0.01);
+  // the row that goes back is put in order, with its force
+  for (std::size_t i = 0; i < 8; ++i) {
+    EXPECT_DOUBLE_EQ(set->curves[0].depth_m[i], 0.001 * static_cast<double>(i));
+    EXPECT_DOUBLE_EQ(set->curves[0].force_N[i], static_cast<double>(i));
+  }
+  EXPECT_EQ(set->curves[1].specimen, "s1");
+  EXPECT_EQ(set->curves[2].needle, "20G");
+  EXPECT_EQ(set->licence, "not said");
+}
+
+TEST(CurveSet, timeTimesSpeedIsDepthFromTheFirstRowOn) {
+  const TempFolder folder;
+  std::string text = "t_s,force_n,specimen,needle,tissue,speed_m_s\n";
+  for (int i = 0; i < 20; ++i) text += std::to_string(5 + 0.1 * i) + ",1" + kWords + "\n";
+  folder.write("time.csv", text);
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  for (std::size_t i = 0; i < 20; ++i)
+    EXPECT_NEAR(set->curves[0].depth_m[i], 0.0003 * static_cast<double>(i), 1e-9);
+}
+
+TEST(CurveSet, depthAndTimeTogetherGiveTheSpeed) {
+  const TempFolder folder;
+  std::string text = "t_s,depth_m,force_n,specimen,needle,tissue\n";
+  for (int i = 0; i < 20; ++i)
+    text += std::to_string(0.1 * i) + "," + std::to_string(0.0005 * i) + ",1,s1,18G,liver\n";
+  folder.write("both.csv", text);
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  EXPECT_NEAR(set->curves[0].speed_mps, 0.005, 1e-9);
+}
+
+TEST(CurveSet, aDescriptionSaysWhatColumnsDoNot) {
+  const TempFolder folder;
+  folder.write("one.csv", "depth_m,force_n\n" + rows(10));
+  folder.write("other.csv", "height\n1\n");
+  folder.write("data_set.json", R"({"name": "gels", "licence": "CC-BY-4.0", "curves": [{"file": "one.csv",
+      "specimen": "g1", "needle": "18G", "needle_diameter_m": 0.00127, "tissue": "gel", "speed_m_s": 0.003}]})");
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  EXPECT_EQ(set->name, "gels");
+  EXPECT_EQ(set->licence, "CC-BY-4.0");
+  ASSERT_EQ(set->curves.size(), 1u);
+  EXPECT_EQ(set->curves[0].diameter_m, 0.00127);
+  ASSERT_EQ(set->notes.size(), 2u);
+  EXPECT_THAT(set->notes[1], HasSubstr("other.csv is left out: it says nothing of force_n"));
+}
+
+TEST(CurveSet, aKnownDataSetNeedsNoDescription) {
+  for (const test::Recordings& recordings : test::allRecordings()) {
+    const auto set = readCurveSet(recordings.folder / "needle_force");
+    ASSERT_TRUE(set.ok()) << set.error().message;
+    ASSERT_EQ(set->curves.size(), 1u) << "of the other files neither depth nor speed is known";
+    EXPECT_EQ(set->curves[0].force_N.size(), 371u);
+    EXPECT_EQ(set->curves[0].speed_mps, 0.003);
+    EXPECT_THAT(set->notes[0], HasSubstr("built in"));
+    EXPECT_EQ(set->notes.size(), 3u) << "two files are left out, each with its reason";
+    EXPECT_THAT(set->licence, HasSubstr("none"));
+  }
+}
+
+TEST(CurveSet, whatIsWrongIsNamedWithFileLineFieldAndValue) {
+  const struct {
+    std::string text;
+    std::vector<std::string> named;
+  } cases[] = {
+      {"", {"bad.csv line 1", "is empty"}},
+      {kHeader, {"bad.csv line 1", "no rows"}},
+      {kHeader + "0,0,s1,18G,liver,0.003\n48.2,1,s1,18G,liver,0.003\n",
+       {"bad.csv line 3", "'depth_m'", "'48.2'", "[-0.05, 1]", "not millimetres"}},
+      {kHeader + "0,nan,s1,18G,liver,0.003\n", {"line 2", "'force_n'", "'nan'", "[-100, 100]"}},
+      {kHeader + "0,1e999,s1,18G,liver,0.003\n", {"line 2", "'force_n'", "1e999"}},
+      {kHeader + "0,ten,s1,18G,liver,0.003\n", {"line 2", "'force_n'", "'ten'", "not a number"}},
+      {kHeader + "0,1,s1,18G,liver,3\n", {"line 2", "'speed_m_s'", "'3'", "[1e-04, 1]"}},
+      {kHeader + "0,1,s1,18G,liver,0\n", {"line 2", "'speed_m_s'", "'0'"}},
+      {kHeader + "0,1,s1,18G,liver\n", {"line 2", "5 cells", "6"}},
+      {kHeader + "0,1,,18G,liver,0.003\n", {"line 2", "specimen"}},
+      {kHeader + "0,1,s\x01,18G,liver,0.003\n", {"line 2", "specimen"}},
+      {kHeader + "0,1," + std::string(300, 's') + ",18G,liver,0.003\n", {"line 2", "specimen"}},
+      {"depth_m,depth_m,force_n\n0,0,0\n", {"line 1", "'depth_m'", "twice"}},
+      {kHeader + rows(7, kWords), {"line 2", "7 rows", "at least 8"}},
+      {kHeader + rows(10, kWords, 1e-5), {"line 2", "at least 0.002"}},
+      {kHeader + rows(8, kWords) + "0.004,1,s1,18G,liver,0.005\n",
+       {"line 10", "'speed_m_s'", "0.005", "0.003", "line 2", "'curve'"}},
+      {"t_s,force_n,specimen,needle,tissue,speed_m_s\n1,0" + kWords + "\n0.5,0" + kWords + "\n",
+       {"line 3", "'t_s'", "0.5", "must not go back"}},
+      {"t_s,force_n,specimen,needle,tissue,speed_m_s\n0,0,s,n,t,1\n1,0,s,n,t,1\n2,0,s,n,t,1\n3,0,s,n,t,1\n"
+       "4,0,s,n,t,1\n5,0,s,n,t,1\n6,0,s,n,t,1\n7,0,s,n,t,1\n",
+       {"line 2", "depth of 2 m", "[-0.05, 1]"}},
+      {"depth_m,force_n\n0,0\n", {"no force curve", "specimen", "bad.csv is left out"}},
+  };
+  for (const auto& one : cases) {
+    const TempFolder folder;
+    folder.write("bad.csv", one.text);
+    const std::string fault = faultOf(folder);
+    for (const std::string& part : one.named) EXPECT_THAT(fault, HasSubstr(part)) << one.text.substr(0, 200);
+  }
+}
+
+TEST(CurveSet, aDescriptionIsNotTrustedEither) {
+  const std::string good = R"("specimen": "g1", "needle": "18G", "tissue": "gel", "speed_m_s": 0.003)";
+  const struct {
+    std::string text;
+    std::vector<std::string> named;
+  } cases[] = {
+      {"[", {"data_set.json"}},
+      {"[]", {"data_set.json", "object"}},
+      {R"({"curves": []})", {"curves", "1 to 500"}},
+      {R"({"curves": [{"file": "../secret.csv"}]})", {"curves[0].file"}},
+      {R"({"curves": [{}]})", {"curves[0].file"}},
+      {R"({"curves": [{"file": "one.csv", "speed": 3}]})", {"curves[0]", "speed", "speed_m_s"}},
+      {R"({"curves": [{"file": "one.csv", "speed_m_s": 3}]})", {"speed_m_s", "3", "[1e-04, 1]"}},
+      {R"({"curves": [{"file": "one.csv", "speed_m_s": "3"}]})", {"speed_m_s", "number"}},
+      {R"({"curves": [{"file": "one.csv", "needle_diameter_m": 1.27}]})", {"needle_diameter_m", "1.27"}},
+      {R"({"curves": [{"file": "gone.csv", )" + good + "}]}", {"gone.csv", "not there"}},
+      {R"({"curves": [{"file": "one.csv", )" + good + R"(}, {"file": "one.csv"}]})",
+       {"curves[1].file", "twice"}},
+      {R"({"curves": [{"file": "one.csv", "specimen": "g1"}]})", {"one.csv", "speed_m_s, needle, tissue"}},
+  };
+  for (const auto& one : cases) {
+    const TempFolder folder;
+    folder.write("one.csv", "depth_m,force_n\n" + rows(10));
+    folder.write("data_set.json", one.text);
+    const std::string fault = faultOf(folder);
+    for (const std::string& part : one.named) EXPECT_THAT(fault, HasSubstr(part)) << one.text;
+  }
+}
+
+TEST(CurveSet, aFactIsSaidOnce) {
+  const TempFolder folder;
+  folder.write("one.csv", kHeader + rows(10, kWords));
+  folder.write("data_set.json", R"({"curves": [{"file": "one.csv", "needle": "20G"}]})");
+  const std::string fault = faultOf(folder);
+  EXPECT_THAT(fault, HasSubstr("'needle'"));
+  EXPECT_THAT(fault, HasSubstr("description"));
+}
+
+TEST(CurveSet, aNeedleHasOneDiameter) {
+  const TempFolder folder;
+  const std::string header = "depth_m,force_n,specimen,needle,tissue,speed_m_s,needle_diameter_m\n";
+  folder.write("a.csv", header + rows(10, kWords + ",0.00127"));
+  folder.write("b.csv", header + rows(10, ",s2,18G,liver,0.003,0.0013"));
+  EXPECT_THAT(faultOf(folder), HasSubstr("0.0013"));
+}
+
+TEST(CurveSet, aPipeInTheFolderIsRefusedAndNotWaitedFor) {
+  const TempFolder folder;
+  ASSERT_EQ(::mkfifo((folder.path() / "pipe.csv").c_str(), 0600), 0);
+  EXPECT_THAT(faultOf(folder), HasSubstr("pipe.csv"));
+}
+
+TEST(CurveSet, tooManyFilesAreRefused) {
+  const TempFolder folder;
+  for (std::size_t i = 0; i <= kMostCurveFiles; ++i) folder.write(std::to_string(i) + ".csv", "x\n");
+  EXPECT_THAT(faultOf(folder), HasSubstr("more than 500"));
+}
+
+TEST(CurveSet, theOrderOfTheFolderDoesNotMatter) {
+  const TempFolder one, two;
+  for (const char* specimen : {"s1", "s2", "s3"})
+    one.write(std::string(specimen) + ".csv",
+              kHeader + rows(10, std::string(",") + specimen + ",18G,liver,0.003"));
+  for (const char* specimen : {"s3", "s1", "s2"})
+    two.write(std::string(specimen) + ".csv",
+              kHeader + rows(10, std::string(",") + specimen + ",18G,liver,0.003"));
+  const auto a = readCurveSet(one.path()), b = readCurveSet(two.path());
+  ASSERT_TRUE(a.ok() && b.ok());
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(a->curves[i].name, b->curves[i].name);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,65 @@
+// Intervals and tests against the tables of any textbook.
+#include "client/sim/benchmark/small_sample.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+
+namespace needlelab {
+namespace {
+
+TEST(SmallSample, studentsTailIsThatOfTheTables) {
+  struct Known {
+    double t;
+    std::size_t freedom;
+    double tail;
+  };
+  constexpr Known kTable[] = {{12.7062, 1, 0.05}, {4.30265, 2, 0.05},  {3.18245, 3, 0.05},
+                              {2.57058, 5, 0.05}, {2.22814, 10, 0.05}, {2.04227, 30, 0.05},
+                              {63.6567, 1, 0.01}, {4.03214, 5, 0.01},  {1, 1, 0.5}};
+  for (const Known& known : kTable) {
+    EXPECT_NEAR(studentTail(known.t, known.freedom), known.tail, 2e-6) << known.freedom;
+    EXPECT_NEAR(studentTail(-known.t, known.freedom), known.tail, 2e-6) << "both sides";
+    EXPECT_NEAR(studentQuantile(known.tail, known.freedom), known.t, 1e-4 * known.t) << known.freedom;
+  }
+  EXPECT_EQ(studentTail(0, 7), 1);
+}
+
+TEST(SmallSample, intervalOfThreeIsTheTextbooks) {
+  constexpr std::array<double, 3> kValues = {1, 2, 3};
+  const MeanInterval interval = meanInterval(kValues);
+  EXPECT_DOUBLE_EQ(interval.mean, 2);
+  EXPECT_NEAR(interval.high - 2, 4.30265 / std::sqrt(3.0), 1e-4);
+  EXPECT_NEAR(2 - interval.low, 4.30265 / std::sqrt(3.0), 1e-4);
+}
+
+TEST(SmallSample, oneValueHasNoInterval) {
+  constexpr std::array<double, 1> kOne = {5};
+  EXPECT_EQ(meanInterval(kOne).mean, 5);
+  EXPECT_TRUE(std::isinf(meanInterval(kOne).high));
+  EXPECT_EQ(meanIsZero(kOne), 1);
+  EXPECT_EQ(meanInterval({}).count, 0u);
+}
+
+TEST(SmallSample, meanIsZeroIsThePOfT) {
+  // mean 2, standard error 1/√3: t = 3.4641, two degrees of freedom: p = 1 − t/√(2 + t²)
+  constexpr std::array<double, 3> kValues = {1, 2, 3};
+  const double t = 2 * std::sqrt(3.0);
+  EXPECT_NEAR(meanIsZero(kValues), 1 - t / std::sqrt(2 + t * t), 1e-9);
+  EXPECT_EQ(meanIsZero(std::array<double, 2>{1, 1}), 0);
+  EXPECT_EQ(meanIsZero(std::array<double, 2>{0, 0}), 1);
+}
+
+TEST(SmallSample, holmMultipliesStepByStepAndNeverFalls) {
+  const auto corrected = holm(std::array<double, 4>{0.03, 0.005, 0.04, 0.9});
+  ASSERT_EQ(corrected.size(), 4u);
+  EXPECT_DOUBLE_EQ(corrected[1], 4 * 0.005);
+  EXPECT_DOUBLE_EQ(corrected[0], 3 * 0.03);
+  EXPECT_DOUBLE_EQ(corrected[2], 3 * 0.03) << "2 × 0.04 would be less than the one before";
+  EXPECT_DOUBLE_EQ(corrected[3], 0.9);
+  EXPECT_TRUE(holm({}).empty());
+}
+
+}  // namespace
+}  // namespace needlelab
