@@ -18,6 +18,7 @@
 #include "common/base/files.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/free_parts.h"
 #include "db/schema.h"
 #include "db/session_rows.h"
 #include "db/session_store.h"
@@ -83,6 +84,13 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
     sqlite3_close(target);
     return view.error();
   }
+  // an erasure is pending: what it overwrites in the database it would not find in the copy
+  const auto pending = MetaStore(reader).get(kFreePartsKey);
+  if (!pending) {
+    sqlite3_close(target);
+    return pending.error();
+  }
+  const bool erasing = pending->has_value();
   sqlite3_backup* backup = sqlite3_backup_init(target, "main", reader.handle(), "main");
   if (backup == nullptr) return failure(sqlite3_extended_errcode(target));
   int rc = SQLITE_OK;
@@ -102,8 +110,10 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
       mode != SQLITE_OK) {
     return failure(mode);
   }
+  Status cleared;
+  if (erasing) cleared = clearFreePartsOfCopy(target, path);
   sqlite3_close(target);
-  return {};
+  return cleared;
 }
 
 /// Sessions whose covered chunks in the copy exceed the previous watermark. It ends before a session's first

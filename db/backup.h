@@ -33,13 +33,13 @@ struct BackupResult {
 /// can be emptied only afterwards.
 inline constexpr std::uint64_t kMostLogBytesOfBackup = kMostLogBytesOfReaders;
 
-/// Copies the database's present state into `target`.partial while writers continue, checks *the copy*
-/// (integrity, every chunk, every hash), syncs it and renames it to `target` (0600). Only reads the source.
-/// Errors: kAlreadyExists (`target` exists; it is never overwritten), kInvalidInput (the folder does not
-/// exist), kCorrupt (the copy fails its check; it is deleted), kUnavailable (`cancelled` became true, or the
-/// log beside the source grew above `most_log_bytes` meanwhile),
-/// kFailed. Blocks for a time proportional to the database's size. The copy and its check poll `cancelled`
-/// often; it may be null.
+/// Copies the database's present state into `target`.partial while writers continue, overwrites the free
+/// parts of its pages where an erasure is pending (free_parts.h), checks *the copy* (integrity, every chunk,
+/// every hash), syncs it and renames it to `target` (0600). Only reads the source. Errors: kAlreadyExists
+/// (`target` exists; it is never overwritten), kInvalidInput (the folder does not exist), kCorrupt (the copy
+/// fails its check; it is deleted), kUnavailable (`cancelled` became true, or the log beside the source grew
+/// above `most_log_bytes` meanwhile), kFailed. Blocks for a time proportional to the database's size. The
+/// copy and its check poll `cancelled` often; it may be null.
 Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
                               const std::atomic<bool>* cancelled = nullptr,
                               std::uint64_t most_log_bytes = kMostLogBytesOfBackup);

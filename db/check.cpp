@@ -119,12 +119,22 @@ Result<std::vector<Uuid>> allSessions(Connection& connection, DatabaseCheck& che
 }  // namespace
 
 Result<SessionCheck> SessionStore::verify(const Uuid& session) {
+  SessionCheckSoFar so_far;
+  ASSIGN_OR_RETURN(auto check, verifyOn(session, UINT64_MAX, so_far));
+  return *std::move(check);
+}
+
+Result<std::optional<SessionCheck>> SessionStore::verifyOn(const Uuid& session, std::uint64_t most_bytes,
+                                                           SessionCheckSoFar& so_far) {
   // one unchanging view of the session's row and its chunks
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection_));
   ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
   const std::string name = "session " + uuidText(session);
 
-  SessionCheck check;
+  const bool begins = so_far.recording != static_cast<int>(row.recording);
+  if (begins) so_far = {};
+  so_far.recording = static_cast<int>(row.recording);
+  SessionCheck& check = so_far.check;
   const auto bad = [&](std::string why) {
     if (check.faults.size() < kMaxFaults) check.faults.push_back(std::move(why));
   };
@@ -142,30 +152,33 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
           check.undecodable_chunks == 1 ? "is" : "are", check.undecodable_chunks == 1 ? "it" : "they",
           check.undecodable.front().text);
     if (!check.faults.empty()) check.text = check.faults.front();
-    return check;
+    return std::optional(std::move(check));
   };
-  auto books = bookFaults(connection_, name, row);
-  if (!books && !finding(books.error())) return books.error();
-  if (books) {
-    for (std::string& fault : *books) bad(std::move(fault));
+  if (begins) {
+    auto books = bookFaults(connection_, name, row);
+    if (!books && !finding(books.error())) return books.error();
+    if (books) {
+      for (std::string& fault : *books) bad(std::move(fault));
+    }
   }
   const auto noted = notedOf(connection_, name, row);
   if (!noted && !finding(noted.error())) return noted.error();
   if (!noted) return finished();
 
-  SessionHash hash;
-  std::uint64_t bytes = 0, samples = 0;
-  ChunkScan scan(connection_, name, noted->recording, 0, UINT64_MAX);
-  while (check.faults.size() < kMaxFaults) {
+  ChunkScan scan(connection_, name, noted->recording, so_far.next_seq, UINT64_MAX);
+  for (std::uint64_t read = 0; check.faults.size() < kMaxFaults;) {
+    if (read >= most_bytes) return std::optional<SessionCheck>();
     ASSIGN_OR_RETURN(const auto item, scan.next());
     if (!item) break;
+    read += item->bytes.size() + kHashedChunkBytes;
+    so_far.next_seq = item->seq + 1;
     if (item->damaged()) {
       bad(item->fault->message);
       continue;
     }
-    hash.update(item->bytes);
-    bytes += item->bytes.size();
-    samples += item->samples;
+    so_far.hash.update(item->bytes);
+    so_far.bytes += item->bytes.size();
+    so_far.samples += item->samples;
     if (item->undecodable) {
       if (check.undecodable.size() < kMaxFaults)
         check.undecodable.push_back({item->seq, item->fault->message});
@@ -175,7 +188,7 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
     ++check.chunks;
     check.samples += item->samples;
   }
-  check.hash = hash.digest();
+  check.hash = so_far.hash.digest();
   // after a bad chunk the sums add no information
   if (!check.faults.empty()) return finished();
   if (row.recording == StoredRecording::Kind::kDeleted) {
@@ -189,11 +202,11 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   if (!beyond && !finding(beyond.error())) return beyond.error();
   if (beyond && *beyond != 0)
     bad(fmt::format("{} has chunks beyond the {} noted", name, noted->recording.chunks));
-  if (samples != noted->samples) {
-    bad(fmt::format("{} holds {} samples, noted are {}", name, samples, noted->samples));
+  if (so_far.samples != noted->samples) {
+    bad(fmt::format("{} holds {} samples, noted are {}", name, so_far.samples, noted->samples));
   }
-  if (bytes != noted->stored_bytes) {
-    bad(fmt::format("{} holds {} bytes, noted are {}", name, bytes, noted->stored_bytes));
+  if (so_far.bytes != noted->stored_bytes) {
+    bad(fmt::format("{} holds {} bytes, noted are {}", name, so_far.bytes, noted->stored_bytes));
   }
   if (row.state != pb::SESSION_OPEN && noted->hash != check.hash)
     bad(name + ": the hash over its chunks is not the one it was closed with");

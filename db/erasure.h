@@ -30,6 +30,48 @@ struct ErasureToRepeat {
 /// "'anna' was erased on … and is in this database again, …: needlelab-admin person erase anna": for display.
 std::string erasureToRepeatText(const ErasureToRepeat& erasure);
 
+/// The names of a person who is erased, and the sessions that go, as they were at one time.
+struct PersonTraces {
+  ErasedNames names;
+  std::set<std::int64_t> sessions;    ///< numbers: remarks on them are about the person
+  std::set<std::string> session_ids;  ///< of those that the erasure takes, as the audit log has them
+  /// The newest rows at that time: all later ones have greater numbers.
+  std::int64_t last_session = 0, last_remark = 0, last_line = 0;
+  /// Whether what was replaced by these in rows of that time is all that `now` asks for.
+  [[nodiscard]] bool hasAllOf(const PersonTraces& now) const;
+};
+
+/// What was replaced, in rows.
+struct ReplacedWords {
+  std::size_t remarks = 0, lines = 0;  ///< all of them
+  std::size_t remarks_of_others = 0, groups = 0, lines_about_others = 0;
+  /// Of those that are not about the person, for the administrator; empty: there are none.
+  [[nodiscard]] std::string text() const;
+};
+
+/// Where remarks and lines of the audit log have a person's names (ErasureStore::lookForNames).
+struct FoundNames {
+  /// Rows by their numbers: above `after`, up to `last`. At most as many as one commit writes (text_pages.h).
+  struct Page {
+    bool is_audit = false;
+    std::int64_t after = 0, last = 0;
+  };
+  PersonTraces who;
+  std::vector<Page> pages;  ///< those with names
+  /// Lines of the log that say the person's full names: they are the transaction's.
+  std::vector<std::int64_t> later_lines;
+  std::uint64_t bytes = 0;  ///< of the rows in them that have a name
+  ReplacedWords replaced;   ///< by replaceNames() so far
+};
+
+/// What an erasure's transaction did.
+struct ErasedRows {
+  pb::Erasure erasure;  ///< without `text`
+  ErasedNames names;
+  std::vector<std::string> group_ids;  ///< with the name: they stay
+  ReplacedWords replaced;
+};
+
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class ErasureStore {
  public:
@@ -56,6 +98,25 @@ class ErasureStore {
   /// log in; kNoRoom: the disk would have become full. Then the transaction is sound and must be undone.
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
+
+  // The same in steps, for a server: what grows with the texts of all people is no part of the transaction.
+  // First lookForNames(); then replaceNames() for each page, each in a commit of its own; then eraseRows() in
+  // one; then reportOf(). Until eraseRows() is committed the person is not erased: whoever stops before it
+  // begins anew, and a program that was killed repeats the erasure at its next start.
+
+  /// Looks for the person in the remarks and the audit log that are there now. Any connection; no view of the
+  /// database is held between the pages. Errors as erase(); kNoRoom: for what was found.
+  Result<FoundNames> lookForNames(const std::string& name, const std::string& pseudonym, bool with_waiting);
+  /// Replaces the names in one of the pages found: some 50 ms. In a transaction. kNoRoom.
+  Status replaceNames(FoundNames& found, const FoundNames::Page& page);
+  /// All the rest. Of remarks and lines it looks only at those that came after `found`, but at all where the
+  /// person got another full name or other sessions since; null: nothing was replaced before. In a
+  /// transaction; errors as erase().
+  Result<ErasedRows> eraseRows(const std::string& name, const ErasureLine& line, const std::string& by,
+                               const std::string& reason, std::int64_t now_unix_ns, bool with_waiting,
+                               const FoundNames* found = nullptr);
+  /// What is left, for `text` of the reply. Any connection.
+  Result<std::string> reportOf(const ErasedRows& done);
 
   /// When an account of this name that is added now was made: now; or just after the newest erasure of the
   /// name, if the clock was ahead then. So the times of both tell which came first.
@@ -97,17 +158,21 @@ class ErasureStore {
     std::string pseudonym;
     std::int64_t unix_ns = 0;
   };
-  /// What was replaced in texts that are not about the person.
-  struct Elsewhere {
-    std::size_t remarks = 0, groups = 0, audit_lines = 0;
-    /// For the administrator; empty: nothing was.
-    [[nodiscard]] std::string text() const;
+  struct GroupWithName {
+    std::string id, name, name_after;
+    bool id_has_name = false;
   };
   /// Called after each row that is written. kNoRoom as requireRoom(), which it asks now and then.
   Status noteRow();
   /// kNoRoom unless the disk has room to write `bytes` more, to commit and to empty the log. SQLite itself
   /// must not find it full: that would end the server.
   Status requireRoom(std::uint64_t bytes = 0);
+  Result<std::uint64_t> pragma(std::string_view name);
+  /// kNotFound, kDenied as erase().
+  Status mayErase(const std::string& name);
+  /// The person's names, but for `others`, and sessions. `before`: to read only the later lines of the log.
+  Result<PersonTraces> tracesOf(const std::string& name, const std::string& pseudonym, bool with_waiting,
+                                const PersonTraces* before);
   /// Replaces the person as who did something.
   Status eraseDoers(const ErasedNames& names);
   /// The newest erasure of the name, or the newest one `of_an_account`.
@@ -116,11 +181,17 @@ class ErasureStore {
   Status remember(const ErasureLine& line, bool without_account, const std::string& by,
                   const std::string& reason);
   Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
-                       const std::string& by, std::set<std::string>& ids, pb::Erasure& erasure);
-  Status eraseRemarks(const ErasedNames& names, Elsewhere& elsewhere);
+                       const std::string& by, pb::Erasure& erasure);
+  /// In rows whose numbers are above `after` and up to `last`.
+  Status replaceInRemarks(const PersonTraces& who, std::int64_t after, std::int64_t last,
+                          ReplacedWords& replaced);
+  Status replaceInLines(const PersonTraces& who, std::int64_t after, std::int64_t last,
+                        ReplacedWords& replaced, bool with_full_names = true);
+  /// Groups whose name or id has the person's name. `names`: without `others`.
+  Result<std::vector<GroupWithName>> groupsWith(ErasedNames names);
   /// Replaces the person in the names of groups. Returns the ids that have the name: they stay, because
-  /// assignments and addresses refer to them. `names`: without `others`.
-  Result<std::vector<std::string>> eraseInGroups(ErasedNames names, Elsewhere& elsewhere);
+  /// assignments and addresses refer to them.
+  Result<std::vector<std::string>> eraseInGroups(const ErasedNames& names, ReplacedWords& replaced);
   /// Where the name is left, for the administrator; empty: nowhere.
   Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids);
   /// Sessions under names that nobody has, in which a plain search finds a name of this person: each name
@@ -128,8 +199,6 @@ class ErasureStore {
   Result<std::string> sessionsAlike(const ErasedNames& names);
   /// Texts that the name may still be in, by a plain search, for the administrator to look at; empty: none.
   Result<std::string> perhapsLeft(const ErasedNames& names);
-  Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure,
-                    Elsewhere& elsewhere);
   Connection& connection_;
   FreeRoom free_room_;
   int rows_ = 0;  ///< that were written since requireRoom()

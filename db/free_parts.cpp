@@ -11,10 +11,9 @@ namespace {
 /// Reads and writes pages of the database's file, past SQLite's cache (https://sqlite.org/fileformat2.html).
 class PageFile {
  public:
-  static Result<PageFile> open(Connection& connection) {
-    PageFile pages(connection.path());
-    if (sqlite3_file_control(connection.handle(), "main", SQLITE_FCNTL_FILE_POINTER, &pages.file_) !=
-            SQLITE_OK ||
+  static Result<PageFile> open(sqlite3* database, const std::filesystem::path& path) {
+    PageFile pages(path);
+    if (sqlite3_file_control(database, "main", SQLITE_FCNTL_FILE_POINTER, &pages.file_) != SQLITE_OK ||
         pages.file_ == nullptr || pages.file_->pMethods == nullptr)
       return Error{ErrorCode::kFailed, pages.path_.string() + ": SQLite gives no handle of the file"};
     sqlite3_int64 bytes = 0;
@@ -187,7 +186,53 @@ class Walk {
   std::uint64_t read_ = 0;
 };
 
+/// The first pages of the tables and indexes that may name somebody.
+Result<std::vector<std::uint32_t>> rootsOf(sqlite3* database, const std::filesystem::path& path) {
+  sqlite3_stmt* rows = nullptr;
+  int rc = sqlite3_prepare_v2(database,
+                              "SELECT rootpage FROM sqlite_schema WHERE rootpage > 0 AND tbl_name NOT IN"
+                              " ('chunks', 'derived_chunks', 'quarantined_chunks', 'session_progress',"
+                              " 'audit_chain') ORDER BY rootpage",
+                              -1, &rows, nullptr);
+  std::vector<std::uint32_t> roots;
+  while (rc == SQLITE_OK && (rc = sqlite3_step(rows)) == SQLITE_ROW) {
+    roots.push_back(static_cast<std::uint32_t>(sqlite3_column_int64(rows, 0)));
+    rc = SQLITE_OK;
+  }
+  sqlite3_finalize(rows);
+  if (rc == SQLITE_DONE) return roots;
+  return Error{ErrorCode::kFailed, fmt::format("{}: cannot read its tables: {} (SQLite {})", path.string(),
+                                               sqlite3_errstr(rc), rc)};
+}
+
+/// Clears up to `most` pages of the file that are not `cleared`, and syncs it. True: all are cleared.
+Result<bool> clearPages(sqlite3* database, const std::filesystem::path& path, std::vector<bool>& cleared,
+                        std::size_t most, bool& wrote) {
+  ASSIGN_OR_RETURN(const auto roots, rootsOf(database, path));
+  ASSIGN_OR_RETURN(auto pages, PageFile::open(database, path));
+  Walk walk(pages, cleared, most);
+  bool all = true;
+  Status status;
+  for (const std::uint32_t root : roots) {
+    const auto done = walk.tree(root);
+    if (!done) status = done.error();
+    all = done && *done;
+    if (!all) break;
+  }
+  wrote = pages.wrote();
+  if (wrote) RETURN_IF_ERROR(pages.sync());
+  RETURN_IF_ERROR(status);
+  return all;
+}
+
 }  // namespace
+
+Status clearFreePartsOfCopy(sqlite3* copy, const std::filesystem::path& path) {
+  std::vector<bool> cleared;
+  bool wrote = false;
+  const auto all = clearPages(copy, path, cleared, SIZE_MAX, wrote);
+  return all ? Status() : Status(all.error());
+}
 
 Result<bool> FreeParts::clearSome(Connection& writer, std::size_t most_pages) {
   bool all = true, wrote = false;
@@ -195,24 +240,7 @@ Result<bool> FreeParts::clearSome(Connection& writer, std::size_t most_pages) {
     // nobody else writes meanwhile: what the file has is the database
     ASSIGN_OR_RETURN(const auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
     if (writer.walBytes() != 0) return false;
-    ASSIGN_OR_RETURN(const auto roots,
-                     writer
-                         .prepare("SELECT rootpage FROM sqlite_schema WHERE rootpage > 0 AND tbl_name NOT IN"
-                                  " ('chunks', 'derived_chunks', 'quarantined_chunks', 'session_progress',"
-                                  " 'audit_chain') ORDER BY rootpage")
-                         .all([](const Statement& row) { return row.natural32(0); }));
-    ASSIGN_OR_RETURN(auto pages, PageFile::open(writer));
-    Walk walk(pages, cleared_, most_pages);
-    Status status;
-    for (const std::uint32_t root : roots) {
-      const auto done = walk.tree(root);
-      if (!done) status = done.error();
-      all = done && *done;
-      if (!all) break;
-    }
-    wrote = pages.wrote();
-    if (wrote) RETURN_IF_ERROR(pages.sync());
-    RETURN_IF_ERROR(status);
+    ASSIGN_OR_RETURN(all, clearPages(writer.handle(), writer.path(), cleared_, most_pages, wrote));
   }
   // else the writer could write a page again as it was
   if (wrote && sqlite3_file_control(writer.handle(), "main", SQLITE_FCNTL_RESET_CACHE, nullptr) != SQLITE_OK)

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <string_view>
 #include <vector>
 
@@ -13,6 +14,11 @@ namespace needlelab {
 /// The key in `meta` that stands while the free parts of pages may have what an erasure overwrote: set in its
 /// transaction to its pseudonym, removed when FreeParts has done and no other erasure has set it.
 inline constexpr std::string_view kFreePartsKey = "free_parts_pending";
+
+/// Overwrites them in a copy that nobody else has open and that has no log, as a backup makes while
+/// kFreePartsKey stands, and syncs it. `copy`: its open database, outside a transaction; nothing is read by
+/// it afterwards. Errors: kFailed, kCorrupt, as FreeParts::clearSome().
+Status clearFreePartsOfCopy(sqlite3* copy, const std::filesystem::path& path);
 
 /// SQLite overwrites deleted rows (`secure_delete`), but not the copies that it leaves in the free part of a
 /// page when rows move to a neighbour page. This overwrites those bytes in the file, through SQLite's own

@@ -128,18 +128,7 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
   if (now.role == before.role && now.disabled == before.disabled && now.full_name == before.full_name)
     return now;
 
-  const bool was_admin = before.role == pb::ADMINISTRATOR && !before.disabled;
-  if (was_admin && (now.disabled || now.role != pb::ADMINISTRATOR)) {
-    auto others = connection_.query(
-        "SELECT count(*) FROM people WHERE role = ? AND disabled = 0"
-        " AND password_hash IS NOT NULL AND name <> ?",
-        static_cast<int>(pb::ADMINISTRATOR), name);
-    RETURN_IF_ERROR(others.step());
-    if (others.integer(0) == 0) {
-      return Error{ErrorCode::kDenied,
-                   "'" + std::string(name) + "' is the last administrator who can log in: add another first"};
-    }
-  }
+  if (now.disabled || now.role != pb::ADMINISTRATOR) RETURN_IF_ERROR(checkNotLast(before));
   ++now.revision;
   now.changed_by = by;
   now.changed_unix_ns = now_unix_ns;
@@ -149,6 +138,18 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
       " changed_unix_ns = ? WHERE name = ?",
       static_cast<int>(now.role), now.disabled, now.full_name, now.revision, by, now_unix_ns, name));
   return now;
+}
+
+Status PeopleStore::checkNotLast(const Person& person) {
+  if (person.role != pb::ADMINISTRATOR || person.disabled) return {};
+  auto others = connection_.query(
+      "SELECT count(*) FROM people WHERE role = ? AND disabled = 0"
+      " AND password_hash IS NOT NULL AND name <> ?",
+      static_cast<int>(pb::ADMINISTRATOR), person.name);
+  RETURN_IF_ERROR(others.step());
+  if (others.integer(0) != 0) return {};
+  return Error{ErrorCode::kDenied,
+               "'" + person.name + "' is the last administrator who can log in: add another first"};
 }
 
 Status PeopleStore::setDisabled(std::string_view name, bool disabled, std::string_view by,

@@ -59,6 +59,8 @@ class PeopleStore {
   /// can log in.
   Result<Person> change(std::string_view name, std::optional<std::uint32_t> base, const PersonChange& change,
                         std::string_view by, std::int64_t now_unix_ns);
+  /// kDenied: `person` is the last administrator who can log in.
+  Status checkNotLast(const Person& person);
   Status setDisabled(std::string_view name, bool disabled, std::string_view by = {},
                      std::int64_t now_unix_ns = 0);
   /// Nothing when there is no such person.

@@ -268,11 +268,13 @@ bool NameSearch::finds(std::string_view text) const {
   });
 }
 
-Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name) {
+Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
+                                                 std::int64_t after) {
   std::vector<std::string> full_names;
   auto rows = connection.query(
-      "SELECT detail FROM audit WHERE subject = ? AND action IN ('user change', 'user import') ORDER BY id",
-      name);
+      "SELECT detail FROM audit WHERE id > ? AND subject = ? AND action IN ('user change', 'user import')"
+      " ORDER BY id",
+      after, name);
   const auto add = [&](const std::string& full_name) {
     if (full_name.empty()) return;
     if (std::find(full_names.begin(), full_names.end(), full_name) == full_names.end())
@@ -292,7 +294,8 @@ Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::st
   }
 }
 
-Status addOthers(Connection& connection, ErasedNames& names, bool of_groups) {
+Status addOthers(Connection& connection, ErasedNames& names, bool of_groups,
+                 const std::set<std::string>& besides) {
   std::set<std::string> others;
   auto rows = connection.query(
       "SELECT name FROM people UNION SELECT full_name FROM people"
@@ -314,7 +317,7 @@ Status addOthers(Connection& connection, ErasedNames& names, bool of_groups) {
     const bool holds = std::any_of(own.begin(), own.end(), [&](std::string_view word) {
       return word.size() < other.size() && findWord(other, word, 0, Case::kEither) != std::string::npos;
     });
-    if (!mine && holds) others.insert(other);
+    if (!mine && holds && !besides.contains(other)) others.insert(other);
   }
   names.others = OtherNames(std::vector<std::string>(others.begin(), others.end()));
   return {};

@@ -95,10 +95,12 @@ class NameSearch {
 };
 
 /// Full names of this person in the audit log, oldest first. "user change" writes them at the end of its
-/// line: "full name: 'Old' to 'New'".
-Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name);
-/// Fills in `others` from the store. `of_groups`: with the names and ids of groups.
-Status addOthers(Connection& connection, ErasedNames& names, bool of_groups = true);
+/// line: "full name: 'Old' to 'New'". Reads the lines behind number `after`, all of them.
+Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
+                                                 std::int64_t after = -1);
+/// Fills in `others` from the store. `of_groups`: with the names and ids of groups. None of `besides` is one.
+Status addOthers(Connection& connection, ErasedNames& names, bool of_groups = true,
+                 const std::set<std::string>& besides = {});
 
 /// Removes the person from a line of the audit log. Replaces who and subject only where they mean this person
 /// (the action decides for the subject), and names in the detail according to the person that it is about.

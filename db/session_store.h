@@ -143,6 +143,15 @@ struct SessionCheck {
   std::uint64_t undecodable_chunks = 0;
 };
 
+/// A check of one session between its steps (SessionStore::verifyOn).
+struct SessionCheckSoFar {
+  SessionCheck check;
+  SessionHash hash;
+  std::uint64_t next_seq = 0;
+  std::uint64_t samples = 0, bytes = 0;  ///< of all chunks that are not damaged
+  int recording = 0;                     ///< which of the session's it reads (StoredRecording::Kind); 0: none
+};
+
 /// Does not own the connection. A Result's error means that the database failed or the arguments are invalid;
 /// protocol refusals are values. Thread: as its Connection. open, append, close, set… change several rows and
 /// need the writer's connection and a transaction: run them inside DbWriter.
@@ -220,6 +229,12 @@ class SessionStore {
   /// Reads and checks the whole recording. A fault in the data is `ok == false`; an error means that the
   /// database could not be read.
   Result<SessionCheck> verify(const Uuid& session);
+  /// The same in steps: goes on behind the chunks of `so_far`, and ends once it has read `most_bytes`, as
+  /// hashOn() counts. Nothing: there is more, call it again. Between two steps chunks may come and the
+  /// session may be closed; a recording that is thinned or removed meanwhile is begun anew, as what it is
+  /// then.
+  Result<std::optional<SessionCheck>> verifyOn(const Uuid& session, std::uint64_t most_bytes,
+                                               SessionCheckSoFar& so_far);
 
   /// Stores the offset only when its round trip is smaller than the stored one, or none is stored.
   Status setClockOffset(const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns);

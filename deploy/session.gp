@@ -1,4 +1,6 @@
 # A recorded session as a picture. usage: gnuplot -e "csv='session.csv'; png='session.png'" deploy/session.gp
+# `hand`, where it is given, says whose hand it was: "simulated hand, no person".
+if (!exists('hand')) hand = ''
 set terminal pngcairo size 1200,900 font 'DejaVu Sans,11'
 set output png
 set datafile separator ','
@@ -18,7 +20,7 @@ high = x_max > y_max ? x_max : y_max
 high = z_max > high ? z_max : high
 missing = least_depth_mm - (high - low)
 if (missing > 0) { low = low - missing/2; high = high + missing/2 }
-set multiplot layout 3,1 title 'A recorded insertion' font 'DejaVu Sans,15'
+set multiplot layout 3,1 title (strlen(hand) > 0 ? 'A recorded insertion: '.hand : 'A recorded insertion') noenhanced font 'DejaVu Sans,15'
 set xlabel ''
 set ylabel 'inserted length [mm]'
 set yrange [*<0:least_depth_mm<*]

@@ -2,19 +2,24 @@
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "client/effect_cost/instruction_count.h"
 #include "client/sim/accuracy/recommendation.h"
 #include "client/sim/accuracy/recorded.h"
 #include "client/sim/accuracy/report.h"
 #include "client/sim/accuracy/study.h"
+#include "client/sim/accuracy/study_models.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
+#include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 
@@ -25,7 +30,8 @@ struct AccuracyCommand {
   JsonOption json;
   std::filesystem::path out;
   std::vector<std::string> studies;  // empty = all
-  bool long_form = false;
+  bool long_form = false, full = false;
+  bool no_instructions = false, count_only = false;
   std::string data;
 };
 
@@ -48,11 +54,51 @@ bool wanted(const AccuracyCommand& command, AccuracyStudy study) {
   return false;
 }
 
-AccuracyProgress progressOnTerminal() {
-  if (::isatty(STDERR_FILENO) == 0) return [](std::string_view, double) {};
-  return [](std::string_view doing, double share) {
-    std::fprintf(stderr, "\r\033[K%3.0f %% %.*s", 100 * share, static_cast<int>(doing.size()), doing.data());
-  };
+// One line on a terminal: the part, its share, the time since the start. Elsewhere a line as each part
+// begins, so that a log shows where it is.
+class ProgressLine {
+ public:
+  explicit ProgressLine(std::size_t parts) : parts_(parts) {}
+  void begin(std::string_view part) {
+    ++part_;
+    share_ = 0;
+    name_ = part;
+    if (!terminal_)
+      std::fprintf(stderr, "needlelab-sim accuracy: part %zu of %zu, %s (after %.0f s)\n", part_, parts_,
+                   name_.c_str(), seconds());
+  }
+  AccuracyProgress callback() {
+    if (!terminal_) return [](std::string_view, double) {};
+    return [this](std::string_view doing, double share) {
+      share_ = share;
+      std::fprintf(stderr, "\r\033[K%zu/%zu %s: %3.0f %% %.*s (%.0f s)", part_, parts_, name_.c_str(),
+                   100 * share_, static_cast<int>(doing.size()), doing.data(), seconds());
+    };
+  }
+  void clear() const {
+    if (terminal_) std::fprintf(stderr, "\r\033[K");
+  }
+
+ private:
+  [[nodiscard]] double seconds() const { return static_cast<double>(steadyNowNs() - from_ns_) * 1e-9; }
+  bool terminal_ = ::isatty(STDERR_FILENO) != 0;
+  std::int64_t from_ns_ = steadyNowNs();
+  std::size_t parts_, part_ = 0;
+  double share_ = 0;
+  std::string name_;
+};
+
+// instructions break ties of time; without valgrind the ties stay
+std::vector<CountedTick> countedTicks(const AccuracyCommand& command, std::vector<std::string>& notes) {
+  if (command.no_instructions || !wanted(command, AccuracyStudy::kModel)) return {};
+  if (!hasValgrind()) {
+    notes.emplace_back("model: no instruction counts: valgrind is not on the PATH (Debian: valgrind)");
+    return {};
+  }
+  auto counted = countStudyTicks({ownProgram(), "accuracy", "--count-only"});
+  if (counted.ok()) return *std::move(counted);
+  notes.push_back("model: no instruction counts: " + counted.error().message);
+  return {};
 }
 
 // before the work, so that an unusable folder fails at once and not after minutes
@@ -64,8 +110,8 @@ Status makeFolder(const std::filesystem::path& folder) {
                "--out " + folder.string() + ": cannot make the folder: " + made.message()};
 }
 
-Status writePictures(const AccuracyCommand& command, const AccuracyOptions& options,
-                     const AccuracyRows& rows) {
+Status writePictures(const AccuracyCommand& command, const AccuracyOptions& options, const AccuracyRows& rows,
+                     ProgressLine& line) {
   RETURN_IF_ERROR(writeFileAtomically(command.out / "accuracy.csv", viewOf(accuracyCsv(rows))));
   if (!hasGnuplot()) {
     std::fprintf(stderr,
@@ -82,13 +128,18 @@ Status writePictures(const AccuracyCommand& command, const AccuracyOptions& opti
   }
   // the recorded curves with the models drawn into them
   if (!wanted(command, AccuracyStudy::kModel)) return {};
-  const auto recorded = recordedPictures(options, progressOnTerminal());
-  if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r\033[K");
+  line.begin("pictures");
+  const auto recorded = recordedPictures(options, line.callback());
+  line.clear();
   if (!recorded.ok()) return recorded.error();
   return drawRecordedPictures(*recorded, command.out);
 }
 
 int accuracy(const AccuracyCommand& command) {
+  if (command.count_only) {
+    const Status status = stepForCounting();
+    return status.ok() ? kExitDone : failed("accuracy", status.error());
+  }
   const auto data = dataFolder(command);
   if (!data.ok()) return failed("accuracy", data.error());
   if (!command.out.empty())
@@ -99,14 +150,23 @@ int accuracy(const AccuracyCommand& command) {
                             {"--json", command.json.file}});
       !status.ok())
     return failed("accuracy", status.error());
-  const AccuracyOptions options{command.long_form, *data};
-  const AccuracyProgress progress = progressOnTerminal();
+  const auto parts = std::count_if(accuracyParts().begin(), accuracyParts().end(),
+                                   [&](const AccuracyPart& part) { return wanted(command, part.study); });
+  const bool counts = wanted(command, AccuracyStudy::kModel) && !command.no_instructions;
+  const bool draws = wanted(command, AccuracyStudy::kModel) && !command.out.empty() && hasGnuplot();
+  ProgressLine line(static_cast<std::size_t>(parts) + (counts ? 1u : 0u) + (draws ? 1u : 0u));
   AccuracyRows rows;
   std::vector<std::string> notes;
+  AccuracyOptions options{command.long_form || command.full, *data, command.full, {}, {}};
+  if (counts) {
+    line.begin("instructions of a tick");
+    options.counted = countedTicks(command, notes);
+  }
   for (const AccuracyPart& part : accuracyParts()) {
     if (!wanted(command, part.study)) continue;
-    auto more = part.run(options, progress, notes);
-    if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r\033[K");
+    line.begin(part.name);
+    auto more = part.run(options, line.callback(), notes);
+    line.clear();
     if (!more.ok())
       return failed("accuracy",
                     {more.error().code, "study " + std::string(nameOf(part.study)) + ", " +
@@ -130,7 +190,7 @@ int accuracy(const AccuracyCommand& command) {
       return failed("accuracy", status.error());
   }
   if (!command.out.empty())
-    if (const Status status = writePictures(command, options, rows); !status.ok())
+    if (const Status status = writePictures(command, options, rows, line); !status.ok())
       return failed("accuracy", status.error());
   return kExitDone;
 }
@@ -149,6 +209,12 @@ void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
       ->check(
           CLI::IsMember(std::vector<std::string>(kAccuracyStudyNames.begin(), kAccuracyStudyNames.end())));
   command->add_flag("--long", options->long_form, "more gestures, more repeats, larger meshes: minutes");
+  command->add_flag(
+      "--full", options->full,
+      "--long with the loop of milliseconds and the finest meshes, without a limit of time: hours");
+  command->add_flag("--no-instructions", options->no_instructions,
+                    "do not count instructions under valgrind, which break ties of time");
+  command->add_flag("--count-only", options->count_only)->group("");
   command->add_option("--data", options->data,
                       "folder of the recordings; default: NEEDLELAB_DATA, else ../shared/data");
   command->callback([options, &chosen] { chosen = [options] { return accuracy(*options); }; });

@@ -106,7 +106,7 @@ void addEffectsCommand(CLI::App& app, SimCommand& chosen) {
   CLI::App* command = app.add_subcommand(
       "effects", "What a tick costs with each set of live effects, in ns and in instructions");
   command->add_option("--profile", options->profile,
-                      "scene to measure; without it the paper's six layers with all six effects");
+                      "scene to measure; without it the paper's six layers with all effects");
   command->add_option("--rate", options->rate_hz, "haptic rate in Hz, 50 to 40000")->capture_default_str();
   command->add_option("--out", options->out, "folder for effects.csv, effects_marginal.csv and effects.png");
   CLI::Option* must = command->add_flag("--instructions", options->instructions,

@@ -30,7 +30,8 @@ struct MarginalCost {
 };
 
 /// The scene of the study: the profile's, or without one the paper's six layers with shaft friction and three
-/// membranes, so that all six effects are live. Errors: kInvalidInput naming file and field.
+/// membranes, and every stage its usual numbers, so that all effects are live. Errors: kInvalidInput naming
+/// file and field.
 Result<SceneSpec> effectsScene(const std::filesystem::path& profile);
 
 /// All subsets of the effects that are live in the scene, in the order of their masks. Errors: as of

@@ -86,6 +86,10 @@ double smoothSpeed_z(const FigureRun& run, std::size_t i) {
 
 // ---- figures 8 and 9
 
+constexpr char kSixLayerScene[] =
+    "A simulated hand; forces, tissues and K_t are the paper's; thicknesses, place of the skin, grip and "
+    "motion are set by "
+    "hand.";
 constexpr double kFilmRate_hz = 1000;
 constexpr double kLeadIn_s = 0.8;  // rest before the figure's time 0; the gate's fade-in is over by then
 
@@ -119,6 +123,8 @@ HandPlan sixLayerPlan() {
 
 // ---- figures 10 and 11
 
+constexpr char kClampingScene[] =
+    "A simulated hand; scene, motion and all numbers are set by hand: the paper gives none.";
 constexpr double kClampingRate_hz = 1000;
 constexpr Vec3 kTarget_W_m{0.008, 0, -0.036};  // the profile's target
 constexpr Vec3 kBeyond{0.005, 0, 0};           // the hand aims beyond the target: its spring gives way
@@ -145,10 +151,11 @@ HandPlan clampingPlan() {
   return plan;
 }
 
-// the places that the figures name
+// the places that the figures name, as the paper's text does (ticks): the start, point 1, where the user
+// gives up, point 2, where the trajectory changes, and the target
 struct Places {
-  std::optional<std::size_t> entry, first_turn;  // ticks
-  std::size_t point1 = 0, point2 = 0;
+  std::optional<std::size_t> entry, point2;
+  std::size_t point1 = 0, target = 0;
 };
 
 Places placesOf(const FigureRun& run) {
@@ -157,11 +164,11 @@ Places placesOf(const FigureRun& run) {
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
     const StepReport& report = run.ticks[i].report;
     if (!places.entry && (report.flags & kFlagEntry) != 0) places.entry = i;
-    if (!places.first_turn && (report.flags & kFlagTurn) != 0) places.first_turn = i;
+    if (!places.point2 && (report.flags & kFlagTurn) != 0) places.point2 = i;
     // point 1: the deepest before the trajectory turned
-    if (!places.first_turn && report.insertion_m > deepest1) deepest1 = report.insertion_m, places.point1 = i;
+    if (!places.point2 && report.insertion_m > deepest1) deepest1 = report.insertion_m, places.point1 = i;
     if (const double away = norm(run.ticks[i].X_WT.p - kTarget_W_m); away < nearest)
-      nearest = away, places.point2 = i;
+      nearest = away, places.target = i;
   }
   return places;
 }
@@ -207,7 +214,7 @@ Figure figure08(const FigureRun& run) {
         {phaseName(report.phase)});
   }
   figure.csv = table.take();
-  figure.variables = {phasesOf(run, 0.02)};
+  figure.variables = {phasesOf(run, 0.02), {"scene", kSixLayerScene}};
   return figure;
 }
 
@@ -234,7 +241,7 @@ Figure figure09(const FigureRun& run) {
   }
   figure.csv = table.take();
   starts_s.push_back(turn_s);
-  figure.variables = {phasesOf(run, 0.02), {"layer_s", starts_s}};
+  figure.variables = {phasesOf(run, 0.02), {"layer_s", starts_s}, {"scene", kSixLayerScene}};
   return figure;
 }
 
@@ -262,8 +269,9 @@ Figure figure10(const FigureRun& run) {
   const Places places = placesOf(run);
   const Vec3 p0 = run.ticks[places.entry.value_or(0)].X_WT.p;
   const Vec3 u0 = zAxis(run.ticks[places.entry.value_or(0)].X_WT.q);
-  // the changed trajectory, from P0 through the foot of the last point 2: p plus the error towards the line
-  const ChainTick& end = run.ticks[places.point2];
+  // the changed trajectory, from P0 through the foot of the tip at the target: p plus the error towards the
+  // line
+  const ChainTick& end = run.ticks[places.target];
   const double f = norm(end.report.wrench_W.force_N);
   const Vec3 foot =
       f > 0 ? end.X_WT.p + end.report.wrench_W.force_N * (end.report.lateral_error_m / f) : end.X_WT.p;
@@ -272,9 +280,10 @@ Figure figure10(const FigureRun& run) {
                       {"first_way", inMillimetres(p0 + u0 * 0.044)},
                       {"changed_way", inMillimetres(p0 + u2 * 0.046)},
                       {"point1", inMillimetres(run.ticks[places.point1].X_WT.p)},
-                      {"point2", inMillimetres(end.X_WT.p)},
+                      {"point2", inMillimetres(run.ticks[places.point2.value_or(0)].X_WT.p)},
                       {"target", inMillimetres(kTarget_W_m)},
-                      {"mm_per_n", kArrow_mm_per_N}};
+                      {"mm_per_n", kArrow_mm_per_N},
+                      {"scene", kClampingScene}};
   return figure;
 }
 
@@ -294,7 +303,9 @@ Figure figure11(const FigureRun& run) {
   figure.variables = {phasesOf(run, 0.15),
                       {"start_s", run.time_s(places.entry.value_or(0))},
                       {"point1_s", run.time_s(places.point1)},
-                      {"point2_s", run.time_s(places.point2)}};
+                      {"point2_s", run.time_s(places.point2.value_or(0))},
+                      {"target_s", run.time_s(places.target)},
+                      {"scene", kClampingScene}};
   return figure;
 }
 

@@ -23,9 +23,11 @@ enum class AxialModel : std::uint8_t {
   kFirstOrder,
   kStatistical,
   kPrecomputed,
-  kFem
+  kFem,
+  kOkamura,
+  kDahl
 };
-inline constexpr std::size_t kAxialModelCount = 9;
+inline constexpr std::size_t kAxialModelCount = 11;
 inline constexpr std::array<std::string_view, kAxialModelCount> kAxialModelNames = {"ENHANCED_TRACKING_WALL",
                                                                                     "TRACKING_WALL",
                                                                                     "DIRECT",
@@ -34,7 +36,9 @@ inline constexpr std::array<std::string_view, kAxialModelCount> kAxialModelNames
                                                                                     "FIRST_ORDER",
                                                                                     "STATISTICAL",
                                                                                     "PRECOMPUTED",
-                                                                                    "FEM"};
+                                                                                    "FEM",
+                                                                                    "OKAMURA",
+                                                                                    "DAHL"};
 constexpr std::string_view axialModelName(AxialModel model) {
   return kAxialModelNames[static_cast<std::size_t>(model)];
 }
@@ -47,6 +51,9 @@ struct DirectSpec {
 struct VoigtSpec {
   double stiffness_N_per_m = 500;  ///< K, (0, 10000]
   double damping_Ns_per_m = 5;     ///< B, [0, 1000]
+  /// 0: ẋ over one tick. Else over an adaptive window that bridges so much noise of a position, [0, 1e-3] m;
+  /// for studies, no profile sets it.
+  double velocity_noise_m = 0;
 };
 
 struct GodObjectSpec {
@@ -59,6 +66,22 @@ struct FirstOrderSpec {
   double puncture_force_N = 0;   ///< (0, 50]
   double cutting_force_N = 0;    ///< after puncture, [0, 50]
   double friction_N_per_m = 0;   ///< per inserted length, [0, 1e4]
+};
+
+/// The shaft's friction against the motion in one direction, per inserted length.
+struct ShaftFrictionSpec {
+  double kinetic_N_per_m = 0;    ///< [0, 1e4]
+  double static_N_per_m = 0;     ///< OKAMURA: at rest, from kinetic to 1e4
+  double viscous_Ns_per_m2 = 0;  ///< added to kinetic, per speed, [0, 1e5]
+};
+
+/// Parameters of one layer, for OKAMURA and DAHL.
+struct OkamuraSpec {
+  double linear_N_per_m = 0;      ///< up to puncture a force of linear·z + quadratic·z², [0, 10000]
+  double quadratic_N_per_m2 = 0;  ///< [0, 1e9]; not both 0
+  double puncture_force_N = 0;    ///< (0, 50]
+  double cutting_force_N = 0;     ///< after puncture, [0, 50]
+  ShaftFrictionSpec in, out;      ///< on the way in, on the way out
 };
 
 struct StatisticalSpec {

@@ -39,6 +39,7 @@ void beginInsertion(const SceneModel& model, SimState& state, const TipSample& s
   state.score.cell = -1;
   state.proxy_held = true;  // on the skin
   state.proxy_layer = state.tops_met = 0;
+  state.slid_m = 0.0;
   state.tilt_limit_is_cone = false;
   state.tilt_limit_insertion_m = 0.0;
   if (model.isLive(Effect::kOrientationLimit))

@@ -15,4 +15,7 @@ static_assert(kHistoryCapacity > static_cast<std::size_t>(kMaxRateHz / 10) + 1);
 /// The greatest number of stations of a needle: bounds the state and the cost of a tick.
 inline constexpr std::size_t kMaxNeedleStations = 128;
 
+/// The greatest number of cuts that CUT_MEMORY remembers: bounds the state, its hash and the cost of a tick.
+inline constexpr std::size_t kMaxCutTracks = 16;
+
 }  // namespace needlelab

@@ -12,15 +12,20 @@ namespace needlelab {
 
 struct DepthTable;
 struct FemNeedle;
+struct ShaftLimits;
 struct SimState;
 class StatisticalTarget;
 struct StepReport;
 struct TipSample;
 class SceneModel;
+/// Δ_cut at the tip, in m, at this depth δ: how far the wall of an axial model can be behind the needle.
+/// Real-time safe; may use the state's caches.
+using CutReach = double (*)(const SceneModel&, SimState&, double depth_m) noexcept;
 /// One tick of a scene's axial model with its live effects.
 using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
 /// One tick of a stage effect. Called only in the tissue, after all other effects: `report` is this tick's
-/// report without the stages. Returns the force in W and writes the effect's term into `report.stage_N`.
+/// report without the stages. Returns the force in W and writes the effect's term into `report.stage_N`. A
+/// stage without a term changes the other effects' terms in the report, and returns the change.
 using StageFunction = Vec3 (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
 
 /// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
@@ -89,11 +94,14 @@ class SceneModel {
   std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< ready for the tick, by `stageOf`
   double axial_stiffness_N_per_m = 0;                    ///< steepest slope of the axial model's force over x
   double axial_damping_Ns_per_m = 0;              ///< steepest slope of that force over the speed: VOIGT's B
+  double velocity_noise_m = 0;                    ///< VOIGT
   bool step_at_layers = false;                    ///< DIRECT
   std::shared_ptr<const DepthTable> depth_table;  ///< PRECOMPUTED
   std::shared_ptr<const StatisticalTarget> statistical;  ///< STATISTICAL
 
-  std::shared_ptr<const FemNeedle> fem;  ///< FEM
+  std::shared_ptr<const FemNeedle> fem;             ///< FEM
+  std::shared_ptr<const ShaftLimits> shaft_limits;  ///< OKAMURA, DAHL
+  CutReach cut_reach = nullptr;                     ///< null: the model has no wall that cuts
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +

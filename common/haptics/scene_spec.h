@@ -23,7 +23,8 @@ enum class Effect : std::uint8_t {
   kClamping,
   kOrientationLimit,
   kShaftFriction,
-  kPuncture
+  kPuncture,
+  kCutMemory
 };
 /// Always 0, but in tests/instructions: the engine compiled with some more effects, to count what they cost.
 #ifdef NEEDLELAB_DUMMY_EFFECTS
@@ -31,7 +32,7 @@ inline constexpr std::size_t kDummyEffectCount = NEEDLELAB_DUMMY_EFFECTS;
 #else
 inline constexpr std::size_t kDummyEffectCount = 0;
 #endif
-inline constexpr std::size_t kEffectCount = 6 + kDummyEffectCount;
+inline constexpr std::size_t kEffectCount = 7 + kDummyEffectCount;
 /// The number of effects with a fixed place within the tick; the others are stages: their forces are added at
 /// the end.
 inline constexpr std::size_t kPlacedEffectCount = 6;
@@ -85,6 +86,7 @@ struct LayerSpec {
   double friction_N_per_m = 0;            ///< shaft friction per inserted length, [0, 1e4]
   std::optional<MembraneSpec> membrane;
   std::optional<FirstOrderSpec> first_order;  ///< required in every layer if the model is FIRST_ORDER
+  std::optional<OkamuraSpec> okamura;         ///< required in every layer if the model is OKAMURA or DAHL
 };
 
 enum class StopMode : std::uint8_t { kRamp, kExponential };

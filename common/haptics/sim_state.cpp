@@ -26,6 +26,21 @@ class Fnv1a {
   std::uint64_t hash_ = 0xCBF29CE484222325ull;
 };
 
+void addCuts(Fnv1a& hash, const SimState& state) {
+  const CutMemory& cuts = state.cuts;
+  if (cuts.count == 0) return;  // a scene without CUT_MEMORY has the same hash as before it existed
+  hash.add(std::uint64_t{cuts.count} | std::uint64_t{cuts.next} << 32);
+  for (std::uint32_t i = 0; i < cuts.count; ++i) {
+    hash.add(cuts.tracks[i].p_entry_W_m);
+    hash.add(cuts.tracks[i].u_W);
+    hash.add(cuts.tracks[i].length_m);
+    hash.add(std::uint64_t{cuts.tracks[i].membranes});
+  }
+  if (!state.inside) return;
+  hash.add(std::uint64_t{cuts.own} | std::uint64_t{cuts.opened} << 32);
+  hash.add(cuts.shift_m);
+}
+
 }  // namespace
 
 const char* phaseName(Phase phase) {
@@ -49,6 +64,7 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(std::uint64_t{state.has_prev} | std::uint64_t{state.outside_once} << 1 |
            std::uint64_t{state.inside} << 2);
   hash.add(state.insertions);
+  addCuts(hash, state);
   if (!state.inside) return hash.value();
 
   // the other members matter only during an insertion
@@ -82,6 +98,8 @@ std::uint64_t hashOf(const SimState& state) {
     hash.add(std::uint64_t{i});
     for (const double d : state.stage[i]) hash.add(d);
   }
+  // a scene of another model has the same hash as before OKAMURA existed
+  if (state.slid_m != 0.0) hash.add(state.slid_m);
   const NeedleState& needle = state.needle;
   if (needle.stations == 0) return hash.value();
   for (const double d : {needle.x_m, needle.cut_m, needle.gap_m, needle.tip_N, needle.tip_most_N})

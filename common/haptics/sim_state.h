@@ -47,6 +47,27 @@ struct NeedleState {
   std::array<Hold, kMaxNeedleStations> hold{};
 };
 
+/// A cut that an insertion left in the tissue: the points entry + s·u with 0 ≤ s ≤ length.
+struct CutTrack {
+  Vec3 p_entry_W_m;
+  Vec3 u_W;  ///< unit
+  double length_m = 0;
+  std::uint32_t membranes = 0;  ///< bit i: membrane i is open where the line crosses it
+};
+
+/// CUT_MEMORY: the cuts of this session, a ring. An exit does not clear it. Empty in a scene without the
+/// effect.
+struct CutMemory {
+  std::array<CutTrack, kMaxCutTracks> tracks{};  ///< the first `count` are valid
+  std::uint32_t count = 0;
+  std::uint32_t next = 0;  ///< the place of the next track; a full ring has its oldest there
+
+  // of the insertion under way
+  std::uint32_t own = kMaxCutTracks;  ///< its track; kMaxCutTracks: it has cut nothing new
+  std::uint32_t opened = 0;           ///< the membranes that it met at a hole
+  double shift_m = 0;                 ///< `x_shift_m` at the last tick
+};
+
 /// Value-initialised: before the first tick. Only `step` changes it.
 struct SimState {
   // contact
@@ -100,6 +121,7 @@ struct SimState {
       0;                       ///< GOD_OBJECT: the layer of that top, or of the top that the tip passed last
   std::uint32_t tops_met = 0;  ///< GOD_OBJECT: number of layer tops that the tip has crossed
   std::array<double, kMaxLayers> top_place_m;  ///< position along u, less `x_shift_m`
+  double slid_m = 0;  ///< OKAMURA: way against the tissue since the needle last stuck; 0 while it sticks
 
   // stages, by `stageOf`: 0 at entry
   std::array<StageNumbers, kMaxStages> stage{};
@@ -115,6 +137,8 @@ struct SimState {
   std::array<double, kHistoryCapacity> x_history_m;
 
   NeedleState needle;  ///< FEM
+
+  CutMemory cuts;  ///< CUT_MEMORY: the only member that outlives an insertion and acts on the next one
 };
 static_assert(std::is_trivially_copyable_v<SimState>);
 

@@ -294,21 +294,25 @@ std::string describedLayer(const pb::Profile& profile, int i) {
 
 /// The depth at which a pushed membrane ruptures: the positive root of k1 z + k2 z² = force, in the form
 /// that does not lose digits when k2 is small.
-double ruptureDepth(const pb::Puncture& puncture) {
-  const double k1 = puncture.linear_n_per_m(), k2 = puncture.quadratic_n_per_m2(), force = puncture.force_n();
+double ruptureDepth(double k1, double k2, double force) {
   return 2 * force / (k1 + std::sqrt(k1 * k1 + 4 * k2 * force));
 }
 
-/// FIRST_ORDER has its own surfaces; PUNCTURE's membranes act under every other model.
+/// FIRST_ORDER, OKAMURA and DAHL have their own surfaces; PUNCTURE's membranes act under every other model.
 void warnAboutRupture(const pb::Profile& profile, int i, std::vector<std::string>& warnings) {
   const pb::Layer& layer = profile.layers(i);
   double depth_m = 0, force_N = 0;
+  const bool is_okamura =
+      profile.axial_model() == pb::Profile::OKAMURA || profile.axial_model() == pb::Profile::DAHL;
   if (profile.axial_model() == pb::Profile::FIRST_ORDER && layer.has_first_order()) {
     force_N = layer.first_order().puncture_force_n();
     depth_m = force_N / layer.first_order().stiffness_n_per_m();
+  } else if (is_okamura && layer.has_okamura()) {
+    force_N = layer.okamura().puncture_force_n();
+    depth_m = ruptureDepth(layer.okamura().linear_n_per_m(), layer.okamura().quadratic_n_per_m2(), force_N);
   } else if (layer.has_puncture() && lists(profile, pb::Profile::PUNCTURE)) {
     force_N = layer.puncture().force_n();
-    depth_m = ruptureDepth(layer.puncture());
+    depth_m = ruptureDepth(layer.puncture().linear_n_per_m(), layer.puncture().quadratic_n_per_m2(), force_N);
   }
   if (depth_m > layer.thickness_m())
     warnings.push_back(describedLayer(profile, i) + ": its membrane ruptures at " + shortNumber(force_N) +
@@ -345,6 +349,10 @@ void warnAboutModel(const pb::Profile& profile, std::vector<std::string>& warnin
   if (!attracts && lists(profile, pb::Profile::ATTRACTED))
     warnings.push_back("effects: ATTRACTED is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
                        " has no attracted force");
+  const bool has_wall = attracts || model == pb::Profile::TRACKING_WALL || model == pb::Profile::STATISTICAL;
+  if (!has_wall && lists(profile, pb::Profile::CUT_MEMORY))
+    warnings.push_back("effects: CUT_MEMORY is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
+                       " has no wall that cuts: only membranes are remembered");
   const bool cuts = model != pb::Profile::PRECOMPUTED && model > pb::Profile::ENHANCED_TRACKING_WALL;
   if (cuts && !lists(profile, pb::Profile::CUTTING))
     warnings.push_back("effects: CUTTING is not listed, without it axial_model " +

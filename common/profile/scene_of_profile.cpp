@@ -114,10 +114,42 @@ static_assert(messageOf(AxialModel::kFirstOrder) == pb::Profile::FIRST_ORDER);
 static_assert(messageOf(AxialModel::kStatistical) == pb::Profile::STATISTICAL);
 static_assert(messageOf(AxialModel::kPrecomputed) == pb::Profile::PRECOMPUTED);
 static_assert(messageOf(AxialModel::kFem) == pb::Profile::FEM);
+static_assert(messageOf(AxialModel::kOkamura) == pb::Profile::OKAMURA);
+static_assert(messageOf(AxialModel::kDahl) == pb::Profile::DAHL);
 static_assert(pb::Profile::AxialModel_MAX == kAxialModelCount);
 
 constexpr std::array<std::string_view, 4> kMayBeSynthetic = {"mean_n", "sd_n", "correlation_length_m",
                                                              "factors"};
+
+OkamuraSpec okamuraOf(const pb::Okamura& from) {
+  OkamuraSpec to{from.linear_n_per_m(),
+                 from.quadratic_n_per_m2(),
+                 from.puncture_force_n(),
+                 from.cutting_force_n(),
+                 {},
+                 {}};
+  to.in.kinetic_N_per_m = from.kinetic_in_n_per_m();
+  to.in.static_N_per_m = from.has_static_in_n_per_m() ? from.static_in_n_per_m() : from.kinetic_in_n_per_m();
+  to.in.viscous_Ns_per_m2 = from.viscous_in_ns_per_m2();
+  to.out.kinetic_N_per_m = from.kinetic_out_n_per_m();
+  to.out.static_N_per_m =
+      from.has_static_out_n_per_m() ? from.static_out_n_per_m() : from.kinetic_out_n_per_m();
+  to.out.viscous_Ns_per_m2 = from.viscous_out_ns_per_m2();
+  return to;
+}
+
+void putOkamura(const OkamuraSpec& from, pb::Okamura& to) {
+  to.set_linear_n_per_m(from.linear_N_per_m);
+  to.set_quadratic_n_per_m2(from.quadratic_N_per_m2);
+  to.set_puncture_force_n(from.puncture_force_N);
+  to.set_cutting_force_n(from.cutting_force_N);
+  to.set_kinetic_in_n_per_m(from.in.kinetic_N_per_m);
+  to.set_kinetic_out_n_per_m(from.out.kinetic_N_per_m);
+  to.set_static_in_n_per_m(from.in.static_N_per_m);
+  to.set_static_out_n_per_m(from.out.static_N_per_m);
+  to.set_viscous_in_ns_per_m2(from.in.viscous_Ns_per_m2);
+  to.set_viscous_out_ns_per_m2(from.out.viscous_Ns_per_m2);
+}
 
 StatisticalSpec statisticalOf(const pb::Statistical& from) {
   StatisticalSpec to;
@@ -163,6 +195,7 @@ Status readModel(const pb::Profile& profile, SceneSpec& spec) {
   }
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
     const pb::Layer& layer = profile.layers(static_cast<int>(i));
+    if (layer.has_okamura()) spec.layers[i].okamura = okamuraOf(layer.okamura());
     if (!layer.has_first_order()) continue;
     const pb::FirstOrder& own = layer.first_order();
     spec.layers[i].first_order = FirstOrderSpec{own.stiffness_n_per_m(), own.puncture_force_n(),
@@ -227,9 +260,13 @@ Status checkModelSection(const pb::Profile& profile) {
   if (missing(pb::Profile::STATISTICAL, profile.has_statistical())) return fieldError("statistical", words);
   if (missing(pb::Profile::PRECOMPUTED, profile.has_precomputed())) return fieldError("precomputed", words);
   if (missing(pb::Profile::FEM, profile.has_fem())) return fieldError("fem", words);
-  for (int i = 0; i < profile.layers_size(); ++i)
+  for (int i = 0; i < profile.layers_size(); ++i) {
     if (missing(pb::Profile::FIRST_ORDER, profile.layers(i).has_first_order()))
       return fieldError(fmt::format("layers[{}].first_order", i), words);
+    const bool has_okamura = profile.layers(i).has_okamura();
+    if (missing(pb::Profile::OKAMURA, has_okamura) || missing(pb::Profile::DAHL, has_okamura))
+      return fieldError(fmt::format("layers[{}].okamura", i), words);
+  }
 
   for (int i = 0; i < profile.statistical().synthetic_size(); ++i) {
     const std::string& name = profile.statistical().synthetic(i);
@@ -267,6 +304,12 @@ void putModel(const SceneSpec& spec, pb::Profile& profile) {
         to.set_cutting_force_n(own->cutting_force_N);
         to.set_friction_n_per_m(own->friction_N_per_m);
       }
+      break;
+    case AxialModel::kOkamura:
+    case AxialModel::kDahl:
+      for (int i = 0; i < profile.layers_size(); ++i)
+        if (const auto& own = spec.layers.at(static_cast<std::size_t>(i)).okamura)
+          putOkamura(*own, *profile.mutable_layers(i)->mutable_okamura());
       break;
     case AxialModel::kStatistical: {
       pb::Statistical& to = *profile.mutable_statistical();

@@ -64,9 +64,12 @@ constexpr std::array<MeasureKind, 39> kMeasureKinds = {{
     {"tissue_damage_m2", "m^2", "Tissue swept by the shaft", kLessIsBetter, kAreaDifference,
      "area that the shaft's part in tissue sweeps by moving across itself; straight in and out sweeps none"},
     {"sparc", "", "Smoothness (SPARC)", kMoreIsBetter, kRatioDifference,
-     "spectral arc length of the speed from first entry to last exit; below 0, nearer to 0 is smoother"},
+     "mean spectral arc length of the speed in each movement of the tip that reaches into tissue, weighted "
+     "by "
+     "their ways; rests between movements do not count; below 0, nearer to 0 is smoother"},
     {"ldlj", "", "Smoothness (LDLJ)", kMoreIsBetter, kRatioDifference,
-     "log dimensionless jerk of the same speed; nearer to 0 is smoother"},
+     "log dimensionless jerk of the speed from first entry to last exit, rests included; nearer to 0 is "
+     "smoother"},
     {"translational_actions", "", "Movements of the tip", kLessIsBetter, kCountDifference,
      "stretches of 2 mm or more that begin above 3 mm/s and end when the tip stays below 1.5 mm/s for 0.1 s; "
      "speeds over 0.1 s, so that tremor is none"},

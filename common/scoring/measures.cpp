@@ -14,34 +14,6 @@
 namespace needlelab {
 namespace {
 
-/// The stretch of the longest run for smoothness: from the first to the last moment in tissue; for gestures
-/// that never enter tissue, the whole longest run.
-std::vector<double> speedProfile(const Gesture& gesture, double& period_s) {
-  const Run* best = nullptr;
-  std::size_t from = 0, to = 0;
-  double longest_s = 0;
-  bool best_in_tissue = false;
-  for (const Run& run : gesture.runs) {
-    if (run.inside.empty()) continue;
-    const auto isIn = [](double share) { return share > 0; };
-    const auto first = std::find_if(run.inside.begin(), run.inside.end(), isIn);
-    const auto last = std::find_if(run.inside.rbegin(), run.inside.rend(), isIn);
-    const bool in_tissue = first != run.inside.end();
-    const auto begin = in_tissue ? static_cast<std::size_t>(first - run.inside.begin()) : 0;
-    const auto end = in_tissue ? static_cast<std::size_t>(run.inside.rend() - last) : run.inside.size();
-    const double length_s = static_cast<double>(end - begin) * run.period_s;
-    if (best == nullptr || (in_tissue && !best_in_tissue) ||
-        (in_tissue == best_in_tissue && length_s > longest_s)) {
-      best = &run, from = begin, to = end, longest_s = length_s, best_in_tissue = in_tissue;
-    }
-  }
-  std::vector<double> speeds;
-  if (best == nullptr) return speeds;
-  period_s = best->period_s;
-  for (std::size_t i = from; i <= to; ++i) speeds.push_back(norm(best->points[i].v_WT_mps));
-  return speeds;
-}
-
 /// Area that the shaft sweeps while it goes from one point of the track to the next with `length_m` of it in
 /// tissue: the shaft's points p − s·axis, s ∈ [0, length], each moved by a straight line; only the part of
 /// the movement across the shaft sweeps. Midpoint rule over 8 pieces (the integrand is the norm of a linear
@@ -80,35 +52,109 @@ double chordStep(const Run& run, std::size_t i, const F& quantity) {
   return norm(quantity(run.points[to]) - quantity(run.points[from])) / static_cast<double>(to - from);
 }
 
-/// Counts movements in steps of equal time.
-class ActionCounter {
- public:
-  explicit ActionCounter(const ActionLimits& limits) : limits_(limits) {}
-
-  void add(double step, double period_s) {
-    const double speed = step / period_s;
-    if (!moving_ && speed > limits_.begin_per_s) {
-      moving_ = true;
-      way_ = slow_s_ = 0;
-    }
-    if (!moving_) return;
-    way_ += step;
-    slow_s_ = speed < limits_.end_per_s ? slow_s_ + period_s : 0;
-    if (slow_s_ >= kActionPause_s * (1 - 1e-9)) finish();
-  }
-  /// Ends a run.
-  void finish() {
-    if (moving_ && way_ >= limits_.least) ++count_;
-    moving_ = false;
-  }
-  [[nodiscard]] int count() const { return count_; }
-
- private:
-  const ActionLimits limits_;
-  bool moving_ = false;
-  double way_ = 0, slow_s_ = 0;
-  int count_ = 0;
+/// Steps [first, end) of a run.
+struct Stretch {
+  std::size_t first = 0, end = 0;
+  double way = 0;  ///< in it, m or rad; only of movements
 };
+
+/// The movements of a run, in order. Each reaches from the step in which the speed last rose above
+/// `end_per_s` to the last step above it.
+template <typename F>
+std::vector<Stretch> movementsOf(const Run& run, const ActionLimits& limits, const F& quantity) {
+  std::vector<Stretch> movements;
+  Stretch now;
+  std::size_t rise = 0;
+  double slow_s = 0;
+  bool moving = false;
+  const auto finish = [&] {
+    if (moving && now.way >= limits.least) movements.push_back(now);
+    moving = false;
+  };
+  for (std::size_t i = 0; i < run.inside.size(); ++i) {
+    const double step = chordStep(run, i, quantity), speed = step / run.period_s;
+    const bool slow = speed < limits.end_per_s;
+    if (!moving && speed > limits.begin_per_s) {
+      moving = true;
+      now.first = rise;
+      now.way = slow_s = 0;
+    }
+    if (moving) {
+      now.way += step;
+      slow_s = slow ? slow_s + run.period_s : 0;
+      if (!slow) now.end = i + 1;
+      if (slow_s >= kActionPause_s * (1 - 1e-9)) finish();
+    }
+    if (slow) rise = i + 1;
+  }
+  finish();
+  return movements;
+}
+
+std::vector<Stretch> tipMovementsOf(const Run& run) {
+  return movementsOf(run, kTranslation, [](const TrackPoint& p) { return p.p_WT_m; });
+}
+
+std::vector<double> speedsOf(const Run& run, const Stretch& stretch) {
+  std::vector<double> speeds;
+  for (std::size_t i = stretch.first; i <= stretch.end; ++i) speeds.push_back(norm(run.points[i].v_WT_mps));
+  return speeds;
+}
+
+/// A stretch of one of the gesture's runs; `run` is null if there is none.
+struct RunStretch {
+  const Run* run = nullptr;
+  Stretch stretch;
+  bool in_tissue = false;
+};
+
+/// Of the longest run, from the first to the last moment in tissue; for gestures that never enter tissue, the
+/// whole longest run.
+RunStretch firstEntryToLastExit(const Gesture& gesture) {
+  RunStretch best;
+  double longest_s = 0;
+  for (const Run& run : gesture.runs) {
+    if (run.inside.empty()) continue;
+    const auto isIn = [](double share) { return share > 0; };
+    const auto first = std::find_if(run.inside.begin(), run.inside.end(), isIn);
+    const auto last = std::find_if(run.inside.rbegin(), run.inside.rend(), isIn);
+    const bool in_tissue = first != run.inside.end();
+    const auto begin = in_tissue ? static_cast<std::size_t>(first - run.inside.begin()) : 0;
+    const auto end = in_tissue ? static_cast<std::size_t>(run.inside.rend() - last) : run.inside.size();
+    const double length_s = static_cast<double>(end - begin) * run.period_s;
+    if (best.run == nullptr || (in_tissue && !best.in_tissue) ||
+        (in_tissue == best.in_tissue && length_s > longest_s)) {
+      best = {&run, {begin, end, 0}, in_tissue};
+      longest_s = length_s;
+    }
+  }
+  return best;
+}
+
+/// The mean SPARC of the tip's movements that reach into tissue, all of them where none does, each by its
+/// way: a correction that is just long enough to be a movement changes little. SPARC tells apart one movement
+/// from another; over several with rests between it mostly counts the rests (Balasubramanian et al. 2015, "On
+/// the analysis of movement smoothness"). A gesture so slow that it has no movement is one: `whole`. At most
+/// `kLongestProfile` points are taken, the first.
+std::optional<double> sparcOfMovements(const Gesture& gesture, const RunStretch& whole) {
+  double sum = 0, way_m = 0;
+  std::size_t points = 0;
+  for (const Run& run : gesture.runs) {
+    for (const Stretch& movement : tipMovementsOf(run)) {
+      const auto first = run.inside.begin() + static_cast<std::ptrdiff_t>(movement.first);
+      const auto end = run.inside.begin() + static_cast<std::ptrdiff_t>(movement.end);
+      if (whole.in_tissue && std::none_of(first, end, [](double share) { return share > 0; })) continue;
+      points += movement.end - movement.first + 1;
+      if (points > kLongestProfile) break;
+      const auto value = sparc(speedsOf(run, movement), 1 / run.period_s);
+      if (!value) continue;
+      sum += *value * movement.way;
+      way_m += movement.way;
+    }
+  }
+  if (way_m > 0) return sum / way_m;
+  return sparc(speedsOf(*whole.run, whole.stretch), 1 / whole.run->period_s);
+}
 
 }  // namespace
 
@@ -118,7 +164,9 @@ class ActionCounter {
 /// - `mean_speed_m_s`: path over the time of the runs. `peak_speed_m_s`: greatest central difference on the
 ///   track.
 /// - `tissue_damage_m2`: area swept by the shaft inside tissue; straight in and out sweeps none.
-/// - `sparc`, `ldlj`: of the tip's speed from the first entry to the last exit (track.h).
+/// - `sparc`: of the tip's speed (track.h) in each movement, as `translational_actions` counts them; their
+///   mean, weighted by their ways. `ldlj`: of the tip's speed from the first entry to the last exit, rests
+///   included.
 void addMotion(const Gesture& gesture, Rows& rows) {
   double path_m = 0, path_in_m = 0, time_s = 0, time_in_s = 0, peak_mps = 0, area_m2 = 0;
   for (const Run& run : gesture.runs) {
@@ -144,11 +192,11 @@ void addMotion(const Gesture& gesture, Rows& rows) {
   rows.add("peak_speed_m_s", peak_mps);
   rows.add("tissue_damage_m2", area_m2);
 
-  double period_s = 0;
-  const std::vector<double> speeds = speedProfile(gesture, period_s);
-  if (!(period_s > 0)) return;
-  if (const auto value = sparc(speeds, 1 / period_s)) rows.add("sparc", *value);
-  if (const auto value = ldlj(speeds, 1 / period_s)) rows.add("ldlj", *value);
+  const RunStretch whole = firstEntryToLastExit(gesture);
+  if (whole.run == nullptr) return;
+  if (const auto value = sparcOfMovements(gesture, whole)) rows.add("sparc", *value);
+  if (const auto value = ldlj(speedsOf(*whole.run, whole.stretch), 1 / whole.run->period_s))
+    rows.add("ldlj", *value);
 }
 
 /// - `translational_actions`, `rotational_actions`: movements of the tip and turns of the axis, counted on
@@ -157,25 +205,23 @@ void addMotion(const Gesture& gesture, Rows& rows) {
 /// over the step and Δp the tip's movement, both across the needle's axis: the forces along it (cutting,
 /// friction, puncture) do not count.
 void addActions(const Gesture& gesture, Rows& rows) {
-  ActionCounter moves(kTranslation), turns(kRotation);
+  std::size_t moves = 0, turns = 0;
   double work_J = 0;
   for (const Run& run : gesture.runs) {
+    moves += tipMovementsOf(run).size();
+    turns += movementsOf(run, kRotation, [](const TrackPoint& p) { return p.axis_W; }).size();
     for (std::size_t i = 0; i < run.inside.size(); ++i) {
       const TrackPoint &a = run.points[i], &b = run.points[i + 1];
       const Vec3 step_m = b.p_WT_m - a.p_WT_m;
-      moves.add(chordStep(run, i, [](const TrackPoint& p) { return p.p_WT_m; }), run.period_s);
-      turns.add(chordStep(run, i, [](const TrackPoint& p) { return p.axis_W; }), run.period_s);
       const Vec3 sum = a.axis_W + b.axis_W;
       if (!(run.inside[i] > 0) || !(normSquared(sum) > 1e-12)) continue;
       const Vec3 axis = normalized(sum);
       const auto across = [&](Vec3 v) { return v - dot(v, axis) * axis; };
       work_J += run.inside[i] * std::max(0.0, -dot(across(run.force_W_N[i]), across(step_m)));
     }
-    moves.finish();
-    turns.finish();
   }
-  rows.add("translational_actions", moves.count());
-  rows.add("rotational_actions", turns.count());
+  rows.add("translational_actions", static_cast<double>(moves));
+  rows.add("rotational_actions", static_cast<double>(turns));
   rows.add("clamping_work_j", work_J);
 }
 

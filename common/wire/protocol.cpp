@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/secret.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -122,6 +123,8 @@ Status checkVersion(const pb::Version& ours, const pb::Version& theirs) {
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal) {
   pb::Refusal refusal;
   refusal.set_reason(reason);
+  // it may repeat what was asked, of a megabyte, and waits for a peer who perhaps does not read
+  if (text.size() > kMaxRefusalBytes) text = printable(text.substr(0, kMaxRefusalBytes)) + " …";
   refusal.set_text(std::move(text));
   refusal.set_fatal(fatal);
   return refusal;

@@ -82,6 +82,8 @@ std::string programText(const std::string& name);
 /// Error kVersion, with both versions, unless the major versions are equal.
 Status checkVersion(const pb::Version& ours, const pb::Version& theirs);
 
+/// The longest text of a refusal; what comes after it is cut off.
+inline constexpr std::size_t kMaxRefusalBytes = 1000;
 /// Translates refusals into errors and errors into refusals.
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal = false);
 /// Returns the reason for an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE,

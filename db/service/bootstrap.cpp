@@ -115,7 +115,7 @@ Error mustBeErasedFirst(const std::filesystem::path& folder, const Error& why) {
                       folder.string(), why.message)};
 }
 
-/// After repeatErasures() failed. Cuts the log, which else keeps the room that the attempt took.
+/// After eraseBeforeServing() failed. Cuts the log, which else keeps the room that the attempt took.
 Error erasuresNotRepeated(Connection& connection, const Error& why) {
   (void)connection.emptyLog(0);
   return why.code == ErrorCode::kNoRoom ? mustBeErasedFirst(connection.path().parent_path(), why) : why;
@@ -236,8 +236,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     // before anybody is served: a restored backup does not know who was erased since, and a log from before
     // the last end may still have what was erased
     const std::int64_t now_unix_ns = wallNowNs();
-    RETURN_IF_ERROR(clearOlderErasures(*connection, now_unix_ns));
-    const auto repeated = repeatErasures(*connection, now_unix_ns);
+    const auto repeated = eraseBeforeServing(*connection, now_unix_ns);
     if (!repeated) return erasuresNotRepeated(*connection, repeated.error());
     ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
     ASSIGN_OR_RETURN(store->clock_ahead_, SeenTimeStore(*connection).aheadText(now_unix_ns));

@@ -203,6 +203,11 @@ Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
 
 Result<std::optional<CloseOutcome>> Service::scoreStep(Connection& reader, const Uuid& session,
                                                        CloseUnderWay& close) {
+  if (!close.is_long) {
+    ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(session));
+    close.is_long = info.samples() > kShortScoreSamples;
+    if (close.is_long) return std::optional<CloseOutcome>();
+  }
   ASSIGN_OR_RETURN(auto settled, settle(reader, session, true));
   if (settled.is_pending) return std::optional<CloseOutcome>();
   std::optional<CloseOutcome> done = close.unscored;

@@ -1,5 +1,6 @@
-// Erases a person's data. Order: checks that may refuse; the line in DIR/erasures; the transaction. After a
-// crash between the last two, the erasure is reported as to be repeated and never forgotten.
+// Erases a person's data. Order: checks that may refuse; a look for the name; the line in DIR/erasures; the
+// name in remarks and audit lines, a page at a time; the transaction. After a crash between the line and the
+// end of the transaction, the next start repeats the erasure.
 #include "db/service/erasures.h"
 
 #include <fmt/core.h>
@@ -9,19 +10,47 @@
 #include <filesystem>
 #include <fstream>
 #include <mutex>
+#include <set>
+#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
-#include "common/base/text.h"
 #include "db/audit.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
-#include "db/free_parts.h"
 #include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
 #include "db/service/handlers.h"
-#include "db/session_rows.h"
+
+namespace needlelab {
+
+Status checkRoomToErase(Connection& connection, const std::string& name) {
+  constexpr std::uint64_t kOfSession = 64 << 10;
+  ASSIGN_OR_RETURN(const auto rows,
+                   connection
+                       .query("SELECT count(*), coalesce(sum(length(profile_json) + length(description)"
+                              " + coalesce(length(score_json), 0)), 0) FROM sessions WHERE trainee = ?",
+                              name)
+                       .first([](const Statement& row) {
+                         return std::pair{row.natural(0), row.natural(1)};
+                       }));
+  const auto [sessions, bytes] = rows.value_or(std::pair<std::uint64_t, std::uint64_t>());
+  // in the log, and once more in the database
+  const std::uint64_t needed = ErasureStore::kRoomLeft_bytes + 2 * (bytes + sessions * kOfSession);
+  std::error_code error;
+  const auto folder = connection.path().parent_path();
+  const auto space = std::filesystem::space(folder, error);
+  if (error || space.available >= needed) return {};
+  return Error{
+      ErrorCode::kNoRoom,
+      fmt::format("the disk of {} has {} MiB left, and the erasure of '{}' may write {} MiB: make room "
+                  "on it, then erase again",
+                  folder.string(), space.available >> 20, name, (needed >> 20) + 1)};
+}
+
+}  // namespace needlelab
 
 namespace needlelab::handlers {
 namespace {
@@ -138,30 +167,12 @@ std::string textOnLater(const std::string& name) {
       name);
 }
 
-/// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For
-/// what others wrote of the person ErasureStore::erase() asks as it goes on.
-Status checkRoomToErase(Connection& connection, const std::string& name) {
-  constexpr std::uint64_t kOfSession = 64 << 10;
-  ASSIGN_OR_RETURN(const auto rows,
-                   connection
-                       .query("SELECT count(*), coalesce(sum(length(profile_json) + length(description)"
-                              " + coalesce(length(score_json), 0)), 0) FROM sessions WHERE trainee = ?",
-                              name)
-                       .first([](const Statement& row) {
-                         return std::pair{row.natural(0), row.natural(1)};
-                       }));
-  const auto [sessions, bytes] = rows.value_or(std::pair<std::uint64_t, std::uint64_t>());
-  // in the log, and once more in the database
-  const std::uint64_t needed = ErasureStore::kRoomLeft_bytes + 2 * (bytes + sessions * kOfSession);
-  std::error_code error;
-  const auto folder = connection.path().parent_path();
-  const auto space = std::filesystem::space(folder, error);
-  if (error || space.available >= needed) return {};
-  return Error{
-      ErrorCode::kNoRoom,
-      fmt::format("the disk of {} has {} MiB left, and the erasure of '{}' may write {} MiB: make room "
-                  "on it, then erase again",
-                  folder.string(), space.available >> 20, name, (needed >> 20) + 1)};
+/// For the error of an erasure that ended before its transaction; empty: nothing was replaced.
+std::string textOnReplaced(const ReplacedWords& replaced, const std::string& pseudonym) {
+  if (replaced.remarks + replaced.lines == 0) return {};
+  return fmt::format(
+      "; '{}' stands in the place of the name in {} remarks and {} lines of the audit log already", pseudonym,
+      replaced.remarks, replaced.lines);
 }
 
 /// What to do with sessions that wait under the name; empty: there are none.
@@ -213,36 +224,53 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     unsealed.without_account = !person && again->line.without_account;
   }
   const ErasureLine line = sealed(std::move(unsealed), key);
+  // the writer looks at none of what lies there for long: remarks and audit lines have up to some GB
+  ASSIGN_OR_RETURN(auto found, [&]() -> Result<FoundNames> {
+    const CancelScope may_end(context.reader, context.cancelled);
+    return ErasureStore(context.reader)
+        .lookForNames(call.name(), line.pseudonym, call.with_waiting_sessions());
+  }());
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
   sealOld(lines, key);
   RETURN_IF_ERROR(writeErasures(folder, lines));
 
-  pb::Erasure erasure;
+  ErasedRows done;
   bool keeps_later = false;
-  const auto status = context.writer.run([&](Connection& writer) -> Status {
-    ASSIGN_OR_RETURN(auto done,
-                     ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
-                                                context.now_unix_ns, call.with_waiting_sessions()));
-    erasure = std::move(done);
-    ASSIGN_OR_RETURN(const auto owner,
-                     ErasureStore(writer).ownerOf(call.name(), context.now_unix_ns, context.now_unix_ns));
-    keeps_later = !owner.pseudonym;
-    std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
-                                     erasure.recordings(), erasure.scores());
-    if (erasure.waiting_sessions() > 0)
-      detail += fmt::format("; {} sessions that wait were left", erasure.waiting_sessions());
-    return AuditStore(writer).add(
-        {0, context.now_unix_ns, context.who.name, std::string(context.action), line.pseudonym, detail});
-  });
+  Status status;
+  for (std::size_t i = 0; status.ok() && i < found.pages.size(); ++i)
+    status = context.writer.run(
+        [&](Connection& writer) { return ErasureStore(writer).replaceNames(found, found.pages[i]); });
+  if (status.ok())
+    status = context.writer.run([&](Connection& writer) -> Status {
+      ASSIGN_OR_RETURN(
+          done, ErasureStore(writer).eraseRows(call.name(), line, context.who.name, call.reason(),
+                                               context.now_unix_ns, call.with_waiting_sessions(), &found));
+      ASSIGN_OR_RETURN(const auto owner,
+                       ErasureStore(writer).ownerOf(call.name(), context.now_unix_ns, context.now_unix_ns));
+      keeps_later = !owner.pseudonym;
+      const pb::Erasure& erased = done.erasure;
+      std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erased.sessions(),
+                                       erased.recordings(), erased.scores());
+      if (erased.waiting_sessions() > 0)
+        detail += fmt::format("; {} sessions that wait were left", erased.waiting_sessions());
+      return AuditStore(writer).add(
+          {0, context.now_unix_ns, context.who.name, std::string(context.action), line.pseudonym, detail});
+    });
   if (!status) {
-    // nothing was erased, so the file must not say so
+    // the person was not erased, so the file must not say so
     RETURN_IF_ERROR(writeErasures(folder, before));
     // what was undone keeps its room in the log
     if (status.error().code == ErrorCode::kNoRoom)
       (void)context.writer.emptyLog(std::chrono::milliseconds::zero());
-    return status.error();
+    return Error{status.error().code,
+                 status.error().message + textOnReplaced(found.replaced, line.pseudonym)};
   }
+  pb::Erasure erasure = std::move(done.erasure);
+  const auto left = [&] {
+    const CancelScope may_end(context.reader, context.cancelled);
+    return ErasureStore(context.reader).reportOf(done);
+  }();
   const auto backup = MetaStore(context.reader).get("backup_path");
   const std::filesystem::path backups =
       backup && *backup ? std::filesystem::path(**backup).parent_path() : std::filesystem::path();
@@ -258,7 +286,9 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   }
   erasure.set_text(
       (keeps_later ? textOnLater(call.name()) : "") + textOnWaiting(call.name(), erasure.waiting_sessions()) +
-      erasure.text() +
+      (left ? *left
+            : "Where else the name stands could not be looked up (" + left.error().message +
+                  "): look for it by hand. ") +
       (files.empty()
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")
@@ -272,309 +302,3 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
 }
 
 }  // namespace needlelab::handlers
-
-namespace needlelab {
-
-Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns) {
-  ErasureStore store(writer);
-  const auto repeat = store.toRepeat(writer.path().parent_path());
-  // the server's log and `check` report a missing key or a broken list
-  if (!repeat && repeat.error().code == ErrorCode::kCorrupt) return std::size_t{0};
-  if (!repeat) return repeat.error();
-  std::size_t count = 0;
-  std::set<std::string> stay;
-  for (const ErasureToRepeat& one : *repeat) {
-    if (!one.restored) continue;
-    (void)writer.emptyLog(0);  // a start before this one may have been killed, and its log has the room
-    RETURN_IF_ERROR(handlers::checkRoomToErase(writer, one.name));
-    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
-    const auto done = store.erase(one.name, one.line, kServerName, "repeated after a restore", now_unix_ns,
-                                  one.line.with_waiting);
-    // the last administrator, or a name that an erasure before this one took: they stay as they are
-    if (!done && (done.error().code == ErrorCode::kDenied || done.error().code == ErrorCode::kNotFound)) {
-      if (done.error().code == ErrorCode::kDenied) stay.insert(one.line.pseudonym);
-      continue;
-    }
-    if (!done) return done.error();
-    RETURN_IF_ERROR(
-        AuditStore(writer).add({0, now_unix_ns, kServerName, "person erase", one.line.pseudonym,
-                                fmt::format("repeated after a restore: {} sessions, {} recordings, {} scores",
-                                            done->sessions(), done->recordings(), done->scores())}));
-    RETURN_IF_ERROR(transaction.commit());
-    ++count;
-  }
-  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
-  RETURN_IF_ERROR(store.rememberList(writer.path().parent_path(), stay));
-  RETURN_IF_ERROR(transaction.commit());
-  return count;
-}
-
-namespace {
-
-/// Numbers and descriptions of the sessions that were erased and have their profile.
-Result<std::vector<std::pair<std::int64_t, std::string>>> keepingProfiles(
-    const std::filesystem::path& database) {
-  ASSIGN_OR_RETURN(auto reader, Connection::open(database, {.mode = Connection::Mode::kReader}));
-  return reader
-      .query("SELECT number, description FROM sessions WHERE erased = 1 AND profile_json <> ?",
-             kErasedProfile)
-      .all([](const Statement& row) {
-        return std::pair{row.integer(0), std::string(textOf(row.bytes(1)))};
-      });
-}
-
-}  // namespace
-
-Result<std::size_t> clearOlderErasures(Connection& writer, std::int64_t now_unix_ns) {
-  constexpr std::string_view kCleared = "erased_profiles_cleared";
-  ASSIGN_OR_RETURN(const auto cleared, MetaStore(writer).get(kCleared));
-  if (cleared) return std::size_t{0};
-  // with a connection of its own: a page that cannot be read must not stop the writer, and `check` says it
-  const auto sessions = keepingProfiles(writer.path());
-  if (!sessions) return std::size_t{0};
-  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
-  for (const auto& [number, stored] : *sessions) {
-    pb::SessionDescription description;
-    const bool is_read = description.ParseFromString(stored);  // if not, `check` says it
-    clearDeviceWords(description);
-    RETURN_IF_ERROR(writer.run("UPDATE sessions SET description = ?, profile_json = ? WHERE number = ?",
-                               viewOf(is_read ? description.SerializeAsString() : stored), kErasedProfile,
-                               number));
-  }
-  if (!sessions->empty()) {
-    RETURN_IF_ERROR(MetaStore(writer).set(kFreePartsKey, "1"));
-    RETURN_IF_ERROR(AuditStore(writer).add(
-        {0, now_unix_ns, kServerName, "person erase", "",
-         fmt::format("completed: {} sessions that an earlier version erased had kept their profiles",
-                     sessions->size())}));
-  }
-  RETURN_IF_ERROR(MetaStore(writer).set(kCleared, "1"));
-  RETURN_IF_ERROR(transaction.commit());
-  return sessions->size();
-}
-
-namespace {
-
-std::string textOfField(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
-}
-std::int64_t timeOfField(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
-}
-
-/// The fields for the person who did something, and the time.
-struct DoerField {
-  const char* doer;
-  const char* when;
-};
-constexpr DoerField kDoerFields[] = {{"changed_by", "changed_unix_ns"}, {"recorded_by", "unix_ns"},
-                                     {"author", "created_unix_ns"},     {"by_whom", "created_unix_ns"},
-                                     {"by_whom", "changed_unix_ns"},    {"by_whom", "erased_unix_ns"},
-                                     {"by_whom", "assigned_unix_ns"}};
-
-/// As clearOlderErasures(): an export by an earlier version has what it left in an erased session.
-void clearErased(RecordJson& record) {
-  if (textOfField(record, "profile_json") == kErasedProfile) return;
-  record["profile_json"] = kErasedProfile;
-  const auto bytes = bytesOfHex(textOfField(record, "description"));
-  pb::SessionDescription description;
-  if (!bytes || !description.ParseFromString(*bytes)) return;  // the import refuses it, or `check` says it
-  clearDeviceWords(description);
-  record["description"] = hexDigitsOf(description.SerializeAsString());
-}
-
-}  // namespace
-
-Result<ImportErasures> ImportErasures::open(Connection& writer) {
-  ImportErasures all(writer);
-  const auto folder = writer.path().parent_path();
-  ASSIGN_OR_RETURN(auto lines, readErasures(folder));
-  all.lines_ = std::move(lines);
-  auto rows = writer.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
-  for (;;) {
-    ASSIGN_OR_RETURN(const auto row, rows.step());
-    if (!row) break;
-    ErasureLine line{rows.text(0), {}, rows.integer(2)};
-    const auto bytes = rows.bytes(1);
-    if (bytes.size() == line.name_hash.size()) {
-      std::copy(bytes.begin(), bytes.end(), line.name_hash.begin());
-      all.lines_.push_back(std::move(line));
-    }
-  }
-  if (all.lines_.empty()) return all;
-  ASSIGN_OR_RETURN(auto key, ErasureStore(writer).key());
-  all.key_ = key;
-  dropFaulty(all.lines_, key);
-  return all;
-}
-
-void ImportErasures::foresee(const RecordJson& record) {
-  const auto text = [&](const char* field) {
-    const auto found = record.find(field);
-    return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
-  };
-  if (!key_ || !record.is_object()) return;
-  if (text("kind") == "unknown_trainee" && text("by_whom").empty()) waiting_.insert(text("session"));
-  if (text("kind") == "erasure") exported_.insert(text("pseudonym"));
-}
-
-bool ImportErasures::wasLeft(const std::string& id_digits, const std::string& name,
-                             const std::string& pseudonym) const {
-  const bool account =
-      std::any_of(met_.begin(), met_.end(), [&](const ErasedNames& names) { return names.name == name; });
-  return waiting_.contains(id_digits) && (account || exported_.contains(pseudonym));
-}
-
-std::optional<std::string> ImportErasures::pseudonymOf(const std::string& name,
-                                                       std::int64_t made_unix_ns) const {
-  if (!key_ || name.empty()) return std::nullopt;
-  const auto hash = key_->nameHash(name);
-  for (const ErasureLine& line : lines_) {
-    if (line.name_hash == hash && line.unix_ns >= made_unix_ns) return line.pseudonym;
-  }
-  return std::nullopt;
-}
-
-Result<bool> ImportErasures::isOfErasedSession(const std::string& id_digits) {
-  const auto known = sessions_.find(id_digits);
-  if (known != sessions_.end()) return known->second;
-  const auto bytes = bytesOfHex(id_digits);
-  if (!bytes) return false;
-  auto row = writer_.query("SELECT erased FROM sessions WHERE id = ?", viewOf(*bytes));
-  ASSIGN_OR_RETURN(const auto found, row.step());
-  const bool erased = found && row.integer(0) != 0;
-  sessions_.emplace(id_digits, erased);
-  if (erased) session_texts_.insert(sessionText(*bytes));
-  return erased;
-}
-
-Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJson& record) {
-  const auto owner = [&](const char* name, const char* when) {
-    return pseudonymOf(textOfField(record, name), timeOfField(record, when));
-  };
-  if (table.kind == "person") {
-    const auto pseudonym = owner("name", "created_unix_ns");
-    if (!pseudonym) return false;
-    ErasedNames names{textOfField(record, "name"), {}, {}, *pseudonym, {}};
-    if (const std::string full_name = textOfField(record, "full_name"); !full_name.empty())
-      names.full_names.push_back(full_name);
-    RETURN_IF_ERROR(addOthers(writer_, names));
-    met_.push_back(std::move(names));
-    return true;
-  }
-  if (table.kind == "consent") return owner("person", "unix_ns").has_value();
-  if (table.kind == "assignment") return owner("trainee", "created_unix_ns").has_value();
-  if (table.kind == "group_member") {
-    // the record has no time: decide by whether the person existed before it
-    const std::string name = textOfField(record, "person");
-    return std::any_of(met_.begin(), met_.end(), [&](const auto& names) { return names.name == name; });
-  }
-  if (table.kind == "session") {
-    const std::string id = textOfField(record, "id");
-    const auto pseudonym = owner("trainee", "received_unix_ns");
-    const bool erased = pseudonym && !wasLeft(id, textOfField(record, "trainee"), *pseudonym);
-    if (!erased && timeOfField(record, "erased") != 0) return false;  // an exported pseudonym
-    if (erased) {
-      sessions_[id] = true;
-      owners_[id] = textOfField(record, "trainee");
-      if (const auto bytes = bytesOfHex(id)) session_texts_.insert(sessionText(*bytes));
-      return true;
-    }
-    return isOfErasedSession(id);
-  }
-  if (table.kind == "unknown_trainee") {
-    if (const auto owner_of = owners_.find(textOfField(record, "session")); owner_of != owners_.end()) {
-      for (ErasedNames& names : met_)
-        if (names.name == owner_of->second) names.given.push_back(textOfField(record, "given"));
-    }
-  }
-  if (record.contains("session") && (table.kind == "score" || table.kind == "event" ||
-                                     table.kind == "annotation" || table.kind == "unknown_trainee"))
-    return isOfErasedSession(textOfField(record, "session"));
-  return false;
-}
-
-void ImportErasures::replaceDoer(RecordJson& record, const char* doer, const char* when) const {
-  if (!record.contains(doer) || !record.contains(when)) return;
-  if (const auto pseudonym = pseudonymOf(textOfField(record, doer), timeOfField(record, when)))
-    record[doer] = *pseudonym;
-}
-
-Status ImportErasures::replaceGiven(RecordJson& record) {
-  const auto bytes = bytesOfHex(textOfField(record, "session"));
-  if (!bytes) return {};
-  ASSIGN_OR_RETURN(const auto received_unix_ns,
-                   writer_.query("SELECT received_unix_ns FROM sessions WHERE id = ?", viewOf(*bytes))
-                       .first([](const Statement& row) { return row.integer(0); }));
-  if (!received_unix_ns) return {};  // the import says that it is not there
-  const auto pseudonym = pseudonymOf(textOfField(record, "given"), *received_unix_ns);
-  if (!pseudonym) return {};
-  if (wasLeft(textOfField(record, "session"), textOfField(record, "given"), *pseudonym)) return {};
-  // remarks and lines of the audit log, which come later, may have it too
-  ErasedNames names{textOfField(record, "given"), {}, {}, *pseudonym, {}};
-  RETURN_IF_ERROR(addOthers(writer_, names));
-  met_.push_back(std::move(names));
-  record["given"] = *pseudonym;
-  return {};
-}
-
-Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, RecordJson& record) {
-  if (table.kind == "session" && timeOfField(record, "erased") != 0) clearErased(record);
-  if (!key_) return Verdict::kTake;
-  ASSIGN_OR_RETURN(const auto left_out, isOfErased(table, record));
-  if (left_out) return Verdict::kLeftOut;
-  for (const DoerField& field : kDoerFields) replaceDoer(record, field.doer, field.when);
-  if (table.kind == "unknown_trainee") RETURN_IF_ERROR(replaceGiven(record));
-  if (table.kind == "annotation") {
-    for (const ErasedNames& names : met_)
-      record["text"] = withoutNames(textOfField(record, "text"), names, false);
-  }
-  if (table.kind == "group") {
-    for (const ErasedNames& names : met_)
-      if (pseudonymOf(names.name, timeOfField(record, "changed_unix_ns")))
-        record["name"] = withoutNames(textOfField(record, "name"), names, false);
-  }
-  if (table.kind == "audit") {
-    AuditRow line{0,
-                  timeOfField(record, "unix_ns"),
-                  textOfField(record, "who"),
-                  textOfField(record, "action"),
-                  textOfField(record, "subject"),
-                  textOfField(record, "detail")};
-    for (const ErasedNames& names : met_) {
-      if (pseudonymOf(names.name, line.unix_ns)) line = withoutNames(line, names, session_texts_);
-    }
-    // an erased person without a record in this import, as far as the line shows it
-    for (std::string* name : {&line.who, &line.subject}) {
-      const auto pseudonym = pseudonymOf(*name, line.unix_ns);
-      if (!pseudonym) continue;
-      const ErasedNames names{*name, {}, {}, *pseudonym, {}};
-      line = withoutNames(line, names, session_texts_);
-    }
-    record["who"] = line.who;
-    record["subject"] = line.subject;
-    record["detail"] = line.detail;
-  }
-  return Verdict::kTake;
-}
-
-bool ImportErasures::isErasuresWork(const RecordTable& table, const RecordJson& there,
-                                    const RecordJson& record) const {
-  if (!key_) return false;
-  RecordJson a = there, b = record;
-  // a removed member gives the group another revision; a remark and a group's name have a pseudonym in place
-  // of a name
-  if (table.kind == "group" && timeOfField(a, "revision") > timeOfField(b, "revision")) {
-    a["revision"] = b["revision"];
-    if (textOfField(a, "name").find("erased-") != std::string::npos) a["name"] = b["name"];
-  }
-  if (table.kind == "annotation" && textOfField(a, "text").find("erased-") != std::string::npos)
-    a["text"] = b["text"];
-  if (table.kind == "unknown_trainee" && textOfField(a, "given").starts_with("erased-"))
-    a["given"] = b["given"];
-  return a == b;
-}
-
-}  // namespace needlelab

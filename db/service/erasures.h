@@ -1,76 +1,26 @@
-/// Keeps people erased: repeats erasures on a restored database, and keeps an import from bringing back who
-/// was erased after the records were made. Private to this folder.
+/// Erasures that a start makes up for (repeated_erasures.cpp), and what they share with the request to erase
+/// (erasures.cpp). Private to this folder.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <map>
-#include <optional>
-#include <set>
 #include <string>
-#include <vector>
 
 #include "common/base/result.h"
 #include "db/connection.h"
 #include "db/erasure.h"
-#include "db/service/record_tables.h"
 
 namespace needlelab {
 
-/// Repeats the erasures of DIR/erasures that this database, a restored backup, does not know, before anybody
-/// is served: a transaction each, with a line of the audit log. Leaves the last administrator, whom
-/// toRepeat() goes on naming; the database knows all others from then on. Returns how many. Writer's
-/// connection, outside a transaction.
-Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns);
+/// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For
+/// what others wrote of the person ErasureStore asks as it goes on.
+Status checkRoomToErase(Connection& connection, const std::string& name);
 
-/// Takes the profile and what the station wrote about its device out of sessions that an earlier version
-/// erased: it left them. Once for a database (`erased_profiles_cleared` in `meta`), with a line of the audit
-/// log if there are such sessions. Returns how many. Writer's connection, outside a transaction.
-Result<std::size_t> clearOlderErasures(Connection& writer, std::int64_t now_unix_ns);
-
-/// State of one import; records must come in import order, people first. Thread: the writer's.
-class ImportErasures {
- public:
-  /// Reads the erasures from the database and the file beside it. kCorrupt: there are erasures, but the key
-  /// that identifies the people is missing.
-  static Result<ImportErasures> open(Connection& writer);
-
-  enum class Verdict {
-    kTake,     ///< perhaps with pseudonyms in place of names
-    kLeftOut,  ///< belongs to an erased person
-  };
-  /// For every record of the import, before the first look; it may have any shape. Tells which sessions an
-  /// erasure left on purpose, because they waited under the name and may be another person's.
-  void foresee(const RecordJson& record);
-  /// `record` has its table's types. May replace names in it by pseudonyms.
-  Result<Verdict> look(const RecordTable& table, RecordJson& record);
-  /// True when `there` differs from `record` only through a later erasure.
-  [[nodiscard]] bool isErasuresWork(const RecordTable& table, const RecordJson& there,
-                                    const RecordJson& record) const;
-
- private:
-  explicit ImportErasures(Connection& writer) : writer_(writer) {}
-  /// The pseudonym of the person with this name at the time of the record; nothing: that person was not
-  /// erased since.
-  std::optional<std::string> pseudonymOf(const std::string& name, std::int64_t made_unix_ns) const;
-  Result<bool> isOfErased(const RecordTable& table, const RecordJson& record);
-  Result<bool> isOfErasedSession(const std::string& id_digits);
-  /// True when the erasure left this session, which waits: the erasure was before the export, or the name was
-  /// an account's. A name that nobody had was erased with its sessions.
-  [[nodiscard]] bool wasLeft(const std::string& id_digits, const std::string& name,
-                             const std::string& pseudonym) const;
-  /// In a record of a session of an unknown trainee: the name that the station gave.
-  Status replaceGiven(RecordJson& record);
-  void replaceDoer(RecordJson& record, const char* doer, const char* when) const;
-
-  Connection& writer_;
-  std::optional<PseudonymKey> key_;
-  std::vector<ErasureLine> lines_;
-  std::set<std::string> waiting_;              ///< ids in digits of the import's sessions that wait
-  std::set<std::string> exported_;             ///< pseudonyms of the import's erasures
-  std::vector<ErasedNames> met_;               ///< found in this import
-  std::map<std::string, bool> sessions_;       ///< by id in digits: true when it belongs to an erased person
-  std::map<std::string, std::string> owners_;  ///< by id in digits: the erased person whose session it is
-  std::set<std::string> session_texts_;        ///< ids of those that do, in the audit log's form
-};
+/// Before anybody is served: repeats the erasures of DIR/erasures that this database, a restored backup, does
+/// not know, and takes out what an earlier version left of erased people. Returns how many were repeated.
+/// Errors: the database's; kNoRoom; kFailed when something is thrown, for want of memory: nothing is
+/// half-written. Writer's connection, outside a transaction. `free_room`: for tests.
+Result<std::size_t> eraseBeforeServing(Connection& writer, std::int64_t now_unix_ns,
+                                       const ErasureStore::FreeRoom& free_room = {});
 
 }  // namespace needlelab

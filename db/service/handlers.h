@@ -24,6 +24,7 @@
 namespace needlelab {
 class CodeGuard;
 class ExportLedger;
+struct RequestUnderWay;
 }  // namespace needlelab
 
 namespace needlelab::handlers {
@@ -41,7 +42,7 @@ struct Context {
   ReferencePaths* paths = nullptr;               ///< of reference sessions
   const BlockDevices* disks = nullptr;           ///< null: this machine's
   const BackupKey* backup_key = nullptr;         ///< null: backups are not encrypted
-  bool* access_changed = nullptr;                ///< of the Outcome; null: nobody asks
+  RequestUnderWay* under_way = nullptr;          ///< null: a function of the service asks
 };
 
 /// Whether the person is there, is not disabled and has this role; or the station is there and is not

@@ -47,16 +47,16 @@ const Message& callOf(const pb::Request& request) {
 /// Wraps a handler of handlers.h, with a borrowed reader.
 template <typename Message>
 Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
-                      bool& access_changed, Result<Reply> (*handler)(const Context&, const Message&)) {
+                      RequestUnderWay& under_way, Result<Reply> (*handler)(const Context&, const Message&)) {
   return service.withReader(who, callName(request.call_case()), [&](Context context) {
-    context.access_changed = &access_changed;
+    context.under_way = &under_way;
     return handler(context, callOf<Message>(request));
   });
 }
 /// Wraps a function of the service, which borrows its own readers.
 template <typename Message>
 Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
-                      bool& /*access_changed*/,
+                      RequestUnderWay& /*under_way*/,
                       Result<Reply> (Service::*handler)(const Principal&, const Message&)) {
   return (service.*handler)(who, callOf<Message>(request));
 }
@@ -73,8 +73,8 @@ const google::protobuf::Descriptor* takenBy(Result<Reply> (Service::*)(const Pri
 /// The entry of a row for a function that takes the call's message.
 template <auto kHandler, Storing kStoring = kNothing>
 constexpr RequestHandler to = {
-    [](Service& service, const Principal& who, const pb::Request& request, bool& access_changed) {
-      return execute(service, who, request, access_changed, kHandler);
+    [](Service& service, const Principal& who, const pb::Request& request, RequestUnderWay& under_way) {
+      return execute(service, who, request, under_way, kHandler);
     },
     [] { return takenBy(kHandler); }, kStoring};
 

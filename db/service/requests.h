@@ -14,6 +14,7 @@
 namespace needlelab {
 
 class Service;
+struct RequestUnderWay;
 
 /// The asker of a request: a person or a station.
 struct Principal {
@@ -30,9 +31,9 @@ enum class RequestThreads {
   kWorkers,    ///< short reads and writes
   kPasswords,  ///< argon2id: 0.1 s and 64 MiB each
   kViews,      ///< the engine, and lists over all sessions: tens of milliseconds to seconds
-  kSlow,       ///< import of a class with passwords, a person's data over years, a whole recording, a backup:
-               ///< seconds to minutes
-  kHours,      ///< retention and rescoring: they yield to all other work
+  kSlow,   ///< import of a class with passwords, a person's data over years, a backup: seconds to minutes;
+           ///< a whole recording, in steps
+  kHours,  ///< retention and rescoring: they yield to all other work
 };
 
 /// Whether a call has something stored: a change, and always a line of the audit log.
@@ -60,9 +61,9 @@ struct HttpLine {
 
 /// The function that executes a call, with its message type and whether it stores.
 struct RequestHandler {
-  /// Sets `access_changed` as Outcome has it.
+  /// Does one step; sets `under_way`.
   Result<pb::Reply> (*run)(Service& service, const Principal& who, const pb::Request& request,
-                           bool& access_changed) = nullptr;
+                           RequestUnderWay& under_way) = nullptr;
   const google::protobuf::Descriptor* (*message)() = nullptr;  ///< the type of the call's message
   Storing storing = Storing::kNothing;
 };

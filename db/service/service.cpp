@@ -78,6 +78,14 @@ Error loginRefused() {
 }  // namespace
 
 Outcome Service::execute(const Principal& principal, const pb::Request& request) {
+  RequestUnderWay under_way;
+  for (;;)
+    if (auto outcome = executeStep(principal, request, under_way)) return *std::move(outcome);
+}
+
+std::optional<Outcome> Service::executeStep(const Principal& principal, const pb::Request& request,
+                                            RequestUnderWay& under_way) {
+  under_way.more = false;
   const RequestRow* row = requestRow(request.call_case());
   Outcome outcome;
   const auto guarded = [&]() -> Result<pb::Reply> {
@@ -88,7 +96,7 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
         ASSIGN_OR_RETURN(auto reader, readers_.borrow());
         RETURN_IF_ERROR(handlers::checkAccess(*reader, principal));
       }
-      return row->handler.run(*this, principal, request, outcome.access_changed);
+      return row->handler.run(*this, principal, request, under_way);
     } catch (const std::exception& thrown) {
       return Error{
           ErrorCode::kFailed,
@@ -97,6 +105,8 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
     }
   };
   auto reply = guarded();
+  if (reply && under_way.more) return std::nullopt;
+  outcome.access_changed = under_way.access_changed;
   if (reply) {
     assert(reply->result_case() == row->reply);
     outcome.reply = std::move(*reply);

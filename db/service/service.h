@@ -49,6 +49,17 @@ struct Outcome {
   bool access_changed = false;
 };
 
+/// What one step of VerifySession reads, as SessionStore::hashOn() counts: some 80 ms, in which an import or
+/// a backup waits for it. Smaller: more looks at the session's row; greater: longer waits.
+inline constexpr std::uint64_t kVerifiedBytesAtOnce = std::uint64_t{16} << 20;
+
+/// A request between the steps of its work.
+struct RequestUnderWay {
+  bool access_changed = false;               ///< as in Outcome
+  bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
+  std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
+};
+
 /// The outcome of a station's request to close a session.
 struct CloseOutcome {
   Closed closed;
@@ -57,6 +68,10 @@ struct CloseOutcome {
   std::uint64_t event_bytes = 0;  ///< of the syringe's events that were stored now
 };
 
+/// A score is one piece of work: of a longer session it takes some 0.3 s to 5 s of a thread. Smaller: more
+/// closes take turns on fewer threads; greater: a short session's close waits for longer ones.
+inline constexpr std::uint64_t kShortScoreSamples = 100'000;
+
 /// A station's request to close a session, between the steps of its work.
 struct CloseUnderWay {
   pb::CloseSession request;
@@ -64,6 +79,8 @@ struct CloseUnderWay {
   std::uint32_t looked_again = 0;  ///< because chunks came meanwhile
   /// It is closed: its score is not made yet, and not all distances that it needs are computed.
   std::optional<CloseOutcome> unscored{};
+  /// What is left is the score of a session of more than kShortScoreSamples.
+  bool is_long = false;
 };
 
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
@@ -78,6 +95,10 @@ class Service {
   /// Checks the role (requests.h) and, of who logged in, that the account still has it; executes the request
   /// and writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
+  /// Does one step of it, which most requests have only one of. Nothing: call it again, after others had
+  /// their turn. The role and the account are checked in each step.
+  std::optional<Outcome> executeStep(const Principal& principal, const pb::Request& request,
+                                     RequestUnderWay& under_way);
 
   /// At the program's end: cancels running and later backups, checks and verifications. Thread: any.
   void cancelLongWork() { cancelled_ = true; }
@@ -97,10 +118,11 @@ class Service {
   /// Does one step of a close: hashes some more of the stored chunks (RunningHashes) on a reader; closes the
   /// session on the writer; computes some more of its distances from references (ReferencePaths) and, once
   /// all are known, computes and stores score and events. Nothing: call it again, after others had their
-  /// turn. Whoever does not may close the session again, later: that goes on where this ended. Returns the
-  /// outcome after the commit. Chunks that were hashed once are not read again for another close, whatever
-  /// became of the first. A session that could not be scored gets the same answer when it is closed again,
-  /// and is not read again for it. kUnavailable: chunks came again and again meanwhile.
+  /// turn; before a long score, too, so that it is made where nobody waits for it. Whoever does not may close
+  /// the session again, later: that goes on where this ended. Returns the outcome after the commit. Chunks
+  /// that were hashed once are not read again for another close, whatever became of the first. A session that
+  /// could not be scored gets the same answer when it is closed again, and is not read again for it.
+  /// kUnavailable: chunks came again and again meanwhile.
   Result<std::optional<CloseOutcome>> closeStep(CloseUnderWay& close);
   /// All steps.
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);

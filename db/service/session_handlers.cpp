@@ -10,6 +10,7 @@
 #include "common/scoring/syringe_events.h"
 #include "db/connection.h"
 #include "db/service/handlers.h"
+#include "db/service/service.h"
 #include "db/service/session_samples.h"
 #include "db/session_results.h"
 #include "db/session_store.h"
@@ -209,14 +210,19 @@ Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& cal
 Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call) {
   ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
   const CancelScope may_end(context.reader, context.cancelled);
-  ASSIGN_OR_RETURN(const auto check, SessionStore(context.reader).verify(id));
+  RequestUnderWay& under_way = *context.under_way;
+  if (!under_way.check) under_way.check.emplace();
+  ASSIGN_OR_RETURN(const auto check,
+                   SessionStore(context.reader).verifyOn(id, kVerifiedBytesAtOnce, *under_way.check));
   pb::Reply reply;
+  under_way.more = !check;
+  if (under_way.more) return reply;
   auto* verified = reply.mutable_verified();
-  verified->set_ok(check.ok);
-  verified->set_chunks(check.chunks);
-  verified->set_samples(check.samples);
-  verified->set_hash(check.hash.data(), check.hash.size());
-  verified->set_text(check.text);
+  verified->set_ok(check->ok);
+  verified->set_chunks(check->chunks);
+  verified->set_samples(check->samples);
+  verified->set_hash(check->hash.data(), check->hash.size());
+  verified->set_text(check->text);
   return reply;
 }
 

@@ -10,6 +10,7 @@
 #include "db/seen_time.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
+#include "db/service/service.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -98,7 +99,7 @@ Status noteRead(const Context& context, const std::string& subject, const std::s
 }
 
 void noteAccessChanged(const Context& context) {
-  if (context.access_changed != nullptr) *context.access_changed = true;
+  if (context.under_way != nullptr) context.under_way->access_changed = true;
 }
 
 pb::Reply doneReply() {

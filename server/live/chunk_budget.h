@@ -1,8 +1,11 @@
-/// The chunks of the whole server that wait for their commit: how many, and how many bytes they hold.
+/// The chunks that wait for their commit, of the whole server and of each station: how many, and how many bytes
+/// they hold.
 #pragma once
 
 #include <cassert>
 #include <cstddef>
+#include <string>
+#include <unordered_map>
 
 namespace needlelab {
 
@@ -18,14 +21,24 @@ class ChunkBudget {
   };
   explicit ChunkBudget(const Limits& limits) : limits_(limits) {}
 
-  void add(std::size_t bytes) {
+  struct Part {
+    std::size_t chunks = 0, bytes = 0;
+  };
+
+  void add(const std::string& station, std::size_t bytes) {
+    Part& part = of_station_[station];
+    ++part.chunks;
+    part.bytes += bytes;
     ++chunks_;
     bytes_ += bytes;
     full_ = full_ || chunks_ >= limits_.chunks || bytes_ >= limits_.bytes;
   }
   /// Returns true when this was the chunk that ends the state full: wake those who wait.
-  [[nodiscard]] bool remove(std::size_t bytes) {
-    assert(chunks_ > 0 && bytes_ >= bytes);
+  [[nodiscard]] bool remove(const std::string& station, std::size_t bytes) {
+    const auto part = of_station_.find(station);
+    assert(part != of_station_.end() && part->second.bytes >= bytes && chunks_ > 0 && bytes_ >= bytes);
+    part->second.bytes -= bytes;
+    if (--part->second.chunks == 0) of_station_.erase(part);
     --chunks_;
     bytes_ -= bytes;
     if (!full_ || chunks_ > limits_.chunks / 2 || bytes_ > limits_.bytes / 2) return false;
@@ -33,11 +46,17 @@ class ChunkBudget {
     return true;
   }
   [[nodiscard]] bool full() const { return full_; }
+  /// On all its connections: those of one that is over are still in the writer's queue.
+  [[nodiscard]] Part of(const std::string& station) const {
+    const auto part = of_station_.find(station);
+    return part == of_station_.end() ? Part{} : part->second;
+  }
   [[nodiscard]] std::size_t chunks() const { return chunks_; }
   [[nodiscard]] std::size_t bytes() const { return bytes_; }
 
  private:
   const Limits limits_;
+  std::unordered_map<std::string, Part> of_station_;
   std::size_t chunks_ = 0, bytes_ = 0;
   bool full_ = false;
 };

@@ -70,8 +70,10 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
     }
     // pending work is limited: at the limit, stop reading this socket (and no other)
     while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
-    // after an outage all stations send their spools at once: make them wait, do not cut them off
-    while (peer.context_.chunks_in_flight.full() && !peer.over() && !peer.channel_->closing())
+    // after an outage all stations send their spools at once: make them wait, do not cut them off. People
+    // send no chunks and are read
+    while (peer.who_.role == pb::STATION && peer.context_.chunks_in_flight.full() && !peer.over() &&
+           !peer.channel_->closing())
       co_await peer.context_.chunk_room.wait();
   }
   // the server is stopping: shutDown sends the last message
@@ -146,9 +148,10 @@ void PeerConnection::leave() {
 
 bool PeerConnection::busy() const {
   const ConnectionBounds& bounds = context_.bounds;
-  return chunks_in_flight_ >= bounds.chunks_in_flight ||
-         chunk_bytes_in_flight_ > bounds.chunk_bytes_in_flight ||
-         requests_at_work_ >= bounds.requests_at_work;
+  if (requests_at_work_ >= bounds.requests_at_work) return true;
+  if (who_.role != pb::STATION) return false;
+  const ChunkBudget::Part waiting = context_.chunks_in_flight.of(who_.name);
+  return waiting.chunks >= bounds.chunks_in_flight || waiting.bytes > bounds.chunk_bytes_in_flight;
 }
 
 void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request) {
@@ -168,11 +171,10 @@ void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
     sendControl(envelope);
     return;
   }
-  logEvent(LogLevel::kWarning, "message_refused",
-           {{"conn", id_},
-            {"who", who_.name},
-            {"reason", reasonName(refusal.reason())},
-            {"text", refusal.text()}});
+  logRefused("message_refused", {{"conn", id_},
+                                 {"who", who_.name},
+                                 {"reason", reasonName(refusal.reason())},
+                                 {"text", refusal.text()}});
   // before log-in the first fault ends the connection; after it, too many faults do
   const bool logged_in = who_.role != pb::ROLE_UNSPECIFIED;
   if (!logged_in || ++refusals_ > context_.bounds.refusals) {
@@ -183,6 +185,13 @@ void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
   envelope.set_refused_request(request);
   *envelope.mutable_refusal() = std::move(refusal);
   sendControl(envelope);
+}
+
+void PeerConnection::logRefused(const char* event, std::initializer_list<LogField> fields) {
+  const std::int64_t now_ns = steadyNowNs();
+  if (const std::uint64_t count = small_messages_->linesLeftOut(now_ns); count > 0)
+    logEvent(LogLevel::kWarning, "refusals_left_out", {{"who", who_.name}, {"count", count}});
+  if (small_messages_->takeLine(now_ns)) logEvent(LogLevel::kWarning, event, fields);
 }
 
 void PeerConnection::refuseAndClose(pb::Refusal refusal) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -97,6 +98,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void setState(ConnectionState next);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
+  /// So many lines a minute of an account (MessageBucket), whose connections come back as often as they like.
+  void logRefused(const char* event, std::initializer_list<LogField> fields);
   void refusedByPeer(const pb::Refusal& refusal);
   void leave();
   [[nodiscard]] bool busy() const;
@@ -151,7 +154,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   // ids of this connection's own Pings; the channel's Pings have no ids
   std::uint64_t pings_asked_ = 0, pings_answered_ = 0;
   Signal freed_;  // pending work has ended: there may be capacity to read on
-  std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
+  std::size_t chunks_in_flight_ = 0;
   std::size_t requests_at_work_ = 0;
   std::size_t refusals_ = 0;          // sent by this server
   std::size_t refusals_of_peer_ = 0;  // after log-in

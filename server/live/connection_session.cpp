@@ -148,8 +148,7 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   }
   context_.disk_room.take(chunk.data().size());
   ++chunks_in_flight_;
-  context_.chunks_in_flight.add(chunk.data().size());
-  chunk_bytes_in_flight_ += chunk.data().size();
+  context_.chunks_in_flight.add(who_.name, chunk.data().size());
   // without what else stood in it, which nothing counts while it waits
   const auto known = std::make_shared<pb::Chunk>();
   known->set_session_id(chunk.session_id());
@@ -180,9 +179,11 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
 
 void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended) {
   --chunks_in_flight_;
-  chunk_bytes_in_flight_ -= chunk.data().size();
+  if (context_.chunks_in_flight.remove(who_.name, chunk.data().size())) context_.chunk_room.notify();
   freed_.notify();
-  if (context_.chunks_in_flight.remove(chunk.data().size())) context_.chunk_room.notify();
+  // the station may have logged in again, and its newer connection may wait for this chunk's place
+  if (HubPeer* const newer = context_.hub.stationPeer(who_.name); newer != nullptr && newer != this)
+    dynamic_cast<PeerConnection&>(*newer).freed_.notify();
   if (!status.ok() && status.error().code == ErrorCode::kNoRoom) {
     // its station's share is used up; as without room on the disk
     ++context_.counters.refused_for_room;
@@ -245,13 +246,12 @@ void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appende
         return pb::Refusal::INVALID;
     }
   }();
-  logEvent(LogLevel::kWarning, "chunk_refused",
-           {{"conn", id_},
-            {"station", who_.name},
-            {"session", sessionText(chunk.session_id())},
-            {"seq", chunk.seq()},
-            {"reason", reasonName(reason)},
-            {"expected_seq", appended.next_seq}});
+  logRefused("chunk_refused", {{"conn", id_},
+                               {"station", who_.name},
+                               {"session", sessionText(chunk.session_id())},
+                               {"seq", chunk.seq()},
+                               {"reason", reasonName(reason)},
+                               {"expected_seq", appended.next_seq}});
   if (over()) return;
   pb::Refusal refusal = sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq);
   // two recordings with one session id: nothing that follows can be stored, and the audit log has its line
@@ -326,6 +326,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   CloseWork work;
   work.step = [&service, close] { return service.closeStep(*close); };
   work.gone = [gone = peer.gone_] { return gone->load(); };
+  work.is_long = [close] { return close->is_long; };
   Result<CloseOutcome> outcome = Error{ErrorCode::kFailed, "not done"};
   if (committed.ok()) {
     outcome = co_await closeInTurn(peer.context_, peer.who_.name, std::move(work));

@@ -42,7 +42,8 @@ class PeerConnection;
 
 /// Limits on the load from one connection.
 struct ConnectionBounds {
-  std::size_t chunks_in_flight = 64;  ///< received but not yet committed; at the limit its socket is not read
+  /// Of a station, on all its connections: received but not yet committed. At the limit they are not read.
+  std::size_t chunks_in_flight = 64;
   std::size_t chunk_bytes_in_flight = 8u << 20;
   ChunkBudget::Limits all_chunks_in_flight;  ///< of the whole server
   std::size_t requests_at_work = 8;
@@ -121,8 +122,9 @@ struct WebCounters {
 };
 
 inline constexpr std::size_t kWorkerThreads = 2, kSlowThreads = 1, kLoginThreads = 1;
-/// A station's closes have one of them at most.
-inline constexpr std::size_t kCloserThreads = 2;
+/// Long scores (kShortScoreSamples) have all of the closers but one, and the other steps of closes as many:
+/// so a short close waits for no long score. A station has one of either at most.
+inline constexpr std::size_t kCloserThreads = 3, kLongScoreThreads = kCloserThreads - 1;
 /// A station shows a trainee its standing while people plot and export: one of the views' threads is kept
 /// free of people's work.
 inline constexpr std::size_t kPeopleViewThreads = 2, kStationViewThreads = 1;
@@ -153,7 +155,8 @@ struct ServerContext {
   std::unique_ptr<FairPool> views_of_stations = std::make_unique<FairPool>(views, kStationViewThreads);
   std::unique_ptr<FairPool> slow_workers_of_people = std::make_unique<FairPool>(slow_workers, kSlowThreads);
   /// Of each station, on `closers`.
-  std::unique_ptr<FairPool> closes_in_turn = std::make_unique<FairPool>(closers, kCloserThreads);
+  std::unique_ptr<FairPool> closes_in_turn = std::make_unique<FairPool>(closers, kCloserThreads - 1);
+  std::unique_ptr<FairPool> long_scores_in_turn = std::make_unique<FairPool>(closers, kLongScoreThreads);
   StationCloses closes{bounds.closes_of_station};
   MessageRates small_messages{bounds.small_messages_at_once, bounds.small_messages_per_s};
   ClockOffsets clock_offsets{};

@@ -155,6 +155,11 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a live frame of {} bytes: the limit is {}",
                                                            frame.data.size(), settings_.max_frame_bytes));
   }
+  if (frame.cut_memory.size() > settings_.max_cut_memory_bytes) {
+    return makeRefusal(pb::Refusal::TOO_LARGE,
+                       fmt::format("a live frame's cut_memory of {} bytes: the limit is {}",
+                                   frame.cut_memory.size(), settings_.max_cut_memory_bytes));
+  }
   if (auto wrong = checkSessionId("live_frame", frame.session_id)) return wrong;
   // constant columns take no bytes: a small frame could otherwise take a second to decode, here and in each
   // viewer

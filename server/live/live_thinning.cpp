@@ -61,6 +61,7 @@ Frame ThinnedFrames::next(const LiveFrameView& frame, LiveSamples& samples, std:
   thinned.frame_seq = number_++;
   // at a rate above the station's its own bytes go on
   if (kept.size() == all.size()) return encodeLiveFrame(thinned, station);
+  thinned.cut_memory = {};  // for those who have every sample
   const Bytes data = encodeChunk(samples.resolution(), kept);
   thinned.data = textOf(data);
   return encodeLiveFrame(thinned, station);

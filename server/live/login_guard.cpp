@@ -4,14 +4,23 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/text.h"
+
 namespace needlelab {
 namespace {
 
 constexpr std::int64_t kNsPerMs = 1'000'000;
 
+/// Nobody has a longer name; kept as it is, each would hold what somebody sent.
+const std::string& nameKey(const std::string& name) {
+  static const std::string too_long(kMaxNameBytes + 1, '?');
+  return name.size() > kMaxNameBytes ? too_long : name;
+}
+
 /// Includes the lengths, so that different pairs of name and address always have different keys.
 std::string pairKey(const std::string& name, const std::string& address) {
-  return fmt::format("{} {} {}", name.size(), name, address);
+  const std::string& key = nameKey(name);
+  return fmt::format("{} {} {}", key.size(), key, address);
 }
 
 }  // namespace
@@ -49,7 +58,7 @@ LoginGuard::Milliseconds LoginGuard::mustWait(const std::string& name, const std
   const Milliseconds own = waitOfPair(pairKey(name, address), now_ns);
   if (knows(name, address)) return own;
   return std::max(
-      {own, waitOf(names_, name, settings_.allowed_everywhere, settings_.refill_everywhere, now_ns),
+      {own, waitOf(names_, nameKey(name), settings_.allowed_everywhere, settings_.refill_everywhere, now_ns),
        waitOf(addresses_, address, settings_.allowed_per_address, settings_.refill_address, now_ns)});
 }
 
@@ -61,7 +70,7 @@ bool LoginGuard::failed(const std::string& name, const std::string& address, std
   pair.at_ns = now_ns;
   // typing errors of a known person do not count against the lab's address
   if (!knows(name, address)) {
-    count(names_, name, settings_.refill_everywhere, now_ns);
+    count(names_, nameKey(name), settings_.refill_everywhere, now_ns);
     count(addresses_, address, settings_.refill_address, now_ns);
   }
   return !waited && mustWait(name, address, now_ns).count() > 0;

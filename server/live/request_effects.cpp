@@ -78,17 +78,6 @@ void addToAuditLog(ServerContext& context, const std::string& who, const std::st
   });
 }
 
-/// Takes the room of a request that stores, from the disk's and from the person's share. kNoRoom.
-Status roomFor(ServerContext& context, const Principal& who, Storing storing, std::size_t bytes) {
-  if (who.role != pb::STATION)
-    RETURN_IF_ERROR(context.shares.admit(who.name, who.role, bytes, steadyNowNs()));
-  // before the check: a flood between two looks at the disk counts, too
-  context.disk_room.take(bytes + PeopleShares::kRequestBytes);
-  const bool refused = storing == Storing::kNeeded ? context.disk_room.atLastFloor()
-                                                   : context.disk_room.level() == RoomLevel::kNoChunks;
-  return refused ? Status(Error{ErrorCode::kNoRoom, context.disk_room.text()}) : Status();
-}
-
 using Executed = std::shared_ptr<Outcome>;
 
 PasswordPool::Line passwordLineOf(const Principal& who) {
@@ -134,22 +123,38 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
 
 }  // namespace
 
+Status takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call, std::size_t bytes) {
+  const Storing storing = storingOf(call);
+  if (storing == Storing::kNothing) return {};
+  if (who.role != pb::STATION)
+    RETURN_IF_ERROR(context.shares.admit(who.name, who.role, bytes, steadyNowNs()));
+  // before the check: a flood between two looks at the disk counts, too
+  context.disk_room.take(bytes + PeopleShares::kRequestBytes);
+  const bool refused = storing == Storing::kNeeded ? context.disk_room.atLastFloor()
+                                                   : context.disk_room.level() == RoomLevel::kNoChunks;
+  return refused ? Status(Error{ErrorCode::kNoRoom, context.disk_room.text()}) : Status();
+}
+
 Task<Executed> executeRequest(ServerContext& context, Principal who,
                               std::shared_ptr<const pb::Request> request, std::function<bool()> gone) {
   const RequestThreads threads = threadsOf(*request, who.role);
   if (const Status may = mayWait(context, threads, who); !may.ok())
     co_return refusedBefore(*request, may.error());
-  if (const Storing storing = storingOf(request->call_case()); storing != Storing::kNothing) {
-    if (const Status room = roomFor(context, who, storing, request->ByteSizeLong()); !room.ok())
-      co_return refusedBefore(*request, room.error());
-  }
-  std::function<Executed()> work = [&service = context.store.service(), who, request, threads,
-                                    gone = std::move(gone)] {
+  if (const Status room = takeRoom(context, who, request->call_case(), request->ByteSizeLong()); !room.ok())
+    co_return refusedBefore(*request, room.error());
+  const auto under_way = std::make_shared<RequestUnderWay>();
+  const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
+                                          under_way, gone = std::move(gone)]() -> Executed {
     if (gone()) return refusedBefore(*request, {ErrorCode::kUnavailable, "who asked has gone"});
     if (threads == RequestThreads::kHours) yieldToOthers();
-    return std::make_shared<Outcome>(service.execute(who, *request));
+    auto outcome = service.executeStep(who, *request, *under_way);
+    return outcome ? std::make_shared<Outcome>(*std::move(outcome)) : nullptr;
   };
-  co_return co_await onItsThreads(context, threads, who, std::move(work));
+  for (;;) {
+    std::function<Executed()> work = step;
+    const Executed done = co_await onItsThreads(context, threads, who, std::move(work));
+    if (done) co_return done;
+  }
 }
 
 std::string turnNameOf(const Principal& who) {
@@ -162,7 +167,8 @@ Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string stati
   for (;;) {
     if (work.gone()) co_return has_gone;
     std::function<Step()> piece = [work, has_gone]() -> Step { return work.gone() ? has_gone : work.step(); };
-    Step done = co_await offload(*context.closes_in_turn, station, std::move(piece));
+    FairPool& turns = work.is_long && work.is_long() ? *context.long_scores_in_turn : *context.closes_in_turn;
+    Step done = co_await offload(turns, station, std::move(piece));
     if (!done.ok()) co_return done.error();
     if (done->has_value()) co_return std::move(**done);
   }

@@ -19,10 +19,12 @@ std::string turnNameOf(const Principal& who);
 struct CloseWork {
   std::function<Result<std::optional<CloseOutcome>>()> step;  ///< nothing: there is more to do
   std::function<bool()> gone;  ///< whether the connection that asked has ended; on any thread
+  /// Whether the next step is a long score; not during a step. Empty: none is.
+  std::function<bool()> is_long{};
 };
 /// Closes a session for its station, on the closers: nobody else's work waits for it. Each step is a turn
-/// among the closes of all stations. Of a connection that has ended no further step is done (kUnavailable).
-/// Thread: the network's.
+/// among the closes of all stations, a long score one among the long ones. Of a connection that has ended no
+/// further step is done (kUnavailable). Thread: the network's.
 Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work);
 
 /// Where a person's reply of so many bytes is written as text: up to 16 KiB (about a millisecond) on the
@@ -40,9 +42,14 @@ std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::
 /// Shares the request; wipes a password or code in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
-/// Executes a request on its thread pool (threadsOf in db/service/requests.h). Thread: the network's. `gone`
-/// says whether the asker has gone, on any thread: of whom it says so when the turn comes, nothing is done
-/// (kUnavailable). What has begun is finished.
+/// Takes the room of a call that stores something, from the person's share of the day and from the disk's;
+/// whatever executes a call asks here first. `bytes`: of the request. Errors: kNoRoom. Thread: the network's.
+Status takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call, std::size_t bytes);
+
+/// Takes the request's room (takeRoom), then executes it on its thread pool (threadsOf in
+/// db/service/requests.h), each of its steps in a turn of its own. Thread: the network's. `gone` says whether
+/// the asker has gone, on any thread: of whom it says so when a turn comes, no more is done (kUnavailable). A
+/// step that has begun is finished.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request,
                                               std::function<bool()> gone);

@@ -1,8 +1,5 @@
 #include "server/web/web_server.h"
 
-#include <fmt/core.h>
-#include <algorithm>
-#include <filesystem>
 #include <utility>
 
 #include "common/base/clock.h"
@@ -15,6 +12,7 @@
 #include "server/live/request_effects.h"
 #include "server/web/live_socket.h"
 #include "server/web/reply_json.h"
+#include "server/web/route_actions.h"
 #include "server/web/routes.h"
 
 namespace needlelab {
@@ -26,31 +24,12 @@ using Request = std::shared_ptr<HttpRequest>;
 /// As other servers call it; never sent to anybody.
 constexpr unsigned kClientHungUp = 499;
 
-/// Parsing JSON of this size takes about a millisecond.
-constexpr std::size_t kSmallBody = 16u << 10;
-
 /// The memory of a body's JSON, rather too high, from its punctuation: a value in a list takes 16 bytes of a
 /// block that doubles, a member about 96.
 std::size_t jsonBytes(std::string_view body) {
   std::size_t bytes = body.size();
   for (const char c : body) bytes += c == ',' ? 32u : c == ':' ? 96u : c == '[' || c == '{' ? 64u : 0u;
   return bytes;
-}
-
-HttpAnswer browserGone() {
-  return errorAnswer(503, "unavailable", "the browser is gone");
-}
-
-Error browserHasGone() {
-  return {ErrorCode::kUnavailable, "the browser is gone"};
-}
-
-/// Work that waits for its turn, and is not done for a browser that has gone by then.
-template <typename T>
-std::function<T()> unlessGone(const Request& request, T of_gone, std::function<T()> work) {
-  return [gone = request->gone, of_gone = std::move(of_gone), work = std::move(work)]() -> T {
-    return gone() ? of_gone : work();
-  };
 }
 
 HttpAnswer notLoggedIn() {
@@ -157,206 +136,6 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   const WebJson state = co_await sessionState(server, login.holder.who, issued.token);
   HttpAnswer answer = jsonAnswer(state);
   answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued.token));
-  co_return answer;
-}
-
-/// The error's own code if there is one; otherwise a refusal by the running server.
-HttpAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
-  if (outcome.error) return errorAnswer(*outcome.error);
-  switch (refusal.reason()) {
-    case pb::Refusal::NOT_FOUND:
-      return errorAnswer({ErrorCode::kNotFound, refusal.text()});
-    case pb::Refusal::TIMEOUT:
-      return errorAnswer({ErrorCode::kUnavailable, refusal.text()});
-    default:
-      return errorAnswer({ErrorCode::kFailed, refusal.text()});
-  }
-}
-
-/// A backup without a path goes to a folder beside the database; the newest ten there are kept.
-Status placeBackup(const ServerContext& context, pb::Request& request) {
-  if (!request.has_backup() || !request.backup().path().empty()) return {};
-  const auto folder = context.store.databasePath().parent_path() / "backups";
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) return Error{ErrorCode::kUnavailable, "cannot make " + folder.string() + ": " + error.message()};
-  std::filesystem::permissions(folder, std::filesystem::perms::owner_all, error);
-  request.mutable_backup()->set_path(folder.string());
-  if (request.backup().keep() == 0) request.mutable_backup()->set_keep(10);
-  return {};
-}
-
-/// Wipes the passwords and codes in a body that became a request; the request wipes its own copy.
-void wipeSecrets(nlohmann::json& body) {
-  if (!body.is_object()) return;
-  for (const char* name : {"password", "old_password", "code", "csv"}) {
-    if (const auto found = body.find(name); found != body.end() && found->is_string())
-      wipe(found->get_ref<std::string&>());
-  }
-}
-
-/// Counts a request that was refused for want of room and logs it, as the stations' port does.
-void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
-  if (error.code != ErrorCode::kNoRoom) return;
-  ++context.counters.refused_for_room;
-  if (context.shares.shouldTell(call.who.name, steadyNowNs()))
-    logEvent(LogLevel::kWarning, "no_room",
-             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
-}
-
-/// `share`: of the body's JSON. Once the request is built it is the request's, which may wait long.
-Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& route,
-                                std::shared_ptr<WebCall> call, std::optional<ByteBudget::Share> share) {
-  ServerContext& context = server->context();
-  // parsing a class or a course of a megabyte takes time: not on the network's thread
-  std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
-  Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
-  if (call->body_bytes > kSmallBody)  // not ?: around co_await, which g++ 12 miscompiles
-    built = co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(build));
-  else
-    built = build();
-  wipeSecrets(call->body);
-  call->body = nullptr;
-  if (!built) co_return errorAnswer(built.error());
-  if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
-  if (const std::size_t bytes = built->SpaceUsedLong(); share)
-    share->lower(bytes <= context.bounds.uncounted_decoded_bytes ? 0 : bytes);
-  const auto request = wipedWhenReleased(std::move(*built));
-  call->request = request;
-  std::function<bool()> gone = asked->gone;
-  const auto outcome = co_await executeRequest(context, call->who, request, std::move(gone));
-  if (outcome->error) noteNoRoom(context, *call, *outcome->error);
-  if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
-    co_return refusedAnswer(*outcome, *refusal);
-  followUp(context, *request, outcome->reply, outcome->access_changed, call->who.name, nullptr);
-  std::function<HttpAnswer()> write = [&route, call, outcome] {
-    return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
-  };
-  // serialising long lists takes time
-  FairPool* const pool = poolForWriting(context, outcome->reply.ByteSizeLong());
-  if (pool == nullptr) co_return write();
-  write = unlessGone(asked, browserGone(), std::move(write));
-  co_return co_await offload(*pool, turnNameOf(call->who), std::move(write));
-}
-
-Task<HttpAnswer> throughWork(Shared server, Request request, const WebRoute& route,
-                             std::shared_ptr<const WebCall> call) {
-  ServerContext& context = server->context();
-  std::function<HttpAnswer()> work = [&service = context.store.service(), &route, call] {
-    auto json = route.how.work(service, *call);
-    return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
-  };
-  work = unlessGone(request, browserGone(), std::move(work));
-  co_return co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(work));
-}
-
-/// The session that asked for what takes long.
-struct AskedBy {
-  std::string turn_name, token;
-  AccessWatch account;  ///< since the session was found
-};
-
-/// Whether the session has been ended: its account was disabled or has another role or password. A session
-/// that only expires while its download runs does not end it.
-bool accessEnded(ServerContext& context, const AskedBy& by) {
-  return by.account.changed() && !context.tokens.endOf(by.token, steadyNowNs());
-}
-
-Error accessHasEnded() {
-  return {ErrorCode::kDenied, "the session that asked for it has ended"};
-}
-
-Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& route,
-                              std::shared_ptr<const WebCall> call, AskedBy by) {
-  ServerContext& context = server->context();
-  std::function<Result<WebSteps>()> begin = [&service = context.store.service(), &route, call] {
-    return route.how.steps(service, *call);
-  };
-  begin = unlessGone<Result<WebSteps>>(request, browserHasGone(), std::move(begin));
-  const auto steps = co_await offload(*context.views_of_people, by.turn_name, std::move(begin));
-  if (!steps) co_return errorAnswer(steps.error());
-  while (!request->gone()) {
-    if (accessEnded(context, by)) co_return errorAnswer(accessHasEnded());
-    std::function<std::optional<HttpAnswer>()> work = [&route, step = steps->step] {
-      const auto json = step();
-      if (!json) return std::optional(errorAnswer(json.error()));
-      return *json ? std::optional(jsonAnswer(**json, route.how.status)) : std::nullopt;
-    };
-    work = unlessGone(request, std::optional(browserGone()), std::move(work));
-    auto answer = co_await offload(*context.views_of_people, by.turn_name, std::move(work));
-    if (answer) co_return std::move(*answer);
-  }
-  co_return browserGone();
-}
-
-/// Waits until so many bytes fit beside what others have taken. Nothing: the browser is gone.
-Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
-                                                   std::shared_ptr<Signal> freed, std::size_t bytes) {
-  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
-  while (!request->gone()) {
-    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
-    co_await freed->wait();
-  }
-  co_return std::nullopt;
-}
-
-/// A stream and who reads it.
-struct SessionStream {
-  Request request;
-  Principal who;
-  WebStream stream;
-  AskedBy by;
-  ByteBudget::Share room;  ///< of the piece that is made or sent, and of what is held for the next one
-  bool has_begun = false;
-};
-
-/// Takes the room of a piece while it is made. Nothing: the browser is gone.
-Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
-  ServerContext& context = server->context();
-  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes(budgetOwner(who, {})));
-  auto room = co_await waitForRoom(request, who, context.replies, context.reply_room, bytes);
-  context.counters.most_reply_bytes = context.replies.mostTaken();
-  co_return room;
-}
-
-Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
-  if (std::exchange(stream->has_begun, true)) {
-    // the last piece has been sent: others may have its room before the next one is made
-    stream->room.lower(0);
-    auto room = co_await roomForPiece(server, stream->request, stream->who);
-    if (!room) co_return browserHasGone();
-    stream->room = std::move(*room);
-  }
-  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-  for (;;) {
-    // without `stream`: the room must end on this thread
-    std::function<Result<WebPiece>()> work = stream->stream.next;
-    work = unlessGone<Result<WebPiece>>(stream->request, browserHasGone(), std::move(work));
-    auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
-    if (!piece) co_return piece.error();
-    if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
-    if (!*piece) continue;
-    stream->room.lower((*piece)->size() + kMostHeldByStream);
-    co_return std::move(**piece);
-  }
-}
-
-Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& route,
-                               std::shared_ptr<const WebCall> call, AskedBy by) {
-  auto room = co_await roomForPiece(server, request, call->who);
-  if (!room) co_return browserGone();
-  std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
-    return route.how.stream(service, *call);
-  };
-  open = unlessGone<Result<WebStream>>(request, browserHasGone(), std::move(open));
-  auto opened = co_await offload(*server->context().views_of_people, by.turn_name, std::move(open));
-  if (!opened) co_return errorAnswer(opened.error());
-  HttpAnswer answer;
-  answer.type = opened->type;
-  answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
-  auto stream = std::make_shared<SessionStream>(
-      SessionStream{std::move(request), call->who, std::move(*opened), std::move(by), std::move(*room)});
-  answer.pieces = [server, stream] { return nextPiece(server, stream); };
   co_return answer;
 }
 
@@ -503,6 +282,15 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     HttpAnswer answer;
     answer.body = std::string(route.how.text());
     co_return answer;
+  }
+  // those of kRequest take it as they are executed
+  const bool is_direct = route.how.action == WebAction::kWork || route.how.action == WebAction::kSteps ||
+                         route.how.action == WebAction::kStream;
+  if (is_direct) {
+    if (const Status room = takeRoom(context, call->who, route.call, call->body_bytes); !room) {
+      noteNoRoom(context, *call, room.error());
+      co_return errorAnswer(room.error());
+    }
   }
   AskedBy by{turnNameOf(call->who), session->token, account};
   if (route.how.action == WebAction::kStream)

@@ -31,7 +31,8 @@ bool mayHaveBody(std::string_view method, std::string_view target) {
   if (!parsed || parsed->segments.size() < 2 || parsed->segments[0] != "api" || parsed->segments[1] != "v1")
     return false;
   const WebMatch match = matchRoute(method, std::span(parsed->segments).subspan(2));
-  return match.route != nullptr && takesBody(*match.route);
+  // a log-in is short, also of a browser that has a session already
+  return match.route != nullptr && takesBody(*match.route) && match.route->how.action != WebAction::kLogIn;
 }
 
 }  // namespace

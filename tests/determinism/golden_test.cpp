@@ -16,6 +16,7 @@
 #include <sstream>
 
 #include "common/base/csv.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 #include "tests/support/model_scenes.h"
 #include "tests/support/motions.h"
@@ -156,6 +157,30 @@ std::vector<Case> preparedScenes() {
   };
 }
 
+SceneSpec remembering(SceneSpec scene) {
+  scene.effects |= bitOf(Effect::kCutMemory);
+  useUsualNumbers(effectEntry(Effect::kCutMemory), scene);
+  return scene;
+}
+
+// in and out near the same places again and again
+std::vector<Case> casesWithCuts() {
+  GestureRange near;
+  near.aside_m = 0.002;
+  return {
+      {"cut_memory_plane_passive_turning",
+       [=] {
+         return hashOfRun(remembering(turning(allEffects(), ClampingMode::kPassive)), 1000,
+                          randomGesture(107, 1000, siteOf(LimbKind::kPlane), near));
+       }},
+      {"cut_memory_sphere_statistical",
+       [=] {
+         return hashOfRun(remembering(modelScene(AxialModel::kStatistical, LimbKind::kSphere)), 1000,
+                          randomGesture(108, 1000, siteOf(LimbKind::kSphere), near));
+       }},
+  };
+}
+
 // every axial model, on a gesture during which u turns
 std::vector<Case> preparedCases() {
   std::vector<Case> cases = preparedScenes();
@@ -164,6 +189,7 @@ std::vector<Case> preparedCases() {
                        return hashOfRun(turning(modelScene(model, LimbKind::kSphere), ClampingMode::kPassive),
                                         1000, randomGesture(106, 1000, siteOf(LimbKind::kSphere)));
                      }});
+  for (Case& with_cuts : casesWithCuts()) cases.push_back(std::move(with_cuts));
   return cases;
 }
 

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "common/gesture/chunk.h"
+#include "common/haptics/cut_snapshot.h"
 #include "common/wire/live_frames.h"
 #include "server/live/hub.h"
 #include "tests/fuzz/quiet_protobuf.h"
@@ -84,6 +85,7 @@ void live(ByteView data) {
         frame.set_frame_seq(op.number > 250 ? std::numeric_limits<std::uint64_t>::max() - op.number
                                             : op.number);
         frame.set_data(rest.data(), rest.size());
+        if (op.number % 7 == 0) frame.set_cut_memory(rest.data(), rest.size());
         // As in the server: bytes that are exactly a live frame are forwarded, all others are decoded.
         pb::Envelope envelope;
         *envelope.mutable_live_frame() = frame;
@@ -98,12 +100,17 @@ void live(ByteView data) {
         // For any bytes, the fast path and Protobuf agree on the content.
         const auto view = viewLiveFrame(rest);
         if (!view) break;
+        // what a viewer takes as memory of the cut is a ring of lines, and no other bytes say the same
+        if (const auto cuts = decodeCuts(needlelab::viewOf(view->cut_memory)); cuts.ok()) {
+          const Bytes again = encodeCuts(*cuts);
+          require(textOf(again) == view->cut_memory, "the memory of the cut reads and writes the same");
+        }
         const auto whole = decodeFrame(rest);
         require(whole.ok() && whole->has_live_frame(), "what is passed on is a live frame to Protobuf, too");
         const pb::LiveFrame& same = whole->live_frame();
         require(same.session_id() == view->session_id && same.data() == view->data &&
                     same.frame_seq() == view->frame_seq && same.due_steady_ns() == view->due_steady_ns &&
-                    same.capture_unix_ns() == view->capture_unix_ns,
+                    same.capture_unix_ns() == view->capture_unix_ns && same.cut_memory() == view->cut_memory,
                 "both ways read the same");
         (void)hub.onLiveFrame(name, *view, now_ns);
         break;

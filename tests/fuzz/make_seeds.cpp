@@ -10,6 +10,7 @@
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
+#include "common/haptics/cut_snapshot.h"
 #include "common/wire/protocol.h"
 #include "tests/fuzz/target.h"
 
@@ -149,6 +150,19 @@ void lives(const fs::path& folder) {
   put(as_bytes, 4, 0, 0, viewOf(wire(full)));
   put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
   save(folder / "passed_on", as_bytes);
+  pb::Envelope with_cuts = passed_on;
+  CutSnapshot snapshot;
+  snapshot.tick = 103;
+  snapshot.cuts.count = snapshot.cuts.next = 2;
+  snapshot.cuts.tracks[0] = {{0, 0, 0.1}, {0, 0, -1}, 0.02, 1};
+  snapshot.cuts.tracks[1] = {{0.01, 0, 0.1}, {0.6, 0, -0.8}, 0.03, 3};
+  const Bytes cuts = encodeCuts(snapshot);
+  with_cuts.mutable_live_frame()->set_cut_memory(cuts.data(), cuts.size());
+  Bytes remembered;
+  put(remembered, 0, 0, 0, {});
+  put(remembered, 4, 0, 0, viewOf(wire(full)));
+  put(remembered, 9, 0, 0, viewOf(wire(with_cuts)));
+  save(folder / "with_cuts", remembered);
   // the same frame twice, of a station with a high frame count
   passed_on.mutable_live_frame()->set_frame_seq(2'000'000'000);
   put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));

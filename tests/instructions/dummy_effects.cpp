@@ -55,6 +55,7 @@ constinit const std::array<EffectEntry, kDummyEffectCount> kDummyEntries = {
 
 // no other axial model than the wall is compiled with the dummies, because each takes seconds
 constinit const AxialEntry kDirectEntry = {}, kFemEntry = {}, kVoigtEntry = {}, kGodObjectEntry = {},
-                           kFirstOrderEntry = {}, kStatisticalEntry = {}, kPrecomputedEntry = {};
+                           kFirstOrderEntry = {}, kStatisticalEntry = {}, kPrecomputedEntry = {},
+                           kOkamuraEntry = {}, kDahlEntry = {};
 
 }  // namespace needlelab

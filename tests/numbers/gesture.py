@@ -16,6 +16,8 @@ from gesture_chunk import Chunk  # noqa: E402  a reader made from FORMAT.md alon
 ENTRY, TURN = 1 << 0, 1 << 4
 INSERTING, WITHDRAWING = 1, 3
 BRIDGE_S = 0.1
+# a movement of the tip begins above 3 mm/s, ends when it stays below 1.5 mm/s, and is 2 mm long
+TIP_MOVES = (3e-3, 1.5e-3, 2e-3)
 # ISO 9626, nominal outer diameter in mm by gauge; bevel in degrees by kind of tip
 DIAMETER_MM = {18: 1.2, 19: 1.1, 20: 0.9, 21: 0.8, 22: 0.7, 23: 0.6, 24: 0.55, 25: 0.5, 26: 0.45, 27: 0.4, 28: 0.36, 29: 0.33, 30: 0.3}
 BEVEL_DEGREES = {"HYPODERMIC": 11, "QUINCKE": 20, "TUOHY": 25, "PENCIL_POINT": 10}
@@ -241,21 +243,26 @@ def ldlj(speed, rate_hz):
 
 
 def movements(steps, period_s, begin, end, least):
-    """Stretches of `least` or more that begin above one speed and end when it stays below another for 0.1 s."""
-    count, way, slow, moving = 0, 0.0, 0, False
+    """Stretches of `least` or more that begin above one speed and end when it stays below another for 0.1 s: of each the
+    steps from where the speed last rose above the lower one to where it was last above it, and its way."""
+    found, way, slow, moving = [], 0.0, 0, False
     patience = math.ceil(0.1 / period_s * (1 - 1e-9))
-    for step in steps:
+    rise = first = last = 0
+    for i, step in enumerate(steps):
         speed = step / period_s
         if not moving and speed > begin:
-            moving, way, slow = True, 0.0, 0
-        if not moving:
-            continue
-        way += step
-        slow = slow + 1 if speed < end else 0
-        if slow >= patience:
-            moving = False
-            count += way >= least
-    return count + (moving and way >= least)
+            moving, way, slow, first = True, 0.0, 0, rise
+        if moving:
+            way += step
+            slow = slow + 1 if speed < end else 0
+            last = i if speed >= end else last
+            if slow >= patience:
+                moving = False
+                if way >= least:
+                    found.append((first, last, way))
+        if speed < end:
+            rise = i + 1
+    return found + ([(first, last, way)] if moving and way >= least else [])
 
 
 def chords(values, count):
@@ -369,10 +376,19 @@ def motion(g, runs, result):
         rank = (bool(within), (span[1] - span[0]) * r.period_s)
         if longest is None or rank > longest[0]:
             longest = (rank, r.speed[span[0]:span[1] + 1], r.period_s)
-    result["sparc"] = sparc(longest[1], 1 / longest[2])
+    # of each movement of the tip that reaches into tissue (of all where none does), by its way; of the whole where there is none
+    arcs = []
+    for r in runs:
+        for first, last, way in movements(chords(r.tip, len(r.steps)), r.period_s, *TIP_MOVES):
+            if not longest[0][0] or any(share > 0 for share in r.inside[first:last + 1]):
+                arcs.append((sparc(r.speed[first:last + 2], 1 / r.period_s), way))
+    if arcs:
+        result["sparc"] = sum(arc * way for arc, way in arcs) / sum(way for _, way in arcs)
+    else:
+        result["sparc"] = sparc(longest[1], 1 / longest[2])
     result["ldlj"] = ldlj(longest[1], 1 / longest[2])
-    result["translational_actions"] = sum(movements(chords(r.tip, len(r.steps)), r.period_s, 3e-3, 1.5e-3, 2e-3) for r in runs)
-    result["rotational_actions"] = sum(movements(chords(r.axis, len(r.steps)), r.period_s, 0.1, 0.05, 0.05) for r in runs)
+    result["translational_actions"] = sum(len(movements(chords(r.tip, len(r.steps)), r.period_s, *TIP_MOVES)) for r in runs)
+    result["rotational_actions"] = sum(len(movements(chords(r.axis, len(r.steps)), r.period_s, 0.1, 0.05, 0.05)) for r in runs)
     work = 0.0
     for r in runs:
         for i, share in enumerate(r.inside):

@@ -16,6 +16,13 @@ TEST(HoldQuantised, voigtsDamperMakesForceOfEncoderSteps) {
   EXPECT_EQ(row.verdict, Verdict::kChatters) << rowText(row);
 }
 
+TEST(HoldQuantised, voigtWithAnAdaptiveWindowStandsInItsNote) {
+  const CaseRow row = rowOf("hold_quantised", AxialModel::kVoigt);
+  const std::string before = "with a velocity over an adaptive window: ";
+  ASSERT_EQ(row.note.rfind(before, 0), 0u) << row.note;
+  EXPECT_LT(std::stod(row.note.substr(before.size())), 0.5 * *row.measured) << row.note;
+}
+
 TEST(HoldTremorRandom, chattersLittleAndFarLessThanVoigt) {
   const CaseRow row = rowOf("hold_tremor_random");
   EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
@@ -55,6 +62,7 @@ TEST(BoundaryHold, aForceStepAtTheLayerChattersByItsSize) {
   const CaseRow row = rowOf("boundary_hold", AxialModel::kDirect);
   EXPECT_FALSE(row.passed) << rowText(row);
   EXPECT_NEAR(*row.measured, 1.0, 0.02) << "a step from 1 N to 2 N";
+  EXPECT_NEAR(*row.max_unexplained_step_N, 1.0, 0.02) << "a layer change explains falls only";
 }
 
 TEST(CreepThenStop, leavesTheRejectionForce) {
@@ -81,6 +89,18 @@ TEST(StopOnce, aWallFasterThanTheStopEndsItAgainAndAgain) {
 TEST(StopOnce, withoutHysteresisTremorEndsIt) {
   const CaseRow row = rowWith(Defect::kNoStopHysteresis, "stop_once");
   EXPECT_FALSE(row.passed) << rowText(row);
+}
+
+TEST(StopCases, aModelWithoutAStopIsNotAskedAboutOne) {
+  for (const AxialModel model : {AxialModel::kDirect, AxialModel::kVoigt, AxialModel::kGodObject,
+                                 AxialModel::kFirstOrder, AxialModel::kFem})
+    for (const char* name :
+         {"tremor_stops", "creep_then_stop", "stop_once", "retreat_in_ramp", "frozen_device"}) {
+      const CaseRow row = rowOf(name, model);
+      EXPECT_FALSE(row.applicable) << name << ", " << axialModelName(model);
+      EXPECT_EQ(row.verdict, Verdict::kNotApplicable) << name << ", " << axialModelName(model);
+      EXPECT_NE(row.note.find("has no stop"), std::string::npos) << name << ", " << axialModelName(model);
+    }
 }
 
 // the harness must not make a wall stable: the reference passes wherever the engine does

@@ -72,12 +72,21 @@ TEST(UnexplainedStep, isWhatTheSpringsDoNotExplain) {
               0.02, 1e-12);
 }
 
-TEST(UnexplainedStep, passesOverDeclaredReleasesAndTicksThatWereNotStepped) {
+TEST(UnexplainedStep, aDeclaredReleaseExplainsAFallAndNoRise) {
   for (const StepFlag flag : {kFlagExit, kFlagLayerChange, kFlagRupture}) {
-    PlantRun run = runOf({0, 1}, {0, 0});
+    PlantRun run = runOf({2, 1}, {0, 0});
     run.ticks[1].report.flags = flag;
-    EXPECT_EQ(maxUnexplainedStep_N(run), 0);
+    EXPECT_EQ(maxUnexplainedStep_N(run), 0) << "a fall of any size";
+    run = runOf({1, 2}, {0, 1e-4});
+    run.ticks[1].report.flags = flag;
+    EXPECT_NEAR(maxUnexplainedStep_N(run), 0.95, 1e-12) << "0.1 mm against 500 N/m explain 0.05 N";
+    run = runOf({-1, 0.4}, {0, 0});
+    run.ticks[1].report.flags = flag;
+    EXPECT_NEAR(maxUnexplainedStep_N(run), 0.4, 1e-12) << "beyond zero it is a rise again";
   }
+}
+
+TEST(UnexplainedStep, passesOverTicksThatWereNotStepped) {
   PlantRun turned = runOf({0, 1}, {0, 0});
   turned.ticks[1].report.flags = kFlagTurn | kFlagEntry;  // no release
   EXPECT_EQ(maxUnexplainedStep_N(turned), 1);

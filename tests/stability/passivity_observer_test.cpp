@@ -76,8 +76,13 @@ TEST(Observer, aStepIsWhatNoSpringExplains) {
   EXPECT_NEAR(step(1e-3, 0.3, 1, 0, 0), 0.2, 1e-12);
   EXPECT_NEAR(step(1e-3, 0.3, 1, 50, 0), 0.15, 1e-12);
   EXPECT_NEAR(step(1e-3, 0.3, 0.5, 0, 0), 0.1, 1e-12);
-  for (const std::uint32_t release : {kFlagExit, kFlagLayerChange, kFlagRupture})
-    EXPECT_EQ(step(0, 0.3, 1, 0, release), 0);
+  for (const std::uint32_t release : {kFlagExit, kFlagLayerChange, kFlagRupture}) {
+    EXPECT_NEAR(step(1e-3, 0.3, 1, 0, release), 0.2, 1e-12) << "no release explains a rise";
+    PassivityObserver observer(kStiffness_N_per_m);
+    observer.add(tipAt(0), forceOf(0.3), 1);
+    observer.add(tipAt(0), forceOf(0, release), 1);
+    EXPECT_EQ(observer.record().worst_step_N, 0) << "it explains a fall";
+  }
   EXPECT_NEAR(step(0, 0.3, 1, 0, kFlagTurn | kFlagEntry), 0.3, 1e-12);
 }
 

@@ -73,7 +73,8 @@ TEST_P(EveryModel, isJudgedHonestly) {
 INSTANTIATE_TEST_SUITE_P(RandomEnergy, EveryModel,
                          testing::Values(AxialModel::kTrackingWall, AxialModel::kDirect, AxialModel::kVoigt,
                                          AxialModel::kGodObject, AxialModel::kFirstOrder,
-                                         AxialModel::kStatistical, AxialModel::kPrecomputed),
+                                         AxialModel::kStatistical, AxialModel::kPrecomputed,
+                                         AxialModel::kOkamura, AxialModel::kDahl),
                          [](const auto& test) { return std::string(axialModelName(test.param)); });
 
 }  // namespace

@@ -113,6 +113,10 @@ TEST(SkinFlutter, controlAForceStepAtTheSkinGivesEnergy) {
 TEST(FrictionReversal, theForceStandsStillAfterIt) {
   EXPECT_TRUE(isStable(rowOf("friction_reversal")));
 }
+TEST(FrictionReversal, soItDoesWithTheFrictionOfOkamuraAndOfDahl) {
+  for (const AxialModel model : {AxialModel::kOkamura, AxialModel::kDahl})
+    EXPECT_TRUE(isStable(rowOf("friction_reversal", model))) << axialModelName(model);
+}
 TEST(FrictionReversal, controlFrictionBySignOfTheSpeedChatters) {
   EXPECT_FALSE(isStable(rowWith(Defect::kFrictionBySign, "friction_reversal")));
 }

@@ -34,6 +34,9 @@ TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
   EXPECT_TRUE(limits->notes.empty()) << limits->notes.front();
   ASSERT_EQ(limits->rows.size(), kAxialModelCount * (test::kSanitized ? 2 : 4));
   for (const StiffnessLimitRow& row : limits->rows) {
+    // device of 0.5 and hand of 3 N·s/m: what is stable with the hand is seven times what is passive
+    EXPECT_NEAR(row.passive_N_per_m, 0.5 * row.rate_hz / (0.5 + row.delay_ticks), 1e-9);
+    EXPECT_NEAR(row.coupled_N_per_m, 7 * row.passive_N_per_m, 1e-9);
     const std::string words = std::string(axialModelName(row.model)) + ", " + std::to_string(row.rate_hz) +
                               " Hz, " + std::to_string(row.delay_ticks) + " late";
     if (row.at_cap) {

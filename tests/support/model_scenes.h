@@ -19,6 +19,8 @@ inline constexpr std::array<AxialModel, kAxialModelCount> kAllModels = {AxialMod
                                                                         AxialModel::kFirstOrder,
                                                                         AxialModel::kStatistical,
                                                                         AxialModel::kPrecomputed,
+                                                                        AxialModel::kOkamura,
+                                                                        AxialModel::kDahl,
                                                                         AxialModel::kFem};
 
 /// A synthetic compliance, positive definite: stations of 2 mm, coupled with their neighbours.
@@ -44,9 +46,17 @@ inline SceneSpec renderedBy(const SceneSpec& scene, AxialModel model) {
   return other;
 }
 
-/// The six layers with the paper's effects, which every model can render.
+/// The six layers with the paper's effects, which every model can render. OKAMURA and DAHL get friction of
+/// bovine liver and tops that stiffen.
 inline SceneSpec modelScene(AxialModel model, LimbKind limb = LimbKind::kPlane) {
-  return renderedBy(withLimb(paperSixLayers(), limb), model);
+  SceneSpec scene = renderedBy(withLimb(paperSixLayers(), limb), model);
+  for (LayerSpec& layer : scene.layers) {
+    if (!layer.okamura) continue;
+    layer.okamura->quadratic_N_per_m2 = 2e4;
+    layer.okamura->in = {12, 18.6, 293};
+    layer.okamura->out = {10.6, 18.5, 212};
+  }
+  return scene;
 }
 
 }  // namespace needlelab::test

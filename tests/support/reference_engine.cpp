@@ -72,6 +72,8 @@ bool ReferenceEngine::live(Effect effect) const {
       return anyLayer([](const LayerSpec& l) { return l.friction_N_per_m != 0; });
     case Effect::kPuncture:
       return anyLayer([](const LayerSpec& l) { return l.membrane.has_value(); });
+    case Effect::kCutMemory:
+      return false;  // the reference forgets at each exit
   }
   return false;
 }

@@ -35,14 +35,13 @@ std::size_t ReferenceModel::layerAt(double depth_m) const {
   return layer;
 }
 
-// ∫₀^d friction ds, a layer being thickness/c long, the last without end
-double ReferenceModel::frictionOver(double insertion_m, double slant) const {
+template <class Number>
+double ReferenceModel::integralOver(double insertion_m, double slant, const Number& number) const {
   double sum = 0;
   for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
     const double from = topOf(i) / slant;
     const double to = i + 1 == scene_.layers.size() ? insertion_m : topOf(i + 1) / slant;
-    sum += scene_.layers[i].first_order->friction_N_per_m *
-           std::max(0.0, std::min(to, insertion_m) - std::min(from, insertion_m));
+    sum += number(scene_.layers[i]) * std::max(0.0, std::min(to, insertion_m) - std::min(from, insertion_m));
   }
   return sum;
 }
@@ -180,9 +179,97 @@ ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
   wall_ = std::min(std::max(wall_, x_c - cutting / K_t), x_c);
   out.cutting_N = -K_t * (x_c - wall_);
   const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
-  const double reach = frictionOver(length, tick.slant) / K_f;
+  const double reach =
+      integralOver(length, tick.slant,
+                   [](const LayerSpec& layer) { return layer.first_order->friction_N_per_m; }) /
+      K_f;
   friction_wall_ = std::min(std::max(friction_wall_, x_c - reach), x_c + reach);
   out.friction_N = -K_f * (x_c - friction_wall_);
+  return out;
+}
+
+// §3.6 OKAMURA: Karnopp's greatest friction. At rest static; in motion kinetic and viscous, and what static
+// friction was above them at the speed where motion begins, less K_f times the way since
+double ReferenceModel::karnopp(const ModelTick& tick, double slid_m, double kinetic_N, double static_N,
+                               double viscous_N_per_mps) const {
+  const double speed = std::abs(tick.speed_mps), rest = scene_.tracking_wall.stop_speed_mps;
+  if (speed < rest) return std::max(static_N, kinetic_N + viscous_N_per_mps * speed);
+  const double left =
+      static_N - kinetic_N - viscous_N_per_mps * rest - scene_.friction_stiffness_N_per_m * slid_m;
+  return kinetic_N + viscous_N_per_mps * speed + std::max(0.0, left);
+}
+
+// §3.6 OKAMURA, DAHL: in each layer a quadratic stiffness up to its puncture force; then constant cutting,
+// and friction of the length by a spring, whose length changes with the way against the tissue
+ModelForce ReferenceModel::threeForces(const ModelTick& tick) {
+  const auto openTo = [&](double x_m) {
+    double x_c = x_m;
+    for (const Top& top : tops_)
+      if (!top.through) x_c = std::min(x_c, top.place_m);
+    return x_c;
+  };
+  const double came_from = openTo(tick.entry ? 0 : x_past_ + tick.moved_m);
+  meetTops(tick);
+  const double held_at = openTo(tick.x_m), way = held_at - came_from;
+  ModelForce out;
+  for (std::size_t i = 0; i < tops_.size(); ++i) {
+    const OkamuraSpec& own = *scene_.layers[i].okamura;
+    const double z = tick.x_m - tops_[i].place_m;
+    const double force = own.linear_N_per_m * z + own.quadratic_N_per_m2 * z * z;
+    if (tops_[i].through || z <= 0) continue;
+    if (force >= own.puncture_force_N)
+      tops_[i].through = true;
+    else
+      out.puncture_N -= force;
+  }
+  const double x_c = openTo(tick.x_m);
+  wall_ += x_c - held_at;
+
+  double cutting = 0;
+  for (std::size_t i = 0; i < tops_.size() && tops_[i].through && i <= layerAt(tick.depth_m); ++i)
+    cutting = scene_.layers[i].okamura->cutting_force_N;
+  const double K_t = scene_.tracking_wall.stiffness_N_per_m, K_f = scene_.friction_stiffness_N_per_m;
+  wall_ = std::min(std::max(wall_, x_c - cutting / K_t), x_c);
+  out.cutting_N = -K_t * (x_c - wall_);
+
+  const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
+  const auto over = [&](ShaftFrictionSpec OkamuraSpec::*side, double ShaftFrictionSpec::*number) {
+    return integralOver(length, tick.slant,
+                        [&](const LayerSpec& layer) { return (*layer.okamura).*side.*number; });
+  };
+  using Side = ShaftFrictionSpec;
+  const double speed = std::abs(tick.speed_mps);
+  if (scene_.axial_model == AxialModel::kOkamura) {
+    slid_ = speed < scene_.tracking_wall.stop_speed_mps ? 0 : slid_ + std::abs(way);
+    const auto most = [&](ShaftFrictionSpec OkamuraSpec::*side) {
+      return karnopp(tick, slid_, over(side, &Side::kinetic_N_per_m), over(side, &Side::static_N_per_m),
+                     over(side, &Side::viscous_Ns_per_m2)) /
+             K_f;
+    };
+    spring_ = std::min(std::max(spring_ + way, -most(&OkamuraSpec::out)), most(&OkamuraSpec::in));
+  } else {
+    const auto most = [&](ShaftFrictionSpec OkamuraSpec::*side) {
+      return (over(side, &Side::kinetic_N_per_m) + over(side, &Side::viscous_Ns_per_m2) * speed) / K_f;
+    };
+    const double in = most(&OkamuraSpec::in), outward = most(&OkamuraSpec::out);
+    // dz/dx = 1 − sign(dx) z/reach, the reach of the side on which z is: two exponentials, apart at z = 0
+    double left = std::abs(way);
+    const double sign = way < 0 ? -1 : 1, ahead = way < 0 ? outward : in, behind = way < 0 ? in : outward;
+    double z = sign * spring_;
+    if (left > 0 && z < 0) {
+      const double to_zero = behind > 0 ? behind * std::log1p(-z / behind) : 0;
+      if (left < to_zero) {
+        z = behind - (behind - z) * std::exp(-left / behind);
+        left = 0;
+      } else {
+        left -= to_zero;
+        z = 0;
+      }
+    }
+    if (left > 0) z = ahead > 0 ? ahead + (z - ahead) * std::exp(-left / ahead) : 0;
+    spring_ = std::min(std::max(sign * z, -outward), in);
+  }
+  out.friction_N = -K_f * spring_;
   return out;
 }
 
@@ -190,6 +277,7 @@ ModelForce ReferenceModel::step(const ModelTick& tick) {
   if (tick.entry) {
     ++insertion_;
     x_past_ = wall_ = friction_wall_ = 0;
+    spring_ = slid_ = 0;
     slow_ticks_ = 0;
     stopped_ = false;
     tops_.clear();
@@ -231,6 +319,10 @@ ModelForce ReferenceModel::step(const ModelTick& tick) {
       break;
     case AxialModel::kFirstOrder:
       if (cuts > 0) out = firstOrder(tick);
+      break;
+    case AxialModel::kOkamura:
+    case AxialModel::kDahl:
+      if (cuts > 0) out = threeForces(tick);
       break;
     case AxialModel::kFem:
       break;

@@ -41,13 +41,18 @@ class ReferenceModel {
   [[nodiscard]] bool lists(Effect effect) const { return (scene_.effects & bitOf(effect)) != 0; }
   [[nodiscard]] double topOf(std::size_t layer) const;
   [[nodiscard]] std::size_t layerAt(double depth_m) const;
-  [[nodiscard]] double frictionOver(double insertion_m, double slant) const;
+  /// ∫₀^d of a layer's number ds, a layer being thickness/c long, the last without end.
+  template <class Number>
+  [[nodiscard]] double integralOver(double insertion_m, double slant, const Number& number) const;
   [[nodiscard]] double statisticalTarget(double depth_m) const;
   ModelForce wall(const ModelTick& tick, double cut_m, double attracted_m);
   ModelForce direct(const ModelTick& tick) const;
   ModelForce voigt(const ModelTick& tick) const;
   ModelForce godObject(const ModelTick& tick);
   ModelForce firstOrder(const ModelTick& tick);
+  ModelForce threeForces(const ModelTick& tick);
+  double karnopp(const ModelTick& tick, double slid_m, double kinetic_N, double static_N,
+                 double viscous_N_per_mps) const;
   void meetTops(const ModelTick& tick);
 
   SceneSpec scene_;
@@ -64,6 +69,8 @@ class ReferenceModel {
   std::vector<Top> tops_;
   std::optional<std::size_t> proxy_on_;
   std::size_t proxy_last_ = 0;
+  // OKAMURA, DAHL: the friction spring's length, and the way since the needle last stuck
+  double spring_ = 0, slid_ = 0;
 };
 
 }  // namespace needlelab::test

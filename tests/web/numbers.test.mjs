@@ -80,6 +80,7 @@ test('the longest ending of a name decides its unit', () => {
     attempts: '',
     young_pa: 'kPa',
     damping_ns_per_m: 'N·s/m',
+    viscous_in_ns_per_m2: 'N·s/m²',
   };
   for (const [name, unit] of Object.entries(wanted)) assert.equal(fieldUnit(name).unit, unit, name);
 });

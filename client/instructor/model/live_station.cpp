@@ -89,22 +89,28 @@ void LiveStation::feed(const LiveArrival& arrival) {
     ++unreadable_;
     return;
   }
+  Received received;
+  // without a readable memory the view stays approximate
+  if (!frame.cut_memory().empty())
+    if (auto cuts = decodeCuts(viewOf(frame.cut_memory())); cuts.ok()) received.cuts = *cuts;
   stats_.add(frame, samples->size(), arrival.received_unix_ns);
   if (described_) latency_.fed(frame.capture_unix_ns());
   if (last_frame_ && frame.frame_seq() != *last_frame_ + 1 && replica_) replica_->noteGap();
   last_frame_ = frame.frame_seq();
   newest_tick_ = samples->back().tick;
+  received.samples = *std::move(samples);
   if (described_) {
-    take(*samples);
+    take(received);
     return;
   }
-  undescribed_.push_back(std::move(*samples));
+  undescribed_.push_back(std::move(received));
   if (undescribed_.size() > kFramesKept) undescribed_.pop_front();
 }
 
-void LiveStation::take(const std::vector<GestureSample>& samples) {
-  for (const GestureSample& sample : samples)
+void LiveStation::take(const Received& received) {
+  for (const GestureSample& sample : received.samples)
     trace_.push(replica_ ? replica_->feed(sample) : momentOfSample(sample, rate_hz_));
+  if (replica_ && received.cuts) replica_->takeCuts(*received.cuts);
 }
 
 void LiveStation::onStatus(const pb::StationStatus& status) {
@@ -134,7 +140,7 @@ void LiveStation::setSession(const pb::SessionInfo& info, const ScenePreparer& p
   scene_ = sceneOfSession(info.description(), prepare);
   trace_ = GestureTrace(kLiveSpan_s, bonesOf(scene_));
   if (scene_.model) replica_ = std::make_unique<GestureReplica>(scene_.model, false, rate_hz_);
-  for (const auto& samples : undescribed_) take(samples);
+  for (const Received& received : undescribed_) take(received);
   undescribed_.clear();
 }
 

@@ -13,6 +13,7 @@
 #include "client/instructor/model/lab_connection.h"
 #include "client/instructor/model/session_scene.h"
 #include "client/view/model/gesture_trace.h"
+#include "common/haptics/cut_snapshot.h"
 #include "needlelab/live.pb.h"
 
 namespace needlelab {
@@ -131,7 +132,11 @@ class LiveStation {
   static constexpr double kAskAgain_s = 2;
   static constexpr std::size_t kFramesKept = 3000;  // a minute, until the description arrives
   void beginSession(const std::string& session_id);
-  void take(const std::vector<GestureSample>& samples);
+  struct Received {
+    std::vector<GestureSample> samples;
+    std::optional<CutSnapshot> cuts;  ///< after the last of them
+  };
+  void take(const Received& received);
 
   std::string station_, session_id_;
   pb::SessionInfo info_;
@@ -144,7 +149,7 @@ class LiveStation {
   GestureTrace trace_;
   LiveStats stats_;
   LatencyMeter latency_;
-  std::deque<std::vector<GestureSample>> undescribed_;
+  std::deque<Received> undescribed_;
   std::optional<std::uint64_t> last_frame_;
   std::uint64_t newest_tick_ = 0, unreadable_ = 0;
   int new_scene_frames_ = 0;

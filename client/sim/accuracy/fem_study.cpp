@@ -2,10 +2,12 @@
 
 #include <fmt/core.h>
 
+#include <deque>
 #include <string>
 #include <utility>
 
 #include "client/sim/accuracy/gesture.h"
+#include "client/sim/accuracy/study_models.h"
 #include "common/fem/needle_study.h"
 #include "common/haptics/models/like_for_like.h"
 
@@ -39,8 +41,8 @@ std::string reference(const Finest& finest) {
   return fmt::format("FEM of {} nodes, strokes of 0.5-3 mm in the tissue", finest.nodes);
 }
 
-AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& finest,
-                  const std::vector<StudyGesture>& strokes, double budget_s) {
+AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest& finest,
+                  const std::vector<StudyGesture>& strokes) {
   ErrorRuns runs;
   ErrorSum felt;
   double step_N = 0;
@@ -51,11 +53,11 @@ AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& fines
     for (const double force_N : asked_N)
       if (force_N != 0) felt.add(force_N);
   }
-  const Timing timing = timeSteps(model, strokes.front(), budget_s);
   AccuracyRow row;
   row.study = AccuracyStudy::kModel;
   row.scene = kScene;
-  row.model = axialModelName(which);
+  row.model = axialModelName(study.model);
+  row.variant = study.variant;
   row.rate_hz = kFemRate_hz;
   row.reference = reference(finest);
   row.rms_error_n = runs.rms();
@@ -63,15 +65,20 @@ AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& fines
   row.rms_error_spread_n = runs.spread();
   row.max_step_n = step_N;
   row.noticeable_n = noticeableForce_N(felt.rms());
-  setTimes(row, timing, kFemRate_hz);
+  row.own_law = study.model == AxialModel::kFem;
+  row.felt_stiffness_N_per_m = feltStiffness_N_per_m(model, study.spec);
   const std::string strained =
       fmt::format("; {:.0f} % of the volume near the path above 10 % strain", 100 * finest.strained_share);
-  row.uncertainty = spreadText(runs, "gestures") + "; " + timingText(timing) + strained;
+  row.uncertainty = spreadText(runs, "gestures") + strained;
   row.cannot_show =
       "cutting, which is an input of FEM as of every model, and large strains: FEM is linear here. Its "
       "elasticity "
       "is derived from the scene's lateral stiffness, not measured: which model is nearer to tissue it "
       "cannot say";
+  if (row.own_law)
+    row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
+  row.cannot_show += stiffnessRemark(*row.felt_stiffness_N_per_m,
+                                     feltStiffness_N_per_m(finest.model, study.spec), "the comparator has");
   return row;
 }
 
@@ -127,19 +134,25 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
 
   ASSIGN_OR_RETURN(const auto scenes, studyScenes());
   AccuracyRows rows;
-  for (std::size_t m = 0; m < kAxialModelCount; ++m) {
-    const auto which = static_cast<AxialModel>(m);
-    progress("model: " + std::string(axialModelName(which)) + " against FEM",
-             static_cast<double>(m) / static_cast<double>(kAxialModelCount));
-    SceneSpec same = likeForLike(scenes.back().spec, which);
-    Status made = addCompliance(same);
-    auto model = made.ok() ? compile(same, kFemRate_hz) : Result<SceneModel>(made.error());
-    if (model.ok())
-      rows.push_back(rowOf(which, *model, finest, strokes, options.long_form ? 1.0 : 0.2));
-    else
-      notes.push_back("model: " + std::string(axialModelName(which)) +
-                      " is left out: " + model.error().message);
+  std::deque<SceneModel> compiled;  // keeps its places: the ticks to be timed point to them
+  std::vector<TimedTick> ticks;
+  const std::vector<StudyModel> models = studyModels(scenes.back().spec);
+  for (StudyModel study : models) {
+    progress(choiceOf(study) + " against FEM",
+             static_cast<double>(ticks.size()) / static_cast<double>(models.size()));
+    Status made = addCompliance(study.spec);
+    auto model = made.ok() ? compile(study.spec, kFemRate_hz) : Result<SceneModel>(made.error());
+    if (!model.ok()) {
+      notes.push_back("model: " + choiceOf(study) + " is left out: " + model.error().message);
+      continue;
+    }
+    compiled.push_back(*std::move(model));
+    rows.push_back(rowOf(study, compiled.back(), finest, strokes));
+    rows.back().instructions = instructionsOf(options, kScene, study);
+    ticks.push_back(timedSteps(compiled.back(), strokes.front()));
   }
+  progress("against FEM, timing", 1);
+  addCosts(ticks, options, kFemRate_hz, rows);
   return rows;
 }
 
@@ -163,7 +176,6 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   ASSIGN_OR_RETURN(const auto error, tableError(fem, table, kFemRate_hz));
 
   ASSIGN_OR_RETURN(const auto model, compile(table, kFemRate_hz));
-  const Timing timing = timeSteps(model, strokeGesture(fem, 1, kFemRate_hz), options.long_form ? 1.0 : 0.2);
   AccuracyRow row;
   row.study = AccuracyStudy::kModel;
   row.scene = kScene;
@@ -175,16 +187,19 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   row.rms_error_n = error.rms_N;
   row.max_error_n = error.max_N;
   row.noticeable_n = noticeableForce_N(error.fem_peak_N);
-  setTimes(row, timing, kFemRate_hz);
   const std::string text =
-      fmt::format("in ± {:.2g} N, hold ± {:.2g} N, out ± {:.2g} N (rms); FEM's peak {:.3g} N; ",
-                  error.in_rms_N, error.hold_rms_N, error.out_rms_N, error.fem_peak_N);
-  row.uncertainty = text + timingText(timing);
+      fmt::format("in ± {:.2g} N, hold ± {:.2g} N, out ± {:.2g} N (rms); FEM's peak {:.3g} N", error.in_rms_N,
+                  error.hold_rms_N, error.out_rms_N, error.fem_peak_N);
+  row.uncertainty = text;
+  row.own_law = true;
   row.cannot_show =
       "motions other than one straight stroke: a table knows depth and direction, not what the shaft "
       "remembers; the "
-      "error of FEM itself";
-  return AccuracyRows{row};
+      "error of FEM itself. The comparator is what the table was made of: no choice follows from this row";
+  const StudyGesture stroke = strokeGesture(fem, 1, kFemRate_hz);
+  AccuracyRows rows{row};
+  addCosts({timedSteps(model, stroke)}, options, kFemRate_hz, rows);
+  return rows;
 }
 
 Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProgress& progress,
@@ -192,6 +207,7 @@ Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProg
   ASSIGN_OR_RETURN(const auto spec, femScene());
   std::vector<int> ladder = {500, 1000, 2000, 4000, 8000, 16'000};
   if (options.long_form) ladder.push_back(32'000);
+  if (options.full) ladder.insert(ladder.end(), {64'000, 128'000});
   progress(fmt::format("mesh: up to {} nodes", ladder.back()), 0);
   std::size_t done = 0;
   const auto meshes = meshStudy(spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {

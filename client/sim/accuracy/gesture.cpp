@@ -1,13 +1,17 @@
 #include "client/sim/accuracy/gesture.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include "client/device/hand.h"
 #include "client/device/recording_device.h"
 #include "client/device/simulated_device.h"
 #include "client/sim/tools/closed_loop.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {
@@ -169,7 +173,7 @@ std::vector<double> axialForces(const SceneModel& model, const StudyGesture& ges
 
 bool isRelease(std::uint32_t flags, double before_N, double after_N) {
   return (flags & (kFlagLayerChange | kFlagRupture | kFlagExit)) != 0 &&
-         std::abs(after_N) < std::abs(before_N);
+         std::abs(after_N) < std::abs(before_N) && before_N * after_N >= 0;
 }
 
 double greatestStep_N(const SceneModel& model, const StudyGesture& gesture) {
@@ -193,18 +197,56 @@ ErrorSum errorInTissue(const SceneModel& model, const StudyGesture& gesture,
   return sum;
 }
 
-Timing timeSteps(const SceneModel& model, const StudyGesture& gesture, double budget_s) {
-  SimState state{};
-  StepReport report;
-  std::size_t i = 0;
-  return timeFor(budget_s, [&] {
-    if (i == gesture.tips.size()) {
-      state = {};
-      i = 0;
-    }
-    step(model, gesture.tips[i++], state, report);
-    keep(report);
-  });
+TimedTick timedSteps(const SceneModel& model, const StudyGesture& gesture) {
+  struct Run {
+    SimState state{};
+    StepReport report;
+    std::size_t next = 0;
+  };
+  // gestures begin and end outside: the state needs no reset
+  return {[&model, &gesture, run = std::make_shared<Run>()] {
+            step(model, gesture.tips[run->next], run->state, run->report);
+            keep(run->report);
+            if (++run->next == gesture.tips.size()) run->next = 0;
+          },
+          gesture.tips.size()};
+}
+
+double feltStiffness_N_per_m(const SceneModel& model, const SceneSpec& spec) {
+  constexpr double kSpeed_mps = 0.01, kBack_m = 2e-4, kRest_s = 0.02;
+  const Path path(spec);
+  const double depth_m = 0.5 * path.deepest_m;
+  HandPlan plan(path.at(-1e-3));
+  plan.moveTo(path.at(depth_m), kSpeed_mps, Motion::kLinear).hold(kRest_s);
+  const double pressed_s = plan.duration_s();
+  plan.moveTo(path.at(depth_m - kBack_m), kSpeed_mps, Motion::kLinear).hold(kRest_s);
+  StudyGesture gesture;
+  gesture.rate_hz = model.rate_hz;
+  const auto ticks = static_cast<std::size_t>(plan.duration_s() * model.rate_hz);
+  for (std::size_t i = 0; i < ticks; ++i) {
+    const Pose aim = plan.at(static_cast<double>(i) / model.rate_hz).X_WT;
+    gesture.tips.push_back({aim.p, aim.q});
+  }
+  const std::vector<double> forces_N = axialForces(model, gesture);
+  const auto pressed = static_cast<std::size_t>(pressed_s * model.rate_hz) - 1;
+  return (forces_N.back() - forces_N[pressed]) / kBack_m;
+}
+
+std::string stiffnessRemark(double felt_N_per_m, double asked_N_per_m, std::string_view comparator) {
+  if (std::abs(felt_N_per_m - asked_N_per_m) <= 0.1 * asked_N_per_m) return {};
+  return fmt::format(
+      ". Drawn back in the tissue it feels {:.3g} N/m, {} {:.3g}: some of the difference is that of "
+      "stiffness",
+      felt_N_per_m, comparator, asked_N_per_m);
+}
+
+void addCosts(const std::vector<TimedTick>& ticks, const AccuracyOptions& options, double rate_hz,
+              AccuracyRows& rows) {
+  const std::vector<TickCost> costs = measureTicks(ticks, costEffort(options));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    setCost(rows[i], costs[i], rate_hz);
+    rows[i].uncertainty += "; " + costText(costs[i]);
+  }
 }
 
 namespace {

@@ -9,7 +9,6 @@
 #include "client/device/hand_plan.h"
 #include "client/sim/accuracy/row.h"
 #include "client/sim/accuracy/study.h"
-#include "common/base/clock.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
@@ -69,7 +68,7 @@ class ForceProfile {
 std::vector<double> axialForces(const SceneModel& model, const StudyGesture& gesture);
 
 /// Whether a change of force is a declared release: it falls at a tick that the engine flags as a layer's
-/// change, a rupture or an exit.
+/// change, a rupture or an exit. A rise at such a tick is none, and neither is a force that changes its sign.
 bool isRelease(std::uint32_t flags, double before_N, double after_N);
 
 /// Greatest change of the force along the trajectory from one tick to the next that is not a release, in N.
@@ -79,8 +78,20 @@ double greatestStep_N(const SceneModel& model, const StudyGesture& gesture);
 ErrorSum errorInTissue(const SceneModel& model, const StudyGesture& gesture,
                        const std::vector<double>& forces_N, const std::vector<double>& reference_N);
 
-/// The engine's tick over a gesture, again and again, for about `budget_s`. Hot.
-Timing timeSteps(const SceneModel& model, const StudyGesture& gesture, double budget_s);
+/// The engine's tick over a gesture, again and again, to be timed. Both must outlive it.
+TimedTick timedSteps(const SceneModel& model, const StudyGesture& gesture);
+
+/// The stiffness along the trajectory that a hand feels: straight in to half of the study's depth at 10 mm/s,
+/// a rest of 20 ms, 0.2 mm back, again a rest; the change of force over the way, in N/m.
+double feltStiffness_N_per_m(const SceneModel& model, const SceneSpec& spec);
+
+/// ". Drawn back in the tissue it feels 43 N/m, the scene asks for 500: …", for a row's `cannot_show`; empty
+/// when they are within a tenth. `comparator`: "the scene asks for".
+std::string stiffnessRemark(double felt_N_per_m, double asked_N_per_m, std::string_view comparator);
+
+/// Times the ticks in turns and fills the rows' costs, in the same order.
+void addCosts(const std::vector<TimedTick>& ticks, const AccuracyOptions& options, double rate_hz,
+              AccuracyRows& rows);
 
 /// A recorded gesture with the scene in which it was made, at 1 kHz.
 struct StudyLesson {

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <utility>
 
 #include "client/sim/accuracy/gesture.h"
 #include "client/sim/accuracy/row.h"
@@ -31,6 +32,7 @@ std::int64_t processorNow_ns() {
 struct Passed {
   std::vector<double> transit_ns;  // of each frame: encode, send, receive, decode
   double processor_ns = 0;         // of all of them, both ends
+  std::vector<double> runs_ns;     // the same of a frame, in each fifth
   double wire_bytes = 0;
 };
 
@@ -51,10 +53,11 @@ Result<Passed> passAll(TlsLoopback& loop, const StudyLesson& lesson, std::size_t
   const std::size_t whole = lesson.samples.size() / per_frame;
   Passed passed;
   constexpr std::size_t kWarm = 5;
-  std::int64_t processor_ns = 0;
+  const std::size_t per_run = frames / 5;
+  std::int64_t processor_ns = 0, run_ns = 0;
   std::uint64_t bytes = 0;
   for (std::size_t i = 0; i < frames + kWarm; ++i) {
-    if (i == kWarm) processor_ns = processorNow_ns(), bytes = loop.cipherBytes();
+    if (i == kWarm) processor_ns = run_ns = processorNow_ns(), bytes = loop.cipherBytes();
     const auto samples = std::span(lesson.samples).subspan((i % whole) * per_frame, per_frame);
     const std::int64_t from_ns = steadyNowNs();
     ASSIGN_OR_RETURN(auto frame, frameOf(samples, i));
@@ -62,7 +65,12 @@ Result<Passed> passAll(TlsLoopback& loop, const StudyLesson& lesson, std::size_t
     const std::string& data = arrived.live_frame().data();
     ASSIGN_OR_RETURN(const auto back, decodeChunk(viewOf(data)));
     if (back.size() != per_frame) return Error{ErrorCode::kFailed, "a live frame arrived with other samples"};
-    if (i >= kWarm) passed.transit_ns.push_back(static_cast<double>(steadyNowNs() - from_ns));
+    if (i < kWarm) continue;
+    passed.transit_ns.push_back(static_cast<double>(steadyNowNs() - from_ns));
+    if (passed.transit_ns.size() % per_run != 0) continue;
+    const std::int64_t now_ns = processorNow_ns();
+    passed.runs_ns.push_back(static_cast<double>(now_ns - std::exchange(run_ns, now_ns)) /
+                             static_cast<double>(per_run));
   }
   passed.processor_ns = static_cast<double>(processorNow_ns() - processor_ns);
   passed.wire_bytes = static_cast<double>(loop.cipherBytes() - bytes);
@@ -122,6 +130,9 @@ AccuracyRow rowOf(const StudyLesson& lesson, std::size_t per_frame, const Passed
   row.bytes_per_s = passed.wire_bytes / frames * frames_per_s;
   row.cpu_share = passed.processor_ns / frames * 1e-9 * frames_per_s;
   row.median_ns = passed.processor_ns / frames / static_cast<double>(per_frame);
+  CostInterval runs_ns = intervalOf(passed.runs_ns);
+  for (double* ns : {&runs_ns.value, &runs_ns.low, &runs_ns.high}) *ns /= static_cast<double>(per_frame);
+  row.runs_ns = runs_ns;
   row.p99_ns = transit.p99_ns / static_cast<double>(per_frame);
   row.fits_rate = transit.p99_ns * 1e-9 <= *row.frame_s;
   const std::string text = fmt::format(

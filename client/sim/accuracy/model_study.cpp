@@ -1,8 +1,10 @@
-#include "client/sim/accuracy/study.h"
+#include <algorithm>
+#include <deque>
 
 #include "client/sim/accuracy/gesture.h"
+#include "client/sim/accuracy/study.h"
+#include "client/sim/accuracy/study_models.h"
 #include "common/fem/needle_mesh.h"
-#include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
 namespace {
@@ -28,14 +30,23 @@ std::vector<Asked> askedOf(const SceneSpec& spec, std::uint64_t seeds) {
   return all;
 }
 
-Result<SceneModel> modelOf(const SceneSpec& spec, AxialModel model) {
-  SceneSpec same = likeForLike(spec, model);
-  RETURN_IF_ERROR(addCompliance(same));
-  return compile(same, kModelRate_hz);
+// what the comparison cannot show for this row
+std::string limitsOf(const StudyScene& scene, AxialModel which, double felt_N_per_m) {
+  std::string text =
+      "whether the profile is right for tissue. The profile jumps at layers and at the skin, where a device "
+      "renders a spring: some error is the price of a force without steps. Motion is prescribed: a model "
+      "that "
+      "chatters in a hand (needlelab-sim stability) shows nothing of it here";
+  if (profileHasLawOf(which))
+    text +=
+        ". The profile contains this model's own law (the wall's stop and attracted force): no choice "
+        "follows from this row";
+  return text +
+         stiffnessRemark(felt_N_per_m, scene.spec.tracking_wall.stiffness_N_per_m, "the scene asks for");
 }
 
-AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& model,
-                  const std::vector<Asked>& asked, double budget_s) {
+AccuracyRow rowOf(const StudyScene& scene, const StudyModel& study, const SceneModel& model,
+                  const std::vector<Asked>& asked) {
   ErrorRuns runs;
   ErrorSum felt;
   double step_N = 0;
@@ -46,11 +57,11 @@ AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& m
     for (const double force_N : one.force_N)
       if (force_N != 0) felt.add(force_N);
   }
-  const Timing timing = timeSteps(model, asked.front().gesture, budget_s);
   AccuracyRow row;
   row.study = AccuracyStudy::kModel;
   row.scene = scene.name;
-  row.model = axialModelName(which);
+  row.model = axialModelName(study.model);
+  row.variant = study.variant;
   row.rate_hz = kModelRate_hz;
   row.reference =
       "the scene's own force profile (cutting in, attracted out, the stop's fall), without springs";
@@ -58,14 +69,11 @@ AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& m
   row.max_error_n = runs.max();
   row.rms_error_spread_n = runs.spread();
   row.max_step_n = step_N;
+  row.felt_stiffness_N_per_m = feltStiffness_N_per_m(model, scene.spec);
   row.noticeable_n = noticeableForce_N(felt.rms());
-  setTimes(row, timing, kModelRate_hz);
-  row.uncertainty = spreadText(runs, "gestures") + "; " + timingText(timing);
-  row.cannot_show =
-      "whether the profile is right for tissue. The profile jumps at layers and at the skin, where a device "
-      "renders a spring: some error is the price of a force without steps. Motion is prescribed: a model "
-      "that "
-      "chatters in a hand (needlelab-sim stability) shows nothing of it here";
+  row.own_law = profileHasLawOf(study.model);
+  row.uncertainty = spreadText(runs, "gestures");
+  row.cannot_show = limitsOf(scene, study.model, *row.felt_stiffness_N_per_m);
   return row;
 }
 
@@ -78,17 +86,29 @@ Result<AccuracyRows> modelProfileStudy(const AccuracyOptions& options, const Acc
   std::size_t done = 0;
   for (const StudyScene& scene : scenes) {
     const std::vector<Asked> asked = askedOf(scene.spec, options.long_form ? 64 : 8);
-    for (std::size_t m = 0; m < kAxialModelCount; ++m) {
-      const auto which = static_cast<AxialModel>(m);
-      progress("model: " + scene.name + ", " + std::string(axialModelName(which)),
-               static_cast<double>(done++) / static_cast<double>(scenes.size() * kAxialModelCount));
-      const auto model = modelOf(scene.spec, which);
-      if (model.ok())
-        rows.push_back(rowOf(scene, which, *model, asked, options.long_form ? 1.0 : 0.2));
-      else
-        notes.push_back("model: " + scene.name + ", " + std::string(axialModelName(which)) +
+    AccuracyRows of_scene;
+    std::deque<SceneModel> compiled;  // keeps its places: the ticks to be timed point to them
+    std::vector<TimedTick> ticks;
+    const std::vector<StudyModel> models = studyModels(scene.spec);
+    for (StudyModel study : models) {
+      progress(scene.name + ", " + choiceOf(study),
+               static_cast<double>(done++) / static_cast<double>(scenes.size() * models.size()));
+      Status made = addCompliance(study.spec);
+      auto model = made.ok() ? compile(study.spec, kModelRate_hz) : Result<SceneModel>(made.error());
+      if (!model.ok()) {
+        notes.push_back("model: " + scene.name + ", " + choiceOf(study) +
                         " is left out: " + model.error().message);
+        continue;
+      }
+      compiled.push_back(*std::move(model));
+      of_scene.push_back(rowOf(scene, study, compiled.back(), asked));
+      of_scene.back().instructions = instructionsOf(options, scene.name, study);
+      ticks.push_back(timedSteps(compiled.back(), asked.front().gesture));
     }
+    progress(scene.name + ", timing",
+             static_cast<double>(done) / static_cast<double>(scenes.size() * models.size()));
+    addCosts(ticks, options, kModelRate_hz, of_scene);
+    rows.insert(rows.end(), of_scene.begin(), of_scene.end());
   }
   return rows;
 }

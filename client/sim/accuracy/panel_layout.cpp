@@ -130,6 +130,10 @@ std::vector<std::pair<double, double>> frontOf(const Panel& panel, const PanelFr
       front.emplace_back(std::clamp(point.x, frame.x.from, frame.x.to),
                          std::clamp(point.y, frame.y.from, frame.y.to));
   std::sort(front.begin(), front.end());
+  // costs within the noise count as equal, so the line may pass below a point that time alone puts further
+  // left
+  for (std::size_t i = 1; i < front.size(); ++i)
+    front[i].second = std::min(front[i].second, front[i - 1].second);
   // the front continues beyond its costliest point: more time gives no less error
   if (!front.empty()) front.emplace_back(frame.x.to, front.back().second);
   return front;
@@ -223,6 +227,9 @@ void addPoints(const Panel& panel, const PanelFrame& frame, std::size_t number, 
       data.row(block(point.fits ? "filled" : "hollow"), {x, y, series});
       if (spread > 0 && point.y > 0)
         data.row(block("bars"), {x, y, std::clamp(y - spread, frame.y.from, y), y + spread, series});
+      if (point.x_range)
+        data.row(block("xbars"), {x, y, std::clamp(point.x_range->first, frame.x.from, x),
+                                  std::clamp(point.x_range->second, x, frame.x.to), series});
     }
     for (const auto& [x, y] : frontOf(panel, frame, s))
       data.row(fmt::format("front {} {}", number, s), {x, y});

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/sim/tools/gnuplot.h"
@@ -12,12 +13,13 @@
 namespace needlelab {
 
 struct PanelPoint {
-  double x = 0, y = 0;           ///< not negative; 0 stands at the axis and says so
-  std::optional<double> spread;  ///< of y
-  std::string label;             ///< empty = none
-  std::size_t series = 0;        ///< its colour and shape
-  bool fits = true;              ///< filled, else hollow
-  bool front = false;            ///< on the Pareto front of its series
+  double x = 0, y = 0;                                    ///< not negative; 0 stands at the axis and says so
+  std::optional<double> spread;                           ///< of y
+  std::optional<std::pair<double, double>> x_range = {};  ///< from the least to the greatest x
+  std::string label;                                      ///< empty = none
+  std::size_t series = 0;                                 ///< its colour and shape
+  bool fits = true;                                       ///< filled, else hollow
+  bool front = false;                                     ///< on the Pareto front of its series
 };
 
 struct Panel {

@@ -2,7 +2,9 @@
 
 #include <array>
 #include <cmath>
+#include <memory>
 #include <optional>
+#include <utility>
 
 #include "client/device/simulated_device.h"
 #include "client/sim/accuracy/gesture.h"
@@ -67,22 +69,24 @@ double meanForce_N(const std::vector<ChainTick>& ticks) {
 }
 
 // gate and engine over the poses that the device reported in a run, without the device
-Result<Timing> timed(const StudyScene& scene, double rate_hz, const std::vector<ChainTick>& ticks,
-                     double budget_s) {
-  ASSIGN_OR_RETURN(const auto model, compile(scene.spec, rate_hz));
-  std::optional<HapticChain> chain;
-  chain.emplace(model, DeviceLimits{}, Pose{});
-  ChainTick out;
-  DeviceReading reading;
-  std::size_t i = 0;
-  return timeFor(budget_s, [&] {
-    if (i == ticks.size()) {
-      chain.emplace(model, DeviceLimits{}, Pose{});
-      i = 0;
-    }
-    reading.X_WH = ticks[i++].X_WH;
-    keep(chain->tick(reading, true, 1, 1.0, out));
-  });
+Result<TimedTick> timed(const StudyScene& scene, double rate_hz, const std::vector<ChainTick>& ticks) {
+  struct Run {
+    explicit Run(SceneModel compiled) : model(std::move(compiled)) {}
+    SceneModel model;
+    std::optional<HapticChain> chain;
+    ChainTick out;
+    DeviceReading reading;
+    std::size_t next = 0;
+  };
+  ASSIGN_OR_RETURN(auto model, compile(scene.spec, rate_hz));
+  const auto run = std::make_shared<Run>(std::move(model));
+  return TimedTick{[run, &ticks] {
+                     if (run->next == 0) run->chain.emplace(run->model, DeviceLimits{}, Pose{});
+                     run->reading.X_WH = ticks[run->next].X_WH;
+                     keep(run->chain->tick(run->reading, true, 1, 1.0, run->out));
+                     if (++run->next == ticks.size()) run->next = 0;
+                   },
+                   ticks.size()};
 }
 
 struct Sweep {
@@ -110,9 +114,13 @@ Status sweepScene(Sweep& sweep, const StudyScene& scene, const std::string& mode
       if (seed == 1) kept[r] = std::move(ticks);
     }
   }
+  std::vector<TimedTick> ticks;
   for (std::size_t r = 0; r < kRates_hz.size(); ++r) {
-    ASSIGN_OR_RETURN(const auto timing,
-                     timed(scene, kRates_hz[r], kept[r], sweep.options.long_form ? 0.5 : 0.1));
+    ASSIGN_OR_RETURN(auto one, timed(scene, kRates_hz[r], kept[r]));
+    ticks.push_back(std::move(one));
+  }
+  const std::vector<TickCost> costs = measureTicks(ticks, costEffort(sweep.options));
+  for (std::size_t r = 0; r < kRates_hz.size(); ++r) {
     AccuracyRow row;
     row.study = AccuracyStudy::kRate;
     row.scene = scene.name;
@@ -127,8 +135,8 @@ Status sweepScene(Sweep& sweep, const StudyScene& scene, const std::string& mode
     const double limit_N_per_m = DeviceLimits{}.damping_Ns_per_m * kRates_hz[r] / (0.5 + kDelayTicks);
     row.stiffness_margin = limit_N_per_m / stiffness_N_per_m;
     row.noticeable_n = noticeableForce_N(force_N);
-    setTimes(row, timing, kRates_hz[r]);
-    row.uncertainty = spreadText(errors[r], "hands") + "; " + timingText(timing);
+    setCost(row, costs[r], kRates_hz[r]);
+    row.uncertainty = spreadText(errors[r], "hands") + "; " + costText(costs[r]);
     row.cannot_show =
         "the cost of waking up and of the device's exchange (about 50 us a tick on a real loop), and a hand "
         "that answers to what it feels";

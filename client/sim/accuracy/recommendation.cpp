@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "client/sim/accuracy/panel_layout.h"
+#include "client/sim/tools/hand_thresholds.h"
 
 namespace needlelab {
 namespace {
@@ -37,27 +38,17 @@ bool fits(const AccuracyRow& row) {
 double errorOf(const AccuracyRow& row) {
   return row.rms_error_n.value_or(kNone);
 }
-double costOf(const AccuracyRow& row) {
-  return costOf_ns(row).value_or(kNone);
+CostError pointOf(const AccuracyRow& row) {
+  const CostInterval cost = costOf_ns(row).value_or(CostInterval{kNone, kNone, kNone});
+  // the ticks of all rates do the same work: fewer of them are fewer instructions
+  return {cost.value, errorOf(row), cost.low, cost.high,
+          row.study == AccuracyStudy::kRate ? row.rate_hz : row.instructions};
 }
 
-// the definition of "good enough" in a study; an infinite error never is
+// "good enough" in a study; the finest mesh has no error by definition
 bool goodEnough(const AccuracyRow& row) {
-  const double error_N = errorOf(row), noticed_N = row.noticeable_n.value_or(0);
-  switch (row.study) {
-    case AccuracyStudy::kModel:
-      return error_N <= noticed_N && row.max_step_n.value_or(0) <= noticed_N;
-    case AccuracyStudy::kRate:
-      return error_N <= noticed_N && row.max_step_n.value_or(0) <= noticed_N &&
-             row.stiffness_margin.value_or(kNone) >= kStiffnessMargin;
-    case AccuracyStudy::kMesh:
-      return error_N > 0 && error_N <= noticed_N;  // the finest has none by definition
-    case AccuracyStudy::kStorage:
-      return error_N <= kStorageShare * noticed_N;
-    case AccuracyStudy::kLive:
-      return row.latency_p99_ms.value_or(kNone) < kMostLatency_ms;
-  }
-  return false;
+  if (row.study == AccuracyStudy::kMesh && !(errorOf(row) > 0)) return false;
+  return missOf(row) <= 1;
 }
 
 // the saving among the rows that are good enough
@@ -69,9 +60,12 @@ double priceOf(const AccuracyRow& row) {
       return row.bytes_per_s.value_or(kNone);
     case AccuracyStudy::kMesh:
       return row.mesh_nodes.value_or(kNone);
-    default:
-      return costOf(row);
+    case AccuracyStudy::kRate:
+      return row.rate_hz.value_or(kNone);
+    case AccuracyStudy::kModel:
+      return costOf_ns(row).value_or(CostInterval{kNone, kNone, kNone}).value;
   }
+  return kNone;
 }
 
 // a row's distance from "good enough"
@@ -84,6 +78,20 @@ const AccuracyRow* least(const std::vector<const AccuracyRow*>& rows, double (*m
     return measure(*a) < measure(*b);
   });
   return at == rows.end() || !std::isfinite(measure(**at)) ? nullptr : *at;
+}
+
+// the cheapest: what is clearly dearer than another is out; then instructions, then the error decide
+const AccuracyRow* cheapest(const std::vector<const AccuracyRow*>& rows) {
+  std::vector<const AccuracyRow*> left;
+  for (const AccuracyRow* row : rows) {
+    const CostError point = pointOf(*row);
+    if (!std::isfinite(point.cost)) continue;
+    const bool dearer = std::any_of(rows.begin(), rows.end(), [&](const AccuracyRow* other) {
+      return costsLess(pointOf(*other), point);
+    });
+    if (!dearer) left.push_back(row);
+  }
+  return least(left, errorOf);
 }
 
 std::string measuresOf(const AccuracyRow& row) {
@@ -100,37 +108,49 @@ std::string measuresOf(const AccuracyRow& row) {
         ", latency p99 " + sig(*row.latency_p99_ms, 3) + " ms, " + sig(*row.bytes_per_s * 1e-3, 3) + " kB/s";
   if (row.study == AccuracyStudy::kRate && row.cpu_share)
     text += ", " + sig(100 * *row.cpu_share, 2) + " % of a core";
-  else if (row.median_ns)
+  else if (const auto cost = costOf_ns(row)) {
+    text += ", " + timeText(cost->value);
+    if (cost->high > cost->low) text += " (" + timeText(cost->low) + " to " + timeText(cost->high) + ")";
     text +=
-        ", " + timeText(*row.median_ns) +
-        (row.study == AccuracyStudy::kStorage || row.study == AccuracyStudy::kLive ? " a sample" : " a tick");
+        row.study == AccuracyStudy::kStorage || row.study == AccuracyStudy::kLive ? " a sample" : " a tick";
+  }
   return text;
+}
+
+// "; it is 4.3 times the limit"
+std::string missText(const AccuracyRow& row) {
+  const double miss = missOf(row);
+  if (!(miss > 1) || !std::isfinite(miss)) return {};
+  return "; with its interval it is " + sig(miss, 2) + " times the limit";
 }
 
 std::string conditionOf(const AccuracyRow& row, bool good) {
   const std::string noticed = row.noticeable_n ? forceText(*row.noticeable_n) : "nothing known";
+  const std::string noticed_both = noticed + "; a step in time: " + forceText(kNoticeableStep_N);
   switch (row.study) {
     case AccuracyStudy::kModel:
       if (!row.noticeable_n) return "the least error among those that fit";
-      return good ? "the cheapest whose error and steps are below what a hand notices (" + noticed + ")"
-                  : "none is below what a hand notices (" + noticed +
-                        ") in both error and steps; this has the least error";
+      return good ? "the cheapest whose error and steps are below what a hand notices (" + noticed_both + ")"
+                  : "none is below what a hand notices (" + noticed_both +
+                        ") in both error and steps; this has the least error" + missText(row);
     case AccuracyStudy::kRate:
-      return good ? "the slowest whose error and steps are below what a hand notices (" + noticed +
+      return good ? "the slowest whose error and steps are below what a hand notices (" + noticed_both +
                         ") and for which theory allows twice the scene's stiffness, whatever the hand"
-                  : "none is below what a hand notices (" + noticed +
-                        ") with twice the scene's stiffness allowed by theory; this has the least error";
+                  : "none is below what a hand notices (" + noticed_both +
+                        ") with twice the scene's stiffness allowed by theory; this has the least error" +
+                        missText(row);
     case AccuracyStudy::kMesh:
       return good ? "the coarsest whose error is below what a hand notices (" + noticed + ")"
                   : "none but the finest, which is the comparator, is below what a hand notices (" + noticed +
-                        ")";
+                        ")" + missText(row);
     case AccuracyStudy::kStorage:
-      return good
-                 ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
-                 : "none is below a tenth of what a hand notices (" + noticed + "); this has the least error";
+      return good ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
+                  : "none is below a tenth of what a hand notices (" + noticed +
+                        "); this has the least error" + missText(row);
     case AccuracyStudy::kLive:
       return good ? "the least bandwidth with a p99 latency below " + sig(kMostLatency_ms, 3) + " ms"
-                  : "none has a p99 latency below " + sig(kMostLatency_ms, 3) + " ms; this has the least";
+                  : "none has a p99 latency below " + sig(kMostLatency_ms, 3) + " ms; this has the least" +
+                        missText(row);
   }
   return {};
 }
@@ -155,7 +175,7 @@ std::string nameIn(const RowGroup& group, const AccuracyRow* row) {
 // the rest of the group: its front, the rows with less error, those that are too slow
 std::string restOf(const RowGroup& group, const AccuracyRow& row) {
   std::string text;
-  std::vector<std::string> on_front, unfit;
+  std::vector<std::string> on_front, unfit, own;
   const std::vector<bool> front = paretoFront(group);
   const AccuracyRow *finer = nullptr, *largest = nullptr;
   for (std::size_t i = 0; i < group.rows.size(); ++i) {
@@ -165,6 +185,7 @@ std::string restOf(const RowGroup& group, const AccuracyRow& row) {
       unfit.push_back(group.names[i]);
       continue;
     }
+    if (other->own_law) own.push_back(group.names[i] + " (" + forceText(errorOf(*other)) + ")");
     if (errorOf(*other) < errorOf(finer != nullptr ? *finer : row)) finer = other;
     if (largest == nullptr || other->mesh_nodes.value_or(0) > *largest->mesh_nodes) largest = other;
     if (!largest->mesh_nodes) largest = nullptr;
@@ -177,6 +198,7 @@ std::string restOf(const RowGroup& group, const AccuracyRow& row) {
     text += " The largest mesh tried that fits its rate: " + nameIn(group, largest) + ".";
   else if (finer != nullptr)
     text += " The least error has " + nameIn(group, finer) + ": " + measuresOf(*finer) + ".";
+  if (!own.empty()) text += " Shown only, because the comparator contains their own law: " + list(own) + ".";
   if (!unfit.empty()) text += " Too slow for their rate: " + list(unfit) + ".";
   return text;
 }
@@ -203,7 +225,7 @@ double demandOf(const AccuracyRow& row) {
 std::string consensusOf(AccuracyStudy study, const std::vector<Advice>& advices) {
   std::vector<const AccuracyRow*> taken;
   for (const Advice& advice : advices)
-    if (advice.is_choice && advice.row->study == study) taken.push_back(advice.row);
+    if (advice.votes() && advice.row->study == study) taken.push_back(advice.row);
   if (taken.empty()) return {};
   const auto votes = [&](const AccuracyRow* row) {
     return std::count_if(taken.begin(), taken.end(),
@@ -224,19 +246,24 @@ std::string consensusOf(AccuracyStudy study, const std::vector<Advice>& advices)
 }  // namespace
 
 Advice adviceFor(const RowGroup& group) {
-  std::vector<const AccuracyRow*> fitting, good;
+  std::vector<const AccuracyRow*> fitting, candidates, good;
   for (const AccuracyRow* row : group.rows) {
     if (!fits(*row)) continue;
     fitting.push_back(row);
+    if (row->own_law) continue;
+    candidates.push_back(row);
     if (goodEnough(*row)) good.push_back(row);
   }
   Advice advice;
-  advice.row = least(good, priceOf);
-  if (advice.row == nullptr) advice.row = least(good, lackOf);  // where no price was measured
-  advice.good_enough = advice.row != nullptr;
-  // where nothing is chosen, price does not count
-  advice.is_choice = group.compares();
-  if (advice.row == nullptr || !advice.is_choice) advice.row = least(fitting, lackOf);
+  advice.is_choice = group.compares() && !candidates.empty();
+  if (advice.is_choice) {
+    advice.row = group.study == AccuracyStudy::kModel ? cheapest(good) : least(good, priceOf);
+    if (advice.row == nullptr) advice.row = least(good, lackOf);  // where no price was measured
+    advice.good_enough = advice.row != nullptr;
+    if (advice.row == nullptr) advice.row = least(candidates, lackOf);
+  } else {
+    advice.row = least(fitting, lackOf);
+  }
   if (advice.row == nullptr) {
     advice.text =
         beginning(group) + "nothing fits its rate, or nothing was measured; no choice can be recommended.";
@@ -245,8 +272,10 @@ Advice adviceFor(const RowGroup& group) {
   }
   const std::string name = nameIn(group, advice.row), measures = measuresOf(*advice.row);
   if (advice.is_choice)
-    advice.text = beginning(group) + "take " + name + ": " + conditionOf(*advice.row, advice.good_enough) +
-                  "; " + measures + "." + restOf(group, *advice.row);
+    advice.text = beginning(group) +
+                  (advice.good_enough ? "take " : "none can be recommended; the nearest is ") + name + ": " +
+                  conditionOf(*advice.row, advice.good_enough) + "; " + measures + "." +
+                  restOf(group, *advice.row);
   else
     advice.text = beginning(group) +
                   (advice.row->advises ? "nothing to choose from; the least error: "
@@ -275,20 +304,36 @@ std::vector<std::string> recommendation(const AccuracyRows& rows) {
       said[k] = true;
       likewise.push_back(groups[k].scene + " (" + measuresOf(*advices[k].row) + ")");
     }
-    paragraphs.push_back(advices[i].text +
-                         (likewise.empty() ? "" : " The same choice in " + list(likewise) + "."));
+    paragraphs.push_back(advices[i].text + (likewise.empty() ? ""
+                                            : advices[i].good_enough
+                                                ? " The same choice in " + list(likewise) + "."
+                                                : " It is the nearest, too, in " + list(likewise) + "."));
   }
   static constexpr std::array<const char*, 5> kWords = {"the model ", "an FEM mesh of ", "a loop of ",
                                                         "stored steps of ", "live frames of "};
-  std::vector<std::string> choices;
+  static constexpr std::array<const char*, 5> kNames = {"model", "mesh", "rate", "stored resolution",
+                                                        "interval of live frames"};
+  std::vector<std::string> choices, missed;
   for (std::size_t s = 0; s < kWords.size(); ++s) {
-    const std::string choice = consensusOf(static_cast<AccuracyStudy>(s), advices);
+    const auto study = static_cast<AccuracyStudy>(s);
+    const std::string choice = consensusOf(study, advices);
     if (choice == "lossless")
       choices.emplace_back("lossless storage");
     else if (!choice.empty())
       choices.push_back(kWords[s] + choice);
+    else if (std::any_of(advices.begin(), advices.end(), [&](const Advice& advice) {
+               return advice.is_choice && advice.row->study == study;
+             }))
+      missed.emplace_back(kNames[s]);
   }
-  if (!choices.empty()) paragraphs.push_back("In sum, on this machine: " + list(choices) + ".");
+  std::string sum;
+  if (!choices.empty()) sum = "In sum, on this machine: " + list(choices) + ".";
+  if (!missed.empty())
+    sum += (sum.empty() ? "In sum: no " : " No ") + list(missed) +
+           " can be recommended from these comparisons: none meets its condition against a comparator other "
+           "than "
+           "its own law.";
+  if (!sum.empty()) paragraphs.push_back(sum);
   return paragraphs;
 }
 
@@ -298,13 +343,17 @@ std::string findingOf(AccuracyStudy study, const AccuracyRows& rows) {
     const Advice advice = adviceFor(group);
     if (advice.row == nullptr) continue;
     const AccuracyRow& row = *advice.row;
+    if (advice.is_choice && !advice.good_enough)
+      return missOf(row) > 1 ? "None passes: " + choiceOf(row) + " comes nearest, " + sig(missOf(row), 2) +
+                                   " times the limit"
+                             : "None passes but " + choiceOf(row) + ", the comparator";
     switch (study) {
       case AccuracyStudy::kModel:
-        return choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " + timeText(costOf(row)) +
+        return choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " + timeText(priceOf(row)) +
                " a tick";
       case AccuracyStudy::kMesh:
         return "FEM of " + choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " +
-               timeText(costOf(row)) + " a tick";
+               timeText(costOf_ns(row).value_or(CostInterval{}).value) + " a tick";
       case AccuracyStudy::kRate:
         return choiceOf(row) + " is enough: " + forceText(errorOf(row)) + " of error for " +
                sig(100 * row.cpu_share.value_or(0), 2) + " % of a core";
@@ -342,10 +391,48 @@ bool sameGroup(const RowGroup& group, const AccuracyRow& row) {
 
 }  // namespace
 
-std::optional<double> costOf_ns(const AccuracyRow& row) {
-  if (row.study == AccuracyStudy::kRate)
-    return row.cpu_share ? std::optional(*row.cpu_share * 1e6) : std::nullopt;
-  return row.median_ns;
+std::optional<CostInterval> costOf_ns(const AccuracyRow& row) {
+  if (row.study == AccuracyStudy::kRate && row.cost && row.rate_hz) {
+    const double ticks = *row.rate_hz * 1e-3;  // in a millisecond
+    const CostInterval& tick = row.cost->cost_ns;
+    return CostInterval{tick.value * ticks, tick.low * ticks, tick.high * ticks};
+  }
+  if (row.cost) return row.cost->cost_ns;
+  if (row.runs_ns) return row.runs_ns;
+  if (row.study == AccuracyStudy::kRate) {
+    if (!row.cpu_share) return std::nullopt;
+    return CostInterval{*row.cpu_share * 1e6, *row.cpu_share * 1e6, *row.cpu_share * 1e6};
+  }
+  if (!row.median_ns) return std::nullopt;
+  // meshes are timed by single ticks: their spread is the noise
+  const double high_ns =
+      row.study == AccuracyStudy::kMesh ? row.p99_ns.value_or(*row.median_ns) : *row.median_ns;
+  return CostInterval{*row.median_ns, *row.median_ns, std::max(*row.median_ns, high_ns)};
+}
+
+double missOf(const AccuracyRow& row) {
+  const double noticed_N = row.noticeable_n.value_or(0);
+  // the upper end of the error's interval
+  const double error_N = errorOf(row) + row.rms_error_spread_n.value_or(0);
+  const auto share = [](double force_N, double limit_N) {
+    return limit_N > 0 ? force_N / limit_N : force_N > 0 ? kNone : 0.0;
+  };
+  // a step in time is felt by its own size, not as a share of the force
+  const double step = row.max_step_n.value_or(0) / kNoticeableStep_N;
+  switch (row.study) {
+    case AccuracyStudy::kModel:
+      return std::max(share(error_N, noticed_N), step);
+    case AccuracyStudy::kRate:
+      return std::max(
+          {share(error_N, noticed_N), step, kStiffnessMargin / row.stiffness_margin.value_or(kNone)});
+    case AccuracyStudy::kMesh:
+      return share(error_N, noticed_N);
+    case AccuracyStudy::kStorage:
+      return share(error_N, kStorageShare * noticed_N);
+    case AccuracyStudy::kLive:
+      return row.latency_p99_ms.value_or(kNone) / kMostLatency_ms;
+  }
+  return kNone;
 }
 
 std::string choiceOf(const AccuracyRow& row) {
@@ -400,9 +487,15 @@ bool RowGroup::compares() const {
                      [&](const AccuracyRow* row) { return choiceOf(*row) != choiceOf(*rows.front()); });
 }
 
+bool costsLess(const CostError& a, const CostError& b) {
+  if (a.most_cost < b.least_cost) return true;
+  if (b.most_cost < a.least_cost) return false;
+  return a.instructions && b.instructions && *a.instructions < *b.instructions;
+}
+
 std::vector<bool> paretoFront(const std::vector<CostError>& points) {
   const auto beats = [](const CostError& a, const CostError& b) {
-    return a.cost <= b.cost && a.error <= b.error && (a.cost < b.cost || a.error < b.error);
+    return !costsLess(b, a) && a.error <= b.error && (costsLess(a, b) || a.error < b.error);
   };
   const auto finite = [](const CostError& a) { return std::isfinite(a.cost) && std::isfinite(a.error); };
   std::vector<bool> front(points.size());
@@ -415,13 +508,11 @@ std::vector<bool> paretoFront(const std::vector<CostError>& points) {
 }
 
 std::vector<bool> paretoFront(const RowGroup& group) {
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   std::vector<CostError> points;
   for (const AccuracyRow* row : group.rows) {
+    points.push_back(pointOf(*row));
     // the finest mesh has no error by definition: it does not beat others
-    const bool comparator = row->study == AccuracyStudy::kMesh && row->rms_error_n == 0.0;
-    points.push_back(
-        {costOf_ns(*row).value_or(kNone), comparator ? kNone : row->rms_error_n.value_or(kNone)});
+    if (row->study == AccuracyStudy::kMesh && row->rms_error_n == 0.0) points.back().error = kNone;
   }
   return paretoFront(points);
 }

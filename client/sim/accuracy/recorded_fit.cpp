@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "client/sim/accuracy/gesture.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 FitResult patternSearch(const std::function<double(const std::vector<double>&)>& cost,
@@ -162,19 +163,20 @@ SceneSpec fittedSceneBase() {
 }
 
 std::string addTickTime(const SceneModel& model, const StraightGesture& gesture, AccuracyRow& row) {
-  constexpr std::size_t kBatches = 300, kPerBatch = 64;
   constexpr Quat kDown{1, 0, 0, 0};
   SimState state{};
   StepReport report;
-  std::size_t tick = 0;
-  const Timing timing = timeBatches(kBatches, kPerBatch, [&] {
-    step(model, {{0, 0, -gesture.depth_m[tick]}, kDown}, state, report);
+  std::size_t next = 0;
+  const auto tick = [&] {
+    step(model, {{0, 0, -gesture.depth_m[next]}, kDown}, state, report);
     keep(report);
-    if (++tick == gesture.depth_m.size()) tick = 0;
-  });
+    if (++next == gesture.depth_m.size()) next = 0;
+  };
+  constexpr CostEffort kEffort{5, 400, 3, 12};  // less than for the scenes: many rows, the same few models
+  const TickCost cost = measureTicks({{tick, gesture.depth_m.size()}}, kEffort).front();
   row.rate_hz = gesture.rate_hz;
-  setTimes(row, timing, gesture.rate_hz);
-  return timingText(timing);
+  setCost(row, cost, gesture.rate_hz);
+  return costText(cost);
 }
 
 void addGreatestStep(const AxialRun& run, AccuracyRow& row) {

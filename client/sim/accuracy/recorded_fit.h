@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "client/sim/accuracy/row.h"
-#include "common/base/clock.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -21,6 +22,16 @@ std::string number(const std::optional<double>& value, double scale = 1) {
   // %g switches to powers of ten above 999: keep a table's numbers plain
   return std::abs(*value * scale) >= 1000 ? fmt::format("{:.0f}", *value * scale)
                                           : fmt::format("{:.3g}", *value * scale);
+}
+
+// "210/260/900 (25/30/60)": of ticks, and of an empty call
+std::string tailText(const TickQuantiles& ticks, const TickQuantiles& empty) {
+  return fmt::format("{}/{}/{} ({}/{}/{})", number(ticks.p50_ns), number(ticks.p99_ns), number(ticks.p999_ns),
+                     number(empty.p50_ns), number(empty.p99_ns), number(empty.p999_ns));
+}
+
+std::string rangeText(const CostInterval& cost) {
+  return number(cost.low) + "–" + number(cost.high);
 }
 
 struct Column {
@@ -43,13 +54,34 @@ const std::vector<Column>& columns() {
       {"kB/s", [](const Row& r, bool) { return number(r.bytes_per_s, 1e-3); }},
       {"latency [ms]", [](const Row& r, bool) { return number(r.latency_ms); }},
       {"p99 [ms]", [](const Row& r, bool) { return number(r.latency_p99_ms); }},
-      {"median [ns]", [](const Row& r, bool) { return number(r.median_ns); }},
-      {"p99 [ns]", [](const Row& r, bool) { return number(r.p99_ns); }},
+      {"felt K [N/m]", [](const Row& r, bool) { return number(r.felt_stiffness_N_per_m); }},
+      {"price [ns]",
+       [](const Row& r, bool) { return r.cost ? number(r.cost->cost_ns.value) : std::string(); }},
+      {"of 5 runs",
+       [](const Row& r, bool) {
+         return r.cost ? rangeText(r.cost->cost_ns) : r.runs_ns ? rangeText(*r.runs_ns) : std::string();
+       }},
+      {"instr.", [](const Row& r, bool) { return number(r.instructions); }},
+      {"hot p50/p99/p99.9 (empty) [ns]",
+       [](const Row& r, bool) { return r.cost ? tailText(r.cost->hot, r.cost->hot_empty) : std::string(); }},
+      {"flushed (empty)",
+       [](const Row& r, bool) {
+         return r.cost ? tailText(r.cost->flushed, r.cost->flushed_empty) : std::string();
+       }},
+      {"after 1 ms (empty)",
+       [](const Row& r, bool) {
+         return r.cost ? tailText(r.cost->slept, r.cost->slept_empty) : std::string();
+       }},
+      {"median [ns]", [](const Row& r, bool) { return r.cost ? std::string() : number(r.median_ns); }},
+      {"p99 [ns]", [](const Row& r, bool) { return r.cost ? std::string() : number(r.p99_ns); }},
       {"core [%]", [](const Row& r, bool) { return number(r.cpu_share, 100); }},
       {"fits", [](const Row& r, bool) { return !r.fits_rate   ? ""
                                                : *r.fits_rate ? "yes"
                                                               : "NO"; }},
       {"front", [](const Row&, bool on_front) { return on_front ? "*" : ""; }},
+      {"votes", [](const Row& r, bool) { return r.own_law   ? "own law"
+                                                : r.advises ? ""
+                                                            : "no"; }},
       {"variant", [](const Row& r, bool) { return r.variant; }},
       {"uncertainty", [](const Row& r, bool) { return r.uncertainty; }},
   };
@@ -89,6 +121,38 @@ void appendTable(std::string& out, const Cells& cells) {
   }
 }
 
+// a sentence of `cannot_show`, and the rows that say it
+struct Limit {
+  std::string sentence;
+  std::vector<std::string> names;
+};
+std::vector<Limit> limitsOf(const RowGroup& group) {
+  std::vector<Limit> limits;
+  for (std::size_t i = 0; i < group.rows.size(); ++i) {
+    const std::string& text = group.rows[i]->cannot_show;
+    for (std::size_t from = 0; from < text.size();) {
+      const std::size_t end = std::min(text.find(". ", from), text.size());
+      const std::string sentence = text.substr(from, end - from);
+      auto at = std::find_if(limits.begin(), limits.end(),
+                             [&](const Limit& limit) { return limit.sentence == sentence; });
+      if (at == limits.end()) {
+        limits.push_back({sentence, {}});
+        at = std::prev(limits.end());
+      }
+      at->names.push_back(group.names[i]);
+      from = end + 2;
+    }
+  }
+  return limits;
+}
+
+std::string limitText(const Limit& limit, const RowGroup& group) {
+  std::string text = "cannot show";
+  if (limit.names.size() < group.rows.size())
+    for (std::size_t i = 0; i < limit.names.size(); ++i) text += ", " + limit.names[i];
+  return text + ": " + limit.sentence;
+}
+
 }  // namespace
 
 std::string wrapped(std::string_view text, std::size_t width, std::string_view indent) {
@@ -117,11 +181,7 @@ std::string accuracyTables(const AccuracyRows& rows) {
            (group.model.empty() ? "" : " · " + group.model) + "\n";
     out += wrapped("against: " + group.reference, 120, "  ");
     appendTable(out, cellsOf(group));
-    std::vector<std::string> said;
-    for (const AccuracyRow* row : group.rows)
-      if (std::find(said.begin(), said.end(), row->cannot_show) == said.end())
-        said.push_back(row->cannot_show);
-    for (const std::string& text : said) out += wrapped("cannot show: " + text, 120, "  ");
+    for (const Limit& limit : limitsOf(group)) out += wrapped(limitText(limit, group), 120, "  ");
     out += "\n";
   }
   return out;
@@ -165,14 +225,20 @@ std::optional<double> scaled(const std::optional<double>& value, double scale) {
   return value ? std::optional(*value * scale) : std::nullopt;
 }
 
-constexpr auto kCost_s = [](const AccuracyRow& r) { return scaled(costOf_ns(r), 1e-9); };
+constexpr auto kCost_s = [](const AccuracyRow& r) {
+  const auto cost = costOf_ns(r);
+  return cost ? std::optional(cost->value * 1e-9) : std::nullopt;
+};
 constexpr auto kError_N = [](const AccuracyRow& r) { return r.rms_error_n; };
 
+constexpr char kTickTitle[] = "time of a tick with flushed caches, less an empty call";
+
 Axes timeAxes(AccuracyStudy study) {
-  const char* x = study == AccuracyStudy::kRate      ? "processor time for 1 ms of the lesson"
+  const char* x = study == AccuracyStudy::kModel     ? kTickTitle
+                  : study == AccuracyStudy::kRate    ? "processor time for 1 ms of the lesson, caches flushed"
                   : study == AccuracyStudy::kStorage ? "time to encode and decode a sample"
                   : study == AccuracyStudy::kLive    ? "processor time for a sample, station and viewer"
-                                                     : "time of a tick (median)";
+                                                     : "time of a tick (median, hot)";
   return {x,       study == AccuracyStudy::kLive ? "force seen late: rms error" : "rms error of force",
           "s",     "N",
           kCost_s, kError_N};
@@ -187,12 +253,9 @@ const Axes kLatencyAxes = {"bandwidth, framing and TLS included",
                            "s",
                            [](const AccuracyRow& r) { return r.bytes_per_s; },
                            [](const AccuracyRow& r) { return scaled(r.latency_p99_ms, 1e-3); }};
-const Axes kStepAxes = {"time of a tick (median)",
-                        "greatest step of force in a tick",
-                        "s",
-                        "N",
-                        kCost_s,
-                        [](const AccuracyRow& r) { return r.max_step_n; }};
+const Axes kStepAxes = {kTickTitle, "greatest step of force in a tick",
+                        "s",        "N",
+                        kCost_s,    [](const AccuracyRow& r) { return r.max_step_n; }};
 
 // a name that fits beside a point: a variant by its beginning
 std::string shortName(const AccuracyRow& row, const std::string& name) {
@@ -218,17 +281,23 @@ void addPoints(Panel& panel, const RowGroup& group, const Axes& axes, bool named
   for (std::size_t k = 0; k < shown.size(); ++k) {
     const AccuracyRow& row = *group.rows[shown[k]];
     const bool is_front = over_time ? group_front[shown[k]] : own_front[k];
-    PanelPoint point{measures[k].cost, measures[k].error, {}, {}, first, row.fits_rate.value_or(true),
-                     is_front};
+    PanelPoint point;
+    point.x = measures[k].cost, point.y = measures[k].error;
+    point.series = first;
+    point.fits = row.fits_rate.value_or(true);
+    point.front = is_front;
     if (group.study == AccuracyStudy::kMesh) {
       auto at = std::find(panel.series.begin(), panel.series.end(), row.variant);
       if (at == panel.series.end()) at = panel.series.insert(at, row.variant);
       point.series = static_cast<std::size_t>(at - panel.series.begin());
     }
     if (axes.y == kError_N) point.spread = row.rms_error_spread_n;
+    if (const auto cost = costOf_ns(row); axes.x == kCost_s && cost && cost->high > cost->low)
+      point.x_range = {cost->low * 1e-9, cost->high * 1e-9};
     if (named) {
       point.label =
           group.study == AccuracyStudy::kMesh ? choiceOf(row) : shortName(row, group.names[shown[k]]);
+      if (row.own_law) point.label += " (own law)";
       if (measures[k].error == 0)
         point.label += group.study == AccuracyStudy::kMesh ? " (comparator)" : " (no error)";
     }

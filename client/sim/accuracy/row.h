@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/base/clock.h"
+#include "client/sim/accuracy/tick_cost.h"
 
 namespace needlelab {
 
@@ -46,10 +46,11 @@ struct AccuracyRow {
   std::optional<double> bytes_per_sample;
   std::optional<double> latency_ms;  ///< mean, from a sample's tick to the viewer
   std::optional<double> cpu_share;   ///< of one core: processor time per time of the lesson
-  std::optional<double> median_ns;   ///< of one tick (model, mesh, rate) or one sample (storage, live)
+  /// Of one tick (model, mesh, rate: hot; model and rate less an empty call) or one sample (storage, live).
+  std::optional<double> median_ns;
   std::optional<double> p99_ns;
-  std::optional<bool> fits_rate;  ///< p99_ns (median_ns where there is no p99), alone on a core, is within
-                                  ///< the period of its rate
+  std::optional<bool> fits_rate;  ///< the tail, alone on a core, is within the period of its rate: p99.9 of
+                                  ///< single ticks where `cost` is there, else p99_ns, else median_ns
 
   // for some studies only
   std::string variant;  ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
@@ -58,22 +59,29 @@ struct AccuracyRow {
   /// Greatest change of force from one tick to the next, but for the falls that the report declares as
   /// releases.
   std::optional<double> max_step_n;
-  std::optional<double> noticeable_n;      ///< just noticeable difference at this scene's forces
+  std::optional<double> noticeable_n;            ///< just noticeable difference at this scene's forces
+  std::optional<TickCost> cost;                  ///< of single ticks (model, rate)
+  std::optional<CostInterval> runs_ns;           ///< of a sample (storage, live): five runs
+  std::optional<double> instructions;            ///< of a tick, mean over the study's gesture
+  std::optional<double> felt_stiffness_N_per_m;  ///< along the trajectory, drawn back 0.2 mm in the tissue
   std::optional<double> stiffness_margin;  ///< stiffness that the device alone can render at this rate, to
                                            ///< the scene's: b/(T (1/2 + delay))/K
   std::optional<double> rms_error_m;       ///< of position
   std::optional<double> latency_p99_ms;
   std::optional<double> bytes_per_s;  ///< on the wire, framing and TLS included
-  bool advises = true;                ///< false: shown, but no choice follows from it (an extrapolation)
-  std::string uncertainty;            ///< a text with numbers; never empty
-  std::string cannot_show;            ///< limits of this row's evidence; never empty
+  bool advises = true;  ///< false: shown, but no choice follows from its whole group (an extrapolation)
+  /// The comparator contains this row's own law (a finer copy of itself, the profile that its wall renders):
+  /// it is shown and says so in `cannot_show`, but cannot be chosen.
+  bool own_law = false;
+  std::string uncertainty;  ///< a text with numbers; never empty
+  std::string cannot_show;  ///< limits of this row's evidence; never empty
 };
 
 using AccuracyRows = std::vector<AccuracyRow>;
 
-/// Fills the cost of a tick (or sample) at `rate_hz` of them a second: median, p99, share of a core, and
-/// whether that fits.
-void setTimes(AccuracyRow& row, const Timing& per_tick, double rate_hz);
+/// Fills the cost of a tick at `rate_hz` of them a second: `cost`, hot median (less an empty call) and p99,
+/// share of a core by the price, and whether the tail fits.
+void setCost(AccuracyRow& row, const TickCost& cost, double rate_hz);
 
 /// The row as JSON: its columns in their order; null where absent.
 nlohmann::ordered_json jsonOf(const AccuracyRow& row);

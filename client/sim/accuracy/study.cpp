@@ -3,6 +3,14 @@
 
 namespace needlelab {
 
+CostEffort costEffort(const AccuracyOptions& options) {
+  if (options.effort) return *options.effort;
+  CostEffort effort;
+  if (options.long_form) effort.flushed = 51, effort.slept = 1000;
+  if (options.full) effort.hot = 20'000, effort.flushed = 501, effort.slept = 20'000;
+  return effort;
+}
+
 const std::vector<AccuracyPart>& accuracyParts() {
   static const std::vector<AccuracyPart> parts = {
       {AccuracyStudy::kModel, "scene profile", modelProfileStudy},

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,11 +15,23 @@
 
 namespace needlelab {
 
+/// Instructions of a tick, counted under callgrind (study_models.h).
+struct CountedTick {
+  std::string scene, choice;  ///< of the profile; of the model, with its variant
+  double instructions = 0;
+};
+
 /// Options for every study.
 struct AccuracyOptions {
   bool long_form = false;      ///< more seeds, more repeats, larger meshes: minutes instead of seconds
   std::filesystem::path data;  ///< folder of the recordings (../shared/data); empty = not there
+  bool full = false;  ///< the long form, the loop of milliseconds, the finest meshes: no limit of time
+  std::vector<CountedTick> counted = {};  ///< empty = not counted
+  std::optional<CostEffort> effort = {};  ///< in place of the form's
 };
+
+/// How much of a tick's cost is measured with these options.
+CostEffort costEffort(const AccuracyOptions& options);
 
 /// A study calls it now and then with its current work and the share of its work that is done (0-1).
 using AccuracyProgress = std::function<void(std::string_view doing, double share)>;

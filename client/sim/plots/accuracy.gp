@@ -1,7 +1,7 @@
 # Error against cost, both logarithmic, a panel a comparison. `width`, `height`, `title`; `data` has blocks, in pixels from
 # the lower left unless said:
 #   panels      number; frame left, bottom, right, top; axes' ranges in their units; level; titles of x and y; level's name
-#   xtics P, ytics P, filled P, hollow P, bars P, front P S    of panel P, series S, in the axes' units
+#   xtics P, ytics P, filled P, hollow P, bars P, xbars P, front P S    of panel P, series S, in the axes' units
 #   titles, captions, legend, names, leads, text               over the whole picture
 load 'style.gp'
 set datafile separator "\t"
@@ -28,7 +28,7 @@ set label 1 title at width/2.0,height - 24 center noenhanced font 'DejaVu Sans B
 set label 2 ' fits its rate' at 60,18 left font 'DejaVu Sans,11' textcolor rgb text_colour point pt 7 ps 1.3 lc rgb '#4a5560' offset 0.8,0
 set label 3 ' too slow for its rate' at 205,18 left font 'DejaVu Sans,11' textcolor rgb text_colour point pt 6 ps 1.3 lw 2 lc rgb '#4a5560' offset 0.8,0
 set label 4 '– – –  Pareto front: nothing is both cheaper and more accurate' at 405,18 left font 'DejaVu Sans,11' textcolor rgb text_colour
-set label 5 'bars: standard deviation over repeats' at 880,18 left font 'DejaVu Sans,11' textcolor rgb text_colour
+set label 5 'bars: error, sd over repeats; time, five runs' at 880,18 left font 'DejaVu Sans,11' textcolor rgb text_colour
 plot -1, data index 'leads;' using 1:2:3:4 with vectors nohead lc rgb '#9aa4ad' lw 0.8
 unset label
 
@@ -64,6 +64,7 @@ do for [i = 0:panels - 1] {
   }
   plot for [s = 0:5] data index sprintf('front %d %d;', number, s) using 1:2 with steps lc rgb series_colour[s + 1] lw 1.6 dt (8,5), \
        data index sprintf('bars %d;', number) using 1:2:3:4:(series_colour[series($5)]) with yerrorbars lc rgb variable lw 1 pt 0, \
+       '' index sprintf('xbars %d;', number) using 1:2:3:4:(series_colour[series($5)]) with xerrorbars lc rgb variable lw 1 pt 0, \
        '' index sprintf('filled %d;', number) using 1:2:(filled_point[series($3)]):(series_colour[series($3)]) with points pt variable lc rgb variable ps 1.5, \
        '' index sprintf('hollow %d;', number) using 1:2:(hollow_point[series($3)]):(series_colour[series($3)]) with points pt variable lc rgb variable ps 1.5 lw 2
 }

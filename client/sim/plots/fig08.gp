@@ -1,4 +1,4 @@
-# Fig. 8: tip and wall along each axis of the device. `csv`, `phases`.
+# Fig. 8: tip and wall along each axis of the device. `csv`, `phases`, `scene`: what is set by hand.
 width = 1200; height = 1000
 load 'style.gp'
 set datafile separator ','
@@ -18,6 +18,7 @@ set lmargin at screen 0.085
 set rmargin at screen 0.97
 set format x ''
 set label 100 'Enhanced tracking wall in 3 DoF: needle tip and wall along each axis of the device' at screen 0.5, 0.975 center font title_font textcolor rgb title_colour
+set label 101 scene at screen 0.5, 0.95 center noenhanced font 'DejaVu Sans,10' textcolor rgb '#5f6a73'
 set key bottom right
 do for [a = 1:3] {
   top = 0.91 - 0.285*(a - 1)

@@ -1,5 +1,5 @@
-# Fig. 9: cutting and attracted force. `csv`, `phases`, and `layer_s`: when each layer is reached, then when the way out
-# begins.
+# Fig. 9: cutting and attracted force. `csv`, `phases`, `layer_s`: when each layer is reached, then when the way out
+# begins, and `scene`: what is set by hand.
 width = 1200; height = 720
 load 'style.gp'
 set datafile separator ','
@@ -16,6 +16,7 @@ set bmargin at screen 0.105
 set xlabel 'time [s]'
 set ylabel 'force [N]'
 set label 100 'Cutting and attracted force through six layers: 1, 2, 1.5, 2.5, 3, 4 N in, 0.4 N out' at screen 0.5, 0.965 center font title_font textcolor rgb title_colour
+set label 101 scene at screen 0.5, 0.935 center noenhanced font 'DejaVu Sans,9' textcolor rgb '#5f6a73'
 set arrow from from_s,-0.4 to to_s,-0.4 nohead ls 6
 set arrow from from_s,0 to to_s,0 nohead ls 6
 set key top right

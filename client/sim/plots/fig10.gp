@@ -1,5 +1,6 @@
 # Fig. 10: the tip's path and the clamping forces in space. `csv`; in mm `start`, the ends `first_way` and `changed_way` of
-# the reference trajectories, `point1`, `point2`, `target`; `mm_per_n`: length of an arrow.
+# the reference trajectories, `point1`, where the user gives up, `point2`, where the trajectory changes, `target`; `mm_per_n`: length of an arrow; `scene`:
+# what is set by hand.
 width = 1200; height = 1000
 load 'style.gp'
 set datafile separator ','
@@ -9,8 +10,9 @@ set style line 7 pt 7 ps 1.3 lc rgb '#1c2329'
 set label 'Start' at start[1],start[2],start[3] point ls 7 offset -6.5,0.6 font 'DejaVu Sans Bold,12' textcolor rgb '#1c2329' front
 set label '1' at point1[1],point1[2],point1[3] point ls 7 offset -2.2,-0.4 font 'DejaVu Sans Bold,12' textcolor rgb '#1c2329' front
 set label '2' at point2[1],point2[2],point2[3] point ls 7 offset 1.2,-0.6 font 'DejaVu Sans Bold,12' textcolor rgb '#1c2329' front
-set label '' at target[1],target[2],target[3] point pt 6 ps 3.2 lw 1.6 lc rgb '#2a8a4a' front
+set label 'target' at target[1],target[2],target[3] point pt 6 ps 3.2 lw 1.6 lc rgb '#2a8a4a' offset 2,-0.4 font 'DejaVu Sans Bold,12' textcolor rgb '#2a8a4a' front
 set label 100 'Virtual fixture: tool path and clamping forces' at screen 0.5, 0.965 center font title_font textcolor rgb title_colour
+set label 101 scene at screen 0.5, 0.94 center noenhanced font 'DejaVu Sans,10' textcolor rgb '#5f6a73'
 set border 4095 lc rgb '#9aa4ad' lw 0.8
 set view 76, 24, 1.2, 1.05
 set xyplane at -42

@@ -22,7 +22,7 @@ set yrange [cases + 52/40.0:-78/40.0]
 # looks: says nothing, stable, chatters, diverges: blue, orange, dark are told apart without colour sight, and in print
 array fill[4] = [0xf3f4f5, 0xcfe2f3, 0xf6b26b, 0x5b1a4b]
 array ink[4] = [0x9aa3ab, 0x16324f, 0x3b2405, 0xffffff]
-set label 1 finding at screen 0.5, 1 - 24.0/height center noenhanced font 'DejaVu Sans Bold,12' textcolor rgb title_colour
+set label 1 finding at screen 0.5, 1 - 24.0/height center noenhanced font 'DejaVu Sans Bold,11' textcolor rgb title_colour
 # the key below: three verdicts, and cases that say nothing
 array key_text[4] = ['says nothing about this model', 'stable', 'over the limit (*: its other condition), bounded', 'grows, or only the gate holds it']
 array key_at[4] = [6.7, -1.2, -0.1, 3.8]

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "client/sim/tools/hand_thresholds.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -28,7 +29,7 @@ std::string_view verdictText(Verdict verdict) {
 
 std::vector<StabilityCase> allCases() {
   std::vector<StabilityCase> all;
-  for (auto&& part : {holdCases(), motionCases(), scanCases()})
+  for (auto&& part : {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases()})
     for (const StabilityCase& one : part) all.push_back(one);
   return all;
 }
@@ -40,8 +41,11 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
     ASSIGN_OR_RETURN(auto ran, hard_case.run(settings, model, source));
     outcome = std::move(ran);
   }
-  outcome.row.case_name = hard_case.name;
-  outcome.row.model = model;
+  CaseRow& row = outcome.row;
+  row.case_name = hard_case.name;
+  row.model = model;
+  if (!hard_case.known.empty() && model == AxialModel::kEnhancedTrackingWall && !row.passed)
+    row.note += (row.note.empty() ? "known: " : "; known: ") + std::string(hard_case.known);
   return outcome;
 }
 
@@ -69,6 +73,14 @@ constexpr double kRestless_N = 0.05;
 void raise(std::optional<double>& worst, std::optional<double> other) {
   if (other) worst = worst ? std::max(*worst, *other) : *other;
 }
+void lower(std::optional<double>& worst, std::optional<double> other) {
+  if (other) worst = worst ? std::min(*worst, *other) : *other;
+}
+
+// an infinite margin is that of a run without stiffness: no number
+std::optional<double> finiteOf(double value) {
+  return std::isfinite(value) ? std::optional(value) : std::nullopt;
+}
 
 }  // namespace
 
@@ -85,7 +97,15 @@ CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& ba
   row.max_unexplained_step_N = maxUnexplainedStep_N(run);
   row.chatter_N = chatterOf(run, kInward_W, window, band);
   row.energy_J = run.ticks.empty() ? 0 : run.ticks.back().energy_J;
+  row.coupled_margin = finiteOf(run.margins.coupled);
+  row.passive_margin = finiteOf(run.margins.passive);
+  row.grip_energy_J = run.grip_energy_J;
   return row;
+}
+
+std::optional<bool> stepIsNoticeable(const CaseRow& row) {
+  if (!row.max_unexplained_step_N) return std::nullopt;
+  return *row.max_unexplained_step_N > kNoticeableStep_N;
 }
 
 void worsen(CaseRow& row, const CaseRow& other) {
@@ -94,6 +114,9 @@ void worsen(CaseRow& row, const CaseRow& other) {
   raise(row.max_unexplained_step_N, other.max_unexplained_step_N);
   raise(row.chatter_N, other.chatter_N);
   raise(row.energy_J, other.energy_J);
+  lower(row.coupled_margin, other.coupled_margin);
+  lower(row.passive_margin, other.passive_margin);
+  raise(row.grip_energy_J, other.grip_energy_J);
 }
 
 bool heldIn(const PlantRun& run, TimeWindow window) {
@@ -195,11 +218,46 @@ std::string noWorse(const std::vector<CaseRow>& rows) {
   return text;
 }
 
+// coupled stability and passivity of the wall's closed loops, told apart
+std::string marginsText(const std::vector<CaseRow>& rows) {
+  constexpr std::size_t kName = 24, kColumn = 13;
+  std::string text;
+  for (const std::string& name : caseNames(rows)) {
+    const CaseRow* row = rowOf(rows, name, kWall);
+    if (row == nullptr || !row->passive_margin || !row->coupled_margin) continue;
+    text += "  " + padded(name, kName) + padded(shortNumber(row->coupled_margin), kColumn) +
+            padded(shortNumber(row->passive_margin) + (*row->passive_margin < 1 ? " not" : ""), kColumn) +
+            shortNumber(row->grip_energy_J) + "\n";
+  }
+  if (text.empty()) return text;
+  return "\nWhat theory allows over the wall's stiffness: with the case's hand (coupled stability); with the "
+         "device's own damping alone (passivity: below 1 the loop is not passive); energy got at the grip "
+         "[J]\n" +
+         text;
+}
+
+std::string noticeableSteps(const std::vector<CaseRow>& rows) {
+  std::string text;
+  for (const std::string& name : caseNames(rows)) {
+    std::string models;
+    for (const CaseRow& row : rows)
+      if (row.case_name == name && row.applicable && stepIsNoticeable(row).value_or(false))
+        models += (models.empty() ? "" : ", ") + std::string(shortName(row.model)) + " " +
+                  shortNumber(row.max_unexplained_step_N);
+    if (!models.empty()) text += "  " + padded(name, 24) + models + "\n";
+  }
+  if (text.empty()) return text;
+  return fmt::format("\nForce steps that no spring explains and that a hand may notice (above {:g} N) [N]\n",
+                     kNoticeableStep_N) +
+         text;
+}
+
 }  // namespace
 
 std::string_view shortName(AxialModel model) {
   static constexpr std::array<std::string_view, kAxialModelCount> kNames = {
-      "wall", "wall 2018", "direct", "Voigt", "god object", "first order", "statistical", "table", "FEM"};
+      "wall",        "wall 2018", "direct", "Voigt",   "god object", "first order",
+      "statistical", "table",     "FEM",    "Okamura", "Dahl"};
   return kNames[static_cast<std::size_t>(model)];
 }
 
@@ -273,7 +331,12 @@ nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows) {
          {"max_force_n", orNull(row.max_force_N)},
          {"max_unexplained_step_n", orNull(row.max_unexplained_step_N)},
          {"chatter_n", orNull(row.chatter_N)},
+         {"step_noticeable",
+          stepIsNoticeable(row) ? nlohmann::ordered_json(*stepIsNoticeable(row)) : nlohmann::ordered_json()},
          {"energy_j", orNull(row.energy_J)},
+         {"coupled_margin", orNull(row.coupled_margin)},
+         {"passive_margin", orNull(row.passive_margin)},
+         {"grip_energy_j", orNull(row.grip_energy_J)},
          {"measured", orNull(row.measured)},
          {"limit", orNull(row.limit)},
          {"passed", judged ? nlohmann::ordered_json(row.passed) : nlohmann::ordered_json()},
@@ -311,6 +374,7 @@ std::string rowsText(const std::vector<CaseRow>& rows) {
       notes += "  " + padded(row.case_name, kName) + padded(std::string(shortName(row.model)), kColumn) +
                row.note + "\n";
   if (!notes.empty()) text += "\nNotes\n" + notes;
+  text += marginsText(rows) + noticeableSteps(rows);
   if (const std::string same = noWorse(rows); !same.empty())
     text += "\nPassed, and measured no more than the enhanced tracking wall\n" + same;
   return text + "\n" + findingOf(rows) + ".\n";

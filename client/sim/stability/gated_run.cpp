@@ -24,7 +24,7 @@ Result<std::vector<GatedTick>> runGated(const ForceSourceFactory& make_source, c
   for (const DeviceSample& sample : samples) {
     GatedTick& tick = ticks.emplace_back();
     tick.sample = sample;
-    const bool admitted = gate.admit(sample.tip, sample.fresh, 0.0);
+    const bool admitted = gate.admit(sample.tip, sample.fresh, 0.0, sample.elapsed_ticks);
     Wrench wanted;
     if (with_gate ? admitted : sample.fresh) {
       source->step(sample.tip, report);

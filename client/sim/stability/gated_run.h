@@ -17,8 +17,9 @@ namespace needlelab {
 /// The report of the device in one tick.
 struct DeviceSample {
   TipSample tip;
-  bool fresh = true;         ///< false: it said nothing
-  bool acknowledge = false;  ///< a person acknowledges the fault in this tick
+  bool fresh = true;               ///< false: it said nothing
+  bool acknowledge = false;        ///< a person acknowledges the fault in this tick
+  std::int64_t elapsed_ticks = 1;  ///< periods since the sample before, by the loop's clock
 };
 
 struct GatedTick {

@@ -42,8 +42,6 @@ double acRms(std::span<const double> signal) {
   return std::sqrt(sum / static_cast<double>(signal.size()));
 }
 
-constexpr std::uint32_t kReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
-
 }  // namespace
 
 std::span<const PlantTick> ticksIn(const PlantRun& run, TimeWindow window) {
@@ -113,13 +111,19 @@ double maxForce_N(const PlantRun& run) {
   return most;
 }
 
+double unexplainedStep_N(Vec3 before_N, Vec3 now_N, std::uint32_t flags, double explained_N) {
+  double step_N = norm(now_N - before_N);
+  if ((flags & kDeclaredReleases) != 0)
+    step_N = dot(before_N, now_N) < 0 ? norm(now_N) : norm(now_N) - norm(before_N);
+  return std::max(0.0, step_N - explained_N);
+}
+
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant) {
-  if ((report.flags & kReleases) != 0) return 0;
   const double stiffness = axial_stiffness_N_per_m +
                            std::max(before.clamping_stiffness_N_per_m, report.clamping_stiffness_N_per_m);
-  const double step = norm(report.wrench_W.force_N - before.wrench_W.force_N);
-  return std::max(0.0, step - stiffness * norm(p_m - p_before_m) / slant);
+  return unexplainedStep_N(before.wrench_W.force_N, report.wrench_W.force_N, report.flags,
+                           stiffness * norm(p_m - p_before_m) / slant);
 }
 
 double maxUnexplainedStep_N(const PlantRun& run) {

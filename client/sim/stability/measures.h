@@ -1,10 +1,12 @@
 /// Measures of a run of the closed loop.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
 #include "client/sim/stability/plant.h"
+#include "common/haptics/engine.h"
 
 namespace needlelab {
 
@@ -37,8 +39,14 @@ double chatterOf(const PlantRun& run, Vec3 direction, TimeWindow window, const B
 bool allFinite(const PlantRun& run);
 double maxForce_N(const PlantRun& run);
 
-/// The part of the force step between two consecutive ticks that the springs do not explain: |Δf| −
-/// ΣK·|Δp|/slant, at least 0; 0 where the second tick has a declared release (rupture, layer change, exit).
+/// The declared releases: at a tick with one of these flags a fall of the force is explained.
+inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
+
+/// The part of a force step that nothing explains: |Δf| − `explained_N`, at least 0. `flags` are those of the
+/// second tick: a declared release explains any fall, but no rise. What counts there is by how much |f| grew,
+/// or all of the new force where it points against the old one.
+double unexplainedStep_N(Vec3 before_N, Vec3 now_N, std::uint32_t flags, double explained_N);
+/// The same between two consecutive ticks of a source, with what the springs explain: ΣK·|Δp|/slant.
 /// ΣK = `axial_stiffness` + the greater clamping stiffness; `slant` = c.
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant = 1);

@@ -10,8 +10,6 @@
 
 #include "client/sim/stability/passivity_observer.h"
 #include "client/sim/stability/passivity_search.h"
-#include "common/haptics/models/like_for_like.h"
-#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {
@@ -29,6 +27,9 @@ std::vector<StabilityCase> motionCases() {
       {"retreat_in_ramp", "the needle is drawn back while the force of a stop fades", true, true,
        retreatInRamp},
       {"clamp_pump", "aside while shallow, in, back, out: the fixture must not pay", false, true, clampPump},
+      {"reversal_capped",
+       "pushed aside beyond the fixture's greatest force and back, while the depth changes", false, true,
+       reversalCapped},
       {"tilt_pump", "tilted while shallow, in, upright, out: the tilt limit must not pay", false, true,
        tiltPump},
       {"turn_wide", "30 mm aside at 12 mm deep: the trajectory turns without a step", false, true, turnWide},
@@ -36,6 +37,8 @@ std::vector<StabilityCase> motionCases() {
       {"exit_normal", "the pull on the way out fades to nothing at the skin", true, true, exitNormal},
       {"sphere_far_side", "in on one side of a limb and out on the other", true, true, sphereFarSide},
       {"beyond_the_needle", "deeper than the needle is long, and out", true, true, beyondTheNeedle},
+      {"layers_in_one_tick", "0.5 m/s through layers of which two or three lie within a tick's way", true,
+       true, layersInOneTick},
       {"starts_inside", "the station starts with the tip in the tissue", true, true, startsInside},
       {"teleport", "the tip jumps by 50 mm", true, true, gated<teleport>},
       {"not_a_number", "position or orientation is not a number", true, true, gated<notANumber>},
@@ -260,6 +263,55 @@ Result<CaseOutcome> beyondTheNeedle(const CaseSettings& settings, AxialModel mod
 
 namespace {
 
+// force over time at `rate_hz`, and when the tip has come to `depth_m` for the first time
+struct FastRun {
+  MotionRun run;
+  std::size_t deep_tick = 0;
+};
+Result<FastRun> fastRun(const ForceSourceFactory& source, const SceneSpec& scene, const HandPlan& plan,
+                        double rate_hz, double depth_m) {
+  ASSIGN_OR_RETURN(auto run, runMotion(source, scene, samplesOf(plan, rate_hz), rate_hz));
+  FastRun fast{std::move(run), 0};
+  while (fast.deep_tick < fast.run.ticks.size() && fast.run.ticks[fast.deep_tick].report.depth_m < depth_m)
+    ++fast.deep_tick;
+  return fast;
+}
+
+}  // namespace
+
+// Two or three layers with membranes lie within the way of a tick. Behind them the force must be as if every
+// layer had been met alone: that of a run of ten times the rate. For the wall it is also known by formula.
+Result<CaseOutcome> layersInOneTick(const CaseSettings& settings, AxialModel model,
+                                    const ForceSourceFactory& source) {
+  CaseEntry entry(settings.file, "layers_in_one_tick", settings.long_form);
+  const SceneSpec scene = entry.scene(model);
+  const TimedPlan path = entry.path();
+  const double rate = entry.number("rate_hz", 50, 4'000), behind_m = entry.number("behind_m", 0, 1);
+  const double limit = entry.number("limit", 0);
+  if (!entry.status().ok()) return entry.status().error();
+  constexpr std::size_t kFiner = 10;
+  ASSIGN_OR_RETURN(const auto coarse, fastRun(source, scene, path.plan, rate, behind_m));
+  ASSIGN_OR_RETURN(const auto fine, fastRun(source, scene, path.plan, rate * kFiner, behind_m));
+
+  CaseOutcome outcome{rowOf(observed(coarse.run)),
+                      {forceTrace(coarse.run, std::string(axialModelName(model)))}};
+  double departure_N = coarse.deep_tick < coarse.run.ticks.size() ? 0 : HUGE_VAL;
+  for (std::size_t k = coarse.deep_tick; k < coarse.run.ticks.size(); ++k) {
+    const std::size_t same = std::min(k * kFiner, fine.run.ticks.size() - 1);
+    departure_N = std::max(departure_N, norm(coarse.run.ticks[k].report.wrench_W.force_N -
+                                             fine.run.ticks[same].report.wrench_W.force_N));
+  }
+  judgeMotion(outcome.row, "departure from ten times the rate, behind them [N]", departure_N, limit);
+  int in_a_tick = 0;
+  for (std::size_t k = 1; k < coarse.run.ticks.size(); ++k)
+    in_a_tick = std::max(in_a_tick, coarse.run.ticks[k].report.layer - coarse.run.ticks[k - 1].report.layer);
+  if (in_a_tick < 2) outcome.row.passed = false;
+  outcome.row.note = fmt::format("up to {} layers in a tick", in_a_tick);
+  return outcome;
+}
+
+namespace {
+
 // the case's motion in its scene
 struct Prescribed {
   SceneSpec scene;
@@ -320,6 +372,30 @@ Result<CaseOutcome> tiltPump(const CaseSettings& settings, AxialModel model,
   return outcome;
 }
 
+// the needle is pushed beyond the fixture's greatest force, and back, again and again while the depth changes
+Result<CaseOutcome> reversalCapped(const CaseSettings& settings, AxialModel model,
+                                   const ForceSourceFactory& source) {
+  ASSIGN_OR_RETURN(auto given, prescribed(settings, "reversal_capped", model));
+  CaseEntry entry(settings.file, "reversal_capped", settings.long_form);
+  const double step_limit_N = entry.number("step_limit_n", 0);
+  if (!entry.status().ok()) return entry.status().error();
+  ASSIGN_OR_RETURN(const auto run,
+                   runMotion(source, given.scene, samplesOf(given.motion), given.motion.rate_hz));
+  const PassivityRecord record = observed(run);
+  CaseOutcome outcome{rowOf(record), {forceTrace(run, std::string(axialModelName(model)))}};
+  judgeMotion(outcome.row, "greatest energy given to the hand so far [J]", judgedEnergy_J(record),
+              given.limit);
+  // the run must have been at the cap; there the force is the fixture's greatest, and it never jumps
+  const double excess_N = record.max_force_N - given.scene.virtual_fixture.max_force_N;
+  if (!(record.flags & kFlagClampCapped) || excess_N > 1e-9 || record.worst_step_N > step_limit_N) {
+    outcome.row.passed = false;
+    if (outcome.row.verdict == Verdict::kStable) outcome.row.verdict = Verdict::kChatters;
+  }
+  outcome.row.note = fmt::format("force {:.3g} N at most, step beyond the springs {:.2g} N",
+                                 record.max_force_N, record.worst_step_N);
+  return outcome;
+}
+
 Result<CaseOutcome> turnWide(const CaseSettings& settings, AxialModel model,
                              const ForceSourceFactory& source) {
   ASSIGN_OR_RETURN(auto given, prescribed(settings, "turn_wide", model));
@@ -355,120 +431,6 @@ Result<CaseOutcome> grazing85(const CaseSettings& settings, AxialModel model,
   CaseOutcome outcome{rowOf(record), {}};
   judgeMotion(outcome.row, "greatest torque step [N·m]", step, given.limit);
   outcome.row.note = fmt::format("{} entries", record.insertions);
-  return outcome;
-}
-
-namespace {
-
-// Net energy delivered at the hand's grip: the device's rendered work, minus the losses in its own damping
-// and the final kinetic energy of its mass.
-double energyAtGrip_J(const PlantRun& run, const SimulatedDeviceOptions& device) {
-  double damped_J = 0;
-  for (const PlantTick& tick : run.ticks)
-    damped_J += device.limits.damping_Ns_per_m * normSquared(tick.v_W_mps) / run.rate_hz;
-  const PlantTick& last = run.ticks.back();
-  return last.energy_J - damped_J - 0.5 * device.limits.apparent_mass_kg * normSquared(last.v_W_mps);
-}
-
-// The gate fades the force in over the first 200 ms (§3.7). A spring pressed meanwhile gives back more than
-// it took, so gestures begin after the fade-in.
-HandPlan restedPlan(PassivityGesture gesture) {
-  PassivityStroke rest = gesture.start;
-  rest.seconds = 0.25;
-  gesture.strokes.insert(gesture.strokes.begin(), rest);
-  return planOf(gesture);
-}
-
-// a hand that may be stiff, normal or nearly free
-struct Grip {
-  double stiffness_N_per_m, damping_Ns_per_m;
-};
-
-struct WithHand {
-  double grip_J = -1e9, step_N = 0, max_force_N = 0;
-  bool finite = true;
-};
-
-Result<WithHand> withHands(std::uint64_t gestures, const PassivitySearch& search, PlantOptions plant,
-                           const std::vector<Grip>& hands, AxialModel model,
-                           const ForceSourceFactory& make_source) {
-  WithHand worst;
-  for (std::uint64_t seed = search.first_seed; seed < search.first_seed + gestures; ++seed) {
-    const PassivityGesture gesture = randomGesture(seed, shapeOf(seed), search.range);
-    ASSIGN_OR_RETURN(const auto scene, sceneSpecOf(gesture.profile));
-    ASSIGN_OR_RETURN(auto source, make_source(likeForLike(scene, model), plant.rate_hz));
-    const Grip& hand = hands[seed % hands.size()];
-    plant.device.hand.stiffness_N_per_m = hand.stiffness_N_per_m;
-    plant.device.hand.damping_Ns_per_m = hand.damping_Ns_per_m;
-    plant.device.hand.tremor_m = gesture.tremor_m;
-    plant.device.hand.seed = gesture.tremor_seed;
-    ASSIGN_OR_RETURN(const auto run, runPlant(*source, restedPlan(gesture), plant));
-
-    PassivityObserver observer(run.axial_stiffness_N_per_m);
-    for (const PlantTick& tick : run.ticks)
-      if (tick.stepped) observer.add(tick.seen, tick.report, tick.slant);
-    const PassivityRecord& record = observer.record();
-    worst.finite = worst.finite && record.finite;
-    worst.step_N = std::max(worst.step_N, record.worst_step_N);
-    worst.max_force_N = std::max(worst.max_force_N, record.max_force_N);
-    worst.grip_J = std::max(worst.grip_J, energyAtGrip_J(run, plant.device));
-  }
-  return worst;
-}
-
-}  // namespace
-
-Result<CaseOutcome> randomEnergy(const CaseSettings& settings, AxialModel model,
-                                 const ForceSourceFactory& source) {
-  CaseEntry entry(settings.file, "random_energy", settings.long_form);
-  PassivitySearch search;
-  const bool wall = model == AxialModel::kEnhancedTrackingWall;
-  search.gestures = entry.whole(wall ? "gestures" : "gestures_of_other_models", 1);
-  const std::uint64_t with_hand = entry.whole(wall ? "with_hand" : "with_hand_of_other_models");
-  search.first_seed = entry.whole("first_seed");
-  search.rate_hz = entry.number("rate_hz", 50, 40'000);
-  search.limits.energy_J = entry.number("limit", 0);
-  search.limits.step_N = entry.number("step_limit_n", 0);
-  // shrinking needs hundreds of scenes, each with its own mesh
-  search.most_counter_examples =
-      model == AxialModel::kFem ? 0 : static_cast<std::size_t>(entry.whole("most_counter_examples"));
-  search.source_name = std::string(axialModelName(model));
-  search.range.most_depth_m = entry.number("range.most_depth_m", 0.002, 0.2);
-  search.range.most_aside_m = entry.number("range.most_aside_m", 1e-3, 0.2);
-  search.range.most_speed_mps = entry.number("range.most_speed_m_s", 1e-3, 1);
-  search.range.most_turn_radps = entry.number("range.most_turn_rad_s", 0.1, 100);
-  search.range.most_tilt = entry.number("range.most_tilt", 0, 10);
-  search.range.all_effects_share = entry.number("range.all_effects_share", 0, 1);
-  const auto stiffness = entry.numbers("hands_n_per_m"), damping = entry.numbers("hands_ns_per_m");
-  std::vector<Grip> hands;
-  for (std::size_t i = 0; i < std::min(stiffness.size(), damping.size()); ++i)
-    hands.push_back({stiffness[i], damping[i]});
-  const PlantOptions plant = entry.plant();
-  if (!entry.status().ok()) return entry.status().error();
-
-  ASSIGN_OR_RETURN(const auto found, searchGestures(search, model, source));
-  ASSIGN_OR_RETURN(const auto held, withHands(with_hand, search, plant, hands, model, source));
-
-  CaseOutcome outcome{rowOf(found.worst)};
-  CaseRow& row = outcome.row;
-  row.finite = row.finite && held.finite;
-  row.max_force_N = std::max(*row.max_force_N, held.max_force_N);
-  row.max_unexplained_step_N = std::max(*row.max_unexplained_step_N, held.step_N);
-  row.energy_J = std::max(*row.energy_J, held.grip_J);
-  judgeMotion(row, "greatest energy given to the hand in a gesture [J]", *row.energy_J,
-              search.limits.energy_J);
-  if (*row.max_unexplained_step_N > search.limits.step_N) {
-    row.passed = false;
-    if (row.verdict == Verdict::kStable) row.verdict = Verdict::kChatters;
-  }
-  row.note = fmt::format("{} of {} prescribed gestures fail ({} insertions); {} with a hand", found.failed,
-                         found.gestures, found.worst.insertions, with_hand);
-  if (*row.max_unexplained_step_N > search.limits.step_N)
-    row.note += fmt::format("; a force step of {:.3g} N that no spring explains, {:.3g} N passes",
-                            *row.max_unexplained_step_N, search.limits.step_N);
-  for (const CounterExample& example : found.counter_examples)
-    outcome.files.push_back({fmt::format("random_energy-{}-{}.json", search.source_name, example.seed),
-                             counterExampleJson(example)});
   return outcome;
 }
 

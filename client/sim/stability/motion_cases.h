@@ -56,9 +56,11 @@ Result<CaseOutcome> retreatInRamp(const CaseSettings&, AxialModel, const ForceSo
 Result<CaseOutcome> exitNormal(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> sphereFarSide(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> beyondTheNeedle(const CaseSettings&, AxialModel, const ForceSourceFactory&);
+Result<CaseOutcome> layersInOneTick(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 
 // fixture and orientation limit
 Result<CaseOutcome> clampPump(const CaseSettings&, AxialModel, const ForceSourceFactory&);
+Result<CaseOutcome> reversalCapped(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> tiltPump(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> turnWide(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> grazing85(const CaseSettings&, AxialModel, const ForceSourceFactory&);
@@ -75,7 +77,17 @@ Result<CaseOutcome> frozenDevice(const CaseSettings&, AxialModel, const ForceSou
 Result<CaseOutcome> flippedAxis(const CaseSettings&, AxialModel, const ForceSourceFactory&,
                                 Gate gate = Gate::kPresent);
 
-// random gestures
+// random_energy.cpp: random gestures, and the one that is known to get energy from a late loop
 Result<CaseOutcome> randomEnergy(const CaseSettings&, AxialModel, const ForceSourceFactory&);
+Result<CaseOutcome> randomEnergySeed(const CaseSettings&, AxialModel, const ForceSourceFactory&);
+
+// device_cases.cpp: what the gate cannot see, or must bridge
+Result<CaseOutcome> glitchUnderGate(const CaseSettings&, AxialModel, const ForceSourceFactory&,
+                                    Gate gate = Gate::kPresent);
+Result<CaseOutcome> frozenAxis(const CaseSettings&, AxialModel, const ForceSourceFactory&,
+                               Gate gate = Gate::kPresent);
+Result<CaseOutcome> quaternionSign(const CaseSettings&, AxialModel, const ForceSourceFactory&);
+Result<CaseOutcome> clockSteps(const CaseSettings&, AxialModel, const ForceSourceFactory&,
+                               Gate gate = Gate::kPresent);
 
 }  // namespace needlelab

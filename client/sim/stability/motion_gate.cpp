@@ -152,6 +152,11 @@ Result<CaseOutcome> notANumber(const CaseSettings& settings, AxialModel model,
 
 Result<CaseOutcome> frozenDevice(const CaseSettings& settings, AxialModel model,
                                  const ForceSourceFactory& source, Gate gate) {
+  if (!hasStop(model)) {
+    CaseOutcome none;
+    none.row.note = "has no stop: a hand at rest is pushed on; the gate's part is the same for every model";
+    return none;
+  }
   // silence: the force is held until the watchdog reacts, then as for any fault
   CaseEntry numbers(settings.file, "frozen_device", settings.long_form);
   Disturbance silence;

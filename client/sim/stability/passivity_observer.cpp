@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/sim/stability/measures.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
 
@@ -37,15 +38,13 @@ void PassivityObserver::add(const TipSample& tip, const StepReport& report, doub
     if (report.flags & kFlagExit)
       record_.worst_insertion_J = std::max(record_.worst_insertion_J, insertion_J_);
 
-    if ((report.flags & kDeclaredReleases) == 0) {
-      const double stiffness =
-          axial_N_per_m_ + std::max(last_->clamping_N_per_m, report.clamping_stiffness_N_per_m);
-      const double explained = stiffness * norm(tip.p_WT_m - last_->tip.p_WT_m) / slant;
-      const double beyond = norm(now.force_N - last_->wrench_W.force_N) - explained;
-      if (beyond > record_.worst_step_N) {
-        record_.worst_step_N = beyond;
-        record_.worst_step_tick = record_.ticks - 1;
-      }
+    const double stiffness =
+        axial_N_per_m_ + std::max(last_->clamping_N_per_m, report.clamping_stiffness_N_per_m);
+    const double beyond = unexplainedStep_N(last_->wrench_W.force_N, now.force_N, report.flags,
+                                            stiffness * norm(tip.p_WT_m - last_->tip.p_WT_m) / slant);
+    if (beyond > record_.worst_step_N) {
+      record_.worst_step_N = beyond;
+      record_.worst_step_tick = record_.ticks - 1;
     }
     if ((report.flags & kFlagExit) == 0)
       record_.worst_torque_step_Nm =

@@ -13,9 +13,6 @@
 
 namespace needlelab {
 
-/// A force step is allowed where the report flags one of these.
-inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
-
 /// The sums so far. Energies by the trapezoidal rule over neighbouring ticks, force × way of the tip and
 /// torque × turn of the needle; positive is given to the hand.
 struct PassivityRecord {
@@ -24,7 +21,7 @@ struct PassivityRecord {
   double net_J = 0;              ///< over everything
   double worst_insertion_J = 0;  ///< greatest net energy of an insertion, from entry to exit
   double worst_running_J = 0;    ///< greatest that any insertion had given at any moment since its entry
-  double worst_step_N = 0;       ///< greatest force step beyond ΣK·|Δp|/c, no release declared
+  double worst_step_N = 0;  ///< greatest force step beyond ΣK·|Δp|/c; falls of declared releases left out
   std::uint64_t worst_step_tick = 0;
   double worst_torque_step_Nm = 0;  ///< greatest change of the torque in a tick, exits left out
   std::uint64_t ticks = 0;
@@ -65,7 +62,7 @@ inline constexpr std::array<std::string_view, 3> kPassivityCheckNames = {"finite
 
 struct PassivityLimits {
   double energy_J = 5e-5;  ///< that an insertion, or all of the gesture, may give to the hand
-  double step_N = 0.05;    ///< beyond ΣK·|Δp|/c where no release is declared
+  double step_N = 0.05;    ///< beyond ΣK·|Δp|/c, falls of declared releases left out
 };
 
 /// One failed check.

@@ -1,13 +1,17 @@
 #include "client/sim/stability/plant.h"
 
 #include <algorithm>
+#include <cmath>
 #include <deque>
+#include <limits>
 #include <map>
 #include <utility>
 #include <vector>
 
+#include "client/sim/stability/scan_nudge.h"
 #include "common/base/range.h"
 #include "common/fem/needle_mesh.h"
+#include "common/haptics/tool_transform.h"
 
 namespace needlelab {
 namespace {
@@ -67,6 +71,12 @@ ForceSourceFactory engineSource() {
 
 namespace {
 
+// rotation vector of a small turn, in W
+Vec3 turnVectorOf(Quat from, Quat to) {
+  const Quat turn = to * conjugate(from);
+  return Vec3{turn.x, turn.y, turn.z} * (turn.w < 0 ? -2.0 : 2.0);
+}
+
 // the device runs on its own fine steps, so that ticks can be late and delays are handled outside the device
 class FinePlant {
  public:
@@ -81,6 +91,7 @@ class FinePlant {
   [[nodiscard]] std::int64_t stepsPerTick() const { return steps_per_tick_; }
   [[nodiscard]] std::int64_t now() const { return now_; }
   [[nodiscard]] double energy_J() const { return energy_J_; }
+  [[nodiscard]] double turnEnergy_J() const { return turn_energy_J_; }
   [[nodiscard]] const SimulatedDevice& device() const { return device_; }
 
   Status open() { return device_.open(fineHz()); }
@@ -94,12 +105,14 @@ class FinePlant {
         pending_.pop_front();
       }
       const std::int64_t until = pending_.empty() ? step : std::min(step, pending_.front().due);
-      const Vec3 before = device_.handle().X_WH.p;
+      const Pose before = device_.handle().X_WH;
       device_.write(acting_);
       device_.skip(static_cast<std::uint64_t>(until - now_ - 1));
       if (device_.read(reading) != DeviceRead::kFresh) return false;
-      // the wrench was constant: its work is exact
-      energy_J_ += dot(acting_.wrench().force_N, device_.handle().X_WH.p - before);
+      // the wrench was constant: the work of its force is exact, that of its torque to second order
+      const Pose& after = device_.handle().X_WH;
+      energy_J_ += dot(acting_.wrench().force_N, after.p - before.p);
+      turn_energy_J_ += dot(acting_.wrench().torque_Nm, turnVectorOf(before.q, after.q));
       now_ = until;
     }
     return true;
@@ -111,7 +124,6 @@ class FinePlant {
   static SimulatedDeviceOptions fine(SimulatedDeviceOptions options, double fine_hz) {
     options.delay_ticks = 0;
     options.integration_hz = fine_hz;
-    options.X_HT = {};
     return options;
   }
   struct Pending {
@@ -122,7 +134,7 @@ class FinePlant {
   std::int64_t steps_per_tick_, delay_steps_;
   SimulatedDevice device_;
   std::int64_t now_ = 0;
-  double energy_J_ = 0;
+  double energy_J_ = 0, turn_energy_J_ = 0;
   GuardedWrench acting_;
   std::deque<Pending> pending_;
 };
@@ -149,7 +161,8 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
 
   HandRandom random(options.seed);
   ForceGate gate(options.device.limits, options.rate_hz);
-  PlantRun run{options.rate_hz, source.axialStiffness_N_per_m(), {}, Fault::kNone};
+  const Pose& X_HT = options.device.X_HT;
+  PlantRun run{options.rate_hz, source.axialStiffness_N_per_m(), {}, Fault::kNone, {}, 0};
   run.ticks.reserve(static_cast<std::size_t>(plan.duration_s() * options.rate_hz) + 2);
   StepReport report;
   DeviceReading reading;
@@ -161,28 +174,84 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
 
     PlantTick& tick = run.ticks.emplace_back();
     tick.time_s = static_cast<double>(plant.now()) / plant.fineHz();
-    tick.seen = {reading.X_WH.p, normalized(reading.X_WH.q)};
+    const Pose X_WT = tipFromHandle(reading.X_WH, X_HT);
+    tick.seen = {X_WT.p, normalized(X_WT.q)};
     Wrench wanted;
     tick.stepped = gate.admit(tick.seen, !missing, reading.speed_mps);
     if (tick.stepped) {
       source.step(tick.seen, report);
-      wanted = report.wrench_W;
+      wanted = wrenchAtHandle(report.wrench_W, tick.seen.p_WT_m, reading.X_WH.p);
     }
     gate.noteOutside(report.depth_m <= 0);
     const GuardedWrench guarded = gate.guard(wanted);
     plant.command(guarded);
 
-    tick.p_W_m = plant.device().handle().X_WH.p;
-    tick.v_W_mps = plant.device().handle().v_W_mps;
+    const HandleState& handle = plant.device().handle();
+    tick.p_W_m = tipFromHandle(handle.X_WH, X_HT).p;
+    tick.v_W_mps = handle.v_W_mps;
+    tick.w_W_radps = handle.w_W_radps;
     tick.p_wanted_W_m = plant.device().hand().wanted().p;
     tick.report = report;
     tick.slant = source.slant();
     tick.rendered_force_N = guarded.wrench().force_N;
     tick.gate_flags = gate.flags();
     tick.energy_J = plant.energy_J();
+    tick.turn_energy_J = plant.turnEnergy_J();
     if (run.fault == Fault::kNone) run.fault = gate.fault();
   }
+  run.margins = marginsOf(run, options);
+  run.grip_energy_J = greatestGripEnergy_J(run, options.device);
   return run;
+}
+
+double dampingAcross(double damping_Ns_per_m, double rotational_damping_Nms_per_rad, double lever_m) {
+  if (lever_m == 0) return damping_Ns_per_m;
+  if (damping_Ns_per_m == 0 || rotational_damping_Nms_per_rad == 0) return 0;
+  return 1 / (1 / damping_Ns_per_m + lever_m * lever_m / rotational_damping_Nms_per_rad);
+}
+
+LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options) {
+  const SimulatedDeviceOptions& device = options.device;
+  double clamping_N_per_m = 0;
+  for (const PlantTick& tick : run.ticks)
+    clamping_N_per_m = std::max(clamping_N_per_m, tick.report.clamping_stiffness_N_per_m);
+  const double delay = static_cast<double>(device.delay_ticks);
+  const auto over = [&](double damping_Ns_per_m, double stiffness_N_per_m) {
+    if (!(stiffness_N_per_m > 0)) return std::numeric_limits<double>::infinity();
+    return passiveStiffnessLimit(damping_Ns_per_m, 1 / options.rate_hz, delay) / stiffness_N_per_m;
+  };
+  const auto margin = [&](double hand_Ns_per_m, double hand_Nms_per_rad) {
+    const double along = device.limits.damping_Ns_per_m + hand_Ns_per_m;
+    const double across =
+        dampingAcross(along, device.rotational_damping_Nms_per_rad + hand_Nms_per_rad, norm(device.X_HT.p));
+    return std::min(over(along, run.axial_stiffness_N_per_m), over(across, clamping_N_per_m));
+  };
+  const HandOptions& hand = device.hand;
+  const bool lets_go = hand.let_go_s > 0 && !run.ticks.empty() && hand.let_go_s < run.ticks.back().time_s;
+  LoopMargins margins;
+  margins.passive = margin(0, 0);
+  margins.coupled =
+      lets_go ? margins.passive : margin(hand.damping_Ns_per_m, hand.rotational_damping_Nms_per_rad);
+  return margins;
+}
+
+double greatestGripEnergy_J(const PlantRun& run, const SimulatedDeviceOptions& device) {
+  double lost_J = 0, greatest_J = 0;
+  const PlantTick* before = nullptr;
+  const auto lostPerSecond_W = [&](const PlantTick& tick) {
+    return device.limits.damping_Ns_per_m * normSquared(tick.v_W_mps) +
+           device.dry_friction_N * norm(tick.v_W_mps) +
+           device.rotational_damping_Nms_per_rad * normSquared(tick.w_W_radps);
+  };
+  for (const PlantTick& tick : run.ticks) {
+    if (before != nullptr)
+      lost_J += 0.5 * (lostPerSecond_W(*before) + lostPerSecond_W(tick)) * (tick.time_s - before->time_s);
+    const double kinetic_J = 0.5 * device.limits.apparent_mass_kg * normSquared(tick.v_W_mps) +
+                             0.5 * device.inertia_kgm2 * normSquared(tick.w_W_radps);
+    greatest_J = std::max(greatest_J, tick.energy_J + tick.turn_energy_J - lost_J - kinetic_J);
+    before = &tick;
+  }
+  return greatest_J;
 }
 
 }  // namespace needlelab

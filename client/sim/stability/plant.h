@@ -36,7 +36,7 @@ using ForceSourceFactory =
 ForceSourceFactory engineSource();
 
 struct PlantOptions {
-  SimulatedDeviceOptions device;  ///< delay in whole ticks of `rate_hz`; no tool
+  SimulatedDeviceOptions device;  ///< delay in whole ticks of `rate_hz`; the plan is for the tip of its tool
   double rate_hz = 1000;
   double jitter_share = 0;   ///< a tick comes late by up to this share of a period, [0, 1)
   double missing_share = 0;  ///< share of ticks in which the device gives no update, [0, 1)
@@ -48,13 +48,24 @@ struct PlantTick {
   double time_s = 0;
   bool stepped = false;   ///< false: no update, or the gate rejected the sample; report as of the tick before
   TipSample seen;         ///< the tip as the encoders say
-  Vec3 p_W_m, v_W_mps;    ///< the tip as it is
-  Vec3 p_wanted_W_m;      ///< the hand's target, tremor included
+  Vec3 p_W_m;             ///< the tip as it is
+  Vec3 v_W_mps;           ///< of the handle, which is the tip's without a tool
+  Vec3 w_W_radps;         ///< angular velocity of the handle
+  Vec3 p_wanted_W_m;      ///< the hand's target for the handle, tremor included
   StepReport report;      ///< forces before the gate
   Vec3 rendered_force_N;  ///< after the gate
   std::uint32_t gate_flags = 0;
   double slant = 1;     ///< c of the source, see ForceSource::slant
   double energy_J = 0;  ///< ∫ f·v dt of the rendered force since the start: the energy given to the hand
+  double turn_energy_J = 0;  ///< ∫ τ·ω dt of the rendered torque at the handle, likewise
+};
+
+/// What theory allows, over the steepest stiffness of a run: K ≤ b/(T (½ + d)) (passiveStiffnessLimit).
+/// Infinite where the run has no stiffness.
+struct LoopMargins {
+  double coupled = 0;  ///< b of the device and of the run's hand: stable with this hand
+  double passive = 0;  ///< b of the device alone: passive, so stable whatever the hand. Below 1 it is the
+                       ///< hand that keeps the loop stable
 };
 
 struct PlantRun {
@@ -62,9 +73,25 @@ struct PlantRun {
   double axial_stiffness_N_per_m = 0;
   std::vector<PlantTick> ticks;
   Fault fault = Fault::kNone;  ///< first fault of the gate; the run goes on without force
+  LoopMargins margins = {};
+  double grip_energy_J = 0;  ///< as greatestGripEnergy_J
 };
 
 /// Runs the plan to its end. Deterministic. Errors: kInvalidInput, as of SimulatedDevice::open.
 Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const PlantOptions& options);
+
+/// Damping that a motion of the tip across the needle meets: handle and lever give way one after the other,
+/// 1/b_tip = 1/b + lever²/b_turn. In N·s/m; 0 where one of both is 0.
+double dampingAcross(double damping_Ns_per_m, double rotational_damping_Nms_per_rad, double lever_m);
+
+/// The margins of a run: the stiffness along the trajectory acts on the handle's own damping, the clamping
+/// stiffness, which acts across the needle, also through the tool's lever. The lesser of both. A hand that
+/// lets go within the plan counts as none.
+LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options);
+
+/// The greatest energy, at any moment since the start, that the rendered wrench had given beyond the losses
+/// in the device's own damping and dry friction and the handle's kinetic energy: the hand has got it. A
+/// passive loop gives none; energy that the tissue took before hides what it gives later. At least 0. In J.
+double greatestGripEnergy_J(const PlantRun& run, const SimulatedDeviceOptions& device);
 
 }  // namespace needlelab

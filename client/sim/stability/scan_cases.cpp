@@ -14,6 +14,7 @@ namespace needlelab {
 static Result<CaseOutcome> stiffnessScan(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 static Result<CaseOutcome> overLimitBounded(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 static Result<CaseOutcome> freeHandRelease(const CaseSettings&, AxialModel, const ForceSourceFactory&);
+static Result<CaseOutcome> freeHandNoFriction(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 static Result<CaseOutcome> skinFlutter(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 static Result<CaseOutcome> frictionReversal(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 static Result<CaseOutcome> lateAndMissingTicks(const CaseSettings&, AxialModel, const ForceSourceFactory&);
@@ -25,8 +26,10 @@ std::vector<StabilityCase> scanCases() {
       {"over_limit_bounded", "a wall far too stiff for a soft hand stays within its own forces", true, false,
        overLimitBounded},
       {"free_hand_release", "a needle that the hand lets go is not thrown out", true, false, freeHandRelease},
+      {"free_hand_no_friction", "the same without dry friction: it swings about the wall, and no further",
+       true, false, freeHandNoFriction},
       {"skin_flutter", "trembling through the skin gives the hand no energy", true, false, skinFlutter},
-      {"friction_reversal", "shaft friction turns round without chatter", false, false, frictionReversal},
+      {"friction_reversal", "shaft friction turns round without chatter", true, false, frictionReversal},
       {"late_and_missing_ticks", "ticks that come late or not at all do not shake the hold", true, false,
        lateAndMissingTicks},
   };
@@ -151,6 +154,27 @@ EntryWork workPerEntry(const PlantRun& run) {
 
 }  // namespace
 
+namespace {
+
+// the needle's way to and fro in the last half second
+double swingAtTheEnd_m(const PlantRun& run) {
+  const double end_s = run.ticks.back().time_s + 1e-9;
+  std::vector<double> z_m;
+  for (const PlantTick& tick : ticksIn(run, {end_s - 0.5, end_s})) z_m.push_back(tick.p_W_m.z);
+  return peakToPeak(z_m);
+}
+
+// a needle thrown back fast enough to end the stop stops again
+void judgeNewStops(CaseRow& row, int stops) {
+  if (stops == 0) return;
+  row.note +=
+      fmt::format("{}{}{}", row.note.empty() ? "" : "; ", stops, stops > 1 ? " new stops" : " new stop");
+  if (row.passed) row.verdict = Verdict::kChatters;
+  row.passed = false;
+}
+
+}  // namespace
+
 Result<CaseOutcome> freeHandRelease(const CaseSettings& settings, AxialModel model,
                                     const ForceSourceFactory& source) {
   CaseEntry entry(settings.file, "free_hand_release", settings.long_form);
@@ -165,13 +189,42 @@ Result<CaseOutcome> freeHandRelease(const CaseSettings& settings, AxialModel mod
   ASSIGN_OR_RETURN(const auto run, runScene(source, scene, path.plan, plant));
   tally.add(run, free, retreat_m(run, free.from_s), std::string(axialModelName(model)));
   CaseOutcome outcome = tally.finish();
+  judgeNewStops(outcome.row, hasStop(model) ? stopsAfter(run, free.from_s) : 0);
+  return outcome;
+}
 
-  // a needle thrown back fast enough to end the stop stops again
-  if (const int stops = stopsAfter(run, free.from_s); stops > 0) {
-    outcome.row.note = fmt::format("{}{}", stops, stops > 1 ? " new stops" : " new stop");
-    if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
-    outcome.row.passed = false;
+// Without dry friction nothing but the damping takes the energy f_rej²/2K that the stopped wall still holds:
+// the needle swings by f_rej/K to both sides of the place without force, where the wall pulls it back. Beyond
+// that the wall would follow it and take energy. So it retreats by 2·f_rej/K at most, and by two steps of the
+// encoder.
+Result<CaseOutcome> freeHandNoFriction(const CaseSettings& settings, AxialModel model,
+                                       const ForceSourceFactory& source) {
+  CaseEntry entry(settings.file, "free_hand_no_friction", settings.long_form);
+  const SceneSpec wall = entry.scene(), scene = entry.scene(model);
+  PlantOptions plant = entry.plant();
+  const TimedPlan path = entry.path();
+  const TimeWindow free = entry.window(path);
+  const std::vector<double> dampings = entry.numbers("dampings_ns_per_m");
+  const BandFilter band = entry.chatterFilter();
+  if (!entry.status().ok()) return entry.status().error();
+
+  const double reach_m = wall.layers.front().rejection_force_N / wall.tracking_wall.stiffness_N_per_m;
+  CaseTally tally("retreat after the hand let go [m]", 2 * reach_m + 2 * plant.device.encoder_step_m, band);
+  plant.device.hand.let_go_s = free.from_s;
+  std::string note;
+  int stops = 0;
+  for (const double damping : dampings) {
+    plant.device.limits.damping_Ns_per_m = damping;
+    ASSIGN_OR_RETURN(const auto run, runScene(source, scene, path.plan, plant));
+    tally.add(run, free, retreat_m(run, free.from_s), std::string(axialModelName(model)));
+    stops = std::max(stops, stopsAfter(run, free.from_s));
+    note +=
+        fmt::format("{}device of {:g} N·s/m ({:.2g} of what is passive): swings by {:.2g} mm in the end",
+                    note.empty() ? "" : "; ", damping, 1 / run.margins.passive, 1e3 * swingAtTheEnd_m(run));
   }
+  CaseOutcome outcome = tally.finish();
+  outcome.row.note = note;
+  judgeNewStops(outcome.row, hasStop(model) ? stops : 0);
   return outcome;
 }
 

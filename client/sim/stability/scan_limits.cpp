@@ -115,7 +115,9 @@ class ModelScan {
     row.model = scene_.model();
     row.rate_hz = rate_hz;
     row.delay_ticks = delay;
-    row.passive_N_per_m = passiveStiffnessLimit(study_.damping(), 1 / rate_hz, delay);
+    row.coupled_N_per_m = passiveStiffnessLimit(study_.damping(), 1 / rate_hz, delay);
+    row.passive_N_per_m =
+        passiveStiffnessLimit(study_.plant.device.limits.damping_Ns_per_m, 1 / rate_hz, delay);
     LinearLoop loop;
     loop.mass_kg = study_.plant.device.limits.apparent_mass_kg;
     loop.damping_Ns_per_m = study_.damping();
@@ -133,7 +135,7 @@ class ModelScan {
       if (run.outcome.stable) row.felt_N_per_m = run.outcome.wall_N_per_m;
       return run.outcome.stable;
     };
-    ASSIGN_OR_RETURN(const auto found, largestStable(0.7 * row.passive_N_per_m, kLeastStiffness_N_per_m,
+    ASSIGN_OR_RETURN(const auto found, largestStable(0.7 * row.coupled_N_per_m, kLeastStiffness_N_per_m,
                                                      kMaxProfileStiffness_N_per_m, stable));
     row.stiffness_N_per_m = found.stiffness_N_per_m;
     row.at_cap = found.at_cap;
@@ -235,8 +237,9 @@ nlohmann::ordered_json jsonOf(const StiffnessLimits& limits) {
                     {"stiffness_n_per_m", row.stiffness_N_per_m},
                     {"at_cap", row.at_cap},
                     {"felt_n_per_m", row.felt_N_per_m},
-                    {"passive_n_per_m", row.passive_N_per_m},
+                    {"coupled_n_per_m", row.coupled_N_per_m},
                     {"sampled_n_per_m", row.sampled_N_per_m},
+                    {"passive_n_per_m", row.passive_N_per_m},
                     {"runs", row.runs}});
   for (const RestLimitRow& row : limits.rest)
     rest.push_back({{"encoder_step_m", row.encoder_step_m},
@@ -257,12 +260,12 @@ nlohmann::ordered_json jsonOf(const StiffnessLimits& limits) {
 
 std::string limitsCsv(const StiffnessLimits& limits) {
   PlotTable table(
-      "model_index,rate_hz,delay_ticks,stiffness_n_per_m,at_cap,felt_n_per_m,passive_n_per_m,sampled_n_per_m,"
-      "runs,model");
+      "model_index,rate_hz,delay_ticks,stiffness_n_per_m,at_cap,felt_n_per_m,coupled_n_per_m,sampled_n_per_m,"
+      "runs,passive_n_per_m,model");
   for (const StiffnessLimitRow& row : limits.rows)
     table.row({place(row.model), row.rate_hz, static_cast<double>(row.delay_ticks), row.stiffness_N_per_m,
-               row.at_cap ? 1.0 : 0.0, row.felt_N_per_m, row.passive_N_per_m, row.sampled_N_per_m,
-               static_cast<double>(row.runs)},
+               row.at_cap ? 1.0 : 0.0, row.felt_N_per_m, row.coupled_N_per_m, row.sampled_N_per_m,
+               static_cast<double>(row.runs), row.passive_N_per_m},
               {axialModelName(row.model)});
   return table.take();
 }

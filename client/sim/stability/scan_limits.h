@@ -21,7 +21,8 @@ struct StiffnessLimitRow {
   double stiffness_N_per_m = 0;  ///< the largest that was found stable, to 2 %
   bool at_cap = false;           ///< stable still at the largest stiffness of a profile: the limit lies above
   double felt_N_per_m = 0;       ///< force over depth at that stiffness, measured in the nudge
-  double passive_N_per_m = 0;    ///< (b + b_hand)/(T(½ + d)): Colgate and Schenkel, with delay
+  double coupled_N_per_m = 0;    ///< (b + b_hand)/(T(½ + d)): Colgate and Schenkel, with delay and this hand
+  double passive_N_per_m = 0;    ///< b/(T(½ + d)): of the device alone, whatever the hand
   double sampled_N_per_m = 0;    ///< the exact limit of the linear loop, with the model's own damper
   int runs = 0;                  ///< closed-loop runs that it took
 };

@@ -264,6 +264,9 @@ std::string_view stiffnessParameter(AxialModel model) {
       return "god_object.stiffness_n_per_m";
     case AxialModel::kFirstOrder:
       return "first_order.stiffness_n_per_m of the layer, up to puncture";
+    case AxialModel::kOkamura:
+    case AxialModel::kDahl:
+      return "okamura.linear_n_per_m of the layer, up to puncture";
     case AxialModel::kFem:
       return "fem: Young's modulus of all layers, as the stiffness that is felt at this depth";
   }

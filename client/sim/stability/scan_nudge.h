@@ -54,7 +54,8 @@ Result<NudgeRun> nudge(const ForceSourceFactory& source, const SceneSpec& scene,
                        const PlantOptions& plant, const NudgeOptions& options);
 
 /// Colgate and Schenkel (1997): a wall K, sampled and held, is passive when b > K T/2; with d further ticks
-/// of delay b > K T (½ + d). The hand's damping counts as the device's. In N/m.
+/// of delay b > K T (½ + d). With the device's damping alone: passive, so stable whatever the hand. With the
+/// hand's added: stable with that hand (coupled stability). In N/m.
 double passiveStiffnessLimit(double damping_Ns_per_m, double period_s, double delay_ticks);
 
 /// Abbott and Okamura (2005), Diolaiti et al. (2006): with encoder step Δ and Coulomb friction f_c a wall is
@@ -82,8 +83,8 @@ inline constexpr double kMaxProfileStiffness_N_per_m = 10'000;  ///< of a profil
 
 /// What "K" is: K_t of the tracking wall and of the models that it renders (STATISTICAL, and PRECOMPUTED,
 /// where the table rises with K_t too), the section's stiffness of DIRECT, VOIGT and GOD_OBJECT, the
-/// stiffness up to puncture of FIRST_ORDER: all by likeForLike from K_t. FEM has no such number: its E and
-/// its compliance are scaled until a nudge feels K.
+/// stiffness up to puncture of FIRST_ORDER, OKAMURA and DAHL: all by likeForLike from K_t. FEM has no such
+/// number: its E and its compliance are scaled until a nudge feels K.
 class ScannedModel {
  public:
   /// `scene` is the wall's. For FEM the constructor solves the mesh and measures the felt stiffness by nudges

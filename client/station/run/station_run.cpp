@@ -18,6 +18,7 @@
 
 #include "client/device/factory/device_factory.h"
 #include "client/net/uplink.h"
+#include "client/station/run/cut_follower.h"
 #include "client/station/run/lesson.h"
 #include "client/station/run/lesson_fetch.h"
 #include "client/station/run/local_score.h"
@@ -169,9 +170,10 @@ Status StationRun::practise() {
   // the lesson's figures for the instructor's overview; on the writer's thread
   const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
                                                           lesson_.exercise ? &*lesson_.exercise : nullptr);
-  callbacks.piece = [this, uplink, lesson_watch](const SamplePiece& piece) {
+  const auto cut_follower = std::make_shared<CutFollower>(lesson_.model);
+  callbacks.piece = [this, uplink, lesson_watch, cut_follower](const SamplePiece& piece) {
     if (uplink != nullptr) {
-      uplink->offer(piece);
+      uplink->offer(piece, cut_follower->follow(*piece.samples));
       lesson_watch->add(*piece.samples);
       uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->warnings(), lesson_watch->forceLimit_N(),
                           lesson_watch->layerName()});

@@ -9,6 +9,9 @@ namespace {
 // a stored pose has an error of half a micrometre: near the skin, replica and recording may differ for this
 // many ticks
 constexpr int kPatience_ticks = 5;
+/// Nobody goes into the tissue and out again in a shorter time: a first sample so early is the session's
+/// beginning, although the loop missed some ticks.
+constexpr double kBeginning_s = 0.1;
 
 Vec3 vectorOf(const double (&v)[3]) {
   return {v[0], v[1], v[2]};
@@ -53,11 +56,13 @@ struct GestureReplica::State {
   StepReport report;
   Moment now;
   std::uint64_t fed = 0;
-  bool lost = false;      // samples are missing since the tip was last outside
-  int disagreements = 0;  // consecutive ticks in which replica and recording differ on being inside
-  bool guessed = false;   // entry and u were guessed from the pose, because the entry was missed
+  bool lost = false;          // samples are missing since the tip was last outside
+  int disagreements = 0;      // consecutive ticks in which replica and recording differ on being inside
+  bool cuts_unknown = false;  // CUT_MEMORY: insertions before this one were not seen
+  bool guessed = false;       // entry and u were guessed from the pose, because the entry was missed
   Vec3 guessed_entry_W_m, guessed_u_W;
 
+  void forgetCuts();
   void stepAlong();
   void compareWith(const GestureSample& sample);
   void tellInsertion();
@@ -84,17 +89,29 @@ void GestureReplica::restart() {
   state_->now.wall_W_m = {nan, nan, nan};
   state_->now.alpha_rad = orientationLimitAngle(state_->model->needle_length_m, 0);
   state_->fed = 0;
-  state_->lost = state_->guessed = false;
+  state_->lost = state_->guessed = state_->cuts_unknown = false;
   state_->disagreements = 0;
 }
 
 void GestureReplica::noteGap() {
   state_->lost = true;
+  state_->forgetCuts();
+}
+
+void GestureReplica::takeCuts(const CutSnapshot& snapshot) {
+  State& state = *state_;
+  // an insertion under way already has a wall by what was known at its entry
+  const bool outside = state.fed > 0 && !state.now.inside && state.now.layer < 0;
+  if (!outside || snapshot.tick != state.now.tick || !state.model->isLive(Effect::kCutMemory)) return;
+  state.engine.cuts = snapshot.cuts;
+  state.cuts_unknown = false;
 }
 
 const Moment& GestureReplica::feed(const GestureSample& sample) {
   State& state = *state_;
   if (state.fed > 0 && sample.tick <= state.now.tick) restart();
+  if (state.fed == 0 && static_cast<double>(sample.tick) > kBeginning_s * state.loop_rate_hz)
+    state.forgetCuts();
   ++state.fed;
   copySample(sample, state.loop_rate_hz, state.now);
   if (canBeStepped(sample)) {
@@ -108,6 +125,10 @@ const Moment& GestureReplica::feed(const GestureSample& sample) {
 const Moment& GestureReplica::feed(std::span<const GestureSample> samples) {
   for (const GestureSample& sample : samples) feed(sample);
   return state_->now;
+}
+
+void GestureReplica::State::forgetCuts() {
+  cuts_unknown = model->isLive(Effect::kCutMemory);
 }
 
 void GestureReplica::State::stepAlong() {
@@ -125,6 +146,7 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
   }
   if (++disagreements <= kPatience_ticks) return;
   lost = true;
+  forgetCuts();
   if (!recorded_inside) {
     // the engine started differently, e.g. inside the tissue: no force until it has been outside
     engine = {};
@@ -138,7 +160,7 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
 void GestureReplica::State::tellInsertion() {
   now.depth_m = report.depth_m;
   now.inside = engine.inside || guessed;
-  now.approximate = now.inside && (lost || thinned);
+  now.approximate = now.inside && (lost || thinned || cuts_unknown);
   now.alpha_rad = orientationLimitAngle(model->needle_length_m, now.inside ? now.insertion_m : 0);
   now.tilt_rad = 0;
   now.clamping_W = {};
@@ -187,7 +209,7 @@ double forceOf(const Moment& moment) {
 
 std::array<double, kEffectCount> termsOf(const StepReport& report) {
   std::array<double, kEffectCount> terms{};
-  for (const EffectEntry* effect : effectEntries())
+  for (const EffectEntry* effect : effectsAsShown())
     terms[static_cast<std::size_t>(effect->effect)] = effect->value(report);
   return terms;
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/gesture/sample.h"
+#include "common/haptics/cut_snapshot.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 
@@ -38,8 +39,9 @@ struct Moment {
   double tilt_rad = 0;                       ///< θ, between the needle's axis and u
   std::array<double, kEffectCount> terms{};  ///< force terms by Effect: along u and signed, or a magnitude
   Vec3 clamping_W;  ///< unit vector of the clamping force (toward the line); zero without one
-  /// Ticks are missing, or samples were thinned, since the tip was last outside: the replica's values may be
-  /// inexact (the sample's own are not affected).
+  /// Ticks are missing, or samples were thinned, since the tip was last outside, or the scene has CUT_MEMORY
+  /// and what was cut before is not known: the replica's values may be inexact (the sample's own are not
+  /// affected).
   bool approximate = false;
 
   double& term(Effect effect) { return terms[static_cast<std::size_t>(effect)]; }
@@ -70,8 +72,13 @@ class GestureReplica {
   /// Feeds each sample; returns the last one's Moment.
   const Moment& feed(std::span<const GestureSample> samples);
   /// Reports lost samples (a dropped live frame, skipped chunks): until the tip is outside again, entry and
-  /// trajectory stay unchanged, or are guessed from the pose when the entry was missed.
+  /// trajectory stay unchanged, or are guessed from the pose when the entry was missed. With CUT_MEMORY
+  /// everything inside is `approximate` from then on, as it is when the first sample fed is not of the
+  /// session's beginning: until `takeCuts`, or `restart`.
   void noteGap();
+  /// Takes the memory of the cut as the station has it after the sample that was fed last, with the tip
+  /// outside; any other is ignored. The next insertions are exact again.
+  void takeCuts(const CutSnapshot& snapshot);
   /// Forgets everything, for a new session or a jump in a replay.
   void restart();
 

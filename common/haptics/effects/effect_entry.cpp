@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 
 #include "common/base/text.h"
 
@@ -10,15 +11,15 @@ namespace needlelab {
 // To add an effect: a file here that makes its entry, an enumerator in scene_spec.h, and a line in each of
 // these two lists.
 extern const EffectEntry kCuttingEntry, kAttractedEntry, kClampingEntry, kOrientationLimitEntry,
-    kShaftFrictionEntry, kPunctureEntry;
+    kShaftFrictionEntry, kPunctureEntry, kCutMemoryEntry;
 extern const std::array<EffectEntry, kDummyEffectCount> kDummyEntries;  // only in tests/instructions
 
 namespace {
 
 constexpr auto kEntries = [] {
-  std::array<const EffectEntry*, kEffectCount> entries = {&kCuttingEntry,       &kAttractedEntry,
-                                                          &kClampingEntry,      &kOrientationLimitEntry,
-                                                          &kShaftFrictionEntry, &kPunctureEntry};
+  std::array<const EffectEntry*, kEffectCount> entries = {
+      &kCuttingEntry,       &kAttractedEntry, &kClampingEntry, &kOrientationLimitEntry,
+      &kShaftFrictionEntry, &kPunctureEntry,  &kCutMemoryEntry};
   std::size_t next = kEffectCount - kDummyEffectCount;
   for (const EffectEntry& dummy : kDummyEntries) entries[next++] = &dummy;
   return entries;
@@ -30,9 +31,11 @@ std::span<const EffectEntry* const, kEffectCount> effectEntries() {
   return kEntries;
 }
 
-std::span<const EffectEntry* const, kEffectCount> effectsAsShown() {
+std::span<const EffectEntry* const> effectsAsShown() {
   static const auto kShown = [] {
-    auto sorted = kEntries;
+    std::vector<const EffectEntry*> sorted;
+    std::copy_if(kEntries.begin(), kEntries.end(), std::back_inserter(sorted),
+                 [](const EffectEntry* entry) { return entry->value != nullptr; });
     std::stable_sort(sorted.begin(), sorted.end(),
                      [](const EffectEntry* a, const EffectEntry* b) { return a->place < b->place; });
     return sorted;

@@ -46,7 +46,7 @@ struct EffectEntry {
   std::string_view label;       ///< for people: "Shaft friction"
   std::string_view short_name;  ///< head of a narrow column: "frict"
 
-  // its term of the report
+  // its term of the report; an effect that only changes the terms of others has none, and `value` is null
   std::string_view term;        ///< in legends, and with "_n" in CSV: "friction"
   std::string_view unit = "N";  ///< "N", or "N·m" for a torque
   bool along_u = true;          ///< signed, cutting is negative; else a magnitude
@@ -77,8 +77,8 @@ struct EffectEntry {
 
 /// All effects, in the order of `Effect`.
 std::span<const EffectEntry* const, kEffectCount> effectEntries();
-/// All effects in the order of `place`: the order of the sum and of the display.
-std::span<const EffectEntry* const, kEffectCount> effectsAsShown();
+/// The effects with a term, in the order of `place`: the order of the sum and of the display.
+std::span<const EffectEntry* const> effectsAsShown();
 const EffectEntry& effectEntry(Effect effect);
 
 /// Sets the scene's numbers to the initial values of a new section of this effect.

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "common/haptics/axial_model.h"
+#include "common/haptics/effects/effect_entry.h"
 
 namespace needlelab {
 
@@ -13,6 +14,16 @@ EffectMask effectsOfLayers(const SceneSpec& spec) {
     if (layer.attracted_force_N > 0) mask |= bitOf(Effect::kAttracted);
   }
   return mask;
+}
+
+void refuseReplacedEffects(const SceneSpec& spec, EffectMask replaced, std::string_view section,
+                           SpecChecker& check) {
+  check.enter("");
+  for (const EffectEntry* entry : effectEntries())
+    check.require((spec.effects & replaced & bitOf(entry->effect)) == 0, "effects",
+                  "lists " + std::string(entry->name) + ", which axial_model " +
+                      std::string(axialModelName(spec.axial_model)) + " has its own of (" +
+                      std::string(section) + "): take it out");
 }
 
 namespace {
@@ -53,6 +64,10 @@ const AxialEntry& axialEntry(AxialModel model) {
       return kPrecomputedEntry;
     case AxialModel::kFem:
       return kFemEntry;
+    case AxialModel::kOkamura:
+      return kOkamuraEntry;
+    case AxialModel::kDahl:
+      return kDahlEntry;
   }
   return kNotBuiltEntry;
 }

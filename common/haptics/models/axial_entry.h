@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <string_view>
 
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/engine.h"
@@ -31,6 +32,10 @@ const AxialEntry& axialEntry(AxialModel model);
 /// Returns CUTTING and ATTRACTED if the layers' own forces are not all zero.
 EffectMask effectsOfLayers(const SceneSpec& spec);
 
+/// Refuses a scene that lists an effect which its model has its own of. `section`: where the model has it.
+void refuseReplacedEffects(const SceneSpec& spec, EffectMask replaced, std::string_view section,
+                           SpecChecker& check);
+
 extern const AxialEntry kTrackingWallEntry;  ///< ENHANCED_TRACKING_WALL
 extern const AxialEntry kPlainWallEntry;     ///< TRACKING_WALL
 extern const AxialEntry kDirectEntry;
@@ -40,5 +45,7 @@ extern const AxialEntry kGodObjectEntry;
 extern const AxialEntry kFirstOrderEntry;
 extern const AxialEntry kStatisticalEntry;
 extern const AxialEntry kPrecomputedEntry;
+extern const AxialEntry kOkamuraEntry;
+extern const AxialEntry kDahlEntry;
 
 }  // namespace needlelab

@@ -1,5 +1,6 @@
-/// FIRST_ORDER: the needle's force as the sum of three, after Okamura, Simone and O'Leary 2004 (their
-/// quadratic stiffness taken linear): stiffness before puncture, then cutting and friction (FORCE_MODEL.md,
+/// FIRST_ORDER: the needle's force as the sum of three, after Okamura, Simone and O'Leary 2004, with their
+/// quadratic stiffness taken linear and their Karnopp friction without its static and viscous parts
+/// (okamura.cpp has all of it): stiffness before puncture, then cutting and friction (FORCE_MODEL.md,
 /// "Axial models"). Each layer has a surface at its top that holds with k (x − s) until this reaches its
 /// puncture force. While a surface holds, there is no cutting or friction beyond it (x_c of FORCE_MODEL.md,
 /// "Puncture"). Cutting is constant in a layer, and friction is ∫ friction ds over the length beyond the
@@ -9,11 +10,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <bit>
 
-#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
+#include "common/haptics/models/layer_tops.h"
 
 namespace needlelab {
 namespace {
@@ -30,26 +30,17 @@ struct FirstOrder {
     Tick own = tick;
     const double held_N = applyMembranes(model, state, own, before.x_m, before.depth_m, report);
 
-    // cutting in the open layer at x_c
-    const auto closed = static_cast<std::uint32_t>(std::countr_zero(intactMembranes(state)));
-    double cut_m = 0.0;
-    if (closed != 0) cut_m = model.layers[std::min(state.layer, closed - 1)].cut_stretch_m;
-    state.wall_m = std::min(std::max(state.wall_m, own.x_cut_m - cut_m), own.x_cut_m);
-    report.cutting_N = -model.wall.stiffness_N_per_m * (own.x_cut_m - state.wall_m);
+    const double cutting_N = cutBeyondTops(model, state, own, report);
 
     // friction on the length beyond the surfaces
-    own.insertion_m = std::min(tick.insertion_m, std::max(0.0, own.x_cut_m));
-    return report.cutting_N + applyShaftFriction(model, state, own, report) + held_N;
+    own.insertion_m = lengthBeyondTops(own);
+    return cutting_N + applyShaftFriction(model, state, own, report) + held_N;
   }
 };
 constexpr StepTable kFirstOrderSteps = stepTable<FirstOrder>();
 
 void checkFirstOrder(const SceneSpec& spec, SpecChecker& check) {
-  check.enter("");
-  for (const EffectEntry* entry : effectEntries())
-    check.require((spec.effects & FirstOrder::kReplaces & bitOf(entry->effect)) == 0, "effects",
-                  "lists " + std::string(entry->name) +
-                      ", which axial_model FIRST_ORDER has its own of (layers[].first_order): take it out");
+  refuseReplacedEffects(spec, FirstOrder::kReplaces, "layers[].first_order", check);
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
     check.enter(fmt::format("layers[{}].", i));
     const auto& own = spec.layers[i].first_order;

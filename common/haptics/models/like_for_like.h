@@ -14,9 +14,9 @@ inline constexpr int kDefaultFemNodes = 10'000;
 inline constexpr double kSyntheticSdShare = 0.1;
 
 /// The scene with `model` in place of its own. If the scene already has the section of that model (a table
-/// with rows, `first_order` of a layer, `fem` with layers, a stiffness that is not the default), the section
-/// stays; otherwise it is derived from the layers, f_i being the cutting force of layer i (0 where CUTTING is
-/// not listed) and K_t the tracking wall's stiffness:
+/// with rows, `first_order` or `okamura` of a layer, `fem` with layers, a stiffness that is not the default),
+/// the section stays; otherwise it is derived from the layers, f_i being the cutting force of layer i (0
+/// where CUTTING is not listed) and K_t the tracking wall's stiffness:
 /// - DIRECT, VOIGT, GOD_OBJECT: stiffness K_t, the rest at its default.
 /// - PRECOMPUTED: the force that the tracking wall shows over depth in a straight insertion: cutting rises
 ///   with slope K_t below each layer's top as far as f_i or the layer's bottom, falls and attracted forces
@@ -26,6 +26,10 @@ inline constexpr double kSyntheticSdShare = 0.1;
 ///   and secant stiffness of the layer's membrane where PUNCTURE is listed and the layer has one, else
 ///   puncture force f_i − f_{i−1} (at least 1 mN) with stiffness K_t. Both effects leave the list, CUTTING
 ///   enters it.
+/// - OKAMURA, DAHL: cutting, puncture force and kinetic friction as FIRST_ORDER; linear and quadratic
+///   stiffness of the membrane, or K_t and 0; static friction 1.55 times kinetic in and 1.75 times out,
+///   viscous 24.5 and 20.1 s/m times kinetic: the ratios of bovine liver (Okamura, Simone and O'Leary 2004).
+///   Of a scene that lists neither SHAFT_FRICTION nor PUNCTURE both give the forces of FIRST_ORDER.
 /// - FEM: E from the lateral stiffness per length k' of a rigid needle, k' = 8πG (1 − ν)/((3 − 4ν) ln(R/r)),
 ///   the leading term of a rigid disc moved in plane strain (Baguelin, Frank and Said 1977) with R/r = 100:
 ///   E = 1.16 k' at ν = 0.45; 10 kPa where k' is 0. Cutting and friction as for FIRST_ORDER, SHAFT_FRICTION

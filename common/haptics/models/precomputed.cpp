@@ -62,6 +62,9 @@ void compileTable(const SceneSpec& spec, SceneModel& model) {
                model.isLive(Effect::kAttracted) ? row.attracted_N / stiffness : 0.0);
   table->finish();
   model.depth_table = std::move(table);
+  model.cut_reach = [](const SceneModel& scene, SimState& state, double depth_m) noexcept {
+    return scene.depth_table->at(depth_m, state.table_row).a;
+  };
 }
 
 }  // namespace

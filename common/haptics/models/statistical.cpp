@@ -91,6 +91,10 @@ constinit const AxialEntry kStatisticalEntry = {
     [](const SceneSpec& spec, SceneModel& model) {
       model.axial_stiffness_N_per_m = spec.tracking_wall.stiffness_N_per_m;
       model.statistical = std::make_shared<const StatisticalTarget>(spec.statistical);
+      model.cut_reach = [](const SceneModel& scene, SimState& state, double depth_m) noexcept {
+        return scene.statistical->at(state.insertions - 1, depth_m, state.score, state.table_row) /
+               scene.wall.stiffness_N_per_m;
+      };
     }};
 
 }  // namespace needlelab

@@ -15,6 +15,9 @@ void nothingToCheck(const SceneSpec&, SpecChecker&) {}
 
 void useWall(const SceneSpec& spec, SceneModel& model) {
   model.axial_stiffness_N_per_m = spec.tracking_wall.stiffness_N_per_m;
+  model.cut_reach = [](const SceneModel& scene, SimState& state, double) noexcept {
+    return scene.layers[state.layer].cut_stretch_m;
+  };
 }
 
 }  // namespace

@@ -1,8 +1,11 @@
 /// VOIGT: a spring and a damper side by side from the surface to the tip, the Kelvin-Voigt element that many
 /// simulators use for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), it never pulls
 /// (FORCE_MODEL.md, "Axial models"). ẋ is the difference over one tick, x = 0 at the tick before entry: a
-/// quantised position causes force steps of B·quantum/T there; the model is here to show that, too.
+/// quantised position causes force steps of B·quantum/T there; the model is here to show that, too. With
+/// `velocity_noise_m` ẋ comes from an adaptive window (Janabi-Sharifi, Hayward and Chen 2000): what a careful
+/// programmer would write.
 #include <algorithm>
+#include <cmath>
 
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
@@ -10,7 +13,27 @@
 namespace needlelab {
 namespace {
 
-constexpr NumberRange kDamping{0, 1000};
+constexpr NumberRange kDamping{0, 1000}, kNoise{0, 1e-3};
+
+// Way per tick over the longest window, 16 ticks at most, whose end points' line is within the noise of every
+// position between them: long while the needle rests, short while it accelerates.
+double adaptiveMove_m(const SceneModel& model, const SimState& state) {
+  constexpr std::uint64_t kMostTicks = 16;
+  const auto back_m = [&](std::uint64_t ticks) {
+    return state.x_history_m[(state.ticks_inside - ticks) & state.history_mask];
+  };
+  const std::uint64_t most = std::min({kMostTicks, state.history_mask, state.ticks_inside});
+  const double now_m = back_m(0);
+  double moved_m = now_m - back_m(1);
+  for (std::uint64_t n = 2; n <= most; ++n) {
+    const double slope_m = (now_m - back_m(n)) / static_cast<double>(n);
+    for (std::uint64_t j = 1; j < n; ++j)
+      if (std::fabs(now_m - static_cast<double>(j) * slope_m - back_m(j)) > model.velocity_noise_m)
+        return moved_m;
+    moved_m = slope_m;
+  }
+  return moved_m;
+}
 
 struct Voigt {
   static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
@@ -20,8 +43,9 @@ struct Voigt {
                       StepReport& report) {
     // uses stored positions, so that a turn of u does not count as motion; the zero before the entry tick is
     // one of them
-    const double moved_m = state.x_history_m[state.ticks_inside & state.history_mask] -
-                           state.x_history_m[(state.ticks_inside - 1) & state.history_mask];
+    double moved_m = state.x_history_m[state.ticks_inside & state.history_mask] -
+                     state.x_history_m[(state.ticks_inside - 1) & state.history_mask];
+    if (model.velocity_noise_m > 0) moved_m = adaptiveMove_m(model, state);
     const double pressed_N =
         model.axial_stiffness_N_per_m * tick.x_m + model.axial_damping_Ns_per_m * (moved_m / model.period_s);
     return report.cutting_N = -std::max(0.0, pressed_N);
@@ -37,11 +61,13 @@ constinit const AxialEntry kVoigtEntry = {
       check.enter("voigt.");
       check.number("stiffness_n_per_m", spec.voigt.stiffness_N_per_m, kStiffness);
       check.number("damping_ns_per_m", spec.voigt.damping_Ns_per_m, kDamping);
+      check.number("velocity_noise_m", spec.voigt.velocity_noise_m, kNoise);
     },
     [](const SceneSpec&) { return bitOf(Effect::kCutting); },
     [](const SceneSpec& spec, SceneModel& model) {
       model.axial_stiffness_N_per_m = spec.voigt.stiffness_N_per_m;
       model.axial_damping_Ns_per_m = spec.voigt.damping_Ns_per_m;
+      model.velocity_noise_m = spec.voigt.velocity_noise_m;
     }};
 
 }  // namespace needlelab

@@ -63,7 +63,7 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
 // the live stages; the cap comes after them
 void compileStages(const SceneSpec& spec, SceneModel& model) {
   model.stage_numbers = spec.stage_numbers;
-  for (const EffectEntry* entry : effectsAsShown()) {
+  for (const EffectEntry* entry : effectEntries()) {
     if (entry->stage == nullptr || !model.isLive(entry->effect)) continue;
     model.stages[model.stage_count++] = entry->stage;
     if (entry->compileStage != nullptr) entry->compileStage(model);

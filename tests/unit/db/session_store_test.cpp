@@ -98,6 +98,29 @@ TEST_F(SessionStoreTest, aPrefixOfAStoredChunkIsAContradiction) {
   EXPECT_EQ(store.append(id, 0, {})->kind, Appended::Kind::kContradiction);
 }
 
+// One byte must not make the writer, for which all wait, read a stored megabyte.
+TEST_F(SessionStoreTest, aContradictionOfAnotherLengthReadsNoStoredChunk) {
+  constexpr std::size_t kLong = 900'000;
+  openAndAppend(1);
+  ASSERT_OK(db.writer.run("UPDATE chunks SET bytes = zeroblob(?)", kLong));
+  const auto pagesRead = [&](ByteView sent) {
+    int hits = 0, misses = 0, most = 0;
+    const auto look = [&](int what, int& count) {
+      EXPECT_EQ(sqlite3_db_status(db.writer.handle(), what, &count, &most, 1), SQLITE_OK);
+    };
+    look(SQLITE_DBSTATUS_CACHE_HIT, hits);
+    look(SQLITE_DBSTATUS_CACHE_MISS, misses);
+    EXPECT_EQ(store.append(id, 0, sent, "station-1")->kind, Appended::Kind::kContradiction);
+    look(SQLITE_DBSTATUS_CACHE_HIT, hits);
+    look(SQLITE_DBSTATUS_CACHE_MISS, misses);
+    return hits + misses;
+  };
+  const Bytes one = {'x'}, as_long(kLong, 'x');
+  (void)pagesRead(one);  // the first one writes a line in the log
+  EXPECT_LT(pagesRead(one), 50);
+  EXPECT_GT(pagesRead(as_long), 100) << "the count sees what is read";
+}
+
 TEST_F(SessionStoreTest, allContradictionsOfASessionGiveOneLineInTheLog) {
   openAndAppend(2);
   const auto lines = [&] { return AuditStore(db.writer).list(0, 0, {}, "chunk contradicts"); };

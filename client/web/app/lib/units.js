@@ -64,6 +64,7 @@ const kFieldUnits = [
   ['_n_per_m2', 1, 'N/m²'],
   ['_n_per_m', 1, 'N/m'],
   ['_nm_per_rad', 1, 'N·m/rad'],
+  ['_ns_per_m2', 1, 'N·s/m²'],
   ['_ns_per_m', 1, 'N·s/m'],
   ['_nm', 1, 'N·m'],
   ['_m_s', 1e-3, 'mm/s', 'm/s'],

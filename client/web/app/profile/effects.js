@@ -15,4 +15,7 @@ export const kEffects = [
     section: 'shaft_friction', fields: [['stiffness_n_per_m', 'Friction stiffness']],
     begin: { stiffness_n_per_m: 140 } },
   { name: 'PUNCTURE', label: 'Puncture: membranes that give way', title: 'Puncture' },
+  { name: 'CUT_MEMORY', label: 'Memory of the cut: what was cut stays cut', title: 'Cut memory',
+    section: 'cut_memory', fields: [['cutting_share', 'Share of the cutting force along a cut'], ['radius_m', 'Radius of a cut']],
+    begin: { cutting_share: 0.23, radius_m: 0.001 } },
 ];

@@ -63,6 +63,21 @@ function LayerFields({ f, i, layer, name }) {
         ${f.number(`layers[${i}].first_order.friction_n_per_m`, 'Friction (first order)')}
       </div>`
     }
+    ${
+      ['OKAMURA', 'DAHL'].includes(f.doc.axial_model) &&
+      html`<div class="fields">
+        ${f.number(`layers[${i}].okamura.linear_n_per_m`, 'Stiffness (Okamura)')}
+        ${f.number(`layers[${i}].okamura.quadratic_n_per_m2`, 'Stiffening (Okamura)')}
+        ${f.number(`layers[${i}].okamura.puncture_force_n`, 'Puncture force (Okamura)')}
+        ${f.number(`layers[${i}].okamura.cutting_force_n`, 'Cutting force (Okamura)')}
+        ${f.number(`layers[${i}].okamura.kinetic_in_n_per_m`, 'Kinetic friction in')}
+        ${f.number(`layers[${i}].okamura.kinetic_out_n_per_m`, 'Kinetic friction out')}
+        ${f.number(`layers[${i}].okamura.static_in_n_per_m`, 'Static friction in')}
+        ${f.number(`layers[${i}].okamura.static_out_n_per_m`, 'Static friction out')}
+        ${f.number(`layers[${i}].okamura.viscous_in_ns_per_m2`, 'Viscous friction in')}
+        ${f.number(`layers[${i}].okamura.viscous_out_ns_per_m2`, 'Viscous friction out')}
+      </div>`
+    }
   `;
 }
 

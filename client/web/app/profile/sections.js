@@ -22,6 +22,8 @@ const kModels = [
   ['STATISTICAL', 'Statistical'],
   ['PRECOMPUTED', 'Precomputed'],
   ['FEM', 'Finite elements'],
+  ['OKAMURA', 'Okamura (Karnopp friction)'],
+  ['DAHL', 'Dahl (Kim and Lee)'],
 ];
 const kModelFields = {
   DIRECT: [['direct.stiffness_n_per_m', 'Stiffness']],

@@ -1,9 +1,11 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "client/device/haptic_chain.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/surface.h"
 #include "tests/support/random.h"
 #include "tests/support/scenes.h"
@@ -46,6 +48,30 @@ TEST_F(HapticChainTest, theHandleGetsForceAndItsLever) {
   EXPECT_EQ(sample.time_ns, 7);
   EXPECT_EQ(sample.device_ns, 8);
   EXPECT_EQ(sample.engine_ns, 9);
+}
+
+// CUT_MEMORY: the cuts belong to the lesson, which has a chain of its own
+TEST_F(HapticChainTest, aNewChainKnowsNoCutsOfTheOneBefore) {
+  SceneSpec scene = paperOneDof();
+  scene.effects |= bitOf(Effect::kCutMemory);
+  useUsualNumbers(effectEntry(Effect::kCutMemory), scene);
+  const SceneModel remembering = *compile(scene, kChainRate_hz);
+  const auto insertInto = [&](HapticChain& chain) {
+    for (int k = 0; k < 1500; ++k) chain.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
+    const double deep_N = tick_.report.cutting_N;
+    for (int k = 1500; k >= 0; --k) chain.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
+    return deep_N;
+  };
+  HapticChain lesson(remembering, DeviceLimits{}, kTool), next(remembering, DeviceLimits{}, kTool);
+  EXPECT_NEAR(insertInto(lesson), -1, 1e-9);
+  // cut to 11 mm, where the wall was: up to there it costs the share
+  double most_N = 0;
+  for (int k = 0; k < 1200; ++k) {
+    lesson.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
+    most_N = std::max(most_N, -tick_.report.cutting_N);
+  }
+  EXPECT_NEAR(most_N, 0.23, 1e-9);
+  EXPECT_NEAR(insertInto(next), -1, 1e-9);
 }
 
 TEST_F(HapticChainTest, onlyTheAskedShareIsRendered) {

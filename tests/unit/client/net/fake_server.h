@@ -9,7 +9,6 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "client/net/connect.h"
@@ -19,6 +18,7 @@
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/client/net/loopback_server.h"
 
 namespace needlelab::test {
 
@@ -45,20 +45,12 @@ struct KeptSession {
   std::int64_t clock_round_trip_ns = 0;
 };
 
-/// Runs in its own thread. Thread: call all public members from the test thread.
-class FakeServer {
+/// Runs in its own thread.
+class FakeServer : public LoopbackServer {
  public:
   FakeServer() : FakeServer(0) {}
-  explicit FakeServer(std::uint16_t port)
-      : acceptor_(io_, Tcp::endpoint(asio::ip::address_v4::loopback(), port)) {
-    asio::co_spawn(io_, accept(), rethrow);
-    thread_ = std::thread([this] { io_.run(); });
-  }
-  ~FakeServer() {
-    io_.stop();
-    thread_.join();
-  }
-  [[nodiscard]] std::uint16_t port() const { return acceptor_.local_endpoint().port(); }
+  explicit FakeServer(std::uint16_t port) : LoopbackServer(port) { begin(tls().server); }
+  ~FakeServer() override { end(); }
   [[nodiscard]] ClientConfig clientConfig() const { return clientConfig(port()); }
   static ClientConfig clientConfig(std::uint16_t port) {
     ClientConfig config;
@@ -74,6 +66,8 @@ class FakeServer {
     return sessions_;
   }
   std::uint64_t liveFrames() { return live_frames_; }
+  /// Live frames with the memory of the cut.
+  std::uint64_t liveMemories() { return live_memories_; }
   std::uint64_t statusLines() { return status_lines_; }
   pb::StationStatus newestStatus() {
     const std::scoped_lock lock(status_mutex_);
@@ -81,18 +75,6 @@ class FakeServer {
   }
   /// Returns the largest number of chunks of one session so far.
   std::uint64_t mostChunks() { return most_chunks_; }
-  /// Sends to all connected stations.
-  void broadcast(const pb::Envelope& envelope) {
-    asio::post(io_, [this, envelope] {
-      for (const auto& channel : channels_) channel->send(envelope);
-    });
-  }
-  void dropConnections() {
-    asio::post(io_, [this] {
-      for (const auto& channel : channels_) channel->close(CloseReason::kLocal, "the test cuts it");
-      channels_.clear();
-    });
-  }
   /// The certificate authority of `clientConfig`, for programs that read it from a file.
   static std::filesystem::path caFile() { return tls().files.ca_certificate; }
   /// What every known exercise gets.
@@ -139,15 +121,8 @@ class FakeServer {
     return made;
   }
 
-  Task<> accept() {
-    for (;;) {
-      auto [error, socket] = co_await acceptor_.async_accept(kUseTuple);
-      if (error) co_return;
-      asio::co_spawn(io_, serve(Channel::make(TlsStream(std::move(socket), *tls().server), {})), rethrow);
-    }
-  }
-
-  Task<> serve(std::shared_ptr<Channel> channel) {
+  /// Only those who have logged in are in `channels_`.
+  Task<> serve(std::shared_ptr<Channel> channel) override {
     if (auto shaken = co_await channel->handshake(asio::ssl::stream_base::server); !shaken.ok()) co_return;
     pb::Envelope hello;
     *hello.mutable_hello()->mutable_version() = ourVersion();
@@ -204,6 +179,7 @@ class FakeServer {
           envelope.clock_offset().round_trip_ns();
     } else if (envelope.has_live_frame()) {
       ++live_frames_;
+      if (!envelope.live_frame().cut_memory().empty()) ++live_memories_;
     } else if (envelope.has_station_status()) {
       const std::scoped_lock status_lock(status_mutex_);
       newest_status_ = envelope.station_status();
@@ -312,9 +288,6 @@ class FakeServer {
     channel->send(ack);
   }
 
-  asio::io_context io_{1};
-  Tcp::acceptor acceptor_;
-  std::vector<std::shared_ptr<Channel>> channels_;
   std::uint64_t chunks_seen_ = 0;
   std::mutex mutex_;
   std::map<std::string, KeptSession> sessions_;
@@ -322,10 +295,9 @@ class FakeServer {
   std::map<std::string, std::string> codes_;  // by trainee
   std::map<std::string, int> wrong_codes_;
   std::vector<std::string> given_codes_;
-  std::atomic<std::uint64_t> live_frames_{0}, status_lines_{0}, most_chunks_{0};
+  std::atomic<std::uint64_t> live_frames_{0}, live_memories_{0}, status_lines_{0}, most_chunks_{0};
   std::mutex status_mutex_;
   pb::StationStatus newest_status_;
-  std::thread thread_;
 };
 
 }  // namespace needlelab::test

@@ -9,7 +9,6 @@
 #include <memory>
 #include <mutex>
 #include <stdexcept>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -18,28 +17,24 @@
 #include "common/wire/protocol.h"
 #include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/client/net/loopback_server.h"
 
 namespace needlelab::test {
 
 /// A scripted server: answers each envelope as the test defines, on any number of connections.
-class ScriptedServer {
+class ScriptedServer : public LoopbackServer {
  public:
   using Script = std::function<std::vector<pb::Envelope>(const pb::Envelope&)>;
 
   explicit ScriptedServer(Script script) : script_(std::move(script)) {
     if (!ensureTlsFiles(files, {{"localhost", "127.0.0.1"}}).ok())
       throw std::runtime_error("no certificates");
-    tls_ = *makeServerTls(files.certificate, files.key);
-    asio::co_spawn(io_, accept(), rethrow);
-    thread_ = std::thread([this] { io_.run(); });
+    begin(*makeServerTls(files.certificate, files.key));
   }
-  ~ScriptedServer() {
-    io_.stop();
-    thread_.join();
-  }
+  ~ScriptedServer() override { end(); }
   [[nodiscard]] ClientConfig config() const {
     ClientConfig config;
-    config.server.port = acceptor_.local_endpoint().port();
+    config.server.port = port();
     config.ca_file = files.ca_certificate;
     config.login = personLogin("anna", "secret");
     config.connect_timeout = std::chrono::milliseconds(2000);
@@ -58,30 +53,12 @@ class ScriptedServer {
   std::size_t logins() {
     return count([](const pb::Envelope& e) { return e.has_login(); });
   }
-  void broadcast(const pb::Envelope& envelope) {
-    asio::post(io_, [this, envelope] {
-      for (const auto& channel : channels_) channel->send(envelope);
-    });
-  }
-  void dropConnections() {
-    asio::post(io_, [this] {
-      for (const auto& channel : channels_) channel->close(CloseReason::kLocal, "the test cuts it");
-      channels_.clear();
-    });
-  }
 
   TempFolder folder;
   TlsFiles files = tlsFilesIn(folder.path());
 
  private:
-  Task<> accept() {
-    for (;;) {
-      auto [error, socket] = co_await acceptor_.async_accept(kUseTuple);
-      if (error) co_return;
-      asio::co_spawn(io_, serve(Channel::make(TlsStream(std::move(socket), *tls_), {})), rethrow);
-    }
-  }
-  Task<> serve(std::shared_ptr<Channel> channel) {
+  Task<> serve(std::shared_ptr<Channel> channel) override {
     const Status shaken = co_await channel->handshake(asio::ssl::stream_base::server);
     if (!shaken.ok()) co_return;
     channels_.push_back(channel);
@@ -97,13 +74,8 @@ class ScriptedServer {
   }
 
   Script script_;
-  asio::io_context io_{1};
-  Tcp::acceptor acceptor_{io_, Tcp::endpoint(asio::ip::address_v4::loopback(), 0)};
-  TlsContext tls_;
-  std::vector<std::shared_ptr<Channel>> channels_;
   std::mutex mutex_;
   std::vector<pb::Envelope> received_;
-  std::thread thread_;
 };
 
 inline pb::Envelope hello() {

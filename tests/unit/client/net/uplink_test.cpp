@@ -415,6 +415,9 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
     uplink->offer(piece);
     return server.liveFrames() > 5;
   }));
+  EXPECT_EQ(server.liveMemories(), 0u);
+  uplink->offer(piece, Bytes(12, 1));
+  ASSERT_TRUE(eventually([&] { return server.liveMemories() == 1; }));
   watch.mutable_watch_state()->set_watched(false);
   server.broadcast(watch);
   // messages and status lines keep their order: what is said after it has arrived after it

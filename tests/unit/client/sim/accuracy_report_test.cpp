@@ -9,6 +9,7 @@
 #include "client/sim/accuracy/panel_layout.h"
 #include "client/sim/accuracy/recommendation.h"
 #include "client/sim/accuracy/report.h"
+#include "client/sim/tools/hand_thresholds.h"
 #include "tests/unit/client/sim/accuracy_rows.h"
 
 namespace needlelab {
@@ -38,6 +39,28 @@ TEST(ParetoFront, whatWasNotMeasuredIsNotOnItAndBeatsNothing) {
               ElementsAre(false, true, false));
 }
 
+TEST(ParetoFront, aDifferenceWithinTheNoiseOfTheRunsDecidesNothing) {
+  // cost, error, least, greatest: 100 and 104 overlap, so the smaller error alone is on the front
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 3, 95, 106}, {104, 2, 98, 110}}),
+              ElementsAre(false, true));
+  // the same medians with narrow runs: both are
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 3, 99, 101}, {104, 2, 103, 105}}),
+              ElementsAre(true, true));
+  // equal errors within the noise: both
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 2, 95, 106}, {104, 2, 98, 110}}),
+              ElementsAre(true, true));
+}
+
+TEST(ParetoFront, instructionsBreakTheTiesOfTime) {
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 2, 95, 106, 210}, {104, 2, 98, 110, 190}}),
+              ElementsAre(false, true));
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{100, 2, 99, 101, 210}, {104, 2, 103, 105, 190}}),
+              ElementsAre(true, false))
+      << "where time decides, they do not";
+  EXPECT_TRUE(costsLess({104, 0, 98, 110, 190}, {100, 0, 95, 106, 210}));
+  EXPECT_FALSE(costsLess({100, 0, 95, 106}, {104, 0, 98, 110, 190})) << "one of them was not counted";
+}
+
 TEST(AccuracyGroups, rowsOfAnotherReferenceOrSceneAreNotCompared) {
   AccuracyRows rows = {modelRow("A", 1, 1), modelRow("B", 2, 2), modelRow("C", 3, 3), modelRow("D", 4, 4)};
   rows[1].reference = "another";
@@ -49,8 +72,15 @@ TEST(AccuracyGroups, rowsOfAnotherReferenceOrSceneAreNotCompared) {
 }
 
 TEST(AccuracyGroups, aRatesCostIsItsShareOfACoreInAMillisecond) {
-  EXPECT_DOUBLE_EQ(*costOf_ns(rateRow(4000, 0.1, 2)), 400);
-  EXPECT_DOUBLE_EQ(*costOf_ns(modelRow("A", 0.1, 30)), 30);
+  EXPECT_DOUBLE_EQ(costOf_ns(rateRow(4000, 0.1, 2))->value, 400);
+  EXPECT_DOUBLE_EQ(costOf_ns(modelRow("A", 0.1, 30))->value, 30);
+  // the price of a tick four times in a millisecond, with its runs
+  AccuracyRow row = rateRow(4000, 0.1, 2);
+  setCost(row, test::costOf(120, 100, 150), 4000);
+  EXPECT_DOUBLE_EQ(costOf_ns(row)->value, 480);
+  EXPECT_DOUBLE_EQ(costOf_ns(row)->low, 400);
+  EXPECT_DOUBLE_EQ(costOf_ns(row)->high, 600);
+  EXPECT_FALSE(costOf_ns(AccuracyRow{}));
 }
 
 TEST(AccuracyTable, saysComparatorUncertaintyAndWhatItCannotShow) {
@@ -61,6 +91,27 @@ TEST(AccuracyTable, saysComparatorUncertaintyAndWhatItCannotShow) {
   EXPECT_THAT(text, HasSubstr("NO"));
   EXPECT_THAT(text, HasSubstr("rms error [N]"));
   EXPECT_THAT(text, Not(HasSubstr("bytes/sample"))) << "no row of the group has it";
+}
+
+TEST(AccuracyTable, aLimitThatHoldsForSomeRowsNamesThem) {
+  AccuracyRows rows = {modelRow("A", 0.1, 10), modelRow("B", 0.2, 20)};
+  rows[0].cannot_show = "cutting. It is its own copy";
+  rows[1].cannot_show = "cutting";
+  const std::string text = accuracyTables(rows);
+  EXPECT_THAT(text, HasSubstr("cannot show: cutting\n"));
+  EXPECT_THAT(text, HasSubstr("cannot show, A: It is its own copy"));
+}
+
+TEST(AccuracyTable, hasThePriceItsRunsAndTheTailsBesideAnEmptyCalls) {
+  AccuracyRows rows = {modelRow("A", 0.1, 10), modelRow("B", 0.2, 20)};
+  TickCost cost = test::costOf(880, 800, 999);
+  cost.slept = {310, 700, 900};
+  cost.slept_empty = {60, 90, 120};
+  for (AccuracyRow& row : rows) setCost(row, cost, 1000);
+  const std::string text = accuracyTables(rows);
+  EXPECT_THAT(text, HasSubstr("price [ns]"));
+  EXPECT_THAT(text, HasSubstr("800–999"));
+  EXPECT_THAT(text, HasSubstr("310/700/900 (60/90/120)"));
 }
 
 TEST(AccuracyTable, columnsAlignWhateverTheLettersBytes) {
@@ -92,6 +143,14 @@ TEST(AccuracyJson, hasTheColumnsOfTheDesignAndNullWhereAStudyUsesNone) {
   EXPECT_EQ(json["rms_error_n"], 0.25);
   EXPECT_TRUE(json["quantum_m"].is_null());
   EXPECT_EQ(json["fits_rate"], true);
+  EXPECT_TRUE(json["cost_ns"].is_null());
+  AccuracyRow timed = modelRow("VOIGT", 0.25, 20);
+  setCost(timed, test::costOf(880, 800, 999), 1000);
+  EXPECT_EQ(jsonOf(timed)["cost_ns"], 880);
+  EXPECT_EQ(jsonOf(timed)["cost_high_ns"], 999);
+  for (const char* kind : {"hot", "hot_empty", "flushed", "flushed_empty", "slept", "slept_empty"})
+    for (const char* quantile : {"_p50_ns", "_p99_ns", "_p999_ns"})
+      EXPECT_TRUE(jsonOf(timed).contains(std::string(kind) + quantile)) << kind << quantile;
 }
 
 TEST(AccuracyJson, whatIsNotFiniteIsNull) {
@@ -135,12 +194,92 @@ TEST(Recommendation, changesWhenTheRowsChange) {
   AccuracyRows rows = {modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)};
   rows[0].max_step_n = 1;
   EXPECT_THAT(adviceOf(rows), HasSubstr("take GOOD"));
-  // If the good model is too slow, none is good enough: the report recommends the smallest error that is fast
-  // enough.
+  // If the good model is too slow, none is good enough: the report names the smallest error that is fast
+  // enough, and does not recommend it.
   rows[1].fits_rate = false;
-  EXPECT_THAT(adviceOf(rows), HasSubstr("take CHEAP"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("none can be recommended; the nearest is CHEAP"));
   EXPECT_THAT(adviceOf(rows), HasSubstr("none is below"));
   EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: GOOD"));
+}
+
+// 0.175 N is what a hand notices of a force that it compares; a step of 0.05 N beside it is felt all the same
+TEST(Recommendation, aStepInTimeIsJudgedByItsOwnThreshold) {
+  AccuracyRows rows = {modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)};
+  rows[0].max_step_n = 0.05;
+  rows[1].max_step_n = 0.02;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take GOOD"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("(0.2 N; a step in time: 0.021 N)"));
+  rows[0].max_step_n = 0.02;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take CHEAP"));
+  AccuracyRow slow = rateRow(250, 0.01, 3), fast = rateRow(1000, 0.001, 3);
+  slow.max_step_n = 0.075;
+  EXPECT_GT(missOf(slow), 1);
+  EXPECT_LE(missOf(fast), 1);
+}
+
+TEST(Recommendation, aChoicePassesWhenItsIntervalDoes) {
+  AccuracyRows rows = {modelRow("CHEAP", 0.15, 10), modelRow("DEAR", 0.1, 20)};
+  rows[0].rms_error_spread_n = 0.04;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take CHEAP")) << "0.19 N of 0.2 N";
+  rows[0].rms_error_spread_n = 0.06;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take DEAR")) << "0.15 ± 0.06 N reaches above 0.2 N";
+}
+
+TEST(Recommendation, saysByHowMuchItsCriterionIsMissed) {
+  AccuracyRows rows = {modelRow("A", 0.75, 10), modelRow("B", 0.9, 20)};
+  EXPECT_DOUBLE_EQ(missOf(rows[0]), 3.75);
+  EXPECT_THAT(adviceOf(rows), HasSubstr("none can be recommended; the nearest is A"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("3.8 times the limit"));
+  EXPECT_THAT(findingOf(AccuracyStudy::kModel, rows),
+              HasSubstr("None passes: A comes nearest, 3.8 times the limit"));
+  rows[0].rms_error_n = 0.1;
+  rows[0].max_step_n = 1;
+  EXPECT_DOUBLE_EQ(missOf(rows[0]), 1 / kNoticeableStep_N) << "the step, which is felt whatever the error";
+  EXPECT_DOUBLE_EQ(missOf(rateRow(1000, 0.1, 0.5)), 4) << "twice the stiffness, half of it allowed";
+}
+
+TEST(Recommendation, whatMetNoConditionDoesNotVote) {
+  AccuracyRows rows = {modelRow("A", 0.75, 10), modelRow("B", 0.9, 20), modelRow("A", 0.5, 10),
+                       modelRow("B", 0.1, 20),  modelRow("A", 0.6, 10), modelRow("B", 0.9, 20)};
+  rows[2].scene = rows[3].scene = "second";
+  rows[4].scene = rows[5].scene = "third";
+  const std::string sum = recommendation(rows).back();
+  EXPECT_THAT(sum, HasSubstr("the model B")) << "A is nearer twice, but never near enough";
+  EXPECT_THAT(sum, Not(HasSubstr("frequent"))) << "one comparison alone voted";
+  rows[3].rms_error_n = 0.9;
+  EXPECT_THAT(recommendation(rows).back(), HasSubstr("no model can be recommended"));
+  EXPECT_THAT(recommendation(rows).back(), Not(HasSubstr("the model A")));
+}
+
+TEST(Recommendation, aModelAgainstItsOwnLawIsShownAndDoesNotVote) {
+  AccuracyRows rows = {modelRow("FEM", 0.01, 100), modelRow("OTHER", 0.15, 200)};
+  rows[0].own_law = true;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take OTHER"));
+  EXPECT_THAT(adviceOf(rows),
+              HasSubstr("Shown only, because the comparator contains their own law: FEM (0.01 N)"));
+  EXPECT_EQ(jsonOf(rows[0])["votes"], false);
+  EXPECT_EQ(jsonOf(rows[1])["votes"], true);
+  rows[1].own_law = true;
+  EXPECT_FALSE(adviceFor(groupsOf(rows).front()).votes());
+  EXPECT_THAT(adviceOf(rows), HasSubstr("nothing to choose from"));
+  EXPECT_THAT(accuracyTables(rows), HasSubstr("own law"));
+}
+
+// two runs of the program: other times within their noise, the same choice
+TEST(Recommendation, twoRunsWithTheSameErrorsRecommendTheSame) {
+  const auto run = [](double a_ns, double b_ns) {
+    AccuracyRows rows = {modelRow("A", 0.15, 0), modelRow("B", 0.12, 0), modelRow("C", 0.05, 0)};
+    setCost(rows[0], test::costOf(a_ns, a_ns - 30, a_ns + 30), 1000);
+    setCost(rows[1], test::costOf(b_ns, b_ns - 30, b_ns + 30), 1000);
+    setCost(rows[2], test::costOf(5000, 4900, 5100), 1000);
+    rows[0].instructions = 300;
+    rows[1].instructions = 250;
+    rows[2].instructions = 2500;
+    return adviceFor(groupsOf(rows).front()).row->model;
+  };
+  EXPECT_EQ(run(500, 520), "B") << "within the noise the fewer instructions decide";
+  EXPECT_EQ(run(520, 500), "B");
+  EXPECT_EQ(run(400, 500), "A") << "beyond it the time decides";
 }
 
 TEST(Recommendation, saysWhenNothingFits) {
@@ -211,8 +350,21 @@ TEST(Recommendation, takesTheCoarsestMeshThatIsGoodEnoughAndNamesTheLargestThatF
   EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: 20,000 nodes and 50,000 nodes."));
 }
 
+TEST(ParetoFront, ratesWithinTheNoiseAreOrderedByTheirTicks) {
+  AccuracyRows rows = {rateRow(1000, 0.1, 2), rateRow(2000, 0.05, 2)};
+  // 500 to 1,500 and 1,000 to 3,000 ns in a millisecond
+  for (AccuracyRow& row : rows) setCost(row, test::costOf(1000, 500, 1500), *row.rate_hz);
+  EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(true, true));
+}
+
+TEST(ParetoFront, meshesWhoseTicksOverlapDifferByTheirErrorAlone) {
+  AccuracyRows rows = {meshRow(500, 0.4, 160), meshRow(2000, 0.15, 170), meshRow(50'000, 0, 165)};
+  EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(false, true, false))
+      << "p99 is twice the median";
+}
+
 TEST(ParetoFront, theFinestMeshIsTheComparatorNotAChoice) {
-  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 2e3), meshRow(50'000, 0, 900)};
+  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 3e3), meshRow(50'000, 0, 900)};
   EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(true, true, false));
 }
 

@@ -25,6 +25,13 @@ inline AccuracyRow modelRow(const std::string& model, double error_n, double med
   return row;
 }
 
+/// A price with the range of its runs, in ns; nothing else is known of the ticks.
+inline TickCost costOf(double value_ns, double low_ns, double high_ns) {
+  TickCost cost;
+  cost.cost_ns = {value_ns, low_ns, high_ns};
+  return cost;
+}
+
 inline AccuracyRow rateRow(double rate_hz, double error_n, double margin) {
   AccuracyRow row = modelRow("ENHANCED_TRACKING_WALL", error_n, 100);
   row.study = AccuracyStudy::kRate;

@@ -160,6 +160,44 @@ TEST(Figure10, theForcePullsBackToTheTrajectoryWhichChangesInTheEnd) {
   EXPECT_GT(angle, 0.004);
 }
 
+// The paper's text: the start is the insertion, the user gives up at 1, changes the trajectory at 2, and
+// reaches the target afterwards.
+TEST(Figure10, theMarksAreThoseOfThePapersText) {
+  const auto run = runClamping();
+  ASSERT_TRUE(run.ok()) << run.error().message;
+  std::size_t turn = 0;
+  while ((run->ticks[turn].report.flags & kFlagTurn) == 0) ASSERT_LT(++turn, run->ticks.size());
+  const auto variable = [](const Figure& figure, const std::string& name) {
+    for (const auto& [key, value] : figure.variables)
+      if (key == name) return value;
+    ADD_FAILURE() << "no " << name;
+    return figure.variables.front().second;
+  };
+  const Vec3 p = run->ticks[turn].X_WT.p;
+  EXPECT_EQ(std::get<std::vector<double>>(variable(figure10(*run), "point2")),
+            (std::vector<double>{p.x * 1000, p.y * 1000, p.z * 1000}));
+  const Figure over_time = figure11(*run);
+  const double start_s = std::get<double>(variable(over_time, "start_s"));
+  const double gives_up_s = std::get<double>(variable(over_time, "point1_s"));
+  const double turns_s = std::get<double>(variable(over_time, "point2_s"));
+  EXPECT_LT(start_s, gives_up_s);
+  EXPECT_LT(gives_up_s, turns_s);
+  EXPECT_DOUBLE_EQ(turns_s, run->time_s(turn));
+  EXPECT_LT(turns_s, std::get<double>(variable(over_time, "target_s")));
+}
+
+TEST(Figures, thoseWhoseScenesAreSetByHandSaySo) {
+  const auto six = runSixLayers(), clamping = runClamping();
+  ASSERT_TRUE(six.ok() && clamping.ok());
+  for (const Figure& figure : {figure08(*six), figure09(*six), figure10(*clamping), figure11(*clamping)}) {
+    std::string scene;
+    for (const auto& [key, value] : figure.variables)
+      if (key == "scene") scene = std::get<std::string>(value);
+    EXPECT_THAT(scene, testing::HasSubstr("simulated hand")) << figure.name;
+    EXPECT_THAT(scene, testing::HasSubstr("set by hand")) << figure.name;
+  }
+}
+
 TEST(Figure11, theForceIsSmallAtFirstRisesWithDepthAndFallsOnTheWayBack) {
   const auto run = runClamping();
   ASSERT_TRUE(run.ok());

@@ -46,6 +46,26 @@ TEST(Gnuplot, aSessionOfNoiseSpansWhatTheWindowsPlotsSpan) {
   EXPECT_GT(std::filesystem::file_size(png), 1000u);
 }
 
+TEST(Gnuplot, aSessionsPictureSaysWhoseHandItWas) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  const test::TempFolder folder;
+  const std::string data = folder
+                               .write("session.csv",
+                                      "t_s,px_m,py_m,pz_m,fx_n,fy_n,fz_n,insertion_m,lateral_error_m,wz_m\n"
+                                      "0,0,0,0,0,0,0,0,0,0\n1,0,0,0.01,0,0,1,0.01,0,0.01\n")
+                               .string();
+  const auto draw = [&](const std::string& name, const std::string& more) {
+    const std::string png = (folder.path() / name).string();
+    const std::string command =
+        "gnuplot -e \"csv='" + data + "'; png='" + png + "'" + more + "\" '" NEEDLELAB_SESSION_PLOT "'";
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    return *readWholeFile(png);
+  };
+  const std::string plain = draw("plain.png", "");
+  EXPECT_EQ(draw("again.png", ""), plain);
+  EXPECT_NE(draw("hand.png", "; hand='simulated hand, no person'"), plain);
+}
+
 TEST(Gnuplot, drawsAPictureOfTheAskedSize) {
   if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
   const test::TempFolder folder;

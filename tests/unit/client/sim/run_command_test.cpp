@@ -151,6 +151,8 @@ TEST(RunCommand, aModelWithoutItsSectionIsRefusedWithTheSectionsName) {
   for (const char* model : {"TRACKING_WALL", "DIRECT", "VOIGT", "GOD_OBJECT"})
     EXPECT_EQ(run(model).code, 0) << model << " has defaults";
   for (const auto& [model, section] : {std::pair{"FIRST_ORDER", "layers[0].first_order: is missing"},
+                                       {"OKAMURA", "layers[0].okamura: is missing"},
+                                       {"DAHL", "layers[0].okamura: is missing"},
                                        {"STATISTICAL", "statistical: is missing"},
                                        {"PRECOMPUTED", "needlelab-sim precompute"},
                                        {"FEM", "fem: is missing"}}) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -105,6 +106,36 @@ TEST(StabilityTable, aNoteOfAModelThatPassedGivesWayToTheWalls) {
   EXPECT_THAT(text, HasSubstr("of the wall"));
   EXPECT_THAT(text, Not(HasSubstr("of Voigt")));
   EXPECT_THAT(text, Not(HasSubstr("Passed, and"))) << "0.2 is more than 0.1";
+}
+
+TEST(StabilityTable, tellsCoupledStabilityFromPassivity) {
+  CaseRow hold = judgedRow("hold", kWall, 0.1, 1, Verdict::kStable),
+          open = judgedRow("open", kWall, 0.1, 1, Verdict::kStable);
+  hold.coupled_margin = 4.667;
+  hold.passive_margin = 0.667;
+  hold.grip_energy_J = 0.0012;
+  open.coupled_margin = open.passive_margin = 2.5;
+  open.grip_energy_J = 0;
+  const CaseRow prescribed = judgedRow("prescribed", kWall, 0.1, 1, Verdict::kStable);
+  const std::string text = rowsText({hold, open, prescribed});
+  EXPECT_THAT(text,
+              HasSubstr("energy got at the grip [J]\n  " + line({"hold", "4.67", "0.667 not"}, "0.0012") +
+                        "\n  " + line({"open", "2.5", "2.5"}, "0") + "\n"));
+  EXPECT_EQ(text.find("prescribed"), text.rfind("prescribed")) << "no margins: the table alone names it";
+}
+
+// 20.8 mN: a pen that is held (Lee and Hannaford 2003)
+TEST(StabilityTable, listsTheStepsThatAHandMayNotice) {
+  CaseRow wall = judgedRow("hold", kWall, 0.1, 1, Verdict::kStable);
+  CaseRow direct = judgedRow("hold", AxialModel::kDirect, 0.1, 1, Verdict::kStable);
+  wall.max_unexplained_step_N = 0.0207;
+  direct.max_unexplained_step_N = 0.021;
+  EXPECT_EQ(stepIsNoticeable(wall), false);
+  EXPECT_EQ(stepIsNoticeable(direct), true);
+  EXPECT_EQ(stepIsNoticeable(judgedRow("hold", kWall, 0.1, 1, Verdict::kStable)), std::nullopt);
+  EXPECT_THAT(rowsText({wall, direct}),
+              HasSubstr("(above 0.0208 N) [N]\n  " + line({"hold"}, "direct 0.021") + "\n"));
+  EXPECT_THAT(rowsText({wall}), Not(HasSubstr("may notice")));
 }
 
 TEST(StabilityTable, columnsCountCharactersAndNotBytes) {

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/models/like_for_like.h"
 #include "tests/support/motions.h"
@@ -98,6 +99,47 @@ TEST(FemScene, straightInsertionIsHeldBackAndWithdrawalIsPulledIn) {
   EXPECT_EQ(norm(run.reports.back().wrench_W.force_N), 0.0);
   EXPECT_EQ(run.unsettled, 0u);
   EXPECT_LE(run.worst_step_N, 0.01);
+}
+
+// The work of the cutting force on the way in between two depths.
+double cuttingWork(const std::vector<StepReport>& reports, std::size_t from, std::size_t to, double least_m,
+                   double most_m) {
+  double work_J = 0;
+  for (std::size_t k = from + 1; k < to; ++k) {
+    const double moved_m = reports[k].depth_m - reports[k - 1].depth_m;
+    if (moved_m > 0 && reports[k].depth_m > least_m && reports[k].depth_m <= most_m)
+      work_J -= 0.5 * (reports[k].cutting_N + reports[k - 1].cutting_N) * moved_m;
+  }
+  return work_J;
+}
+
+// FEM cuts its tissue once: CUT_MEMORY's direction, within an insertion. What its tip does not press costs
+// nothing.
+TEST(FemScene, tissueThatItCutCostsLessOnTheWayInAgainAsWithTheMemoryOfTheCut) {
+  SceneSpec scene = sixLayers();
+  scene.effects = bitOf(Effect::kCutting);
+  SceneSpec wall = scene;
+  wall.axial_model = AxialModel::kEnhancedTrackingWall;
+  wall.effects |= bitOf(Effect::kCutMemory);
+  useUsualNumbers(effectEntry(Effect::kCutMemory), wall);
+  const Site site = defaultSite();
+  const auto at = [&](double depth_m) { return site.p_surface_m + site.inward * depth_m; };
+  MotionBuilder builder(1000, at(-0.002), site.inward);
+  builder.slideTo(at(0.030), 0.05);
+  const std::size_t first = builder.samples().size();
+  builder.slideTo(at(0.006), 0.05);
+  const std::size_t second = builder.samples().size();
+  builder.slideTo(at(0.040), 0.05);
+  const Motion motion = builder.take();
+  for (const SceneSpec* const one : {&scene, &wall}) {
+    const FemRun run = runThrough(*one, motion, 1000);
+    const double whole_J = cuttingWork(run.reports, 0, first, 0.010, 0.020),
+                 again_J = cuttingWork(run.reports, second, motion.size(), 0.010, 0.020);
+    EXPECT_GT(whole_J, 5e-3) << axialModelName(one->axial_model);
+    EXPECT_LT(again_J, 0.3 * whole_J) << axialModelName(one->axial_model);
+    EXPECT_LT(run.reports.back().cutting_N, -0.9 * one->layers.back().cutting_force_N)
+        << axialModelName(one->axial_model) << " cuts whole tissue again";
+  }
 }
 
 TEST(FemScene, randomGesturesOnAllLimbsAreSteadyAndGiveNothing) {

@@ -16,7 +16,8 @@ namespace {
 
 constexpr EffectMask kC = bitOf(Effect::kCutting), kA = bitOf(Effect::kAttracted),
                      kV = bitOf(Effect::kClamping), kO = bitOf(Effect::kOrientationLimit),
-                     kF = bitOf(Effect::kShaftFriction), kP = bitOf(Effect::kPuncture);
+                     kF = bitOf(Effect::kShaftFriction), kP = bitOf(Effect::kPuncture),
+                     kM = bitOf(Effect::kCutMemory);
 
 // all numbers set; the fixture never reaches its maximum, so that u does not turn
 SceneSpec fullScene() {
@@ -51,9 +52,10 @@ TEST(Effects, everyCombinationIsTheSumOfItsParts) {
   };
   for (EffectMask mask = 0; mask <= kAllEffects; ++mask) {
     const auto& all = part(mask);
-    // cutting and attracted share a wall; membranes hold back both walls; no other effect acts on another
-    const auto &wall = part(mask & (kC | kA | kP)), &rubbing = part(mask & (kF | kP)),
-               &membranes = part(mask & kP), &fixture = part(mask & kV), &tilt = part(mask & kO);
+    // cutting and attracted share a wall; membranes hold back both walls; the memory of the cut opens
+    // membranes and moves the cutting wall; no other effect acts on another
+    const auto &wall = part(mask & (kC | kA | kP | kM)), &rubbing = part(mask & (kF | kP | kM)),
+               &membranes = part(mask & (kP | kM)), &fixture = part(mask & kV), &tilt = part(mask & kO);
     for (std::size_t k = 0; k < motion.size(); ++k) {
       ASSERT_EQ(all[k].cutting_N, wall[k].cutting_N) << "mask " << mask << " tick " << k;
       ASSERT_EQ(all[k].attracted_N, wall[k].attracted_N) << "mask " << mask << " tick " << k;
@@ -66,8 +68,9 @@ TEST(Effects, everyCombinationIsTheSumOfItsParts) {
       Vec3 sum = along + fixture[k].wrench_W.force_N;
       // A stage depends on the results of the others, above all on ruptures.
       for (const EffectEntry* entry : effectEntries())
-        if (const EffectMask stage = mask & bitOf(entry->effect); entry->stage != nullptr && stage != 0)
-          sum = sum + part(stage | (mask & kP))[k].wrench_W.force_N - membranes[k].wrench_W.force_N;
+        if (const EffectMask stage = mask & bitOf(entry->effect);
+            entry->stage != nullptr && entry->value != nullptr && stage != 0)
+          sum = sum + part(stage | (mask & (kP | kM)))[k].wrench_W.force_N - membranes[k].wrench_W.force_N;
       ASSERT_LE(norm(all[k].wrench_W.force_N - sum), 1e-9) << "mask " << mask << " tick " << k;
     }
   }
@@ -195,7 +198,8 @@ TEST(EffectEntries, eachIsARowOfItsOwn) {
     EXPECT_TRUE(names.insert(entry.name).second) << entry.name;
     EXPECT_TRUE(terms.insert(entry.term).second) << entry.term;
     EXPECT_TRUE(places.insert(entry.place).second) << entry.name << " is shown where another one is";
-    EXPECT_NE(entry.value, nullptr) << entry.name;
+    EXPECT_EQ(entry.value == nullptr, entry.effect == Effect::kCutMemory)
+        << entry.name << ": without a term it acts on the others' terms";
     EXPECT_EQ(entry.stage != nullptr, i >= kPlacedEffectCount) << entry.name;
     for (const EffectField& field : entry.fields)
       EXPECT_TRUE(field.range.contains(field.begins_with)) << entry.name << "." << field.name;

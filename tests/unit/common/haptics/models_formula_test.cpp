@@ -41,6 +41,27 @@ TEST(VoigtModel, addsTheDamperAndNeverPulls) {
   EXPECT_EQ(probe.last().attracted_N, 0.0);
 }
 
+TEST(VoigtModel, anAdaptiveWindowBridgesTheNoiseAndIsShortWhereTheNeedleStarts) {
+  SceneSpec scene = twoLayers(AxialModel::kVoigt);
+  scene.voigt.velocity_noise_m = 1.1e-5;  // of positions that are off by 10 µm
+  Probe probe(scene, 1000);
+  probe.at(-0.001);
+  // 20 ticks at rest, each off by half an encoder step: over two ticks the damper alone would give 0.05 N
+  for (int i = 0; i < 20; ++i) probe.at(0.002 + (i % 2 == 0 ? 5e-6 : -5e-6));
+  EXPECT_NEAR(probe.last().cutting_N, -500 * 0.001995, 1e-9) << "16 ticks ago the needle was where it is";
+  // one tick at 0.2 m/s: no longer window holds both the rest and the start
+  EXPECT_NEAR(probe.at(0.002195).cutting_N, -(500 * 0.002195 + 5 * 0.2), 1e-9);
+  // a line is bridged as far as it goes: 16 ticks at 0.01 m/s after the jump
+  for (int i = 1; i <= 20; ++i) probe.at(0.002195 + 1e-5 * i);
+  EXPECT_NEAR(probe.last().cutting_N, -(500 * 0.002395 + 5 * 0.01), 1e-9);
+}
+
+TEST(VoigtModel, refusesANoiseThatIsNone) {
+  SceneSpec scene = twoLayers(AxialModel::kVoigt);
+  scene.voigt.velocity_noise_m = -1e-6;
+  EXPECT_FALSE(compile(scene, 1000).ok());
+}
+
 TEST(GodObjectModel, holdsOnEachTopLetsThroughAndIsForcelessBetween) {
   Probe probe(twoLayers(AxialModel::kGodObject), 1000);
   probe.at(-0.001);

@@ -176,7 +176,7 @@ TEST(SceneSpec, limbsWithoutAShapeAreRefused) {
 }
 
 TEST(SceneSpec, unknownEffectBitsAreRefused) {
-  EXPECT_THAT(refusal(withEffects(paperOneDof(), EffectMask{1} << 6)), HasSubstr("effects"));
+  EXPECT_THAT(refusal(withEffects(paperOneDof(), EffectMask{1} << kEffectCount)), HasSubstr("effects"));
 }
 
 TEST(Compile, loopRatesOutOfRangeAreRefused) {

@@ -49,6 +49,10 @@ inline const std::string kGoodModels = [] {
   for (auto& layer : tree["layers"])
     layer["first_order"] = nlohmann::json::parse(R"({"stiffness_n_per_m": 400, "puncture_force_n": 0.8,
                                                      "cutting_force_n": 0.3, "friction_n_per_m": 20})");
+  for (auto& layer : tree["layers"])
+    layer["okamura"] = nlohmann::json::parse(R"({"linear_n_per_m": 100, "quadratic_n_per_m2": 30000,
+      "puncture_force_n": 0.7, "cutting_force_n": 0.4, "kinetic_in_n_per_m": 12, "kinetic_out_n_per_m": 11,
+      "static_in_n_per_m": 19, "static_out_n_per_m": 18, "viscous_in_ns_per_m2": 290, "viscous_out_ns_per_m2": 210})");
   return tree.dump();
 }();
 

@@ -40,6 +40,10 @@ const WrongField kWrongProfiles[] = {
     {"/virtual_fixture", "", "virtual_fixture: is missing, and effects lists CLAMPING"},
     {"/orientation_limit", "", "orientation_limit: is missing, and effects lists ORIENTATION_LIMIT"},
     {"/shaft_friction", "", "shaft_friction: is missing, and effects lists SHAFT_FRICTION"},
+    {"/effects", "[\"CUT_MEMORY\"]", "cut_memory: is missing, and effects lists CUT_MEMORY"},
+    {"/cut_memory", "{\"cutting_share\": 0.3}", "cut_memory.radius_m: is missing"},
+    {"/cut_memory", "{\"cutting_share\": 1.5, \"radius_m\": 0.001}", "cut_memory.cutting_share: 1.5 is out of range [0, 1]"},
+    {"/cut_memory", "{\"cutting_share\": 0.3, \"radius_m\": 0.011}", "cut_memory.radius_m: 0.011 is out of range (0, 0.01]"},
     {"/tracking_wall/relax_time_s", "", "tracking_wall.relax_time_s: is missing, and stop_mode is EXPONENTIAL"},
     {"/tracking_wall/relax_residual", "", "tracking_wall.relax_residual: is missing, and stop_mode is EXPONENTIAL"},
     // unknown fields
@@ -130,7 +134,7 @@ const WrongField kWrongProfiles[] = {
      "targets[1].name: \"joint space\" is used twice"},
     // how many
     {"/layers", "[]", "layers: has 0 items, allowed are 1 to 32"},
-    {"/effects/6", "\"CUTTING\"", "effects: has 7 items, allowed are 0 to 6"},
+    {"/effects/7", "\"CUTTING\"", "effects: has 8 items, allowed are 0 to 7"},
     // shapes
     {"/limb", "{}", "limb: give exactly one of plane, sphere, capsule; found none"},
     {"/limb/sphere", R"({"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.05})",
@@ -409,6 +413,15 @@ TEST(ProfileWarnings, aFallingStepMayBeThin) {
 
 TEST(ProfileWarnings, withoutCuttingNoLayerIsTooThin) {
   EXPECT_THAT(warningsWith({{"/effects", R"(["PUNCTURE"])"}}), IsEmpty());
+}
+
+TEST(ProfileWarnings, aModelWithoutAWallRemembersMembranesOnly) {
+  const std::pair<std::string, std::string> listed{"/effects", R"(["CUTTING", "CUT_MEMORY"])"},
+      section{"/cut_memory", R"({"cutting_share": 0.3, "radius_m": 0.001})"},
+      thick{"/layers/0/thickness_m", "0.004"};
+  EXPECT_THAT(warningsWith({listed, section, thick}), IsEmpty());
+  EXPECT_THAT(warningsWith({listed, section, thick, {"/axial_model", "\"DIRECT\""}, {"/direct", "{}"}}),
+              ElementsAre(HasSubstr("CUT_MEMORY is listed, axial_model DIRECT has no wall that cuts")));
 }
 
 TEST(ProfileWarnings, aMembraneThatRupturesBelowItsLayerIsTold) {

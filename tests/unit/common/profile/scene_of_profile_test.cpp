@@ -256,6 +256,18 @@ TEST(ModelSections, reachTheSceneAsWritten) {
   EXPECT_EQ(scene.layers[1].first_order->puncture_force_N, 0.8);
   EXPECT_EQ(scene.layers[1].first_order->cutting_force_N, 0.3);
   EXPECT_EQ(scene.layers[1].first_order->friction_N_per_m, 20);
+  ASSERT_TRUE(scene.layers[1].okamura);
+  const OkamuraSpec& okamura = *scene.layers[1].okamura;
+  EXPECT_EQ(okamura.linear_N_per_m, 100);
+  EXPECT_EQ(okamura.quadratic_N_per_m2, 30000);
+  EXPECT_EQ(okamura.puncture_force_N, 0.7);
+  EXPECT_EQ(okamura.cutting_force_N, 0.4);
+  EXPECT_EQ(okamura.in.kinetic_N_per_m, 12);
+  EXPECT_EQ(okamura.in.static_N_per_m, 19);
+  EXPECT_EQ(okamura.in.viscous_Ns_per_m2, 290);
+  EXPECT_EQ(okamura.out.kinetic_N_per_m, 11);
+  EXPECT_EQ(okamura.out.static_N_per_m, 18);
+  EXPECT_EQ(okamura.out.viscous_Ns_per_m2, 210);
 }
 
 TEST(ModelSections, readBackTheSame) {
@@ -272,9 +284,17 @@ TEST(ModelSections, fieldsWithADefaultMayBeLeftOut) {
   EXPECT_EQ(sceneSpecOf(*parseProfile(text, "p"))->direct.stiffness_N_per_m, 500);
   EXPECT_TRUE(sceneSpecOf(*parseProfile(text, "p"))->direct.step_at_layers);
   text = mutated(mutated(kGoodModels, "/statistical/factors", ""), "/statistical/correlation_length_m", "");
-  const SceneSpec scene = *sceneSpecOf(*parseProfile(text, "p"));
+  SceneSpec scene = *sceneSpecOf(*parseProfile(text, "p"));
   EXPECT_EQ(scene.statistical.correlation_length_m, 3e-3);
   EXPECT_EQ(scene.statistical.mean_factor, 1);
+  text = kGoodModels;
+  for (const char* name :
+       {"static_in_n_per_m", "static_out_n_per_m", "viscous_in_ns_per_m2", "viscous_out_ns_per_m2"})
+    text = mutated(text, std::string("/layers/0/okamura/") + name, "");
+  scene = *sceneSpecOf(*parseProfile(text, "p"));
+  EXPECT_EQ(scene.layers[0].okamura->in.static_N_per_m, 12) << "no stronger than kinetic friction";
+  EXPECT_EQ(scene.layers[0].okamura->out.static_N_per_m, 11);
+  EXPECT_EQ(scene.layers[0].okamura->in.viscous_Ns_per_m2, 0);
 }
 
 struct WrongSection {
@@ -294,7 +314,18 @@ const WrongSection kWrongSections[] = {
     {"PRECOMPUTED", "/precomputed", "", "precomputed: is missing, and axial_model is PRECOMPUTED"},
     {"FEM", "/fem", "", "fem: is missing, and axial_model is FEM"},
     {"FIRST_ORDER", "/layers/1/first_order", "", "layers[1].first_order: is missing, and axial_model is FIRST_ORDER"},
+    {"OKAMURA", "/layers/1/okamura", "", "layers[1].okamura: is missing, and axial_model is OKAMURA"},
+    {"DAHL", "/layers/0/okamura", "", "layers[0].okamura: is missing, and axial_model is DAHL"},
     // fields
+    {"OKAMURA", "/layers/0/okamura/linear_n_per_m", "-1", "layers[0].okamura.linear_n_per_m: -1 is out of range [0, 10000]"},
+    {"OKAMURA", "/layers/0/okamura", R"({"linear_n_per_m": 0, "quadratic_n_per_m2": 0, "puncture_force_n": 1, "cutting_force_n": 1, "kinetic_in_n_per_m": 1, "kinetic_out_n_per_m": 1})", "layers[0].okamura: linear_n_per_m and quadratic_n_per_m2 are both 0"},
+    {"OKAMURA", "/layers/0/okamura/puncture_force_n", "0", "layers[0].okamura.puncture_force_n: 0 is out of range (0, 50]"},
+    {"OKAMURA", "/layers/0/okamura/cutting_force_n", "51", "layers[0].okamura.cutting_force_n: 51 is out of range [0, 50]"},
+    {"OKAMURA", "/layers/0/okamura/kinetic_in_n_per_m", "", "layers[0].okamura.kinetic_in_n_per_m: is missing"},
+    {"OKAMURA", "/layers/0/okamura/static_out_n_per_m", "5", "layers[0].okamura.static_out_n_per_m: 5 is below 11, kinetic_out_n_per_m"},
+    {"DAHL", "/layers/1/okamura/viscous_in_ns_per_m2", "1e6", "layers[1].okamura.viscous_in_ns_per_m2: 1e+06 is out of range [0, 1e+05]"},
+    {"OKAMURA", "/effects", "[\"CUTTING\", \"PUNCTURE\"]", "effects: lists PUNCTURE, which axial_model OKAMURA has its own of"},
+    {"DAHL", "/effects", "[\"CUTTING\", \"SHAFT_FRICTION\"]", "effects: lists SHAFT_FRICTION, which axial_model DAHL has its own of"},
     {"DIRECT", "/direct/stiffness_n_per_m", "0", "direct.stiffness_n_per_m: 0 is out of range (0, 10000]"},
     {"DIRECT", "/direct/step_at_layers", "1", "direct.step_at_layers: must be true or false, found the number 1"},
     {"VOIGT", "/voigt/stiffness_n_per_m", "10001", "voigt.stiffness_n_per_m: 10001 is out of range (0, 10000]"},
@@ -365,6 +396,12 @@ TEST(PutModel, isReadBackTheSameForEveryModel) {
       EXPECT_EQ(read.precomputed.table[k].cutting_N, made.precomputed.table[k].cutting_N);
     EXPECT_EQ(read.fem.layers.size(), made.fem.layers.size());
     EXPECT_EQ(read.layers[0].first_order.has_value(), made.layers[0].first_order.has_value());
+    ASSERT_EQ(read.layers[0].okamura.has_value(), made.layers[0].okamura.has_value());
+    if (made.layers[0].okamura) {
+      EXPECT_EQ(read.layers[0].okamura->in.static_N_per_m, made.layers[0].okamura->in.static_N_per_m);
+      EXPECT_EQ(read.layers[0].okamura->out.viscous_Ns_per_m2, made.layers[0].okamura->out.viscous_Ns_per_m2);
+      EXPECT_EQ(read.layers[0].okamura->quadratic_N_per_m2, made.layers[0].okamura->quadratic_N_per_m2);
+    }
     EXPECT_TRUE(static_cast<AxialModel>(i) == AxialModel::kFem || compile(read, 1000).ok());
   }
 }
@@ -389,6 +426,7 @@ TEST(ChooseModel, givesDefaultsWhereThereAreAnyAndNamesTheSectionOtherwise) {
               AllOf(HasSubstr("precomputed: is missing"), HasSubstr("needlelab-sim precompute")));
   EXPECT_THAT(told("FEM"), HasSubstr("fem: is missing"));
   EXPECT_THAT(told("FIRST_ORDER"), HasSubstr("layers[0].first_order: is missing"));
+  EXPECT_THAT(told("DAHL"), HasSubstr("layers[0].okamura: is missing"));
   EXPECT_THAT(told("direct"), AllOf(HasSubstr("'direct' is unknown"), HasSubstr("GOD_OBJECT")));
 }
 
@@ -408,6 +446,11 @@ TEST(ProfileWarnings, sayWhatAModelDoesNotHaveAndWhatIsSynthetic) {
   EXPECT_THAT(profileWarnings(profile), Contains(HasSubstr("precomputed: says no source")));
   ASSERT_TRUE(chooseModel(profile, "FIRST_ORDER").ok());
   profile.mutable_layers(0)->mutable_first_order()->set_stiffness_n_per_m(200);  // 0.8 N at 4 mm of 3 mm
+  EXPECT_THAT(profileWarnings(profile),
+              Contains(AllOf(HasSubstr("layers[0]"), HasSubstr("0.8 N only 4 mm"))));
+  ASSERT_TRUE(chooseModel(profile, "OKAMURA").ok());
+  profile.mutable_layers(0)->mutable_okamura()->set_quadratic_n_per_m2(25000);  // 0.8 N at 4 mm, too
+  profile.mutable_layers(0)->mutable_okamura()->set_puncture_force_n(0.8);
   EXPECT_THAT(profileWarnings(profile),
               Contains(AllOf(HasSubstr("layers[0]"), HasSubstr("0.8 N only 4 mm"))));
   profile.clear_effects();

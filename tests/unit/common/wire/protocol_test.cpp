@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/text.h"
 #include "common/wire/protocol.h"
 
 namespace needlelab {
@@ -225,6 +226,17 @@ TEST(Refusal, theReasonDecidesWhetherTryingAgainMayHelp) {
   EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::RATE_LIMITED, "")).code, ErrorCode::kUnavailable);
   EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::LOGIN, "")).code, ErrorCode::kDenied);
   EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::VERSION, "")).code, ErrorCode::kVersion);
+}
+
+TEST(Refusal, aLongTextIsCutBetweenCharacters) {
+  std::string text = "there is no profile '";
+  for (int i = 0; i < 100'000; ++i) text += "\xc3\xa4";
+  const pb::Refusal refusal = makeRefusal(pb::Refusal::NOT_FOUND, text);
+  EXPECT_LT(refusal.text().size(), kMaxRefusalBytes + 20);
+  EXPECT_TRUE(isUtf8(refusal.text()));
+  EXPECT_THAT(refusal.text(), testing::StartsWith("there is no profile"));
+  EXPECT_EQ(makeRefusal(pb::Refusal::NOT_FOUND, std::string(kMaxRefusalBytes, 'x')).text().size(),
+            kMaxRefusalBytes);
 }
 
 TEST(Refusal, aCodeThatIsMissingOrWrongIsNeitherARoleNorAnAbsentServer) {

@@ -483,6 +483,30 @@ TEST_F(Closing, theWriterReadsNoChunksForAHashAlsoWhenTheLastOneComesBetweenTheL
   EXPECT_EQ(store->service().bytesHashed(), bytesOf(3));
 }
 
+TEST_F(Closing, aLongScoreIsAStepOfItsOwnAndAShortOneIsNot) {
+  constexpr std::size_t kEach = 1000;
+  const std::uint64_t longest_short = kShortScoreSamples / kEach;
+  for (const std::uint64_t chunks : {longest_short, longest_short + 1}) {
+    SCOPED_TRACE(chunks);
+    const Uuid id = addSession("anna", chunks, kEach, kneeProfile());
+    CloseUnderWay close{test::closeOf(id, chunks, kEach), "station-1"};
+    auto outcome = store->service().closeStep(close);
+    ASSERT_OK(outcome);
+    EXPECT_EQ(close.is_long, chunks > longest_short);
+    if (close.is_long) {
+      EXPECT_FALSE(outcome->has_value());
+      EXPECT_NE(info(id).state(), pb::SESSION_OPEN) << "it is closed";
+      EXPECT_EQ(info(id).score_json(), "");
+      outcome = store->service().closeStep(close);
+      ASSERT_OK(outcome);
+    }
+    ASSERT_TRUE(outcome->has_value());
+    EXPECT_EQ((*outcome)->score_fault, "");
+    EXPECT_EQ((*outcome)->score_json, info(id).score_json());
+    EXPECT_NE((*outcome)->score_json, "");
+  }
+}
+
 TEST_F(Closing, aCloseThatLooksAgainAndAgainIsToBeTriedLater) {
   const Uuid id = addSession("anna", 2);
   CloseUnderWay close{test::closeOf(id, 3), "station-1", 2};

@@ -1,3 +1,4 @@
+#include "db/erasure.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -158,6 +159,76 @@ TEST_F(SessionHandlers, verifyReportsDamageAsAResult) {
   const auto bad = get(instructor, request).verified();
   EXPECT_FALSE(bad.ok());
   EXPECT_NE(bad.text().find("chunk 1"), std::string::npos);
+}
+
+TEST_F(SessionHandlers, aLongSessionIsVerifiedInStepsOfBoundedReading) {
+  constexpr std::uint64_t kChunks = 20'000;  // of one sample each
+  const Uuid id = addSession("anna", kChunks, 1);
+  std::uint64_t steps = 1, counted = 0;
+  for (std::uint64_t seq = 0; seq < kChunks; ++seq) {
+    if (counted >= kVerifiedBytesAtOnce) {
+      ++steps;
+      counted = 0;
+    }
+    counted += test::chunkOf(seq, 1).size() + SessionStore::kHashedChunkBytes;
+  }
+  ASSERT_GE(steps, 2u);
+  pb::Request verify;
+  verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
+  RequestUnderWay under_way;
+  for (std::uint64_t step = 1; step < steps; ++step) {
+    ASSERT_FALSE(store->service().executeStep(instructor, verify, under_way)) << step;
+    // the last chunk of before comes in, and is held against the counters of the end
+    if (step == 1)
+      ASSERT_OK(change([&](Connection& c) {
+        const auto stored = SessionStore(c).append(id, kChunks, test::chunkOf(kChunks, 1));
+        return stored ? Status() : Status(stored.error());
+      }));
+  }
+  const auto outcome = store->service().executeStep(instructor, verify, under_way);
+  ASSERT_TRUE(outcome.has_value());
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  const auto& verified = outcome->reply.verified();
+  EXPECT_TRUE(verified.ok()) << verified.text();
+  EXPECT_EQ(verified.chunks(), kChunks + 1);
+  EXPECT_EQ(verified.samples(), kChunks + 1);
+  EXPECT_EQ(verified.hash(), test::closeOf(id, kChunks + 1, 1).hash());
+}
+
+TEST_F(SessionHandlers, aRecordingThatIsRemovedBetweenTwoStepsIsVerifiedAsWhatIsLeft) {
+  const Uuid id = addSession("anna", 20'000, 1);
+  pb::Request verify;
+  verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
+  RequestUnderWay under_way;
+  ASSERT_FALSE(store->service().executeStep(instructor, verify, under_way));
+  // retention removes the chunks later
+  ASSERT_OK(change([](Connection& c) {
+    const ErasureLine line{newErasurePseudonym(), PseudonymKey(PseudonymKey::Hash{7}).nameHash("anna"), 1};
+    const auto erased = ErasureStore(c).erase("anna", line, "ada", "", 1);
+    return erased ? Status() : Status(erased.error());
+  }));
+  const auto outcome = store->service().executeStep(instructor, verify, under_way);
+  ASSERT_TRUE(outcome.has_value());
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_TRUE(outcome->reply.verified().ok()) << outcome->reply.verified().text();
+  EXPECT_EQ(outcome->reply.verified().chunks(), 0u);
+}
+
+TEST_F(SessionHandlers, whoMayNoMoreGetsNoFurtherStep) {
+  addPerson("ina", pb::INSTRUCTOR);
+  const Uuid id = addSession("anna", 20'000, 1);
+  pb::Request verify;
+  verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
+  const Principal logged_in{"ina", pb::INSTRUCTOR, true};
+  RequestUnderWay under_way;
+  ASSERT_FALSE(store->service().executeStep(logged_in, verify, under_way));
+  pb::Request disable;
+  disable.mutable_disable_user()->set_name("ina");
+  get(admin, disable);
+  const auto outcome = store->service().executeStep(logged_in, verify, under_way);
+  ASSERT_TRUE(outcome.has_value());
+  ASSERT_TRUE(outcome->error);
+  EXPECT_EQ(outcome->error->code, ErrorCode::kDenied);
 }
 
 TEST_F(SessionHandlers, annotationsAreKeptWithTheirAuthor) {

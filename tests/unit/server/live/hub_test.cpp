@@ -263,6 +263,24 @@ TEST(Hub, anOversizedFrameIsRefused) {
   EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
 }
 
+TEST(Hub, theMemoryOfTheCutGoesToViewersAndHasABound) {
+  Hub hub;
+  FakePeer station, fast;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(fast, toStation(1, "bench-1"), 0));
+  pb::LiveFrame frame;
+  frame.set_data("samples");
+  frame.set_cut_memory(std::string(1024, 'c'));
+  EXPECT_FALSE(hub.onLiveFrame("bench-1", frame, 0));
+  ASSERT_EQ(fast.liveFrames(), 1u);
+  frame.set_cut_memory(std::string(1025, 'c'));
+  const auto refusal = hub.onLiveFrame("bench-1", frame, 0);
+  ASSERT_TRUE(refusal.has_value());
+  EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
+  EXPECT_THAT(refusal->text(), testing::HasSubstr("cut_memory of 1025 bytes: the limit is 1024"));
+  EXPECT_EQ(fast.liveFrames(), 1u);
+}
+
 TEST(Hub, aSmallFrameOfManySamplesIsRefusedBeforeAnybodyDecodesIt) {
   const auto frameOf = [](std::size_t count) {
     std::vector<GestureSample> samples(count);

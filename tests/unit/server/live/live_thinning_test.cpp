@@ -117,6 +117,18 @@ TEST(ThinnedFrames, atARateAboveTheStationsItsOwnBytesGoOn) {
   EXPECT_EQ(sent(made).data(), given.frame.data);
 }
 
+TEST(ThinnedFrames, theMemoryOfTheCutGoesOnWithAllSamplesOnly) {
+  for (const double rate_hz : {5000.0, 100.0}) {
+    ThinnedFrames thinned(rate_hz);
+    Given given(samplesAt(1000, 0.02), 3);
+    given.frame.cut_memory = "cuts";
+    LiveSamples read(given.frame.data);
+    const Frame made = thinned.next(given.frame, read, "bench-1");
+    ASSERT_NE(made, nullptr);
+    EXPECT_EQ(sent(made).cut_memory(), rate_hz > 1000 ? "cuts" : "");
+  }
+}
+
 TEST(ThinnedFrames, bytesThatAreNoChunkGiveNone) {
   ThinnedFrames thinned(25);
   LiveFrameView frame;

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+
+#include "common/base/text.h"
+
 namespace needlelab {
 namespace {
 
@@ -118,6 +122,15 @@ TEST(LoginGuard, noNameLooksLikeAnotherOneElsewhere) {
   LoginGuard guard(guardSettings());
   for (int i = 0; i < 3; ++i) (void)guard.failed("anna a", "b", 0);
   EXPECT_EQ(guard.mustWait("anna", "a b", 0).count(), 0);
+}
+
+// The finding: names of a megabyte stayed here until the next start.
+TEST(LoginGuard, namesThatNobodyCanHaveCountAsOneAndAreNotKept) {
+  LoginGuard guard(guardSettings());
+  for (int i = 0; i < 3; ++i) (void)guard.failed(std::string(100'000, static_cast<char>('a' + i)), "lab", 0);
+  EXPECT_EQ(guard.entries(), 3u) << "a name at an address, a name, an address";
+  EXPECT_GT(guard.mustWait(std::string(kMaxNameBytes + 1, 'z'), "lab", 0).count(), 0);
+  EXPECT_EQ(guard.mustWait(std::string(kMaxNameBytes, 'z'), "elsewhere", 0).count(), 0);
 }
 
 TEST(LoginGuard, memoryIsBoundedAndAFloodOfNamesDoesNotFreeTheOneThatWaits) {

@@ -48,6 +48,13 @@ struct RequestThreadsTest : testing::Test {
     EXPECT_NE(outcome, nullptr);
   }
 
+  /// The same; sets `outcome` at its end.
+  Task<> answer(Principal who, pb::Request request, std::shared_ptr<Outcome>* outcome) {
+    std::function<bool()> gone = [] { return false; };
+    const auto shared = std::make_shared<const pb::Request>(std::move(request));
+    *outcome = co_await executeRequest(context, who, shared, std::move(gone));
+  }
+
   /// An administrator adds a station; `gone` as for executeRequest, on the workers. Sets `outcome` at its
   /// end.
   Task<> addStation(std::string name, std::function<bool()> gone, std::shared_ptr<Outcome>* outcome) {
@@ -70,20 +77,25 @@ struct RequestThreadsTest : testing::Test {
   void occupy(FairPool& pool, const std::string& person) {
     pool.post(turnNameOf({person, pb::INSTRUCTOR}), untilRelease());
   }
+  /// Takes all closers but one.
+  void occupyClosers(const std::shared_future<void>& end) {
+    for (std::size_t n = 1; n < kCloserThreads; ++n) asio::post(closers, [end] { end.wait(); });
+  }
   /// Asks for a close as the server does for a station; it waits for its turn now. Each of its steps does
   /// `work`.
-  void close(const std::string& station, std::function<void()> work, int steps = 1) {
-    asio::co_spawn(loop.io, closed(station, std::move(work), steps), asio::detached);
+  void close(const std::string& station, std::function<void()> work, int steps = 1, bool is_long = false) {
+    asio::co_spawn(loop.io, closed(station, std::move(work), steps, is_long), asio::detached);
     loop.io.restart();
     loop.io.poll();
   }
-  Task<> closed(std::string station, std::function<void()> work, int steps) {
+  Task<> closed(std::string station, std::function<void()> work, int steps, bool is_long) {
     CloseWork close_it;
     close_it.step = [work = std::move(work), left = std::make_shared<int>(steps)] {
       work();
       return Result<std::optional<CloseOutcome>>(--*left > 0 ? std::nullopt : std::optional(CloseOutcome{}));
     };
     close_it.gone = [gone = stations_gone_] { return gone->load(); };
+    close_it.is_long = [is_long] { return is_long; };
     const auto outcome = co_await closeInTurn(context, station, std::move(close_it));
     ++(outcome.ok() ? closes_done : closes_dropped);
   }
@@ -218,9 +230,9 @@ TEST_F(RequestThreadsTest, aStationsClosesDoNotHoldUpItsNextLesson) {
 }
 
 TEST_F(RequestThreadsTest, theClosesOfStationsTakeTurnsAndALongOneGivesWayAfterEachStep) {
-  // one thread is taken to the end, so that the other one does piece after piece
+  // all threads but one are taken to the end, so that this one does piece after piece
   std::promise<void> end;
-  asio::post(closers, [ended = end.get_future().share()] { ended.wait(); });
+  occupyClosers(end.get_future().share());
   occupy(*context.closes_in_turn, "ada");
   std::vector<std::string> done;
   const auto note = [&done](const char* text) { return [&done, text] { done.emplace_back(text); }; };
@@ -238,9 +250,18 @@ TEST_F(RequestThreadsTest, theClosesOfStationsTakeTurnsAndALongOneGivesWayAfterE
   EXPECT_EQ(std::count(done.begin(), done.end(), "bench's close"), 3);
 }
 
+TEST_F(RequestThreadsTest, aShortCloseWaitsForNoLongScores) {
+  for (const char* station : {"bench", "cabin", "den", "bench"}) close(station, untilRelease(), 1, true);
+  close(
+      "elm", [] {}, 3);
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 1; }));
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 5; }));
+}
+
 TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   std::promise<void> end;
-  asio::post(closers, [ended = end.get_future().share()] { ended.wait(); });
+  occupyClosers(end.get_future().share());
   occupy(*context.closes_in_turn, "ada");
   int steps = 0;
   for (int n = 0; n < 8; ++n)
@@ -253,6 +274,44 @@ TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   closers.join();
   EXPECT_EQ(steps, 0);
   EXPECT_EQ(closes_done, 0);
+}
+
+TEST_F(RequestThreadsTest, theVerificationOfALongSessionGivesWayToOthersBetweenItsSteps) {
+  constexpr std::uint64_t kChunks = 20'000;  // more than kVerifiedBytesAtOnce, as it counts
+  const Uuid id = makeUuidV7();
+  ASSERT_TRUE(store->writer()
+                  .run([&](Connection& c) -> Status {
+                    RETURN_IF_ERROR(StationStore(c).add("station-1", StationKeyBytes{}, 1));
+                    SessionStore sessions(c);
+                    if (const auto opened = sessions.open(test::describe(id), 1); !opened)
+                      return opened.error();
+                    for (std::uint64_t seq = 0; seq < kChunks; ++seq)
+                      if (const auto stored = sessions.append(id, seq, test::chunkOf(seq, 1)); !stored)
+                        return stored.error();
+                    return {};
+                  })
+                  .ok());
+  pb::Request verify;
+  verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
+  ASSERT_EQ(threadsOf(verify, pb::INSTRUCTOR), RequestThreads::kSlow);
+  occupy(*context.slow_workers_of_people, "ada");
+  std::shared_ptr<Outcome> outcome;
+  asio::co_spawn(loop.io, answer({"ines", pb::INSTRUCTOR}, verify, &outcome), rethrow);
+  loop.io.restart();
+  loop.io.poll();
+  // comes after ines, and is done before she has read all: her last step finds what it does
+  context.slow_workers_of_people->post(turnNameOf({"mara", pb::CURRICULUM_MANAGER}), [this] {
+    EXPECT_TRUE(store->writer()
+                    .run([](Connection& c) {
+                      return c.run("UPDATE chunks SET crc = crc + 1 WHERE seq = ?", kChunks - 1);
+                    })
+                    .ok());
+  });
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_FALSE(outcome->reply.verified().ok());
+  EXPECT_THAT(outcome->reply.verified().text(), testing::HasSubstr("chunk 19999"));
 }
 
 TEST_F(RequestThreadsTest, noWorkerWaitsForTheWriterWithALineOfWhatWasNotDelivered) {

@@ -100,6 +100,8 @@ TEST(WebLimits, aHeaderAndABodyHaveTheirSizes) {
       ada.ask("POST", "/api/v1/profiles/check", json{{"description", std::string(1'100'000, 'a')}}.dump())
           .status,
       413);
+  // a log-in is short for those, too, who have a session
+  EXPECT_EQ(ada.ask("POST", "/api/v1/session", body).status, 413);
   EXPECT_EQ(ada.get("/api/v1/session").status, 200) << "the server goes on";
 }
 
@@ -399,6 +401,33 @@ TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
   *free_bytes = 20 * kMiB;
   EXPECT_LT(levelBecomes("no_chunks"), 64 * kMiB);
   EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("disk_room"));
+}
+
+// The finding: remarks by this port took no share of a day and no room, so one instructor filled the disk
+// until the server ended.
+TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
+  constexpr std::uint64_t kMiB = 1u << 20;
+  const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
+  WebLab lab([&](ServerOptions& options) {
+    options.free_bytes = [free_bytes](const std::filesystem::path&) {
+      return std::optional(free_bytes->load());
+    };
+    options.room_every = milliseconds(5);
+    options.min_free_bytes = 64 * kMiB;
+  });
+  const std::string id = lab.recorded(1);
+  Browser ada = lab.browserOf("ada"), ines = lab.browserOf("ines");
+  const auto annotate = [&] {
+    return askChecked(ines, "POST", "/api/v1/sessions/" + id + "/annotations",
+                      R"({"t_s": 0.25, "text": "slow down"})");
+  };
+  EXPECT_EQ(annotate().status, 201);
+  *free_bytes = 20 * kMiB;
+  while (askChecked(ada, "GET", "/api/v1/session").json()["disk_room"]["level"] != "no_chunks") continue;
+  const WebReply refused = annotate();
+  EXPECT_EQ(refused.status, 503) << refused.body;
+  EXPECT_EQ(refused.json()["error"]["code"], "no_room");
+  EXPECT_EQ(askChecked(ines, "GET", "/api/v1/sessions/" + id + "/annotations").json()["items"].size(), 1u);
 }
 
 TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {

@@ -87,6 +87,56 @@ TEST_F(LiveStationTest, gapsAreCountedAndFlagged) {
   EXPECT_FALSE(live_.approximate());
 }
 
+TEST_F(LiveStationTest, whoComesLateKnowsTheOldCutsFromTheStationsMemory) {
+  auto profile = parseProfile(profile_, "sample");
+  ASSERT_TRUE(profile.ok());
+  profile->add_effects(pb::Profile::CUT_MEMORY);
+  profile->mutable_cut_memory()->set_cutting_share(0.3);
+  profile->mutable_cut_memory()->set_radius_m(0.001);
+  info_.mutable_description()->set_profile_json(profileJson(*profile));
+  // in and out twice along one line
+  samples_.resize(samples_.size() / 20 * 20);
+  const std::size_t once = samples_.size();
+  for (std::size_t k = 0; k < once; ++k) {
+    GestureSample again = samples_[k];
+    again.tick += once;
+    again.time_ns += static_cast<std::int64_t>(once) * 1'000'000;
+    samples_.push_back(again);
+  }
+  const auto model = compile(*sceneSpecOf(*profile), 1000);
+  ASSERT_TRUE(model.ok());
+  const auto state = std::make_unique<SimState>();
+  StepReport report;
+  std::vector<double> cutting_N;
+  Bytes cuts;
+  for (std::size_t k = 0; k < samples_.size(); ++k) {
+    const GestureSample& s = samples_[k];
+    step(*model, {{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}, {s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}},
+         *state, report);
+    cutting_N.push_back(-report.cutting_N);
+    if (k + 1 == once) cuts = encodeCuts({k, state->cuts});
+  }
+  const std::size_t deep = once + 900;
+  for (const bool with_memory : {false, true})
+    for (const bool described : {false, true}) {
+      live_ = LiveStation("bench-1");
+      LiveArrival first = test::lessonFrame(info_, samples_, once - 20);
+      if (with_memory) first.frame.set_cut_memory(cuts.data(), cuts.size());
+      live_.feed({});
+      if (described) live_.feed(test::lessonFrame(info_, samples_, once - 40)), live_.setSession(info_);
+      live_.feed(first);
+      feed(once, deep);
+      live_.setSession(info_);
+      EXPECT_EQ(live_.approximate(), !with_memory);
+      const double shown_N = live_.trace().last().term(Effect::kCutting);
+      if (with_memory) {
+        EXPECT_EQ(-shown_N, cutting_N[deep - 1]);
+      } else {
+        EXPECT_GT(-shown_N, cutting_N[deep - 1] + 0.5) << "as if the tissue were whole";
+      }
+    }
+}
+
 TEST_F(LiveStationTest, anotherSessionBeginsAnew) {
   feed(0, 400);
   live_.setSession(info_);

@@ -73,12 +73,41 @@ TEST(SkillStudy, shuffledLabelsSeparateInFivePercentAtMostForSeveralSeeds) {
     const auto report = runSkillStudy(options);
     ASSERT_TRUE(report.ok()) << report.error().message;
     ASSERT_GT(report->rows.size(), 15u);
-    EXPECT_LE(report->shuffled_mean_share, 0.05) << "seed " << options.seed;
-    // each measure by itself; 2,000 shuffles have a spread of half a percent
+    // 2,000 shuffles have a spread of half a percent
+    const double most = 0.05 + 4 * std::sqrt(0.05 * 0.95 / 2000);
+    EXPECT_LE(report->shuffled_any_share, most) << "any of them, seed " << options.seed;
+    EXPECT_LE(report->shuffled_mean_share, most) << "seed " << options.seed;
+    // each measure by itself, uncorrected
     for (const SkillRow& r : report->rows)
-      EXPECT_LE(r.shuffled_share, 0.05 + 4 * std::sqrt(0.05 * 0.95 / 2000))
-          << r.measure << ", seed " << options.seed;
+      EXPECT_LE(r.shuffled_share, most) << r.measure << ", seed " << options.seed;
   }
+}
+
+// A measure that puts experts at the worse end is no success of the measures: the headline does not count it.
+TEST(SkillStudy, theFindingCountsOnlyMeasuresThatSeparateTowardsTheirBetterEnd) {
+  const auto row = [](const char* better, double delta, double p_holm) {
+    SkillRow made;
+    made.better = better;
+    made.cliffs_delta = made.hedges_g = delta;
+    made.p = 0.001;
+    made.p_holm = p_holm;
+    return made;
+  };
+  SkillReport report;
+  report.options.trainees = 16;
+  report.shuffled_any_share = 0.041;
+  report.rows = {row("less", -1, 0.01),   row("more", 1, 0.05),     row("less", 1, 0.01),
+                 row("more", -0.8, 0.04), row("neither", -1, 0.01), row("less", -0.5, 0.06)};
+  EXPECT_EQ(report.rows[0].separation(), Separation::kTowardsBetter);
+  EXPECT_EQ(report.rows[1].separation(), Separation::kTowardsBetter);
+  EXPECT_EQ(report.rows[2].separation(), Separation::kTowardsWorse);
+  EXPECT_EQ(report.rows[3].separation(), Separation::kTowardsWorse);
+  EXPECT_EQ(report.rows[4].separation(), Separation::kNoBetterEnd);
+  EXPECT_EQ(report.rows[5].separation(), Separation::kNone) << "0.001 by itself, but one of six";
+  EXPECT_EQ(
+      findingOf(report),
+      "2 of 5 measures find 8 simulated experts better than 8 simulated novices; 2 find them worse; with "
+      "labels at random any does either in 4.1 % of shuffles");
 }
 
 TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
@@ -90,7 +119,9 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
   EXPECT_EQ(report->gestures, options.trainees * report->exercises.size() * options.attempts);
   EXPECT_EQ(report->faults, 0u);
   EXPECT_TRUE(report->exact_test);
-  EXPECT_LE(report->shuffled_mean_share, 0.05);
+  const double most = 0.05 + 4 * std::sqrt(0.05 * 0.95 / 2000);
+  EXPECT_LE(report->shuffled_mean_share, most);
+  EXPECT_LE(report->shuffled_any_share, most);
   const auto row = [&](const std::string& name) {
     const auto found = std::find_if(report->rows.begin(), report->rows.end(),
                                     [&](const SkillRow& r) { return r.measure == name; });
@@ -99,15 +130,22 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
   };
   // The measures recover the given skills: aim, overshoot, hesitation.
   for (const char* const name : {"target_nearest_m", "translational_actions", "ldlj"}) {
-    EXPECT_TRUE(row(name).separates) << name;
-    EXPECT_LE(row(name).p, 0.05);
+    EXPECT_EQ(row(name).separation(), Separation::kTowardsBetter) << name;
+    EXPECT_LE(row(name).p_holm, 0.05);
   }
   EXPECT_LT(row("target_nearest_m").hedges_g, 0);
   EXPECT_GT(row("ldlj").hedges_g, 0);
-  // the same gesture at 500 Hz and 2 kHz scores the same, each measure within its tolerance
+  // The same gesture at 500 Hz and 2 kHz scores the same, each measure within its tolerance. A pause that
+  // ends a movement at one rate and is just too short at the other makes two of one, for SPARC, too: at most
+  // once here.
   EXPECT_EQ(report->rate_gestures, options.trainees);
+  const double miscounted = row("translational_actions").rate_difference;
+  EXPECT_LE(miscounted, test::longForm() ? 1 : 0);
   for (const SkillRow& r : report->rows) {
-    EXPECT_LE(r.rate_difference, r.rate_tolerance) << r.measure;
+    const bool counts_movements = r.measure == "sparc" || r.measure == "translational_actions";
+    if (miscounted == 0 || !counts_movements) {
+      EXPECT_LE(r.rate_difference, r.rate_tolerance) << r.measure;
+    }
     EXPECT_EQ(r.rate_tolerance, rateTolerance(r.measure, r.unit));
   }
   EXPECT_EQ(rateTolerance("entries", ""), 0) << "counts are the same";

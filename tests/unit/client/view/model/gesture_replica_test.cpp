@@ -245,6 +245,117 @@ TEST(GestureReplica, anEarlierTickBeginsAnew) {
   EXPECT_EQ(bitsOf(replica.report()), bitsOf(lesson.reports[2499]));
 }
 
+// ---- CUT_MEMORY: what was cut before acts on later insertions ----
+
+/// The sample lesson's hand three times, in a scene that remembers; the engine's reports and its memory after
+/// each sample.
+struct RememberingLesson {
+  std::shared_ptr<const SceneModel> model;
+  std::vector<GestureSample> samples;
+  std::vector<StepReport> reports;
+  std::vector<CutSnapshot> cuts;
+};
+
+RememberingLesson rememberingLesson() {
+  const SampleLesson once = sampleLesson("shoulder-adult");
+  auto spec = sceneSpecOf(once.profile);
+  EXPECT_TRUE(spec);
+  spec->effects |= bitOf(Effect::kCutMemory);
+  useUsualNumbers(effectEntry(Effect::kCutMemory), *spec);
+  auto model = compile(*spec, 1000);
+  EXPECT_TRUE(model);
+  RememberingLesson lesson{std::make_shared<const SceneModel>(*model), {}, {}, {}};
+  const auto state = std::make_unique<SimState>();
+  for (int pass = 0; pass < 3; ++pass)
+    for (GestureSample sample : once.samples) {
+      sample.tick = lesson.samples.size();
+      sample.time_ns = static_cast<std::int64_t>(sample.tick) * 1'000'000;
+      StepReport report;
+      step(*lesson.model,
+           {{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
+            {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}},
+           *state, report);
+      sample.layer = static_cast<std::int8_t>(report.layer);
+      lesson.samples.push_back(sample);
+      lesson.reports.push_back(report);
+      lesson.cuts.push_back({sample.tick, state->cuts});
+    }
+  return lesson;
+}
+
+CutSnapshot overTheWire(const CutSnapshot& cuts) {
+  const auto received = decodeCuts(encodeCuts(cuts));
+  EXPECT_TRUE(received.ok());
+  return *received;
+}
+
+TEST(ReplicaOfCuts, fromTheFirstSampleOnNothingIsApproximate) {
+  const RememberingLesson lesson = rememberingLesson();
+  GestureReplica replica(lesson.model);
+  for (std::size_t i = 0; i < lesson.samples.size(); ++i) {
+    ASSERT_FALSE(replica.feed(lesson.samples[i]).approximate) << i;
+    ASSERT_EQ(bitsOf(replica.report()), bitsOf(lesson.reports[i])) << i;
+  }
+}
+
+TEST(ReplicaOfCuts, whoComesLateIsApproximateInEveryInsertion) {
+  const RememberingLesson lesson = rememberingLesson();
+  const std::size_t once = lesson.samples.size() / 3;
+  GestureReplica replica(lesson.model);
+  bool differs = false;
+  for (std::size_t i = once; i < lesson.samples.size(); ++i) {
+    const Moment& now = replica.feed(lesson.samples[i]);
+    ASSERT_EQ(now.approximate, now.inside) << i;
+    differs = differs || bitsOf(replica.report()) != bitsOf(lesson.reports[i]);
+  }
+  EXPECT_TRUE(differs) << "and rightly so: the first insertion's cut is not known";
+}
+
+TEST(ReplicaOfCuts, fromAnyChunkIsTheSameAsFromTheFirstOnceTheMemoryHasCome) {
+  const RememberingLesson lesson = rememberingLesson();
+  int entries = 0;
+  for (std::size_t begin = 1000; begin < lesson.samples.size(); begin += 1000) {
+    GestureReplica replica(lesson.model);
+    replica.feed(lesson.samples[begin - 1]);
+    replica.takeCuts(overTheWire(lesson.cuts[begin - 1]));
+    bool seen = lesson.reports[begin - 1].layer < 0;  // a memory has come while the tip was outside
+    for (std::size_t i = begin; i < lesson.samples.size(); ++i) {
+      const Moment& now = replica.feed(lesson.samples[i]);
+      if (seen) {
+        ASSERT_FALSE(now.approximate) << begin << ", " << i;
+        ASSERT_EQ(bitsOf(replica.report()), bitsOf(lesson.reports[i])) << begin << ", " << i;
+        entries += (lesson.reports[i].flags & kFlagEntry) != 0 ? 1 : 0;
+      } else if (now.inside) {
+        ASSERT_TRUE(now.approximate) << begin << ", " << i;
+      }
+      if (i % 1000 != 999) continue;
+      replica.takeCuts(overTheWire(lesson.cuts[i]));
+      seen = seen || lesson.reports[i].layer < 0;
+    }
+  }
+  EXPECT_GT(entries, 10);
+}
+
+TEST(ReplicaOfCuts, aGapIsOverWithTheMemoryOfTheSameSampleFromOutside) {
+  const RememberingLesson lesson = rememberingLesson();
+  const std::size_t once = lesson.samples.size() / 3;
+  GestureReplica replica(lesson.model);
+  std::size_t i = 0;
+  for (; i < once; ++i) replica.feed(lesson.samples[i]);
+  replica.noteGap();                                  // outside: an insertion may have been in it
+  replica.takeCuts(overTheWire(lesson.cuts[i - 2]));  // another sample's
+  for (; i < 2 * once; ++i) {
+    const Moment& now = replica.feed(lesson.samples[i]);
+    ASSERT_EQ(now.approximate, now.inside) << i;
+    if (now.inside) replica.takeCuts(overTheWire(lesson.cuts[i]));  // too late for this insertion
+  }
+  replica.takeCuts(overTheWire(lesson.cuts[i - 1]));
+  for (; i < lesson.samples.size(); ++i) {
+    ASSERT_FALSE(replica.feed(lesson.samples[i]).approximate) << i;
+    ASSERT_EQ(bitsOf(replica.report()), bitsOf(lesson.reports[i])) << i;
+  }
+}
+
 TEST(MomentsOf, keepsEveryNthAndTheLast) {
   const SampleLesson lesson = sampleLesson("shoulder-adult");
   const auto moments = momentsOf(lesson.model, lesson.samples, 100);

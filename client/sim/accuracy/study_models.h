@@ -1,0 +1,45 @@
+/// The models that the studies compare, and the instructions that a tick of each takes.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/sim/accuracy/study.h"
+#include "common/base/result.h"
+#include "common/haptics/scene_spec.h"
+
+namespace needlelab {
+
+/// A scene rendered by one of the models.
+struct StudyModel {
+  AxialModel model = AxialModel::kEnhancedTrackingWall;
+  std::string variant;  ///< empty for the model as it ships
+  SceneSpec spec;       ///< like for like; FEM without its compliance
+};
+
+/// Every axial model, and VOIGT a second time with a velocity over an adaptive window.
+std::vector<StudyModel> studyModels(const SceneSpec& scene);
+
+/// True if the scene's own force profile contains the model's law: those that the tracking wall renders share
+/// its stop, its attracted force, or a table made of it.
+bool profileHasLawOf(AxialModel model);
+
+/// ENHANCED_TRACKING_WALL, or "VOIGT, velocity over an adaptive window": the key of `CountedTick::choice`.
+std::string choiceOf(const StudyModel& model);
+
+/// Counts the instructions of a tick of each model over the study's first gesture in each scene: `command`
+/// must be a program that calls `stepForCounting`. FEM has a coarse mesh there, because its tick depends on
+/// the needle's stations alone. Takes about half a minute. Errors: as countStepInstructions.
+Result<std::vector<CountedTick>> countStudyTicks(const std::vector<std::string>& command);
+
+/// Steps every model through its gesture, with a mark behind each (instruction_count.h). Errors: as
+/// `compile`.
+Status stepForCounting();
+
+/// The count of a model in a scene; empty when it was not counted.
+std::optional<double> instructionsOf(const AccuracyOptions& options, std::string_view scene,
+                                     const StudyModel& model);
+
+}  // namespace needlelab

@@ -1,0 +1,96 @@
+#include "common/haptics/cut_snapshot.h"
+
+#include <cmath>
+
+#include <fmt/core.h>
+
+namespace needlelab {
+namespace {
+
+constexpr std::uint8_t kCutVersion = 1;
+/// A direction is as long as this but for rounding.
+constexpr double kUnitTolerance = 1e-9;
+
+void put(ByteWriter& to, Vec3 v) {
+  to.put(v.x);
+  to.put(v.y);
+  to.put(v.z);
+}
+
+Vec3 vectorFrom(ByteReader& from) {
+  Vec3 v;
+  v.x = from.get<double>();
+  v.y = from.get<double>();
+  v.z = from.get<double>();
+  return v;
+}
+
+Error corrupt(const std::string& what) {
+  return {ErrorCode::kCorrupt, "memory of the cut: " + what};
+}
+
+bool isTrack(const CutTrack& track) {
+  return isFinite(track.p_entry_W_m) && isFinite(track.u_W) &&
+         std::abs(norm(track.u_W) - 1) <= kUnitTolerance && std::isfinite(track.length_m) &&
+         track.length_m >= 0;
+}
+
+// a ring that is not full is filled from its first place on
+bool isRing(const CutMemory& cuts) {
+  if (cuts.count > kMaxCutTracks || cuts.next >= kMaxCutTracks) return false;
+  return cuts.count == kMaxCutTracks || cuts.next == cuts.count;
+}
+
+}  // namespace
+
+Bytes encodeCuts(const CutSnapshot& snapshot) {
+  const CutMemory& cuts = snapshot.cuts;
+  Bytes bytes;
+  bytes.reserve(kMostCutSnapshotBytes);
+  ByteWriter to(bytes);
+  to.put(kCutVersion);
+  to.put(static_cast<std::uint8_t>(cuts.count));
+  to.put(static_cast<std::uint8_t>(cuts.next));
+  to.put(std::uint8_t{0});
+  to.put(snapshot.tick);
+  for (std::uint32_t i = 0; i < cuts.count; ++i) {
+    const CutTrack& track = cuts.tracks[i];
+    put(to, track.p_entry_W_m);
+    put(to, track.u_W);
+    to.put(track.length_m);
+    to.put(track.membranes);
+  }
+  return bytes;
+}
+
+Result<CutSnapshot> decodeCuts(ByteView bytes) {
+  ByteReader from(bytes);
+  const auto version = from.get<std::uint8_t>();
+  if (from.ok() && version != kCutVersion)
+    return Error{ErrorCode::kVersion,
+                 fmt::format("memory of the cut: version {}, this program reads {}", version, kCutVersion)};
+  CutSnapshot snapshot;
+  CutMemory& cuts = snapshot.cuts;
+  cuts.count = from.get<std::uint8_t>();
+  cuts.next = from.get<std::uint8_t>();
+  const auto filler = from.get<std::uint8_t>();
+  snapshot.tick = from.get<std::uint64_t>();
+  if (!from.ok()) return corrupt(fmt::format("{} bytes are too few", bytes.size()));
+  if (filler != 0) return corrupt(fmt::format("byte 3 is {}, it must be 0", filler));
+  if (!isRing(cuts))
+    return corrupt(
+        fmt::format("{} tracks with the next at {} are no ring of {}", cuts.count, cuts.next, kMaxCutTracks));
+  for (std::uint32_t i = 0; i < cuts.count; ++i) {
+    CutTrack& track = cuts.tracks[i];
+    track.p_entry_W_m = vectorFrom(from);
+    track.u_W = vectorFrom(from);
+    track.length_m = from.get<double>();
+    track.membranes = from.get<std::uint32_t>();
+    if (!from.ok()) return corrupt(fmt::format("{} bytes are too few", bytes.size()));
+    if (!isTrack(track)) return corrupt(fmt::format("track {} is no line with a length", i));
+  }
+  if (from.left() != 0) return corrupt(fmt::format("{} bytes are left over", from.left()));
+  return snapshot;
+}
+
+}  // namespace needlelab

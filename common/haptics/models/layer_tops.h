@@ -1,0 +1,28 @@
+/// What FIRST_ORDER, OKAMURA and DAHL share: every layer's top holds like a membrane until it is punctured,
+/// and while one holds, there is no cutting or friction beyond it (FORCE_MODEL.md, "Axial models").
+#pragma once
+
+#include <algorithm>
+#include <bit>
+
+#include "common/haptics/effects/puncture.h"
+#include "common/haptics/tick.h"
+
+namespace needlelab {
+
+/// Constant cutting in the open layer at x_c, on the way in only, by a dragged wall with the spring K_t.
+[[gnu::always_inline]] inline double cutBeyondTops(const SceneModel& model, SimState& state, const Tick& tick,
+                                                   StepReport& report) {
+  const auto closed = static_cast<std::uint32_t>(std::countr_zero(intactMembranes(state)));
+  double cut_m = 0.0;
+  if (closed != 0) cut_m = model.layers[std::min(state.layer, closed - 1)].cut_stretch_m;
+  state.wall_m = std::min(std::max(state.wall_m, tick.x_cut_m - cut_m), tick.x_cut_m);
+  return report.cutting_N = -model.wall.stiffness_N_per_m * (tick.x_cut_m - state.wall_m);
+}
+
+/// The length in tissue beyond the tops that hold.
+inline double lengthBeyondTops(const Tick& tick) {
+  return std::min(tick.insertion_m, std::max(0.0, tick.x_cut_m));
+}
+
+}  // namespace needlelab

@@ -1,0 +1,233 @@
+/// OKAMURA: the needle's force as the sum of three (Okamura, Simone and O'Leary, "Force modeling for needle
+/// insertion into soft tissue", 2004): a stiffness a1 z + a2 z² up to puncture, then constant cutting, and
+/// modified Karnopp friction along the shaft. DAHL: the same stiffness and cutting, and the shaft's friction
+/// after Kim and Lee ("An empirical model of friction force between a needle and soft tissue", 2016): Dahl's
+/// element, with limits of each direction and a viscous term. FORCE_MODEL.md, "Axial models", has the rules.
+///
+/// Both frictions are a spring K_f from the needle to a place w_f in the tissue, as shaft friction is: a
+/// device measures places, and the force that Karnopp's law needs at rest is what holds the spring. Every
+/// move of w_f shortens the spring, whatever the limits do, so the element can only take energy. Speeds are
+/// means over 100 ms; therefore the viscous part raises the limit and is no force of its own, which would
+/// push the hand on for 50 ms after it turned back.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "common/haptics/det_math.h"
+#include "common/haptics/effects/step_live.h"
+#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/models/layer_tops.h"
+
+namespace needlelab {
+
+/// Friction of the inserted length, by layer: ∫₀^d = offset/c + slope·d while d·c is in that layer.
+struct ShaftLimits {
+  struct Line {
+    double offset = 0, slope = 0;
+
+    [[nodiscard]] double at(double inverse_slant, double length_m) const {
+      return std::max(0.0, offset * inverse_slant + slope * length_m);
+    }
+  };
+  struct Side {
+    Line kinetic_N, static_N, viscous_Ns_per_m;
+  };
+  struct Layer {
+    Side in, out;
+  };
+  std::array<Layer, kMaxLayers> layers;
+};
+
+namespace {
+
+/// The limits of a tick in one direction, in N and N·s/m.
+struct SideLimit {
+  double kinetic_N = 0, static_N = 0, viscous_Ns_per_m = 0;
+};
+
+SideLimit limitOf(const ShaftLimits::Side& side, double inverse_slant, double length_m) {
+  return {side.kinetic_N.at(inverse_slant, length_m), side.static_N.at(inverse_slant, length_m),
+          side.viscous_Ns_per_m.at(inverse_slant, length_m)};
+}
+
+/// The reach of the spring in a direction: at rest up to static friction; in motion kinetic and viscous, and
+/// what static friction is above them at the speed where motion begins fades over the way on which the spring
+/// gives it back: the force does not step.
+struct Karnopp {
+  static void drag(const SceneModel& model, SimState& state, const Tick& tick, double slid_m,
+                   const SideLimit& in, const SideLimit& out) {
+    const double speed_mps = std::fabs(tick.speed_mps), rest_mps = model.wall.stop_speed_mps;
+    state.slid_m = speed_mps < rest_mps ? 0.0 : state.slid_m + std::fabs(slid_m);
+    const double stiffness = model.friction_stiffness_N_per_m;
+    const auto reach = [&](const SideLimit& side) {
+      const double above_N =
+          side.static_N - side.kinetic_N - side.viscous_Ns_per_m * std::min(speed_mps, rest_mps);
+      return (side.kinetic_N + side.viscous_Ns_per_m * speed_mps +
+              std::max(0.0, above_N - stiffness * state.slid_m)) /
+             stiffness;
+    };
+    state.friction_wall_m =
+        std::min(std::max(state.friction_wall_m, tick.x_cut_m - reach(in)), tick.x_cut_m + reach(out));
+  }
+};
+
+/// dz/dx = 1 − sign(dx)·z/reach for the spring's length z: exactly, for any way in a tick. While z is
+/// shortened, the reach is that of its own side.
+struct Dahl {
+  static void drag(const SceneModel& model, SimState& state, const Tick& tick, double slid_m,
+                   const SideLimit& in, const SideLimit& out) {
+    const double speed_mps = std::fabs(tick.speed_mps), stiffness = model.friction_stiffness_N_per_m;
+    const double reach_in_m = (in.kinetic_N + in.viscous_Ns_per_m * speed_mps) / stiffness;
+    const double reach_out_m = (out.kinetic_N + out.viscous_Ns_per_m * speed_mps) / stiffness;
+    double z_m = tick.x_cut_m - slid_m - state.friction_wall_m;
+    if (slid_m > 0) z_m = stretched(z_m, slid_m, reach_in_m, reach_out_m);
+    if (slid_m < 0) z_m = -stretched(-z_m, -slid_m, reach_out_m, reach_in_m);
+    state.friction_wall_m = tick.x_cut_m - std::min(std::max(z_m, -reach_out_m), reach_in_m);
+  }
+
+  /// z after a way > 0 towards positive z.
+  static double stretched(double z_m, double way_m, double ahead_m, double behind_m) {
+    if (z_m < 0) {
+      const double left_m = wayToZero(z_m, behind_m);
+      if (way_m <= left_m) return behind_m - (behind_m - z_m) * detExp(-way_m / behind_m);
+      z_m = 0;
+      way_m -= left_m;
+    }
+    return ahead_m > 0 ? ahead_m - (ahead_m - z_m) * detExp(-way_m / ahead_m) : 0.0;
+  }
+  static double wayToZero(double z_m, double behind_m) {
+    return behind_m > 0 ? behind_m * detLog(1 - z_m / behind_m) : 0.0;
+  }
+};
+
+template <class Friction>
+struct ThreeForces {
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
+  static constexpr EffectMask kReplaces = bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction);
+  static constexpr bool kHasWall = true;
+
+  static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
+                      StepReport& report) {
+    const TickBefore before = tickBefore(state);
+    const double x_cut_before_m = cuttingPosition(state, before.x_m), wall_before_m = state.wall_m;
+    Tick own = tick;
+    const double held_N = applyMembranes(model, state, own, before.x_m, before.depth_m, report);
+    // a rupture lets walls and x_c go on together: nothing slides in that
+    const double slid_m = own.x_cut_m - (state.wall_m - wall_before_m) - x_cut_before_m;
+    const double cutting_N = cutBeyondTops(model, state, own, report);
+
+    const double length_m = lengthBeyondTops(own);
+    layerByLength(model, state, length_m);
+    const ShaftLimits::Layer& layer = model.shaft_limits->layers[state.layer_by_length];
+    Friction::drag(model, state, own, slid_m, limitOf(layer.in, state.inverse_slant, length_m),
+                   limitOf(layer.out, state.inverse_slant, length_m));
+    report.friction_N = -model.friction_stiffness_N_per_m * (own.x_cut_m - state.friction_wall_m);
+    return cutting_N + report.friction_N + held_N;
+  }
+};
+constexpr StepTable kOkamuraSteps = stepTable<ThreeForces<Karnopp>>();
+constexpr StepTable kDahlSteps = stepTable<ThreeForces<Dahl>>();
+constexpr EffectMask kReplaced = ThreeForces<Karnopp>::kReplaces;
+
+constexpr NumberRange kViscous{0, 1e5};
+
+void checkSide(const ShaftFrictionSpec& side, const std::string& name, SpecChecker& check) {
+  check.number("okamura.kinetic_" + name + "_n_per_m", side.kinetic_N_per_m, kFrictionPerLength);
+  check.number("okamura.static_" + name + "_n_per_m", side.static_N_per_m, kFrictionPerLength);
+  check.require(side.static_N_per_m >= side.kinetic_N_per_m, "okamura.static_" + name + "_n_per_m",
+                numberText(side.static_N_per_m) + " is below " + numberText(side.kinetic_N_per_m) +
+                    ", kinetic_" + name + "_n_per_m: static friction is at least as strong as kinetic");
+  check.number("okamura.viscous_" + name + "_ns_per_m2", side.viscous_Ns_per_m2, kViscous);
+}
+
+void checkThreeForces(const SceneSpec& spec, SpecChecker& check) {
+  refuseReplacedEffects(spec, kReplaced, "layers[].okamura", check);
+  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
+    check.enter(fmt::format("layers[{}].", i));
+    const auto& own = spec.layers[i].okamura;
+    check.require(own.has_value(), "okamura",
+                  "is missing, and axial_model is " + std::string(axialModelName(spec.axial_model)));
+    if (!own) return;
+    check.number("okamura.linear_n_per_m", own->linear_N_per_m, {0, 10'000});
+    check.number("okamura.quadratic_n_per_m2", own->quadratic_N_per_m2, {0, 1e9});
+    check.require(own->linear_N_per_m > 0 || own->quadratic_N_per_m2 > 0, "okamura",
+                  "linear_n_per_m and quadratic_n_per_m2 are both 0: this top would never be punctured");
+    check.number("okamura.puncture_force_n", own->puncture_force_N, kPositiveForce);
+    check.number("okamura.cutting_force_n", own->cutting_force_N, kForce);
+    checkSide(own->in, "in", check);
+    checkSide(own->out, "out", check);
+  }
+}
+
+/// Adds a layer to an integral over the layers.
+class RunningLine {
+ public:
+  ShaftLimits::Line next(double per_m, const CompiledLayer& layer, double thickness_m) {
+    const ShaftLimits::Line line{sum_ - per_m * layer.top_m, per_m};
+    sum_ += per_m * thickness_m;
+    return line;
+  }
+
+ private:
+  double sum_ = 0;
+};
+
+struct RunningSide {
+  RunningLine kinetic, at_rest, viscous;
+
+  ShaftLimits::Side next(const ShaftFrictionSpec& side, const CompiledLayer& layer, double thickness_m) {
+    return {kinetic.next(side.kinetic_N_per_m, layer, thickness_m),
+            at_rest.next(side.static_N_per_m, layer, thickness_m),
+            viscous.next(side.viscous_Ns_per_m2, layer, thickness_m)};
+  }
+};
+
+/// `steepest_friction`: the steepest slope of friction over x, as a multiple of K_f.
+void compileThreeForces(const SceneSpec& spec, SceneModel& model, double steepest_friction) {
+  auto limits = std::make_shared<ShaftLimits>();
+  RunningSide in, out;
+  double steepest_N_per_m = 0;
+  bool rubs = false;
+  for (std::uint32_t i = 0; i < model.layer_count; ++i) {
+    const OkamuraSpec& own = *spec.layers[i].okamura;
+    CompiledLayer& layer = model.layers[i];
+    layer.cut_stretch_m = own.cutting_force_N / spec.tracking_wall.stiffness_N_per_m;
+    limits->layers[i] = {in.next(own.in, layer, spec.layers[i].thickness_m),
+                         out.next(own.out, layer, spec.layers[i].thickness_m)};
+    // d/dz (a1 z + a2 z²) where it reaches the puncture force
+    const double slope_N_per_m = std::sqrt(own.linear_N_per_m * own.linear_N_per_m +
+                                           4 * own.quadratic_N_per_m2 * own.puncture_force_N);
+    model.membranes[i] = {layer.top_m, own.linear_N_per_m, own.quadratic_N_per_m2, own.puncture_force_N,
+                          slope_N_per_m};
+    steepest_N_per_m = std::max(steepest_N_per_m, slope_N_per_m);
+    for (const ShaftFrictionSpec* side : {&own.in, &own.out})
+      rubs = rubs || side->static_N_per_m > 0 || side->viscous_Ns_per_m2 > 0;
+  }
+  model.membrane_count = model.layer_count;
+  model.shaft_limits = std::move(limits);
+  // while a top holds, x_c and both walls stand still
+  model.axial_stiffness_N_per_m =
+      std::max(steepest_N_per_m, spec.tracking_wall.stiffness_N_per_m +
+                                     (rubs ? steepest_friction * spec.friction_stiffness_N_per_m : 0.0));
+}
+
+EffectMask alwaysCutting(const SceneSpec&) {
+  return bitOf(Effect::kCutting);
+}
+
+}  // namespace
+
+constinit const AxialEntry kOkamuraEntry = {
+    &kOkamuraSteps, checkThreeForces, alwaysCutting,
+    [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 1); }, kReplaced};
+
+// turned back at its limit, Dahl's spring gives way twice as fast as K_f
+constinit const AxialEntry kDahlEntry = {
+    &kDahlSteps, checkThreeForces, alwaysCutting,
+    [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 2); }, kReplaced};
+
+}  // namespace needlelab

@@ -1,0 +1,43 @@
+/// The shipped engine with a defect behind it: the controls of the cases of prescribed motion.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <utility>
+
+#include "client/sim/stability/plant.h"
+
+namespace needlelab::test {
+
+/// What is done to the report of a tick after the engine.
+using Change = std::function<void(const TipSample& tip, ForceSource& inner, StepReport& report)>;
+/// A source that wraps another one.
+class ChangedSource final : public ForceSource {
+ public:
+  ChangedSource(std::unique_ptr<ForceSource> inner, Change change)
+      : inner_(std::move(inner)), change_(std::move(change)) {}
+  void step(const TipSample& tip, StepReport& report) noexcept override {
+    inner_->step(tip, report);
+    change_(tip, *inner_, report);
+  }
+  [[nodiscard]] double axialStiffness_N_per_m() const noexcept override {
+    return inner_->axialStiffness_N_per_m();
+  }
+  [[nodiscard]] double slant() const noexcept override { return inner_->slant(); }
+  [[nodiscard]] Vec3 trajectory() const noexcept override { return inner_->trajectory(); }
+
+ private:
+  std::unique_ptr<ForceSource> inner_;
+  Change change_;
+};
+/// The engine with `change` behind it.
+inline ForceSourceFactory changed(Change change) {
+  return [change = std::move(change)](const SceneSpec& scene,
+                                      double rate_hz) -> Result<std::unique_ptr<ForceSource>> {
+    auto inner = engineSource()(scene, rate_hz);
+    if (!inner.ok()) return inner.error();
+    return std::unique_ptr<ForceSource>(std::make_unique<ChangedSource>(std::move(*inner), change));
+  };
+}
+
+}  // namespace needlelab::test

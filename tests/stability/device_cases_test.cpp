@@ -1,0 +1,144 @@
+// What a device or its clock does wrong: the wall passes each case, and a control fails it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/sim/stability/gated_run.h"
+#include "client/sim/stability/motion_cases.h"
+#include "tests/stability/case_rows.h"
+#include "tests/stability/changed_source.h"
+
+namespace needlelab::test {
+namespace {
+
+constexpr AxialModel kShipped = AxialModel::kEnhancedTrackingWall;
+
+class WallBearsDevice : public testing::TestWithParam<std::string> {};
+TEST_P(WallBearsDevice, thatDoesWrong) {
+  const CaseRow row = rowOf(GetParam());
+  EXPECT_TRUE(row.applicable && row.finite && row.passed) << rowText(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
+}
+INSTANTIATE_TEST_SUITE_P(
+    Device, WallBearsDevice,
+    [] {
+      std::vector<std::string> names;
+      for (const StabilityCase& one : deviceCases()) names.push_back(one.name);
+      return testing::ValuesIn(names);
+    }(),
+    [](const auto& test) { return test.param; });
+
+// every model has a row in every case, good or bad; a mesh of FEM takes a second, so not here
+TEST(DeviceCases, everyModelHasAFiniteRow) {
+  for (const StabilityCase& one : deviceCases())
+    for (const AxialModel model :
+         {AxialModel::kTrackingWall, AxialModel::kDirect, AxialModel::kVoigt, AxialModel::kGodObject,
+          AxialModel::kFirstOrder, AxialModel::kStatistical, AxialModel::kPrecomputed}) {
+      const CaseRow row = rowOf(one.name, model);
+      EXPECT_TRUE(row.applicable && row.finite) << one.name << ", " << axialModelName(model);
+      EXPECT_TRUE(row.measured && row.limit) << one.name << ", " << axialModelName(model);
+    }
+}
+
+CaseRow glitchRow(double glitch_m, const ForceSourceFactory& source, AxialModel model = kShipped) {
+  auto json = CaseFile::embedded().value().json();
+  json["cases"]["glitch_under_gate"]["glitch_m"] = glitch_m;
+  const auto file = CaseFile::parse(json.dump(), "another glitch").value();
+  const auto outcome = glitchUnderGate({file, false}, model, source);
+  if (outcome.ok()) return outcome->row;
+  ADD_FAILURE() << outcome.error().message;
+  return {};
+}
+
+TEST(GlitchUnderGate, aSpringWithoutEndDepartsByMoreThanTissueCan) {
+  const auto spring = [](SceneSpec scene, double rate_hz) {
+    scene.axial_model = AxialModel::kDirect;
+    scene.direct = {scene.tracking_wall.stiffness_N_per_m, false};
+    return engineSource()(scene, rate_hz);
+  };
+  const CaseRow row = rowOf("glitch_under_gate", kShipped, spring);
+  EXPECT_FALSE(row.passed) << rowText(row);
+  // K · 4.9 mm; the gate lets through 2 N of it in the tick
+  EXPECT_NEAR(*row.measured, 2.0, 0.1) << rowText(row);
+}
+
+// 5 m/s over a tick of 1 ms are 5 mm; on the way in or out 0.02 mm belong to the needle's own motion
+TEST(GlitchUnderGate, theGateTakesNoneOfALargerOne) {
+  const CaseRow under = glitchRow(0.0049, engineSource()), over = glitchRow(0.0051, engineSource());
+  EXPECT_GT(*under.measured, 0.5) << "the wall follows it";
+  EXPECT_LT(*over.measured, 0.03) << "the held force of one tick";
+}
+
+// a source that takes a jump for a new zero, as a device that is clutched, is off by it until the needle is
+// out
+TEST(FrozenAxis, aJumpTakenForANewZeroFails) {
+  class NewZero final : public ForceSource {
+   public:
+    explicit NewZero(std::unique_ptr<ForceSource> inner) : inner_(std::move(inner)) {}
+    void step(const TipSample& tip, StepReport& report) noexcept override {
+      const Vec3 way = tip.p_WT_m - before_W_m_;
+      before_W_m_ = tip.p_WT_m;
+      if (begun_ && norm(way) > 1e-3) offset_W_m_ += way;
+      begun_ = true;
+      inner_->step({tip.p_WT_m - offset_W_m_, tip.q_WT}, report);
+    }
+    [[nodiscard]] double axialStiffness_N_per_m() const noexcept override {
+      return inner_->axialStiffness_N_per_m();
+    }
+
+   private:
+    std::unique_ptr<ForceSource> inner_;
+    Vec3 before_W_m_, offset_W_m_;
+    bool begun_ = false;
+  };
+  const auto source = [](const SceneSpec& scene, double rate_hz) -> Result<std::unique_ptr<ForceSource>> {
+    auto inner = engineSource()(scene, rate_hz);
+    if (!inner.ok()) return inner.error();
+    return std::unique_ptr<ForceSource>(std::make_unique<NewZero>(std::move(*inner)));
+  };
+  const CaseRow row = rowOf("frozen_axis", kShipped, source);
+  EXPECT_FALSE(row.passed) << rowText(row);
+  EXPECT_GT(*row.measured, 0.1) << rowText(row);
+}
+
+// an angle from the scalar part alone: 2·acos(w) of −q is the other way round
+TEST(QuaternionSign, aTorqueFromTheScalarPartAloneFails) {
+  const CaseRow row =
+      rowOf("quaternion_sign", kShipped, changed([](const TipSample& tip, ForceSource&, StepReport& r) {
+              const Vec3 vector{tip.q_WT.x, tip.q_WT.y, tip.q_WT.z};
+              r.wrench_W.torque_Nm += vector * (0.01 * std::acos(std::clamp(tip.q_WT.w, -1.0, 1.0)));
+            }));
+  EXPECT_FALSE(row.passed) << rowText(row);
+  EXPECT_GT(*row.measured, 1e-3) << rowText(row);
+}
+
+TEST(ClockSteps, withoutTheGateTheForceIsThereAtOnce) {
+  const auto file = CaseFile::embedded();
+  ASSERT_TRUE(file.ok());
+  const auto outcome = clockSteps({*file, false}, kShipped, engineSource(), Gate::kAbsent);
+  ASSERT_TRUE(outcome.ok()) << outcome.error().message;
+  EXPECT_FALSE(outcome->row.passed) << rowText(outcome->row);
+  // at its lowest the share is zero: all of the cutting force of 1 N
+  EXPECT_NEAR(*outcome->row.measured, 1.0, 0.01);
+}
+
+// the loop's clock in the gate: 20 missed ticks are bridged, 21 are a stall
+TEST(ClockSteps, oneTickMoreThanTheWatchdogsLimitFadesTheForce) {
+  const auto file = CaseFile::embedded();
+  ASSERT_TRUE(file.ok());
+  const auto withForward = [&](double ticks) {
+    auto json = file->json();
+    json["cases"]["clock_steps"]["forward_ticks"] = {ticks};
+    const auto changed_file = CaseFile::parse(json.dump(), "one step").value();
+    return clockSteps({changed_file, false}, kShipped, engineSource(), Gate::kAbsent)->row;
+  };
+  EXPECT_TRUE(withForward(20).passed);
+  EXPECT_FALSE(withForward(21).passed);
+}
+
+}  // namespace
+}  // namespace needlelab::test

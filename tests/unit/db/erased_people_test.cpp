@@ -1,0 +1,269 @@
+// Whose a session is that comes after an erasure, and who came back with an older database.
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "db/audit.h"
+#include "db/check.h"
+#include "db/erasure.h"
+#include "db/people.h"
+#include "db/schema.h"
+#include "db/session_results.h"
+#include "db/session_rows.h"
+#include "db/unknown_trainees.h"
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/erasure_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using ErasedPeopleTest = test::ErasureTest;
+
+TEST_F(ErasedPeopleTest, whatAStationStillSendsIsAcknowledgedAndNotKept) {
+  const Uuid id = session("anna", 3, false);
+  ASSERT_EQ(ErasureStore(db.writer).openSessions("anna")->size(), 1u);
+  ASSERT_OK(erase("anna"));
+  removeChunks(id);
+  SessionStore sessions(db.writer);
+  // The station continues as before: new chunks, old chunks, its description, the end.
+  for (const std::uint64_t seq : {3u, 4u, 1u}) {
+    const auto appended = sessions.append(id, seq, test::chunkOf(seq), "station-1");
+    ASSERT_OK(appended);
+    EXPECT_TRUE(appended->taken()) << appended->text;
+    EXPECT_GT(appended->next_seq, seq);
+  }
+  auto again = test::describe(id);
+  again.set_trainee("anna");
+  EXPECT_OK(sessions.open(again, 5));
+  const auto closed = sessions.close(test::closeOf(id, 5), 6, "station-1");
+  ASSERT_OK(closed);
+  EXPECT_TRUE(closed->taken()) << closed->text;
+  auto left = db.writer.prepare("SELECT count(*) FROM chunks");
+  ASSERT_TRUE(*left.step());
+  EXPECT_EQ(left.integer(0), 0);
+  EXPECT_EQ(test::dump(db.writer).find("616E6E61"), std::string::npos);
+  EXPECT_EQ(ScoreStore(db.writer).put(test::scoreOf(id, "[]")).error().code, ErrorCode::kUnavailable);
+}
+
+TEST_F(ErasedPeopleTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndEmpty) {
+  ASSERT_OK(erase("anna"));
+  SessionStore sessions(db.writer);
+  // It was recorded before the erasure, while the station was offline.
+  const Uuid id = makeUuidV7();
+  auto d = test::describe(id);
+  d.set_trainee("anna");
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(id)->description().trainee(), "erased-1234");
+  EXPECT_EQ(sessions.info(id)->description().device(), "") << "a station may have put the name there";
+  EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
+  EXPECT_TRUE(sessions.close(test::closeOf(id, 1), 6)->taken());
+  EXPECT_EQ(sessions.info(id)->chunks(), 0u);
+  // A station whose clock is ahead says that it began after the erasure; the server knows better.
+  const Uuid ahead = makeUuidV7();
+  d.set_session_id(test::bytesOfId(ahead));
+  d.set_started_unix_ns(1'900'000'000'000'000'000);
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(ahead)->description().trainee(), "erased-1234");
+  EXPECT_TRUE(sessions.append(ahead, 0, test::chunkOf(0))->taken());
+  EXPECT_EQ(sessions.info(ahead)->chunks(), 0u);
+  EXPECT_EQ(test::dump(db.writer).find("'anna'"), std::string::npos);
+  // Somebody who gets an account of this name afterwards is a different person.
+  ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1'850'000'000'000'000'000}));
+  const Uuid between = makeUuidV7();
+  d.set_session_id(test::bytesOfId(between));
+  d.set_started_unix_ns(1'840'000'000'000'000'000);
+  ASSERT_OK(sessions.open(d, 1'860'000'000'000'000'000));
+  EXPECT_EQ(sessions.info(between)->description().trainee(), "anna");
+  EXPECT_EQ(sessions.append(between, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+  EXPECT_TRUE(waits(between)) << "from before the account: kept, and counted for nobody";
+  const Uuid later = makeUuidV7();
+  d.set_session_id(test::bytesOfId(later));
+  d.set_started_unix_ns(1'900'000'000'000'000'000);
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(later)->description().trainee(), "anna");
+  EXPECT_EQ(sessions.append(later, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+  EXPECT_FALSE(waits(later));
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
+TEST_F(ErasedPeopleTest, aNewAccountKeepsItsSessionsAlthoughTheClockWasAheadAtTheErasure) {
+  constexpr std::int64_t kDay = 86'400'000'000'000, kNow = 1'800'000'000'000'000'000;
+  ASSERT_OK(erase("anna", kNow + 200 * kDay));
+  ErasureStore erasures(db.writer);
+  EXPECT_EQ(*erasures.addedAt("anna", kNow), kNow + 200 * kDay + 1)
+      << "added after it, whatever the clock says";
+  EXPECT_EQ(*erasures.addedAt("anna", kNow + 201 * kDay), kNow + 201 * kDay);
+  EXPECT_EQ(*erasures.addedAt("ben", kNow), kNow) << "never erased";
+  ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, *erasures.addedAt("anna", kNow)}));
+  SessionStore sessions(db.writer);
+  const auto deliver = [&](std::int64_t started, std::int64_t now) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee("anna");
+    d.set_started_unix_ns(started);
+    EXPECT_OK(sessions.open(d, now));
+    EXPECT_EQ(sessions.append(id, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+    EXPECT_OK(sessions.open(d, now));  // the station comes again
+    EXPECT_TRUE(sessions.close(test::closeOf(id, 1), now + 1)->taken());
+    EXPECT_EQ(sessions.info(id)->chunks(), 1u);
+    EXPECT_EQ(sessions.info(id)->description().trainee(), "anna");
+    return id;
+  };
+  EXPECT_FALSE(waits(deliver(kNow + kDay, kNow + kDay)));
+  // the clock has reached the account's time: who comes from before may be the erased person
+  const Uuid late = deliver(kNow + 2 * kDay, kNow + 300 * kDay);
+  EXPECT_TRUE(waits(late));
+  EXPECT_FALSE(waits(deliver(kNow + 299 * kDay, kNow + 300 * kDay)));
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+  EXPECT_TRUE(erasures.toRepeat(db.folder.path())->empty()) << "nobody is told to erase the new person";
+  // one that waits for another reason can be given to the new person, too
+  ASSERT_OK(PeopleStore(db.writer).setCodeHash("anna", "$code"));
+  const Uuid unchecked = deliver(kNow + 3 * kDay, kNow + 3 * kDay);
+  ASSERT_TRUE(waits(unchecked));
+  EXPECT_OK(UnknownTraineeStore(db.writer).assign(unchecked, "anna", {}, "mia", kNow + 4 * kDay));
+  EXPECT_FALSE(waits(unchecked));
+}
+
+TEST_F(ErasedPeopleTest, guestsWhoComeAfterAnErasureOfGuestKeepTheirSessionsWhateverTheClocksSaid) {
+  constexpr std::int64_t kDay = 86'400'000'000'000, kNow = 1'800'000'000'000'000'000;
+  SessionStore sessions(db.writer);
+  const auto describe = [](const Uuid& id, std::int64_t started) {
+    auto d = test::describe(id);
+    d.set_trainee("guest");
+    d.set_started_unix_ns(started);
+    return d;
+  };
+  for (const std::int64_t erased : {kNow, kNow + 200 * kDay}) {  // the server's clock right, and ahead
+    const Uuid closed = session("guest", 2, true), still_open = session("guest", 1, false);
+    ASSERT_OK(ErasureStore(db.writer).erase(
+        "guest", {"erased-" + std::to_string(erased), line("guest", 0).name_hash, erased}, "ada", "",
+        erased));
+    for (const std::int64_t started : {kNow + kDay, kNow - kDay, kNow - 1900 * kDay}) {
+      const Uuid id = makeUuidV7();
+      ASSERT_OK(sessions.open(describe(id, started), kNow + kDay));
+      EXPECT_EQ(sessions.append(id, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+      EXPECT_OK(sessions.open(describe(id, started), kNow + kDay));  // the station comes again
+      EXPECT_TRUE(sessions.close(test::closeOf(id, 1), kNow + kDay)->taken());
+      EXPECT_EQ(sessions.info(id)->chunks(), 1u) << started;
+      EXPECT_EQ(sessions.info(id)->description().trainee(), "guest");
+    }
+    // stations offer again what was erased: it stays away
+    for (const Uuid& id : {closed, still_open}) {
+      ASSERT_OK(sessions.open(describe(id, kNow), kNow + kDay));
+      EXPECT_TRUE(sessions.append(id, 1, test::chunkOf(1))->taken());
+      removeChunks(id);
+      EXPECT_EQ(sessions.info(id)->description().trainee(), "erased-" + std::to_string(erased));
+    }
+  }
+  auto kept = db.writer.prepare(
+      "SELECT count(*) FROM chunks WHERE session IN (SELECT number FROM sessions WHERE erased = 0)");
+  ASSERT_TRUE(*kept.step());
+  EXPECT_EQ(kept.integer(0), 3) << "the second erasure took those of between";
+  EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty())
+      << "nobody is told to erase new guests";
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
+TEST_F(ErasedPeopleTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsTheSessionsWhichWait) {
+  constexpr std::int64_t kDay = 86'400'000'000'000, kNow = 1'800'000'000'000'000'000;
+  SessionStore sessions(db.writer);
+  const auto eraseName = [&](const std::string& pseudonym, bool without_account, std::int64_t when) {
+    auto of = line("Anna", when);
+    of.pseudonym = pseudonym;
+    of.without_account = without_account;
+    return ErasureStore(db.writer).erase("Anna", of, "ada", "", when);
+  };
+  const auto deliver = [&](const Uuid& id, std::int64_t started) {
+    auto d = test::describe(id);
+    d.set_trainee("Anna");
+    d.set_started_unix_ns(started);
+    EXPECT_OK(sessions.open(d, kNow + kDay));
+    EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
+    EXPECT_OK(sessions.open(d, kNow + kDay));  // the station comes again
+    EXPECT_TRUE(sessions.close(test::closeOf(id, 1), kNow + kDay)->taken());
+    return sessions.info(id)->description().trainee();
+  };
+  // the server's clock right, and ahead
+  for (const auto& [pseudonym, when] :
+       {std::pair{"erased-1", kNow}, std::pair{"erased-2", kNow + 200 * kDay}}) {
+    const Uuid taken = session("Anna", 1, true);
+    ASSERT_OK(eraseName(pseudonym, true, when));
+    for (const std::int64_t started : {kNow + kDay, kNow - kDay}) {
+      const Uuid id = makeUuidV7();
+      EXPECT_EQ(deliver(id, started), "Anna");
+      EXPECT_EQ(sessions.info(id)->chunks(), 1u) << started;
+      EXPECT_TRUE(waits(id));
+    }
+    auto again = test::describe(taken);
+    again.set_trainee("Anna");
+    ASSERT_OK(sessions.open(again, kNow + kDay));
+    EXPECT_EQ(sessions.info(taken)->description().trainee(), pseudonym) << "offered again, it stays away";
+    EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
+  }
+  // an erasure of before does not say that nobody had the name: what comes late may be an account's
+  ASSERT_OK(eraseName("erased-3", false, kNow + 201 * kDay));
+  EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-3");
+  ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, kNow + 202 * kDay}));
+  ASSERT_OK(eraseName("erased-4", true, kNow + 203 * kDay));  // added since the line was made
+  session("ben", 1, true);
+  ASSERT_OK(db.writer.run("UPDATE sessions SET trainee = 'Anna' WHERE trainee = 'ben'"));
+  ASSERT_OK(eraseName("erased-5", true, kNow + 204 * kDay));
+  EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-4") << "the account's, also after an erasure of what waited";
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
+TEST_F(ErasedPeopleTest, nobodyGetsAnErasedPersonsPseudonym) {
+  for (const char* name : {"erased-feff9409daf7", "Erased-FEFF9409DAF7"}) {
+    const auto refused = PeopleStore(db.writer).add({name, pb::TRAINEE, "", false, 1});
+    ASSERT_FALSE(refused.ok()) << name;
+    EXPECT_EQ(refused.error().message,
+              "name: '" + std::string(name) +
+                  "' has the form of the names that erased people have: take another one");
+    auto d = test::describe(makeUuidV7());
+    d.set_trainee(name);
+    const auto given = SessionStore(db.writer).open(d, 1);
+    ASSERT_FALSE(given.ok()) << name;
+    EXPECT_EQ(given.error().code, ErrorCode::kInvalidInput);
+  }
+  for (const char* name : {"erased", "erased-", "erased-feff9409daf", "erased-feff9409daf71",
+                           "erased-feff9409dafg", "unerased-feff9409daf7"})
+    EXPECT_OK(PeopleStore(db.writer).add({name, pb::TRAINEE, "", false, 1}));
+}
+
+TEST_F(ErasedPeopleTest, aDatabaseFromBeforeSaysWhoMustBeErasedAgain) {
+  const auto made = line("anna", 77);
+  ASSERT_OK(writeErasures(db.folder.path(), {made}));
+  const auto lines = readErasures(db.folder.path());
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 1u);
+  EXPECT_EQ((*lines)[0].name_hash, made.name_hash);
+  EXPECT_EQ((*lines)[0].unix_ns, 77);
+  // The file has the erasure but the database does not, as after a restore.
+  const auto repeat = ErasureStore(db.writer).toRepeat(db.folder.path());
+  ASSERT_OK(repeat);
+  ASSERT_EQ(repeat->size(), 1u);
+  EXPECT_EQ((*repeat)[0].name, "anna");
+  EXPECT_TRUE((*repeat)[0].restored);
+  EXPECT_NE(erasureToRepeatText((*repeat)[0]).find("person erase 'anna'"), std::string::npos);
+  ASSERT_OK(erase("anna"));
+  EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
+  ASSERT_OK(writeFileAtomically(db.folder.path() / "erasures", viewOf("nonsense\n")));
+  EXPECT_EQ(ErasureStore(db.writer).toRepeat(db.folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,195 @@
+#include "db/erasure_list.h"
+
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/files.h"
+#include "db/erasure.h"
+#include "db/people.h"
+#include "tests/unit/db/erasure_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using ErasureListTest = test::ErasureTest;
+
+TEST_F(ErasureListTest, theListBesideABackupIsAddedToWithoutLosingALine) {
+  const test::TempFolder beside;
+  ErasureLine first = line("anna", 77), second = line("ben", 88);
+  first.with_waiting = true;
+  second.pseudonym = "erased-5678";
+  second.without_account = true;
+  ASSERT_OK(addErasures(beside.path(), {first}, kErasuresCopy));
+  ASSERT_OK(addErasures(beside.path(), {second}, kErasuresCopy));
+  ASSERT_OK(addErasures(beside.path(), {first, second}, kErasuresCopy));
+  const auto lines = readErasures(beside.path(), kErasuresCopy);
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 2u);
+  EXPECT_TRUE((*lines)[0].with_waiting);
+  EXPECT_FALSE((*lines)[1].with_waiting);
+  EXPECT_FALSE((*lines)[0].without_account);
+  EXPECT_TRUE((*lines)[1].without_account);
+  EXPECT_EQ((*lines)[1].name_hash, second.name_hash);
+  EXPECT_TRUE(readErasures(beside.path())->empty()) << "another file";
+}
+
+TEST_F(ErasureListTest, linesOfTheListAreHeldByAMacOfTheKey) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const PseudonymKey other(PseudonymKey::Hash{7});
+  EXPECT_EQ(key->id().size(), 16u);
+  EXPECT_NE(key->id(), other.id());
+  ErasureLine made = line("anna", 77);
+  EXPECT_EQ(sealOf(made, *key), SealState::kNone);
+  made.with_waiting = true;
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(made, *key), line("ben", 88)}));
+  const auto lines = readErasures(db.folder.path());
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 2u);
+  const ErasureLine& read = lines->front();
+  EXPECT_EQ(sealOf(read, *key), SealState::kOurs);
+  EXPECT_TRUE(read.with_waiting);
+  EXPECT_EQ(read.unix_ns, 77);
+  EXPECT_EQ(sealOf(read, other), SealState::kOtherKey);
+  EXPECT_FALSE((*lines)[1].seal.has_value());
+  // each change shows
+  for (const int what : {0, 1, 2, 3, 4, 5}) {
+    ErasureLine changed = read;
+    if (what == 0) changed.pseudonym += "0";
+    if (what == 1) changed.name_hash[31] ^= 1;
+    if (what == 2) changed.unix_ns += 1;
+    if (what == 3) changed.with_waiting = false;
+    if (what == 4) changed.seal->mac.clear();
+    if (what == 5) changed.without_account = true;
+    EXPECT_EQ(sealOf(changed, *key), SealState::kBroken) << what;
+  }
+  // programs of before read the first four cells
+  const auto text = readWholeFile(db.folder.path() / kErasuresFile);
+  ASSERT_OK(text);
+  EXPECT_TRUE(
+      text->starts_with("erased-1234 " + hexDigitsOf(textOf(made.name_hash)) + " 77 with-waiting key="))
+      << *text;
+}
+
+TEST_F(ErasureListTest, linesThatWereChangedOrAreOfAnotherKeyAreToldAndNotObeyed) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  ErasureStore store(db.writer);
+  const auto faults = [&] {
+    const auto all = store.listFaults(db.folder.path());
+    EXPECT_OK(all);
+    return *all;
+  };
+  EXPECT_TRUE(faults().empty());
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(line("anna", 77), *key)}));
+  EXPECT_EQ(store.toRepeat(db.folder.path())->size(), 1u);
+  EXPECT_TRUE(faults().empty());
+  // a known hash under another pseudonym
+  ErasureLine forged = sealed(line("anna", 77), *key);
+  forged.pseudonym = "erased-5678";
+  ASSERT_OK(writeErasures(db.folder.path(), {forged}));
+  EXPECT_TRUE(store.toRepeat(db.folder.path())->empty());
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_NE(faults()[0].find("1 lines, such as that of erased-5678, were changed"), std::string::npos);
+  // another machine's list
+  const PseudonymKey other(PseudonymKey::Hash{7});
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed({"erased-9abc", other.nameHash("anna"), 77}, other)}));
+  EXPECT_TRUE(store.toRepeat(db.folder.path())->empty());
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_NE(faults()[0].find("another pseudonym.key (" + other.id() + ") than the one here (" + key->id()),
+            std::string::npos)
+      << faults()[0];
+}
+
+TEST_F(ErasureListTest, aPseudonymIsOneOnlyInTheFormThatErasuresMake) {
+  EXPECT_TRUE(isErasurePseudonym("erased-0123456789ab"));
+  for (const char* other : {"", "ben", "erased-", "erased-0123456789a", "erased-0123456789abc",
+                            "erased-0123456789aB", "erased-0123456789a ", "Erased-0123456789ab"})
+    EXPECT_FALSE(isErasurePseudonym(other)) << other;
+}
+
+TEST_F(ErasureListTest, aLineWhosePseudonymAnAccountHasIsToldAndNotObeyed) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  ErasureLine made = line("anna", 77);
+  made.pseudonym = "ben";
+  ASSERT_OK(writeErasures(db.folder.path(), {sealed(made, *key)}));
+  EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
+  const auto faults = ErasureStore(db.writer).listFaults(db.folder.path());
+  ASSERT_OK(faults);
+  ASSERT_EQ(faults->size(), 1u);
+  EXPECT_NE(faults->at(0).find("'ben', is the name of an account"), std::string::npos) << faults->at(0);
+}
+
+TEST_F(ErasureListTest, noListIsWrittenThatCouldNotBeReadAgain) {
+  std::vector<ErasureLine> lines;
+  for (std::size_t i = 0; i < kMostErasureLines; ++i)
+    lines.push_back({fmt::format("erased-{:012x}", i), {}, 77, false, ErasureSeal{"k", "m"}});
+  ASSERT_OK(writeErasures(db.folder.path(), lines));
+  EXPECT_EQ(readErasures(db.folder.path())->size(), kMostErasureLines);
+  // each line is there: not one comparison for each pair of them
+  ASSERT_OK(addErasures(db.folder.path(), lines));
+  const auto more = addErasures(db.folder.path(), {line("anna", 77)});
+  ASSERT_FALSE(more.ok());
+  EXPECT_EQ(more.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(more.error().message.find("now 50001 lines, such a list has at most 50000"), std::string::npos);
+  EXPECT_EQ(readErasures(db.folder.path())->size(), kMostErasureLines) << "as it was";
+  lines.resize(1);
+  lines[0].seal->mac.assign(16u << 20, 'f');
+  EXPECT_EQ(writeErasures(db.folder.path(), lines).error().code, ErrorCode::kInvalidInput);
+  // one that another program wrote is told, and the server starts
+  ASSERT_OK(
+      writeFileAtomically(db.folder.path() / kErasuresFile, viewOf(std::string((16u << 20) + 1, '\n'))));
+  EXPECT_EQ(readErasures(db.folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+TEST_F(ErasureListTest, theCommandThatShortensAListLeavesThisFoldersLines) {
+  const ErasureLine own = sealed(line("anna", 77), *PseudonymKey::ofFolder(db.folder.path()));
+  ASSERT_OK(writeErasures(db.folder.path(), {own}));
+  std::string text = *readWholeFile(db.folder.path() / kErasuresFile);
+  for (std::size_t i = 0; i < kMostErasureLines; ++i)
+    text += fmt::format("erased-{:012x} {} 99 key=0123456789abcdef mac=00\n", i, std::string(64, '0'));
+  ASSERT_OK(writeFileAtomically(db.folder.path() / kErasuresFile, viewOf(text)));
+  const auto refused = readErasures(db.folder.path());
+  ASSERT_FALSE(refused.ok());
+  const std::string& message = refused.error().message;
+  const auto at = message.find("cp '");
+  ASSERT_NE(at, std::string::npos) << message;
+  ASSERT_EQ(std::system(message.substr(at).c_str()), 0) << message;
+  const auto left = readErasures(db.folder.path());
+  ASSERT_OK(left);
+  ASSERT_EQ(left->size(), 1u);
+  EXPECT_EQ(left->front().pseudonym, own.pseudonym);
+  EXPECT_EQ(*readWholeFile(db.folder.path() / "erasures.all"), text);
+}
+
+TEST_F(ErasureListTest, aLineBesideABackupThatWasChangedIsPutRight) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const test::TempFolder beside;
+  const ErasureLine made = sealed(line("anna", 77), *key);
+  ErasureLine later = made;
+  later.unix_ns = 99;
+  for (const ErasureLine& there : {later, line("anna", 77)}) {
+    ASSERT_OK(writeErasures(beside.path(), {there}, kErasuresCopy));
+    ASSERT_OK(addErasures(beside.path(), {made}, kErasuresCopy, &*key));
+    const auto lines = readErasures(beside.path(), kErasuresCopy);
+    ASSERT_OK(lines);
+    ASSERT_EQ(lines->size(), 1u);
+    EXPECT_EQ(sealOf((*lines)[0], *key), SealState::kOurs);
+    EXPECT_EQ((*lines)[0].unix_ns, 77);
+  }
+}
+
+}  // namespace
+}  // namespace needlelab

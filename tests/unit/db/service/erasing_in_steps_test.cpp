@@ -1,0 +1,191 @@
+// An erasure that others commit between, that is killed on its way, that the writer refuses, or for which a
+// start has no memory.
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <new>
+#include <optional>
+#include <string>
+
+#include "common/base/clock.h"
+#include "db/audit.h"
+#include "db/backup.h"
+#include "db/erasure.h"
+#include "db/erasure_list.h"
+#include "db/pseudonyms.h"
+#include "db/service/erasures.h"
+#include "db/text_pages.h"
+#include "tests/unit/db/service/records_fixture.h"
+
+namespace needlelab {
+namespace {
+
+class ErasingInSteps : public test::RecordsTest {
+ protected:
+  void SetUp() override {
+    addStation();
+    addPerson("ada", pb::ADMINISTRATOR);
+    addNamed("anna", "Anna Qvarnstrom");
+    addNamed("ben", "");
+    closedSession("anna", 1'700'000'000'000'000'000, "Qvarnstrom slipped");
+    of_ben = closedSession("ben", 1'700'000'000'000'000'001, "");
+  }
+  std::string everything() {
+    std::string all;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      all = test::dump(c);
+      return {};
+    }));
+    return all;
+  }
+  void addRemarks(std::uint64_t count) {
+    ASSERT_OK(change([&](Connection& c) {
+      return c.run(
+          "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?2)"
+          " INSERT INTO annotations (session, tick, author, text, created_unix_ns)"
+          " SELECT s.number, 1, 'ina', 'as anna does', 1 FROM sessions s, n WHERE s.id = ?1",
+          ByteView(of_ben), count);
+    }));
+  }
+  std::uint64_t remarksWith(const std::string& text) {
+    std::uint64_t count = 0;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      auto row = c.query("SELECT count(*) FROM annotations WHERE text = ?", text);
+      RETURN_IF_ERROR(row.step());
+      count = row.natural(0);
+      return {};
+    }));
+    return count;
+  }
+  /// As a request to erase does first.
+  ErasureLine putOnList() {
+    const auto key = PseudonymKey::ofFolder(data);
+    EXPECT_OK(key);
+    const ErasureLine line = sealed({newErasurePseudonym(), key->nameHash("anna"), wallNowNs(), false}, *key);
+    EXPECT_OK(writeErasures(data, {line}));
+    return line;
+  }
+  const std::filesystem::path data = folder.path() / "data";
+  Uuid of_ben{};
+};
+
+TEST_F(ErasingInSteps, othersCommitAfterEachPageOfNames) {
+  constexpr std::uint64_t kPages = 6;
+  addRemarks(kPages * kRowsOfPage);
+  const auto before = store->writer().counters();
+  const auto erasure = get(admin, erase("anna")).erasure();
+  const auto after = store->writer().counters();
+  EXPECT_GE(after.commits - before.commits, kPages + 1);
+  EXPECT_EQ(remarksWith("as " + erasure.pseudonym() + " does"), kPages * kRowsOfPage);
+  EXPECT_THAT(erasure.text(),
+              testing::HasSubstr(fmt::format("{} remarks in sessions of others", kPages * kRowsOfPage)));
+  for (const char* name : {"'anna'", "Qvarnstrom", "as anna", "616E6E61"})
+    EXPECT_EQ(everything().find(name), std::string::npos) << name;
+}
+
+TEST_F(ErasingInSteps, whatWasKilledBetweenTwoPagesTheNextStartRepeatsUnderTheSamePseudonym) {
+  // one line only says an earlier full name: it must say it to the next start, too
+  ASSERT_OK(change([](Connection& c) -> Status {
+    RETURN_IF_ERROR(AuditStore(c).add(
+        {0, 1, "mia", "user change", "anna", "full name: 'Anna Altmann' to 'Anna Qvarnstrom'"}));
+    return AuditStore(c).add({0, 1, "ina", "consent", "anna", "given"});
+  }));
+  const Uuid of_anna = closedSession("anna", 1'700'000'000'000'000'002, "");
+  constexpr std::uint64_t kRemarks = 2 * kRowsOfPage + 5;
+  addRemarks(kRemarks);
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    RETURN_IF_ERROR(
+        c.run("WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?)"
+              " INSERT INTO audit (unix_ns, who, action, subject, detail)"
+              " SELECT 1, 'ina', 'consent', 'ben', 'given' FROM n",
+              static_cast<std::uint64_t>(kRowsOfPage)));
+    RETURN_IF_ERROR(AuditStore(c).add({0, 1, "ina", "consent", "anna", "Altmann agrees"}));
+    const auto added = AnnotationStore(c).add({0, of_anna, 1, "Altmann holds still", "ina", 1});
+    return added ? Status() : Status(added.error());
+  }));
+  const ErasureLine line = putOnList();
+  std::size_t pages = 0;
+  for (std::size_t done = 1; pages == 0 || done < pages; ++done) {
+    SCOPED_TRACE(done);
+    const test::TempFolder killed;
+    {
+      auto reader = store->readers().borrow();
+      ASSERT_OK(reader);
+      auto found = ErasureStore(**reader).lookForNames("anna", line.pseudonym, false);
+      ASSERT_OK(found);
+      if (pages == 0) {
+        ASSERT_EQ(found->pages.size(), 3u + 2u);
+        pages = found->pages.size();
+      }
+      // the pages of the rounds before have no names any more
+      const FoundNames::Page page = found->pages.front();
+      ASSERT_OK(change([&](Connection& c) { return ErasureStore(c).replaceNames(*found, page); }));
+      const auto copy = killed.path() / "data";
+      std::filesystem::create_directory(copy);
+      ASSERT_OK(backupTo(**reader, copy / "needlelab.db"));
+      for (const char* file : {"pseudonym.key", "audit.key", kErasuresFile})
+        std::filesystem::copy_file(data / file, copy / file);
+    }
+    const auto next = test::openStore(killed.path() / "data");
+    EXPECT_EQ(next->erasuresRepeated(), 1u);
+    std::string all;
+    ASSERT_OK(next->writer().run([&](Connection& c) -> Status {
+      all = test::dump(c);
+      return {};
+    }));
+    for (const char* name : {"'anna'", "Qvarnstrom", "Altmann", "as anna", "616E6E61"})
+      EXPECT_EQ(all.find(name), std::string::npos) << name;
+    std::size_t replaced = 0;
+    const std::string text = "'as " + line.pseudonym + " does'";
+    for (std::size_t at = all.find(text); at != std::string::npos; at = all.find(text, at + 1)) ++replaced;
+    EXPECT_EQ(replaced, kRemarks);
+  }
+}
+
+TEST_F(ErasingInSteps, whatTheWriterRefusesLeavesThePersonAndSaysWhatIsDone) {
+  addRemarks(3);
+  ASSERT_OK(change([](Connection& c) {
+    return c.script("CREATE TRIGGER no BEFORE DELETE ON people BEGIN SELECT RAISE(ABORT, 'no'); END");
+  }));
+  const auto refused = ask(admin, erase("anna"));
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_THAT(refused.error->message, testing::ContainsRegex("'erased-[0-9a-f]+' stands in the place of the "
+                                                             "name in 4 remarks and 0 lines"));
+  EXPECT_TRUE(readErasures(data)->empty());
+  pb::Request user;
+  user.mutable_get_user()->set_name("anna");
+  EXPECT_EQ(get(admin, user).user().full_name(), "Anna Qvarnstrom");
+  ASSERT_OK(change([](Connection& c) { return c.script("DROP TRIGGER no"); }));
+  get(admin, erase("anna"));
+  EXPECT_EQ(readErasures(data)->size(), 1u);
+  for (const char* name : {"'anna'", "Qvarnstrom", "as anna"})
+    EXPECT_EQ(everything().find(name), std::string::npos) << name;
+}
+
+TEST_F(ErasingInSteps, aStartWithoutMemoryForThemEndsWithATextAndNothingHalfWritten) {
+  addRemarks(3);
+  putOnList();
+  store.reset();
+  auto writer = Connection::open(data / "needlelab.db", {.mode = Connection::Mode::kWriter});
+  ASSERT_OK(writer);
+  const std::string before = test::dump(*writer);
+  int asked = 0;
+  const ErasureStore::FreeRoom room = [&]() -> std::optional<std::uint64_t> {
+    if (++asked == 3) throw std::bad_alloc();
+    return UINT64_MAX;
+  };
+  const auto failed = eraseBeforeServing(*writer, 7, room);
+  ASSERT_FALSE(failed.ok());
+  EXPECT_EQ(failed.error().code, ErrorCode::kFailed);
+  EXPECT_THAT(failed.error().message, testing::HasSubstr("not enough memory"));
+  EXPECT_THAT(failed.error().message, testing::HasSubstr(data.string()));
+  EXPECT_FALSE(writer->inTransaction());
+  EXPECT_TRUE(test::dump(*writer) == before);
+  EXPECT_EQ(*eraseBeforeServing(*writer, 7), 1u);
+  EXPECT_EQ(test::dump(*writer).find("as anna"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace needlelab
