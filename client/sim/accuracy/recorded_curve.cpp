@@ -206,14 +206,15 @@ constexpr const char* kExtrapolation =
     "recorded force over depth; fitted on the first 25 mm, error on the rest (extrapolation past three "
     "ruptures)";
 
-// the fitted scene at run time: time of a tick, greatest step, and the noticeable share of its error
-std::string addRun(const CurveFit& fit, double to_m, AccuracyRow& row) {
+// the fitted scene at run time: greatest step, the noticeable share of its error, and the time of a tick
+// (once for a model: fewer numbers or another part of the curve cost the same)
+std::string addRun(const CurveFit& fit, double to_m, bool timed, AccuracyRow& row) {
   const auto run = runCurve(fit.scene, to_m);
   const auto model = compile(fit.scene.spec, 1000);
   if (!run.ok() || !model.ok()) return "";
   addGreatestStep(run->run, row);
   row.noticeable_n = noticeableForce_N(*std::max_element(run->run.force_N.begin(), run->run.force_N.end()));
-  return "; " + addTickTime(*model, run->gesture, row);
+  return timed ? "; " + addTickTime(*model, run->gesture, row) : "";
 }
 
 // What is fitted to a curve and judged on the same curve advises nobody: interpolation shows how closely a
@@ -243,7 +244,7 @@ AccuracyRow alternateRow(const char* reference, const CurveFit& a, const CurveFi
       rowOf(std::string(axialModelName(a.model)), reference, std::max(a.parameters, b.parameters));
   row.variant = a.variant;
   addHalves(a.held_out, b.held_out, row);
-  const std::string time = addRun(a, curve.depth_m.back(), row);
+  const std::string time = addRun(a, curve.depth_m.back(), reference == kAlternate, row);
   row.uncertainty = fmt::format(
       "{} and {} numbers; {} bins of 0.25 mm held out; error on the fitted halves {:.3f} and {:.3f} N, on "
       "the held-out ones {:.3f} and {:.3f} N; rows scatter {:.2f} N (rms) about their bin's mean, nearly all "
@@ -321,7 +322,7 @@ AccuracyRow extrapolationRow(const CurveFit& fit, const BaselineFit& holding, co
   row.variant = fit.variant;
   row.rms_error_n = fit.held_out.rms;
   row.max_error_n = fit.held_out.max;
-  const std::string time = addRun(fit, curve.depth_m.back(), row);
+  const std::string time = addRun(fit, curve.depth_m.back(), false, row);
   row.uncertainty = fmt::format(
       "{} bins of 0.25 mm held out; error on the fitted part {:.3f} N; {} than holding the force at 25 mm to "
       "the end, {:.3f} N: no model of one insertion knows of what lies ahead",
@@ -460,6 +461,10 @@ std::string modelText(const CurveFit& fit) {
       return "god object";
     case AxialModel::kFirstOrder:
       return "first order";
+    case AxialModel::kOkamura:
+      return "Okamura whole";
+    case AxialModel::kDahl:
+      return "modified Dahl";
     case AxialModel::kPrecomputed:
       return "precomputed table";
     default:

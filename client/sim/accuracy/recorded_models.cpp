@@ -299,6 +299,44 @@ CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most
   return made;
 }
 
+CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+  constexpr std::size_t kShared = 2, kOwn = 5;
+  CurveModel made;
+  made.model = model;
+  const auto pieces = curvePieces(fit_on, std::max<std::size_t>(1, (most_numbers - kShared) / kOwn));
+  made.variant = counted(pieces.size(), "layer") + ", one per rupture";
+  made.parameters = {{"kinetic_n_per_m", 1, 0, 500, 2}, {"viscous_ns_per_m2", 10, 0, 1e5, 50}};
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const CurvePiece& piece = pieces[i];
+    const double length_m = piece.rupture_m - piece.top_m;
+    made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
+    made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
+    made.parameters.push_back(forceParameter(nth("puncture_n ", i), piece.peak_N - piece.before_N));
+    made.parameters.push_back({nth("linear share ", i), 0.3, 0.01, 1, 0.2});
+    made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
+  }
+  made.scene = [model](const std::vector<double>& values) {
+    CurveScene scene = emptyScene(model);
+    scene.spec.tracking_wall.stop_speed_mps = 5e-5;  // slower than any recording: the needle slips
+    std::vector<double> tops_m;
+    for (std::size_t i = kShared; i + kOwn <= values.size(); i += kOwn) {
+      const double z_m = values[i + 1], force_N = std::max(1e-4, values[i + 2]), share = values[i + 3];
+      tops_m.push_back(values[i] - z_m);
+      scene.spec.layers.push_back(layerOf(0, 0));
+      OkamuraSpec own;
+      own.puncture_force_N = force_N;
+      own.linear_N_per_m = std::min(1000.0, share * force_N / z_m);
+      own.quadratic_N_per_m2 = (1 - share) * force_N / (z_m * z_m);
+      own.cutting_force_N = values[i + 4];
+      own.in = own.out = {values[0], values[0], values[1]};
+      scene.spec.layers.back().okamura = own;
+    }
+    setThicknesses(scene, tops_m);
+    return scene;
+  };
+  return made;
+}
+
 CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
   made.model = AxialModel::kPrecomputed;
@@ -329,6 +367,8 @@ std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on, std::si
           lineModel(AxialModel::kVoigt, fit_on),
           godObjectModel(fit_on, most_numbers),
           firstOrderModel(fit_on, most_numbers),
+          okamuraModel(AxialModel::kOkamura, fit_on, most_numbers),
+          okamuraModel(AxialModel::kDahl, fit_on, most_numbers),
           tableModel(fit_on, most_numbers)};
 }
 

@@ -47,7 +47,7 @@ struct CurvePiece {
 std::vector<CurvePiece> curvePieces(const std::vector<CurveBin>& bins, std::size_t most);
 
 inline constexpr std::size_t kAnyNumbers = 1000;  ///< more than any model here has
-inline constexpr std::size_t kLeastNumbers = 5;   ///< of a model with one rupture
+inline constexpr std::size_t kLeastNumbers = 7;   ///< of the largest model with one rupture
 
 /// Every model that can follow an insertion's force over depth. They see `fit_on` only (bins in order of
 /// depth, not empty); its last bin is where layers and tables end. FEM is not among them: it is a reference
@@ -70,6 +70,10 @@ CurveModel lineModel(AxialModel model, const std::vector<CurveBin>& fit_on);
 CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers = kAnyNumbers);
 /// FIRST_ORDER: one layer per rupture, five numbers each.
 CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers = kAnyNumbers);
+/// OKAMURA or DAHL: one layer per rupture, five numbers each; kinetic and viscous friction of all of them. At
+/// one speed these two act as one.
+CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on,
+                        std::size_t most_numbers = kAnyNumbers);
 /// PRECOMPUTED: a row per millimetre, or fewer rows at equal steps.
 CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers = kAnyNumbers);
 

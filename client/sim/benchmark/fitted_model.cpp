@@ -126,8 +126,10 @@ Result<Forces> engineForces(const CurveScene& scene, double speed_mps, double st
 }
 
 FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& training) {
-  // VOIGT's damper alone feels the speed; for the others one kind is as good as all
-  const bool feels_speed = curve_model.model == AxialModel::kVoigt;
+  // a damper or viscous friction feels the speed; for the others one kind is as good as all
+  const bool feels_speed = curve_model.model == AxialModel::kVoigt ||
+                           curve_model.model == AxialModel::kOkamura ||
+                           curve_model.model == AxialModel::kDahl;
   const std::vector<PooledBins> merged = {training.all};
   const std::vector<PooledBins>& kinds = feels_speed ? training.kinds : merged;
   const double step_m = fitStep_m(training);

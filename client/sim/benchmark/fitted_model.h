@@ -48,8 +48,8 @@ using FitProgress = std::function<void(std::string_view model)>;
 
 /// All models, each with at most `most_numbers` (at least kLeastNumbers) but for the baselines: both
 /// baselines, both formulas, the engine's models in the order of curveModels, STATISTICAL. The engine's know
-/// no diameter, and no speed but VOIGT. Always the same models in the same order. Deterministic. Errors:
-/// kInvalidInput for an empty set.
+/// no diameter, and only VOIGT, OKAMURA and DAHL a speed. Always the same models in the same order.
+/// Deterministic. Errors: kInvalidInput for an empty set.
 Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t most_numbers,
                                            const FitProgress& progress);
 

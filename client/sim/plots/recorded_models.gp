@@ -1,6 +1,6 @@
 # Every model fitted to a recorded force-depth curve, a panel a model. `data`: blocks `fitted`, `heldout` and `model M`
 # (depth in mm, force in N); `names`, `errors`: texts above the panels; `finding`: the title.
-width = 1500; height = 1000
+width = 1800; height = 1000
 load 'style.gp'
 set datafile separator "\t"
 set multiplot
@@ -12,13 +12,13 @@ unset key
 set label 10 finding at screen 0.5, 0.968 center font title_font textcolor rgb title_colour
 set label 11 'grey: recorded, fitted on; orange: recorded, held out (every second 0.5 mm); blue: the engine with the fitted scene; rms error on what was held out' \
     at screen 0.5, 0.935 center font 'DejaVu Sans,12' textcolor rgb text_colour
-columns = 4
+columns = 5
 lines = (|names| + columns - 1)/columns
 do for [m = 0:|names| - 1] {
-  left = 0.05 + 0.2375*(m % columns)
+  left = 0.045 + 0.19*(m % columns)
   top = 0.86 - 0.43*(m/columns)
   set lmargin at screen left
-  set rmargin at screen left + 0.212
+  set rmargin at screen left + 0.17
   set tmargin at screen top
   set bmargin at screen top - 0.335
   set ylabel (m % columns == 0 ? 'force [N]' : '') offset 1,0

@@ -163,6 +163,8 @@ TEST(RecordedCurve, everyModelFollowsTheBovineCurveAsWellAsItsKindAllows) {
                                                  {AxialModel::kVoigt, 0.3},
                                                  {AxialModel::kGodObject, 0.25},
                                                  {AxialModel::kFirstOrder, 0.25},
+                                                 {AxialModel::kOkamura, 0.25},
+                                                 {AxialModel::kDahl, 0.25},
                                                  {AxialModel::kPrecomputed, 0.15}};
     const double slack = recordings.real ? 1 : 1.2;  // the made curve ruptures more sharply
     for (const int fold : {0, 1}) {

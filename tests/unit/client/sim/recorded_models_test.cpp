@@ -128,7 +128,7 @@ TEST(CurveModels, keepToTheNumbersThatTheyMayHave) {
     const double tooth = std::floor(depth_m / 2.5e-3);
     return (depth_m - 2.5e-3 * tooth) * 100 * (4 + tooth);
   };
-  for (const std::size_t most : {5u, 10u, 20u, 30u})
+  for (const std::size_t most : {7u, 10u, 20u, 30u})
     for (const CurveModel& model : curveModels(binsOf(saw), most)) {
       EXPECT_LE(model.numbers(), most) << axialModelName(model.model) << ", " << model.variant;
       EXPECT_EQ(model.scene(startsOf(model)).spec.axial_model, model.model);

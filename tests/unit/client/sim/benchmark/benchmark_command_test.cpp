@@ -47,7 +47,7 @@ TEST(BenchmarkCommand, givesTablesJsonCsvAndPicture) {
     EXPECT_GT(row.at("median_ns").get<double>(), 0);
     EXPECT_TRUE(row.at("energy_given_j").is_number());
   }
-  EXPECT_EQ(engine, 2u * 9u);
+  EXPECT_EQ(engine, 2u * 11u);
   EXPECT_TRUE(std::filesystem::exists(out / "benchmark.csv"));
   if (hasGnuplot()) {
     EXPECT_GT(std::filesystem::file_size(out / "benchmark.png"), 10'000u);
@@ -106,7 +106,7 @@ TEST(BenchmarkCommand, refusesWrongInputBeforeTheWork) {
       {{}, {"--data"}},
       {{"--data", "/no/such/folder"}, {"/no/such/folder"}},
       {{"--data", folder.path().string()}, {"no force curve"}},
-      {{"--data", madeData(), "--numbers", "4"}, {"--numbers", "5 to 100"}},
+      {{"--data", madeData(), "--numbers", "6"}, {"--numbers", "7 to 100"}},
       {{"--data", madeData(), "--numbers", "-4"}, {"--numbers"}},
       {{"--data", madeData(), "--held-out", "weather"}, {"--held-out"}},
       {{"--data", madeData(), "--describe", description}, {"about.json", "curves"}},

@@ -184,11 +184,11 @@ TEST(Benchmark, errorIsTheMeanOverUnitsWithStudentsInterval) {
 
 TEST(Benchmark, numbersOutOfRangeAreRefused) {
   BenchmarkOptions options;
-  options.most_numbers = 4;
+  options.most_numbers = 6;
   const auto report = runBenchmark(madeSet(madeVoigt(), {}), options);
   ASSERT_FALSE(report.ok());
-  EXPECT_THAT(report.error().message, HasSubstr("--numbers 4"));
-  EXPECT_THAT(report.error().message, HasSubstr("5 to 100"));
+  EXPECT_THAT(report.error().message, HasSubstr("--numbers 6"));
+  EXPECT_THAT(report.error().message, HasSubstr("7 to 100"));
 }
 
 TEST(Benchmark, saysWhichTraitsChangeTogether) {
