@@ -53,8 +53,8 @@ struct AccuracyRow {
                                   ///< single ticks where `cost` is there, else p99_ns, else median_ns
 
   // for some studies only
-  std::string variant;  ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
-  std::optional<double> parameters;          ///< numbers that were fitted to data of the comparator
+  std::string variant;               ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
+  std::optional<double> parameters;  ///< numbers that were fitted to data of the comparator
   std::optional<double> rms_error_spread_n;  ///< standard deviation of rms_error_n over seeds or repeats
   /// Greatest change of force from one tick to the next, but for the falls that the report declares as
   /// releases.
