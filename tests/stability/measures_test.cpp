@@ -73,17 +73,29 @@ TEST(UnexplainedStep, isWhatTheSpringsDoNotExplain) {
 }
 
 TEST(UnexplainedStep, aDeclaredReleaseExplainsAFallAndNoRise) {
+  const auto released = [](std::vector<double> cutting_N, double way_m, StepFlag flag) {
+    PlantRun run = runOf(cutting_N, {0, way_m});
+    for (std::size_t i = 0; i < cutting_N.size(); ++i) run.ticks[i].report.cutting_N = cutting_N[i];
+    run.ticks[1].report.flags = flag;
+    return maxUnexplainedStep_N(run);
+  };
   for (const StepFlag flag : {kFlagExit, kFlagLayerChange, kFlagRupture}) {
-    PlantRun run = runOf({2, 1}, {0, 0});
-    run.ticks[1].report.flags = flag;
-    EXPECT_EQ(maxUnexplainedStep_N(run), 0) << "a fall of any size";
-    run = runOf({1, 2}, {0, 1e-4});
-    run.ticks[1].report.flags = flag;
-    EXPECT_NEAR(maxUnexplainedStep_N(run), 0.95, 1e-12) << "0.1 mm against 500 N/m explain 0.05 N";
-    run = runOf({-1, 0.4}, {0, 0});
-    run.ticks[1].report.flags = flag;
-    EXPECT_NEAR(maxUnexplainedStep_N(run), 0.4, 1e-12) << "beyond zero it is a rise again";
+    EXPECT_EQ(released({2, 1}, 0, flag), 0) << "a fall of any size";
+    EXPECT_NEAR(released({1, 2}, 1e-4, flag), 0.95, 1e-12) << "0.1 mm against 500 N/m explain 0.05 N";
+    EXPECT_NEAR(released({-1, 0.4}, 0, flag), 0.4, 1e-12) << "beyond zero it is a rise again";
   }
+  EXPECT_EQ(released({2, 1}, 0, kFlagTurn), 1) << "no release";
+}
+
+TEST(UnexplainedStep, aReleaseThatUncoversAForceAgainstItIsNoRise) {
+  // attracted by 0.4 N against 0.25 N of friction; the next layer does not attract
+  PlantRun run = runOf({0.15, -0.25}, {0, 0});
+  run.ticks[0].report.attracted_N = 0.4;
+  run.ticks[0].report.friction_N = run.ticks[1].report.friction_N = -0.25;
+  run.ticks[1].report.flags = kFlagLayerChange;
+  EXPECT_NEAR(maxUnexplainedStep_N(run), 0, 1e-12);
+  run.ticks[1].report.friction_N = run.ticks[1].report.wrench_W.force_N.z = -0.55;
+  EXPECT_NEAR(maxUnexplainedStep_N(run), 0.3, 1e-12) << "friction that rose meanwhile is one";
 }
 
 TEST(UnexplainedStep, passesOverTicksThatWereNotStepped) {

@@ -79,7 +79,9 @@ TEST(Observer, aStepIsWhatNoSpringExplains) {
   for (const std::uint32_t release : {kFlagExit, kFlagLayerChange, kFlagRupture}) {
     EXPECT_NEAR(step(1e-3, 0.3, 1, 0, release), 0.2, 1e-12) << "no release explains a rise";
     PassivityObserver observer(kStiffness_N_per_m);
-    observer.add(tipAt(0), forceOf(0.3), 1);
+    StepReport cuts = forceOf(0.3);
+    cuts.cutting_N = -0.3;
+    observer.add(tipAt(0), cuts, 1);
     observer.add(tipAt(0), forceOf(0, release), 1);
     EXPECT_EQ(observer.record().worst_step_N, 0) << "it explains a fall";
   }

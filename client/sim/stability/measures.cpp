@@ -111,19 +111,24 @@ double maxForce_N(const PlantRun& run) {
   return most;
 }
 
-double unexplainedStep_N(Vec3 before_N, Vec3 now_N, std::uint32_t flags, double explained_N) {
-  double step_N = norm(now_N - before_N);
-  if ((flags & kDeclaredReleases) != 0)
-    step_N = dot(before_N, now_N) < 0 ? norm(now_N) : norm(now_N) - norm(before_N);
-  return std::max(0.0, step_N - explained_N);
+double declaredFall_N(const StepReport& before, const StepReport& now) {
+  if ((now.flags & kDeclaredReleases) == 0) return 0;
+  // an attracted force that ends may uncover friction against it: the sum turns round, but nothing rose
+  double fall_N = 0;
+  for (double StepReport::*part : {&StepReport::cutting_N, &StepReport::attracted_N, &StepReport::friction_N,
+                                   &StepReport::puncture_N, &StepReport::clamping_N}) {
+    const double from_N = before.*part, to_N = now.*part;
+    fall_N += from_N * to_N < 0 ? std::abs(from_N) : std::max(0.0, std::abs(from_N) - std::abs(to_N));
+  }
+  return fall_N;
 }
 
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant) {
   const double stiffness = axial_stiffness_N_per_m +
                            std::max(before.clamping_stiffness_N_per_m, report.clamping_stiffness_N_per_m);
-  return unexplainedStep_N(before.wrench_W.force_N, report.wrench_W.force_N, report.flags,
-                           stiffness * norm(p_m - p_before_m) / slant);
+  const double step_N = norm(report.wrench_W.force_N - before.wrench_W.force_N);
+  return std::max(0.0, step_N - stiffness * norm(p_m - p_before_m) / slant - declaredFall_N(before, report));
 }
 
 double maxUnexplainedStep_N(const PlantRun& run) {

@@ -42,12 +42,12 @@ double maxForce_N(const PlantRun& run);
 /// The declared releases: at a tick with one of these flags a fall of the force is explained.
 inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
 
-/// The part of a force step that nothing explains: |Δf| − `explained_N`, at least 0. `flags` are those of the
-/// second tick: a declared release explains any fall, but no rise. What counts there is by how much |f| grew,
-/// or all of the new force where it points against the old one.
-double unexplainedStep_N(Vec3 before_N, Vec3 now_N, std::uint32_t flags, double explained_N);
-/// The same between two consecutive ticks of a source, with what the springs explain: ΣK·|Δp|/slant.
-/// ΣK = `axial_stiffness` + the greater clamping stiffness; `slant` = c.
+/// By how much the forces that make up a report fell at a declared release: cutting, attracted, friction,
+/// puncture and clamping, each as far as zero. 0 where `now` has none. A rise of one of them is no release.
+double declaredFall_N(const StepReport& before, const StepReport& now);
+
+/// The part of the force step between two consecutive ticks that nothing explains: |Δf| − ΣK·|Δp|/slant −
+/// declaredFall_N, at least 0. ΣK = `axial_stiffness` + the greater clamping stiffness; `slant` = c.
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant = 1);
 /// The greatest of a run (straight insertions, slant 1).

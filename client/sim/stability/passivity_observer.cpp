@@ -31,26 +31,24 @@ void PassivityObserver::add(const TipSample& tip, const StepReport& report, doub
     insertion_J_ = 0;
   }
   if (last_) {
-    const double work_J = workBetween(last_->tip, last_->wrench_W, tip, now);
+    const double work_J = workBetween(last_->tip, last_->report.wrench_W, tip, now);
     record_.net_J += work_J;
     insertion_J_ += work_J;
     record_.worst_running_J = std::max(record_.worst_running_J, insertion_J_);
     if (report.flags & kFlagExit)
       record_.worst_insertion_J = std::max(record_.worst_insertion_J, insertion_J_);
 
-    const double stiffness =
-        axial_N_per_m_ + std::max(last_->clamping_N_per_m, report.clamping_stiffness_N_per_m);
-    const double beyond = unexplainedStep_N(last_->wrench_W.force_N, now.force_N, report.flags,
-                                            stiffness * norm(tip.p_WT_m - last_->tip.p_WT_m) / slant);
+    const double beyond =
+        unexplainedStep_N(last_->tip.p_WT_m, last_->report, tip.p_WT_m, report, axial_N_per_m_, slant);
     if (beyond > record_.worst_step_N) {
       record_.worst_step_N = beyond;
       record_.worst_step_tick = record_.ticks - 1;
     }
     if ((report.flags & kFlagExit) == 0)
       record_.worst_torque_step_Nm =
-          std::max(record_.worst_torque_step_Nm, norm(now.torque_Nm - last_->wrench_W.torque_Nm));
+          std::max(record_.worst_torque_step_Nm, norm(now.torque_Nm - last_->report.wrench_W.torque_Nm));
   }
-  last_ = Seen{tip, now, report.clamping_stiffness_N_per_m};
+  last_ = Seen{tip, report};
 }
 
 Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,

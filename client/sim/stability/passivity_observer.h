@@ -43,8 +43,7 @@ class PassivityObserver {
  private:
   struct Seen {
     TipSample tip;
-    Wrench wrench_W;
-    double clamping_N_per_m = 0;
+    StepReport report;
   };
   double axial_N_per_m_;
   std::optional<Seen> last_;
