@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "db/credentials.h"
+#include "db/erasure.h"
 #include "db/pseudonyms.h"
 
 namespace needlelab {
@@ -426,7 +427,18 @@ Status removeRecord(Connection& writer, const RecordTable& table, const RecordJs
 
 Status dropOldImports(Connection& writer, std::int64_t now_unix_ns) {
   constexpr std::int64_t kLife_ns = 86'400LL * 1'000'000'000;
-  return writer.run("DELETE FROM import_pieces WHERE unix_ns < ?", now_unix_ns - kLife_ns);
+  constexpr std::int64_t kLifeOfMark_ns = 31 * kLife_ns;
+  RETURN_IF_ERROR(writer.run("DELETE FROM import_pieces WHERE position = ? AND unix_ns < ?", kDroppedPieces,
+                             now_unix_ns - kLifeOfMark_ns));
+  RETURN_IF_ERROR(
+      writer.run("INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
+                 " SELECT import_id, ?1, '', '', ?2 FROM import_pieces"
+                 " GROUP BY import_id HAVING min(position) > ?1 AND max(unix_ns) < ?3",
+                 kDroppedPieces, now_unix_ns, now_unix_ns - kLife_ns));
+  return writer.run(
+      "DELETE FROM import_pieces WHERE position > ?1 AND import_id IN"
+      " (SELECT import_id FROM import_pieces WHERE position = ?1)",
+      kDroppedPieces);
 }
 
 }  // namespace needlelab

@@ -80,8 +80,8 @@ Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table
 Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 
-/// Removes the pieces of imports whose program was killed: those that came more than a day ago. Writer's
-/// connection.
+/// Removes the pieces of imports whose program was killed: those whose last one came more than a day ago. A
+/// row in the position kDroppedPieces (erasure.h) stands for them for 31 days. Writer's connection.
 Status dropOldImports(Connection& writer, std::int64_t now_unix_ns);
 
 // --- record_checks.cpp: checks of imported records beyond the schema

@@ -130,7 +130,12 @@ TEST_F(ErasedPeople, areNotNamedByWhatStationsGaveInAnOlderExport) {
   const auto pseudonym = get(admin, erase("Mona Ghost")).erasure().pseudonym();
   const auto again = importAll(*store, records, 100);
   EXPECT_TRUE(again.done()) << again.DebugString();
-  ASSERT_OK(change([](Connection& c) { return c.run("DELETE FROM unknown_trainees"); }));
+  ASSERT_OK(change([](Connection& c) -> Status {
+    for (const char* sql : {"DELETE FROM removed_originals", "DELETE FROM scores", "DELETE FROM chunks",
+                            "DELETE FROM unknown_trainees", "DELETE FROM sessions"})
+      if (auto done = c.run(sql); !done) return done;
+    return {};
+  }));
   EXPECT_TRUE(importAll(*store, records, 100).done());
   EXPECT_EQ(everything().find("Mona Ghost"), std::string::npos);
   EXPECT_NE(everything().find("'" + pseudonym + "' | '" + manager.name + "'"), std::string::npos)
