@@ -136,24 +136,24 @@ Status ImportErasures::eachNamedIn(const RecordTable& table, const std::string& 
   for (const auto& [name, words] : owners)
     if (const auto met = met_.find(name); met != met_.end()) found.push_back({&name, &met->second, &words});
   if (found.empty()) return {};
-  if (others_kind_ != table.kind) {
-    // records of a kind stand together: whoever came with those of before is here
-    others_kind_ = table.kind;
+  const auto [of_kind, is_new] = names_.try_emplace(table.kind);
+  ErasedNames& names = of_kind->second;
+  if (is_new) {
     ASSIGN_OR_RETURN(auto others, namesOfStore(writer_, true));
     std::erase_if(others, [&](const std::string& other) { return index_.in(other).empty(); });
-    names_.others = OtherNames(std::move(others));
+    names.others = OtherNames(std::move(others));
   }
   std::sort(found.begin(), found.end(),
             [](const Found& a, const Found& b) { return a.person->number < b.person->number; });
   for (const Found& one : found) {
-    names_.name = *one.name;
-    names_.in_its_place = one.person->pseudonym;
-    names_.full_names.assign(one.person->full_names.begin(), one.person->full_names.end());
-    names_.given.clear();
+    names.name = *one.name;
+    names.in_its_place = one.person->pseudonym;
+    names.full_names.assign(one.person->full_names.begin(), one.person->full_names.end());
+    names.given.clear();
     for (const std::string& word : *one.words)
-      if (one.person->given.contains(word)) names_.given.push_back(word);
+      if (one.person->given.contains(word)) names.given.push_back(word);
     ++replaced_;
-    replace(names_);
+    replace(names);
   }
   return {};
 }

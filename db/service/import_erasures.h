@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -83,8 +84,9 @@ class ImportErasures {
   std::map<std::string, Person> met_;  ///< found in this import, by name
   NameIndex index_;                    ///< of all who may be met
   std::size_t index_bytes_ = 0, replaced_ = 0;
-  ErasedNames names_;                          ///< of one person at a time, with the others of all
-  std::string others_kind_;                    ///< of the records for which those were read
+  /// By kind of the records, each when the first of them needs it: the names of one person at a time, with
+  /// the others of all. Who came with records of the kinds before is among these.
+  std::map<std::string_view, ErasedNames> names_;
   std::map<std::string, bool> sessions_;       ///< by id in digits: true when it belongs to an erased person
   std::map<std::string, std::string> owners_;  ///< by id in digits: the erased person whose session it is
   std::map<std::string, std::string> perhaps_owners_;  ///< the same before any record is looked at
