@@ -126,7 +126,6 @@ TEST_F(ErasedPeople, areLookedForOnceInTextsHoweverOftenAnImportNamesThem) {
   for (const char* name : {"anna", "tom", "zoe"}) get(admin, erase(name));
   ASSERT_OK(change([&](Connection& c) -> Status {
     ASSIGN_OR_RETURN(auto erasures, ImportErasures::open(c));
-    using RecordJson = nlohmann::ordered_json;
     const auto look = [&](RecordJson record) -> Result<std::string> {
       const RecordTable& table = *recordTable(record["kind"].get<std::string>());
       ASSIGN_OR_RETURN(const auto verdict, erasures.look(table, record));
