@@ -15,6 +15,7 @@
 #include "db/lab_settings.h"
 #include "db/pseudonyms.h"
 #include "db/retention_store.h"
+#include "db/schema.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/requests.h"
 #include "db/session_rows.h"
@@ -265,6 +266,10 @@ Status ImportRules::noteStored(const RecordTable& table, const RecordJson& recor
                                 numberIn(record, "given") != 0 ? "consents" : "does not consent",
                                 by == person ? "by the person" : "on paper, by " + named(by),
                                 localTime(numberIn(record, "unix_ns"), TimeForm::kZoned)));
+  } else if (table.kind == "erasure") {
+    // one that does not say it takes nothing that comes later: that may be another person's
+    if (isGiven(record, "without_account") && numberIn(record, "without_account") == 0) return {};
+    return MetaStore(writer_).set(std::string(kWithoutAccountKey) + textIn(record, "pseudonym"), "");
   } else if (table.kind == "group") {
     groups_.insert(textIn(record, "id"));
   } else if (table.kind == "group_member") {

@@ -32,7 +32,8 @@ class ImportRules {
   /// yet to come. kInvalidInput: a policy that nobody could set by a request; an erasure's pseudonym that is
   /// none.
   Result<Verdict> look(const RecordTable& table, RecordJson& record, const RecordJson& there);
-  /// For a record that was stored: notes who gets in, who consents, and what people who are here get.
+  /// For a record that was stored: notes who gets in, who consents, and what people who are here get; marks
+  /// an erasure of a name that nobody had.
   Status noteStored(const RecordTable& table, const RecordJson& record);
   /// What the importer has to know, one line each, the gravest kind first; of each kind the first 100, and
   /// how many more there are.

@@ -47,6 +47,7 @@ Status checkColumn(const RecordColumn& column, const RecordJson& value) {
   switch (column.kind) {
     case RecordColumnKind::kInteger:
     case RecordColumnKind::kCounter:
+    case RecordColumnKind::kMark:
       return checkInteger(column.name, value);
     case RecordColumnKind::kReal:
       if (!value.is_number() || !std::isfinite(value.get<double>()))

@@ -503,6 +503,42 @@ TEST_F(Import, takesNoErasureOfWhoHasAnAccountHereAndNoneThatIsYetToCome) {
   EXPECT_LT(row.integer(1), kIn2200);
 }
 
+// What comes later under a name that nobody had may be another person's, also where the erasure was imported.
+TEST_F(Import, keepsTheMarkOfAnErasureWithoutAnAccount) {
+  addStation();
+  addPerson("ada", pb::ADMINISTRATOR);
+  addNamed("tom", "");
+  (void)closedSession("Anna", 5, "");
+  get(admin, erase("Anna"));
+  get(admin, erase("tom"));
+  const auto records = exportAll(*store);
+  std::vector<std::string> older;
+  for (const std::string& text : records) {
+    auto record = RecordJson::parse(text);
+    record.erase("without_account");
+    older.push_back(record.dump());
+  }
+  const auto taken = [&](Store& from, const char* name) {
+    auto reader = from.readers().borrow();
+    EXPECT_OK(reader);
+    constexpr std::int64_t kNow = 1'900'000'000'000'000'000;
+    return ErasureStore(**reader).ownerOf(name, kNow, kNow)->pseudonym.has_value();
+  };
+  for (const bool says : {true, false}) {
+    SCOPED_TRACE(says);
+    const test::TempFolder elsewhere;
+    std::filesystem::create_directory(elsewhere.path() / "data");
+    std::filesystem::copy_file(folder.path() / "data/pseudonym.key", elsewhere.path() / "data/pseudonym.key");
+    const auto other = test::openStore(elsewhere.path() / "data");
+    ASSERT_TRUE(importAll(*other, says ? records : older, 100).done());
+    EXPECT_FALSE(taken(*other, "Anna"));
+    EXPECT_EQ(taken(*other, "tom"), says) << "of an account, unless the records do not say it";
+    EXPECT_TRUE(importAll(*other, records, 100).done()) << "again";
+    EXPECT_TRUE(importAll(*other, older, 100).done()) << "again";
+    EXPECT_FALSE(taken(*other, "Anna"));
+  }
+}
+
 TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
   addPerson("anna", pb::TRAINEE);
   consent("anna", true);
