@@ -237,7 +237,8 @@ TEST_F(Import, namesWhatPeopleWhoAreHereGet) {
   // nobody was here
   const test::TempFolder elsewhere;
   const auto other = test::openStore(elsewhere.path() / "data");
-  for (const std::string& note : importAll(*other, records, 100).notes())
+  const auto elsewhere_report = importAll(*other, records, 100);
+  for (const std::string& note : elsewhere_report.notes())
     EXPECT_EQ(note, "instructor 'ines' is new here, with no password");
 }
 
