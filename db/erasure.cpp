@@ -205,7 +205,15 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
                    connection_.prepare("SELECT coalesce(sum(length(records)), 0) FROM import_pieces")
                        .first([](const Statement& row) { return row.natural(0); }));
   RETURN_IF_ERROR(requireRoom(pieces.value_or(0)));  // what is deleted is overwritten
-  RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
+  // an id that was not made by chance may have the name
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
+                      " SELECT import_id, ?1, '', '', ?2 FROM import_pieces"
+                      " WHERE instr(lower(import_id), lower(?3)) = 0"
+                      " OR (length(import_id) = 36 AND import_id NOT GLOB '*[^0-9a-f-]*')"
+                      " GROUP BY import_id HAVING min(position) > ?1",
+                      kDroppedPieces, now_unix_ns, name));
+  RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces WHERE position <> ?", kDroppedPieces));
   RETURN_IF_ERROR(eraseAccess(connection_, name));
   RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
   // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them

@@ -204,6 +204,10 @@ class ErasureStore {
   int rows_ = 0;  ///< that were written since requireRoom()
 };
 
+/// The position in `import_pieces` of a row that stands for pieces that were dropped: what comes later of
+/// that import is refused, because it would be taken for the whole.
+inline constexpr std::int64_t kDroppedPieces = -1;
+
 /// Key of `meta`, and behind it the pseudonym: the erasure was of a name that nobody had.
 inline constexpr std::string_view kWithoutAccountKey = "erased_without_account ";
 

@@ -11,6 +11,9 @@
 namespace needlelab {
 namespace {
 
+/// Who stands in the audit log and beside removed recordings without being a person.
+constexpr std::string_view kOwnWriters[] = {"local", "retention", "erasure", "import"};
+
 constexpr std::string_view kSelectPeople =
     "SELECT name, role, password_hash, disabled, created_unix_ns, full_name,"
     " revision, changed_unix_ns, changed_by, code_hash FROM people ";
@@ -77,10 +80,17 @@ pb::Consent consentOf(const Statement& row) {
 }  // namespace
 
 Status checkNotReserved(std::string_view field, std::string_view name) {
-  if (lowerCase(name) == kServerName)
+  const std::string small = lowerCase(name);
+  if (small == kServerName ||
+      std::find(std::begin(kOwnWriters), std::end(kOwnWriters), small) != std::end(kOwnWriters))
     return Error{ErrorCode::kInvalidInput,
                  std::string(field) + ": '" + std::string(name) +
                      "' is the name under which the server itself writes: take another one"};
+  if (small.starts_with("local:"))
+    return Error{ErrorCode::kInvalidInput,
+                 std::string(field) + ": '" + std::string(name) +
+                     "' begins with 'local:', as the audit log calls those who work on the data folder: take "
+                     "another one"};
   return checkNoPseudonym(field, name);
 }
 

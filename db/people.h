@@ -18,7 +18,8 @@ namespace needlelab {
 
 /// Under this name the server writes remarks and lines of the audit log of its own: nobody is added under it.
 inline constexpr const char* kServerName = "server";
-/// kInvalidInput: it is the server's name, or has the form of an erased person's, in whatever case.
+/// kInvalidInput: the audit log has it for the server, for what runs by itself or for the command line
+/// ("local:root"), or it has the form of an erased person's, in whatever case.
 Status checkNotReserved(std::string_view field, std::string_view name);
 
 /// Name, role, hashes of password and code. A person is disabled, not deleted, because sessions and the audit

@@ -294,24 +294,27 @@ Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::st
   }
 }
 
+Result<std::vector<std::string>> namesOfStore(Connection& connection, bool of_groups) {
+  return connection
+      .query(
+          "SELECT name FROM people UNION SELECT full_name FROM people"
+          " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
+          " UNION SELECT id FROM groups WHERE ?1 UNION SELECT name FROM groups WHERE ?1 UNION SELECT id"
+          " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises",
+          of_groups)
+      .all(firstText);
+}
+
 Status addOthers(Connection& connection, ErasedNames& names, bool of_groups,
                  const std::set<std::string>& besides) {
   std::set<std::string> others;
-  auto rows = connection.query(
-      "SELECT name FROM people UNION SELECT full_name FROM people"
-      " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
-      " UNION SELECT id FROM groups WHERE ?1 UNION SELECT name FROM groups WHERE ?1 UNION SELECT id"
-      " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises",
-      of_groups);
+  ASSIGN_OR_RETURN(const auto all, namesOfStore(connection, of_groups));
   std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
   own.push_back(names.name);
   own.insert(own.end(), names.given.begin(), names.given.end());
   for (const std::string& full_name : names.full_names)
     eachPart(full_name, [&](std::string_view part) { own.push_back(part); });
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) break;
-    const std::string other = rows.text(0);
+  for (const std::string& other : all) {
     const bool mine = other == names.name || std::find(names.full_names.begin(), names.full_names.end(),
                                                        other) != names.full_names.end();
     const bool holds = std::any_of(own.begin(), own.end(), [&](std::string_view word) {

@@ -98,6 +98,9 @@ class NameSearch {
 /// line: "full name: 'Old' to 'New'". Reads the lines behind number `after`, all of them.
 Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
                                                  std::int64_t after = -1);
+/// Names and ids of people, sessions, stations, profiles and courses, of groups if asked for: those that
+/// other people's names may stand in. Each once; perhaps an empty one.
+Result<std::vector<std::string>> namesOfStore(Connection& connection, bool of_groups);
 /// Fills in `others` from the store. `of_groups`: with the names and ids of groups. None of `besides` is one.
 Status addOthers(Connection& connection, ErasedNames& names, bool of_groups = true,
                  const std::set<std::string>& besides = {});

@@ -1,9 +1,12 @@
 #include "db/service/import_erasures.h"
 
+#include <fmt/core.h>
 #include <algorithm>
+#include <set>
 #include <string_view>
 #include <utility>
 
+#include "common/base/text.h"
 #include "db/audit.h"
 #include "db/erasure.h"
 #include "db/session_rows.h"
@@ -29,6 +32,9 @@ constexpr DoerField kDoerFields[] = {{"changed_by", "changed_unix_ns"}, {"record
                                      {"author", "created_unix_ns"},     {"by_whom", "created_unix_ns"},
                                      {"by_whom", "changed_unix_ns"},    {"by_whom", "erased_unix_ns"},
                                      {"by_whom", "assigned_unix_ns"}};
+
+/// As in withoutNames().
+constexpr std::string_view kBetweenWords = " ,";
 
 /// As clearOlderErasures(): an export by an earlier version has what it left in an erased session.
 void clearErased(RecordJson& record) {
@@ -63,33 +69,107 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
   ASSIGN_OR_RETURN(auto key, ErasureStore(writer).key());
   all.key_ = key;
   dropFaulty(all.lines_, key);
+  for (std::size_t i = 0; i < all.lines_.size(); ++i) all.lines_of_[all.lines_[i].name_hash].push_back(i);
   return all;
 }
 
-void ImportErasures::foresee(const RecordJson& record) {
+Status ImportErasures::foresee(const RecordJson& record) {
   const auto text = [&](const char* field) {
     const auto found = record.find(field);
     return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
   };
-  if (!key_ || !record.is_object()) return;
-  if (text("kind") == "unknown_trainee" && text("by_whom").empty()) waiting_.insert(text("session"));
-  if (text("kind") == "erasure") exported_.insert(text("pseudonym"));
+  if (!key_ || !record.is_object()) return {};
+  const std::string kind = text("kind");
+  if (kind == "unknown_trainee" && text("by_whom").empty()) waiting_.insert(text("session"));
+  if (kind == "erasure") exported_.insert(text("pseudonym"));
+  if (kind == "person" && wasErased(text("name"))) {
+    const std::string name = text("name"), full_name = text("full_name");
+    RETURN_IF_ERROR(expect(name, name));
+    RETURN_IF_ERROR(expect(full_name, name));
+    for (std::size_t at = 0; at < full_name.size();) {
+      const std::size_t end = std::min(full_name.find_first_of(kBetweenWords, at), full_name.size());
+      RETURN_IF_ERROR(expect(full_name.substr(at, end - at), name));
+      at = end + 1;
+    }
+  }
+  if (kind == "session" && wasErased(text("trainee"))) perhaps_owners_[text("id")] = text("trainee");
+  if (kind == "unknown_trainee") {
+    const std::string given = text("given");
+    if (wasErased(given)) RETURN_IF_ERROR(expect(given, given));
+    if (const auto owner = perhaps_owners_.find(text("session")); owner != perhaps_owners_.end())
+      RETURN_IF_ERROR(expect(given, owner->second));
+  }
+  return {};
+}
+
+bool ImportErasures::wasErased(const std::string& name) const {
+  return !name.empty() && lines_of_.contains(key_->nameHash(name));
+}
+
+Status ImportErasures::expect(const std::string& word, const std::string& person) {
+  // a word takes some hundred times its bytes
+  constexpr std::size_t kMostBytes = 1 << 20;
+  if (word.size() <= kMostBytes - index_bytes_) {
+    if (index_.add(word, person)) index_bytes_ += word.size();
+    return {};
+  }
+  return Error{ErrorCode::kInvalidInput,
+               fmt::format("records: the different names that they have for people who were erased here take "
+                           "more than {} bytes: that is no export of a lab. Import people by people",
+                           kMostBytes)};
+}
+
+void ImportErasures::meet(const std::string& name, const std::string& pseudonym) {
+  met_.try_emplace(name, Person{met_.size(), pseudonym, {}, {}});
+}
+
+template <typename Replace>
+Status ImportErasures::eachNamedIn(const RecordTable& table, const std::string& text,
+                                   const Replace& replace) {
+  struct Found {
+    const std::string* name;
+    const Person* person;
+    const std::set<std::string>* words;
+  };
+  const auto owners = index_.in(text);
+  std::vector<Found> found;
+  for (const auto& [name, words] : owners)
+    if (const auto met = met_.find(name); met != met_.end()) found.push_back({&name, &met->second, &words});
+  if (found.empty()) return {};
+  const auto [of_kind, is_new] = names_.try_emplace(table.kind);
+  ErasedNames& names = of_kind->second;
+  if (is_new) {
+    ASSIGN_OR_RETURN(auto others, namesOfStore(writer_, true));
+    std::erase_if(others, [&](const std::string& other) { return index_.in(other).empty(); });
+    names.others = OtherNames(std::move(others));
+  }
+  std::sort(found.begin(), found.end(),
+            [](const Found& a, const Found& b) { return a.person->number < b.person->number; });
+  for (const Found& one : found) {
+    names.name = *one.name;
+    names.in_its_place = one.person->pseudonym;
+    names.full_names.assign(one.person->full_names.begin(), one.person->full_names.end());
+    names.given.clear();
+    for (const std::string& word : *one.words)
+      if (one.person->given.contains(word)) names.given.push_back(word);
+    ++replaced_;
+    replace(names);
+  }
+  return {};
 }
 
 bool ImportErasures::wasLeft(const std::string& id_digits, const std::string& name,
                              const std::string& pseudonym) const {
-  const bool account =
-      std::any_of(met_.begin(), met_.end(), [&](const ErasedNames& names) { return names.name == name; });
-  return waiting_.contains(id_digits) && (account || exported_.contains(pseudonym));
+  return waiting_.contains(id_digits) && (met_.contains(name) || exported_.contains(pseudonym));
 }
 
 std::optional<std::string> ImportErasures::pseudonymOf(const std::string& name,
                                                        std::int64_t made_unix_ns) const {
   if (!key_ || name.empty()) return std::nullopt;
-  const auto hash = key_->nameHash(name);
-  for (const ErasureLine& line : lines_) {
-    if (line.name_hash == hash && line.unix_ns >= made_unix_ns) return line.pseudonym;
-  }
+  const auto lines = lines_of_.find(key_->nameHash(name));
+  if (lines == lines_of_.end()) return std::nullopt;
+  for (const std::size_t i : lines->second)
+    if (lines_[i].unix_ns >= made_unix_ns) return lines_[i].pseudonym;
   return std::nullopt;
 }
 
@@ -113,19 +193,19 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
   if (table.kind == "person") {
     const auto pseudonym = owner("name", "created_unix_ns");
     if (!pseudonym) return false;
-    ErasedNames names{textOfField(record, "name"), {}, {}, *pseudonym, {}};
-    if (const std::string full_name = textOfField(record, "full_name"); !full_name.empty())
-      names.full_names.push_back(full_name);
-    RETURN_IF_ERROR(addOthers(writer_, names));
-    met_.push_back(std::move(names));
+    const std::string name = textOfField(record, "name"), full_name = textOfField(record, "full_name");
+    meet(name, *pseudonym);
+    // an export has each person once
+    constexpr std::size_t kMostFullNames = 16;
+    auto& full_names = met_.at(name).full_names;
+    if (!full_name.empty() && full_names.size() < kMostFullNames) full_names.insert(full_name);
     return true;
   }
   if (table.kind == "consent") return owner("person", "unix_ns").has_value();
   if (table.kind == "assignment") return owner("trainee", "created_unix_ns").has_value();
   if (table.kind == "group_member") {
     // the record has no time: decide by whether the person existed before it
-    const std::string name = textOfField(record, "person");
-    return std::any_of(met_.begin(), met_.end(), [&](const auto& names) { return names.name == name; });
+    return met_.contains(textOfField(record, "person"));
   }
   if (table.kind == "session") {
     const std::string id = textOfField(record, "id");
@@ -142,8 +222,8 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
   }
   if (table.kind == "unknown_trainee") {
     if (const auto owner_of = owners_.find(textOfField(record, "session")); owner_of != owners_.end()) {
-      for (ErasedNames& names : met_)
-        if (names.name == owner_of->second) names.given.push_back(textOfField(record, "given"));
+      if (const auto met = met_.find(owner_of->second); met != met_.end())
+        met->second.given.insert(lowerCase(textOfField(record, "given")));
     }
   }
   if (record.contains("session") && (table.kind == "score" || table.kind == "event" ||
@@ -169,9 +249,7 @@ Status ImportErasures::replaceGiven(RecordJson& record) {
   if (!pseudonym) return {};
   if (wasLeft(textOfField(record, "session"), textOfField(record, "given"), *pseudonym)) return {};
   // remarks and lines of the audit log, which come later, may have it too
-  ErasedNames names{textOfField(record, "given"), {}, {}, *pseudonym, {}};
-  RETURN_IF_ERROR(addOthers(writer_, names));
-  met_.push_back(std::move(names));
+  meet(textOfField(record, "given"), *pseudonym);
   record["given"] = *pseudonym;
   return {};
 }
@@ -184,13 +262,18 @@ Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, R
   for (const DoerField& field : kDoerFields) replaceDoer(record, field.doer, field.when);
   if (table.kind == "unknown_trainee") RETURN_IF_ERROR(replaceGiven(record));
   if (table.kind == "annotation") {
-    for (const ErasedNames& names : met_)
-      record["text"] = withoutNames(textOfField(record, "text"), names, false);
+    std::string text = textOfField(record, "text");
+    RETURN_IF_ERROR(eachNamedIn(table, textOfField(record, "text"),
+                                [&](const ErasedNames& names) { text = withoutNames(text, names, false); }));
+    record["text"] = text;
   }
   if (table.kind == "group") {
-    for (const ErasedNames& names : met_)
+    std::string name = textOfField(record, "name");
+    RETURN_IF_ERROR(eachNamedIn(table, textOfField(record, "name"), [&](const ErasedNames& names) {
       if (pseudonymOf(names.name, timeOfField(record, "changed_unix_ns")))
-        record["name"] = withoutNames(textOfField(record, "name"), names, false);
+        name = withoutNames(name, names, false);
+    }));
+    record["name"] = name;
   }
   if (table.kind == "audit") {
     AuditRow line{0,
@@ -199,9 +282,10 @@ Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, R
                   textOfField(record, "action"),
                   textOfField(record, "subject"),
                   textOfField(record, "detail")};
-    for (const ErasedNames& names : met_) {
+    const std::string text = line.who + "\n" + line.subject + "\n" + line.detail;
+    RETURN_IF_ERROR(eachNamedIn(table, text, [&](const ErasedNames& names) {
       if (pseudonymOf(names.name, line.unix_ns)) line = withoutNames(line, names, session_texts_);
-    }
+    }));
     // an erased person without a record in this import, as far as the line shows it
     for (std::string* name : {&line.who, &line.subject}) {
       const auto pseudonym = pseudonymOf(*name, line.unix_ns);

@@ -15,18 +15,32 @@
 #include "db/lab_settings.h"
 #include "db/pseudonyms.h"
 #include "db/retention_store.h"
+#include "db/schema.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/requests.h"
+#include "db/session_rows.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::size_t kMostNotes = 100;  // of a kind
 constexpr std::size_t kLongestName = 200;
+constexpr std::size_t kMostSessionsNamed = 5;  // in the audit log
+
+bool isOfSession(const RecordTable& table) {
+  return std::any_of(table.columns.begin(), table.columns.end(),
+                     [](const RecordColumn& column) { return column.kind == RecordColumnKind::kSession; });
+}
 
 double realIn(const RecordJson& record, const char* name) {
   const auto found = record.find(name);
   return found != record.end() && found->is_number() ? found->get<double>() : 0;
+}
+
+/// A session's id as the audit log has it.
+std::string textOfId(const std::string& digits) {
+  const auto bytes = bytesOfHex(digits);
+  return bytes ? sessionText(*bytes) : printable(digits);
 }
 
 /// A name of a record, for a note.
@@ -77,8 +91,46 @@ Result<ImportRules::Verdict> ImportRules::look(const RecordTable& table, RecordJ
   if (table.kind == "retention_policy") return lookAtPolicy(table, record, there);
   if (table.kind == "lab_setting") return lookAtSetting(table, record);
   if (table.kind == "erasure") return lookAtErasure(record, there);
+  if (isOfSession(table)) return lookAtSessionsRow(table, record, there);
   RETURN_IF_ERROR(lookAtRevision(table, record, there));
   return Verdict::kTake;
+}
+
+Result<ImportRules::Verdict> ImportRules::lookAtSessionsRow(const RecordTable& table,
+                                                            const RecordJson& record,
+                                                            const RecordJson& there) {
+  const std::string id = textIn(record, "session");
+  if (!there.is_null() || sessions_.contains(id)) return Verdict::kTake;
+  const auto bytes = bytesOfHex(id);
+  if (!bytes) return bytes.error();
+  ASSIGN_OR_RETURN(const bool here,
+                   writer_.query("SELECT 1 FROM sessions WHERE id = ?", viewOf(*bytes)).step());
+  if (!here) return Verdict::kTake;  // the import says that there is none
+  RETURN_IF_ERROR(checkRecord(table, record));
+  const std::string session = sessionText(*bytes);
+  note(kOfSessions, fmt::format("{} of session {}: left out, the session is here already, and an import "
+                                "adds nothing to it",
+                                table.kind, session));
+  ++left_[std::string(table.kind)];
+  if (left_sessions_.size() < kMostSessionsNamed &&
+      std::find(left_sessions_.begin(), left_sessions_.end(), session) == left_sessions_.end())
+    left_sessions_.push_back(session);
+  return Verdict::kLeftOut;
+}
+
+std::string ImportRules::leftOutText() const {
+  if (left_.empty()) return {};
+  std::string counts, sessions;
+  for (const auto& [kind, count] : left_)
+    counts += fmt::format("{}{} of {}", counts.empty() ? "" : ", ", count, kind);
+  for (const std::string& session : left_sessions_) sessions += (sessions.empty() ? "" : ", ") + session;
+  return fmt::format("; left out of sessions that are here: {} (such as session {})", counts, sessions);
+}
+
+Result<bool> ImportRules::wasHere(const char* table, const char* column, const std::string& name) {
+  const auto& mine = std::string_view(table) == "people" ? people_ : groups_;
+  if (name.empty() || mine.contains(name)) return false;
+  return writer_.query(fmt::format("SELECT 1 FROM {} WHERE {} = ?", table, column), name).step();
 }
 
 Result<ImportRules::Verdict> ImportRules::lookAtPolicy(const RecordTable& table, RecordJson& record,
@@ -192,12 +244,13 @@ Status ImportRules::lookAtRevision(const RecordTable& table, const RecordJson& r
   return {};
 }
 
-void ImportRules::noteStored(const RecordTable& table, const RecordJson& record) {
+Status ImportRules::noteStored(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "person") {
+    people_.insert(textIn(record, "name"));
     if (accounts_read_) addAccount(textIn(record, "name"), numberIn(record, "created_unix_ns"));
     const auto role = static_cast<pb::Role>(numberIn(record, "role"));
     const std::string access = accessText(record);
-    if (role == pb::TRAINEE && access.empty()) return;
+    if (role == pb::TRAINEE && access.empty()) return {};
     note(role == pb::ADMINISTRATOR ? kAdministrators
          : role == pb::TRAINEE     ? kTrainees
                                    : kStaff,
@@ -205,7 +258,7 @@ void ImportRules::noteStored(const RecordTable& table, const RecordJson& record)
                      access.empty() ? "no password" : access,
                      numberIn(record, "disabled") != 0 ? ", disabled" : ""));
   } else if (table.kind == "station") {
-    if (textIn(record, "key_hash").empty() || numberIn(record, "revoked") != 0) return;
+    if (textIn(record, "key_hash").empty() || numberIn(record, "revoked") != 0) return {};
     note(kStations, "station " + named(textIn(record, "name")) + " is new here, with its key");
   } else if (table.kind == "consent") {
     const std::string person = textIn(record, "person"), by = textIn(record, "recorded_by");
@@ -213,7 +266,38 @@ void ImportRules::noteStored(const RecordTable& table, const RecordJson& record)
                                 numberIn(record, "given") != 0 ? "consents" : "does not consent",
                                 by == person ? "by the person" : "on paper, by " + named(by),
                                 localTime(numberIn(record, "unix_ns"), TimeForm::kZoned)));
+  } else if (table.kind == "erasure") {
+    // one that does not say it takes nothing that comes later: that may be another person's
+    if (isGiven(record, "without_account") && numberIn(record, "without_account") == 0) return {};
+    return MetaStore(writer_).set(std::string(kWithoutAccountKey) + textIn(record, "pseudonym"), "");
+  } else if (table.kind == "group") {
+    groups_.insert(textIn(record, "id"));
+  } else if (table.kind == "group_member") {
+    const std::string group = textIn(record, "group_id"), person = textIn(record, "person");
+    ASSIGN_OR_RETURN(const bool of_group, wasHere("groups", "id", group));
+    ASSIGN_OR_RETURN(const bool of_person, wasHere("people", "name", person));
+    if (of_group || of_person)
+      note(kMembers, fmt::format("{} is in group {} from now on", named(person), named(group)));
+  } else if (table.kind == "assignment") {
+    const std::string group = textIn(record, "group_id"), trainee = textIn(record, "trainee");
+    ASSIGN_OR_RETURN(const bool to_group, wasHere("groups", "id", group));
+    ASSIGN_OR_RETURN(const bool to_person, wasHere("people", "name", trainee));
+    if (to_group || to_person)
+      note(kAssignments, fmt::format("{} {} gets an assignment by {}", to_group ? "group" : "trainee",
+                                     named(to_group ? group : trainee), named(textIn(record, "by_whom"))));
+  } else if (table.kind == "session") {
+    const std::string id = textIn(record, "id"), trainee = textIn(record, "trainee");
+    sessions_.insert(id);
+    ASSIGN_OR_RETURN(const bool here, wasHere("people", "name", trainee));
+    if (here) note(kNewSessions, fmt::format("session {} is new here, of {}", textOfId(id), named(trainee)));
+  } else if (table.kind == "annotation") {
+    const std::string author = textIn(record, "author");
+    ASSIGN_OR_RETURN(const bool here, wasHere("people", "name", author));
+    if (here)
+      note(kRemarks, fmt::format("a remark in the name of {} is new here, on session {}", named(author),
+                                 textOfId(textIn(record, "session"))));
   }
+  return {};
 }
 
 void ImportRules::note(Kind kind, const std::string& text) {
@@ -222,7 +306,8 @@ void ImportRules::note(Kind kind, const std::string& text) {
 }
 
 std::vector<std::string> ImportRules::notes() const {
-  constexpr std::array<std::string_view, kKinds> kNames = {"retention policies",
+  constexpr std::array<std::string_view, kKinds> kNames = {"rows of sessions that are here",
+                                                           "retention policies",
                                                            "administrators",
                                                            "other staff",
                                                            "stations with keys",
@@ -230,7 +315,11 @@ std::vector<std::string> ImportRules::notes() const {
                                                            "erasures",
                                                            "revisions",
                                                            "trainees with passwords or codes",
-                                                           "consents"};
+                                                           "consents",
+                                                           "new sessions of people who are here",
+                                                           "remarks in the names of people who are here",
+                                                           "members of groups",
+                                                           "assignments"};
   std::vector<std::string> all;
   for (std::size_t kind = 0; kind < kKinds; ++kind) {
     const Lines& lines = lines_[kind];

@@ -32,14 +32,18 @@ class ImportRules {
   /// yet to come. kInvalidInput: a policy that nobody could set by a request; an erasure's pseudonym that is
   /// none.
   Result<Verdict> look(const RecordTable& table, RecordJson& record, const RecordJson& there);
-  /// For a record that was stored: notes who gets in, and who consents.
-  void noteStored(const RecordTable& table, const RecordJson& record);
+  /// For a record that was stored: notes who gets in, who consents, and what people who are here get; marks
+  /// an erasure of a name that nobody had.
+  Status noteStored(const RecordTable& table, const RecordJson& record);
   /// What the importer has to know, one line each, the gravest kind first; of each kind the first 100, and
   /// how many more there are.
   [[nodiscard]] std::vector<std::string> notes() const;
+  /// For the audit log: what was left out of sessions that are here, and the first of these; empty: nothing.
+  [[nodiscard]] std::string leftOutText() const;
 
  private:
   enum Kind : std::size_t {
+    kOfSessions,
     kPolicies,
     kAdministrators,
     kStaff,
@@ -49,6 +53,10 @@ class ImportRules {
     kRevisions,
     kTrainees,
     kConsents,
+    kNewSessions,
+    kRemarks,
+    kMembers,
+    kAssignments,
     kKinds
   };
   struct Lines {
@@ -59,6 +67,11 @@ class ImportRules {
   Result<Verdict> lookAtPolicy(const RecordTable& table, RecordJson& record, const RecordJson& there);
   Result<Verdict> lookAtSetting(const RecordTable& table, const RecordJson& record);
   Result<Verdict> lookAtErasure(RecordJson& record, const RecordJson& there);
+  /// A score, event, remark or mark of a session: taken only with the session.
+  Result<Verdict> lookAtSessionsRow(const RecordTable& table, const RecordJson& record,
+                                    const RecordJson& there);
+  /// Whether that row was here before this import. `table` and `column` are SQL.
+  Result<bool> wasHere(const char* table, const char* column, const std::string& name);
   /// Notes a revision that is newer than what is here, and a sample that is replaced.
   Status lookAtRevision(const RecordTable& table, const RecordJson& record, const RecordJson& there);
   /// Once: the accounts that are here, by the hash of their name.
@@ -70,6 +83,10 @@ class ImportRules {
   const bool with_policies_;
   const std::int64_t now_unix_ns_;
   std::array<Lines, kKinds> lines_;
+  std::set<std::string> sessions_;             ///< ids in digits: of this import
+  std::set<std::string> people_, groups_;      ///< of this import
+  std::map<std::string, std::uint64_t> left_;  ///< rows of sessions that are here, by kind
+  std::vector<std::string> left_sessions_;     ///< the first of these
   /// By "KIND ID": the newest revision before this import; 0: none.
   std::map<std::string, std::int64_t> newest_;
   struct Account {

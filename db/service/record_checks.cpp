@@ -47,6 +47,7 @@ Status checkColumn(const RecordColumn& column, const RecordJson& value) {
   switch (column.kind) {
     case RecordColumnKind::kInteger:
     case RecordColumnKind::kCounter:
+    case RecordColumnKind::kMark:
       return checkInteger(column.name, value);
     case RecordColumnKind::kReal:
       if (!value.is_number() || !std::isfinite(value.get<double>()))
@@ -122,6 +123,15 @@ Status checkSessionRecord(const RecordJson& record) {
   return isGiven(record, "score_json") ? checkMeasures("score_json", textIn(record, "score_json")) : Status();
 }
 
+Status checkScoreRecord(const RecordJson& record) {
+  RETURN_IF_ERROR(checkMeasures("measures", textIn(record, "measures")));
+  const std::int64_t version = numberIn(record, "definition_version");
+  if (version <= kScoreDefinitionVersion) return {};
+  return wrongField("definition_version",
+                    fmt::format("is {}, this program knows definitions up to {}: update it first", version,
+                                kScoreDefinitionVersion));
+}
+
 Status checkReferenceRecord(const RecordJson& record) {
   const auto ids = readShallowJson<RecordJson>(textIn(record, "sessions"));
   if (!ids.is_array()) return wrongField("sessions", "is no list of sessions");
@@ -171,7 +181,7 @@ Status checkRecord(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "course") return checkCourseRecord(record);
   if (table.kind == "session") return checkSessionRecord(record);
   if (table.kind == "unknown_trainee") return checkName("given", textIn(record, "given"));
-  if (table.kind == "score") return checkMeasures("measures", textIn(record, "measures"));
+  if (table.kind == "score") return checkScoreRecord(record);
   if (table.kind == "reference") return checkReferenceRecord(record);
   return {};
 }

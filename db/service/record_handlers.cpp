@@ -11,6 +11,7 @@
 #include "db/audit_chain.h"
 #include "db/connection.h"
 #include "db/documents.h"
+#include "db/erasure.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 #include "db/service/import_erasures.h"
@@ -168,7 +169,7 @@ class Import {
   }
 
   /// For every record, before the first is taken.
-  void foresee(const std::string& text) { erasures_->foresee(readShallowJson<RecordJson>(text)); }
+  Status foresee(const std::string& text) { return erasures_->foresee(readShallowJson<RecordJson>(text)); }
 
   /// Stores the exercises of the courses' newest revisions; flags sessions of trainees whom nobody knew.
   Status finish() {
@@ -185,6 +186,9 @@ class Import {
     }
     return {};
   }
+
+  /// For the audit log: what was left out of sessions that are here.
+  [[nodiscard]] std::string leftOutText() const { return rules_.leftOutText(); }
 
  private:
   Status store(const RecordTable& table, RecordJson record) {
@@ -203,6 +207,8 @@ class Import {
     if (table.kind == "course" && record.contains("id") && record["id"].is_string())
       courses_.insert(record["id"].get<std::string>());
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, secrets));
+    // an import changes no mark that is here
+    if (table.kind == "erasure" && !there.is_null()) record["without_account"] = there["without_account"];
     bool same = !there.is_null() && (there == record || erasures_->isErasuresWork(table, there, record));
     if (!same) {
       ASSIGN_OR_RETURN(const auto rule, rules_.look(table, record, there));
@@ -227,7 +233,7 @@ class Import {
     }
     RETURN_IF_ERROR(checkRecord(table, record));
     RETURN_IF_ERROR(insertRecord(writer_, table, record));
-    rules_.noteStored(table, record);
+    RETURN_IF_ERROR(rules_.noteStored(table, record));
     if (table.kind == "session") {
       new_sessions_.push_back({writer_.lastRowId(), record["trainee"].get<std::string>()});
       RETURN_IF_ERROR(withoutRecording(record));
@@ -393,12 +399,16 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
   }
   pb::Reply reply;
   auto* report = reply.mutable_import_report();
+  bool dropped_before = false;
   const Status written = context.writer.run([&](Connection& writer) -> Status {
     RETURN_IF_ERROR(dropOldImports(writer, context.now_unix_ns));
     auto row = writer.query(
-        "SELECT count(*), coalesce(sum(length(records)), 0) FROM import_pieces WHERE import_id = ?",
+        "SELECT count(*), coalesce(sum(length(records)), 0), coalesce(min(position), 0) FROM import_pieces"
+        " WHERE import_id = ?",
         call.import_id());
     RETURN_IF_ERROR(row.step());
+    dropped_before = row.integer(2) == kDroppedPieces;
+    if (dropped_before) return {};  // what was dropped just now is written
     if (row.natural(1) + piece.size() > kMostImportBytes)
       return Error{ErrorCode::kInvalidInput,
                    fmt::format("records: more than {} MiB in one import: use a backup and restore",
@@ -408,16 +418,19 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
         call.import_id(), row.integer(0), piece, context.who.name, context.now_unix_ns);
   });
   if (!written) return written.error();
+  if (dropped_before)
+    return Error{ErrorCode::kConflict,
+                 "import_id: earlier pieces of this import are gone, because more than a day passed by the "
+                 "server's clock, or somebody was erased meanwhile. Nothing of it was stored: begin again, "
+                 "with another import_id"};
   if (!call.last()) return reply;
 
   std::string detail;
   const auto status = write(context, call.import_id(), detail, [&](Connection& writer) -> Status {
     Import batch(writer, *report, context.now_unix_ns, context.who.name, call);
     RETURN_IF_ERROR(batch.begin());
-    RETURN_IF_ERROR(eachRecord(writer, call.import_id(), [&](const std::string& text) {
-      batch.foresee(text);
-      return Status();
-    }));
+    RETURN_IF_ERROR(
+        eachRecord(writer, call.import_id(), [&](const std::string& text) { return batch.foresee(text); }));
     RETURN_IF_ERROR(
         eachRecord(writer, call.import_id(), [&](const std::string& text) { return batch.take(text); }));
     RETURN_IF_ERROR(batch.finish());
@@ -425,6 +438,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
     if (!report->faults().empty() || call.dry_run()) return Error{ErrorCode::kInvalidInput, "not done"};
     for (const auto& count : report->counts())
       detail += fmt::format("{}{} of {}", (detail.empty() ? "" : ", "), count.added(), count.kind());
+    detail += batch.leftOutText();
     return writer.run("DELETE FROM import_pieces WHERE import_id = ?", call.import_id());
   });
   report->set_done(status.ok());

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "db/credentials.h"
+#include "db/erasure.h"
 #include "db/pseudonyms.h"
 
 namespace needlelab {
@@ -143,7 +144,9 @@ constexpr std::array kReferenceColumns = {
     RecordColumn{"sessions"}, RecordColumn{"by_whom"}, RecordColumn{"created_unix_ns", K::kInteger}};
 constexpr std::array kErasureColumns = {
     RecordColumn{"pseudonym", K::kText, true}, RecordColumn{"name_hash", K::kHex},
-    RecordColumn{"erased_unix_ns", K::kInteger}, RecordColumn{"by_whom"}, RecordColumn{"reason"}};
+    RecordColumn{"erased_unix_ns", K::kInteger}, RecordColumn{"by_whom"}, RecordColumn{"reason"},
+    // null: an export of before does not say it
+    RecordColumn{"without_account", K::kMark, false, false, "null"}};
 constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
                                       RecordColumn{"unix_ns", K::kInteger},
                                       RecordColumn{"who"},
@@ -195,6 +198,8 @@ std::string expressionOf(const RecordColumn& column) {
   if (column.kind == K::kSession) return "(SELECT id FROM sessions WHERE number = session)";
   if (column.kind == K::kCounter)
     return "coalesce((SELECT p." + name + " FROM session_progress p WHERE p.session = number), " + name + ")";
+  if (column.kind == K::kMark)
+    return "'" + std::string(kWithoutAccountKey) + "' || pseudonym IN (SELECT key FROM meta)";
   return name;
 }
 
@@ -207,6 +212,7 @@ RecordJson valueOf(const RecordColumn& column, const Statement& row, int at) {
   switch (column.kind) {
     case K::kInteger:
     case K::kCounter:
+    case K::kMark:
       return row.integer(at);
     case K::kReal:
       return row.real(at);
@@ -233,6 +239,7 @@ Status bindValue(Connection& connection, Statement& statement, const RecordColum
   switch (column.kind) {
     case K::kInteger:
     case K::kCounter:
+    case K::kMark:
       if (!value.is_number_integer() ||
           (value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX))
         return recordFault(column, "must be a whole number of 64 bits");
@@ -402,12 +409,14 @@ Status insertRecord(Connection& writer, const RecordTable& table, const RecordJs
   RETURN_IF_ERROR(checkNumbersLeft(writer, table.table));
   std::string columns, places;
   for (const RecordColumn& column : table.columns) {
+    if (column.kind == K::kMark) continue;
     columns += (columns.empty() ? "" : ", ") + std::string(column.name);
     places += places.empty() ? "?" : ", ?";
   }
   auto insert = writer.prepare("INSERT INTO " + std::string(table.table) + " (" + columns + ") VALUES (" +
                                places + ")");
   for (const RecordColumn& column : table.columns) {
+    if (column.kind == K::kMark) continue;
     const auto value = record.find(fieldOf(column));
     auto bound =
         value == record.end() ? bindMissing(insert, column) : bindValue(writer, insert, column, *value);
@@ -426,7 +435,18 @@ Status removeRecord(Connection& writer, const RecordTable& table, const RecordJs
 
 Status dropOldImports(Connection& writer, std::int64_t now_unix_ns) {
   constexpr std::int64_t kLife_ns = 86'400LL * 1'000'000'000;
-  return writer.run("DELETE FROM import_pieces WHERE unix_ns < ?", now_unix_ns - kLife_ns);
+  constexpr std::int64_t kLifeOfMark_ns = 31 * kLife_ns;
+  RETURN_IF_ERROR(writer.run("DELETE FROM import_pieces WHERE position = ? AND unix_ns < ?", kDroppedPieces,
+                             now_unix_ns - kLifeOfMark_ns));
+  RETURN_IF_ERROR(
+      writer.run("INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
+                 " SELECT import_id, ?1, '', '', ?2 FROM import_pieces"
+                 " GROUP BY import_id HAVING min(position) > ?1 AND max(unix_ns) < ?3",
+                 kDroppedPieces, now_unix_ns, now_unix_ns - kLife_ns));
+  return writer.run(
+      "DELETE FROM import_pieces WHERE position > ?1 AND import_id IN"
+      " (SELECT import_id FROM import_pieces WHERE position = ?1)",
+      kDroppedPieces);
 }
 
 }  // namespace needlelab

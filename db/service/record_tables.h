@@ -30,6 +30,7 @@ enum class RecordColumnKind : std::uint8_t {
   kHex,      ///< bytes, as hexadecimal digits
   kSession,  ///< a session's row number, written as the session's id in digits
   kCounter,  ///< a session's whole-number counter, stored in session_progress while the session is open
+  kMark,     ///< of an erasure: 1 when nobody had the name, 0; a row of `meta` (erasure.h), and no column
 };
 
 struct RecordColumn {
@@ -76,12 +77,13 @@ RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets
 /// missing or has a wrong type.
 Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
                                 bool secrets);
-/// Stores the record. kInvalidInput: an unknown field, a wrong type, a violation of the schema.
+/// Stores the record, but for marks. kInvalidInput: an unknown field, a wrong type, a violation of the
+/// schema.
 Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 
-/// Removes the pieces of imports whose program was killed: those that came more than a day ago. Writer's
-/// connection.
+/// Removes the pieces of imports whose program was killed: those whose last one came more than a day ago. A
+/// row in the position kDroppedPieces (erasure.h) stands for them for 31 days. Writer's connection.
 Status dropOldImports(Connection& writer, std::int64_t now_unix_ns);
 
 // --- record_checks.cpp: checks of imported records beyond the schema

@@ -231,6 +231,8 @@ TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
       {std::string(65, 'z') + ",,,,", "name", "has 65 bytes, allowed are 1 to 64"},
       {"a/b,,,,", "name", "holds a '/'"},
       {"server,,,,", "name", "'server' is the name under which the server itself writes"},
+      {"Retention,,,,", "name", "'Retention' is the name under which the server itself writes"},
+      {"local:root,,,,", "name", "'local:root' begins with 'local:', as the audit log calls"},
       {"\"two\nlines\",,,,", "name", "holds a control character"},
       {"zoe," + std::string(201, 'z') + ",,,", "full_name", "has 201 bytes"},
       {"zoe,Zo\u2067e,,,", "full_name", "holds U+2067 (right-to-left isolate) at byte 3"},

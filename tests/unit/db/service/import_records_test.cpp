@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include "common/base/files.h"
+#include "common/scoring/measures.h"
 #include "db/audit_chain.h"
 #include "db/retention_store.h"
 #include "db/service/audit_anchor.h"
@@ -136,12 +137,195 @@ TEST_F(Import, takesAnExportOfBeforeCodesTwice) {
   }
 }
 
+TEST_F(Import, addsNothingToSessionsThatAreHereAndNamesWhatItLeftOut) {
+  addStation();
+  addNamed("anna", "");
+  addNamed("ines", "", pb::INSTRUCTOR);
+  const Uuid id = closedSession("anna", 5, "well done");
+  const std::string digits = hexDigitsOf(textOf(id));
+  const auto rows = [&] {
+    std::string text;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      for (const char* table : {"sessions", "scores", "session_events", "annotations", "unknown_trainees"}) {
+        auto row = c.prepare(fmt::format("SELECT count(*) FROM {}", table));
+        RETURN_IF_ERROR(row.step());
+        text += fmt::format("{} {}, ", table, row.integer(0));
+      }
+      return {};
+    }));
+    return text;
+  };
+  const std::string before = rows();
+  const auto own = exportAll(*store);
+  const RecordJson score{{"kind", "score"},           {"session", digits}, {"definition_version", 3},
+                         {"measures", "[]"},          {"passed", 1},       {"first", 0},
+                         {"engine_version", "0.1.0"}, {"made_unix_ns", 9}};
+  const RecordJson remark{{"kind", "annotation"}, {"id", 77},         {"session", digits},   {"tick", 3},
+                          {"text", "cheated"},    {"author", "ines"}, {"created_unix_ns", 1}};
+  const RecordJson mark{{"kind", "unknown_trainee"}, {"session", digits},           {"given", "anna"},
+                        {"by_whom", nullptr},        {"assigned_unix_ns", nullptr}, {"code_unchecked", 0}};
+  for (const RecordJson& record : {score, remark, mark}) {
+    const std::string kind = record["kind"];
+    SCOPED_TRACE(kind);
+    const auto report = importAll(*store, {record.dump()}, 1);
+    EXPECT_TRUE(report.done()) << report.ShortDebugString();
+    ASSERT_EQ(report.notes_size(), 1);
+    EXPECT_EQ(report.notes(0),
+              kind + " of session " + uuidText(id) +
+                  ": left out, the session is here already, and an import adds nothing to it");
+    for (const auto& count : report.counts()) EXPECT_EQ(count.added(), 0u);
+    EXPECT_EQ(rows(), before);
+    pb::Request list;
+    list.mutable_list_audit()->set_action("import-all");
+    const auto lines = get(admin, list).audit();
+    EXPECT_TRUE(std::any_of(lines.entries().begin(), lines.entries().end(), [&](const auto& line) {
+      return line.detail().find("left out of sessions that are here: 1 of " + kind + " (such as session " +
+                                uuidText(id) + ")") != std::string::npos;
+    })) << lines.ShortDebugString();
+  }
+  pb::Request progress;
+  progress.mutable_get_progress()->set_trainee("anna");
+  EXPECT_EQ(get(instructor, progress).progress().attempts_size(), 1);
+  // its own export changes nothing, and nothing is left out of it
+  const auto again = importAll(*store, own, 100);
+  EXPECT_TRUE(again.done()) << again.ShortDebugString();
+  EXPECT_EQ(again.notes_size(), 0) << again.ShortDebugString();
+  EXPECT_EQ(rows(), before);
+  // where the session comes with them, they are taken
+  auto all = own;
+  for (const RecordJson& record : {mark, score, remark}) all.push_back(record.dump());
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  const auto taken = importAll(*other, all, 100);
+  EXPECT_TRUE(taken.done()) << taken.ShortDebugString();
+  for (const auto& count : taken.counts()) {
+    const bool twice = count.kind() == "score" || count.kind() == "annotation";
+    if (twice || count.kind() == "unknown_trainee") {
+      EXPECT_EQ(count.added(), twice ? 2u : 1u) << count.kind();
+    }
+  }
+}
+
+TEST_F(Import, namesWhatPeopleWhoAreHereGet) {
+  addStation();
+  addNamed("anna", "");
+  addNamed("ines", "", pb::INSTRUCTOR);
+  const Uuid id = closedSession("anna", 5, "well done");
+  ASSERT_OK(change([](Connection& c) -> Status {
+    RETURN_IF_ERROR(c.run("UPDATE annotations SET author = 'ines'"));
+    RETURN_IF_ERROR(c.run("INSERT INTO groups VALUES ('class', 'Class', 1, 'mia', 1, 0)"));
+    RETURN_IF_ERROR(c.run("INSERT INTO group_members VALUES ('class', 'anna')"));
+    return c.run(
+        "INSERT INTO assignments (exercise_id, group_id, due_unix_ns, by_whom, created_unix_ns)"
+        " VALUES ('knee-recess', 'class', 5, 'mia', 1)");
+  }));
+  const auto records = exportAll(*store);
+  ASSERT_OK(change([](Connection& c) -> Status {
+    for (const char* sql : {"DELETE FROM removed_originals", "DELETE FROM annotations", "DELETE FROM scores",
+                            "DELETE FROM chunks", "DELETE FROM sessions", "DELETE FROM group_members",
+                            "DELETE FROM assignments"})
+      RETURN_IF_ERROR(c.run(sql));
+    return {};
+  }));
+  const auto report = importAll(*store, records, 100);
+  EXPECT_TRUE(report.done()) << report.ShortDebugString();
+  EXPECT_EQ(std::vector<std::string>(report.notes().begin(), report.notes().end()),
+            (std::vector<std::string>{
+                "session " + uuidText(id) + " is new here, of 'anna'",
+                "a remark in the name of 'ines' is new here, on session " + uuidText(id),
+                "'anna' is in group 'class' from now on", "group 'class' gets an assignment by 'mia'"}));
+  // nobody was here
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  const auto elsewhere_report = importAll(*other, records, 100);
+  for (const std::string& note : elsewhere_report.notes())
+    EXPECT_EQ(note, "instructor 'ines' is new here, with no password");
+}
+
+TEST_F(Import, takesNoScoresOfDefinitionsThatThisProgramDoesNotKnow) {
+  addStation();
+  addNamed("anna", "");
+  (void)closedSession("anna", 5, "");
+  std::vector<std::string> records;
+  for (const std::string& text : exportAll(*store)) {
+    auto record = RecordJson::parse(text);
+    if (record["kind"] == "score") record["definition_version"] = kScoreDefinitionVersion + 1;
+    records.push_back(record.dump());
+  }
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  const auto report = importAll(*other, records, 100);
+  EXPECT_FALSE(report.done());
+  ASSERT_EQ(report.faults_size(), 1) << report.ShortDebugString();
+  EXPECT_EQ(report.faults(0).message(),
+            fmt::format("definition_version: is {}, this program knows definitions up to {}: update it first",
+                        kScoreDefinitionVersion + 1, kScoreDefinitionVersion));
+}
+
+TEST_F(Import, isRefusedWhereEarlierPiecesWereDropped) {
+  addNamed("zoe", "");
+  addPerson("ada", pb::ADMINISTRATOR);
+  const auto piece = [&](const std::string& id, const std::string& name, bool last) {
+    pb::Request request;
+    auto* import = request.mutable_import_all();
+    import->set_import_id(id);
+    import->set_last(last);
+    import->add_records(RecordJson{
+        {"kind", "person"},
+        {"name", name},
+        {"role", 1},
+        {"disabled", 0},
+        {"created_unix_ns", 1},
+        {"full_name", ""},
+        {"revision", 1},
+        {"changed_unix_ns", 1},
+        { "changed_by",
+          "" }}.dump());
+    return ask(admin, request);
+  };
+  const auto age = [&](const char* id) {
+    ASSERT_OK(change([&](Connection& c) {
+      return c.run("UPDATE import_pieces SET unix_ns = 1 WHERE import_id = ? AND position >= 0", id);
+    }));
+  };
+  const auto refused = [&](const char* id) {
+    for (const bool last : {false, true}) {
+      const auto outcome = piece(id, "second", last);
+      ASSERT_TRUE(outcome.error.has_value()) << id;
+      EXPECT_EQ(outcome.error->code, ErrorCode::kConflict);
+      EXPECT_NE(outcome.error->message.find("Nothing of it was stored: begin again"), std::string::npos)
+          << outcome.error->message;
+    }
+    auto reader = store->readers().borrow();
+    ASSERT_OK(reader);
+    EXPECT_FALSE(PeopleStore(**reader).find("second")->has_value());
+  };
+  // a day old when the next one comes; dropped by a start; by an erasure
+  EXPECT_FALSE(piece("old", "first", false).error.has_value());
+  age("old");
+  refused("old");
+  EXPECT_FALSE(piece("killed", "first", false).error.has_value());
+  age("killed");
+  store.reset();
+  store = test::openStore(folder.path() / "data");
+  refused("killed");
+  EXPECT_FALSE(piece("meanwhile", "first", false).error.has_value());
+  get(admin, erase("zoe"));
+  refused("meanwhile");
+  EXPECT_FALSE(piece("another", "first", false).error.has_value());
+  EXPECT_TRUE(piece("another", "third", true).reply.import_report().done());
+  auto reader = store->readers().borrow();
+  ASSERT_OK(reader);
+  for (const char* name : {"first", "third"})
+    EXPECT_TRUE(PeopleStore(**reader).find(name)->has_value()) << name;
+}
+
 TEST_F(Import, takesNobodyUnderTheServersName) {
   addPerson("anna", pb::TRAINEE);
   for (const std::string& text : exportAll(*store)) {
     auto person = RecordJson::parse(text);
     if (person["kind"] != "person") continue;
-    for (const char* name : {"server", "Server"}) {
+    for (const char* name : {"server", "Server", "local", "Erasure", "import", "retention"}) {
       person["name"] = name;
       const auto report = importAll(*store, {person.dump()}, 1);
       ASSERT_EQ(report.faults_size(), 1) << name;
@@ -150,6 +334,11 @@ TEST_F(Import, takesNobodyUnderTheServersName) {
           0u)
           << report.faults(0).message();
     }
+    person["name"] = "Local:root";
+    const auto local = importAll(*store, {person.dump()}, 1);
+    ASSERT_EQ(local.faults_size(), 1);
+    EXPECT_EQ(local.faults(0).message().rfind("name: 'Local:root' begins with 'local:'", 0), 0u)
+        << local.faults(0).message();
     return;
   }
   FAIL() << "the export has nobody";
@@ -313,6 +502,42 @@ TEST_F(Import, takesNoErasureOfWhoHasAnAccountHereAndNoneThatIsYetToCome) {
   ASSERT_TRUE(*row.step());
   EXPECT_EQ(row.integer(0), 1);
   EXPECT_LT(row.integer(1), kIn2200);
+}
+
+// What comes later under a name that nobody had may be another person's, also where the erasure was imported.
+TEST_F(Import, keepsTheMarkOfAnErasureWithoutAnAccount) {
+  addStation();
+  addPerson("ada", pb::ADMINISTRATOR);
+  addNamed("tom", "");
+  (void)closedSession("Anna", 5, "");
+  get(admin, erase("Anna"));
+  get(admin, erase("tom"));
+  const auto records = exportAll(*store);
+  std::vector<std::string> older;
+  for (const std::string& text : records) {
+    auto record = RecordJson::parse(text);
+    record.erase("without_account");
+    older.push_back(record.dump());
+  }
+  const auto taken = [&](Store& from, const char* name) {
+    auto reader = from.readers().borrow();
+    EXPECT_OK(reader);
+    constexpr std::int64_t kNow = 1'900'000'000'000'000'000;
+    return ErasureStore(**reader).ownerOf(name, kNow, kNow)->pseudonym.has_value();
+  };
+  for (const bool says : {true, false}) {
+    SCOPED_TRACE(says);
+    const test::TempFolder elsewhere;
+    std::filesystem::create_directory(elsewhere.path() / "data");
+    std::filesystem::copy_file(folder.path() / "data/pseudonym.key", elsewhere.path() / "data/pseudonym.key");
+    const auto other = test::openStore(elsewhere.path() / "data");
+    ASSERT_TRUE(importAll(*other, says ? records : older, 100).done());
+    EXPECT_FALSE(taken(*other, "Anna"));
+    EXPECT_EQ(taken(*other, "tom"), says) << "of an account, unless the records do not say it";
+    EXPECT_TRUE(importAll(*other, records, 100).done()) << "again";
+    EXPECT_TRUE(importAll(*other, older, 100).done()) << "again";
+    EXPECT_FALSE(taken(*other, "Anna"));
+  }
 }
 
 TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
