@@ -27,7 +27,6 @@ bool isDamage(int rc) {
     case SQLITE_FULL:
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
-    case SQLITE_NOMEM:
     case SQLITE_CANTOPEN:
     case SQLITE_READONLY:
     case SQLITE_PROTOCOL:
@@ -484,7 +483,8 @@ Savepoint::Savepoint(Savepoint&& other) noexcept : connection_(std::exchange(oth
 
 Savepoint::~Savepoint() {
   if (connection_ == nullptr || !connection_->inTransaction()) return;
-  (void)connection_->run("ROLLBACK TO item");
+  // half an item must not be committed with the others
+  if (!connection_->run("ROLLBACK TO item")) connection_->damaged_ = true;
   (void)connection_->run("RELEASE item");
 }
 

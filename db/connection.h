@@ -208,7 +208,8 @@ class Connection {
   /// 0.1 s, is never given up because of the log's size. Each kRead transaction does so, and each borrowing.
   void noteShortRead() { limits_->looks = 0; }
 
-  /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, out of memory.
+  /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, a part of a
+  /// transaction that could not be undone. Want of memory is none: SQLite undoes the statement.
   /// Never reset: the writer stops for good.
   [[nodiscard]] bool damaged() const { return damaged_; }
 
@@ -220,6 +221,7 @@ class Connection {
  private:
   friend class Statement;
   friend class CancelScope;
+  friend class Savepoint;
   /// What interrupts statements that run, by SQLite's progress handler.
   struct Limits {
     sqlite3* handle = nullptr;
