@@ -209,7 +209,8 @@ class Connection {
   void noteShortRead() { limits_->looks = 0; }
 
   /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, a part of a
-  /// transaction that could not be undone. Want of memory is none: SQLite undoes the statement.
+  /// transaction that could not be undone. Want of memory is none: SQLite
+  /// undoes the statement, or the transaction.
   /// Never reset: the writer stops for good.
   [[nodiscard]] bool damaged() const { return damaged_; }
 

@@ -70,7 +70,7 @@ TEST(DbWriter, aFailingItemIsUndoneAndReportedAlone) {
   EXPECT_FALSE(writer.failed().has_value());
 }
 
-TEST(DbWriter, anItemThatLacksMemoryIsUndoneAndReportedAlone) {
+TEST(DbWriter, anItemThatLacksMemoryIsUndoneAndTheNextOnesAreStored) {
   test::TestDb db;
   auto reader = db.reader();
   DbWriter writer(std::move(db.writer), {.window = 5ms}, {});
