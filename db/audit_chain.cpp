@@ -7,6 +7,7 @@
 #include <charconv>
 #include <map>
 #include <mutex>
+#include <unordered_map>
 #include <utility>
 
 #include "common/base/files.h"
@@ -260,9 +261,9 @@ class ChainWalk {
     for (std::string& text : faults) fault(std::move(text));
   }
 
-  /// `row`: position, salt, commitment, key_id, mac, line, whether a later entry of the same line follows,
-  /// the line's columns (NULL: it is not there).
-  void take(const Statement& row) {
+  /// `row`: position, salt, commitment, key_id, mac, line, the line's columns (NULL: it is not there).
+  /// `amended`: a later entry of the same line follows.
+  void take(const Statement& row, bool amended) {
     const std::uint64_t position = row.natural(0), faults_before = verdict_.faults;
     if (position > verdict_.head.position + 1)
       fault(fmt::format("entries {} to {} are missing: lines were removed", verdict_.head.position + 1,
@@ -270,13 +271,12 @@ class ChainWalk {
     else if (position <= verdict_.head.position)
       fault("an entry has no number: it was put in");
     const ByteView salt = row.bytes(1), commitment = row.bytes(2), mac = row.bytes(4);
-    const bool amended = row.integer(6) != 0;
     if (!amended) ++verdict_.lines;
     if (!amended && row.integer(5) <= last_before_) ++verdict_.earlier;
-    if (row.isNull(7)) {
+    if (row.isNull(6)) {
       fault(fmt::format("line {} was removed", row.integer(5)));
     } else {
-      const ProvenLine line = lineAt(row, 7);
+      const ProvenLine line = lineAt(row, 6);
       const auto key = std::find_if(keys_.begin(), keys_.end(),
                                     [&](const auto& one) { return sameBytes(one.id(), row.bytes(3)); });
       if (key != keys_.end() && position == 1 &&
@@ -395,22 +395,28 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
   walk.begin(before_chain);
   ASSIGN_OR_RETURN(auto foreign, schemaFaults(connection));
   walk.takeSchema(std::move(foreign));
-  auto entries = connection.prepare(fmt::format(
-      "SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, c.line,"
-      " EXISTS (SELECT 1 FROM audit_chain l WHERE l.line = c.line AND l.position > c.position), {}"
-      " FROM audit_chain c LEFT JOIN audit a ON a.id = c.line ORDER BY c.position",
-      kLineColumns));
+  // from the tables alone: an index may have entries that somebody put in or took out
+  std::unordered_map<std::int64_t, std::int64_t> last_entries;  // by line
+  auto positions = connection.prepare("SELECT line, position FROM audit_chain NOT INDEXED ORDER BY position");
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, positions.step());
+    if (!more) break;
+    last_entries[positions.integer(0)] = positions.integer(1);
+  }
+  auto entries = connection.prepare(
+      fmt::format("SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, c.line, {}"
+                  " FROM audit_chain c NOT INDEXED LEFT JOIN audit a ON a.id = c.line ORDER BY c.position",
+                  kLineColumns));
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, entries.step());
     if (!more) break;
-    walk.take(entries);
+    walk.take(entries, last_entries[entries.integer(5)] > entries.integer(0));
   }
-  auto others =
-      connection.prepare("SELECT id FROM audit WHERE id NOT IN (SELECT line FROM audit_chain) ORDER BY id");
+  auto lines = connection.prepare("SELECT id FROM audit NOT INDEXED ORDER BY id");
   for (;;) {
-    ASSIGN_OR_RETURN(const bool more, others.step());
+    ASSIGN_OR_RETURN(const bool more, lines.step());
     if (!more) break;
-    walk.withoutEntry(others.integer(0));
+    if (!last_entries.contains(lines.integer(0))) walk.withoutEntry(lines.integer(0));
   }
   return walk.end();
 }

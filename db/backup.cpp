@@ -48,6 +48,11 @@ Error cancelledError() {
   return {ErrorCode::kUnavailable, "the backup was given up because the program ends: make it again"};
 }
 
+Error notAsWritten(const std::filesystem::path& path, const std::string& why = {}) {
+  return {ErrorCode::kCorrupt, "the backup was not kept: what was read back of " + path.string() +
+                                   " is not what was written" + why + ": look at its disk (dmesg, smartctl)"};
+}
+
 bool isSet(const std::atomic<bool>* flag) {
   return flag != nullptr && flag->load();
 }
@@ -210,18 +215,85 @@ Status roomForCopy(const std::filesystem::path& database, std::uint64_t room_lef
   if (room.available >= bytes && room.available - bytes >= room_left) return {};
   return Error{
       ErrorCode::kNoRoom,
-      fmt::format("the encrypted backup was not made: {} needs {} MiB for a copy for a while, and {} MiB "
+      fmt::format("the backup was not made: {} needs {} MiB for a copy for a while, and {} MiB "
                   "must stay free; {} MiB are free: make room, or use a larger disk",
                   database.parent_path().string(), bytes >> 20, room_left >> 20, room.available >> 20)};
+}
+
+class File {
+ public:
+  explicit File(int fd) : fd_(fd) {}
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+  ~File() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  [[nodiscard]] int fd() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+/// The next bytes, as many as `buffer` takes; fewer only at the file's end.
+Result<std::string_view> readPiece(const File& in, const std::filesystem::path& path, std::string& buffer) {
+  std::size_t got = 0;
+  while (got < buffer.size()) {
+    const ssize_t more = ::read(in.fd(), buffer.data() + got, buffer.size() - got);
+    if (more < 0 && errno == EINTR) continue;
+    if (more < 0) return systemError(path, "read");
+    if (more == 0) break;
+    got += static_cast<std::size_t>(more);
+  }
+  return std::string_view(buffer).substr(0, got);
+}
+
+/// Writes the bytes of a checked copy to another disk, and reads them back: not what memory has of them, but
+/// the disk.
+Status copyToDisk(const std::filesystem::path& from, const std::filesystem::path& to,
+                  const std::atomic<bool>* cancelled) {
+  const File in(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
+  if (in.fd() < 0) return systemError(from, "open");
+  const File out(::open(to.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (out.fd() < 0) return systemError(to, "create the copy");
+  constexpr std::size_t kPiece = 1u << 20;
+  std::string piece(kPiece, '\0'), again(kPiece, '\0');
+  for (;;) {
+    if (isSet(cancelled)) return cancelledError();
+    ASSIGN_OR_RETURN(auto bytes, readPiece(in, from, piece));
+    if (bytes.empty()) break;
+    while (!bytes.empty()) {
+      const ssize_t put = ::write(out.fd(), bytes.data(), bytes.size());
+      if (put < 0 && errno == EINTR) continue;
+      if (put < 0) return systemError(to, "write the copy");
+      bytes.remove_prefix(static_cast<std::size_t>(put));
+    }
+  }
+  if (::fsync(out.fd()) != 0) return systemError(to, "fsync");
+  ::posix_fadvise(out.fd(), 0, 0, POSIX_FADV_DONTNEED);
+  if (::lseek(in.fd(), 0, SEEK_SET) != 0 || ::lseek(out.fd(), 0, SEEK_SET) != 0)
+    return systemError(to, "read back");
+  for (;;) {
+    if (isSet(cancelled)) return cancelledError();
+    ASSIGN_OR_RETURN(const auto written, readPiece(in, from, piece));
+    ASSIGN_OR_RETURN(const auto found, readPiece(out, to, again));
+    if (written != found) return notAsWritten(to);
+    if (written.empty()) return {};
+  }
 }
 
 }  // namespace
 
 Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
-                              const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes) {
+                              const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes,
+                              std::uint64_t room_left, LinkCopy link) {
   RETURN_IF_ERROR(checkTarget(target));
+  const Partial plain(plainCopyBeside(reader.path()));
+  RETURN_IF_ERROR(roomForCopy(reader.path(), room_left));
   const Partial partial(target.string() + ".partial");
-  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, partial.path(), cancelled, most_log_bytes));
+  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, most_log_bytes));
+  // on the same disk without another copy
+  if ((link != nullptr ? link : ::link)(plain.path().c_str(), partial.path().c_str()) != 0)
+    RETURN_IF_ERROR(copyToDisk(plain.path(), partial.path(), cancelled));
   ASSIGN_OR_RETURN(result.bytes, putIntoPlace(partial.path(), target));
   return result;
 }
@@ -240,10 +312,7 @@ Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem
       partial.path(), key, [](ByteView) { return Status(); }, cancelled);
   if (!read_back && read_back.error().code != ErrorCode::kCorrupt) return read_back.error();
   if (!read_back || *read_back != written)
-    return Error{ErrorCode::kCorrupt, "the backup was not kept: what was read back of " +
-                                          partial.path().string() + " is not what was written" +
-                                          (read_back ? "" : " (" + read_back.error().message + ")") +
-                                          ": look at its disk (dmesg, smartctl)"};
+    return notAsWritten(partial.path(), read_back ? "" : " (" + read_back.error().message + ")");
   ASSIGN_OR_RETURN(result.bytes, putIntoPlace(partial.path(), target));
   return result;
 }

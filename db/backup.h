@@ -33,30 +33,36 @@ struct BackupResult {
 /// can be emptied only afterwards.
 inline constexpr std::uint64_t kMostLogBytesOfBackup = kMostLogBytesOfReaders;
 
-/// Copies the database's present state into `target`.partial while writers continue, overwrites the free
-/// parts of its pages where an erasure is pending (free_parts.h), checks *the copy* (integrity, every chunk,
-/// every hash), syncs it and renames it to `target` (0600). Only reads the source. Errors: kAlreadyExists
-/// (`target` exists; it is never overwritten), kInvalidInput (the folder does not exist), kCorrupt (the copy
-/// fails its check; it is deleted), kUnavailable (`cancelled` became true, or the log beside the source grew
-/// above `most_log_bytes` meanwhile), kFailed. Blocks for a time proportional to the database's size. The
-/// copy and its check poll `cancelled` often; it may be null.
-Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
-                              const std::atomic<bool>* cancelled = nullptr,
-                              std::uint64_t most_log_bytes = kMostLogBytesOfBackup);
-
-/// Room that an encrypted backup leaves on the database's disk while its plain copy lies there. Smaller:
+/// Room that a backup leaves on the database's disk while its copy lies there. Smaller:
 /// lessons that run may find the disk full (server/live/disk_room.h); greater: backups end earlier for want
 /// of room.
 inline constexpr std::uint64_t kRoomBesidePlainCopy = std::uint64_t{512} << 20;
 
-/// The plain copy of an encrypted backup, beside the database: where the data is plain anyway, and never in
-/// the backup's folder.
+/// The copy that a backup is made of, beside the database: where the data is plain anyway, and where nobody
+/// else writes. SQLite never opens a file in the backup's folder: whoever may write there could put a journal
+/// beside it, which names other files.
 std::filesystem::path plainCopyBeside(const std::filesystem::path& database);
 
-/// The same, encrypted: copies to plainCopyBeside() and checks that copy as above, encrypts it to
-/// `target`.partial, reads this back from the disk through the decryptor and compares hashes, renames it to
-/// `target`, removes the plain copy in every case. One at a time for a database. Further errors: kNoRoom (the
-/// database's disk has no room for the copy and `room_left` bytes).
+/// link(2), or for tests a replacement that fails as between two disks.
+using LinkCopy = int (*)(const char* from, const char* to);
+
+/// Copies the database's present state to plainCopyBeside() while writers continue, overwrites the free parts
+/// of its pages where an erasure is pending (free_parts.h), checks *the copy* (integrity, every chunk, every
+/// hash), and puts it to `target`.partial: links it there on the same disk,
+/// else writes its bytes and reads them back from the disk. Syncs this and renames it to `target` (0600); the
+/// copy is removed in every case. Only reads the source. One at a time for a database. Errors: kAlreadyExists
+/// (`target` exists; it is never overwritten), kInvalidInput (the folder does not exist), kCorrupt (the copy
+/// fails its check, or what was read back is not what was written; it is deleted), kUnavailable (`cancelled`
+/// became true, or the log beside the source grew above `most_log_bytes` meanwhile), kNoRoom (the database's
+/// disk has no room for the copy and `room_left` bytes), kFailed. Blocks for a time proportional to the
+/// database's size. The copy and its check poll `cancelled` often; it may be null.
+Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
+                              const std::atomic<bool>* cancelled = nullptr,
+                              std::uint64_t most_log_bytes = kMostLogBytesOfBackup,
+                              std::uint64_t room_left = kRoomBesidePlainCopy, LinkCopy link = nullptr);
+
+/// The same, encrypted: encrypts the checked copy to `target`.partial, reads this back from the disk through
+/// the decryptor and compares hashes. Never puts anything plain into the backup's folder.
 Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem::path& target,
                                        const BackupKey& key, const std::atomic<bool>* cancelled = nullptr,
                                        std::uint64_t most_log_bytes = kMostLogBytesOfBackup,

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <limits>
 #include <utility>
@@ -26,7 +27,6 @@ bool isDamage(int rc) {
     case SQLITE_FULL:
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
-    case SQLITE_NOMEM:
     case SQLITE_CANTOPEN:
     case SQLITE_READONLY:
     case SQLITE_PROTOCOL:
@@ -40,6 +40,7 @@ ErrorCode codeOf(int rc) {
   switch (rc & 0xff) {
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
+    case SQLITE_NOMEM:
       return ErrorCode::kUnavailable;
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
@@ -104,6 +105,18 @@ std::uint64_t logBytesOf(sqlite3* handle) {
   return static_cast<std::uint64_t>(std::max<sqlite3_int64>(size, 0));
 }
 
+/// The file by a name that says: nothing else belongs to it, and nobody changes it.
+std::string immutableName(const std::filesystem::path& path) {
+  std::string name = "file:";
+  for (const char c : path.string()) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool is_plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                          c == '/' || c == '.' || c == '-' || c == '_';
+    name += is_plain ? std::string(1, c) : fmt::format("%{:02x}", byte);
+  }
+  return name + "?immutable=1";
+}
+
 }  // namespace
 
 Result<Connection> Connection::open(const std::filesystem::path& path, const Options& options) {
@@ -115,19 +128,31 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   // SQLite reads a journal that it finds; a pipe of that name would never answer
   for (const char* suffix : {"", "-wal", "-shm", "-journal"})
     if (options.vfs == nullptr) RETURN_IF_ERROR(requireFileOrNothing(path.string() + suffix));
+  const bool foreign = options.mode == Mode::kForeign;
   // readers also open for writing, because WAL needs its shared memory; query_only below forbids changes
   const int flags =
-      SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | (writer && options.create ? SQLITE_OPEN_CREATE : 0);
+      SQLITE_OPEN_NOMUTEX |
+      (foreign ? SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOFOLLOW : SQLITE_OPEN_READWRITE) |
+      (writer && options.create ? SQLITE_OPEN_CREATE : 0);
   const bool frozen = options.mode == Mode::kFrozen;
   sqlite3* handle = nullptr;
-  const int rc = sqlite3_open_v2(path.c_str(), &handle, flags,
+  const int rc = sqlite3_open_v2(foreign ? immutableName(path).c_str() : path.c_str(), &handle, flags,
                                  frozen && options.vfs == nullptr ? "unix-none" : options.vfs);
   Connection connection(path, options.copy_of.empty() ? path : options.copy_of, handle);
   if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
   // nobody empties the log of a frozen one
   if (options.mode == Mode::kReader) connection.limits_->most_log_bytes = options.most_log_bytes;
-  // every 1000 steps of SQLite's virtual machine: well under a millisecond apart
-  sqlite3_progress_handler(handle, 1000, &Connection::goesOn, connection.limits_.get());
+  if (foreign) {
+    connection.limits_->cancelled = options.cancelled;
+    if (options.most_time != std::chrono::nanoseconds::max())
+      connection.limits_->until = std::chrono::steady_clock::now() + options.most_time;
+    // a text of a foreign file must not fill memory; none of ours is longer
+    constexpr int kMostBytesOfText = 64 << 20;
+    sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, kMostBytesOfText);
+  }
+  // every 1000 steps of SQLite's virtual machine: well under a millisecond apart; a step of a foreign file
+  // may read much
+  sqlite3_progress_handler(handle, foreign ? 50 : 1000, &Connection::goesOn, connection.limits_.get());
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, options.busy_timeout_ms);
   connection.busy_timeout_ms_ = options.busy_timeout_ms;
@@ -279,6 +304,8 @@ int Connection::goesOn(void* limits) {
   auto& of = *static_cast<Limits*>(limits);
   of.log_bytes = 0;
   if (of.cancelled != nullptr && of.cancelled->load()) return 1;
+  of.is_late = of.until && std::chrono::steady_clock::now() > *of.until;
+  if (of.is_late) return 1;
   constexpr std::uint64_t kLooksOfAShortRead = 1000;
   if (of.most_log_bytes == 0 || ++of.looks <= kLooksOfAShortRead) return 0;
   const std::uint64_t bytes = logBytesOf(of.handle);
@@ -295,6 +322,11 @@ Error Connection::errorOf(int rc, std::string_view what) {
                     "emptied only when such reads have ended: try again when fewer lessons run, or read "
                     "from a backup",
                     limits_->log_bytes >> 20)};
+  if ((rc & 0xff) == SQLITE_INTERRUPT && limits_->is_late)
+    return {ErrorCode::kUnavailable,
+            origin_.string() +
+                ": was not read to its end, because that takes too long: it is very large, or "
+                "somebody made it so"};
   if (isDamage(rc) && !planted(PlantedBug::kFsyncErrorIgnored)) damaged_ = true;
   constexpr std::size_t kShown = 120;
   const std::string why = handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc);
@@ -452,7 +484,8 @@ Savepoint::Savepoint(Savepoint&& other) noexcept : connection_(std::exchange(oth
 
 Savepoint::~Savepoint() {
   if (connection_ == nullptr || !connection_->inTransaction()) return;
-  (void)connection_->run("ROLLBACK TO item");
+  // half an item must not be committed with the others
+  if (!connection_->run("ROLLBACK TO item")) connection_->damaged_ = true;
   (void)connection_->run("RELEASE item");
 }
 

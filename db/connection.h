@@ -5,6 +5,7 @@
 #include <sqlite3.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -131,11 +132,13 @@ inline constexpr std::uint64_t kMostLogBytesOfReaders = std::uint64_t{4} << 30;
 class Connection {
  public:
   enum class Mode {
-    kWriter,  ///< reads, writes, checkpoints; one per process, and one process per database (lock in
-              ///< bootstrap.h)
-    kReader,  ///< query_only
-    kFrozen,  ///< query_only, of a file that nobody writes to: writes nothing itself, no lock and no
-              ///< shared memory beside the file, so that it opens on a full disk; includes the log
+    kWriter,   ///< reads, writes, checkpoints; one per process, and one process per database (lock in
+               ///< bootstrap.h)
+    kReader,   ///< query_only
+    kFrozen,   ///< query_only, of a file that nobody writes to: writes nothing itself, no lock and no
+               ///< shared memory beside the file, so that it opens on a full disk; includes the log
+    kForeign,  ///< for openForeign() (foreign_database.h): query_only, the file alone, as it is: without what
+               ///< a log or a journal beside it says
   };
   struct Options {
     Mode mode = Mode::kReader;
@@ -146,6 +149,10 @@ class Connection {
     std::uint64_t most_log_bytes = kMostLogBytesOfReaders;
     std::filesystem::path copy_of = {};  ///< the file that `path` is a copy of, which messages about its
                                          ///< contents name; empty: none
+    /// Foreign files only: reads that come later than this from the opening on fail with kUnavailable.
+    std::chrono::nanoseconds most_time = std::chrono::nanoseconds::max();
+    /// Foreign files only: as CancelScope, from the opening on. May be null; must outlive the connection.
+    const std::atomic<bool>* cancelled = nullptr;
   };
 
   /// Opens and configures the database. Errors: kNotFound (no file), kInvalidInput (a pipe, device, socket or
@@ -201,7 +208,9 @@ class Connection {
   /// 0.1 s, is never given up because of the log's size. Each kRead transaction does so, and each borrowing.
   void noteShortRead() { limits_->looks = 0; }
 
-  /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, out of memory.
+  /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, a part of a
+  /// transaction that could not be undone. Want of memory is none: SQLite
+  /// undoes the statement, or the transaction.
   /// Never reset: the writer stops for good.
   [[nodiscard]] bool damaged() const { return damaged_; }
 
@@ -213,6 +222,7 @@ class Connection {
  private:
   friend class Statement;
   friend class CancelScope;
+  friend class Savepoint;
   /// What interrupts statements that run, by SQLite's progress handler.
   struct Limits {
     sqlite3* handle = nullptr;
@@ -220,6 +230,8 @@ class Connection {
     std::uint64_t most_log_bytes = 0;              ///< 0: any size
     std::uint64_t looks = 0;                       ///< calls of the handler since noteShortRead()
     std::uint64_t log_bytes = 0;                   ///< for which the last interruption was; 0: cancelled
+    std::optional<std::chrono::steady_clock::time_point> until;  ///< nothing: no bound of time
+    bool is_late = false;  ///< the last interruption was because of `until`
   };
   static int goesOn(void* limits);
   Connection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle);

@@ -231,17 +231,20 @@ Status DbWriter::runWork(const Item& item) {
 
 bool DbWriter::commitGroup(std::vector<Item>& group) {
   const std::int64_t began_ns = time_.nowNs();
-  auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
-  if (!transaction) {
-    if (connection_.damaged()) return fail(transaction.error(), group), false;
-    // another process holds the write lock (e.g. an SQLite shell): nothing is in doubt, nothing was stored
-    const Status status(transaction.error());
+  // nothing is in doubt, nothing was stored
+  const auto refuse = [&](const Error& error) {
     for (const Item& item : group) {
-      if (item.done) item.done(status);
+      if (item.done) item.done(error);
     }
     const std::lock_guard lock(mutex_);
     counters_.refused += group.size();
     return true;
+  };
+  auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
+  if (!transaction) {
+    if (connection_.damaged()) return fail(transaction.error(), group), false;
+    // another process holds the write lock (e.g. an SQLite shell)
+    return refuse(transaction.error());
   }
 
   // each item in its own savepoint: a failed item is rolled back, the others continue
@@ -256,7 +259,9 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
       result = runWork(item);
       if (result.ok()) result = savepoint->release();
     }
-    // an error that rolled back the whole transaction, or puts the disk in doubt, concerns all items
+    // for want of memory SQLite rolls back the whole transaction
+    if (!result.ok() && !connection_.damaged() && !connection_.inTransaction()) return refuse(result.error());
+    // an error that puts the disk in doubt concerns all items, too
     if (connection_.damaged() || !connection_.inTransaction()) {
       const Error cause =
           result.ok() ? Error{ErrorCode::kFailed, "the transaction ended unasked"} : result.error();

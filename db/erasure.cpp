@@ -236,6 +236,7 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
   done.erasure.set_audit_lines(done.replaced.lines);
   RETURN_IF_ERROR(remember(line, line.without_account && !person, by, withoutNames(reason, who.names, true)));
   done.names = std::move(who.names);
+  done.session_ids = std::move(who.session_ids);
   return done;
 }
 

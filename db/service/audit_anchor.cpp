@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "db/backup.h"
-#include "db/connection.h"
+#include "db/foreign_database.h"
 
 namespace needlelab {
 namespace {
@@ -109,7 +109,7 @@ Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
   in.read(start.data(), start.size());
   constexpr std::string_view kMagic("SQLite format 3\0", 16);
   if (in && std::string_view(start.data(), start.size()) == kMagic) {
-    ASSIGN_OR_RETURN(auto backup, Connection::open(path, {.mode = Connection::Mode::kReader}));
+    ASSIGN_OR_RETURN(auto backup, openForeign(path));
     RETURN_IF_ERROR(requireAuditChain(backup));
     AuditChain chain(backup);
     ASSIGN_OR_RETURN(const auto head, chain.head());

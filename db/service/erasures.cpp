@@ -5,23 +5,19 @@
 
 #include <fmt/core.h>
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <mutex>
-#include <set>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "db/audit.h"
-#include "db/encrypted_backup.h"
 #include "db/erasure.h"
 #include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
+#include "db/service/files_of_erased.h"
 #include "db/service/handlers.h"
 
 namespace needlelab {
@@ -55,109 +51,6 @@ Status checkRoomToErase(Connection& connection, const std::string& name) {
 namespace needlelab::handlers {
 namespace {
 
-/// Whether a database that lies aside names the person as somebody's name; true also when that cannot be
-/// read, as in an encrypted backup.
-bool namesPerson(const std::filesystem::path& path, const std::string& name) {
-  if (isEncryptedBackup(path)) return true;
-  std::error_code error;
-  const std::filesystem::path memory = path.string() + "-shm", log = path.string() + "-wal";
-  const bool had_memory = std::filesystem::exists(memory, error);
-  const bool had_log = std::filesystem::exists(log, error);
-  bool names = true;
-  if (auto opened = Connection::open(path, {.mode = Connection::Mode::kReader, .busy_timeout_ms = 0})) {
-    const auto found = opened
-                           ->query(
-                               "SELECT 1 FROM people WHERE name = ?1"
-                               " UNION ALL SELECT 1 FROM sessions WHERE trainee = ?1"
-                               " UNION ALL SELECT 1 FROM audit WHERE who = ?1 OR subject = ?1 LIMIT 1",
-                               name)
-                           .step();
-    names = !found || *found;
-  }
-  // a replaced database makes them when it is read
-  if (!had_memory) std::filesystem::remove(memory, error);
-  if (!had_log) std::filesystem::remove(log, error);
-  return names;
-}
-
-/// What SQLite or a backup put beside a database: its name ends with one of these.
-constexpr std::array<std::string_view, 2> kLogs = {"-wal", "-journal"};
-
-bool isDatabase(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::array<char, 16> start{};
-  in.read(start.data(), start.size());
-  constexpr std::string_view kMagic("SQLite format 3\0", 16);
-  return std::string_view(start.data(), start.size()) == kMagic || isEncryptedBackup(path);
-}
-
-/// A copy that a backup has not finished. It is no database yet: SQLite writes the first page last.
-bool isUnfinishedCopy(std::string_view file) {
-  return file.ends_with(".partial") || file.ends_with(".backup-copy");
-}
-
-/// The regular files below `place` that are not empty, in folders of at most `deepest` levels below it. No
-/// symbolic link below it is followed.
-std::vector<std::filesystem::path> filesBelow(const std::filesystem::path& place, int deepest) {
-  std::vector<std::filesystem::path> files;
-  std::error_code error;
-  constexpr auto kSkip = std::filesystem::directory_options::skip_permission_denied;
-  for (auto at = std::filesystem::recursive_directory_iterator(place, kSkip, error);
-       !error && at != std::filesystem::recursive_directory_iterator(); at.increment(error)) {
-    std::error_code ignored;
-    const auto type = at->symlink_status(ignored).type();
-    if (type == std::filesystem::file_type::directory && at.depth() >= deepest) {
-      at.disable_recursion_pending();
-    } else if (type == std::filesystem::file_type::regular && at->file_size(ignored) > 0 && !ignored) {
-      files.push_back(at->path());
-    }
-  }
-  return files;
-}
-
-/// Databases below the folder of the one in use, and where the last backup was put, that name the person:
-/// replaced ones and backups, each with its log. Unfinished copies of backups, and logs whose database is
-/// gone, are listed unread.
-std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& folder,
-                                                 const std::filesystem::path& backups,
-                                                 const std::string& name) {
-  std::set<std::filesystem::path> databases, naming, logs;
-  struct Place {
-    std::filesystem::path path;
-    int deepest = 0;
-  };
-  constexpr int kDeepest = 16;
-  // `backups` may be a link to another disk
-  for (const auto& [place, deepest] :
-       {Place{folder, kDeepest}, Place{folder / "backups", kDeepest}, Place{backups, 0}}) {
-    for (const auto& path : filesBelow(place, deepest)) {
-      const std::string file = path.filename().string();
-      std::error_code ignored;
-      // the one in use is not even opened: closing it again would give up SQLite's locks
-      if (file.ends_with("-shm") || std::filesystem::equivalent(path, folder / "needlelab.db", ignored))
-        continue;
-      if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return file.ends_with(end); }))
-        logs.insert(path);
-      else if (isUnfinishedCopy(file))
-        naming.insert(path);
-      else if (isDatabase(path))
-        databases.insert(path);
-    }
-  }
-  for (const auto& path : databases)
-    if (namesPerson(path, name)) naming.insert(path);
-  for (const auto& path : logs) {
-    const std::string text = path.string();
-    const std::filesystem::path of = text.substr(0, text.rfind('-'));
-    std::error_code ignored;
-    const bool orphan = !std::filesystem::exists(of, ignored) &&
-                        (of.filename().string().starts_with("needlelab") || isUnfinishedCopy(of.string()));
-    // a journal may have been rolled back into its database, which was read
-    if ((naming.contains(of) || orphan) && std::filesystem::exists(path, ignored)) naming.insert(path);
-  }
-  return {naming.begin(), naming.end()};
-}
-
 /// What the erasure of a name that nobody had does not reach.
 std::string textOnLater(const std::string& name) {
   return fmt::format(
@@ -165,6 +58,22 @@ std::string textOnLater(const std::string& name) {
       "older "
       "ones: erase '{0}' again once all stations have delivered theirs. ",
       name);
+}
+
+/// Where the last backup was put; empty: there was none.
+std::filesystem::path backupsFolder(Connection& reader) {
+  const auto backup = MetaStore(reader).get("backup_path");
+  return backup && *backup ? std::filesystem::path(**backup).parent_path() : std::filesystem::path();
+}
+
+/// The list beside the backups lacks this erasure.
+std::string textOnListBeside(const std::filesystem::path& backups, const std::filesystem::path& folder,
+                             const Error& why) {
+  return fmt::format(
+      "Pending: the list of erasures beside the backups could not be written ({}), so a backup there that is "
+      "restored on another machine brings this person back. When there is room, the next backup writes the "
+      "list; or copy {} to {}. ",
+      why.message, (folder / kErasuresFile).string(), (backups / kErasuresCopy).string());
 }
 
 /// For the error of an erasure that ended before its transaction; empty: nothing was replaced.
@@ -187,7 +96,7 @@ std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
 
 }  // namespace
 
-Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call) {
+Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done) {
   if (call.confirm() != call.name() || call.name().empty())
     return Error{ErrorCode::kInvalidInput, "confirm: to erase all data of '" + call.name() +
                                                "' for ever, give its name here; found '" + call.confirm() +
@@ -230,12 +139,14 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     return ErasureStore(context.reader)
         .lookForNames(call.name(), line.pseudonym, call.with_waiting_sessions());
   }());
+  ASSIGN_OR_RETURN(auto given,
+                   ErasureStore(context.reader).linesOfGiven(found.who.names, context.now_unix_ns));
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
+  for (ErasureLine& one : given) lines.push_back(one = sealed(std::move(one), key));
   sealOld(lines, key);
   RETURN_IF_ERROR(writeErasures(folder, lines));
 
-  ErasedRows done;
   bool keeps_later = false;
   Status status;
   for (std::size_t i = 0; status.ok() && i < found.pages.size(); ++i)
@@ -246,6 +157,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
       ASSIGN_OR_RETURN(
           done, ErasureStore(writer).eraseRows(call.name(), line, context.who.name, call.reason(),
                                                context.now_unix_ns, call.with_waiting_sessions(), &found));
+      RETURN_IF_ERROR(ErasureStore(writer).rememberGiven(given, context.who.name));
       ASSIGN_OR_RETURN(const auto owner,
                        ErasureStore(writer).ownerOf(call.name(), context.now_unix_ns, context.now_unix_ns));
       keeps_later = !owner.pseudonym;
@@ -266,39 +178,46 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     return Error{status.error().code,
                  status.error().message + textOnReplaced(found.replaced, line.pseudonym)};
   }
-  pb::Erasure erasure = std::move(done.erasure);
+  pb::Erasure erasure = done.erasure;
   const auto left = [&] {
     const CancelScope may_end(context.reader, context.cancelled);
     return ErasureStore(context.reader).reportOf(done);
   }();
-  const auto backup = MetaStore(context.reader).get("backup_path");
-  const std::filesystem::path backups =
-      backup && *backup ? std::filesystem::path(**backup).parent_path() : std::filesystem::path();
-  // a restore of one of them on another machine must know, too; a stick that is not there learns it from the
-  // next backup
+  // a restore of a backup there on another machine must know, too; a stick that is not there learns it from
+  // the next backup
+  std::string beside;
+  const auto backups = backupsFolder(context.reader);
   if (std::error_code missing; std::filesystem::is_directory(backups, missing))
-    (void)addErasures(backups, lines, kErasuresCopy, &key);
-  const auto files = filesThatName(folder, backups, call.name());
+    if (const auto added = addErasures(backups, lines, kErasuresCopy, &key); !added)
+      beside = textOnListBeside(backups, folder, added.error());
+  erasure.set_text(beside + (keeps_later ? textOnLater(call.name()) : "") +
+                   textOnWaiting(call.name(), erasure.waiting_sessions()) +
+                   (left ? *left
+                         : "Where else the name stands could not be looked up (" + left.error().message +
+                               "): look for it by hand. "));
+  pb::Reply reply;
+  *reply.mutable_erasure() = std::move(erasure);
+  return reply;
+}
+
+void nameFilesOfErased(const Context& context, const ErasedRows& erased, pb::Erasure& erasure) {
+  const auto files = filesThatName(context.reader.path().parent_path(), backupsFolder(context.reader), erased,
+                                   context.cancelled);
   std::string named;
   for (const auto& file : files) {
     erasure.add_files(file.string());
     named += (named.empty() ? "" : ", ") + file.string();
   }
   erasure.set_text(
-      (keeps_later ? textOnLater(call.name()) : "") + textOnWaiting(call.name(), erasure.waiting_sessions()) +
-      (left ? *left
-            : "Where else the name stands could not be looked up (" + left.error().message +
-                  "): look for it by hand. ") +
+      erasure.text() +
       (files.empty()
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")
-           : fmt::format("These still hold this person's data: {}. Remove them; a backup among them "
-                         "that is restored is erased anew before it serves. ",
-                         named)) +
+           : fmt::format("These still hold this person's data, or nobody can tell: {}. Remove them. A backup "
+                         "among them that is restored is erased anew before it serves, but only what stands "
+                         "there under the name '{}' or one that stations gave for this person alone. ",
+                         named, erased.names.name)) +
       "Backups elsewhere hold it until they are removed; the server's own log files go by their rotation.");
-  pb::Reply reply;
-  *reply.mutable_erasure() = std::move(erasure);
-  return reply;
 }
 
 }  // namespace needlelab::handlers

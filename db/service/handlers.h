@@ -24,6 +24,7 @@
 namespace needlelab {
 class CodeGuard;
 class ExportLedger;
+struct ErasedRows;
 struct RequestUnderWay;
 }  // namespace needlelab
 
@@ -152,7 +153,11 @@ Result<pb::Reply> setReference(const Context& context, const pb::SetReference& c
 Result<pb::Reply> getReference(const Context& context, const pb::GetReference& call);
 
 // erasures.cpp, study_handlers.cpp, record_handlers.cpp
-Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call);
+/// `done`: for nameFilesOfErased().
+Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
+/// Adds to the reply which files still hold the person. Last of all: others may have written these files, and
+/// looking into them may take a minute (files_of_erased.h).
+void nameFilesOfErased(const Context& context, const ErasedRows& erased, pb::Erasure& erasure);
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
 Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& call);

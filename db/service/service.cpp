@@ -139,7 +139,8 @@ Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) 
 Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePerson& call) {
   return withReader(who, callName(pb::Request::kErasePerson),
                     [&](const handlers::Context& context) -> Result<pb::Reply> {
-                      ASSIGN_OR_RETURN(auto reply, handlers::erasePerson(context, call));
+                      ErasedRows erased;
+                      ASSIGN_OR_RETURN(auto reply, handlers::erasePerson(context, call, erased));
                       forgetRecordings();
                       // the erasure is final whether or not the chunks can be removed: the reply lists the
                       // remaining ones
@@ -147,6 +148,7 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                       const std::string chunks = removeErased(), log = emptyLogOfErased();
                       erasure->set_pending(!log.empty());
                       erasure->set_text(chunks + log + erasure->text());
+                      handlers::nameFilesOfErased(context, erased, *erasure);
                       return reply;
                     });
 }

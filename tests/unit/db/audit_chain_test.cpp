@@ -2,6 +2,7 @@
 // key.
 #include "db/audit_chain.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 
 #include <filesystem>
@@ -90,6 +91,33 @@ TEST_F(AuditChainTest, aChangeOfEachFieldIsFoundAndNamesItsLine) {
     tamper("ROLLBACK TO change; RELEASE change");
   }
   EXPECT_THAT(faults(), IsEmpty());
+}
+
+TEST_F(AuditChainTest, anIndexWithEntriesThatNoRowHasHidesNothing) {
+  addLines(3);
+  // each connection reads the schema anew
+  const auto with = [&](const std::string& sql) {
+    auto writer = test::TestDb::must(Connection::open(db.path, {.mode = Connection::Mode::kWriter}));
+    ASSERT_OK(
+        writer.script("PRAGMA foreign_keys=OFF; PRAGMA ignore_check_constraints=ON;"
+                      "PRAGMA writable_schema=ON;" +
+                      sql));
+  };
+  auto newSchema = [n = 1000]() mutable { return fmt::format("; PRAGMA schema_version={}", n++); };
+  // an entry of line 2 that seems to be later, and one of line 4, which has none
+  with(
+      "INSERT INTO audit_chain VALUES (1000, 2, NULL, zeroblob(32), zeroblob(8), zeroblob(32)),"
+      " (1001, 4, NULL, zeroblob(32), zeroblob(8), zeroblob(32));"
+      "CREATE TABLE kept AS SELECT * FROM sqlite_schema WHERE name = 'audit_chain_lines';"
+      "DELETE FROM sqlite_schema WHERE name = 'audit_chain_lines'" +
+      newSchema());
+  with("DELETE FROM audit_chain WHERE position >= 1000; INSERT INTO sqlite_schema SELECT * FROM kept" +
+       newSchema());
+  with(
+      "DROP TABLE kept; UPDATE audit SET who = 'eve', detail = 'nothing' WHERE id = 2;"
+      "INSERT INTO audit (id, unix_ns, who, action, subject, detail)"
+      " VALUES (4, 5, 'ada', 'user add', 'mallory', '')");
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 2: its who"), HasSubstr("line 4: nothing proves it")));
 }
 
 TEST_F(AuditChainTest, textsThatMoveFromOneFieldToTheNextAreAChange) {

@@ -70,6 +70,27 @@ TEST(DbWriter, aFailingItemIsUndoneAndReportedAlone) {
   EXPECT_FALSE(writer.failed().has_value());
 }
 
+TEST(DbWriter, anItemThatLacksMemoryIsUndoneAndTheNextOnesAreStored) {
+  test::TestDb db;
+  auto reader = db.reader();
+  DbWriter writer(std::move(db.writer), {.window = 5ms}, {});
+  const auto lacking = writer.run([](Connection& connection) -> Status {
+    if (auto done = StationStore(connection).add("half", StationKeyBytes{}, 1); !done) return done;
+    sqlite3_hard_heap_limit64(sqlite3_memory_used() + (1 << 20));
+    const auto done = connection.run(
+        "INSERT INTO audit (unix_ns, who, action, subject, detail)"
+        " VALUES (1, '', '', '', hex(zeroblob(16000000)))");
+    sqlite3_hard_heap_limit64(0);
+    return done;
+  });
+  ASSERT_FALSE(lacking.ok());
+  EXPECT_NE(lacking.error().message.find("out of memory"), std::string::npos) << lacking.error().message;
+  EXPECT_FALSE(writer.failed().has_value());
+  EXPECT_OK(writer.run(addStation("next")));
+  EXPECT_TRUE(known(reader, "next"));
+  EXPECT_FALSE(known(reader, "half"));
+}
+
 TEST(DbWriter, anItemThatThrowsIsUndoneAndReportedAloneAndSaid) {
   test::TestDb db;
   auto reader = db.reader();

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/files.h"
 #include "db/audit.h"
 #include "db/check.h"
 #include "db/erasure.h"
