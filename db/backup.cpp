@@ -19,6 +19,7 @@
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/free_parts.h"
+#include "db/open_file.h"
 #include "db/schema.h"
 #include "db/session_rows.h"
 #include "db/session_store.h"
@@ -220,22 +221,8 @@ Status roomForCopy(const std::filesystem::path& database, std::uint64_t room_lef
                   database.parent_path().string(), bytes >> 20, room_left >> 20, room.available >> 20)};
 }
 
-class File {
- public:
-  explicit File(int fd) : fd_(fd) {}
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  ~File() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  [[nodiscard]] int fd() const { return fd_; }
-
- private:
-  int fd_;
-};
-
 /// The next bytes, as many as `buffer` takes; fewer only at the file's end.
-Result<std::string_view> readPiece(const File& in, const std::filesystem::path& path, std::string& buffer) {
+Result<std::string_view> readPiece(const OpenFile& in, const std::filesystem::path& path, std::string& buffer) {
   std::size_t got = 0;
   while (got < buffer.size()) {
     const ssize_t more = ::read(in.fd(), buffer.data() + got, buffer.size() - got);
@@ -251,10 +238,10 @@ Result<std::string_view> readPiece(const File& in, const std::filesystem::path& 
 /// the disk.
 Status copyToDisk(const std::filesystem::path& from, const std::filesystem::path& to,
                   const std::atomic<bool>* cancelled) {
-  const File in(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
-  if (in.fd() < 0) return systemError(from, "open");
-  const File out(::open(to.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (out.fd() < 0) return systemError(to, "create the copy");
+  const OpenFile in(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!in.isOpen()) return systemError(from, "open");
+  const OpenFile out(::open(to.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!out.isOpen()) return systemError(to, "create the copy");
   constexpr std::size_t kPiece = 1u << 20;
   std::string piece(kPiece, '\0'), again(kPiece, '\0');
   for (;;) {

@@ -13,6 +13,7 @@
 
 #include "common/base/files.h"
 #include "common/base/secret.h"
+#include "db/open_file.h"
 #include "db/pseudonyms.h"
 
 namespace needlelab {
@@ -33,21 +34,6 @@ constexpr std::size_t kHeaderBytes = kPreambleBytes + crypto_secretstream_xchach
 static_assert(kHeaderBytes == 56 && kTagBytes == 17, "as db/README.md says");
 static_assert(BackupKey::kBytes == crypto_kdf_KEYBYTES &&
               BackupKey::kBytes == crypto_secretstream_xchacha20poly1305_KEYBYTES);
-
-class File {
- public:
-  explicit File(int fd) : fd_(fd) {}
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  ~File() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  [[nodiscard]] int fd() const { return fd_; }
-  [[nodiscard]] bool isOpen() const { return fd_ >= 0; }
-
- private:
-  int fd_;
-};
 
 /// The cipher's state holds the key.
 struct Stream {
@@ -218,7 +204,7 @@ Result<BackupKey> BackupKey::make(const fs::path& file) {
   sodium_memzero(key.data(), key.size());
   {
     // not atomically over what is there: a key that is lost takes its backups with it
-    const File out(::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+    const OpenFile out(::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
     if (!out.isOpen()) {
       if (errno == EEXIST)
         return Error{ErrorCode::kAlreadyExists,
@@ -248,7 +234,7 @@ fs::path backupKeyFile(const fs::path& given) {
 }
 
 bool isEncryptedBackup(const fs::path& file) {
-  const File in(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  const OpenFile in(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   if (!in.isOpen()) return false;
   std::array<std::uint8_t, kMagic.size()> start{};
   const auto got = readFully(in.fd(), file, start.data(), start.size());
@@ -258,9 +244,9 @@ bool isEncryptedBackup(const fs::path& file) {
 Result<PlainHash> encryptFile(const fs::path& plain, const fs::path& encrypted, const BackupKey& key,
                               const std::atomic<bool>* cancelled) {
   RETURN_IF_ERROR(ready());
-  const File in(::open(plain.c_str(), O_RDONLY | O_CLOEXEC));
+  const OpenFile in(::open(plain.c_str(), O_RDONLY | O_CLOEXEC));
   if (!in.isOpen()) return systemError(plain, "read");
-  const File out(::open(encrypted.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  const OpenFile out(::open(encrypted.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (!out.isOpen()) return systemError(encrypted, "make");
 
   Stream stream;
@@ -299,7 +285,7 @@ Result<PlainHash> decryptFile(const fs::path& encrypted, const BackupKey& key,
                               const std::function<Status(ByteView)>& take,
                               const std::atomic<bool>* cancelled) {
   RETURN_IF_ERROR(ready());
-  const File in(::open(encrypted.c_str(), O_RDONLY | O_CLOEXEC));
+  const OpenFile in(::open(encrypted.c_str(), O_RDONLY | O_CLOEXEC));
   if (!in.isOpen()) return Error{ErrorCode::kInvalidInput, systemError(encrypted, "read").message};
   // what was just written is to be read from the disk, not from memory
   ::posix_fadvise(in.fd(), 0, 0, POSIX_FADV_DONTNEED);
