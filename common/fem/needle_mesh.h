@@ -25,6 +25,9 @@ struct NeedleMeshOptions {
   /// The far boundary, held: half-width, and depth below the path, in lengths of the path. The needle's
   /// stiffness at 16 is within 1 % of that at 32.
   double half_width_per_length = 16.0;
+  /// One right-hand side is solved again and again for so long to be timed, in s; at least once, at most
+  /// 1,000 times.
+  double timed_solves_s = 0;
 };
 
 /// Errors: kInvalidInput (fem section missing or out of range, with the field's path), kFailed when the
