@@ -74,8 +74,8 @@ AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest
       fmt::format("; {:.0f} % of the volume near the path above 10 % strain", 100 * finest.strained_share);
   row.uncertainty = spreadText(runs, "gestures") + strained;
   row.cannot_show =
-      "cutting, which is an input of FEM as of every model, and large strains: FEM is linear here. Nor which "
-      "model is nearer to tissue, with " +
+      "cutting, which is an input of FEM as of every model, and large strains: FEM is linear here. Which "
+      "model is nearer to tissue it cannot say: it has " +
       elasticityText(young_factor);
   if (row.own_law)
     row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
