@@ -5,6 +5,8 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "common/base/clock.h"
 #include "common/base/range.h"
@@ -109,10 +111,11 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size()))];
 }
 
-// one right-hand side after the other, each of another station: a live step without the compliance
-Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>& loads, double most_s,
-                  NeedleCompliance& to) {
+// one right-hand side after the other, each of another station
+Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>& loads, SolveTimes& to) {
+  constexpr double kFor_s = 0.5;
   constexpr std::size_t kMostSolved = 1000, kRuns = 5;
+  to = {};
   std::vector<double> times_s;
   Stopwatch watch;
   do {
@@ -122,17 +125,17 @@ Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>
     const auto solved = solver.solve(load);
     if (!solved.ok()) return solved.error();
     times_s.push_back(watch.lap());
-    to.timed_s += times_s.back();
-  } while (to.timed_s < most_s && times_s.size() < kMostSolved);
-  const std::size_t count = times_s.size(), runs = std::min(kRuns, count);
+    to.all_s += times_s.back();
+  } while (to.all_s < kFor_s && times_s.size() < kMostSolved);
+  to.solves = times_s.size();
+  const std::size_t runs = std::min(kRuns, to.solves);
   std::vector<double> tails_s;
   for (std::size_t r = 0; r < runs; ++r)
-    tails_s.push_back(quantile({times_s.begin() + static_cast<std::ptrdiff_t>(r * count / runs),
-                                times_s.begin() + static_cast<std::ptrdiff_t>((r + 1) * count / runs)},
+    tails_s.push_back(quantile({times_s.begin() + static_cast<std::ptrdiff_t>(r * to.solves / runs),
+                                times_s.begin() + static_cast<std::ptrdiff_t>((r + 1) * to.solves / runs)},
                                0.99));
-  to.one_solves = count;
-  to.one_solve_s = quantile(times_s, 0.5);
-  to.one_solve_p99_s = quantile(tails_s, 0.5);
+  to.p50_s = quantile(std::move(times_s), 0.5);
+  to.p99_s = quantile(std::move(tails_s), 0.5);
   return {};
 }
 
@@ -167,8 +170,10 @@ Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const Scene
   const Eigen::MatrixXd displacement = 0.25 * *whole;
   const Eigen::MatrixXd give = loads.transpose() * displacement;
   compliance->solve_s = watch.lap();
-  if (Status timed = timeSolves(**solver, loads, options.timed_solves_s, *compliance); !timed.ok())
-    return timed.error();
+  const auto one = (*solver)->solve(loads.leftCols(1));
+  if (!one.ok()) return one.error();
+  compliance->one_solve_s = watch.lap();
+  if (options.time_solves != nullptr) RETURN_IF_ERROR(timeSolves(**solver, loads, *options.time_solves));
   compliance->assemble_s = (*solver)->assembleSeconds();
   compliance->factor_s = (*solver)->factorSeconds();
   const double own_give = kOwnGive * give.diagonal().mean();

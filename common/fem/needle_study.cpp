@@ -18,8 +18,6 @@ constexpr double kTableStep_m = 2e-5;
 constexpr double kCut_m = 1e-6;
 /// A first cut within this last share of a stroke decides over all of the way out.
 constexpr double kLateShare = 0.05;
-/// In a mesh study, for so long one right-hand side is solved again and again.
-constexpr double kTimedSolves_s = 0.5;
 
 // minimum jerk from 0 to 1
 double smooth(double t) {
@@ -304,22 +302,21 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
     NeedleMeshOptions options;
     options.nodes = nodes;
     options.stations = stations;
-    options.timed_solves_s = kTimedSolves_s;
+    SolveTimes solves;
+    options.time_solves = &solves;
     Stopwatch watch;
     const auto compliance = precomputeCompliance(spec, options);
     if (!compliance.ok()) return compliance.error();
     MeshRow row;
     const NeedleCompliance& mesh = **compliance;
-    row.precompute_s = watch.lap() - mesh.timed_s;
+    row.precompute_s = watch.lap() - solves.all_s;
     row.nodes = mesh.nodes;
     row.elements = mesh.elements;
     row.stations = stations;
     row.assemble_s = mesh.assemble_s;
     row.factor_s = mesh.factor_s;
     row.solve_s = mesh.solve_s;
-    row.one_solve_s = mesh.one_solve_s;
-    row.one_solve_p99_s = mesh.one_solve_p99_s;
-    row.one_solves = mesh.one_solves;
+    row.one_solve = solves;
     row.strained_share = mesh.strained_share;
     row.strained_near_share = mesh.strained_near_share;
 

@@ -2,7 +2,6 @@
 /// cost and accuracy of finer meshes.
 #pragma once
 
-#include <cstddef>
 #include <functional>
 #include <optional>
 #include <string>
@@ -68,12 +67,9 @@ std::vector<std::optional<MeshLimit>> limitsOf(const std::vector<int>& nodes,
 /// One mesh of the ladder; the last mesh is the reference for the others.
 struct MeshRow {
   int nodes = 0, elements = 0, stations = 0;
-  double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< solve: all stations at once
-  double precompute_s = 0;                           ///< all of it, mesh to compliance
-  /// One right-hand side, p50 and p99 (see NeedleCompliance) of `one_solves`: the cost of a live step without
-  /// the compliance.
-  double one_solve_s = 0, one_solve_p99_s = 0;
-  std::size_t one_solves = 0;
+  double assemble_s = 0, factor_s = 0, solve_s = 0;                      ///< solve: all stations at once
+  double precompute_s = 0;                                               ///< all of it, mesh to compliance
+  SolveTimes one_solve;                                                  ///< without the compliance
   double live_step_p50_s = 0, live_step_p99_s = 0, live_step_max_s = 0;  ///< over `strokeOf`
   double stiffness_N_per_m = 0;  ///< of the needle stuck in the tissue over its whole length
   double stiffness_error = 0;    ///< relative to the finest mesh; positive is stiffer
@@ -89,8 +85,8 @@ struct MeshRow {
   std::optional<MeshLimit> force_limit_N, work_limit_J, stiffness_limit_N_per_m;
 };
 
-/// Why the force over the stroke says little about this mesh: the tip never cuts, or first within the last 5
-/// % of the stroke, so that 1 % of compliance decides whether it cuts at all. Else empty.
+/// Why the force over the stroke says little about this mesh: the tip never cuts, or first within the last
+/// twentieth of the stroke, so that a few per cent of compliance decide whether it cuts at all. Else empty.
 std::string cutRemark(const MeshRow& mesh);
 
 /// The same scene on meshes of about `ladder` nodes, coarse to fine. Calls `done` (may be empty) with each

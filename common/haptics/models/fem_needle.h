@@ -37,10 +37,7 @@ struct NeedleCompliance {
   // origin
   std::int32_t nodes = 0, elements = 0;              ///< of the mesh: a quarter of the tissue, by symmetry
   double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< wall time; solve: all stations
-  double one_solve_s = 0, one_solve_p99_s = 0;       ///< one right-hand side: p50, and p99 as the
-                                                     ///< median of five runs that follow each other
-  std::size_t one_solves = 0;                        ///< how often it was timed
-  double timed_s = 0;                                ///< all of these solves: not part of the price
+  double one_solve_s = 0;                            ///< one right-hand side
   /// With the needle at its full depth, under all friction and the cutting force: share of the elements with
   /// a largest principal strain above 10 %, where linear elasticity does not hold; and share of the volume
   /// within 5·radius_m of the path, which does not depend on the grading of the mesh.

@@ -61,9 +61,9 @@ std::vector<MeshRow> madeUpMeshes() {
     MeshRow& mesh = meshes[m];
     mesh.nodes = 1000 << m;
     mesh.precompute_s = 0.1 * std::pow(2, m);
-    mesh.one_solve_s = 4e-4 * std::pow(2, m);
-    mesh.one_solve_p99_s = 6e-4 * std::pow(2, m);
-    mesh.one_solves = 500;
+    mesh.one_solve.p50_s = 4e-4 * std::pow(2, m);
+    mesh.one_solve.p99_s = 6e-4 * std::pow(2, m);
+    mesh.one_solve.solves = 500;
     mesh.live_step_p50_s = 3e-7;
     mesh.live_step_p99_s = 5e-7;
     mesh.force_rms_error_N = m == 2 ? 0 : 0.3 / std::pow(2, m);
