@@ -145,8 +145,8 @@ std::string conditionOf(const AccuracyRow& row, bool good) {
                         missText(row);
     case AccuracyStudy::kMesh:
       return good ? "the coarsest whose error is below what a hand notices (" + noticed + ")"
-                  : "none but the finest, which is the comparator, is below what a hand notices (" + noticed +
-                        ")" + missText(row);
+                  : "none that fits its rate, the comparator aside, is below what a hand notices (" +
+                        noticed + "); this has the least error" + missText(row);
     case AccuracyStudy::kStorage:
       return good ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
                   : "none is below a tenth of what a hand notices (" + noticed +
