@@ -272,7 +272,7 @@ std::vector<std::optional<MeshLimit>> limitsOf(const std::vector<int>& nodes,
   std::vector<std::optional<MeshLimit>> limits(nodes.size());
   for (std::size_t r = 2; r < nodes.size(); ++r) {
     MeshLimit limit = limitOfThree(&nodes[r - 2], changes[r - 2], changes[r - 1]);
-    // the mesh before asked for the change that came and the rest
+    // the rest of one mesh earlier holds this change and this mesh's rest
     if (const auto& before = limits[r - 1]; limit.converges && before && before->converges)
       limit.error = std::fabs(changes[r - 1] + limit.rest - before->rest);
     limits[r] = limit;

@@ -126,9 +126,8 @@ AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes, double missed_N, double
   row.cpu_share = mesh.live_step_p50_s * kFemRate_hz;
   row.fits_rate = mesh.live_step_p99_s <= 1 / kFemRate_hz;
   row.uncertainty = fmt::format(
-      "force {}; work of the stroke {:.5g} mJ, {}; stiffness {:.4g} N/m, {:+.1f} % of the finest, {}; {:.0f} "
-      "% "
-      "of the volume near the path above 10 % strain",
+      "force {}; work of the stroke {:.5g} mJ, {}; stiffness {:.4g} N/m, {:+.1f} % of the finest, {}; "
+      "{:.0f} % of the volume near the path above 10 % strain",
       forceLimitText(mesh.force_limit_N), 1e3 * mesh.work_J,
       limitText(mesh.work_limit_J, mesh.work_J, 1e3, "mJ"), mesh.stiffness_N_per_m,
       100 * mesh.stiffness_error, limitText(mesh.stiffness_limit_N_per_m, mesh.stiffness_N_per_m, 1, "N/m"),
