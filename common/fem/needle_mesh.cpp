@@ -5,6 +5,8 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "common/base/clock.h"
 #include "common/base/range.h"
@@ -104,6 +106,39 @@ void measureStrain(const NeedleBox& box, const NeedleBoxSpec& spec, const Eigen:
   to.strained_near_share = near_volume > 0 ? strained_volume / near_volume : 0;
 }
 
+double quantile(std::vector<double> values, double q) {
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(q * static_cast<double>(values.size()))];
+}
+
+// one right-hand side after the other, each of another station
+Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>& loads, SolveTimes& to) {
+  constexpr double kFor_s = 0.5;
+  constexpr std::size_t kMostSolved = 1000, kRuns = 5;
+  to = {};
+  std::vector<double> times_s;
+  Stopwatch watch;
+  do {
+    const Eigen::SparseMatrix<double> load =
+        loads.middleCols(static_cast<Eigen::Index>(times_s.size()) % loads.cols(), 1);
+    watch.lap();
+    const auto solved = solver.solve(load);
+    if (!solved.ok()) return solved.error();
+    times_s.push_back(watch.lap());
+    to.all_s += times_s.back();
+  } while (to.all_s < kFor_s && times_s.size() < kMostSolved);
+  to.solves = times_s.size();
+  const std::size_t runs = std::min(kRuns, to.solves);
+  std::vector<double> tails_s;
+  for (std::size_t r = 0; r < runs; ++r)
+    tails_s.push_back(quantile({times_s.begin() + static_cast<std::ptrdiff_t>(r * to.solves / runs),
+                                times_s.begin() + static_cast<std::ptrdiff_t>((r + 1) * to.solves / runs)},
+                               0.99));
+  to.p50_s = quantile(std::move(times_s), 0.5);
+  to.p99_s = quantile(std::move(tails_s), 0.5);
+  return {};
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const SceneSpec& spec,
@@ -138,6 +173,7 @@ Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const Scene
   const auto one = (*solver)->solve(loads.leftCols(1));
   if (!one.ok()) return one.error();
   compliance->one_solve_s = watch.lap();
+  if (options.time_solves != nullptr) RETURN_IF_ERROR(timeSolves(**solver, loads, *options.time_solves));
   compliance->assemble_s = (*solver)->assembleSeconds();
   compliance->factor_s = (*solver)->factorSeconds();
   const double own_give = kOwnGive * give.diagonal().mean();

@@ -2,6 +2,7 @@
 /// Not on the haptic thread: takes seconds, not microseconds.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 
 #include "common/base/result.h"
@@ -15,6 +16,15 @@ inline constexpr double kNeedleRadius_m = 0.4e-3;
 /// Default number of stations of the live needle.
 inline constexpr int kDefaultStations = 60;
 
+/// Times of solving one right-hand side, each time of another station, for half a second or 1,000 times:
+/// what a live step would take without the compliance.
+struct SolveTimes {
+  double p50_s = 0;
+  double p99_s = 0;  ///< median of those of five runs, one after the other
+  double all_s = 0;  ///< of all solves together: not part of a mesh's price
+  std::size_t solves = 0;
+};
+
 /// The options of a mesh. The trajectory is the surface normal at the entry; the tissue is a half-space of
 /// layers (the limb's curvature is ignored) with the elasticity of `spec.fem.layers`.
 struct NeedleMeshOptions {
@@ -25,6 +35,7 @@ struct NeedleMeshOptions {
   /// The far boundary, held: half-width, and depth below the path, in lengths of the path. The needle's
   /// stiffness at 16 is within 1 % of that at 32.
   double half_width_per_length = 16.0;
+  SolveTimes* time_solves = nullptr;  ///< if set, solves are timed into it; must outlive the call
 };
 
 /// Errors: kInvalidInput (fem section missing or out of range, with the field's path), kFailed when the

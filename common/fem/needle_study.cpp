@@ -14,6 +14,10 @@ namespace {
 constexpr double kStrokeRate_hz = 1000;
 /// Step of the quasi-static insertion behind a table.
 constexpr double kTableStep_m = 2e-5;
+/// A cut that is longer than rounding.
+constexpr double kCut_m = 1e-6;
+/// A first cut within this last share of a stroke decides over all of the way out.
+constexpr double kLateShare = 0.05;
 
 // minimum jerk from 0 to 1
 double smooth(double t) {
@@ -162,11 +166,22 @@ std::vector<double> timedStroke(const FemNeedle& needle, const std::vector<doubl
   NeedleState state{};
   std::vector<double> forces, seconds;
   Stopwatch watch;
+  double at_m = 0;
   for (const double depth : depth_m) {
     watch.lap();
-    const NeedleForce force = stepNeedle(needle, {depth, depth, 1.0}, state);
+    const NeedleForce force = stepNeedle(needle, straightAt(depth), state);
     seconds.push_back(watch.lap());
-    forces.push_back(force.cutting_N + force.friction_N);
+    forces.push_back(totalOf(force));
+    row.work_J += forces.back() * (depth - at_m);
+    at_m = depth;
+    row.stroke_m = std::max(row.stroke_m, depth);
+    if (row.first_cut_m) continue;
+    if (state.cut_m > kCut_m) {
+      row.first_cut_m = depth;
+      row.cut_share = 1;
+    } else if (state.tip_most_N > 0) {
+      row.cut_share = std::max(row.cut_share, state.tip_N / state.tip_most_N);
+    }
   }
   std::sort(seconds.begin(), seconds.end());
   row.live_step_p50_s = seconds[seconds.size() / 2];
@@ -185,7 +200,97 @@ void compare(const std::vector<double>& forces, const std::vector<double>& fines
   row.force_rms_error_N = std::sqrt(sum / static_cast<double>(forces.size()));
 }
 
+double rmsDifference(const std::vector<double>& a, const std::vector<double>& b) {
+  std::vector<double> difference(a.size());
+  for (std::size_t k = 0; k < a.size(); ++k) difference[k] = a[k] - b[k];
+  return std::sqrt(meanSquare(difference, 0, difference.size()));
+}
+
+// Richardson's estimate at the last of three meshes, `first` and `second` being the changes between them.
+// With Q(n) = Q∞ + A n^−q, a = ln n2/n1 and b = ln n3/n2: first/second = (e^(qa) − 1)/(1 − e^(−qb)), which
+// grows with q from a/b at q = 0; and the rest is second/(e^(qb) − 1).
+MeshLimit limitOfThree(const int* nodes, double first, double second) {
+  constexpr double kMostOrder = 10;
+  MeshLimit limit;
+  if (nodes[1] <= nodes[0] || nodes[2] <= nodes[1]) return limit;
+  const double a = std::log(static_cast<double>(nodes[1]) / nodes[0]),
+               b = std::log(static_cast<double>(nodes[2]) / nodes[1]);
+  if (second == 0) {
+    limit.converges = true;
+    limit.order = kMostOrder;
+    return limit;
+  }
+  const double ratio = first / second;
+  if (!(ratio > a / b)) return limit;
+  double low = 0, high = kMostOrder;
+  for (int k = 0; k < 60; ++k) {
+    const double q = 0.5 * (low + high);
+    (std::expm1(q * a) / -std::expm1(-q * b) < ratio ? low : high) = q;
+  }
+  limit.converges = true;
+  limit.order = high;
+  limit.rest = second / std::expm1(high * b);
+  return limit;
+}
+
+void addLimits(const std::vector<std::vector<double>>& forces, std::vector<MeshRow>& rows) {
+  std::vector<int> nodes;
+  for (const MeshRow& row : rows) nodes.push_back(row.nodes);
+  std::vector<double> force_N, work_J, stiffness_N_per_m;
+  for (std::size_t r = 0; r + 1 < rows.size(); ++r) {
+    force_N.push_back(rmsDifference(forces[r], forces[r + 1]));
+    work_J.push_back(rows[r + 1].work_J - rows[r].work_J);
+    stiffness_N_per_m.push_back(rows[r + 1].stiffness_N_per_m - rows[r].stiffness_N_per_m);
+  }
+  const auto of_force = limitsOf(nodes, force_N), of_work = limitsOf(nodes, work_J),
+             of_stiffness = limitsOf(nodes, stiffness_N_per_m);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    rows[r].force_limit_N = of_force[r];
+    rows[r].work_limit_J = of_work[r];
+    rows[r].stiffness_limit_N_per_m = of_stiffness[r];
+  }
+}
+
 }  // namespace
+
+Result<double> scaleToTipStiffness(SceneSpec& spec, double stiffness_N_per_m) {
+  if (!(stiffness_N_per_m > 0))
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("tip stiffness: {} N/m is not above 0", stiffness_N_per_m)};
+  NeedleMeshOptions options;
+  options.nodes = spec.fem.nodes;
+  SceneSpec with_mesh = spec;
+  ASSIGN_OR_RETURN(with_mesh.fem.compliance, precomputeCompliance(spec, options));
+  const double factor = tipGive_m_per_N(compileNeedle(with_mesh), 0.0) * stiffness_N_per_m;
+  for (FemLayerSpec& layer : spec.fem.layers) layer.young_Pa *= factor;
+  spec.fem.compliance = nullptr;
+  return factor;
+}
+
+std::vector<std::optional<MeshLimit>> limitsOf(const std::vector<int>& nodes,
+                                               const std::vector<double>& changes) {
+  std::vector<std::optional<MeshLimit>> limits(nodes.size());
+  for (std::size_t r = 2; r < nodes.size(); ++r) {
+    MeshLimit limit = limitOfThree(&nodes[r - 2], changes[r - 2], changes[r - 1]);
+    // the rest of one mesh earlier holds this change and this mesh's rest
+    if (const auto& before = limits[r - 1]; limit.converges && before && before->converges)
+      limit.error = std::fabs(changes[r - 1] + limit.rest - before->rest);
+    limits[r] = limit;
+  }
+  return limits;
+}
+
+std::string cutRemark(const MeshRow& mesh) {
+  if (!mesh.first_cut_m)
+    return fmt::format(
+        "the tip never cuts in this stroke (it reaches {:.3g} % of the cutting force): the force hangs on "
+        "whether it cuts",
+        100 * mesh.cut_share);
+  if (*mesh.first_cut_m < (1 - kLateShare) * mesh.stroke_m) return {};
+  return fmt::format(
+      "the tip first cuts at {:.3g} mm of a stroke of {:.3g} mm: the force hangs on whether it cuts",
+      1e3 * *mesh.first_cut_m, 1e3 * mesh.stroke_m);
+}
 
 Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<int>& ladder, int stations,
                                        const std::function<void(const MeshRow&)>& done) {
@@ -197,19 +302,21 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
     NeedleMeshOptions options;
     options.nodes = nodes;
     options.stations = stations;
+    SolveTimes solves;
+    options.time_solves = &solves;
     Stopwatch watch;
     const auto compliance = precomputeCompliance(spec, options);
     if (!compliance.ok()) return compliance.error();
     MeshRow row;
-    row.precompute_s = watch.lap();
     const NeedleCompliance& mesh = **compliance;
+    row.precompute_s = watch.lap() - solves.all_s;
     row.nodes = mesh.nodes;
     row.elements = mesh.elements;
     row.stations = stations;
     row.assemble_s = mesh.assemble_s;
     row.factor_s = mesh.factor_s;
     row.solve_s = mesh.solve_s;
-    row.one_solve_s = mesh.one_solve_s;
+    row.one_solve = solves;
     row.strained_share = mesh.strained_share;
     row.strained_near_share = mesh.strained_near_share;
 
@@ -228,6 +335,7 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
     rows[r].tip_give_error = rows[r].tip_give_m_per_N / finest.tip_give_m_per_N - 1;
     compare(forces[r], forces.back(), rows[r]);
   }
+  addLimits(forces, rows);
   return rows;
 }
 

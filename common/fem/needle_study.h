@@ -3,6 +3,8 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "common/base/result.h"
@@ -41,12 +43,33 @@ struct TableError {
 /// `compile`.
 Result<TableError> tableError(const SceneSpec& fem, const SceneSpec& table, double rate_hz = 1000);
 
+/// Multiplies E of all layers by one factor, so that the tip at the skin meets `stiffness_N_per_m` on a mesh
+/// of `spec.fem.nodes` with the default stations (the tissue is linear: one compliance gives the factor).
+/// Returns the factor. Errors: as `precomputeCompliance`; kInvalidInput for a stiffness that is not above 0.
+Result<double> scaleToTipStiffness(SceneSpec& spec, double stiffness_N_per_m);
+
+/// How a quantity goes on from a mesh to ever finer ones: Richardson's estimate from that mesh and the two
+/// before, for changes that fall as a power of the number of nodes. The meshes need not grow by equal
+/// factors.
+struct MeshLimit {
+  bool converges = false;  ///< false: the changes do not fall so; the rest is unknown then
+  double order = 0;        ///< q: the error falls as nodes^−q
+  double rest = 0;         ///< from this mesh to the limit, with the changes' sign and unit
+  /// The estimate from the three meshes that end one mesh earlier differs by so much. Empty when there are
+  /// none, or they did not converge.
+  std::optional<double> error = {};
+};
+/// For each mesh of a ladder; empty for the first two. `changes[k]`: from mesh k to mesh k + 1, a difference
+/// or a norm of it; one fewer than `nodes`. Nodes that do not rise do not converge.
+std::vector<std::optional<MeshLimit>> limitsOf(const std::vector<int>& nodes,
+                                               const std::vector<double>& changes);
+
 /// One mesh of the ladder; the last mesh is the reference for the others.
 struct MeshRow {
   int nodes = 0, elements = 0, stations = 0;
-  double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< solve: all stations at once
-  double precompute_s = 0;                           ///< all of it, mesh to compliance
-  double one_solve_s = 0;  ///< one right-hand side: the cost of a live step without the compliance
+  double assemble_s = 0, factor_s = 0, solve_s = 0;                      ///< solve: all stations at once
+  double precompute_s = 0;                                               ///< all of it, mesh to compliance
+  SolveTimes one_solve;                                                  ///< without the compliance
   double live_step_p50_s = 0, live_step_p99_s = 0, live_step_max_s = 0;  ///< over `strokeOf`
   double stiffness_N_per_m = 0;  ///< of the needle stuck in the tissue over its whole length
   double stiffness_error = 0;    ///< relative to the finest mesh; positive is stiffer
@@ -54,7 +77,17 @@ struct MeshRow {
   double tip_give_error = 0;     ///< relative to the finest mesh; negative is stiffer
   double force_rms_error_N = 0, force_max_error_N = 0;  ///< over `strokeOf`, to the finest mesh
   double strained_share = 0, strained_near_share = 0;   ///< see NeedleCompliance
+  double stroke_m = 0;                                  ///< the greatest depth of `strokeOf`
+  double work_J = 0;                  ///< of the force on the needle over `strokeOf`; negative: the hand's
+  std::optional<double> first_cut_m;  ///< the needle's depth at which the tip first cuts
+  double cut_share = 0;  ///< the greatest share of the cutting force that the tip reached; 1 when it cuts
+  /// Of the force the rms over the stroke: the rest is this mesh's distance from the limit.
+  std::optional<MeshLimit> force_limit_N, work_limit_J, stiffness_limit_N_per_m;
 };
+
+/// Why the force over the stroke says little about this mesh: the tip never cuts, or first within the last
+/// twentieth of the stroke, so that a few per cent of compliance decide whether it cuts at all. Else empty.
+std::string cutRemark(const MeshRow& mesh);
 
 /// The same scene on meshes of about `ladder` nodes, coarse to fine. Calls `done` (may be empty) with each
 /// mesh before its errors are known. Errors: as `precomputeCompliance`; kInvalidInput when the ladder is

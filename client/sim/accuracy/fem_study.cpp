@@ -17,9 +17,12 @@ namespace {
 constexpr double kFemRate_hz = 1000;
 constexpr char kScene[] = "paper-six-layers";
 
-Result<SceneSpec> femScene() {
-  ASSIGN_OR_RETURN(const auto scenes, studyScenes());
-  return likeForLike(scenes.back().spec, AxialModel::kFem);
+// one sentence of `cannot_show`
+std::string elasticityText(double young_factor) {
+  return fmt::format(
+      "an elasticity that was set, not measured: the scene's lateral stiffness gives E, times {:.3g} in all "
+      "layers, so that the tip meets the stiffness of the scene's walls at the skin",
+      young_factor);
 }
 
 // the finest mesh, compiled, and its size
@@ -42,7 +45,7 @@ std::string reference(const Finest& finest) {
 }
 
 AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest& finest,
-                  const std::vector<StudyGesture>& strokes) {
+                  const std::vector<StudyGesture>& strokes, double young_factor) {
   ErrorRuns runs;
   ErrorSum felt;
   double step_N = 0;
@@ -71,10 +74,9 @@ AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest
       fmt::format("; {:.0f} % of the volume near the path above 10 % strain", 100 * finest.strained_share);
   row.uncertainty = spreadText(runs, "gestures") + strained;
   row.cannot_show =
-      "cutting, which is an input of FEM as of every model, and large strains: FEM is linear here. Its "
-      "elasticity "
-      "is derived from the scene's lateral stiffness, not measured: which model is nearer to tissue it "
-      "cannot say";
+      "cutting, which is an input of FEM as of every model, and large strains: FEM is linear here. Which "
+      "model is nearer to tissue it cannot say: it has " +
+      elasticityText(young_factor);
   if (row.own_law)
     row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
   row.cannot_show += stiffnessRemark(*row.felt_stiffness_N_per_m,
@@ -82,7 +84,30 @@ AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest
   return row;
 }
 
-AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes) {
+// "limit -130.5 ± 0.05 mJ (order 1.2)"; "no limit yet" for fewer than three meshes
+std::string limitText(const std::optional<MeshLimit>& limit, double value, double scale, const char* unit) {
+  if (!limit) return "no limit yet";
+  if (!limit->converges) return "does not converge";
+  const std::string error = limit->error ? fmt::format("{:.2g}", scale * *limit->error) : "?";
+  return fmt::format("limit {:.5g} ± {} {} (order {:.2g})", scale * (value + limit->rest), error, unit,
+                     limit->order);
+}
+
+std::string forceLimitText(const std::optional<MeshLimit>& limit) {
+  if (!limit) return "no limit yet";
+  if (!limit->converges) return "does not converge";
+  const std::string error = limit->error ? fmt::format("{:.2g}", *limit->error) : "?";
+  return fmt::format("{:.2g} ± {} N rms from its limit (order {:.2g})", limit->rest, error, limit->order);
+}
+
+// what the comparator misses itself, at the most; where the force does not converge, its last change
+double missedByFinest_N(const std::vector<MeshRow>& meshes) {
+  const std::optional<MeshLimit>& limit = meshes.back().force_limit_N;
+  if (limit && limit->converges) return limit->rest + limit->error.value_or(0);
+  return meshes.size() > 1 ? meshes[meshes.size() - 2].force_rms_error_N : 0;
+}
+
+AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes, double missed_N, double young_factor) {
   AccuracyRow row;
   row.study = AccuracyStudy::kMesh;
   row.scene = kScene;
@@ -92,41 +117,54 @@ AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes) {
   row.variant = "compliance made before";
   row.reference = fmt::format("the finest mesh, {} nodes, over an insertion and a withdrawal", finest_nodes);
   row.rms_error_n = mesh.force_rms_error_N;
+  row.rms_error_spread_n = missed_N;
   row.max_error_n = mesh.force_max_error_N;
+  row.precompute_s = mesh.precompute_s;
   row.noticeable_n = noticeableForce_N(0);  // the lower limit: force peaks may hide more
   row.median_ns = mesh.live_step_p50_s * 1e9;
   row.p99_ns = mesh.live_step_p99_s * 1e9;
   row.cpu_share = mesh.live_step_p50_s * kFemRate_hz;
   row.fits_rate = mesh.live_step_p99_s <= 1 / kFemRate_hz;
-  const std::string text = fmt::format(
-      "stiffness {:.4g} N/m, {:+.1f} % of the finest; made once in {:.2g} s; {:.0f} % of the volume near the "
-      "path above 10 % strain",
-      mesh.stiffness_N_per_m, 100 * mesh.stiffness_error, mesh.precompute_s, 100 * mesh.strained_near_share);
-  row.uncertainty = text;
-  row.cannot_show =
-      "the error of the finest mesh itself (which has none here by definition), of linear elasticity at "
-      "large "
-      "strain, and of an elasticity that was derived, not measured";
+  row.uncertainty = fmt::format(
+      "force {}; work of the stroke {:.5g} mJ, {}; stiffness {:.4g} N/m, {:+.1f} % of the finest, {}; "
+      "{:.0f} % of the volume near the path above 10 % strain",
+      forceLimitText(mesh.force_limit_N), 1e3 * mesh.work_J,
+      limitText(mesh.work_limit_J, mesh.work_J, 1e3, "mJ"), mesh.stiffness_N_per_m,
+      100 * mesh.stiffness_error, limitText(mesh.stiffness_limit_N_per_m, mesh.stiffness_N_per_m, 1, "N/m"),
+      100 * mesh.strained_near_share);
+  if (const std::string remark = cutRemark(mesh); !remark.empty()) row.uncertainty += "; " + remark;
+  row.cannot_show = "linear elasticity at large strain, and " + elasticityText(young_factor);
   return row;
 }
 
 // the same mesh without its compliance: one right-hand side solved in every tick
 AccuracyRow solvedEachTick(AccuracyRow row, const MeshRow& mesh) {
   row.variant = "solved in each tick";
-  row.median_ns = mesh.one_solve_s * 1e9;
-  row.p99_ns.reset();
-  row.cpu_share = mesh.one_solve_s * kFemRate_hz;
-  row.fits_rate = mesh.one_solve_s <= 1 / kFemRate_hz;
-  row.uncertainty += "; one solve by the factor that is there, timed once";
+  row.precompute_s.reset();
+  row.median_ns = mesh.one_solve.p50_s * 1e9;
+  row.p99_ns = mesh.one_solve.p99_s * 1e9;
+  row.cpu_share = mesh.one_solve.p50_s * kFemRate_hz;
+  row.fits_rate = mesh.one_solve.p99_s <= 1 / kFemRate_hz;
+  row.uncertainty +=
+      fmt::format("; one solve by the factor that is there, timed {} times", mesh.one_solve.solves);
   return row;
 }
 
 }  // namespace
 
+Result<FemScene> femScene() {
+  ASSIGN_OR_RETURN(const auto scenes, studyScenes());
+  FemScene scene{likeForLike(scenes.back().spec, AxialModel::kFem)};
+  ASSIGN_OR_RETURN(scene.young_factor,
+                   scaleToTipStiffness(scene.spec, scene.spec.tracking_wall.stiffness_N_per_m));
+  return scene;
+}
+
 Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
                                    std::vector<std::string>& notes) {
-  ASSIGN_OR_RETURN(const auto spec, femScene());
   progress("model: the finest FEM", 0);
+  ASSIGN_OR_RETURN(const auto fem, femScene());
+  const SceneSpec& spec = fem.spec;
   ASSIGN_OR_RETURN(const auto finest, finestOf(spec, 4 * spec.fem.nodes * (options.long_form ? 3 : 1)));
   std::vector<StudyGesture> strokes;
   for (std::uint64_t seed = 1; seed <= (options.long_form ? 16u : 4u); ++seed)
@@ -138,6 +176,7 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
   std::vector<TimedTick> ticks;
   const std::vector<StudyModel> models = studyModels(scenes.back().spec);
   for (StudyModel study : models) {
+    if (study.model == AxialModel::kFem) study.spec = spec;
     progress(choiceOf(study) + " against FEM",
              static_cast<double>(ticks.size()) / static_cast<double>(models.size()));
     Status made = addCompliance(study.spec);
@@ -147,7 +186,7 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
       continue;
     }
     compiled.push_back(*std::move(model));
-    rows.push_back(rowOf(study, compiled.back(), finest, strokes));
+    rows.push_back(rowOf(study, compiled.back(), finest, strokes, fem.young_factor));
     rows.back().instructions = instructionsOf(options, kScene, study);
     ticks.push_back(timedSteps(compiled.back(), strokes.front()));
   }
@@ -166,8 +205,9 @@ std::string withdrawalRemark(const TableError& error) {
 
 Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                std::vector<std::string>& /*notes*/) {
-  ASSIGN_OR_RETURN(auto fem, femScene());
   progress("model: FEM as a table", 0);
+  ASSIGN_OR_RETURN(auto scene, femScene());
+  SceneSpec& fem = scene.spec;
   RETURN_IF_ERROR(addCompliance(fem));
   SceneSpec table = fem;
   ASSIGN_OR_RETURN(auto forces, forceTable(fem, studyDepth(fem)));
@@ -194,32 +234,38 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   row.own_law = true;
   row.cannot_show =
       "motions other than one straight stroke: a table knows depth and direction, not what the shaft "
-      "remembers; the "
-      "error of FEM itself. The comparator is what the table was made of: no choice follows from this row";
+      "remembers; the error of FEM itself, and " +
+      elasticityText(scene.young_factor) +
+      ". The comparator is what the table was made of: no choice follows from this row";
   const StudyGesture stroke = strokeGesture(fem, 1, kFemRate_hz);
   AccuracyRows rows{row};
   addCosts({timedSteps(model, stroke)}, options, kFemRate_hz, rows);
   return rows;
 }
 
+AccuracyRows rowsOf(const std::vector<MeshRow>& meshes, double young_factor) {
+  const double missed_N = missedByFinest_N(meshes);
+  AccuracyRows rows;
+  for (const MeshRow& mesh : meshes) rows.push_back(rowOf(mesh, meshes.back().nodes, missed_N, young_factor));
+  for (std::size_t m = 0; m < meshes.size(); ++m) rows.push_back(solvedEachTick(rows[m], meshes[m]));
+  return rows;
+}
+
 Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                               std::vector<std::string>& /*notes*/) {
-  ASSIGN_OR_RETURN(const auto spec, femScene());
-  std::vector<int> ladder = {500, 1000, 2000, 4000, 8000, 16'000};
-  if (options.long_form) ladder.push_back(32'000);
-  if (options.full) ladder.insert(ladder.end(), {64'000, 128'000});
+  std::vector<int> ladder = {1000, 2000, 4000, 8000, 16'000, 32'000, 64'000};
+  if (options.long_form) ladder.push_back(128'000);
+  if (options.full) ladder.push_back(200'000);
   progress(fmt::format("mesh: up to {} nodes", ladder.back()), 0);
+  ASSIGN_OR_RETURN(const auto scene, femScene());
   std::size_t done = 0;
-  const auto meshes = meshStudy(spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {
+  const auto meshes = meshStudy(scene.spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {
     ++done;
     progress(fmt::format("mesh: {} nodes done", mesh.nodes),
              static_cast<double>(done) / static_cast<double>(ladder.size()));
   });
   if (!meshes.ok()) return meshes.error();
-  AccuracyRows rows;
-  for (const MeshRow& mesh : *meshes) rows.push_back(rowOf(mesh, meshes->back().nodes));
-  for (const MeshRow& mesh : *meshes) rows.push_back(solvedEachTick(rowOf(mesh, meshes->back().nodes), mesh));
-  return rows;
+  return rowsOf(*meshes, scene.young_factor);
 }
 
 }  // namespace needlelab

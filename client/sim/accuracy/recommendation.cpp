@@ -23,6 +23,7 @@ std::string sig(double value, int digits) {
 }
 
 std::string timeText(double ns) {
+  if (ns >= 1e9) return sig(ns * 1e-9, 3) + " s";
   if (ns >= 1e6) return sig(ns * 1e-6, 3) + " ms";
   if (ns >= 1e3) return sig(ns * 1e-3, 3) + " µs";
   return sig(ns, 3) + " ns";
@@ -108,6 +109,9 @@ std::string measuresOf(const AccuracyRow& row) {
         ", latency p99 " + sig(*row.latency_p99_ms, 3) + " ms, " + sig(*row.bytes_per_s * 1e-3, 3) + " kB/s";
   if (row.study == AccuracyStudy::kRate && row.cpu_share)
     text += ", " + sig(100 * *row.cpu_share, 2) + " % of a core";
+  else if (row.precompute_s)
+    text += ", made in " + sig(*row.precompute_s, 2) + " s before the lesson, then " +
+            timeText(row.median_ns.value_or(0)) + " (p99 " + timeText(row.p99_ns.value_or(0)) + ") a tick";
   else if (const auto cost = costOf_ns(row)) {
     text += ", " + timeText(cost->value);
     if (cost->high > cost->low) text += " (" + timeText(cost->low) + " to " + timeText(cost->high) + ")";
@@ -141,8 +145,8 @@ std::string conditionOf(const AccuracyRow& row, bool good) {
                         missText(row);
     case AccuracyStudy::kMesh:
       return good ? "the coarsest whose error is below what a hand notices (" + noticed + ")"
-                  : "none but the finest, which is the comparator, is below what a hand notices (" + noticed +
-                        ")" + missText(row);
+                  : "none that fits its rate, the comparator aside, is below what a hand notices (" +
+                        noticed + "); this has the least error" + missText(row);
     case AccuracyStudy::kStorage:
       return good ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
                   : "none is below a tenth of what a hand notices (" + noticed +
@@ -162,8 +166,15 @@ std::string list(const std::vector<std::string>& names) {
   return text;
 }
 
+// the scene, of meshes with the way they are used
+std::string placeOf(const RowGroup& group) {
+  const bool by_variant = group.study == AccuracyStudy::kMesh && !group.rows.empty();
+  return by_variant && !group.rows[0]->variant.empty() ? group.scene + ", " + group.rows[0]->variant
+                                                       : group.scene;
+}
+
 std::string beginning(const RowGroup& group) {
-  return std::string(nameOf(group.study)) + ", " + group.scene + " (against " + group.reference + "): ";
+  return std::string(nameOf(group.study)) + ", " + placeOf(group) + " (against " + group.reference + "): ";
 }
 
 std::string nameIn(const RowGroup& group, const AccuracyRow* row) {
@@ -302,7 +313,7 @@ std::vector<std::string> recommendation(const AccuracyRows& rows) {
                         advices[k].good_enough == advices[i].good_enough;
       if (!same) continue;
       said[k] = true;
-      likewise.push_back(groups[k].scene + " (" + measuresOf(*advices[k].row) + ")");
+      likewise.push_back(placeOf(groups[k]) + " (" + measuresOf(*advices[k].row) + ")");
     }
     paragraphs.push_back(advices[i].text + (likewise.empty() ? ""
                                             : advices[i].good_enough
@@ -353,7 +364,8 @@ std::string findingOf(AccuracyStudy study, const AccuracyRows& rows) {
                " a tick";
       case AccuracyStudy::kMesh:
         return "FEM of " + choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " +
-               timeText(costOf_ns(row).value_or(CostInterval{}).value) + " a tick";
+               timeText(costOf_ns(row).value_or(CostInterval{}).value) +
+               (row.precompute_s ? " before the lesson" : " a tick");
       case AccuracyStudy::kRate:
         return choiceOf(row) + " is enough: " + forceText(errorOf(row)) + " of error for " +
                sig(100 * row.cpu_share.value_or(0), 2) + " % of a core";
@@ -386,7 +398,9 @@ std::string thousands(double value) {
 
 bool sameGroup(const RowGroup& group, const AccuracyRow& row) {
   return group.study == row.study && group.scene == row.scene && group.reference == row.reference &&
-         (row.study == AccuracyStudy::kModel || group.model == row.model);
+         (row.study == AccuracyStudy::kModel || group.model == row.model) &&
+         // seconds before a lesson and seconds in each tick are not one price
+         (row.study != AccuracyStudy::kMesh || group.rows.front()->variant == row.variant);
 }
 
 }  // namespace
@@ -402,6 +416,10 @@ std::optional<CostInterval> costOf_ns(const AccuracyRow& row) {
   if (row.study == AccuracyStudy::kRate) {
     if (!row.cpu_share) return std::nullopt;
     return CostInterval{*row.cpu_share * 1e6, *row.cpu_share * 1e6, *row.cpu_share * 1e6};
+  }
+  if (row.precompute_s) {
+    const double once_ns = *row.precompute_s * 1e9;
+    return CostInterval{once_ns, once_ns, once_ns};
   }
   if (!row.median_ns) return std::nullopt;
   // meshes are timed by single ticks: their spread is the noise

@@ -10,13 +10,15 @@
 namespace needlelab {
 
 /// The cost of a row with the noise of its runs: processor time for a millisecond of the lesson, which is one
-/// tick at 1 kHz. In ns. Empty when it was not measured; without an interval where only a median is known.
+/// tick at 1 kHz; of a mesh whose compliance is made before the lesson, the time of making it. In ns. Empty
+/// when it was not measured; without an interval where only a median is known.
 std::optional<CostInterval> costOf_ns(const AccuracyRow& row);
 
 /// The choice that a row stands for, as text: "VOIGT", "10 kHz", "1 µm", "lossless", "20 ms", "2,000 nodes".
 std::string choiceOf(const AccuracyRow& row);
 
-/// Rows of one study, scene and reference (and model, unless the model is varied), in their order.
+/// Rows of one study, scene and reference (and model, unless the model is varied; of meshes also variant), in
+/// their order.
 struct RowGroup {
   AccuracyStudy study;
   std::string scene, reference, model;  ///< model empty in study `model`

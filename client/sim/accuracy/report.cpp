@@ -72,6 +72,7 @@ const std::vector<Column>& columns() {
        [](const Row& r, bool) {
          return r.cost ? tailText(r.cost->slept, r.cost->slept_empty) : std::string();
        }},
+      {"made in [s]", [](const Row& r, bool) { return number(r.precompute_s); }},
       {"median [ns]", [](const Row& r, bool) { return r.cost ? std::string() : number(r.median_ns); }},
       {"p99 [ns]", [](const Row& r, bool) { return r.cost ? std::string() : number(r.p99_ns); }},
       {"core [%]", [](const Row& r, bool) { return number(r.cpu_share, 100); }},
@@ -233,15 +234,18 @@ constexpr auto kError_N = [](const AccuracyRow& r) { return r.rms_error_n; };
 
 constexpr char kTickTitle[] = "time of a tick with flushed caches, less an empty call";
 
-Axes timeAxes(AccuracyStudy study) {
+// `once`: the price is paid before the lesson
+Axes timeAxes(AccuracyStudy study, bool once) {
   const char* x = study == AccuracyStudy::kModel     ? kTickTitle
                   : study == AccuracyStudy::kRate    ? "processor time for 1 ms of the lesson, caches flushed"
                   : study == AccuracyStudy::kStorage ? "time to encode and decode a sample"
                   : study == AccuracyStudy::kLive    ? "processor time for a sample, station and viewer"
-                                                     : "time of a tick (median, hot)";
-  return {x,       study == AccuracyStudy::kLive ? "force seen late: rms error" : "rms error of force",
-          "s",     "N",
-          kCost_s, kError_N};
+                  : once                             ? "time to make the mesh, once, before the lesson"
+                                                     : "time of a tick (median to p99, hot)";
+  const char* y = study == AccuracyStudy::kLive   ? "force seen late: rms error"
+                  : study == AccuracyStudy::kMesh ? "rms error of force (bar: of the finest itself)"
+                                                  : "rms error of force";
+  return {x, y, "s", "N", kCost_s, kError_N};
 }
 
 const Axes kBytesAxes = {
@@ -264,10 +268,10 @@ std::string shortName(const AccuracyRow& row, const std::string& name) {
   return choice + " (" + row.variant.substr(0, row.variant.find_first_of(",:;")) + ")";
 }
 
-// the rows of a group that have both measures; names of series `first` on, meshes one series per variant
+// the rows of a group that have both measures; names of series `first` on
 void addPoints(Panel& panel, const RowGroup& group, const Axes& axes, bool named) {
   const std::size_t first = panel.series.size();
-  if (group.study != AccuracyStudy::kMesh) panel.series.push_back(group.scene);
+  panel.series.push_back(group.scene);
   std::vector<std::size_t> shown;
   std::vector<CostError> measures;
   for (std::size_t i = 0; i < group.rows.size(); ++i) {
@@ -286,11 +290,6 @@ void addPoints(Panel& panel, const RowGroup& group, const Axes& axes, bool named
     point.series = first;
     point.fits = row.fits_rate.value_or(true);
     point.front = is_front;
-    if (group.study == AccuracyStudy::kMesh) {
-      auto at = std::find(panel.series.begin(), panel.series.end(), row.variant);
-      if (at == panel.series.end()) at = panel.series.insert(at, row.variant);
-      point.series = static_cast<std::size_t>(at - panel.series.begin());
-    }
     if (axes.y == kError_N) point.spread = row.rms_error_spread_n;
     if (const auto cost = costOf_ns(row); axes.x == kCost_s && cost && cost->high > cost->low)
       point.x_range = {cost->low * 1e-9, cost->high * 1e-9};
@@ -312,6 +311,8 @@ Panel panelOf(const std::vector<const RowGroup*>& groups, const Axes& axes) {
   for (std::size_t s = 0; s < groups.size(); ++s) addPoints(panel, *groups[s], axes, s == 0);
   panel.under_title =
       (groups.size() == 1 ? groups[0]->scene + ", " : std::string()) + "against " + groups[0]->reference;
+  if (groups[0]->study == AccuracyStudy::kMesh)
+    panel.under_title = groups[0]->rows[0]->variant + ", " + panel.under_title;
   const auto& noticed = groups[0]->rows[0]->noticeable_n;
   if (noticed && axes.y != kLatencyAxes.y) {
     panel.level = *noticed;
@@ -320,15 +321,16 @@ Panel panelOf(const std::vector<const RowGroup*>& groups, const Axes& axes) {
   return panel;
 }
 
-// groups of a model each alone (nine names fill a diagram); others by reference, their scenes together
+// groups of a model each alone (nine names fill a diagram), and of meshes (each has its price); others by
+// reference, their scenes together
 std::vector<std::vector<const RowGroup*>> diagramsOf(AccuracyStudy study,
                                                      const std::vector<RowGroup>& groups) {
   std::vector<std::vector<const RowGroup*>> diagrams;
   for (const RowGroup& group : groups) {
     if (group.study != study || !group.compares()) continue;
     auto same = std::find_if(diagrams.begin(), diagrams.end(), [&](const auto& diagram) {
-      return study != AccuracyStudy::kModel && diagram[0]->reference == group.reference &&
-             diagram[0]->model == group.model;
+      return study != AccuracyStudy::kModel && study != AccuracyStudy::kMesh &&
+             diagram[0]->reference == group.reference && diagram[0]->model == group.model;
     });
     if (same == diagrams.end())
       diagrams.push_back({&group});
@@ -370,7 +372,8 @@ std::vector<Panel> panelsOf(AccuracyStudy study, const std::vector<RowGroup>& gr
   for (const auto& diagram : diagrams) {
     AccuracyRows own;
     for (const AccuracyRow* row : diagram[0]->rows) own.push_back(*row);
-    add(panelOf(diagram, timeAxes(study)), findingOf(study, own));
+    const bool once = diagram[0]->rows[0]->precompute_s.has_value();
+    add(panelOf(diagram, timeAxes(study, once)), findingOf(study, own));
   }
   if (study == AccuracyStudy::kStorage) add(panelOf(diagrams[0], kBytesAxes), "Bytes for accuracy");
   if (study == AccuracyStudy::kLive) add(panelOf(diagrams[0], kLatencyAxes), "Bandwidth for being on time");

@@ -81,6 +81,7 @@ Json jsonOf(const AccuracyRow& row) {
       {"latency_p99_ms", orNull(row.latency_p99_ms)},
       {"bytes_per_s", orNull(row.bytes_per_s)},
       {"instructions", orNull(row.instructions)},
+      {"precompute_s", orNull(row.precompute_s)},
   };
   addCost(json, row);
   json["votes"] = row.advises && !row.own_law;

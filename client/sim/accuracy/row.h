@@ -49,13 +49,16 @@ struct AccuracyRow {
   /// Of one tick (model, mesh, rate: hot; model and rate less an empty call) or one sample (storage, live).
   std::optional<double> median_ns;
   std::optional<double> p99_ns;
+  std::optional<double> precompute_s;  ///< once, before the lesson: the price of a mesh (mesh)
   std::optional<bool> fits_rate;  ///< the tail, alone on a core, is within the period of its rate: p99.9 of
                                   ///< single ticks where `cost` is there, else p99_ns, else median_ns
 
   // for some studies only
   std::string variant;               ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
   std::optional<double> parameters;  ///< numbers that were fitted to data of the comparator
-  std::optional<double> rms_error_spread_n;  ///< standard deviation of rms_error_n over seeds or repeats
+  /// Standard deviation of rms_error_n over seeds or repeats; of a mesh, what the comparator, the finest
+  /// mesh, itself misses by Richardson's estimate.
+  std::optional<double> rms_error_spread_n;
   /// Greatest change of force from one tick to the next, but for the falls that the report declares as
   /// releases.
   std::optional<double> max_step_n;

@@ -67,6 +67,20 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
 /// depth and direction, not what the shaft remembers.
 std::string withdrawalRemark(const TableError& error);
 
+/// Its rows: every mesh with its compliance made before, then every mesh solved in each tick, against the
+/// last of `meshes` in the paper's six layers. `young_factor`: as in FemScene. Not empty.
+AccuracyRows rowsOf(const std::vector<MeshRow>& meshes, double young_factor);
+
+/// The paper's six layers as FEM. Its E is derived from the lateral stiffness, so soft that the needle would
+/// indent 57 mm before it cuts: all of it is multiplied by one factor, so that the tip meets the stiffness of
+/// the scene's walls at the skin.
+struct FemScene {
+  SceneSpec spec;  ///< without its compliance
+  double young_factor = 1;
+};
+/// Takes a mesh of the live size: seconds. Errors: as `scaleToTipStiffness`.
+Result<FemScene> femScene();
+
 /// Study `mesh`: sizes of the FEM mesh against the finest.
 Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                               std::vector<std::string>& notes);

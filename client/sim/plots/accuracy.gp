@@ -54,7 +54,7 @@ do for [i = 0:panels - 1] {
   set xrange [x_from:x_to]
   set yrange [y_from:y_to]
   set xlabel x_title noenhanced
-  set ylabel y_title noenhanced
+  set ylabel y_title noenhanced offset 0.8,0  # within the picture, also left of 0.001 N
   if (level > 0) {
     set arrow 1 from graph 0, first level to graph 1, first level nohead ls 6 back
     set label 1 level_name at graph 0.995, first level right offset 0,0.5 noenhanced font 'DejaVu Sans,9' textcolor rgb '#5f6a73'

@@ -350,6 +350,62 @@ TEST(Recommendation, takesTheCoarsestMeshThatIsGoodEnoughAndNamesTheLargestThatF
   EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: 20,000 nodes and 50,000 nodes."));
 }
 
+// each mesh made before the lesson, then each of them solved in each tick
+AccuracyRows meshesBothWays() {
+  AccuracyRows rows = {meshRow(2000, 0.3, 300),   meshRow(9000, 0.05, 310), meshRow(50'000, 0, 305),
+                       meshRow(2000, 0.3, 3.6e5), meshRow(9000, 0.05, 2e7), meshRow(50'000, 0, 6e7)};
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    rows[i].variant = i < 3 ? "compliance made before" : "solved in each tick";
+  rows[0].precompute_s = 0.06;
+  rows[1].precompute_s = 0.5;
+  rows[2].precompute_s = 5;
+  return rows;
+}
+
+TEST(AccuracyGroups, aMeshMadeBeforeTheLessonHasItsSecondsAsItsPrice) {
+  const AccuracyRows rows = meshesBothWays();
+  const auto groups = groupsOf(rows);
+  ASSERT_EQ(groups.size(), 2u) << "seconds before a lesson and in each tick are not one price";
+  EXPECT_DOUBLE_EQ(costOf_ns(*groups[0].rows[1])->value, 0.5e9);
+  EXPECT_DOUBLE_EQ(costOf_ns(*groups[1].rows[1])->value, 2e7);
+  EXPECT_THAT(paretoFront(groups[0]), ElementsAre(true, true, false)) << "their ticks are equal";
+  EXPECT_EQ(jsonOf(rows[1])["precompute_s"], 0.5);
+  EXPECT_TRUE(jsonOf(rows[4])["precompute_s"].is_null());
+  EXPECT_THAT(accuracyTables(rows), HasSubstr("made in [s]"));
+}
+
+TEST(Recommendation, saysWhatAMeshCostsBeforeTheLesson) {
+  const AccuracyRows rows = meshesBothWays();
+  const auto paragraphs = recommendation(rows);
+  ASSERT_EQ(paragraphs.size(), 3u);
+  EXPECT_THAT(paragraphs[0], HasSubstr("mesh, made-up scene, compliance made before (against"));
+  EXPECT_THAT(paragraphs[0], HasSubstr("take 9,000 nodes"));
+  EXPECT_THAT(paragraphs[0], HasSubstr("made in 0.5 s before the lesson, then 310 ns (p99 620 ns) a tick"));
+  EXPECT_THAT(paragraphs[1], HasSubstr("solved in each tick (against"));
+  EXPECT_THAT(paragraphs[1],
+              HasSubstr("none can be recommended; the nearest is 2,000 nodes: none that fits"));
+  EXPECT_THAT(paragraphs[2], HasSubstr("an FEM mesh of 9,000 nodes."));
+  EXPECT_THAT(findingOf(AccuracyStudy::kMesh, rows),
+              HasSubstr("0.05 N of error for 500 ms before the lesson"));
+}
+
+TEST(AccuracyPictures, meshesHaveAPanelForEachWayWithItsOwnPrice) {
+  const auto pictures = accuracyPictures(meshesBothWays());
+  ASSERT_EQ(pictures.size(), 1u);
+  EXPECT_THAT(pictures[0].data, HasSubstr("time to make the mesh, once, before the lesson"));
+  EXPECT_THAT(pictures[0].data, HasSubstr("time of a tick (median to p99, hot)"));
+  EXPECT_THAT(pictures[0].data, HasSubstr("compliance made before, made-up scene, against"));
+}
+
+// an error whose comparator is itself uncertain passes when the upper end does
+TEST(Recommendation, aMeshPassesWithWhatTheFinestMissesItself) {
+  AccuracyRow row = meshRow(2000, 0.15, 300);
+  row.rms_error_spread_n = 0.04;
+  EXPECT_LE(missOf(row), 1);
+  row.rms_error_spread_n = 0.06;
+  EXPECT_GT(missOf(row), 1);
+}
+
 TEST(ParetoFront, ratesWithinTheNoiseAreOrderedByTheirTicks) {
   AccuracyRows rows = {rateRow(1000, 0.1, 2), rateRow(2000, 0.05, 2)};
   // 500 to 1,500 and 1,000 to 3,000 ns in a millisecond

@@ -54,6 +54,88 @@ TEST(Timing, aLoopTwiceAsLongTakesAboutTwiceAsLong) {
   EXPECT_NEAR(timed(4000) / timed(2000), 2, 0.5);
 }
 
+// three meshes whose work and stiffness fall by half, and the last of which cuts
+std::vector<MeshRow> madeUpMeshes() {
+  std::vector<MeshRow> meshes(3);
+  for (std::size_t m = 0; m < meshes.size(); ++m) {
+    MeshRow& mesh = meshes[m];
+    mesh.nodes = 1000 << m;
+    mesh.precompute_s = 0.1 * std::pow(2, m);
+    mesh.one_solve.p50_s = 4e-4 * std::pow(2, m);
+    mesh.one_solve.p99_s = 6e-4 * std::pow(2, m);
+    mesh.one_solve.solves = 500;
+    mesh.live_step_p50_s = 3e-7;
+    mesh.live_step_p99_s = 5e-7;
+    mesh.force_rms_error_N = m == 2 ? 0 : 0.3 / std::pow(2, m);
+    mesh.work_J = -0.1305;
+    mesh.stiffness_N_per_m = 7000;
+    mesh.stroke_m = 0.057;
+    mesh.first_cut_m = 0.005;
+  }
+  meshes[2].force_limit_N = MeshLimit{true, 1.5, 0.02, 0.005};
+  meshes[2].work_limit_J = MeshLimit{true, 1.25, 0.0005, 0.0001};
+  meshes[2].stiffness_limit_N_per_m = MeshLimit{};
+  return meshes;
+}
+
+TEST(MeshRows, haveTheSecondsOfTheirMakingAndTheTailOfManySolves) {
+  const AccuracyRows rows = rowsOf(madeUpMeshes(), 27);
+  ASSERT_EQ(rows.size(), 6u);
+  EXPECT_EQ(rows[1].variant, "compliance made before");
+  EXPECT_EQ(rows[1].precompute_s, 0.2);
+  EXPECT_EQ(rows[1].fits_rate, true);
+  EXPECT_EQ(rows[4].variant, "solved in each tick");
+  EXPECT_FALSE(rows[4].precompute_s);
+  EXPECT_DOUBLE_EQ(*rows[4].median_ns, 8e5);
+  EXPECT_DOUBLE_EQ(*rows[4].p99_ns, 1.2e6);
+  EXPECT_EQ(rows[3].fits_rate, true);
+  EXPECT_EQ(rows[4].fits_rate, false) << "the median is within 1 ms, the tail is not";
+  EXPECT_THAT(rows[4].uncertainty, testing::HasSubstr("timed 500 times"));
+}
+
+TEST(MeshRows, sayTheirLimitsAndWhatTheFinestMissesItself) {
+  auto meshes = madeUpMeshes();
+  const AccuracyRows rows = rowsOf(meshes, 27);
+  EXPECT_THAT(rows[0].uncertainty, testing::HasSubstr("force no limit yet"));
+  EXPECT_THAT(rows[2].uncertainty, testing::HasSubstr("force 0.02 ± 0.005 N rms from its limit (order 1.5)"));
+  EXPECT_THAT(rows[2].uncertainty,
+              testing::HasSubstr("work of the stroke -130.5 mJ, limit -130 ± 0.1 mJ (order 1.2)"));
+  EXPECT_THAT(rows[2].uncertainty, testing::HasSubstr("of the finest, does not converge"));
+  EXPECT_THAT(rows[2].cannot_show, testing::HasSubstr("gives E, times 27 in all layers"));
+  for (const AccuracyRow& row : rows) EXPECT_DOUBLE_EQ(*row.rms_error_spread_n, 0.025);
+  // where the force does not converge, the last change
+  meshes[2].force_limit_N = MeshLimit{};
+  EXPECT_DOUBLE_EQ(*rowsOf(meshes, 27)[0].rms_error_spread_n, 0.15);
+}
+
+TEST(MeshRows, nameAStrokeThatHangsOnWhetherItCuts) {
+  auto meshes = madeUpMeshes();
+  meshes[0].first_cut_m = 0.056;
+  meshes[1].first_cut_m.reset();
+  meshes[1].cut_share = 0.976;
+  const AccuracyRows rows = rowsOf(meshes, 1);
+  EXPECT_THAT(rows[0].uncertainty, testing::HasSubstr("the tip first cuts at 56 mm of a stroke of 57 mm"));
+  EXPECT_THAT(rows[1].uncertainty, testing::HasSubstr("it reaches 97.6 % of the cutting force"));
+  EXPECT_THAT(rows[2].uncertainty, testing::Not(testing::HasSubstr("hangs on")));
+}
+
+// the trap of before: the needle indented 57 mm, the whole stroke, before it cut
+TEST(FemScene, meetsTheStiffnessOfTheScenesWallsAndCutsEarly) {
+  const auto scene = femScene();
+  ASSERT_TRUE(scene.ok()) << scene.error().message;
+  EXPECT_NEAR(scene->young_factor, 28, 3);
+  const auto meshes = meshStudy(scene->spec, {2000});
+  ASSERT_TRUE(meshes.ok());
+  const MeshRow& mesh = meshes->front();
+  ASSERT_TRUE(mesh.first_cut_m);
+  // the first layer's cutting force at the walls' stiffness, and the coarse mesh is stiffer
+  const double indent_m = scene->spec.fem.layers[0].cutting_N / scene->spec.tracking_wall.stiffness_N_per_m;
+  EXPECT_GT(*mesh.first_cut_m, 0.5 * indent_m);
+  EXPECT_LT(*mesh.first_cut_m, 1.02 * indent_m);
+  EXPECT_LT(mesh.work_J, -0.1);
+  EXPECT_EQ(cutRemark(mesh), "");
+}
+
 TEST(ErrorRuns, spreadIsTheStandardDeviationOfTheRuns) {
   ErrorRuns runs;
   for (const double e : {1.0, 2.0, 3.0}) {

@@ -1,7 +1,9 @@
 // Tests offline FEM as a table, and the loss of accuracy.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "common/fem/needle_study.h"
 #include "common/haptics/models/like_for_like.h"
@@ -91,6 +93,144 @@ TEST(MeshStudy, errorsAreToTheFinestMeshAndFall) {
     EXPECT_GT(row.precompute_s, row.factor_s);
   }
   EXPECT_FALSE(meshStudy(scene, {}).ok());
+}
+
+// Q(n) = Q∞ + A n^−q
+std::vector<double> changesOf(const std::vector<int>& nodes, double factor, double order) {
+  std::vector<double> changes;
+  for (std::size_t k = 0; k + 1 < nodes.size(); ++k)
+    changes.push_back(factor * (std::pow(nodes[k + 1], -order) - std::pow(nodes[k], -order)));
+  return changes;
+}
+
+TEST(MeshLimits, areThoseOfTheFormulaWhateverTheRatiosOfTheMeshes) {
+  const std::vector<int> nodes = {1000, 1500, 4000, 9000, 30'000};
+  for (const double order : {0.3, 1.0, 1.7})
+    for (const double factor : {-400.0, 250.0}) {
+      const auto limits = limitsOf(nodes, changesOf(nodes, factor, order));
+      ASSERT_EQ(limits.size(), nodes.size());
+      EXPECT_FALSE(limits[0] || limits[1]);
+      for (std::size_t m = 2; m < nodes.size(); ++m) {
+        ASSERT_TRUE(limits[m] && limits[m]->converges) << order;
+        const double rest = -factor * std::pow(nodes[m], -order);
+        EXPECT_NEAR(limits[m]->order, order, 1e-6);
+        EXPECT_NEAR(limits[m]->rest, rest, 1e-6 * std::fabs(rest));
+        ASSERT_EQ(limits[m]->error.has_value(), m > 2);
+        EXPECT_LE(limits[m]->error.value_or(0), 1e-6 * std::fabs(rest));
+      }
+    }
+}
+
+TEST(MeshLimits, theErrorIsWhatTheThreeMeshesBeforeSaidOtherwise) {
+  // halves, then thirds: the first three promise a rest of 1, of which 2/3 came; the last three promise 1/3
+  const auto limits = limitsOf({1000, 2000, 4000, 8000}, {2, 1, 1.0 / 3});
+  ASSERT_TRUE(limits[2] && limits[3]);
+  EXPECT_NEAR(limits[2]->rest, 1, 1e-9);
+  EXPECT_FALSE(limits[2]->error);
+  EXPECT_NEAR(limits[3]->order, std::log2(3), 1e-9);
+  EXPECT_NEAR(limits[3]->rest, 1.0 / 6, 1e-9);
+  EXPECT_NEAR(*limits[3]->error, 1 - 1.0 / 3 - 1.0 / 6, 1e-9);
+}
+
+TEST(MeshLimits, changesThatDoNotFallHaveNoLimit) {
+  const auto converges = [](const std::vector<int>& nodes, const std::vector<double>& changes) {
+    const auto limits = limitsOf(nodes, changes);
+    return limits.back()->converges;
+  };
+  EXPECT_FALSE(converges({1000, 2000, 4000}, {1, 1}));
+  EXPECT_FALSE(converges({1000, 2000, 4000}, {1, 3})) << "they rise";
+  EXPECT_FALSE(converges({1000, 2000, 4000}, {1, -0.2})) << "to and fro";
+  EXPECT_FALSE(converges({1000, 2000, 2000}, {1, 0.1})) << "the same mesh twice";
+  EXPECT_TRUE(converges({1000, 2000, 4000}, {1, 0}));
+  // a step of 10 in nodes, then one of 2: the last change is less, but not by any power of the nodes
+  EXPECT_FALSE(converges({1000, 10'000, 20'000}, {1, 0.4}));
+  EXPECT_TRUE(converges({1000, 10'000, 20'000}, {1, 0.2}));
+}
+
+TEST(MeshStudy, aFinerMeshLiesWhereTheLimitSays) {
+  const auto rows = meshStudy(twoLayers(), {1000, 2000, 4000, 8000}, 30);
+  ASSERT_TRUE(rows.ok()) << rows.error().message;
+  for (std::size_t m = 0; m < 2; ++m) EXPECT_FALSE((*rows)[m].force_limit_N);
+  const MeshRow& last = rows->back();
+  ASSERT_TRUE(last.work_limit_J && last.force_limit_N && last.stiffness_limit_N_per_m);
+  const MeshLimit limit = *last.stiffness_limit_N_per_m;
+  ASSERT_TRUE(limit.converges);
+  EXPECT_LT(limit.rest, 0) << "finer is softer";
+
+  NeedleMeshOptions options;
+  options.nodes = 16'000;
+  options.stations = 30;
+  SceneSpec fine = twoLayers();
+  fine.fem.compliance = *precomputeCompliance(fine, options);
+  // what is left of the rest on the finer mesh
+  const double left =
+      limit.rest * std::pow(static_cast<double>(fine.fem.compliance->nodes) / last.nodes, -limit.order);
+  const double change = compileNeedle(fine).stiffness_N_per_m - last.stiffness_N_per_m;
+  EXPECT_NEAR(change, limit.rest - left, 0.5 * std::fabs(change));
+}
+
+// one layer without friction, in which the tip at the skin first cuts at `share` of the stroke
+SceneSpec cutsAt(double share) {
+  constexpr double kCutting_N = 0.6;
+  SceneSpec scene = softBlock(10e3, 0.45, 0.04, 0, kCutting_N);
+  scene.fem.nodes = 1000;
+  const auto factor = scaleToTipStiffness(scene, kCutting_N / (share * studyDepth(scene)));
+  EXPECT_TRUE(factor.ok());
+  return scene;
+}
+MeshRow onOneMesh(const SceneSpec& scene) {
+  return meshStudy(scene, {scene.fem.nodes}, kDefaultStations)->front();
+}
+
+TEST(ScaleToTipStiffness, theTipMeetsItAtTheSkinAndTheLayersKeepTheirRatio) {
+  SceneSpec scene = twoLayers();
+  scene.fem.nodes = 1000;
+  const auto factor = scaleToTipStiffness(scene, 500);
+  ASSERT_TRUE(factor.ok()) << factor.error().message;
+  EXPECT_NEAR(scene.fem.layers[0].young_Pa, *factor * 60e3, 1e-6);
+  EXPECT_NEAR(scene.fem.layers[1].young_Pa, 2 * scene.fem.layers[0].young_Pa, 1e-6);
+  EXPECT_EQ(scene.fem.compliance, nullptr) << "it was that of the softer tissue";
+  scene.fem.compliance = complianceOf(scene, 1000, kDefaultStations);
+  EXPECT_NEAR(tipGive_m_per_N(compileNeedle(scene), 0), 1.0 / 500, 1e-9);
+  EXPECT_FALSE(scaleToTipStiffness(scene, 0).ok());
+}
+
+TEST(MeshStudy, theFirstCutIsWhereTheTissueHasGivenWay) {
+  const MeshRow row = onOneMesh(cutsAt(0.25));
+  ASSERT_TRUE(row.first_cut_m);
+  EXPECT_NEAR(*row.first_cut_m, 0.25 * row.stroke_m, 0.01 * row.stroke_m);
+  EXPECT_EQ(row.cut_share, 1);
+  EXPECT_EQ(cutRemark(row), "");
+}
+
+// the trap of a scene so soft that 2 % of compliance decide whether a mesh cuts at all
+TEST(MeshStudy, aStrokeThatHangsOnWhetherItCutsSaysSo) {
+  const MeshRow late = onOneMesh(cutsAt(0.98)), never = onOneMesh(cutsAt(1.02));
+  ASSERT_TRUE(late.first_cut_m);
+  EXPECT_NE(cutRemark(late).find("the tip first cuts at 37.2 mm of a stroke of 38 mm"), std::string::npos)
+      << cutRemark(late);
+  EXPECT_FALSE(never.first_cut_m);
+  EXPECT_NEAR(never.cut_share, 1 / 1.02, 0.001);
+  EXPECT_NE(cutRemark(never).find("the tip never cuts in this stroke (it reaches 98 %"), std::string::npos)
+      << cutRemark(never);
+}
+
+TEST(MeshStudy, theWorkOfAStrokeIsThatOfTheCut) {
+  const SceneSpec scene = cutsAt(0.05);
+  const MeshRow row = onOneMesh(scene);
+  SceneSpec with_mesh = scene;
+  with_mesh.fem.compliance = complianceOf(scene, scene.fem.nodes, kDefaultStations);
+  const double cut_m = row.stroke_m - 0.6 * tipGive_m_per_N(compileNeedle(with_mesh), row.stroke_m);
+  EXPECT_NEAR(row.work_J, -0.6 * cut_m, 0.02 * 0.6 * cut_m);
+  // without a cut the tissue gives all of it back
+  EXPECT_NEAR(onOneMesh(cutsAt(1.1)).work_J, 0, 1e-3 * 0.6 * row.stroke_m);
+}
+
+TEST(MeshStudy, oneSolveIsTimedManyTimes) {
+  const MeshRow row = onOneMesh(cutsAt(0.25));
+  EXPECT_GT(row.one_solve.solves, 20u);
+  EXPECT_GT(row.one_solve.p50_s, 0);
+  EXPECT_GE(row.one_solve.p99_s, row.one_solve.p50_s);
 }
 
 }  // namespace
