@@ -222,7 +222,8 @@ Status roomForCopy(const std::filesystem::path& database, std::uint64_t room_lef
 }
 
 /// The next bytes, as many as `buffer` takes; fewer only at the file's end.
-Result<std::string_view> readPiece(const OpenFile& in, const std::filesystem::path& path, std::string& buffer) {
+Result<std::string_view> readPiece(const OpenFile& in, const std::filesystem::path& path,
+                                   std::string& buffer) {
   std::size_t got = 0;
   while (got < buffer.size()) {
     const ssize_t more = ::read(in.fd(), buffer.data() + got, buffer.size() - got);

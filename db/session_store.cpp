@@ -240,10 +240,11 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   if (seq < row.chunks && row.recording != StoredRecording::Kind::kOriginal)
     return compareWithRemoved(connection_, row, session, seq, bytes, station);
   if (seq < row.chunks) {
-    // the length alone is in the row's first page: a stored chunk of a megabyte is read for its equal in length
-    // only, so that what is asked costs the writer as much as what was sent
+    // the length alone is in the row's first page: a stored chunk of a megabyte is read for its equal in
+    // length only, so that what is asked costs the writer as much as what was sent
     auto stored = connection_.query(
-        "SELECT length(bytes) = ?3, CASE WHEN length(bytes) = ?3 THEN bytes END FROM chunks WHERE session = ?1 "
+        "SELECT length(bytes) = ?3, CASE WHEN length(bytes) = ?3 THEN bytes END FROM chunks WHERE session = "
+        "?1 "
         "AND seq = ?2",
         row.number, seq, bytes.size());
     ASSIGN_OR_RETURN(const bool there, stored.step());

@@ -1,5 +1,5 @@
-/// The chunks that wait for their commit, of the whole server and of each station: how many, and how many bytes
-/// they hold.
+/// The chunks that wait for their commit, of the whole server and of each station: how many, and how many
+/// bytes they hold.
 #pragma once
 
 #include <cassert>
