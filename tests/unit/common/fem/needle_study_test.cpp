@@ -171,10 +171,10 @@ TEST(MeshStudy, aFinerMeshLiesWhereTheLimitSays) {
 
 // one layer without friction, in which the tip at the skin first cuts at `share` of the stroke
 SceneSpec cutsAt(double share) {
-  constexpr double kCutting_N = 0.6;
-  SceneSpec scene = softBlock(10e3, 0.45, 0.04, 0, kCutting_N);
+  constexpr double kMeshCutting_N = 0.6;
+  SceneSpec scene = softBlock(10e3, 0.45, 0.04, 0, kMeshCutting_N);
   scene.fem.nodes = 1000;
-  const auto factor = scaleToTipStiffness(scene, kCutting_N / (share * studyDepth(scene)));
+  const auto factor = scaleToTipStiffness(scene, kMeshCutting_N / (share * studyDepth(scene)));
   EXPECT_TRUE(factor.ok());
   return scene;
 }
