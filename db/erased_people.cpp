@@ -183,35 +183,6 @@ Status ErasureStore::remember(const ErasureLine& line, bool without_account, con
                          std::string(kWithoutAccountKey) + line.pseudonym);
 }
 
-Result<std::vector<ErasureLine>> ErasureStore::linesOfGiven(const ErasedNames& names, std::int64_t unix_ns) {
-  std::vector<ErasureLine> lines;
-  if (names.given.empty()) return lines;
-  ASSIGN_OR_RETURN(const auto key, this->key());
-  for (const std::string& given : names.given) {
-    if (given == kGuestName) continue;
-    ASSIGN_OR_RETURN(const auto of_others,
-                     connection_
-                         .query("SELECT name FROM people WHERE name = ?1"
-                                " UNION ALL SELECT trainee FROM sessions WHERE trainee = ?1 AND erased = 0"
-                                " UNION ALL SELECT s.trainee FROM unknown_trainees u"
-                                " JOIN sessions s ON s.number = u.session"
-                                " WHERE u.given = ?1 AND s.trainee <> ?2 LIMIT 1",
-                                given, names.name)
-                         .first(firstText));
-    if (of_others) continue;
-    ErasureLine line{newErasurePseudonym(), key.nameHash(given), unix_ns};
-    line.without_account = true;
-    lines.push_back(std::move(line));
-  }
-  return lines;
-}
-
-Status ErasureStore::rememberGiven(const std::vector<ErasureLine>& lines, const std::string& by) {
-  for (const ErasureLine& line : lines)
-    RETURN_IF_ERROR(remember(line, true, by, "a name that stations gave for an erased person"));
-  return {};
-}
-
 Status ErasureStore::rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay) {
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
   if (lines.empty()) return {};

@@ -116,13 +116,6 @@ class ErasureStore {
   Result<ErasedRows> eraseRows(const std::string& name, const ErasureLine& line, const std::string& by,
                                const std::string& reason, std::int64_t now_unix_ns, bool with_waiting,
                                const FoundNames* found = nullptr);
-  /// Before eraseRows(), any connection: lines for the list, without seals, of the names that stations gave
-  /// for the person's sessions. By the person's own line a backup from before these were given to the person
-  /// does not show whose they are. Not for a name that others' sessions have or wait under: a restore erases
-  /// all sessions under the names of the list.
-  Result<std::vector<ErasureLine>> linesOfGiven(const ErasedNames& names, std::int64_t unix_ns);
-  /// Puts those into the database, in the transaction of eraseRows().
-  Status rememberGiven(const std::vector<ErasureLine>& lines, const std::string& by);
   /// What is left, for `text` of the reply. Any connection.
   Result<std::string> reportOf(const ErasedRows& done);
 

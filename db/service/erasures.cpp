@@ -139,11 +139,8 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     return ErasureStore(context.reader)
         .lookForNames(call.name(), line.pseudonym, call.with_waiting_sessions());
   }());
-  ASSIGN_OR_RETURN(auto given,
-                   ErasureStore(context.reader).linesOfGiven(found.who.names, context.now_unix_ns));
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
-  for (ErasureLine& one : given) lines.push_back(one = sealed(std::move(one), key));
   sealOld(lines, key);
   RETURN_IF_ERROR(writeErasures(folder, lines));
 
@@ -157,7 +154,6 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
       ASSIGN_OR_RETURN(
           done, ErasureStore(writer).eraseRows(call.name(), line, context.who.name, call.reason(),
                                                context.now_unix_ns, call.with_waiting_sessions(), &found));
-      RETURN_IF_ERROR(ErasureStore(writer).rememberGiven(given, context.who.name));
       ASSIGN_OR_RETURN(const auto owner,
                        ErasureStore(writer).ownerOf(call.name(), context.now_unix_ns, context.now_unix_ns));
       keeps_later = !owner.pseudonym;
@@ -215,7 +211,7 @@ void nameFilesOfErased(const Context& context, const ErasedRows& erased, pb::Era
                          "person. ")
            : fmt::format("These still hold this person's data, or nobody can tell: {}. Remove them. A backup "
                          "among them that is restored is erased anew before it serves, but only what stands "
-                         "there under the name '{}' or one that stations gave for this person alone. ",
+                         "there under the name '{}', not under one that stations gave. ",
                          named, erased.names.name)) +
       "Backups elsewhere hold it until they are removed; the server's own log files go by their rotation.");
 }

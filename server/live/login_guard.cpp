@@ -11,10 +11,13 @@ namespace {
 
 constexpr std::int64_t kNsPerMs = 1'000'000;
 
+/// Of a name with the kind of account before it ("person ", "station ").
+constexpr std::size_t kMostBytes = kMaxNameBytes + 16;
+
 /// Nobody has a longer name; kept as it is, each would hold what somebody sent.
 const std::string& nameKey(const std::string& name) {
-  static const std::string too_long(kMaxNameBytes + 1, '?');
-  return name.size() > kMaxNameBytes ? too_long : name;
+  static const std::string too_long(kMostBytes + 1, '?');
+  return name.size() > kMostBytes ? too_long : name;
 }
 
 /// Includes the lengths, so that different pairs of name and address always have different keys.

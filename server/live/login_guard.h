@@ -18,7 +18,7 @@ namespace needlelab {
 /// the others. The price: a guesser locks a name out at the guesser's own address (but not the name's tokens)
 /// for the waiting time, and a known address has up to `allowed_per_name` tries for each known name after the
 /// limits for strangers are used up. Successes cost nothing. Memory is bounded, because the names come from
-/// the network: names that are longer than any account's (kMaxNameBytes) count as one. Times: steady clock
+/// the network: names that are longer than any account's count as one. Times: steady clock
 /// (ns), from the caller. Thread: one.
 class LoginGuard {
  public:

@@ -177,13 +177,11 @@ TEST_F(FilesOfErased, areThoseThatHaveThePersonUnderAnotherName) {
   const auto after = backup("after.db");
   EXPECT_THAT(filesOf("anna.ohm"), UnorderedElementsAre(before.string(), after.string()));
   EXPECT_EQ(chunks(of_anna), 0u);
-  for (const auto& from : {before, after}) {
-    SCOPED_TRACE(from);
-    EXPECT_GE(restore(from), 1u);
-    EXPECT_EQ(chunks(of_anna), 0u);
-    EXPECT_THAT(everything(), testing::Not(HasSubstr("Anna Ohm")));
-    EXPECT_TRUE(store->service().erasuresToRepeat()->empty());
-  }
+  EXPECT_THAT(text, HasSubstr("not under one that stations gave"));
+  EXPECT_GE(restore(after), 1u);
+  EXPECT_EQ(chunks(of_anna), 0u);
+  EXPECT_THAT(everything(), testing::Not(HasSubstr("Anna Ohm")));
+  EXPECT_TRUE(store->service().erasuresToRepeat()->empty());
   // the name is free again, also after a start
   restore(nobody);
   const Uuid of_another = closedSession("Anna Ohm", 2, "");
@@ -192,13 +190,14 @@ TEST_F(FilesOfErased, areThoseThatHaveThePersonUnderAnotherName) {
   EXPECT_EQ(chunks(of_another), 3u);
 }
 
-TEST_F(FilesOfErased, aNameThatOthersGaveTooIsNotOnTheListButInTheFiles) {
+// The list knows a person by the account's name alone: by a given name a restore, or a start after a kill,
+// took a namesake's sessions.
+TEST_F(FilesOfErased, aGivenNameIsNotOnTheListButInTheFiles) {
   addNamed("anna.ohm", "");
   const Uuid hers = closedSession("Anna", 1, ""), of_another = closedSession("Anna", 2, "");
   const auto before = backup("before.db");
   give(hers, "anna.ohm");
   EXPECT_THAT(filesOf("anna.ohm"), ElementsAre(before.string()));
-  EXPECT_THAT(text, HasSubstr("for this person alone"));
   EXPECT_EQ(readErasures(folder.path() / "data")->size(), 1u);
   restore(before);
   EXPECT_EQ(chunks(of_another), 3u) << "another person's";
