@@ -252,11 +252,15 @@ TEST(DurablePlane, closingTooEarlyOrWithAnotherHashIsRefused) {
 class HeldWriter {
  public:
   explicit HeldWriter(Server& server) {
-    DbWriter::Work wait = [held = go_.get_future().share()](Connection&) {
+    const auto began = std::make_shared<std::promise<void>>();
+    DbWriter::Work wait = [held = go_.get_future().share(), began](Connection&) {
+      began->set_value();
       held.wait();
       return Status();
     };
     EXPECT_TRUE(server.store().writer().post(std::move(wait), {}).ok());
+    // what is posted from here on is in no group with it, and waits
+    began->get_future().wait();
   }
   ~HeldWriter() { release(); }
   void release() {
