@@ -308,31 +308,6 @@ TEST(Closes, aStationsNinthAtOnceComesLaterAndItsRequestsAreAnsweredMeanwhile) {
   EXPECT_EQ(waitFor(s.client, isClosed).session_closed().session_id(), sessions[8].id());
 }
 
-// What a replaced connection sent is still in the writer's queue.
-TEST(Chunks, ofAStationAreBoundedOverAllItsConnections) {
-  constexpr std::size_t kAtOnce = 16, kLogIns = 5;
-  StationAndServer s{
-      .server = RunningServer([](ServerOptions& options) { options.bounds.chunks_in_flight = kAtOnce; })};
-  s.open();
-  HeldWriter held(s.server.server());
-  const DbWriter& writer = s.server.server().store().writer();
-  const auto waiting = [&writer] { return writer.counters().waiting; };
-  for (std::size_t n = 0; n < kLogIns; ++n) {
-    for (std::uint64_t seq = 0; seq < 4 * kAtOnce; ++seq)
-      ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
-    while (waiting() < kAtOnce) std::this_thread::yield();
-    auto newer = s.server.connect(stationLogin("bench-1", s.key));
-    ASSERT_TRUE(newer.ok());
-    (void)waitForRefusal(s.client);  // replaced: nothing more of it is read
-    s.client = std::move(*newer);
-  }
-  // each connection may have read one chunk before it waits
-  EXPECT_LE(waiting(), kAtOnce + kLogIns + 1);
-  held.release();
-  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
-  s.session.waitForAck(s.client, kAtOnce);
-}
-
 TEST(Closes, ofAConnectionThatEndsThoseThatWaitAreDroppedAndItsStationAsksAgain) {
   StationAndServer s;
   const auto sessions = openSessions(s, 8);
