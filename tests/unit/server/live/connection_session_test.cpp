@@ -308,6 +308,31 @@ TEST(Closes, aStationsNinthAtOnceComesLaterAndItsRequestsAreAnsweredMeanwhile) {
   EXPECT_EQ(waitFor(s.client, isClosed).session_closed().session_id(), sessions[8].id());
 }
 
+// What a replaced connection sent is still in the writer's queue.
+TEST(Chunks, ofAStationAreBoundedOverAllItsConnections) {
+  constexpr std::size_t kAtOnce = 16, kLogIns = 5;
+  StationAndServer s{
+      .server = RunningServer([](ServerOptions& options) { options.bounds.chunks_in_flight = kAtOnce; })};
+  s.open();
+  HeldWriter held(s.server.server());
+  const auto waiting = [&s] { return s.server.server().store().writer().counters().waiting; };
+  for (std::size_t n = 0; n < kLogIns; ++n) {
+    for (std::uint64_t seq = 0; seq < 4 * kAtOnce; ++seq)
+      ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+    // the client sends while it receives
+    do {
+      (void)s.client.receive(milliseconds(1));
+    } while (waiting() < kAtOnce);
+    auto newer = s.server.connect(stationLogin("bench-1", s.key));
+    ASSERT_TRUE(newer.ok());
+    s.client = std::move(*newer);
+  }
+  EXPECT_EQ(waiting(), kAtOnce) << "those of the first connection";
+  held.release();
+  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
+  s.session.waitForAck(s.client, kAtOnce);
+}
+
 TEST(Closes, ofAConnectionThatEndsThoseThatWaitAreDroppedAndItsStationAsksAgain) {
   StationAndServer s;
   const auto sessions = openSessions(s, 8);
