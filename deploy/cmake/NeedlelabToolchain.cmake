@@ -67,8 +67,6 @@ if(NEEDLELAB_SANITIZE)
   if(NEEDLELAB_SANITIZE MATCHES "undefined")
     add_compile_options(-fno-sanitize=null,object-size,vptr)
   endif()
-  # mold cannot link GCC's sanitizer start-up objects in every version; the default linker always can.
-  add_link_options(-fuse-ld=bfd)
   # The branches of the checks make GCC report uninitialised members in <regex> and similar headers; the release build
   # looks for real ones.
   target_compile_options(needlelab_warnings INTERFACE -Wno-maybe-uninitialized)
