@@ -137,6 +137,7 @@ Status StationRun::openSession() {
   d.set_axial_model(std::string(axialModelName(lesson_.model.axial_model)));
   for (const std::string& effect : liveEffects(lesson_.model)) d.add_live_effects(effect);
   for (const std::string& note : device_notes_) d.add_device_notes(note);
+  if (lesson_.stiffness_share < 1) d.set_stiffness_share(lesson_.stiffness_share);
   if (!(options_.X_WL == Pose{})) putPose(*d.mutable_placement(), options_.X_WL);
   if (!(options_.X_HT == Pose{})) putPose(*d.mutable_tool(), options_.X_HT);
   ASSIGN_OR_RETURN(session_, home_.spool().create(d));
@@ -286,6 +287,7 @@ StationSummary StationRun::summarise() {
   s.realtime = realtime_;
   s.black_box = black_box_;
   s.device_notes = device_notes_;
+  s.stiffness_share = lesson_.stiffness_share;
   s.spool = options_.spool.string();
   if (stopped_) s.stopped = *stopped_;
   s.state = "OPEN";

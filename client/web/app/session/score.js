@@ -12,6 +12,12 @@ import { html } from '../ui/html.js';
 /** From the 10th to the 90th percentile; with few experts, who have no percentiles, from least to greatest. */
 const rangeOf = (band) => [band.p10 ?? band.least, band.p90 ?? band.greatest];
 
+/** As stiffnessShareText of common/haptics: beside the score of a session that was rendered softer than its profile. */
+export const stiffnessShareText = (share) =>
+  share > 0 && share < 1
+    ? `Fixture and orientation limit were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness: device and tool hold no more.`
+    : '';
+
 /** One line with the value, the experts' range and mean; the text beside it says the same. */
 function Band({ band, value }) {
   const [from, to] = rangeOf(band);
@@ -92,7 +98,8 @@ export function useScore({ session_id, exercise_id }) {
 
 /** @param {{session: any, load: any, person: any}} props `load`: of useScore */
 export function Score({ session, load, person }) {
-  const { session_id, exercise_id } = session.description;
+  const { session_id, exercise_id, stiffness_share } = session.description;
+  const lowered = stiffnessShareText(stiffness_share);
   const action = useAction();
   const rescore = async () => {
     const score = await action.run(() => sessions.rescore(session_id));
@@ -143,6 +150,7 @@ export function Score({ session, load, person }) {
         : '';
       return html`
         <p>${verdict}</p>
+        ${lowered && html`<p>${lowered}</p>`}
         ${
           path &&
           html`<p>
