@@ -32,6 +32,8 @@ std::vector<StabilityCase> loadCases() {
        deratedRelease},
       {"lever_clamping", "pushed aside in the fixture, with the tool's lever of 0.13 m", true, false,
        leverClamping},
+      {"tool_gestures", "random gestures with a hand, at the end of a mounted tool", true, false,
+       toolGestures},
       {"random_energy_500981", "the random gesture of a nearly free hand that a late loop gives energy", true,
        false, randomEnergySeed,
        "a spring that is held for a tick and comes a tick late is not passive, whatever its model, and this "

@@ -154,6 +154,13 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
   return {};
 }
 
+PassivitySettings passivityOf(const DeviceInfo& device) {
+  PassivitySettings settings;
+  settings.delay_ticks = static_cast<std::uint32_t>(kDelayTicks);
+  settings.damping_Ns_per_m = device.limits.damping_Ns_per_m;
+  return settings;
+}
+
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes) {
   if (X_HT == Pose{}) return;
   if (!device.has_orientation)
@@ -173,6 +180,10 @@ Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const StationO
   lesson.scene = forDevice(std::move(lesson.scene), device, notes);
   noteTool(options.X_HT, device, notes);
   RETURN_IF_ERROR(lowerForDevice(lesson, device, options.X_HT, notes));
+  if (options.passivity_control && device.renders_force)
+    notes.push_back(
+        "Passivity control is on: where a force would give the hand more energy than the hand gave, "
+        "less of it is rendered than the model says.");
   if (lesson.scene.effects == before && lesson.stiffness_share == 1) return {};
   auto model = compile(lesson.scene, options.rate_hz);
   if (!model.ok())

@@ -11,6 +11,7 @@
 #include "client/station/run/live_line.h"
 #include "client/station/run/options.h"
 #include "common/base/result.h"
+#include "common/haptics/passivity_control.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/aid_list.h"
 #include "needlelab/control.pb.h"
@@ -67,6 +68,9 @@ SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::
 /// stays. Errors: kInvalidInput, with the numbers, where less than kLeastStiffnessShare is left.
 Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
                       std::vector<std::string>& notes);
+
+/// What --passivity-control counts of a device.
+PassivitySettings passivityOf(const DeviceInfo& device);
 
 /// Adds to `notes` how this device uses the tool.
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes);

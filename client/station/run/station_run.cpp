@@ -207,6 +207,8 @@ Status StationRun::practise() {
   settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
   settings.plunger = options_.plunger;
+  if (options_.passivity_control && device_->info().renders_force)
+    settings.passivity = passivityOf(device_->info());
   loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings);
   logMessage("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
 

@@ -2,7 +2,7 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { counted, measureTitle, quantity } from '../lib/units.js';
-import { verdictOf } from '../lib/verdict.js';
+import { stiffnessShareText, verdictOf } from '../lib/verdict.js';
 import { moment } from '../lib/time.js';
 import { references, sessions } from '../net/requests.js';
 import { announce, Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/widgets.js';
@@ -11,12 +11,6 @@ import { html } from '../ui/html.js';
 
 /** From the 10th to the 90th percentile; with few experts, who have no percentiles, from least to greatest. */
 const rangeOf = (band) => [band.p10 ?? band.least, band.p90 ?? band.greatest];
-
-/** As stiffnessShareText of common/haptics: beside the score of a session that was rendered softer than its profile. */
-export const stiffnessShareText = (share) =>
-  share > 0 && share < 1
-    ? `Fixture and orientation limit were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness: device and tool hold no more.`
-    : '';
 
 /** One line with the value, the experts' range and mean; the text beside it says the same. */
 function Band({ band, value }) {

@@ -159,6 +159,20 @@ TEST(DeviceFit, aLessonOfLessThanHalfItsStiffnessIsRefused) {
   EXPECT_EQ(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 400);
 }
 
+TEST(DeviceFit, passivityControlCountsTheDevicesOwnDampingAndIsSaid) {
+  const PassivitySettings settings = passivityOf(deviceWith(1000, 1.7));
+  EXPECT_EQ(settings.delay_ticks, 1u);
+  EXPECT_EQ(settings.damping_Ns_per_m, 1.7);
+  std::vector<std::string> notes;
+  StationLesson lesson = lessonOf(400, 0.5);
+  StationOptions options;
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
+  EXPECT_TRUE(notes.empty()) << "off by default";
+  options.passivity_control = true;
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
+  EXPECT_THAT(notes, testing::ElementsAre(HasSubstr("Passivity control is on")));
+}
+
 TEST(DeviceFit, whoFeelsNoLeverLosesNothingToIt) {
   std::vector<std::string> notes;
   const Pose tool{{0, 0, 0.15}, {}};
