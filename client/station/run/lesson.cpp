@@ -85,6 +85,16 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
                              "{:.4g} {}; use a softer profile",
                              device.name, what, wanted, unit, most, unit)};
   };
+  // a needle that sticks on the bone is held by it in every direction, and by the fixture aside
+  if (model.isLive(Effect::kBone)) {
+    const double bone = model.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m];
+    const bool clamps = model.isLive(Effect::kClamping);
+    const double aside = bone + (clamps ? model.fixture.max_stiffness_N_per_m : 0);
+    if (aside > device.limits.max_stiffness_N_per_m)
+      return refuse(clamps ? "bone.stiffness_n_per_m and virtual_fixture.max_stiffness_n_per_m together"
+                           : "bone.stiffness_n_per_m",
+                    aside, device.limits.max_stiffness_N_per_m, "N/m");
+  }
   const double axial = model.axialStiffness_N_per_m();
   if (axial > device.limits.max_stiffness_N_per_m)
     return refuse("wall, friction and the steepest membrane together along the needle", axial,

@@ -120,6 +120,19 @@ TEST(DeviceFit, clampingAndOrientationLimitHaveTheirOwnBounds) {
               HasSubstr("orientation_limit"));
 }
 
+TEST(DeviceFit, boneAndTheFixtureAddAsideAndBoneAndTissueDoNotAlong) {
+  SceneSpec scene = allEffects();
+  scene.layers.back().is_bone = true;
+  scene.effects |= bitOf(Effect::kBone);
+  scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] = 700;
+  const double aside = 700 + scene.virtual_fixture.max_stiffness_N_per_m;
+  EXPECT_TRUE(checkStiffness(*compile(scene, 1000), deviceWith(aside)).ok());
+  EXPECT_THAT(checkStiffness(*compile(scene, 1000), deviceWith(aside - 1)).error().message,
+              HasSubstr("bone.stiffness_n_per_m and virtual_fixture.max_stiffness_n_per_m together"));
+  scene.effects &= ~bitOf(Effect::kClamping);
+  EXPECT_TRUE(checkStiffness(*compile(scene, 1000), deviceWith(1000)).ok());
+}
+
 TEST(DeviceFit, thePassivityBoundIsWarnedOfWithItsNumbers) {
   // (b + b_hand)/(T(½ + 1)): 0.3 + 0.3 N·s/m at 1 kHz allow 400 N/m
   const SceneModel model = *compile(paperOneDof(), 1000);  // 500 N/m
