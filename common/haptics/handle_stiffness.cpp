@@ -24,6 +24,13 @@ double steepestOrientation_Nm_per_rad(const SceneSpec& spec) {
   return is_live ? limit.stiffness_Nm_per_rad : 0;
 }
 
+double steepestBone_N_per_m(const SceneSpec& spec) {
+  const bool has_bone = std::any_of(spec.layers.begin(), spec.layers.end(),
+                                    [](const LayerSpec& layer) { return layer.is_bone; });
+  if (!has_bone || (spec.effects & bitOf(Effect::kBone)) == 0) return 0;
+  return spec.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m];
+}
+
 // the lever's parts along and across the needle, squared
 struct Lever {
   double along_m2 = 0, across_m2 = 0;
@@ -40,11 +47,13 @@ Lever leverOf(const Pose& X_HT) {
 // along the needle is l_across and its part across it l_along; about the axis perpendicular to the lever in
 // their plane all of it is across. These are the principal axes.
 HandleStiffness handleStiffness(const SceneSpec& spec, double axial_N_per_m, const Pose& X_HT) {
-  HandleStiffness of{steepestFixture_N_per_m(spec), steepestOrientation_Nm_per_rad(spec), 0};
+  HandleStiffness of{steepestFixture_N_per_m(spec), steepestBone_N_per_m(spec),
+                     steepestOrientation_Nm_per_rad(spec), 0};
   const Lever lever = leverOf(X_HT);
-  of.handle_Nm_per_rad = of.orientation_Nm_per_rad +
-                         std::max(of.fixture_N_per_m * (lever.along_m2 + lever.across_m2),
-                                  of.fixture_N_per_m * lever.along_m2 + axial_N_per_m * lever.across_m2);
+  const double across = of.across_N_per_m();
+  of.handle_Nm_per_rad =
+      of.orientation_Nm_per_rad + std::max(across * (lever.along_m2 + lever.across_m2),
+                                           across * lever.along_m2 + axial_N_per_m * lever.across_m2);
   return of;
 }
 
@@ -57,12 +66,12 @@ double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const Dev
     return std::max(0.0, most) / stiffness;
   };
   const double most = limits.max_rotational_stiffness_Nm_per_rad;
-  const double turn = wanted.orientation_Nm_per_rad + wanted.fixture_N_per_m * lever.along_m2;
+  const double turn = wanted.orientation_Nm_per_rad + wanted.across_N_per_m() * lever.along_m2;
   const double walls_Nm_per_rad = axial_N_per_m * lever.across_m2;
-  // walls that leave no room do so even without fixture and orientation limit
+  // walls that leave no room do so even without fixture, bone and orientation limit
   if (walls_Nm_per_rad > most) return 0;
-  return std::min({shareWithin(wanted.fixture_N_per_m, limits.max_stiffness_N_per_m),
-                   shareWithin(turn + wanted.fixture_N_per_m * lever.across_m2, most),
+  return std::min({shareWithin(wanted.across_N_per_m(), limits.max_stiffness_N_per_m),
+                   shareWithin(turn + wanted.across_N_per_m() * lever.across_m2, most),
                    shareWithin(turn, most - walls_Nm_per_rad)});
 }
 
@@ -70,13 +79,14 @@ void lowerStiffness(SceneSpec& spec, double share) {
   if (share >= 1) return;
   const double steepest = steepestFixture_N_per_m(spec);
   if (steepest > 0) spec.virtual_fixture.max_stiffness_N_per_m = share * steepest;
+  spec.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] *= share;
   spec.orientation_limit.stiffness_Nm_per_rad *= share;
 }
 
 std::string stiffnessShareText(double share) {
   if (!(share < 1)) return {};
   return fmt::format(
-      "Fixture and orientation limit were rendered at {:.0f} % of the profile's stiffness: "
+      "Fixture, bone and orientation limit were rendered at {:.0f} % of the profile's stiffness: "
       "device and tool hold no more.",
       100 * share);
 }

@@ -51,7 +51,7 @@ test('a measure beside the experts has their range and words, and no count of st
 test('a session that was rendered softer than its profile says so beside the score, in the words of the station', () => {
   assert.equal(
     stiffnessShareText(0.551),
-    "Fixture and orientation limit were rendered at 55 % of the profile's stiffness: device and tool hold no more.",
+    "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness: device and tool hold no more.",
   );
   // absent: all of it; others are no shares
   for (const share of [undefined, null, 1, 0, -1, 2, 'NaN']) assert.equal(stiffnessShareText(share), '');

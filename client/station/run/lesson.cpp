@@ -82,11 +82,13 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
   if (!device.renders_force) return {};
   const double axial = model.axialStiffness_N_per_m(), most = device.limits.max_stiffness_N_per_m;
   if (axial <= most) return {};
-  return Error{ErrorCode::kInvalidInput,
-               fmt::format("the scene is too stiff for the {}: wall, friction and the steepest membrane "
-                           "together along the needle is {:.4g} N/m, the device renders at most {:.4g} N/m; "
-                           "use a softer profile",
-                           device.name, axial, most)};
+  return Error{
+      ErrorCode::kInvalidInput,
+      fmt::format(
+          "the scene is too stiff for the {}: wall, friction and the steepest membrane "
+          "together along the needle, or the bone, is {:.4g} N/m, the device renders at most {:.4g} N/m; "
+          "use a softer profile",
+          device.name, axial, most)};
 }
 
 std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
@@ -138,7 +140,7 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
   const std::string what = fmt::format(
       "Across the needle the scene is {:.4g} N/m at the tip and, with the tool's lever of {:.0f} mm, {:.3g} "
       "N·m/rad at the handle; the {} holds {:.4g} N/m and {:.3g} N·m/rad",
-      wanted.fixture_N_per_m, 1e3 * norm(lever.p), wanted.handle_Nm_per_rad, device.name,
+      wanted.across_N_per_m(), 1e3 * norm(lever.p), wanted.handle_Nm_per_rad, device.name,
       limits.max_stiffness_N_per_m, limits.max_rotational_stiffness_Nm_per_rad);
   if (share < kLeastStiffnessShare)
     return Error{
@@ -149,8 +151,8 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
   lowerStiffness(lesson.scene, share);
   lesson.stiffness_share = share;
   notes.push_back(
-      fmt::format("{}. Fixture and orientation limit are rendered at {:.0f} %: at most {:.4g} N/m.", what,
-                  100 * share, share * wanted.fixture_N_per_m));
+      fmt::format("{}. Fixture, bone and orientation limit are rendered at {:.0f} %: at most {:.4g} N/m.",
+                  what, 100 * share, share * wanted.across_N_per_m()));
   return {};
 }
 

@@ -23,5 +23,5 @@ export function verdictOf(passed) {
 /** As stiffnessShareText of common/haptics: beside the score of a session that was rendered softer than its profile. */
 export const stiffnessShareText = (share) =>
   share > 0 && share < 1
-    ? `Fixture and orientation limit were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness: device and tool hold no more.`
+    ? `Fixture, bone and orientation limit were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness: device and tool hold no more.`
     : '';

@@ -69,6 +69,19 @@ TEST(HandleStiffness, effectsThatAreNotLiveHaveNone) {
   EXPECT_EQ(handleStiffness(scene, kAxial_N_per_m, {}).orientation_Nm_per_rad, 0);
 }
 
+TEST(HandleStiffness, boneHoldsANeedleAsideBesideTheFixture) {
+  SceneSpec scene = sceneOf(400, 0);
+  scene.effects |= bitOf(Effect::kBone);
+  double& bone = scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m];
+  bone = 600;
+  EXPECT_NEAR(handleStiffness(scene, 600, straight(0.1)).handle_Nm_per_rad, 4, 1e-12) << "no layer of it";
+  scene.layers.back().is_bone = true;
+  EXPECT_NEAR(handleStiffness(scene, 600, straight(0.1)).handle_Nm_per_rad, 10, 1e-12);
+  EXPECT_NEAR(heldStiffnessShare(scene, 600, {}, straight(0.08)), 4 / 6.4, 1e-12);
+  lowerStiffness(scene, 0.5);
+  EXPECT_EQ(bone, 300);
+}
+
 TEST(HandleStiffness, aShortNeedleDoesNotReachTheFixturesGreatest) {
   SceneSpec scene = sceneOf(10'000, 0);
   double steepest = 0;

@@ -187,6 +187,25 @@ TEST(DeviceFit, whoFeelsNoLeverLosesNothingToIt) {
   EXPECT_TRUE(notes.empty());
 }
 
+TEST(DeviceFit, boneAndTheFixtureAddAsideAndBoneAndTissueDoNotAlong) {
+  std::vector<std::string> notes;
+  StationLesson lesson = lessonOf(400, 0);
+  lesson.scene.layers.back().is_bone = true;
+  lesson.scene.effects |= bitOf(Effect::kBone);
+  double& bone = lesson.scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m];
+  bone = 600;
+  lesson.model = *compile(lesson.scene, 1000);
+  // the tissue's 1089 N/m, and not 1689
+  EXPECT_NEAR(lesson.model.axialStiffness_N_per_m(), 1089, 1);
+  EXPECT_TRUE(checkStiffness(lesson.model, deviceWith(1100)).ok());
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), {}, notes).ok());
+  EXPECT_EQ(lesson.stiffness_share, 1) << "600 and 400 N/m aside";
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(800), {}, notes).ok());
+  EXPECT_NEAR(bone, 480, 1e-9);
+  EXPECT_NEAR(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 320, 1e-9);
+  EXPECT_FALSE(lowerForDevice(lesson, deviceWith(300), {}, notes).ok());
+}
+
 TEST(DeviceFit, thePassivityBoundIsWarnedOfWithItsNumbers) {
   // (b + b_hand)/(T(½ + 1)): 0.3 + 0.3 N·s/m at 1 kHz allow 400 N/m
   const SceneModel model = *compile(paperOneDof(), 1000);  // 500 N/m

@@ -94,7 +94,7 @@ TEST(StationSummary, tellsBesideTheScoreHowStiffItWas) {
   EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("stiffness    ")));
   s.stiffness_share = 0.55;
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["stiffness_share"], 0.55);
-  EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Fixture and orientation limit were rendered at 55 %"));
+  EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Fixture, bone and orientation limit were rendered at 55 %"));
 }
 
 TEST(StationSummary, withoutSamplesNothingIsDividedByZero) {
