@@ -97,11 +97,19 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   // a restart after a FAULT begins outside, so that the engine forgets the earlier insertion
   if (gate_.fault() != Fault::kNone && fresh && isFinite(X_WT.p))
     gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
-  if (gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition))
+  const bool admitted =
+      gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition);
+  if (admitted)
     wanted_at_handle = stepped(reading.X_WH, X_WT, share);
   else
     skipped(reading.X_WH, X_WT);
+  if (passivity_) {
+    // an orientation that is not measured may have any value
+    const Pose handle{reading.X_WH.p, has_orientation_ ? reading.X_WH.q : Quat{}};
+    wanted_at_handle = passivity_->limited(handle, admitted, wanted_at_handle, elapsed_ticks);
+  }
   const GuardedWrench guarded = gate_.guard(wanted_at_handle);
+  if (passivity_) passivity_->rendered(guarded.wrench());
 
   next_tick_ += static_cast<std::uint64_t>(elapsed_ticks);
   out.tick = next_tick_ - 1;

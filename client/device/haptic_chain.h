@@ -3,12 +3,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "client/device/device.h"
 #include "client/device/plunger.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/force_gate.h"
+#include "common/haptics/passivity_control.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
 
@@ -65,6 +67,15 @@ class HapticChain {
   GuardedWrench tick(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks, double share,
                      ChainTick& out) noexcept;
 
+  /// Puts a passivity control between engine and gate; without it nothing stands there. Before the first
+  /// tick.
+  void controlPassivity(const PassivitySettings& settings) noexcept {
+    passivity_.emplace(settings, model_.rate_hz);
+  }
+  /// Null without one.
+  [[nodiscard]] const PassivityControl* passivity() const noexcept {
+    return passivity_ ? &*passivity_ : nullptr;
+  }
   [[nodiscard]] const ForceGate& gate() const noexcept { return gate_; }
   /// Acknowledges the fault for a person (ForceGate::acknowledge).
   void acknowledge() noexcept { gate_.acknowledge(); }
@@ -81,6 +92,7 @@ class HapticChain {
   Pose X_HT_;
   bool has_orientation_ = true, renders_torque_ = true;
   AssumedAxis assumed_axis_;
+  std::optional<PassivityControl> passivity_;
   ForceGate gate_;
   Plunger plunger_;
   SimState state_{};

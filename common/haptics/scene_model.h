@@ -27,6 +27,8 @@ using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, St
 /// report without the stages. Returns the force in W and writes the effect's term into `report.stage_N`. A
 /// stage without a term changes the other effects' terms in the report, and returns the change.
 using StageFunction = Vec3 (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
+/// Returns the tip that the tissue feels, before a tick: BONE holds it where the needle stands on the bone.
+using HoldFunction = TipSample (*)(const SceneModel&, const TipSample&, SimState&) noexcept;
 
 /// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
 /// δ/c.
@@ -102,6 +104,13 @@ class SceneModel {
   std::shared_ptr<const FemNeedle> fem;             ///< FEM
   std::shared_ptr<const ShaftLimits> shaft_limits;  ///< OKAMURA, DAHL
   CutReach cut_reach = nullptr;                     ///< null: the model has no wall that cuts
+
+  // BONE; null and 0 where it is not live
+  HoldFunction hold = nullptr;
+  std::uint32_t bone_layer = 0;    ///< the outermost layer of bone
+  double bone_top_m = 0;           ///< its top
+  bool bone_is_plane = false;      ///< the limb is a plane, and so is the bone
+  Vec3 bone_point_m, bone_normal;  ///< … with its unit normal out of the bone
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +

@@ -24,7 +24,8 @@ enum class Effect : std::uint8_t {
   kOrientationLimit,
   kShaftFriction,
   kPuncture,
-  kCutMemory
+  kCutMemory,
+  kBone
 };
 /// Always 0, but in tests/instructions: the engine compiled with some more effects, to count what they cost.
 #ifdef NEEDLELAB_DUMMY_EFFECTS
@@ -32,7 +33,7 @@ inline constexpr std::size_t kDummyEffectCount = NEEDLELAB_DUMMY_EFFECTS;
 #else
 inline constexpr std::size_t kDummyEffectCount = 0;
 #endif
-inline constexpr std::size_t kEffectCount = 7 + kDummyEffectCount;
+inline constexpr std::size_t kEffectCount = 8 + kDummyEffectCount;
 /// The number of effects with a fixed place within the tick; the others are stages: their forces are added at
 /// the end.
 inline constexpr std::size_t kPlacedEffectCount = 6;
@@ -52,6 +53,9 @@ static_assert(kEffectCount - kPlacedEffectCount <= kMaxStages);
 constexpr std::size_t stageOf(Effect effect) {
   return static_cast<std::size_t>(effect) - kPlacedEffectCount;
 }
+
+/// The place of BONE's stiffness among its numbers.
+inline constexpr std::size_t kBoneStiffness_N_per_m = 0;
 
 /// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
 struct PlaneLimb {
@@ -87,6 +91,7 @@ struct LayerSpec {
   std::optional<MembraneSpec> membrane;
   std::optional<FirstOrderSpec> first_order;  ///< required in every layer if the model is FIRST_ORDER
   std::optional<OkamuraSpec> okamura;         ///< required in every layer if the model is OKAMURA or DAHL
+  bool is_bone = false;                       ///< BONE: no needle enters it
 };
 
 enum class StopMode : std::uint8_t { kRamp, kExponential };
@@ -132,7 +137,10 @@ struct SceneSpec {
   double friction_stiffness_N_per_m = 140;               ///< K_f, (0, 10000]
   double max_force_N = 10;                               ///< cap of the sum, (0, 50]
   std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< of effects that are stages, by `stageOf`
-  EffectMask effects = 0;                                ///< the listed effects; the live effects are derived
+  /// BONE, on a plane limb: the direction out of the bone, any length > 0, at most 60 degrees from the skin's
+  /// normal. Absent: parallel to the skin.
+  std::optional<Vec3> bone_normal;
+  EffectMask effects = 0;  ///< the listed effects; the live effects are derived
 };
 
 /// Returns the first fault of a spec as kInvalidInput with field path, value and range, or success. `compile`

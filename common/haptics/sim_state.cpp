@@ -41,6 +41,13 @@ void addCuts(Fnv1a& hash, const SimState& state) {
   hash.add(cuts.shift_m);
 }
 
+void addBone(Fnv1a& hash, const BoneContact& bone) {
+  if (!bone.touching) return;  // a scene without BONE has the same hash as before it existed
+  hash.add(bone.p_proxy_W_m);
+  hash.add(bone.stretch_W_m);
+  for (const double d : {bone.held_m, bone.cutting_N, bone.friction_N}) hash.add(d);
+}
+
 }  // namespace
 
 const char* phaseName(Phase phase) {
@@ -100,6 +107,7 @@ std::uint64_t hashOf(const SimState& state) {
   }
   // a scene of another model has the same hash as before OKAMURA existed
   if (state.slid_m != 0.0) hash.add(state.slid_m);
+  addBone(hash, state.bone);
   const NeedleState& needle = state.needle;
   if (needle.stations == 0) return hash.value();
   for (const double d : {needle.x_m, needle.cut_m, needle.gap_m, needle.tip_N, needle.tip_most_N})

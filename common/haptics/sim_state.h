@@ -68,6 +68,15 @@ struct CutMemory {
   double shift_m = 0;                 ///< `x_shift_m` at the last tick
 };
 
+/// BONE: how the needle stands on the bone.
+struct BoneContact {
+  bool touching = false;
+  Vec3 p_proxy_W_m;   ///< the needle's tip as it is rendered: on the bone's surface, never in it
+  Vec3 stretch_W_m;   ///< from the measured tip to the proxy
+  double held_m = 0;  ///< how far the tissue feels the tip short of its measured place, along −u
+  double cutting_N = 0, friction_N = 0;  ///< while held: the forces along u that may not grow
+};
+
 /// Value-initialised: before the first tick. Only `step` changes it.
 struct SimState {
   // contact
@@ -139,6 +148,8 @@ struct SimState {
   NeedleState needle;  ///< FEM
 
   CutMemory cuts;  ///< CUT_MEMORY: the only member that outlives an insertion and acts on the next one
+
+  BoneContact bone;  ///< BONE
 };
 static_assert(std::is_trivially_copyable_v<SimState>);
 

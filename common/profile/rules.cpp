@@ -328,6 +328,8 @@ void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warni
   for (int i = 0; i < profile.layers_size(); ++i) {
     const pb::Layer& layer = profile.layers(i);
     warnAboutRupture(profile, i, warnings);
+    // the tissue above goes on where no needle enters the bone
+    if (layer.tissue() == pb::Layer::BONE && lists(profile, pb::Profile::BONE)) continue;
     if (is_wall && lists(profile, pb::Profile::CUTTING)) {
       const double phi = fidelity(force_before_N, layer.cutting_force_n(), stiffness, layer.thickness_m());
       if (phi < kLeastFidelity) {
@@ -353,6 +355,10 @@ void warnAboutModel(const pb::Profile& profile, std::vector<std::string>& warnin
   if (!has_wall && lists(profile, pb::Profile::CUT_MEMORY))
     warnings.push_back("effects: CUT_MEMORY is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
                        " has no wall that cuts: only membranes are remembered");
+  const bool has_bone = std::any_of(profile.layers().begin(), profile.layers().end(),
+                                    [](const pb::Layer& l) { return l.tissue() == pb::Layer::BONE; });
+  if (!has_bone && lists(profile, pb::Profile::BONE))
+    warnings.push_back("effects: BONE is listed, and no layer's tissue is BONE");
   const bool cuts = model != pb::Profile::PRECOMPUTED && model > pb::Profile::ENHANCED_TRACKING_WALL;
   if (cuts && !lists(profile, pb::Profile::CUTTING))
     warnings.push_back("effects: CUTTING is not listed, without it axial_model " +

@@ -45,6 +45,7 @@ LayerSpec layerOf(const pb::Layer& layer) {
   spec.rejection_force_N = layer.rejection_force_n();
   spec.lateral_stiffness_N_per_m2 = layer.lateral_stiffness_n_per_m2();
   spec.friction_N_per_m = layer.friction_n_per_m();
+  spec.is_bone = layer.tissue() == pb::Layer::BONE;
   if (layer.has_puncture()) {
     spec.membrane = MembraneSpec{layer.puncture().linear_n_per_m(), layer.puncture().quadratic_n_per_m2(),
                                  layer.puncture().force_n()};
@@ -238,6 +239,7 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   RETURN_IF_ERROR(readModel(profile, spec));
   spec.tracking_wall = wallOf(profile.tracking_wall());
   for (const EffectEntry* effect : effectEntries()) readSection(*effect, profile, spec);
+  if (profile.bone().has_normal()) spec.bone_normal = rotate(placement.q, vectorOf(profile.bone().normal()));
   if (profile.has_max_force_n()) spec.max_force_N = profile.max_force_n();
   for (const int effect : profile.effects()) {
     if (effect <= pb::Profile::Effect_MIN || effect > pb::Profile::Effect_MAX)

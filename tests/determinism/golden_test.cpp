@@ -181,6 +181,35 @@ std::vector<Case> casesWithCuts() {
   };
 }
 
+SceneSpec onBone(SceneSpec scene) {
+  scene.layers.back().is_bone = true;
+  scene.effects |= bitOf(Effect::kBone);
+  useUsualNumbers(effectEntry(Effect::kBone), scene);
+  return scene;
+}
+
+// the last layer is bone
+std::vector<Case> casesWithBone() {
+  return {
+      {"bone_tilted_plane_passive_turning",
+       [] {
+         const SceneSpec scene = withLimb(allEffects(), LimbKind::kTiltedPlane);
+         return hashOfRun(onBone(turning(scene, ClampingMode::kPassive)), 1000,
+                          randomGesture(109, 1000, siteOf(LimbKind::kTiltedPlane)));
+       }},
+      {"bone_capsule_cut_memory",
+       [] {
+         return hashOfRun(onBone(remembering(withLimb(allEffects(), LimbKind::kCapsule))), 1000,
+                          randomGesture(110, 1000, siteOf(LimbKind::kCapsule)));
+       }},
+      {"bone_sphere_okamura",
+       [] {
+         return hashOfRun(onBone(modelScene(AxialModel::kOkamura, LimbKind::kSphere)), 1000,
+                          randomGesture(111, 1000, siteOf(LimbKind::kSphere)));
+       }},
+  };
+}
+
 // every axial model, on a gesture during which u turns
 std::vector<Case> preparedCases() {
   std::vector<Case> cases = preparedScenes();
@@ -190,6 +219,7 @@ std::vector<Case> preparedCases() {
                                         1000, randomGesture(106, 1000, siteOf(LimbKind::kSphere)));
                      }});
   for (Case& with_cuts : casesWithCuts()) cases.push_back(std::move(with_cuts));
+  for (Case& with_bone : casesWithBone()) cases.push_back(std::move(with_bone));
   return cases;
 }
 

@@ -33,6 +33,7 @@ std::span<const EffectEntry* const, kDummyEffectCount> dummyEntries() {
 // all stages have numbers, the dummies among them, listed or not
 SceneSpec sceneWith(EffectMask effects) {
   SceneSpec scene = withEffects(allEffects(), effects);
+  scene.layers.back().is_bone = true;
   for (const EffectEntry* entry : effectEntries())
     if (entry->stage != nullptr) useUsualNumbers(*entry, scene);
   return scene;

@@ -100,6 +100,26 @@ TEST(LeverClamping, theSameFixtureStandsWithoutTheLever) {
   }
 }
 
+TEST(ObliqueBone, holdsAtAnyAngleOnEachDevice) {
+  const CaseRow row = rowOf("oblique_bone");
+  EXPECT_TRUE(holds(row));
+  // the Falcon's 1.0 N·s/m over T (½ + d) and 1000 N/m, alone and with the hand's 3 N·s/m
+  EXPECT_NEAR(*row.passive_margin, 1.0 / 1.5e-3 / 1000, 1e-9);
+  EXPECT_NEAR(*row.coupled_margin, 4.0 / 1.5e-3 / 1000, 1e-9);
+}
+TEST(ObliqueBone, controlBoneThatIsALayerToCutLetsTheNeedleIn) {
+  const CaseRow row = rowOf("oblique_bone", kLoaded,
+                            ofScene([](SceneSpec& scene) { scene.effects &= ~bitOf(Effect::kBone); }));
+  EXPECT_FALSE(holds(row));
+}
+TEST(ObliqueBone, controlBoneStifferThanTheLoopHoldsSwings) {
+  const CaseRow row = rowOf("oblique_bone", kLoaded, ofScene([](SceneSpec& scene) {
+                              scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] = 5000;
+                            }));
+  EXPECT_FALSE(holds(row));
+  EXPECT_GT(*row.measured, 0.2) << rowText(row);
+}
+
 TEST(FreeHandNoFriction, itSwingsAboutTheWallAndNoFurther) {
   const CaseRow row = rowOf("free_hand_no_friction");
   EXPECT_TRUE(holds(row));

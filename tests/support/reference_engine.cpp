@@ -73,7 +73,8 @@ bool ReferenceEngine::live(Effect effect) const {
     case Effect::kPuncture:
       return anyLayer([](const LayerSpec& l) { return l.membrane.has_value(); });
     case Effect::kCutMemory:
-      return false;  // the reference forgets at each exit
+    case Effect::kBone:
+      return false;  // the reference forgets at each exit, and knows no bone
   }
   return false;
 }

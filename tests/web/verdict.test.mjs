@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { kVerdicts, verdictOf } from '../../client/web/app/lib/verdict.js';
+import { kVerdicts, stiffnessShareText, verdictOf } from '../../client/web/app/lib/verdict.js';
 import { cellState } from '../../client/web/app/pages/results.js';
 import { Verdict } from '../../client/web/app/pages/sessions.js';
 import { Row } from '../../client/web/app/session/score.js';
@@ -46,4 +46,13 @@ test('a measure beside the experts has their range and words, and no count of st
   assert.match(text, /1\u00a0N to 1[.,]5\u00a0N/);
   assert.match(text, /far from the experts/);
   assert.doesNotMatch(text, /z\s*=|373/);
+});
+
+test('a session that was rendered softer than its profile says so beside the score, in the words of the station', () => {
+  assert.equal(
+    stiffnessShareText(0.551),
+    "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness: device and tool hold no more.",
+  );
+  // absent: all of it; others are no shares
+  for (const share of [undefined, null, 1, 0, -1, 2, 'NaN']) assert.equal(stiffnessShareText(share), '');
 });

@@ -14,6 +14,7 @@
 #include "common/base/files.h"
 #include "common/base/text.h"
 #include "common/gesture/sample_csv.h"
+#include "common/haptics/handle_stiffness.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
@@ -167,6 +168,8 @@ std::string headOf(const ReportData& data) {
   std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : d.trainee()) + ": " +
                     htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
                     "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
+  if (const auto lowered = stiffnessShareText(stiffnessShareOf(d)); !lowered.empty())
+    out += "<p>" + htmlText(lowered) + "</p>\n";
   if (!data.exercise_text.empty()) out += "<p>" + htmlText(data.exercise_text) + "</p>\n";
   out += "<table>\n" + fact("session", gesture.id) + fact("when and what", gesture.title()) +
          fact("station", d.station()) + fact("device", d.device()) +

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/base/uuid.h"
+#include "common/haptics/handle_stiffness.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -19,6 +20,11 @@ Result<Pose> placementOf(const pb::SessionDescription& description) {
   const Quat q{numbers[3], numbers[4], numbers[5], numbers[6]};
   if (!(dot(q, q) > 1e-12)) return Error{ErrorCode::kInvalidInput, "placement: the quaternion is zero"};
   return Pose{{numbers[0], numbers[1], numbers[2]}, normalized(q)};
+}
+
+double stiffnessShareOf(const pb::SessionDescription& description) {
+  const double share = description.has_stiffness_share() ? description.stiffness_share() : 1;
+  return share > 0 && share < 1 ? share : 1;
 }
 
 std::string sessionIdText(const std::string& bytes) {
@@ -46,6 +52,7 @@ SessionScene sceneOfSession(const pb::SessionDescription& description, const Sce
   scene.view = std::make_shared<const SceneView>(*std::move(view));
   const auto compiled = [&]() -> Result<SceneModel> {
     ASSIGN_OR_RETURN(auto spec, sceneSpecOf(scene.profile, scene.X_WL));
+    lowerStiffness(spec, stiffnessShareOf(description));
     if (prepare) {
       RETURN_IF_ERROR(prepare(spec));
     }

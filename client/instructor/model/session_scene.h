@@ -35,6 +35,10 @@ BoneContacts bonesOf(const SessionScene& scene);
 /// numbers.
 Result<Pose> placementOf(const pb::SessionDescription& description);
 
+/// The share of the profile's stiffness across the needle that the session was rendered with; 1 where the
+/// description has none, or a number that is not of (0, 1].
+double stiffnessShareOf(const pb::SessionDescription& description);
+
 /// Returns the session's id as text; "?" if it is invalid.
 std::string sessionIdText(const std::string& bytes);
 

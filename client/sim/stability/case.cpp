@@ -29,7 +29,7 @@ std::string_view verdictText(Verdict verdict) {
 
 std::vector<StabilityCase> allCases() {
   std::vector<StabilityCase> all;
-  for (auto&& part : {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases()})
+  for (auto&& part : {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases()})
     for (const StabilityCase& one : part) all.push_back(one);
   return all;
 }
@@ -117,6 +117,8 @@ void worsen(CaseRow& row, const CaseRow& other) {
   lower(row.coupled_margin, other.coupled_margin);
   lower(row.passive_margin, other.passive_margin);
   raise(row.grip_energy_J, other.grip_energy_J);
+  raise(row.controlled_energy_J, other.controlled_energy_J);
+  raise(row.distortion_N, other.distortion_N);
 }
 
 bool heldIn(const PlantRun& run, TimeWindow window) {
@@ -236,6 +238,21 @@ std::string marginsText(const std::vector<CaseRow>& rows) {
          text;
 }
 
+std::string controlText(const std::vector<CaseRow>& rows) {
+  constexpr std::size_t kName = 24, kColumn = 13;
+  std::string text;
+  for (const std::string& name : caseNames(rows)) {
+    const CaseRow* row = rowOf(rows, name, kWall);
+    if (row == nullptr || !row->controlled_energy_J) continue;
+    text += "  " + padded(name, kName) + padded(shortNumber(row->grip_energy_J), kColumn) +
+            padded(shortNumber(row->controlled_energy_J), kColumn) + shortNumber(row->distortion_N) + "\n";
+  }
+  if (text.empty()) return text;
+  return "\nPassivity control (the wall): energy got at the grip without it, with it [J]; force taken off "
+         "[N]\n" +
+         text;
+}
+
 std::string noticeableSteps(const std::vector<CaseRow>& rows) {
   std::string text;
   for (const std::string& name : caseNames(rows)) {
@@ -337,6 +354,8 @@ nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows) {
          {"coupled_margin", orNull(row.coupled_margin)},
          {"passive_margin", orNull(row.passive_margin)},
          {"grip_energy_j", orNull(row.grip_energy_J)},
+         {"controlled_energy_j", orNull(row.controlled_energy_J)},
+         {"distortion_n", orNull(row.distortion_N)},
          {"measured", orNull(row.measured)},
          {"limit", orNull(row.limit)},
          {"passed", judged ? nlohmann::ordered_json(row.passed) : nlohmann::ordered_json()},
@@ -374,7 +393,7 @@ std::string rowsText(const std::vector<CaseRow>& rows) {
       notes += "  " + padded(row.case_name, kName) + padded(std::string(shortName(row.model)), kColumn) +
                row.note + "\n";
   if (!notes.empty()) text += "\nNotes\n" + notes;
-  text += marginsText(rows) + noticeableSteps(rows);
+  text += marginsText(rows) + controlText(rows) + noticeableSteps(rows);
   if (const std::string same = noWorse(rows); !same.empty())
     text += "\nPassed, and measured no more than the enhanced tracking wall\n" + same;
   return text + "\n" + findingOf(rows) + ".\n";

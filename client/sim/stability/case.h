@@ -42,7 +42,10 @@ struct CaseRow {
   /// case (coupled stability) and with the device's own damping alone (passivity), as LoopMargins.
   std::optional<double> coupled_margin, passive_margin;
   std::optional<double> grip_energy_J;  ///< closed loops only, the greatest: as greatestGripEnergy_J
-  std::optional<double> measured;       ///< the value that the case judges, in the unit of `quantity`
+  /// Where the case has it: the same energy with the passivity control, and the greatest force that this took
+  /// off (grip_energy_J is then that without it).
+  std::optional<double> controlled_energy_J, distortion_N;
+  std::optional<double> measured;  ///< the value that the case judges, in the unit of `quantity`
   std::optional<double> limit;
   std::string quantity;  ///< e.g. "peak-to-peak in the hold [N]"
   bool passed = false;
@@ -93,8 +96,9 @@ std::vector<StabilityCase> motionCases();
 std::vector<StabilityCase> scanCases();
 std::vector<StabilityCase> loadCases();
 std::vector<StabilityCase> deviceCases();
+std::vector<StabilityCase> passivityCases();
 /// All of them: holds, prescribed motions, stiffness and missing ticks, then releases under load and the
-/// lever, and what a device or its clock does wrong.
+/// lever, what a device or its clock does wrong, and the passivity control.
 std::vector<StabilityCase> allCases();
 
 /// Runs a case; a row that is not applicable where the case says nothing about `model`.

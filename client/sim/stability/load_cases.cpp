@@ -1,5 +1,5 @@
-/// The closed-loop cases of a load: a hand that lets go under it, motors too hot for it, and a fixture at the
-/// end of the tool's lever. Private to this folder.
+/// The closed-loop cases of a load: a hand that lets go under it, motors too hot for it, a fixture at the end
+/// of the tool's lever, and bone under a slanting needle. Private to this folder.
 
 #include <fmt/core.h>
 
@@ -23,6 +23,8 @@ static Result<CaseOutcome> releaseUnderLoad(const CaseSettings&, AxialModel, con
 static Result<CaseOutcome> deratedRelease(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 /// The fixture's force acts at the tip, the hand and the device on the handle.
 static Result<CaseOutcome> leverClamping(const CaseSettings&, AxialModel, const ForceSourceFactory&);
+/// Pressed on bone and drawn along it, on each device: it holds, and comes to rest.
+static Result<CaseOutcome> obliqueBone(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 
 std::vector<StabilityCase> loadCases() {
   return {
@@ -32,6 +34,10 @@ std::vector<StabilityCase> loadCases() {
        deratedRelease},
       {"lever_clamping", "pushed aside in the fixture, with the tool's lever of 0.13 m", true, false,
        leverClamping},
+      {"oblique_bone", "pressed on bone at 0 to 60 degrees and drawn along it, on each device", true, false,
+       obliqueBone},
+      {"tool_gestures", "random gestures with a hand, at the end of a mounted tool", true, false,
+       toolGestures},
       {"random_energy_500981", "the random gesture of a nearly free hand that a late loop gives energy", true,
        false, randomEnergySeed,
        "a spring that is held for a tick and comes a tick late is not passive, whatever its model, and this "
@@ -269,6 +275,122 @@ Result<CaseOutcome> leverClamping(const CaseSettings& settings, AxialModel model
       "exact encoders {:.1g} N",
       left.stiffness_N_per_m, left.stiffness_N_per_m * lever_m * lever_m,
       device.limits.max_rotational_stiffness_Nm_per_rad, left.swing_N, left_exact.swing_N);
+  return outcome;
+}
+
+namespace {
+
+// a device of the file's list, with the case's plant for all else
+struct BoneDevice {
+  std::string name;
+  PlantOptions plant;
+  double stiffness_N_per_m = 0;  ///< of the bone: as much as the device renders
+};
+std::vector<BoneDevice> boneDevices(CaseEntry& entry) {
+  std::vector<BoneDevice> devices;
+  for (const char* name : {"desktop", "desktop_with_tool", "falcon"}) {
+    const std::string path = std::string("devices.") + name + ".";
+    BoneDevice device{name, entry.plant(), entry.number(path + "stiffness_n_per_m", 1, 10'000)};
+    DeviceLimits& limits = device.plant.device.limits;
+    limits.apparent_mass_kg = entry.number(path + "mass_kg", 0.01, 10);
+    limits.damping_Ns_per_m = entry.number(path + "damping_ns_per_m", 0, 100);
+    limits.peak_force_N = entry.number(path + "peak_force_n", 0.1, 100);
+    limits.continuous_force_N = entry.number(path + "continuous_force_n", 0.1, 100);
+    device.plant.device.X_HT.p.z = entry.number(path + "tool_z_m", 0, 0.5);
+    devices.push_back(device);
+  }
+  return devices;
+}
+
+// the greatest swing of the force in any direction of W
+double swingIn(const PlantRun& run, TimeWindow window, bool& growing) {
+  double most_N = 0;
+  for (const Vec3 direction : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
+    const auto force_N = forceAlong(ticksIn(run, window), direction);
+    most_N = std::max(most_N, peakToPeak(force_N));
+    growing = growing || grows(force_N, 0.05);
+  }
+  return most_N;
+}
+
+// a needle that slants by `angle_rad` comes to `depth_m`, presses on by `beyond_m` along its axis, and is
+// drawn aside
+struct BonePath {
+  HandPlan plan{Pose{}};
+  TimeWindow pressed, drawn;
+};
+BonePath pathOntoBone(CaseEntry& entry, double angle_rad, double depth_m) {
+  const double speed = entry.number("speed_m_s", 1e-3, 0.1), beyond_m = entry.number("beyond_m", 1e-4, 0.1),
+               aside_m = entry.number("aside_m", 1e-4, 0.05), hold_s = entry.number("hold_s", 0.1, 10),
+               judged_s = entry.number("judged_s", 0.05, 10);
+  const Vec3 axis{std::sin(angle_rad), 0, -std::cos(angle_rad)};
+  const Quat q = orientationAlong(axis);
+  const double length_m = depth_m / std::cos(angle_rad);
+  const Pose outside{axis * -0.005, q}, press{axis * (length_m + beyond_m), q};
+  const Pose aside{press.p + Vec3{aside_m, 0, 0}, q};
+  BonePath path{HandPlan(outside), {}, {}};
+  path.plan.hold(0.3).moveTo(press, speed, Motion::kTrapezoid).hold(hold_s);
+  path.pressed = {path.plan.duration_s() - judged_s, path.plan.duration_s()};
+  path.plan.moveTo(aside, speed, Motion::kTrapezoid).hold(hold_s);
+  path.drawn = {path.plan.duration_s() - judged_s, path.plan.duration_s()};
+  path.plan.moveTo(outside, speed, Motion::kTrapezoid).hold(0.3);
+  return path;
+}
+
+}  // namespace
+
+// The hand's spring k and the bone's K share what the hand wants beyond the surface: along the normal the
+// needle sinks by k/(k + K) of it, whether it sticks or slips, less what the tissue bears. It is stable with
+// this hand while K ≤ (b + b_hand)/(T (½ + d)): the force comes to rest, but for what the encoders cannot
+// tell from rest.
+Result<CaseOutcome> obliqueBone(const CaseSettings& settings, AxialModel model,
+                                const ForceSourceFactory& source) {
+  CaseEntry entry(settings.file, "oblique_bone", settings.long_form);
+  SceneSpec scene = entry.scene(model);
+  const double beyond_m = entry.number("beyond_m", 1e-4, 0.1), sink_share = entry.number("sink_share", 1, 2);
+  const std::vector<double> angles_deg = entry.numbers("angles_deg");
+  CaseTally tally("force at rest on bone, peak-to-peak, over that of four encoder steps", 1,
+                  entry.chatterFilter());
+  const std::vector<BoneDevice> devices = boneDevices(entry);
+  if (!entry.status().ok()) return entry.status().error();
+
+  const double top_m = scene.layers.front().thickness_m;
+  double most_share = 0;
+  std::string deepest;
+  for (const BoneDevice& device : devices) {
+    scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] = device.stiffness_N_per_m;
+    const SimulatedDeviceOptions& options = device.plant.device;
+    const double encoder_m = options.encoder_step_m + options.X_HT.p.z * options.encoder_step_rad;
+    const double rest_N = kRestEncoderSteps * encoder_m * device.stiffness_N_per_m;
+    const double hand_share =
+        options.hand.stiffness_N_per_m / (options.hand.stiffness_N_per_m + device.stiffness_N_per_m);
+    for (const double angle_deg : angles_deg) {
+      const double angle_rad = angle_deg * std::numbers::pi / 180;
+      const BonePath path = pathOntoBone(entry, angle_rad, top_m);
+      if (!entry.status().ok()) return entry.status().error();
+      ASSIGN_OR_RETURN(const auto run, runScene(source, scene, path.plan, device.plant));
+      const std::string label = fmt::format("{}, {:g} degrees", device.name, angle_deg);
+      for (const TimeWindow window : {path.pressed, path.drawn}) {
+        bool growing = heldIn(run, window);
+        const double swing_N = swingIn(run, window, growing);
+        tally.add(run, window, swing_N / rest_N, label, growing);
+      }
+      const double sinks_m = beyond_m * std::cos(angle_rad) * hand_share;
+      for (const PlantTick& tick : run.ticks) {
+        const double share = (-tick.p_W_m.z - top_m) / sinks_m;
+        if (share <= most_share) continue;
+        most_share = share;
+        deepest = label;
+      }
+    }
+  }
+  CaseOutcome outcome = tally.finish();
+  if (most_share > sink_share) {
+    if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
+    outcome.row.passed = false;
+  }
+  outcome.row.note = fmt::format("sinks by {:.3g} of what bone and hand share ({}), {:g} passes", most_share,
+                                 deepest, sink_share);
   return outcome;
 }
 

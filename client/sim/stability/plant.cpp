@@ -161,6 +161,8 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
 
   HandRandom random(options.seed);
   ForceGate gate(options.device.limits, options.rate_hz);
+  std::optional<PassivityControl> passivity;
+  if (options.passivity) passivity.emplace(*options.passivity, options.rate_hz);
   const Pose& X_HT = options.device.X_HT;
   PlantRun run{options.rate_hz, source.axialStiffness_N_per_m(), {}, Fault::kNone, {}, 0};
   run.ticks.reserve(static_cast<std::size_t>(plan.duration_s() * options.rate_hz) + 2);
@@ -183,7 +185,9 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
       wanted = wrenchAtHandle(report.wrench_W, tick.seen.p_WT_m, reading.X_WH.p);
     }
     gate.noteOutside(report.depth_m <= 0);
+    if (passivity) wanted = passivity->limited(reading.X_WH, tick.stepped, wanted);
     const GuardedWrench guarded = gate.guard(wanted);
+    if (passivity) passivity->rendered(guarded.wrench());
     plant.command(guarded);
 
     const HandleState& handle = plant.device().handle();
@@ -195,6 +199,7 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
     tick.slant = source.slant();
     tick.rendered_force_N = guarded.wrench().force_N;
     tick.gate_flags = gate.flags();
+    if (passivity) tick.passivity_share = passivity->state().share;
     tick.energy_J = plant.energy_J();
     tick.turn_energy_J = plant.turnEnergy_J();
     if (run.fault == Fault::kNone) run.fault = gate.fault();
@@ -202,6 +207,21 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
   run.margins = marginsOf(run, options);
   run.grip_energy_J = greatestGripEnergy_J(run, options.device);
   return run;
+}
+
+PassivitySettings passivityOf(const PlantOptions& options) {
+  PassivitySettings settings;
+  settings.delay_ticks = options.device.delay_ticks;
+  settings.damping_Ns_per_m = options.device.limits.damping_Ns_per_m;
+  settings.rotational_damping_Nms_per_rad = options.device.rotational_damping_Nms_per_rad;
+  return settings;
+}
+
+double greatestDistortion_N(const PlantRun& run) {
+  double most_N = 0;
+  for (const PlantTick& tick : run.ticks)
+    most_N = std::max(most_N, (1 - tick.passivity_share) * norm(tick.report.wrench_W.force_N));
+  return most_N;
 }
 
 double dampingAcross(double damping_Ns_per_m, double rotational_damping_Nms_per_rad, double lever_m) {

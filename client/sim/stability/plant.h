@@ -4,11 +4,13 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "client/device/simulated_device.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
+#include "common/haptics/passivity_control.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
@@ -41,6 +43,7 @@ struct PlantOptions {
   double jitter_share = 0;   ///< a tick comes late by up to this share of a period, [0, 1)
   double missing_share = 0;  ///< share of ticks in which the device gives no update, [0, 1)
   std::uint64_t seed = 1;    ///< of jitter and missing ticks
+  std::optional<PassivitySettings> passivity = {};  ///< none: no passivity control, as the station's default
 };
 
 /// The record of one tick. Positions and forces are in W.
@@ -55,7 +58,8 @@ struct PlantTick {
   StepReport report;      ///< forces before the gate
   Vec3 rendered_force_N;  ///< after the gate
   std::uint32_t gate_flags = 0;
-  double slant = 1;     ///< c of the source, see ForceSource::slant
+  double passivity_share = 1;  ///< what the passivity control left of the report's wrench
+  double slant = 1;            ///< c of the source, see ForceSource::slant
   double energy_J = 0;  ///< ∫ f·v dt of the rendered force since the start: the energy given to the hand
   double turn_energy_J = 0;  ///< ∫ τ·ω dt of the rendered torque at the handle, likewise
 };
@@ -79,6 +83,12 @@ struct PlantRun {
 
 /// Runs the plan to its end. Deterministic. Errors: kInvalidInput, as of SimulatedDevice::open.
 Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const PlantOptions& options);
+
+/// What the passivity control of `options`' device and delay counts: the device's own damping.
+PassivitySettings passivityOf(const PlantOptions& options);
+
+/// The greatest force that the passivity control took off, before the gate; 0 without one. In N.
+double greatestDistortion_N(const PlantRun& run);
 
 /// Damping that a motion of the tip across the needle meets: handle and lever give way one after the other,
 /// 1/b_tip = 1/b + lever²/b_turn. In N·s/m; 0 where one of both is 0.

@@ -10,6 +10,8 @@
 #include "client/sim/stability/motion_cases.h"
 #include "client/sim/stability/passivity_observer.h"
 #include "client/sim/stability/passivity_search.h"
+#include "client/sim/tools/hand_thresholds.h"
+#include "common/haptics/handle_stiffness.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
 
@@ -46,6 +48,25 @@ struct WithHand {
   CaseRow row;  ///< margins and greatest energy at the grip
 };
 
+// the hand of the gesture's seed, in `plant`
+void take(const PassivityGesture& gesture, std::uint64_t seed, const std::vector<Grip>& hands,
+          PlantOptions& plant) {
+  const Grip& hand = hands[seed % hands.size()];
+  plant.device.hand.stiffness_N_per_m = hand.stiffness_N_per_m;
+  plant.device.hand.damping_Ns_per_m = hand.damping_Ns_per_m;
+  plant.device.hand.tremor_m = gesture.tremor_m;
+  plant.device.hand.seed = gesture.tremor_seed;
+}
+
+// as a station renders it with the tool of `plant`
+Result<SceneSpec> mounted(SceneSpec scene, const PlantOptions& plant, const ForceSourceFactory& make_source) {
+  if (plant.device.X_HT == Pose{}) return scene;
+  ASSIGN_OR_RETURN(const auto source, make_source(scene, plant.rate_hz));
+  lowerStiffness(scene, heldStiffnessShare(scene, source->axialStiffness_N_per_m(), plant.device.limits,
+                                           plant.device.X_HT));
+  return scene;
+}
+
 Result<WithHand> withHands(std::uint64_t gestures, const PassivitySearch& search, PlantOptions plant,
                            const std::vector<Grip>& hands, AxialModel model,
                            const ForceSourceFactory& make_source) {
@@ -53,13 +74,10 @@ Result<WithHand> withHands(std::uint64_t gestures, const PassivitySearch& search
   worst.row.finite = true;
   for (std::uint64_t seed = search.first_seed; seed < search.first_seed + gestures; ++seed) {
     const PassivityGesture gesture = randomGesture(seed, shapeOf(seed), search.range);
-    ASSIGN_OR_RETURN(const auto scene, sceneSpecOf(gesture.profile));
-    ASSIGN_OR_RETURN(auto source, make_source(likeForLike(scene, model), plant.rate_hz));
-    const Grip& hand = hands[seed % hands.size()];
-    plant.device.hand.stiffness_N_per_m = hand.stiffness_N_per_m;
-    plant.device.hand.damping_Ns_per_m = hand.damping_Ns_per_m;
-    plant.device.hand.tremor_m = gesture.tremor_m;
-    plant.device.hand.seed = gesture.tremor_seed;
+    ASSIGN_OR_RETURN(const auto given, sceneSpecOf(gesture.profile));
+    ASSIGN_OR_RETURN(const auto scene, mounted(likeForLike(given, model), plant, make_source));
+    ASSIGN_OR_RETURN(auto source, make_source(scene, plant.rate_hz));
+    take(gesture, seed, hands, plant);
     ASSIGN_OR_RETURN(const auto run, runPlant(*source, restedPlan(gesture), plant));
 
     PassivityObserver observer(run.axial_stiffness_N_per_m);
@@ -176,6 +194,106 @@ Result<CaseOutcome> randomEnergySeed(const CaseSettings& settings, AxialModel mo
   const auto inMillijoules = [](double energy_J) { return fmt::format("{:.2g} mJ", energy_J * 1e3); };
   row.note = fmt::format("without delay {}, at {:g} Hz {}", inMillijoules(in_time.grip_J), faster.rate_hz,
                          inMillijoules(fast.grip_J));
+  return outcome;
+}
+
+namespace {
+
+// fewer for the other models: FEM makes a mesh for each
+std::uint64_t gesturesOf(CaseEntry& entry, AxialModel model) {
+  return entry.whole(model == AxialModel::kEnhancedTrackingWall ? "gestures" : "gestures_of_other_models", 1);
+}
+
+}  // namespace
+
+// Scenes lowered to what the Desktop and this tool hold; energy of force and torque at the handle.
+Result<CaseOutcome> toolGestures(const CaseSettings& settings, AxialModel model,
+                                 const ForceSourceFactory& source) {
+  CaseEntry entry(settings.file, "tool_gestures", settings.long_form);
+  const std::uint64_t gestures = gesturesOf(entry, model);
+  const PlantOptions plant = entry.plant();
+  const double limit = entry.number("limit", 0);
+  if (!entry.status().ok()) return entry.status().error();
+  ASSIGN_OR_RETURN(const auto of, randomGestures(settings, model));
+  ASSIGN_OR_RETURN(const auto held, withHands(gestures, of.search, plant, of.hands, model, source));
+  CaseOutcome outcome;
+  outcome.row = held.row;
+  judgeMotion(outcome.row, "greatest energy given to the hand at any moment [J]",
+              held.row.grip_energy_J.value_or(0), limit);
+  outcome.row.note = fmt::format("{} gestures, lever {:.0f} mm", gestures, 1e3 * norm(plant.device.X_HT.p));
+  return outcome;
+}
+
+namespace {
+
+struct ControlledGestures {
+  CaseRow worst;
+  std::uint64_t touched = 0;  ///< gestures of which more is taken off than a hand notices
+  /// The most that is taken off a gesture that got no more than the reserve without it.
+  double passive_touched_N = 0;
+};
+
+// gestures from `first_seed` on, with the passivity control and without
+Result<ControlledGestures> controlledGestures(const RandomGestures& of, std::uint64_t first_seed,
+                                              std::uint64_t gestures, AxialModel model,
+                                              const ForceSourceFactory& source) {
+  ControlledGestures all;
+  all.worst.finite = true;
+  PlantOptions plant = of.plant;
+  for (std::uint64_t seed = first_seed; seed < first_seed + gestures; ++seed) {
+    const PassivityGesture gesture = randomGesture(seed, shapeOf(seed), of.search.range);
+    ASSIGN_OR_RETURN(const auto scene, sceneSpecOf(gesture.profile));
+    take(gesture, seed, of.hands, plant);
+    ASSIGN_OR_RETURN(const auto runs,
+                     controlledRuns(source, likeForLike(scene, model), restedPlan(gesture), plant));
+    CaseRow row = measuredRow(runs.with, {}, {});
+    row.grip_energy_J.reset();
+    putControlled(row, runs);
+    worsen(all.worst, row);
+    const double off_N = row.distortion_N.value_or(0);
+    if (off_N > kNoticeableStep_N) ++all.touched;
+    if (runs.without.grip_energy_J <= PassivitySettings{}.reserve_J)
+      all.passive_touched_N = std::max(all.passive_touched_N, off_N);
+  }
+  return all;
+}
+
+}  // namespace
+
+Result<CaseOutcome> passivityLateLoop(const CaseSettings& settings, AxialModel model,
+                                      const ForceSourceFactory& source) {
+  CaseEntry entry(settings.file, "passivity_late_loop", settings.long_form);
+  const std::uint64_t seed = entry.whole("seed", 1);
+  const double limit = entry.number("limit", 0);
+  if (!entry.status().ok()) return entry.status().error();
+  ASSIGN_OR_RETURN(const auto of, randomGestures(settings, model));
+  ASSIGN_OR_RETURN(const auto controlled, controlledGestures(of, seed, 1, model, source));
+  CaseOutcome outcome;
+  outcome.row = controlled.worst;
+  judgeMotion(outcome.row, "energy given to the hand at any moment, with passivity control [J]",
+              outcome.row.controlled_energy_J.value_or(0), limit);
+  outcome.row.note = controlledNote(outcome.row);
+  return outcome;
+}
+
+// Where the device damps enough for the loop to be passive, what gives no energy is left as it is: no more is
+// taken off than a hand would notice.
+Result<CaseOutcome> passivityTransparent(const CaseSettings& settings, AxialModel model,
+                                         const ForceSourceFactory& source) {
+  CaseEntry entry(settings.file, "passivity_transparent", settings.long_form);
+  const std::uint64_t gestures = gesturesOf(entry, model);
+  const PlantOptions plant = entry.plant();
+  if (!entry.status().ok()) return entry.status().error();
+  ASSIGN_OR_RETURN(auto of, randomGestures(settings, model));
+  of.plant = plant;
+  ASSIGN_OR_RETURN(const auto controlled,
+                   controlledGestures(of, of.search.first_seed, gestures, model, source));
+  CaseOutcome outcome;
+  outcome.row = controlled.worst;
+  judgeMotion(outcome.row, "force taken off gestures that give no energy [N]", controlled.passive_touched_N,
+              kNoticeableStep_N);
+  outcome.row.note = fmt::format("{} of {} gestures are touched; {}", controlled.touched, gestures,
+                                 controlledNote(outcome.row));
   return outcome;
 }
 

@@ -8,6 +8,7 @@
 #include "client/device/hand_options.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/handle_stiffness.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -79,25 +80,15 @@ std::vector<std::string> liveEffects(const SceneModel& model) {
 
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
   if (!device.renders_force) return {};
-  const auto refuse = [&](const char* what, double wanted, double most, const char* unit) {
-    return Error{ErrorCode::kInvalidInput,
-                 fmt::format("the scene is too stiff for the {}: {} is {:.4g} {}, the device renders at most "
-                             "{:.4g} {}; use a softer profile",
-                             device.name, what, wanted, unit, most, unit)};
-  };
-  const double axial = model.axialStiffness_N_per_m();
-  if (axial > device.limits.max_stiffness_N_per_m)
-    return refuse("wall, friction and the steepest membrane together along the needle", axial,
-                  device.limits.max_stiffness_N_per_m, "N/m");
-  if (model.isLive(Effect::kClamping) &&
-      model.fixture.max_stiffness_N_per_m > device.limits.max_stiffness_N_per_m)
-    return refuse("virtual_fixture.max_stiffness_n_per_m", model.fixture.max_stiffness_N_per_m,
-                  device.limits.max_stiffness_N_per_m, "N/m");
-  if (model.isLive(Effect::kOrientationLimit) &&
-      model.orientation.stiffness_Nm_per_rad > device.limits.max_rotational_stiffness_Nm_per_rad)
-    return refuse("orientation_limit.stiffness_nm_per_rad", model.orientation.stiffness_Nm_per_rad,
-                  device.limits.max_rotational_stiffness_Nm_per_rad, "N·m/rad");
-  return {};
+  const double axial = model.axialStiffness_N_per_m(), most = device.limits.max_stiffness_N_per_m;
+  if (axial <= most) return {};
+  return Error{
+      ErrorCode::kInvalidInput,
+      fmt::format(
+          "the scene is too stiff for the {}: wall, friction and the steepest membrane "
+          "together along the needle, or the bone, is {:.4g} N/m, the device renders at most {:.4g} N/m; "
+          "use a softer profile",
+          device.name, axial, most)};
 }
 
 std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
@@ -134,6 +125,44 @@ SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::
   return scene;
 }
 
+Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
+                      std::vector<std::string>& notes) {
+  if (!device.renders_force) return {};
+  const double axial = lesson.model.axialStiffness_N_per_m();
+  const DeviceLimits& limits = device.limits;
+  // the lever's torque is not asked for: the fixture acts on the handle as at the tip
+  const bool has_lever = device.renders_torque && device.has_orientation;
+  const Pose lever = has_lever ? X_HT : Pose{};
+  const double share = heldStiffnessShare(lesson.scene, axial, limits, lever);
+  if (share >= 1) return {};
+
+  const HandleStiffness wanted = handleStiffness(lesson.scene, axial, lever);
+  const std::string what = fmt::format(
+      "Across the needle the scene is {:.4g} N/m at the tip and, with the tool's lever of {:.0f} mm, {:.3g} "
+      "N·m/rad at the handle; the {} holds {:.4g} N/m and {:.3g} N·m/rad",
+      wanted.across_N_per_m(), 1e3 * norm(lever.p), wanted.handle_Nm_per_rad, device.name,
+      limits.max_stiffness_N_per_m, limits.max_rotational_stiffness_Nm_per_rad);
+  if (share < kLeastStiffnessShare)
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("{}: {:.0f} % of it, and a lesson needs {:.0f} %; use a shorter tool or a softer "
+                    "virtual_fixture and orientation_limit",
+                    what, 100 * share, 100 * kLeastStiffnessShare)};
+  lowerStiffness(lesson.scene, share);
+  lesson.stiffness_share = share;
+  notes.push_back(
+      fmt::format("{}. Fixture, bone and orientation limit are rendered at {:.0f} %: at most {:.4g} N/m.",
+                  what, 100 * share, share * wanted.across_N_per_m()));
+  return {};
+}
+
+PassivitySettings passivityOf(const DeviceInfo& device) {
+  PassivitySettings settings;
+  settings.delay_ticks = static_cast<std::uint32_t>(kDelayTicks);
+  settings.damping_Ns_per_m = device.limits.damping_Ns_per_m;
+  return settings;
+}
+
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes) {
   if (X_HT == Pose{}) return;
   if (!device.has_orientation)
@@ -152,7 +181,12 @@ Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const StationO
   const EffectMask before = lesson.scene.effects;
   lesson.scene = forDevice(std::move(lesson.scene), device, notes);
   noteTool(options.X_HT, device, notes);
-  if (lesson.scene.effects == before) return {};
+  RETURN_IF_ERROR(lowerForDevice(lesson, device, options.X_HT, notes));
+  if (options.passivity_control && device.renders_force)
+    notes.push_back(
+        "Passivity control is on: where a force would give the hand more energy than the hand gave, "
+        "less of it is rendered than the model says.");
+  if (lesson.scene.effects == before && lesson.stiffness_share == 1) return {};
   auto model = compile(lesson.scene, options.rate_hz);
   if (!model.ok())
     return Error{model.error().code,

@@ -11,6 +11,7 @@
 #include "client/station/run/live_line.h"
 #include "client/station/run/options.h"
 #include "common/base/result.h"
+#include "common/haptics/passivity_control.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/aid_list.h"
 #include "needlelab/control.pb.h"
@@ -25,8 +26,9 @@ struct StationLesson {
   std::optional<pb::Exercise> exercise;
   SceneSpec scene;  ///< in W
   SceneModel model;
-  std::vector<std::string> warnings;           ///< warnings about the profile, for a person
-  std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: unknown
+  std::vector<std::string> warnings;  ///< warnings about the profile, for a person
+  double stiffness_share = 1;         ///< as in SessionDescription: fixture and orientation limit, lowered
+  std::uint32_t attempt = 0;          ///< the trainee's attempt number; 0: unknown
   std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
 };
 
@@ -46,8 +48,9 @@ std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL);
 /// Returns the names of the live effects, e.g. CUTTING.
 std::vector<std::string> liveEffects(const SceneModel& model);
 
-/// Refuses a scene that is stiffer than the device can render (FORCE_MODEL.md, "Device limits"). A device
-/// that renders no force accepts every scene. Errors: kInvalidInput, with the numbers.
+/// Refuses a scene that is stiffer along the needle than the device can render (FORCE_MODEL.md, "Device
+/// limits"); across it, see lowerForDevice. A device that renders no force accepts every scene. Errors:
+/// kInvalidInput, with the numbers.
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device);
 /// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate: returns a warning with the numbers, or
 /// nothing.
@@ -58,6 +61,16 @@ std::optional<std::string> passivityWarning(const SceneModel& model, const Devic
 /// torque or measures no orientation. A device that renders nothing at all, such as a recording, keeps the
 /// limit: the engine computes it for the record. Adds omissions and assumptions to `notes`.
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes);
+
+/// Lowers fixture and orientation limit of `lesson.scene` to what device and tool's lever hold
+/// (FORCE_MODEL.md, "Device limits"), and says so in `notes`. A device that renders no force feels no
+/// stiffness; one without torque does not render the lever. `lesson.model` is of the scene as it was, and
+/// stays. Errors: kInvalidInput, with the numbers, where less than kLeastStiffnessShare is left.
+Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
+                      std::vector<std::string>& notes);
+
+/// What --passivity-control counts of a device.
+PassivitySettings passivityOf(const DeviceInfo& device);
 
 /// Adds to `notes` how this device uses the tool.
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes);

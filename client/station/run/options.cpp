@@ -122,6 +122,9 @@ void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
          "--plunger", raw.plunger,
          "buttons that press the plunger and draw it back, where the device has buttons; default: 0,1")
       ->group(kDevice);
+  app.add_flag("--passivity-control", o.passivity_control,
+               "renders less of a force that would give the hand more energy than the hand gave")
+      ->group(kDevice);
   app.add_option("--tool", raw.tool, "the tip in the handle's frame: x,y,z,qx,qy,qz,qw (m), or a JSON file")
       ->group(kDevice);
   app.add_option("--placement", raw.placement,

@@ -61,8 +61,9 @@ struct StationOptions {
   // the device
   std::string device = "simulated";
   HandOptions hand;
-  PlungerSettings plunger;  ///< --plunger; the device determines the source
-  Pose X_HT, X_WL;          ///< --tool, --placement
+  bool passivity_control = false;  ///< --passivity-control
+  PlungerSettings plunger;         ///< --plunger; the device determines the source
+  Pose X_HT, X_WL;                 ///< --tool, --placement
   double rate_hz = 1000;
   double seconds = 0;      ///< 0: the device, the exercise's time limit or a signal ends the lesson
   std::optional<int> cpu;  ///< --cpu: the haptic thread's core; none = the system chooses

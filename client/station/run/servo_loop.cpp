@@ -25,7 +25,9 @@ ServoLoop::ServoLoop(const SceneModel& model, Device& device, TimeSource& clock,
       closing_ticks_(ticksIn(kClosing_s, settings.rate_hz)),
       after_fault_ticks_(ticksIn(kAfterFault_s, settings.rate_hz)),
       chain_(model, device.info(), settings.X_HT, settings.plunger),
-      storm_(settings.rate_hz) {}
+      storm_(settings.rate_hz) {
+  if (settings.passivity) chain_.controlPassivity(*settings.passivity);
+}
 
 std::int64_t ServoLoop::dueNs(std::uint64_t tick) const noexcept {
   return start_ns_ + std::llround(static_cast<double>(tick) * period_ns_);

@@ -80,8 +80,9 @@ struct ServoSettings {
   Pose X_HT;                    ///< the tool: the tip in the handle's frame
   std::uint64_t max_ticks = 0;  ///< ends after so many ticks, including missed ones; 0: no end
   FaultPolicy on_fault = FaultPolicy::kEnd;
-  PlungerSettings plunger{};      ///< ignores `source`; the device determines it
-  BlackBox* black_box = nullptr;  ///< must outlive the loop; null: none
+  std::optional<PassivitySettings> passivity = {};  ///< none: no passivity control
+  PlungerSettings plunger{};                        ///< ignores `source`; the device determines it
+  BlackBox* black_box = nullptr;                    ///< must outlive the loop; null: none
 };
 
 /// Thread: `run` on the haptic thread; the others as documented below. The constructor allocates all memory.

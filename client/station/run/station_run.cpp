@@ -137,6 +137,7 @@ Status StationRun::openSession() {
   d.set_axial_model(std::string(axialModelName(lesson_.model.axial_model)));
   for (const std::string& effect : liveEffects(lesson_.model)) d.add_live_effects(effect);
   for (const std::string& note : device_notes_) d.add_device_notes(note);
+  if (lesson_.stiffness_share < 1) d.set_stiffness_share(lesson_.stiffness_share);
   if (!(options_.X_WL == Pose{})) putPose(*d.mutable_placement(), options_.X_WL);
   if (!(options_.X_HT == Pose{})) putPose(*d.mutable_tool(), options_.X_HT);
   ASSIGN_OR_RETURN(session_, home_.spool().create(d));
@@ -206,6 +207,8 @@ Status StationRun::practise() {
   settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
   settings.plunger = options_.plunger;
+  if (options_.passivity_control && device_->info().renders_force)
+    settings.passivity = passivityOf(device_->info());
   loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings);
   logMessage("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
 
@@ -286,6 +289,7 @@ StationSummary StationRun::summarise() {
   s.realtime = realtime_;
   s.black_box = black_box_;
   s.device_notes = device_notes_;
+  s.stiffness_share = lesson_.stiffness_share;
   s.spool = options_.spool.string();
   if (stopped_) s.stopped = *stopped_;
   s.state = "OPEN";

@@ -14,6 +14,7 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/force_gate.h"
+#include "common/haptics/handle_stiffness.h"
 
 namespace needlelab {
 namespace {
@@ -234,6 +235,7 @@ Json rowOf(const StationSummary& s) {
   row["faults"] = faultsOf(s);
   row["fault_count"] = s.servo.faults;
   row["device_notes"] = s.device_notes;
+  row["stiffness_share"] = s.stiffness_share;
   row["first_fault"] = s.servo.faults == 0 ? Json(nullptr) : Json(faultText(s.servo.first_fault));
   row["fault_ticks"] = s.servo.fault_ticks;
   row["late_wakeups"] = s.servo.late_wakeups;
@@ -384,6 +386,8 @@ std::string summaryText(const StationSummary& s) {
   else
     text += "spool        " + s.spool + ", nothing waits\n";
   text += syringeLines(s);
+  if (const std::string lowered = stiffnessShareText(s.stiffness_share); !lowered.empty())
+    text += "stiffness    " + lowered + "\n";
   text += "score        " + scoreText(s);
   if (text.back() != '\n') text += '\n';
   return text;

@@ -33,6 +33,7 @@ struct StationSummary {
   std::string axial_model;  ///< name of the rendered model
   std::vector<std::string> live_effects;
   std::vector<std::string> device_notes;  ///< the device's limits, and the substitutes for them
+  double stiffness_share = 1;             ///< as in SessionDescription
   std::optional<EffectCosts>
       effect_costs;  ///< of the live effects, measured before the loop; none if the measurement failed
   std::vector<RtStep> realtime;

@@ -20,6 +20,7 @@
 #include "client/view/plots.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
+#include "common/haptics/handle_stiffness.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 
@@ -94,6 +95,7 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
     verdict.kept = "The recording is safe in this station's spool; it is sent when a server is given.";
   }
   if (outcome.code_unchecked) verdict.waits = kCodeUnchecked;
+  verdict.lowered = stiffnessShareText(s.stiffness_share);
   return verdict;
 }
 
@@ -366,6 +368,7 @@ void EndScreen::showVerdict() {
     }
     const WithTextColour attention(styleOf(Condition::kAttention).colour);
     if (!verdict_.waits.empty()) textBlock(verdict_.waits);
+    if (!verdict_.lowered.empty()) textBlock(verdict_.lowered);
   }
   ImGui::Spacing();
   for (const VerdictRow& row : verdict_.required) verdictRow(row);

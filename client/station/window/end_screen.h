@@ -34,6 +34,7 @@ struct LessonVerdict {
   std::string kept;                  ///< where the recording is, or what is wrong with it, as a sentence
   bool kept_well = true;             ///< false: part of it is lost or refused
   std::string waits;                 ///< why it does not count yet; empty: it does
+  std::string lowered;               ///< stiffnessShareText
   std::string by;                    ///< "scored by the server"; empty without a score
 };
 

@@ -36,7 +36,16 @@ double slopeAtRupture(const MembraneSpec& m) {
 void compileLayers(const SceneSpec& spec, SceneModel& model) {
   const double wall_stiffness = spec.tracking_wall.stiffness_N_per_m;
   double top = 0, lateral = 0, friction = 0;  // ∫ from the skin to the layer's top, along the normal
-  for (const LayerSpec& from : spec.layers) {
+  const LayerSpec* tissue = nullptr;
+  for (const LayerSpec& layer : spec.layers) {
+    // BONE: the tissue above goes on, no needle enters the bone
+    const bool is_bone = layer.is_bone && model.isLive(Effect::kBone);
+    if (is_bone && model.bone_top_m == 0.0) {
+      model.bone_layer = model.layer_count;
+      model.bone_top_m = top;
+    }
+    if (!is_bone) tissue = &layer;
+    const LayerSpec& from = *tissue;
     CompiledLayer& to = model.layers[model.layer_count++];
     to.top_m = to.least_depth_m = top;
     to.cutting_force_N = model.isLive(Effect::kCutting) ? from.cutting_force_N : 0.0;
@@ -47,17 +56,25 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     to.lateral_offset_N_per_m = lateral - from.lateral_stiffness_N_per_m2 * top;
     to.friction_N_per_m = from.friction_N_per_m;
     to.friction_offset_N = friction - from.friction_N_per_m * top;
-    if (from.membrane)
-      model.membranes[model.membrane_count++] = {top, from.membrane->linear_N_per_m,
-                                                 from.membrane->quadratic_N_per_m2, from.membrane->force_N,
-                                                 slopeAtRupture(*from.membrane)};
-    lateral += from.lateral_stiffness_N_per_m2 * from.thickness_m;
-    friction += from.friction_N_per_m * from.thickness_m;
-    top += from.thickness_m;
+    if (layer.membrane)
+      model.membranes[model.membrane_count++] = {top, layer.membrane->linear_N_per_m,
+                                                 layer.membrane->quadratic_N_per_m2, layer.membrane->force_N,
+                                                 slopeAtRupture(*layer.membrane)};
+    lateral += from.lateral_stiffness_N_per_m2 * layer.thickness_m;
+    friction += from.friction_N_per_m * layer.thickness_m;
+    top += layer.thickness_m;
     to.bottom_m = top;
   }
   model.layers[0].least_depth_m = std::numeric_limits<double>::denorm_min();
   model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
+}
+
+// where the limb is a plane: the plane through the bone's top below the limb's point
+void compileBone(const SceneSpec& spec, SceneModel& model) {
+  if (!model.isLive(Effect::kBone) || !model.is_plane) return;
+  model.bone_is_plane = true;
+  model.bone_point_m = model.plane_point_m - model.plane_normal * model.bone_top_m;
+  model.bone_normal = spec.bone_normal ? normalized(*spec.bone_normal) : model.plane_normal;
 }
 
 // the live stages; the cap comes after them
@@ -118,6 +135,7 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
     model.relax_share = 1.0 - detExp(-model.period_s / model.wall.relax_time_s);
   model.max_turn_rad = 2.0 * model.period_s;
   compileLayers(spec, model);
+  compileBone(spec, model);
   const AxialEntry& axial = axialEntry(spec.axial_model);
   model.axial_model = spec.axial_model;
   model.step_function = model.placed_step = (*axial.steps)[model.live & kPlacedEffects];

@@ -28,6 +28,7 @@ export const kProfileShape = {
   orientation_limit: {},
   shaft_friction: {},
   cut_memory: {},
+  bone: {},
   direct: {},
   voigt: {},
   god_object: {},

@@ -19,3 +19,9 @@ export function verdictOf(passed) {
   if (passed === false) return ['bad', word.get('failed')];
   return ['open', word.get('none')];
 }
+
+/** As stiffnessShareText of common/haptics: beside the score of a session that was rendered softer than its profile. */
+export const stiffnessShareText = (share) =>
+  share > 0 && share < 1
+    ? `Fixture, bone and orientation limit were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness: device and tool hold no more.`
+    : '';

@@ -18,4 +18,7 @@ export const kEffects = [
   { name: 'CUT_MEMORY', label: 'Memory of the cut: what was cut stays cut', title: 'Cut memory',
     section: 'cut_memory', fields: [['cutting_share', 'Share of the cutting force along a cut'], ['radius_m', 'Radius of a cut']],
     begin: { cutting_share: 0.23, radius_m: 0.001 } },
+  { name: 'BONE', label: 'Bone: a stiff surface that no needle enters', title: 'Bone',
+    section: 'bone', fields: [['stiffness_n_per_m', 'Stiffness of the bone'], ['friction_coefficient', 'Friction along the bone']],
+    begin: { stiffness_n_per_m: 600, friction_coefficient: 0.3 } },
 ];

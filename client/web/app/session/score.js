@@ -2,7 +2,7 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { counted, measureTitle, quantity } from '../lib/units.js';
-import { verdictOf } from '../lib/verdict.js';
+import { stiffnessShareText, verdictOf } from '../lib/verdict.js';
 import { moment } from '../lib/time.js';
 import { references, sessions } from '../net/requests.js';
 import { announce, Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/widgets.js';
@@ -92,7 +92,8 @@ export function useScore({ session_id, exercise_id }) {
 
 /** @param {{session: any, load: any, person: any}} props `load`: of useScore */
 export function Score({ session, load, person }) {
-  const { session_id, exercise_id } = session.description;
+  const { session_id, exercise_id, stiffness_share } = session.description;
+  const lowered = stiffnessShareText(stiffness_share);
   const action = useAction();
   const rescore = async () => {
     const score = await action.run(() => sessions.rescore(session_id));
@@ -143,6 +144,7 @@ export function Score({ session, load, person }) {
         : '';
       return html`
         <p>${verdict}</p>
+        ${lowered && html`<p>${lowered}</p>`}
         ${
           path &&
           html`<p>

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "client/device/haptic_chain.h"
 #include "common/haptics/effects/effect_entry.h"
@@ -320,6 +321,55 @@ TEST(PointDeviceChain, aReadingThatIsNoNumberIsRejectedAsEver) {
   reading.X_WH.q = {9, 9, 9, 9};
   chain.tick(reading, true, 1, 1.0, tick);
   EXPECT_EQ(tick.report.phase, Phase::kInserting);
+}
+
+// a spring of 500 N/m, pressed while the gate fades in and drawn back: without the control the handle gets
+// more than it gave
+double givenInTheFadeIn_J(bool with_control, bool no_orientation = false) {
+  SceneSpec spec = paperOneDof();
+  for (LayerSpec& layer : spec.layers) layer.cutting_force_N = 4;
+  const SceneModel model = *compile(spec, kChainRate_hz);
+  DeviceInfo device = no_orientation ? pointDevice() : DeviceInfo{"desktop", {}, true, true, true};
+  HapticChain chain(model, device, no_orientation ? Pose{} : kTool);
+  if (with_control) {
+    PassivitySettings settings;
+    settings.delay_ticks = 0;
+    chain.controlPassivity(settings);
+  }
+  ChainTick tick;
+  double given_J = 0, acting_N = 0, before_m = 0.0005;
+  for (int k = 0; k < 300; ++k) {
+    const double z_m = 0.0005 - 0.005 * std::sin(std::numbers::pi * k / 300);
+    given_J += acting_N * (z_m - before_m);
+    before_m = z_m;
+    DeviceReading reading = at(z_m);
+    // an orientation that is not measured may have any value, and so may a bad reading
+    if (no_orientation) reading.X_WH.q = {kNaN, 9, 9, kNaN};
+    chain.tick(reading, k % 50 != 49, 1, 1.0, tick);
+    acting_N = tick.rendered_W.force_N.z;
+  }
+  EXPECT_TRUE(std::isfinite(given_J));
+  EXPECT_EQ(chain.passivity() != nullptr, with_control);
+  return given_J;
+}
+
+TEST(PassivityInTheChain, theFadeInGivesNoMoreThanItTook) {
+  EXPECT_GT(givenInTheFadeIn_J(false), 0.5e-3) << "control";
+  EXPECT_LT(givenInTheFadeIn_J(true), 0.15e-3);
+  EXPECT_LT(givenInTheFadeIn_J(true, true), 0.15e-3);
+}
+
+TEST(PassivityInTheChain, anOrdinaryInsertionIsTheSameToTheBit) {
+  const SceneModel model = *compile(paperOneDof(), kChainRate_hz);
+  HapticChain bare(model, DeviceLimits{}, kTool), controlled(model, DeviceLimits{}, kTool);
+  controlled.controlPassivity({});
+  ChainTick one, other;
+  for (int k = 0; k < 2000; ++k) {
+    const double z_m = 0.002 - 1e-5 * std::min(k, 2000 - k);
+    bare.tick(at(z_m), true, 1, 1.0, one);
+    controlled.tick(at(z_m), true, 1, 1.0, other);
+    ASSERT_EQ(one.rendered_W, other.rendered_W) << k;
+  }
 }
 
 }  // namespace

@@ -26,6 +26,12 @@ SceneSpec fullScene() {
   scene.max_force_N = 50;
   for (const EffectEntry* entry : effectEntries())
     if (entry->stage != nullptr) useUsualNumbers(*entry, scene);
+  // bone below all gestures: it would hold what the others feel (bone_test.cpp)
+  scene.layers.back().thickness_m = 0.2;
+  LayerSpec bone;
+  bone.thickness_m = 0.01;
+  bone.is_bone = true;
+  scene.layers.push_back(bone);
   return scene;
 }
 

@@ -44,6 +44,12 @@ const WrongField kWrongProfiles[] = {
     {"/cut_memory", "{\"cutting_share\": 0.3}", "cut_memory.radius_m: is missing"},
     {"/cut_memory", "{\"cutting_share\": 1.5, \"radius_m\": 0.001}", "cut_memory.cutting_share: 1.5 is out of range [0, 1]"},
     {"/cut_memory", "{\"cutting_share\": 0.3, \"radius_m\": 0.011}", "cut_memory.radius_m: 0.011 is out of range (0, 0.01]"},
+    {"/effects", "[\"BONE\"]", "bone: is missing, and effects lists BONE"},
+    {"/bone", "{\"stiffness_n_per_m\": 600}", "bone.friction_coefficient: is missing"},
+    {"/bone", "{\"stiffness_n_per_m\": 0, \"friction_coefficient\": 0.3}", "bone.stiffness_n_per_m: 0 is out of range (0, 10000]"},
+    {"/bone", "{\"stiffness_n_per_m\": 600, \"friction_coefficient\": 2.1}", "bone.friction_coefficient: 2.1 is out of range [0, 2]"},
+    {"/bone", "{\"stiffness_n_per_m\": 600, \"friction_coefficient\": 0.3, \"normal\": {\"x\": 1, \"y\": 0}}", "bone.normal.z: is missing"},
+    {"/bone", "{\"stiffness_n_per_m\": 600, \"friction_coefficient\": 0.3, \"normal\": {\"x\": 2, \"y\": 0, \"z\": 1}}", "bone.normal: is more than 60 degrees from the skin's normal"},
     {"/tracking_wall/relax_time_s", "", "tracking_wall.relax_time_s: is missing, and stop_mode is EXPONENTIAL"},
     {"/tracking_wall/relax_residual", "", "tracking_wall.relax_residual: is missing, and stop_mode is EXPONENTIAL"},
     // unknown fields
@@ -134,7 +140,7 @@ const WrongField kWrongProfiles[] = {
      "targets[1].name: \"joint space\" is used twice"},
     // how many
     {"/layers", "[]", "layers: has 0 items, allowed are 1 to 32"},
-    {"/effects/7", "\"CUTTING\"", "effects: has 8 items, allowed are 0 to 7"},
+    {"/effects/8", "\"CUTTING\"", "effects: has 9 items, allowed are 0 to 8"},
     // shapes
     {"/limb", "{}", "limb: give exactly one of plane, sphere, capsule; found none"},
     {"/limb/sphere", R"({"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.05})",
@@ -422,6 +428,17 @@ TEST(ProfileWarnings, aModelWithoutAWallRemembersMembranesOnly) {
   EXPECT_THAT(warningsWith({listed, section, thick}), IsEmpty());
   EXPECT_THAT(warningsWith({listed, section, thick, {"/axial_model", "\"DIRECT\""}, {"/direct", "{}"}}),
               ElementsAre(HasSubstr("CUT_MEMORY is listed, axial_model DIRECT has no wall that cuts")));
+}
+
+TEST(ProfileWarnings, boneNeedsALayerOfBoneAndIsNotTooThinToBeFelt) {
+  const std::pair<std::string, std::string> listed{"/effects", R"(["CUTTING", "BONE"])"},
+      section{"/bone", R"({"stiffness_n_per_m": 600, "friction_coefficient": 0.3})"},
+      thick{"/layers/0/thickness_m", "0.004"}, thin{"/layers/1/thickness_m", "0.0001"},
+      firm{"/layers/1/cutting_force_n", "4"}, bone{"/layers/1/tissue", "\"BONE\""};
+  EXPECT_THAT(warningsWith({listed, section, thick}), ElementsAre(HasSubstr("no layer's tissue is BONE")));
+  EXPECT_THAT(warningsWith({listed, section, thick, thin, firm, bone}), IsEmpty());
+  EXPECT_THAT(warningsWith({{"/effects", R"(["CUTTING"])"}, thick, thin, firm, bone}),
+              ElementsAre(HasSubstr("layers[1]")));
 }
 
 TEST(ProfileWarnings, aMembraneThatRupturesBelowItsLayerIsTold) {

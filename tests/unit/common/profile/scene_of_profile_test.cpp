@@ -74,6 +74,12 @@ TEST(SceneOfProfile, placesEachLimb) {
   EXPECT_TRUE(near(std::get<PlaneLimb>(spec->limb).normal, {1, 0, 0}));
   EXPECT_TRUE(near(std::get<PlaneLimb>(spec->limb).point_m, {0.5, 1, 0}));
 
+  spec = sceneSpecOf(profileWith("/bone", R"({"stiffness_n_per_m": 600, "friction_coefficient": 0.3,
+                                            "normal": {"x": 0.5, "y": 0, "z": 1}})"),
+                     X_WL);
+  ASSERT_TRUE(spec.ok());
+  EXPECT_TRUE(near(*spec->bone_normal, {1, 0, -0.5})) << "turned, and not moved";
+
   spec = sceneSpecOf(
       profileWith("/limb", R"({"sphere": {"center_m": {"x": 0, "y": 2, "z": 3}, "radius_m": 0.05}})"), X_WL);
   ASSERT_TRUE(spec.ok());

@@ -142,6 +142,16 @@ TEST(Report, isOneFileWithoutScriptsOrLinks) {
   EXPECT_EQ(reportHtml(data), reportHtml(data));
 }
 
+TEST(Report, aSofterRenderingIsSaidBesideTheVerdict) {
+  ReportData data = dataOf();
+  EXPECT_THAT(reportHtml(data), Not(HasSubstr("were rendered at")));
+  auto gesture = std::make_shared<StoredGesture>();
+  gesture->info = data.gesture->info;
+  gesture->info.mutable_description()->set_stiffness_share(0.55);
+  data.gesture = gesture;
+  EXPECT_THAT(reportHtml(data), HasSubstr("were rendered at 55 % of the profile"));
+}
+
 TEST(Report, whatComesFromElsewhereIsEscaped) {
   const std::string evil = "<img src=x onerror='alert(1)'>";
   ReportData data = dataOf(evil);

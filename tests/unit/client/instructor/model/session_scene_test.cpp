@@ -45,6 +45,20 @@ TEST(SessionScene, placementsFromTheNetworkAreChecked) {
   EXPECT_FALSE(placementOf(d).ok());
 }
 
+TEST(SessionScene, isAsStiffAsItWasRendered) {
+  auto info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
+  EXPECT_EQ(sceneOfSession(info.description()).model->fixture.max_stiffness_N_per_m, 400);
+  info.mutable_description()->set_stiffness_share(0.55);
+  const SessionScene scene = sceneOfSession(info.description());
+  EXPECT_NEAR(scene.model->fixture.max_stiffness_N_per_m, 220, 1e-9);
+  EXPECT_NEAR(scene.model->orientation.stiffness_Nm_per_rad, 0.275, 1e-12);
+  // numbers from the network
+  for (const double share : {0.0, -1.0, 2.0, std::numeric_limits<double>::quiet_NaN()}) {
+    info.mutable_description()->set_stiffness_share(share);
+    EXPECT_EQ(stiffnessShareOf(info.description()), 1);
+  }
+}
+
 TEST(SessionScene, idsAsText) {
   EXPECT_EQ(sessionIdText("short"), "?");
   EXPECT_EQ(sessionIdText(std::string(16, '\x11')), "11111111-1111-1111-1111-111111111111");

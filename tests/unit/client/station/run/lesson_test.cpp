@@ -110,14 +110,100 @@ TEST(DeviceFit, stiffnessesAddAndTheSumDecides) {
   EXPECT_TRUE(checkStiffness(model, recording).ok()) << "a hand that feels nothing feels no stiffness";
 }
 
-TEST(DeviceFit, clampingAndOrientationLimitHaveTheirOwnBounds) {
-  SceneSpec scene = allEffects();
-  scene.virtual_fixture.max_stiffness_N_per_m = 1500;
-  EXPECT_FALSE(checkStiffness(*compile(scene, 1000), deviceWith(1200)).ok());
-  scene = allEffects();
-  scene.orientation_limit = {5, 0.2};
-  EXPECT_THAT(checkStiffness(*compile(scene, 1000), deviceWith(5000)).error().message,
-              HasSubstr("orientation_limit"));
+StationLesson lessonOf(double fixture_N_per_m, double orientation_Nm_per_rad) {
+  StationLesson lesson;
+  lesson.scene = allEffects();
+  lesson.scene.virtual_fixture.max_stiffness_N_per_m = fixture_N_per_m;
+  lesson.scene.orientation_limit = {orientation_Nm_per_rad, 0.2};
+  lesson.model = *compile(lesson.scene, 1000);
+  return lesson;
+}
+
+TEST(DeviceFit, clampingAndOrientationLimitAreLoweredToWhatTheDeviceHolds) {
+  std::vector<std::string> notes;
+  StationLesson lesson = lessonOf(400, 0.5);
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(300), {}, notes).ok());
+  EXPECT_NEAR(lesson.stiffness_share, 0.75, 1e-12);
+  EXPECT_NEAR(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 300, 1e-9);
+  EXPECT_THAT(notes, testing::ElementsAre(testing::AllOf(HasSubstr("400 N/m"), HasSubstr("300 N/m"),
+                                                         HasSubstr("75 %"), HasSubstr("test device"))));
+  lesson = lessonOf(400, 5);  // the Desktop turns with 4 N·m/rad
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), {}, notes).ok());
+  EXPECT_NEAR(lesson.scene.orientation_limit.stiffness_Nm_per_rad, 4, 1e-12);
+}
+
+TEST(DeviceFit, theToolsLeverIsHeldByTheDevice) {
+  const Pose tool{{0, 0, 0.13}, {}};
+  std::vector<std::string> notes;
+  StationLesson lesson = lessonOf(400, 0);
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), tool, notes).ok());
+  EXPECT_NEAR(lesson.stiffness_share, 4 / 6.76, 1e-12);
+  EXPECT_THAT(notes, testing::ElementsAre(testing::AllOf(HasSubstr("130 mm"), HasSubstr("6.76 N·m/rad"),
+                                                         HasSubstr("4 N·m/rad"), HasSubstr("59 %"))));
+  // fitLesson compiles what was lowered
+  lesson = lessonOf(400, 0);
+  StationOptions options;
+  options.X_HT = tool;
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
+  EXPECT_NEAR(lesson.model.fixture.max_stiffness_N_per_m, 400 * 4 / 6.76, 1e-9);
+}
+
+TEST(DeviceFit, aLessonOfLessThanHalfItsStiffnessIsRefused) {
+  std::vector<std::string> notes;
+  StationLesson lesson = lessonOf(400, 0);
+  const Status refused = lowerForDevice(lesson, deviceWith(1000), {{0, 0, 0.15}, {}}, notes);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(refused.error().message, testing::AllOf(HasSubstr("150 mm"), HasSubstr("9 N·m/rad"),
+                                                      HasSubstr("44 %"), HasSubstr("shorter tool")));
+  EXPECT_EQ(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 400);
+}
+
+TEST(DeviceFit, passivityControlCountsTheDevicesOwnDampingAndIsSaid) {
+  const PassivitySettings settings = passivityOf(deviceWith(1000, 1.7));
+  EXPECT_EQ(settings.delay_ticks, 1u);
+  EXPECT_EQ(settings.damping_Ns_per_m, 1.7);
+  std::vector<std::string> notes;
+  StationLesson lesson = lessonOf(400, 0.5);
+  StationOptions options;
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
+  EXPECT_TRUE(notes.empty()) << "off by default";
+  options.passivity_control = true;
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
+  EXPECT_THAT(notes, testing::ElementsAre(HasSubstr("Passivity control is on")));
+}
+
+TEST(DeviceFit, whoFeelsNoLeverLosesNothingToIt) {
+  std::vector<std::string> notes;
+  const Pose tool{{0, 0, 0.15}, {}};
+  for (const bool renders_force : {false, true}) {
+    DeviceInfo info = deviceWith(1000);
+    info.renders_force = renders_force;
+    info.renders_torque = false;
+    StationLesson lesson = lessonOf(400, 0);
+    ASSERT_TRUE(lowerForDevice(lesson, info, tool, notes).ok());
+    EXPECT_EQ(lesson.stiffness_share, 1) << renders_force;
+  }
+  EXPECT_TRUE(notes.empty());
+}
+
+TEST(DeviceFit, boneAndTheFixtureAddAsideAndBoneAndTissueDoNotAlong) {
+  std::vector<std::string> notes;
+  StationLesson lesson = lessonOf(400, 0);
+  lesson.scene.layers.back().is_bone = true;
+  lesson.scene.effects |= bitOf(Effect::kBone);
+  double& bone = lesson.scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m];
+  bone = 600;
+  lesson.model = *compile(lesson.scene, 1000);
+  // the tissue's 1089 N/m, and not 1689
+  EXPECT_NEAR(lesson.model.axialStiffness_N_per_m(), 1089, 1);
+  EXPECT_TRUE(checkStiffness(lesson.model, deviceWith(1100)).ok());
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), {}, notes).ok());
+  EXPECT_EQ(lesson.stiffness_share, 1) << "600 and 400 N/m aside";
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(800), {}, notes).ok());
+  EXPECT_NEAR(bone, 480, 1e-9);
+  EXPECT_NEAR(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 320, 1e-9);
+  EXPECT_FALSE(lowerForDevice(lesson, deviceWith(300), {}, notes).ok());
 }
 
 TEST(DeviceFit, thePassivityBoundIsWarnedOfWithItsNumbers) {

@@ -112,6 +112,7 @@ class LoopProof : public LoopFixture {
     box_ = std::make_unique<BlackBox>(kRate);
     ServoSettings settings{kRate, {}, max_ticks, FaultPolicy::kWait};
     settings.black_box = box_.get();
+    settings.passivity.emplace();
     loop_ = std::make_unique<ServoLoop>(model_, device, clock, *ring_, settings);
   }
   // The loop passed through every state, so the proof covers all of them.

@@ -36,6 +36,11 @@ TEST(StationOptions, theHapticThreadsCoreAndSpin) {
     EXPECT_EQ(parse({"--profile", "p.json", "--cpu", core}).parsed.exit_code, kExitInvalid) << core;
 }
 
+TEST(StationOptions, passivityControlIsAskedFor) {
+  EXPECT_FALSE(parse({"--profile", "p.json"}).parsed.options.passivity_control);
+  EXPECT_TRUE(parse({"--profile", "p.json", "--passivity-control"}).parsed.options.passivity_control);
+}
+
 TEST(StationOptions, aWholeCommandLine) {
   const auto outcome = parse({"--server",
                               "lab:7751",

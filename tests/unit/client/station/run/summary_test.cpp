@@ -88,6 +88,15 @@ TEST(StationSummary, tellsWhatEachLiveEffectCosts) {
           "their cost   15.2 ns a tick; beside the others each adds: CUTTING 2.3 ns, CLAMPING 4.1 ns\n"));
 }
 
+TEST(StationSummary, tellsBesideTheScoreHowStiffItWas) {
+  StationSummary s = example();
+  EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["stiffness_share"], 1);
+  EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("stiffness    ")));
+  s.stiffness_share = 0.55;
+  EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["stiffness_share"], 0.55);
+  EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Fixture, bone and orientation limit were rendered at 55 %"));
+}
+
 TEST(StationSummary, withoutSamplesNothingIsDividedByZero) {
   StationSummary s = example();
   s.servo = {};

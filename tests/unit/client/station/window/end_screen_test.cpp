@@ -47,6 +47,13 @@ TEST(Verdict, whatWasMissedStandsFirst) {
   EXPECT_EQ(verdict.by, "scored by this station");
 }
 
+TEST(Verdict, aSofterRenderingIsSaidBesideIt) {
+  LessonOutcome outcome = scored({required("a", true)});
+  EXPECT_TRUE(verdictOf(outcome).lowered.empty());
+  outcome.summary.stiffness_share = 0.551;
+  EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("55 % of the profile's stiffness"));
+}
+
 TEST(Verdict, allMetIsPassed) {
   const LessonVerdict verdict = verdictOf(scored({required("a", true), required("b", true)}));
   EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kPassed);

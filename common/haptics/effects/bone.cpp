@@ -1,0 +1,248 @@
+/// BONE, a stage: a stiff contact with the outermost layer of bone, which no needle enters (FORCE_MODEL.md,
+/// "Bone"). The needle that is rendered, the proxy, stays on the bone's surface (Zilles and Salisbury 1995);
+/// a spring of the bone's stiffness joins it to the measured tip, and it sticks or slips along the bone by
+/// Coulomb's cone (Harwin and Melder 2002). Meanwhile the tissue feels the tip where it met the bone, so that
+/// its springs do not add to the bone's.
+///
+/// Energy: the proxy moves only where that shortens the spring, as the wall. The tissue's force along u acts
+/// on the hand over a way h that the tissue does not feel; h begins and ends at 0, and while it is not 0 this
+/// force only falls and never pulls in, so ∫ f dh ≤ 0.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/effects/puncture.h"
+#include "common/haptics/spec_checker.h"
+#include "common/haptics/surface.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kBoneOwn = stageOf(Effect::kBone);
+constexpr std::size_t kBoneFriction = 1;
+/// A tick's way is looked at in at most so many steps: what passes is a cut through a round bone's edge
+/// shorter than one of them.
+constexpr int kMostSteps = 64;
+/// On a curved bone the cone turns under the proxy as it slips: so many slips in a tick follow it.
+constexpr int kMostSlips = 8;
+/// The tissue feels the tip at a tenth of its depth at least: it stays in the tissue.
+constexpr double kMostHeld = 0.9;
+/// A direction shorter than this has no meaning after rounding.
+constexpr double kShortestNormal = 1e-6;
+constexpr double kNoLimit_N = std::numeric_limits<double>::infinity();
+
+template <std::size_t kIndex>
+double& boneNumber(SceneSpec& spec) {
+  return spec.stage_numbers[kBoneOwn][kIndex];
+}
+
+constexpr std::array<EffectField, 2> kBoneFields = {
+    {{"stiffness_n_per_m", "Stiffness of the bone", kStiffness, 600, boneNumber<kBoneStiffness_N_per_m>},
+     {"friction_coefficient", "Friction along the bone", {0, 2}, 0.3, boneNumber<kBoneFriction>}}};
+
+// positive in the bone; like δ it changes by no more than the way
+double depthInBone(const SceneModel& model, Vec3 p_W_m) {
+  if (model.bone_is_plane) return -dot(model.bone_normal, p_W_m - model.bone_point_m);
+  return depthIn(model, p_W_m) - model.bone_top_m;
+}
+
+// out of the bone at the surface's nearest place; at a centre against `motion`
+Vec3 boneNormal(const SceneModel& model, Vec3 p_W_m, Vec3 motion) {
+  return model.bone_is_plane ? model.bone_normal : surfaceNormal(model.limb, p_W_m, motion);
+}
+
+// the nearest place on the bone's surface
+Vec3 ontoBone(const SceneModel& model, Vec3 p_W_m, Vec3 normal_W) {
+  return p_W_m + normal_W * depthInBone(model, p_W_m);
+}
+
+// whether the way from one tick's tip to the next meets the bone; sets where
+bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) {
+  const Vec3 way = to_W_m - from_W_m;
+  const double gap_m = std::max(0.0, -depthInBone(model, from_W_m)), end_gap_m = -depthInBone(model, to_W_m);
+  const double length_m = norm(way);
+  if (gap_m + end_gap_m > length_m) return false;  // no point between is as near to the bone
+  if (model.bone_is_plane) {
+    if (end_gap_m < 0.0) at_W_m = from_W_m + way * (gap_m / (gap_m - end_gap_m));
+    return end_gap_m < 0.0;
+  }
+  // on a round bone, also where it is left again: on, each time by as far as no bone can be
+  double gone_m = gap_m;
+  for (int i = 0; i < kMostSteps && gone_m < length_m; ++i) {
+    at_W_m = from_W_m + way * (gone_m / length_m);
+    const double left_m = -depthInBone(model, at_W_m);
+    if (left_m < 0.0) return true;
+    gone_m += std::max(left_m, length_m / kMostSteps);
+  }
+  at_W_m = to_W_m;
+  return end_gap_m < 0.0;
+}
+
+// moves the proxy along the bone toward the tip until friction holds it; false: the tip has left the bone.
+// The surface is convex: where the tip is beyond the plane that touches it at the proxy, no bone is between.
+bool followTip(const SceneModel& model, Vec3 tip_W_m, Vec3& proxy_W_m) {
+  const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
+  for (int slip = 0; slip <= kMostSlips; ++slip) {
+    const Vec3 to_tip = tip_W_m - proxy_W_m;
+    const Vec3 normal = boneNormal(model, proxy_W_m, to_tip);
+    const double pressed_m = -dot(normal, to_tip);
+    if (!(pressed_m > 0.0)) return false;
+    const Vec3 along = to_tip + normal * pressed_m;
+    const double along_m = norm(along), sticks_m = friction * pressed_m;
+    if (along_m <= sticks_m || slip == kMostSlips) return true;
+    const Vec3 move = along * (1.0 - sticks_m / along_m);
+    // on a curved bone a long slip could lengthen the spring: then a shorter one
+    bool moved = false;
+    for (double share = 1.0; !moved && share > 0.05; share *= 0.5) {
+      const Vec3 beside = proxy_W_m + move * share;
+      const Vec3 next = ontoBone(model, beside, boneNormal(model, beside, to_tip));
+      moved = normSquared(tip_W_m - next) < normSquared(to_tip);
+      if (moved) proxy_W_m = next;
+    }
+    if (!moved) return true;
+  }
+  return true;
+}
+
+// brings the contact to this tick's tip
+void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, BoneContact& bone) {
+  if (!bone.touching) {
+    if (!meetsBone(model, from_W_m, tip_W_m, bone.p_proxy_W_m)) return;
+    bone.p_proxy_W_m =
+        ontoBone(model, bone.p_proxy_W_m, boneNormal(model, bone.p_proxy_W_m, tip_W_m - from_W_m));
+    bone.cutting_N = bone.friction_N = kNoLimit_N;
+  }
+  bone.touching = followTip(model, tip_W_m, bone.p_proxy_W_m);
+  if (bone.touching)
+    bone.stretch_W_m = bone.p_proxy_W_m - tip_W_m;
+  else
+    bone = {};
+}
+
+// The tissue feels the tip no deeper along u than the proxy. A wall ahead of that, whose force pulls in, is
+// first passed; and the tip stays in the tissue.
+TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& state) noexcept {
+  TipSample felt = sample;
+  if (!isFinite(sample)) return felt;
+  const double depth_m = depthIn(model, sample.p_WT_m);
+  BoneContact& bone = state.bone;
+  if (!state.inside || !(depth_m > 0.0)) {
+    bone = {};
+    return felt;
+  }
+  updateContact(model, state.p_prev_W_m, sample.p_WT_m, bone);
+  if (!bone.touching) return felt;
+  const double tip_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
+  const double proxy_m = dot(state.u_W, bone.p_proxy_W_m - state.p_entry_W_m);
+  const double felt_m = std::max({proxy_m, state.wall_m, state.friction_wall_m});
+  bone.held_m = std::clamp(tip_m - felt_m, 0.0, kMostHeld * depth_m);
+  felt.p_WT_m = sample.p_WT_m - state.u_W * bone.held_m;
+  return felt;
+}
+
+// the force of a wall at `wall_m`, not above `most_N`: else the wall moves on; returns the change along u
+double limitWall(double stiffness_N_per_m, double x_cut_m, double& most_N, double& wall_m, double& force_N) {
+  const double before_N = force_N;
+  if (-force_N > most_N) {
+    force_N = -most_N;
+    wall_m = x_cut_m - most_N / stiffness_N_per_m;
+  }
+  most_N = std::max(0.0, -force_N);
+  return force_N - before_N;
+}
+
+// what the tissue holds the needle with on the bone only falls; returns the change of the force along u
+double limitTissue(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) {
+  BoneContact& bone = state.bone;
+  if (!(bone.held_m > 0.0)) {
+    bone.cutting_N = bone.friction_N = kNoLimit_N;
+    return 0.0;
+  }
+  const double x_cut_m = cuttingPosition(state, dot(state.u_W, felt.p_WT_m - state.p_entry_W_m));
+  double along_N = 0.0;
+  if (model.cut_reach != nullptr && model.isLive(Effect::kCutting)) {
+    along_N +=
+        limitWall(model.wall.stiffness_N_per_m, x_cut_m, bone.cutting_N, state.wall_m, report.cutting_N);
+    // "no wall" stays "no wall"
+    if (!std::isnan(report.p_wall_W_m.x)) report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
+  }
+  if (model.isLive(Effect::kShaftFriction))
+    along_N += limitWall(model.friction_stiffness_N_per_m, x_cut_m, bone.friction_N, state.friction_wall_m,
+                         report.friction_N);
+  return along_N;
+}
+
+Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) noexcept {
+  BoneContact& bone = state.bone;
+  // before its first tick an insertion has no u: the tissue feels this tip as it is
+  if ((report.flags & kFlagEntry) != 0) updateContact(model, state.p_entry_W_m, felt.p_WT_m, bone);
+  // the needle is on the bone or in the tissue, whatever layer its depth says
+  const auto layer = static_cast<std::int32_t>(model.bone_layer);
+  report.layer = bone.touching ? layer : std::min(report.layer, layer - 1);
+  if (!bone.touching) return {};
+  const double tissue_N = limitTissue(model, felt, state, report);
+  const Vec3 force_W_N = bone.stretch_W_m * model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m];
+  report.stage_N[kBoneOwn] = norm(force_W_N);
+  report.flags &= ~static_cast<std::uint32_t>(kFlagLayerChange);
+  return force_W_N + state.u_W * tissue_N;
+}
+
+void checkNormal(const SceneSpec& spec, SpecChecker& check) {
+  const Vec3 normal = *spec.bone_normal;
+  const auto* plane = std::get_if<PlaneLimb>(&spec.limb);
+  check.require(plane != nullptr, "normal",
+                "is given, and limb is no plane: its bone is as round as its skin");
+  check.point("normal", normal);
+  check.require(norm(normal) >= kShortestNormal, "normal",
+                "is no direction: give a vector that is not zero, pointing out of the bone");
+  check.require(plane == nullptr || dot(normal, plane->normal) >= 0.5 * norm(normal) * norm(plane->normal),
+                "normal", "is more than 60 degrees from the skin's normal");
+}
+
+// the springs of the tissue do not act with the bone's: only what the bone is stiffer adds to them
+double stifferThanTissue(const SceneModel& model) {
+  double tissue_N_per_m = 0;
+  if (model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted))
+    tissue_N_per_m += model.axial_stiffness_N_per_m;
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->effect != Effect::kBone && entry->stiffness_N_per_m != nullptr && model.isLive(entry->effect))
+      tissue_N_per_m += entry->stiffness_N_per_m(model);
+  return std::max(0.0, model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] - tissue_N_per_m);
+}
+
+}  // namespace
+
+extern const EffectEntry kBoneEntry;
+constinit const EffectEntry kBoneEntry = {
+    .effect = Effect::kBone,
+    .name = "BONE",
+    .label = "Bone: a stiff surface that no needle enters",
+    .short_name = "bone",
+    .term = "bone",
+    .along_u = false,
+    .colour = 0xD8CFC0,
+    .place = 7,
+    .value = [](const StepReport& report) { return report.stage_N[kBoneOwn]; },
+    .section = "bone",
+    .fields = kBoneFields,
+    .check =
+        [](const SceneSpec& spec, SpecChecker& check) {
+          if (spec.bone_normal) checkNormal(spec, check);
+          check.enter("layers[0].");
+          check.require((spec.effects & bitOf(Effect::kBone)) == 0 || spec.layers.empty() ||
+                            !spec.layers.front().is_bone,
+                        "tissue", "is BONE, and effects lists BONE: bone needs another layer above it");
+        },
+    .hasNumbers =
+        [](const SceneSpec& spec) {
+          return spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] > 0 &&
+                 std::any_of(spec.layers.begin(), spec.layers.end(),
+                             [](const LayerSpec& layer) { return layer.is_bone; });
+        },
+    .stiffness_N_per_m = stifferThanTissue,
+    .stage = pressBone,
+    .compileStage = [](SceneModel& model) { model.hold = holdTip; }};
+
+}  // namespace needlelab

@@ -1,0 +1,94 @@
+#include "common/haptics/handle_stiffness.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace needlelab {
+namespace {
+
+// k is the integral of the lateral stiffness over the inserted length: whatever the needle's slant, no more
+// than the whole needle in the stiffest layer
+double steepestFixture_N_per_m(const SceneSpec& spec) {
+  if ((spec.effects & bitOf(Effect::kClamping)) == 0) return 0;
+  double lateral_N_per_m2 = 0;
+  for (const LayerSpec& layer : spec.layers)
+    lateral_N_per_m2 = std::max(lateral_N_per_m2, layer.lateral_stiffness_N_per_m2);
+  return std::min(spec.virtual_fixture.max_stiffness_N_per_m, lateral_N_per_m2 * spec.needle_length_m);
+}
+
+double steepestOrientation_Nm_per_rad(const SceneSpec& spec) {
+  const OrientationLimitSpec& limit = spec.orientation_limit;
+  const bool is_live = (spec.effects & bitOf(Effect::kOrientationLimit)) != 0 && limit.max_torque_Nm > 0;
+  return is_live ? limit.stiffness_Nm_per_rad : 0;
+}
+
+double steepestBone_N_per_m(const SceneSpec& spec) {
+  const bool has_bone = std::any_of(spec.layers.begin(), spec.layers.end(),
+                                    [](const LayerSpec& layer) { return layer.is_bone; });
+  if (!has_bone || (spec.effects & bitOf(Effect::kBone)) == 0) return 0;
+  return spec.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m];
+}
+
+// the lever's parts along and across the needle, squared
+struct Lever {
+  double along_m2 = 0, across_m2 = 0;
+};
+Lever leverOf(const Pose& X_HT) {
+  const double along_m = dot(X_HT.p, zAxis(normalized(X_HT.q)));
+  const double along_m2 = along_m * along_m;
+  return {along_m2, std::max(0.0, normSquared(X_HT.p) - along_m2)};
+}
+
+}  // namespace
+
+// A turn θ of the handle moves the tip by θ × l. About the axis perpendicular to lever and needle its part
+// along the needle is l_across and its part across it l_along; about the axis perpendicular to the lever in
+// their plane all of it is across. These are the principal axes.
+HandleStiffness handleStiffness(const SceneSpec& spec, double axial_N_per_m, const Pose& X_HT) {
+  HandleStiffness of{steepestFixture_N_per_m(spec), steepestBone_N_per_m(spec),
+                     steepestOrientation_Nm_per_rad(spec), 0};
+  const Lever lever = leverOf(X_HT);
+  const double across = of.across_N_per_m();
+  of.handle_Nm_per_rad =
+      of.orientation_Nm_per_rad + std::max(across * (lever.along_m2 + lever.across_m2),
+                                           across * lever.along_m2 + axial_N_per_m * lever.across_m2);
+  return of;
+}
+
+double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const DeviceLimits& limits,
+                          const Pose& X_HT) {
+  const HandleStiffness wanted = handleStiffness(spec, axial_N_per_m, X_HT);
+  const Lever lever = leverOf(X_HT);
+  const auto shareWithin = [](double stiffness, double most) {
+    if (stiffness <= most) return 1.0;
+    return std::max(0.0, most) / stiffness;
+  };
+  const double most = limits.max_rotational_stiffness_Nm_per_rad;
+  const double turn = wanted.orientation_Nm_per_rad + wanted.across_N_per_m() * lever.along_m2;
+  const double walls_Nm_per_rad = axial_N_per_m * lever.across_m2;
+  // walls that leave no room do so even without fixture, bone and orientation limit
+  if (walls_Nm_per_rad > most) return 0;
+  return std::min({shareWithin(wanted.across_N_per_m(), limits.max_stiffness_N_per_m),
+                   shareWithin(turn + wanted.across_N_per_m() * lever.across_m2, most),
+                   shareWithin(turn, most - walls_Nm_per_rad)});
+}
+
+void lowerStiffness(SceneSpec& spec, double share) {
+  if (share >= 1) return;
+  const double steepest = steepestFixture_N_per_m(spec);
+  if (steepest > 0) spec.virtual_fixture.max_stiffness_N_per_m = share * steepest;
+  spec.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] *= share;
+  spec.orientation_limit.stiffness_Nm_per_rad *= share;
+}
+
+std::string stiffnessShareText(double share) {
+  if (!(share < 1)) return {};
+  return fmt::format(
+      "Fixture, bone and orientation limit were rendered at {:.0f} % of the profile's stiffness: "
+      "device and tool hold no more.",
+      100 * share);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,77 @@
+/// A passivity observer and controller in front of the gate (FORCE_MODEL.md, "Passivity control"): it counts
+/// the energy that the rendered wrench gives to the hand, hold and delay included, and gives no more than was
+/// taken. Off unless a program asks for it.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "common/haptics/geometry.h"
+
+namespace needlelab {
+
+struct PassivitySettings {
+  std::uint32_t delay_ticks = 1;  ///< the wrench of tick k acts from tick k + delay on; at most kMostDelay
+  /// Of the device alone, which loses energy whatever the hand does. Less than it has is safe; 0: not
+  /// counted.
+  double damping_Ns_per_m = 0, rotational_damping_Nms_per_rad = 0;
+  double reserve_J = 20e-6;  ///< in the tank at the beginning and while no wrench is wanted: a gift
+  /// The tank holds no more; what tissue took beyond it is lost. As much as springs hold: 10 N of 500 N/m are
+  /// 0.1 J, an orientation limit of 0.2 N·m turned by a right angle is 0.3 J.
+  double capacity_J = 0.5;
+  static constexpr std::uint32_t kMostDelay = 15;
+};
+
+/// All that a PassivityControl knows: plain data of fixed size; a copy is a snapshot.
+struct PassivityState {
+  static constexpr std::size_t kPoses = 8;      ///< ticks over which speed and damping are taken
+  static constexpr std::size_t kWrenches = 32;  ///< of the last ticks, the newest before `next_wrench`
+  double level_J = 0;  ///< of the tank: what the hand and the device's damping gave, less what the hand got
+  double share = 1;    ///< of the wrench that is rendered, [0, 1]
+  std::array<Pose, kPoses> poses{};  ///< of the handle at the last fresh ticks, a ring
+  std::array<Wrench, kWrenches> rendered{};
+  std::uint32_t next_pose = 0, known_poses = 0, next_wrench = 0;
+  std::uint32_t unseen_ticks = 0;  ///< since the newest pose
+};
+static_assert(std::is_trivially_copyable_v<PassivityState>);
+
+/// 64-bit FNV-1a over the whole state.
+std::uint64_t hashOf(const PassivityState& state);
+
+/// Time-domain passivity (Hannaford and Ryu 2002) with an energy tank (Franken et al. 2011). The observer is
+/// exact where a wrench is held for a tick and comes a known number of ticks late: its work is wrench × way.
+/// It counts what the gate let through, so a force that fades in or is derated is counted as it was.
+/// The controller takes a share off a wrench that gives energy, so that the tank empties at most
+/// exponentially within some ticks. What a sudden turn overdraws is a debt; until it is paid, only a wrench
+/// that takes is rendered. This dissipator is never stronger than the force itself and never pushes on its
+/// own.
+///
+/// Thread: the haptic thread only. Real-time safe: no heap, lock, clock or exception. Same inputs, same bits.
+class PassivityControl {
+ public:
+  /// `rate_hz` > 0. A delay above kMostDelay counts as kMostDelay, negative numbers as 0.
+  PassivityControl(const PassivitySettings& settings, double rate_hz) noexcept;
+
+  /// Returns the wrench to hand to the gate. Call once a tick: with `fresh`, the handle's pose `X_WH` of this
+  /// tick (finite, unit quaternion) and the wrench at the handle that the engine wants; without, nothing is
+  /// observed, and `wanted` comes back with the share of the last tick. `elapsed_ticks`: as of
+  /// ForceGate::admit.
+  [[nodiscard]] Wrench limited(const Pose& X_WH, bool fresh, const Wrench& wanted,
+                               std::int64_t elapsed_ticks = 1) noexcept;
+  /// Call after the gate: the wrench of this tick for the device.
+  void rendered(const Wrench& at_handle_W) noexcept;
+
+  [[nodiscard]] const PassivityState& state() const noexcept { return state_; }
+
+ private:
+  void observe(const Pose& X_WH) noexcept;
+  [[nodiscard]] double wantedShare(const Wrench& wanted) const noexcept;
+
+  PassivitySettings settings_;
+  double period_s_, horizon_s_;
+  PassivityState state_;
+};
+
+}  // namespace needlelab

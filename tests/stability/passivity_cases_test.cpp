@@ -1,0 +1,66 @@
+// The passivity control: with it the wall passes each case, without it the loops give energy.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "client/sim/tools/hand_thresholds.h"
+#include "tests/stability/case_rows.h"
+#include "tests/stability/changed_source.h"
+
+namespace needlelab::test {
+namespace {
+
+TEST(PassivityControlCases, theFadeInGivesNothing) {
+  const CaseRow row = rowOf("passivity_fade_in");
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
+  EXPECT_GT(*row.grip_energy_J, 1e-3) << "control: without it the gate's share makes a pressed spring give";
+  EXPECT_LE(*row.controlled_energy_J, 5e-5);
+  EXPECT_GT(*row.distortion_N, kNoticeableStep_N) << "and this is its price";
+}
+
+TEST(PassivityControlCases, theLateLoopGivesNothing) {
+  const CaseRow row = rowOf("passivity_late_loop");
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
+  EXPECT_GT(*row.grip_energy_J, 3e-4) << "control: the same gesture without it";
+  EXPECT_LE(*row.controlled_energy_J, 5e-5);
+}
+
+TEST(PassivityControlCases, aDeratedLoadGivesNothingAndIsHardlyTouched) {
+  const CaseRow row = rowOf("passivity_derated");
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
+  EXPECT_LE(*row.distortion_N, kNoticeableStep_N);
+}
+
+TEST(PassivityControlCases, ordinaryGesturesAreLeftAsTheyAre) {
+  const CaseRow row = rowOf("passivity_transparent");
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
+}
+// 1.5 times the force on the way out: what an engine with such a fault would give is taken off
+TEST(PassivityControlCases, controlAnEngineThatGivesEnergyIsNotLeftAsItIs) {
+  double depth_m = 0;
+  const CaseRow row = rowOf("passivity_transparent", AxialModel::kEnhancedTrackingWall,
+                            changed([depth_m](const TipSample&, ForceSource&, StepReport& r) mutable {
+                              if (r.depth_m < depth_m) r.wrench_W.force_N = r.wrench_W.force_N * 3;
+                              depth_m = r.depth_m;
+                            }));
+  EXPECT_FALSE(row.passed) << rowText(row);
+}
+
+// ten times the fixture that the station would have lowered: no hand of the case holds it through the lever
+TEST(ToolGestures, controlAFixtureThatNobodyLoweredGivesEnergy) {
+  const ForceSourceFactory stiff = [](SceneSpec scene, double rate_hz) {
+    for (LayerSpec& layer : scene.layers) layer.lateral_stiffness_N_per_m2 *= 20;
+    scene.virtual_fixture.max_stiffness_N_per_m = 4000;
+    return engineSource()(scene, rate_hz);
+  };
+  const CaseRow row = rowOf("tool_gestures", AxialModel::kEnhancedTrackingWall, stiff);
+  EXPECT_FALSE(row.passed) << rowText(row);
+}
+
+TEST(ToolGestures, atTheEndOfAMountedToolNothingIsGiven) {
+  const CaseRow row = rowOf("tool_gestures");
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
+}
+
+}  // namespace
+}  // namespace needlelab::test
