@@ -249,7 +249,7 @@ class ChainWalk {
       : keys_(keys), anchors_(anchors) {}
 
   void begin(const std::optional<std::string>& before_chain) {
-    if (!before_chain) fault("the database does not say any more after which line its chain begins");
+    if (!before_chain) fault("the database no longer says after which line its chain begins");
     before_ = startOf(before_chain.value_or(""), true);
     start_without_ = startOf(before_chain.value_or(""), false);
     const std::string text = before_chain.value_or("");

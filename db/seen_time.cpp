@@ -66,8 +66,8 @@ Result<std::string> SeenTimeStore::behindText(std::int64_t now_unix_ns) {
   if (now_unix_ns + kClockSlack_ns >= seen) return std::string();
   return "the server's clock shows " + localTime(now_unix_ns, TimeForm::kZoned) + ", and it has shown " +
          localTime(seen, TimeForm::kZoned) +
-         " before: set it right. If it is right (it was ahead before), say so by: needlelab-admin retention "
-         "run";
+         " before: set it right. If it is right (it was ahead before), confirm it by: needlelab-admin "
+         "retention run";
 }
 
 Result<std::string> SeenTimeStore::aheadText(std::int64_t now_unix_ns) {
@@ -77,7 +77,7 @@ Result<std::string> SeenTimeStore::aheadText(std::int64_t now_unix_ns) {
       "the server's clock shows {}, {} days after the latest time that is known, {}: retention removes "
       "nothing "
       "by itself. Set the clock right. If it is right (nothing ran for so long, or an older backup was "
-      "restored), say so by: needlelab-admin retention run",
+      "restored), confirm it by: needlelab-admin retention run",
       localTime(now_unix_ns, TimeForm::kZoned), (now_unix_ns - seen) / 86'400'000'000'000,
       localTime(seen, TimeForm::kZoned));
 }

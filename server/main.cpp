@@ -89,7 +89,8 @@ int main(int argc, char** argv) try {
          "Hours between two runs of retention, the first 10 minutes after the start; 0: only when asked")
       ->check(CLI::Range(0u, 8760u))
       ->capture_default_str();
-  app.add_option("--max-connections", options.max_connections, "More are closed at once")
+  app.add_option("--max-connections", options.max_connections,
+                 "Connections at once; when more come, whoever has the most loses one")
       ->check(CLI::Range(std::size_t{1}, std::size_t{100'000}))
       ->capture_default_str();
   app.add_option(

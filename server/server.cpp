@@ -82,7 +82,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                            why->message}});
   for (const auto& path : p.store->leftoversRemoved())
     logEvent(LogLevel::kWarning, "leftover_removed",
-             {{"path", path.string()}, {"text", "a program that was cut off left it"}});
+             {{"path", path.string()}, {"text", "a program that was killed left it"}});
   if (const std::size_t repeated = p.store->erasuresRepeated(); repeated > 0)
     logEvent(LogLevel::kWarning, "erasures_repeated", {{"people", repeated}});
   if (const std::string& text = p.store->clockBehind(); !text.empty())
@@ -100,7 +100,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   if (leftovers)
     for (const std::string& path : *leftovers)
       logEvent(LogLevel::kWarning, "tls_leftover_removed",
-               {{"path", path}, {"text", "a program that was cut off left it; it may hold a private key"}});
+               {{"path", path}, {"text", "a program that was killed left it; it may hold a private key"}});
   p.names = certificateNames(p.options.listen, p.options.host_names, p.options.ca_domains);
   ASSIGN_OR_RETURN(const auto certificate, currentCertificate(p.files, p.names));
   p.tls = certificate.tls;
@@ -166,7 +166,8 @@ Status Server::Parts::startMonitor() {
   ASSIGN_OR_RETURN(auto listening, listenOn(io, endpoint, where, "--metrics"));
   if (!endpoint.address().is_loopback())
     logEvent(LogLevel::kWarning, "metrics_open_to_the_network",
-             {{"address", where}, {"text", "without TLS and log-in; let a firewall see to who may ask"}});
+             {{"address", where},
+              {"text", "the metrics have neither TLS nor log-in: let a firewall decide who may read them"}});
   monitor = std::make_unique<Monitor>(*context, files.certificate, options.monitor);
   monitor_port = std::make_shared<MonitorPort>(io, std::move(listening), *monitor);
   if (!options.metrics_port_file.empty()) {

@@ -269,7 +269,7 @@ Status checkNewName(std::string_view field, std::string_view value) {
   RETURN_IF_ERROR(checkName(field, value));
   RETURN_IF_ERROR(checkVisible(field, value));
   if (value.find('/') != std::string_view::npos)
-    return invalid(field, "holds a '/', which addresses of the web use for themselves: take '-' or a space");
+    return invalid(field, "holds a '/', which separates the parts of a web address: use '-' or a space");
   if (value == "." || value == "..")
     return invalid(field, "is '" + std::string(value) + "', which is a folder's");
   return {};

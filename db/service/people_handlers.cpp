@@ -21,15 +21,15 @@ Result<std::string> hashFor(pb::Role role, const std::string& name, const std::s
   return hashPassword(password);
 }
 
-/// Whoever sets the own password proves to know the one of now: an unlocked computer is not enough. Wrong
-/// ones wait as codes do.
+/// People who change their own password prove that they know the present one: an unlocked computer is not
+/// enough. After wrong ones they wait as after wrong codes.
 Status checkOldPassword(const Context& context, const pb::SetPassword& call) {
   if (context.who.name != call.name()) return {};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.name()));
   if (!person || person->password_hash.empty()) return {};  // of --data, or there is none yet
   if (call.old_password().empty())
     return Error{ErrorCode::kInvalidInput,
-                 "old_password: is missing: whoever sets the own password gives the one of now, too"};
+                 "old_password: is missing: to change your own password, give the present one, too"};
   const std::string counted = "password\n" + call.name();  // no code's name has a line feed
   if (const auto attempt = context.codes.begin(counted); attempt.must_wait.count() > 0)
     return Error{ErrorCode::kDenied,

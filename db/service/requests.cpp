@@ -94,7 +94,7 @@ constexpr RequestRow kRows[] = {
    {{"GET /people/{name}", "One person"}}},
   // ChangeUser has the same HTTP line; its role is checked afterwards
   {Call::kSetConsent,              "consent",              kPeople,               to<setConsent, kStores>,       Reply::kUser, kWorkers,
-   {{"PATCH /people/{name}", "Role, name, access (If-Match); or the word on studies, alone"}}},
+   {{"PATCH /people/{name}", "Role, name, access (If-Match); or consent to studies, alone"}}},
   {Call::kChangeUser,              "user change",          kManagers,             to<changeUser, kNeeded>,       Reply::kUser},
   // one's own; managers: those of lower roles
   {Call::kSetPassword,             "user passwd",          kPeople | kResearcher, to<setPassword, kNeeded>,      Reply::kDone, kPasswords,
@@ -104,10 +104,10 @@ constexpr RequestRow kRows[] = {
    {{"POST /people/{name}/code", "A code that stations ask for: given, or made, or (empty) removed"}}},
   {Call::kDisableUser,             "user disable",         kManagers,             to<disableUser, kNeeded>,      Reply::kDone},
   {Call::kListConsents,            "consent list",         kPeople,               to<listConsents>,              Reply::kConsents, kWorkers,
-   {{"GET /people/{name}/consents", "All words on studies"}}},
+   {{"GET /people/{name}/consents", "Every statement of consent to studies"}}},
   // one's own; managers: everyone's
   {Call::kExportPerson,            "person export",        kPeople,               to<exportPerson, kNeeded>,     Reply::kRecords, kViews,
-   {{"GET /people/{name}/export", "Everything that is stored of a person, to download"}}},
+   {{"GET /people/{name}/export", "Everything that is stored about a person, to download"}}},
   {Call::kErasePerson,             "person erase",         kAdmin,                to<&Service::erasePerson, kNeeded>, Reply::kErasure, kSlow,
    {{"DELETE /people/{name}/data", "Erases a person; confirm must be the name"}}},
 
@@ -140,7 +140,7 @@ constexpr RequestRow kRows[] = {
   {Call::kImportProfile,           "profile import",       kManagers,             to<importProfile, kStores>,    Reply::kProfile, kWorkers,
    {{"PUT /profiles/{id}", "A new revision; If-Match \"0\": a new profile"}}},
   {Call::kListProfileRevisions,    "profile revisions",    kStaff | kResearcher,  to<profileRevisions>,          Reply::kRevisions, kWorkers,
-   {{"GET /profiles/{id}/revisions?page", "Newest first"}}},
+   {{"GET /profiles/{id}/revisions?page", "Revisions of a profile, newest first"}}},
   {Call::kCheckText,               "check text",           kStaff,                to<checkJson>,                 Reply::kTextCheck, kWorkers,
    {{"POST /profiles/check", "Everything that is wrong with a profile"},
      {"POST /courses/check", "What is wrong with a course"}}},
@@ -153,7 +153,7 @@ constexpr RequestRow kRows[] = {
   {Call::kImportCurriculum,        "curriculum import",    kManagers,             to<importCurriculum, kStores>, Reply::kCurriculum, kWorkers,
    {{"PUT /courses/{id}", "A new revision; If-Match \"0\": a new course"}}},
   {Call::kListCurriculumRevisions, "curriculum revisions", kStaff | kResearcher,  to<curriculumRevisions>,       Reply::kRevisions, kWorkers,
-   {{"GET /courses/{id}/revisions?page", "Newest first"}}},
+   {{"GET /courses/{id}/revisions?page", "Revisions of a course, newest first"}}},
   {Call::kListExercises,           "exercise list",        kReaders,              to<listExercises>,             Reply::kExercises, kWorkers,
    {{"GET /exercises?course&page", "Exercises of a course, or of all"}}},
   {Call::kListMeasures,            "measures",             kReaders,              to<listMeasures>,              Reply::kMeasures, kWorkers,
@@ -162,15 +162,15 @@ constexpr RequestRow kRows[] = {
    {{"GET /exercises/{id}/reference", "Bands of chosen sessions of experts"}}},
   // the reply has the bands, as reference show's
   {Call::kSetReference,            "reference set",        kStaff,                to<setReference, kStores>,     Reply::kReference, kViews,
-   {{"PUT /exercises/{id}/reference", "Chooses them (If-Match)"}}},
+   {{"PUT /exercises/{id}/reference", "Chooses the sessions of experts (If-Match)"}}},
 
   // --- assignments, lessons, results
   {Call::kListAssignments,         "assign list",          kAll,                  to<listAssignments>,           Reply::kAssignments, kWorkers,
-   {{"GET /assignments?trainee&course&group&page", "Who is to do what until when"}}},
+   {{"GET /assignments?trainee&course&group&page", "Assignments: who does what, until when"}}},
   {Call::kAssign,                  "assign",               kStaff,                to<assign, kStores>,           Reply::kAssignments, kWorkers,
    {{"POST /assignments", "An exercise or a course for a trainee or a group"}}},
   {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment, kStores>, Reply::kDone, kWorkers,
-   {{"DELETE /assignments/{id}", "Takes it back"}}},
+   {{"DELETE /assignments/{id}", "Removes an assignment"}}},
   {Call::kGetLesson,               "lesson",               kAll,                  to<getLesson>,                 Reply::kLesson},
   {Call::kCheckTrainee,            "check trainee",        kStation,              to<checkTrainee>,              Reply::kTraineeChecked},
   // a station: names, and the cells of the trainee that it names; the handler checks that
@@ -179,7 +179,7 @@ constexpr RequestRow kRows[] = {
   {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kViews,
    {{"GET /people/{name}/progress?exercise&page", "Attempts in order of time"}}},
   {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt, kStores>,    Reply::kAttempt, kWorkers,
-   {{"POST /sessions/{id}/excuse", "An attempt that shall not count"}}},
+   {{"POST /sessions/{id}/excuse", "Excuses an attempt: it does not count"}}},
 
   // --- sessions, recordings, remarks
   {Call::kListSessions,            "session list",         kPeople,               to<listSessions>,              Reply::kSessions, kWorkers,
@@ -203,9 +203,9 @@ constexpr RequestRow kRows[] = {
 
   // --- scores
   {Call::kGetScore,                "score show",           kPeople,               to<getScore>,                  Reply::kScore, kViews,
-   {{"GET /sessions/{id}/score?definition_version", "Its score; definition_version: by default the newest"}}},
+   {{"GET /sessions/{id}/score?definition_version", "The session's score; definition_version: by default the newest"}}},
   {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore, kStores>, Reply::kScore, kSlow,
-   {{"POST /sessions/{id}/rescore", "Scores it by the definitions of now"}}},
+   {{"POST /sessions/{id}/rescore", "Scores the session again by the program's present definitions"}}},
   {Call::kListScores,              "score list",           kStaff,                to<listScores>,                Reply::kScores, kViews,
    {{"GET /scores.csv?course&group", "Scores, a measure a line; units in a column"}}},
   {Call::kRescoreAll,              "rescore all",          kManagers,             to<&Service::rescoreAllNow, kStores>, Reply::kRescoreReport, kHours,
@@ -222,7 +222,7 @@ constexpr RequestRow kRows[] = {
   {Call::kGetLabSettings,          "lab show",             kReaders,              to<getLabSettings>,            Reply::kLabSettings, kWorkers,
    {{"GET /lab/settings", "What holds for the whole lab"}}},
   {Call::kChangeLabSettings,       "lab set",              kAdmin,                to<changeLabSettings, kStores>, Reply::kLabSettings, kWorkers,
-   {{"PATCH /lab/settings", "Changes it; what is left out stays"}}},
+   {{"PATCH /lab/settings", "Changes settings of the lab; what is left out stays"}}},
 
   // --- the database itself
   {Call::kListAudit,               "audit",                kAdmin,                to<listAudit>,                 Reply::kAudit, kWorkers,
@@ -230,11 +230,11 @@ constexpr RequestRow kRows[] = {
   {Call::kBackup,                  "backup",               kAdmin,                to<&Service::backup, kNeeded>, Reply::kBackupDone, kSlow,
    {{"POST /backup", "A verified copy on the server's machine; without a path beside the database"}}},
   {Call::kCheck,                   "check",                kAdmin,                to<check>,                     Reply::kCheckReport, kSlow,
-   {{"POST /check", "The database and every recording in it"}}},
+   {{"POST /check", "Checks the database and every recording in it"}}},
   {Call::kListRetention,           "retention show",       kManagers,             to<listRetention>,             Reply::kRetention, kWorkers,
-   {{"GET /retention", "What is kept how long"}}},
+   {{"GET /retention", "What is kept, and for how long"}}},
   {Call::kSetRetention,            "retention set",        kManagers,             to<setRetention, kNeeded>,     Reply::kDone, kWorkers,
-   {{"PUT /retention", "A policy of an exercise, or of all; as_default: the exercise's own is taken away"}}},
+   {{"PUT /retention", "Sets the policy of an exercise, or of all; as_default removes the exercise's own"}}},
   {Call::kRunRetention,            "retention run",        kManagers,             to<&Service::runRetentionNow, kNeeded>, Reply::kRetentionReport, kHours,
    {{"POST /retention/run", "Thins and deletes now, or says what it would"}}},
 };

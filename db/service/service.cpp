@@ -293,7 +293,7 @@ Result<pb::RetentionReport> Service::dailyRetention() {
   if (last != 0 && (now < last || now - last > kMostAhead_ns)) {
     return Error{ErrorCode::kUnavailable,
                  fmt::format("the last run of retention is noted as {} days ago: when the server's clock is "
-                             "right, say so by: needlelab-admin retention run",
+                             "right, confirm it by: needlelab-admin retention run",
                              (now - last) / 86'400'000'000'000)};
   }
   if (!ahead.empty()) return Error{ErrorCode::kUnavailable, ahead};

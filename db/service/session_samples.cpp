@@ -43,7 +43,8 @@ Result<std::vector<GestureSample>> samplesOfChunk(Connection& reader, const Uuid
   ASSIGN_OR_RETURN(const auto chunks, SessionStore(reader).readChunks(id, seq, 1, kReadBytes));
   if (chunks.empty())
     return Error{ErrorCode::kUnavailable,
-                 fmt::format("session {}, chunk {} is gone while it was read", uuidText(id), seq)};
+                 fmt::format("session {}, chunk {} was removed while the session was read: try again",
+                             uuidText(id), seq)};
   return decodeChunk(chunks.front().bytes);
 }
 

@@ -135,9 +135,9 @@ bool PeerConnection::takePlace() {
   const auto arrival = context_.admission.loggedIn(id_, {who_.name, who_.role == pb::STATION}, steadyNowNs());
   if (arrival.answer != Admission::Answer::kWelcome) {
     ++context_.counters.connections_refused;
-    refuseAndClose(makeRefusal(
-        pb::Refusal::RATE_LIMITED,
-        "others, none of whom has more connections, take all places of the server: try again in a minute"));
+    refuseAndClose(makeRefusal(pb::Refusal::RATE_LIMITED,
+                               "all places of the server are taken, and nobody has more connections than "
+                               "you: try again in a minute"));
     return false;
   }
   if (!arrival.gives_way) return true;
@@ -182,8 +182,11 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
           return &other != this && other.who().name == who_.name && other.who().role == who_.role;
         });
     if (static_cast<std::size_t>(mine) >= context_.bounds.connections_of_person) {
-      refuseAndClose(makeRefusal(pb::Refusal::RATE_LIMITED,
-                                 fmt::format("{} has {} connections already", who_.name, mine)));
+      refuseAndClose(
+          makeRefusal(pb::Refusal::RATE_LIMITED,
+                      fmt::format("{} has {} connections already, the most that a person may have: "
+                                  "close one of them first",
+                                  who_.name, mine)));
       co_return;
     }
   }

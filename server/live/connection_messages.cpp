@@ -55,7 +55,7 @@ Task<Status> PeerConnection::take(ByteView frame) {
   if (!envelope.ok()) co_return envelope.error();
   // what is done is what was checked
   if (envelope->body_case() != head->body || envelope->request().call_case() != head->call)
-    co_return Error{ErrorCode::kCorrupt, "a message that is another one than it seems"};
+    co_return Error{ErrorCode::kCorrupt, "a message that parses to another one than its first bytes name"};
   if (over() || channel_->closing()) co_return Status{};
   co_await dispatch(std::move(*envelope), std::move(shares));
   co_return Status{};

@@ -277,7 +277,9 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
   }
   if (!facts.fault.empty()) health.problems.push_back("the database cannot be read: " + facts.fault);
   if (facts.certificate_end_unix_s != 0 && facts.certificate_end_unix_s < now_ns / kSecond)
-    health.problems.emplace_back("the server's certificate has expired: restart the server, which renews it");
+    health.problems.emplace_back(
+        "the server's certificate has expired: the server's log says why it was not renewed "
+        "(certificate_not_renewed)");
   if (settings_.max_backup_age.count() > 0) {
     if (!facts.backup_unix_ns) {
       health.problems.emplace_back("there was never a verified backup");

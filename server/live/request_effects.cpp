@@ -54,10 +54,10 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
   if (peer == nullptr) co_return makeRefusal(pb::Refusal::NOT_FOUND, name + " is not online");
   if (peer->version().minor() < wanted.since_minor) {
     // an older station would answer the ping but skip the unknown message: that is not a delivery
-    pb::Refusal refusal =
-        makeRefusal(pb::Refusal::VERSION, name + " runs " + printable(peer->program()) + " (protocol " +
-                                              versionText(peer->version()) +
-                                              "), which does not know that: bring it up to date");
+    pb::Refusal refusal = makeRefusal(
+        pb::Refusal::VERSION, name + " runs " + printable(peer->program()) + " (protocol " +
+                                  versionText(peer->version()) +
+                                  "), which does not know this message: bring the station up to date");
     *refusal.mutable_ours() = ourVersion();
     *refusal.mutable_theirs() = peer->version();
     co_return refusal;
@@ -66,7 +66,7 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
     co_return std::nullopt;
   co_return makeRefusal(pb::Refusal::TIMEOUT,
                         fmt::format("{} did not confirm it within {} ms, or its connection ended: it may not "
-                                    "have arrived; say it again when the station is back",
+                                    "have arrived; send it again when the station is back",
                                     name, context.bounds.confirm_timeout.count()));
 }
 

@@ -99,7 +99,7 @@ Result<pb::Request> putGroup(const WebRoute& route, const WebCall& call) {
   ASSIGN_OR_RETURN(auto request, addGroup(route, call));
   auto& put = *request.mutable_put_group();
   if (!put.group().id().empty() && put.group().id() != call.parts[0])
-    return Error{ErrorCode::kInvalidInput, "id: is not that of the address"};
+    return Error{ErrorCode::kInvalidInput, "id: differs from the one in the address"};
   put.mutable_group()->set_id(call.parts[0]);
   ASSIGN_OR_RETURN(const auto base, baseOf(call));
   put.set_base_revision(base);

@@ -221,7 +221,8 @@ Status readBodyInto(const WebCall& call, google::protobuf::Message& message,
                     const std::vector<std::string>& outside) {
   for (const std::string& name : outside) {
     if (call.body.is_object() && call.body.contains(name))
-      return Error{ErrorCode::kInvalidInput, name + ": does not stand in the body"};
+      return Error{ErrorCode::kInvalidInput,
+                   name + ": must not be in the body: the address, If-Match or the server gives it"};
   }
   return messageOf(call.body.is_null() ? nlohmann::json::object() : call.body, message);
 }

@@ -381,7 +381,7 @@ export const kTable = [
       throw new Refusal(
         400,
         'invalid_input',
-        'old_password: is missing: whoever sets the own password gives the one of now, too',
+        'old_password: is missing: to change your own password, give the present one, too',
       );
     if (who.name === params.name && person.password && person.password !== body.old_password)
       throw new Refusal(403, 'denied', `old_password: is not the password of '${params.name}'`);

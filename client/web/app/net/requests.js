@@ -13,7 +13,7 @@ export const people = {
     const body = changes.role ? { ...changes, role: changes.role.toUpperCase().replaceAll('-', '_') } : changes;
     return person(await patch(['people', p.name], body, { base_revision: p.revision }));
   },
-  /** Whoever sets the own password gives the old one, too. */
+  /** To change your own password, give the old one, too. */
   setPassword: (name, password, old_password) =>
     post(['people', name, 'password'], { password, ...(old_password && { old_password }) }),
   /** `change`: { make: true }, or { code }; an empty code removes it. @returns {Promise<{name: string, code: string}>} a made one */
