@@ -20,8 +20,8 @@ namespace needlelab {
 
 inline constexpr const char* kAuditKeyFile = "audit.key";
 
-/// DIR/audit.key: 32 random bytes, readable only by the server's user (0600), made at the first start. Who
-/// has it can forge lines; without it nobody can tell. Thread: immutable.
+/// DIR/audit.key: 32 random bytes, readable only by the server's user (0600), made at the first start.
+/// Whoever has it can forge lines; without it nobody can find forged ones. Thread: immutable.
 class AuditKey {
  public:
   using Hash = std::array<std::uint8_t, 32>;
@@ -62,8 +62,8 @@ class AuditChain {
  public:
   explicit AuditChain(Connection& connection) : connection_(connection) {}
 
-  /// Gives the lines of before the chain, in the order of their numbers, its first entries: what they were
-  /// then is proven from then on, and no line can be put among them. Does nothing where the chain has begun.
+  /// Makes the lines from before the chain its first entries, in the order of their numbers: what they are
+  /// now is proven from now on, and no line can be put among them. Does nothing where the chain has begun.
   /// A time proportional to the log, once.
   Status begin();
   /// For a line that was just inserted into `audit`. Begins the chain where it is empty.
@@ -104,7 +104,7 @@ struct AuditAnchor {
   AuditHead head;
   std::optional<AuditKey::Hash> first = {};  ///< the MAC of its chain's first entry, where that is known
 };
-/// kInvalidInput: a database of before schema 8, which has no chain.
+/// kInvalidInput: a database from before schema 8, which has no chain.
 Status requireAuditChain(Connection& connection);
 
 struct AuditVerdict {

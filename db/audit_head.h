@@ -1,5 +1,6 @@
-/// DIR/audit.head: how far the audit log's chain had come, outside of the database. Who can write the
-/// database without the key cannot take the chain away, cut it or put an older one in its place unseen.
+/// DIR/audit.head: how far the audit log's chain had come, outside of the database. Somebody who can
+/// write the database but has no key cannot take the chain away, cut it or put an older one in its place
+/// unseen.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +15,7 @@
 namespace needlelab {
 
 inline constexpr const char* kAuditHeadFile = "audit.head";
-/// The head of before the newest restore.
+/// The head from before the newest restore.
 inline constexpr const char* kReplacedAuditHeadFile = "audit.head.replaced";
 
 /// The file's contents; a MAC by audit.key holds them. In no backup: an older database has an older head.
@@ -33,11 +34,11 @@ Result<bool> chainHas(Connection& connection, const AuditHead& head);
 
 /// At the start of whoever writes: begins the chain where it is empty, and keeps its head. Where the kept
 /// head is not in the chain, or its file is there but damaged, unreadable or of another key, adds a line of
-/// the log (kAuditBreak). What cannot be written to the file is
-/// written the next time: an older head promises less, and nothing wrong. Makes the key. Writer's connection.
+/// the log (kAuditBreak). What cannot be written to the file now is written the next time: an older head
+/// promises less, and nothing wrong. Makes the key. Writer's connection.
 Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns);
-/// Keeps a newer head of committed entries; leaves the file where the chain does not have the one of before,
-/// so that the next start finds that. Any connection; one thread at a time.
+/// Keeps a newer head of committed entries; leaves the file alone where the chain does not have the head that
+/// it holds, so that the next start finds that. Any connection; one thread at a time.
 Status advanceAuditHead(Connection& connection);
 
 }  // namespace needlelab

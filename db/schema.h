@@ -25,10 +25,10 @@ Result<int> schemaVersion(Connection& connection);
 
 /// What of the file's schema (tables, indexes, triggers, views) is not as the migrations up to the file's
 /// version make it, at most kMaxSchemaFaults sentences; empty: nothing. The tables of an ANALYZE
-/// (sqlite_stat1, sqlite_stat4) are none, if they are as SQLite makes them. Who can write the file once could
-/// leave a trigger that changes or swallows what is stored later, with a right proof of a wrong audit line. A
-/// time of milliseconds. Errors: kVersion (the file is newer than this program), kCorrupt. Thread: as the
-/// connection.
+/// (sqlite_stat1, sqlite_stat4) are none, if they are as SQLite makes them. Somebody who can write the file
+/// once could leave a trigger that changes or swallows what is stored later, with a right proof of a wrong
+/// audit line. A time of milliseconds. Errors: kVersion (the file is newer than this program), kCorrupt.
+/// Thread: as the connection.
 Result<std::vector<std::string>> schemaFaults(Connection& connection);
 inline constexpr std::size_t kMaxSchemaFaults = 20;
 

@@ -1,17 +1,16 @@
+#include "common/base/files.h"
+
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <system_error>
 #include <utility>
-
-#include "common/base/files.h"
-
-#include "common/base/temporary_name.h"
 
 namespace needlelab {
 namespace {
@@ -139,6 +138,16 @@ Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t
   ::close(fd);
   text.resize(done);
   return text;
+}
+
+bool isTemporaryNameOf(std::string_view own, std::string_view name) {
+  constexpr std::size_t kLetters = 6;
+  const auto fits = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+  };
+  return name.size() == own.size() + kTemporaryMark.size() + kLetters && name.starts_with(own) &&
+         name.substr(own.size()).starts_with(kTemporaryMark) &&
+         std::all_of(name.end() - kLetters, name.end(), fits);
 }
 
 Status syncFolder(const std::filesystem::path& folder) {

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -31,6 +32,13 @@ Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path)
 /// whatever the umask is: by default for its owner only, 0644 for what is meant for everybody (a port, a
 /// certificate). Writes into a device or pipe (/dev/stdout, /dev/null) and does not replace it.
 Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0600);
+
+/// Stands between a file's name and six random letters or digits (mkostemp) in the name of its temporary
+/// file. A word of ours, because a technician's own copy may well be called `ca.key.backup`.
+inline constexpr std::string_view kTemporaryMark = ".being-written-";
+
+/// Whether `name` is that of a temporary file of the file `own`; both without their folder.
+bool isTemporaryNameOf(std::string_view own, std::string_view name);
 
 /// Calls fsync on a folder, so that a new directory entry survives a power cut.
 Status syncFolder(const std::filesystem::path& folder);

@@ -55,7 +55,7 @@ Status renewServerCertificate(const TlsFiles& files, const std::vector<std::stri
 /// of them, or one is prepared already), kFailed.
 Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains);
 /// Lets the new authority sign the server's certificate, and takes its key as ca.key. ca.crt keeps both. May
-/// be repeated when it was cut off. Peers with the ca.crt of before prepareAuthority no longer connect.
+/// be repeated when it was cut off. Peers with the ca.crt from before prepareAuthority no longer connect.
 /// Errors: kInvalidInput (none is prepared, or ca.crt lacks it), kFailed.
 Status switchAuthority(const TlsFiles& files);
 /// Leaves in ca.crt only the authority that signed the server's certificate.

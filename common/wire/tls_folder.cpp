@@ -9,7 +9,6 @@
 #include <system_error>
 
 #include "common/base/files.h"
-#include "common/base/temporary_name.h"
 
 namespace needlelab {
 namespace {

@@ -1,5 +1,5 @@
-/// What writers of DIR/tls do with each other: a lock that ends with its process, and the temporary files
-/// that a killed one leaves.
+/// What writers of DIR/tls share: a lock that ends with its process, and the temporary files that a killed
+/// writer leaves.
 #pragma once
 
 #include <filesystem>
@@ -25,8 +25,8 @@ class TlsFolderUse {
   int fd_;
 };
 
-/// Removes the temporary files that a killed writer left beside `files`: one of these names, a point, and six
-/// letters or digits (common/base/files.h); they may hold a private key. Other names, folders and links stay.
+/// Removes the temporary files that a killed writer left beside `files` (isTemporaryNameOf in
+/// common/base/files.h); they may hold a private key. Other names, folders and links stay.
 /// Does nothing while somebody writes. Returns what was removed, sorted. Errors: kFailed, the file in the
 /// message. Thread: any; also beside other processes.
 Result<std::vector<std::string>> removeTlsLeftovers(const TlsFiles& files);

@@ -9,7 +9,6 @@
 #include <system_error>
 
 #include "common/base/files.h"
-#include "common/base/temporary_name.h"
 #include "db/audit_chain.h"
 #include "db/audit_head.h"
 #include "db/backup.h"

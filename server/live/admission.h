@@ -31,7 +31,7 @@ class Admission {
  public:
   struct Settings {
     std::size_t max_connections = 4096;  ///< of the port, logged in or not
-    std::size_t newcomers_one_in = 16;   ///< of so many places, one is for those who have not logged in yet
+    std::size_t newcomers_one_in = 16;   ///< of this many places, one is for those who have not logged in yet
     std::size_t stations_one_in = 4;     ///< one is for stations; 0: none
     std::size_t connections_of_account = SIZE_MAX;  ///< logged in; above, its own give way
     std::size_t max_strangers = 1536;               ///< not logged in, of the server

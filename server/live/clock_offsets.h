@@ -17,7 +17,7 @@ namespace needlelab {
 /// Offsets that come before the writer gets to the first of them are one item of its queue, with the best
 /// (least round trip) of each session: however many come, they take none of the places of chunks. Those of
 /// more than kMostSessions sessions are further items. What is not stored is a line
-/// `clock_offset_not_stored` in the log, so many a minute.
+/// `clock_offset_not_stored` in the log, 60 a minute at most.
 class ClockOffsets {
  public:
   static constexpr std::size_t kMostSessions = 1024;

@@ -30,7 +30,7 @@ namespace needlelab {
 class HandshakeTurns {
  public:
   struct Settings {
-    /// Turns: so many answers are computed (0.2 ms each) before other sockets are looked at again.
+    /// Turns: this many answers are computed (0.2 ms each) before other sockets are looked at again.
     std::size_t at_once = 8;
     std::size_t places = 64;             ///< of strangers' addresses together
     std::size_t places_of_known = 64;    ///< of addresses that have logged in before, together

@@ -67,9 +67,9 @@ class Hub {
   [[nodiscard]] HubPeer* stationPeer(const std::string& name) const;
   /// Does nothing when another connection of the station has taken over.
   void detachStation(const std::string& name, const HubPeer& peer);
-  /// Returns a refusal, and discards the status, when it is too large or its session_id is not valid.
-  /// The refusal of a status line of so many bytes; nothing: it is not too long.
+  /// The refusal of a status line of `bytes` bytes; nothing: it is not too long.
   [[nodiscard]] std::optional<pb::Refusal> checkStatusBytes(std::size_t bytes) const;
+  /// Returns a refusal, and discards the status, when it is too large or its session_id is not valid.
   std::optional<pb::Refusal> onStatus(const std::string& name, const pb::StationStatus& status,
                                       std::int64_t now_ns);
   /// Returns a refusal when the frame is too large, claims too many samples or its session_id is not valid.

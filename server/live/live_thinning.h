@@ -13,8 +13,8 @@
 
 namespace needlelab {
 
-/// The rates that frames are thinned to, in Hz, upwards: so a frame is thinned for so many at most, whatever
-/// its viewers ask for.
+/// The rates that frames are thinned to, in Hz, upwards: a frame is thinned for each of them once at most,
+/// whatever its viewers ask for.
 inline constexpr std::array kThinnedRates_hz = {0.1,  0.2,  0.5,   1.0,   2.0,   5.0,    10.0,   25.0,
                                                 30.0, 60.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0};
 

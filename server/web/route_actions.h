@@ -26,10 +26,10 @@ struct AskedBy {
   AccessWatch account;  ///< since the session was found
 };
 
-/// For a browser that nobody is there for any more.
+/// The answer for a browser that has gone: nobody reads it.
 HttpAnswer browserGone();
 
-/// Waits until so many bytes fit beside what others have taken. Nothing: the browser is gone.
+/// Waits until `bytes` fit beside what others have taken. Nothing: the browser is gone.
 Task<std::optional<ByteBudget::Share>> waitForRoom(std::shared_ptr<HttpRequest> request, Principal who,
                                                    ByteBudget& budget, std::shared_ptr<Signal> freed,
                                                    std::size_t bytes);

@@ -12,12 +12,12 @@
 
 namespace needlelab {
 
-/// A step of a plot or of the CSV ends when it has decoded so many samples or chunks. It holds one chunk's
+/// A step of a plot or of the CSV ends when it has decoded this many samples or chunks. It holds one chunk's
 /// samples, so at most 65,536 (some 13 MB), and decodes fewer than kMostStepSamples + kMaxChunkSamples,
 /// whatever the recording holds.
 inline constexpr std::size_t kMostStepSamples = kMaxChunkSamples;
 inline constexpr std::uint32_t kMostStepChunks = 256;
-/// A piece of the CSV ends after so many rows (some 4 MB at most) or with its step, usually sooner: samples
+/// A piece of the CSV ends after this many rows (some 4 MB at most) or with its step, usually sooner: samples
 /// outside the span that was asked for are decoded, too, and write nothing. Between two pieces a
 /// download holds the piece, and the bytes of the chunks that it reads next (at most 1 MiB), but no samples.
 inline constexpr std::size_t kMostPieceRows = 8'192;
