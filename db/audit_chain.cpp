@@ -18,7 +18,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::string_view kHeadWords = "audit head ";
-/// In `meta`: the newest line of before schema 8. The first entry's MAC holds it.
+/// In `meta`: the newest line from before schema 8. The first entry's MAC holds it.
 constexpr const char* kBeforeChain = "audit_before_chain";
 
 /// What an entry proves of a line. Who, subject, detail and importer may be replaced by an erasure.

@@ -113,7 +113,7 @@ Result<std::optional<Error>> checkStoredChunk(const std::string& name, std::uint
     return Error{ErrorCode::kCorrupt, fmt::format("{}, chunk {}: {}", name, seq, why)};
   };
   if (crc != stationCrcOf(bytes))
-    return corrupt("the CRC noted when it came in is not the one of the stored bytes");
+    return corrupt("the stored bytes do not have the CRC that was noted when the chunk came in");
   const auto info = checkChunk(bytes);
   const auto count = info ? std::optional(info->count) : sealedSamples(bytes);
   if (!count) return corrupt(info.error().message);

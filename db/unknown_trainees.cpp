@@ -75,8 +75,8 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
     if (!person)
       return Error{ErrorCode::kNotFound,
                    "there is no person named '" + trainee + "': add the person first, or give another name"};
-    // that name's person of then was erased; whoever has the name now came later. While the clock is behind
-    // the account (ErasureStore::addedAt), times do not tell that
+    // the person who had that name then was erased; whoever has the name now came later. While the clock is
+    // behind the account (ErasureStore::addedAt), times do not tell that
     ASSIGN_OR_RETURN(const auto erased, ErasureStore(connection_).erasedSince(trainee, row->began_unix_ns));
     if (erased && person->created_unix_ns <= now_unix_ns)
       return Error{ErrorCode::kInvalidInput,

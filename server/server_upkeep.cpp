@@ -152,7 +152,7 @@ Task<> Server::Parts::hangUpLoop() {
       if (connection->hasRequests()) connection->lookForHangUp();
     }
     if (web) web->lookForHangUps();
-    // who waits for room looks whether it still has somebody to wait for
+    // whoever waits for room looks whether the asker is still there
     context->reply_room->notify();
     context->decoded_room->notify();
   }

@@ -29,7 +29,7 @@ void addEffectsCommand(CLI::App& app, SimCommand& chosen);
 /// Prints `needlelab-sim COMMAND: MESSAGE` on stderr and returns the exit code.
 int failed(const char* command, const Error& error);
 
-/// Parses and runs a whole command line, as `main` does. Never throws; exit codes of base/exit_code.h.
+/// Parses and runs a whole command line, as `main` does. Never throws; exit codes of common/base/program.h.
 int runSim(int argc, const char* const* argv);
 
 }  // namespace needlelab

@@ -138,7 +138,7 @@ Result<std::vector<AuditAnchor>> readAuditAnchors(const std::filesystem::path& p
   for (const std::filesystem::path& backup : backups) {
     if (backup.extension() != kPlainEnding) continue;
     auto anchor = readAuditAnchor(backup);
-    // of before schema 8: it has no chain
+    // from before schema 8: it has no chain
     if (!anchor && anchor.error().code == ErrorCode::kInvalidInput) continue;
     if (!anchor) return anchor.error();
     anchors.push_back(std::move(*anchor));

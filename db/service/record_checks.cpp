@@ -169,7 +169,7 @@ Status checkRecord(const RecordTable& table, const RecordJson& record) {
     RETURN_IF_ERROR(checkText("password_hash", textIn(record, "password_hash"), 0, 200));
     RETURN_IF_ERROR(checkText("code_hash", textIn(record, "code_hash"), 0, 200));
   }
-  // the names themselves are those of before: sessions have them, and nobody can change them
+  // the names themselves are as they were: sessions have them, and nobody can change them
   if (table.kind == "person" || table.kind == "station") return checkName("name", textIn(record, "name"));
   if (table.kind == "group") {
     RETURN_IF_ERROR(checkName("id", textIn(record, "id")));

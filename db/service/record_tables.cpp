@@ -145,7 +145,7 @@ constexpr std::array kReferenceColumns = {
 constexpr std::array kErasureColumns = {
     RecordColumn{"pseudonym", K::kText, true}, RecordColumn{"name_hash", K::kHex},
     RecordColumn{"erased_unix_ns", K::kInteger}, RecordColumn{"by_whom"}, RecordColumn{"reason"},
-    // null: an export of before does not say it
+    // null: an export of an earlier version does not say it
     RecordColumn{"without_account", K::kMark, false, false, "null"}};
 constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
                                       RecordColumn{"unix_ns", K::kInteger},

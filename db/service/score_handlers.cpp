@@ -35,7 +35,8 @@ namespace needlelab {
 /// references at the time of scoring do not matter.
 
 /// The least number of gestures in a band that this role is shown. A band of one is the exact result of a
-/// session, and one of few nearly so: who may read own sessions only gets those that a comparison needs.
+/// session, and one of few nearly so: whoever may read only their own sessions gets those that a comparison
+/// needs.
 std::size_t leastInBandFor(pb::Role role) {
   return role == pb::TRAINEE ? kLeastForZScore : 1;
 }

@@ -39,9 +39,9 @@ struct Context;
 
 /// The outcome of a request.
 struct Outcome {
-  pb::Reply reply;  ///< with the request's id
-  std::optional<Error>
-      error;  ///< set: the request was refused (wire/refusal.h translates), `reply` holds only the id
+  pb::Reply reply;             ///< with the request's id
+  std::optional<Error> error;  ///< set: the request was refused (refusalOf in common/wire/protocol.h
+                               ///< translates), `reply` holds only the id
   ServerPart server_part = ServerPart::kNone;
   /// The account or station that the request names was disabled or revoked, or got another role or password,
   /// by this request: false where it was so already. Not set by an erasure and an import, whose replies say

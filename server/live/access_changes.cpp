@@ -22,7 +22,7 @@ void AccessChanges::changed(const std::string& name, bool station) {
   const auto found = watched_.find({name, station});
   if (found == watched_.end()) return;
   if (const auto flag = found->second.lock()) *flag = true;
-  // who begins to watch now watches what is now
+  // a watch that begins from now on sees the account as it is now
   watched_.erase(found);
 }
 

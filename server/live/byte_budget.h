@@ -19,8 +19,8 @@ struct BudgetOwner {
 
 /// Bytes in use: of a connection, of a person or station, of all people, of the server. What people leave
 /// free is the stations': after an outage they open their sessions all at once, whatever people do. Nobody
-/// has more than a quarter of what there is for its kind. Who finds no room waits, and reads nothing
-/// meanwhile. Thread: one.
+/// has more than a quarter of what there is for its kind. Whoever finds no room waits, and is not read
+/// from meanwhile. Thread: one.
 class ByteBudget {
  public:
   struct Limits {

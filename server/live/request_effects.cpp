@@ -236,7 +236,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
               reply.erasure().pseudonym());
   for (const std::string& name : reply.people_import().roles_changed())
     endAccess(context, name, false, by, nullptr, changed);
-  // who asks for what is so already disturbs nobody's log-in
+  // a request that changes nothing must not disturb anybody's log-in
   if (!access_changed) return;
   if (request.has_revoke_station())
     endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");

@@ -16,7 +16,7 @@ using google::protobuf::FieldDescriptor;
 
 constexpr std::string_view kMessages = "needlelab.pb.";
 
-/// Texts that are JSON themselves: the rows of common/scoring/report.h, reference.h and progress.h.
+/// Texts that are JSON themselves: the rows of score_report.h, reference.h and progress.h in common/scoring.
 constexpr const char* kInnerSchemas = R"json({
   "measures": {"type": ["array", "null"], "description": "null: there is none", "items": {"type": "object",
     "properties": {"measure": {"type": "string"}, "value": {"type": ["number", "null"]}, "unit": {"type": "string"},

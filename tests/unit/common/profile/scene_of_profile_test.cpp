@@ -159,7 +159,7 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
     int visited = 0;
     const auto check = [&](google::protobuf::Message& part, const google::protobuf::FieldDescriptor& field,
                            const std::string& path) {
-      // the engine uses only the needle's length, and FEM its diameter (needle_test.cpp)
+      // the engine uses only the needle's length, and FEM its diameter
       if (path.starts_with("needle.") && path != "needle.length_m") return;
       ++visited;
       const auto& reflection = *part.GetReflection();
