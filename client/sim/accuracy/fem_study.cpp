@@ -9,21 +9,12 @@
 #include "client/sim/accuracy/gesture.h"
 #include "client/sim/accuracy/study_models.h"
 #include "common/fem/needle_study.h"
-#include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kFemRate_hz = 1000;
 constexpr char kScene[] = "paper-six-layers";
-
-// one sentence of `cannot_show`
-std::string elasticityText(double young_factor) {
-  return fmt::format(
-      "an elasticity that was set, not measured: the scene's lateral stiffness gives E, times {:.3g} in all "
-      "layers, so that the tip meets the stiffness of the scene's walls at the skin",
-      young_factor);
-}
 
 // the finest mesh, compiled, and its size
 struct Finest {
@@ -154,10 +145,7 @@ AccuracyRow solvedEachTick(AccuracyRow row, const MeshRow& mesh) {
 
 Result<FemScene> femScene() {
   ASSIGN_OR_RETURN(const auto scenes, studyScenes());
-  FemScene scene{likeForLike(scenes.back().spec, AxialModel::kFem)};
-  ASSIGN_OR_RETURN(scene.young_factor,
-                   scaleToTipStiffness(scene.spec, scene.spec.tracking_wall.stiffness_N_per_m));
-  return scene;
+  return femLikeForLike(scenes.back().spec);
 }
 
 Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
