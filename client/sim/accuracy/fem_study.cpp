@@ -35,8 +35,8 @@ std::string reference(const Finest& finest) {
   return fmt::format("FEM of {} nodes, strokes of 0.5-3 mm in the tissue", finest.nodes);
 }
 
-AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest& finest,
-                  const std::vector<StudyGesture>& strokes, double young_factor) {
+AccuracyRow rowOf(const StudyModel& study, const SceneSpec& scene, const SceneModel& model,
+                  const Finest& finest, const std::vector<StudyGesture>& strokes, double young_factor) {
   ErrorRuns runs;
   ErrorSum felt;
   double step_N = 0;
@@ -70,6 +70,7 @@ AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest
       elasticityText(young_factor);
   if (row.own_law)
     row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
+  row.cannot_show += assumptionRemark(study, scene);
   row.cannot_show += stiffnessRemark(*row.felt_stiffness_N_per_m,
                                      feltStiffness_N_per_m(finest.model, study.spec), "the comparator has");
   return row;
@@ -174,7 +175,7 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
       continue;
     }
     compiled.push_back(*std::move(model));
-    rows.push_back(rowOf(study, compiled.back(), finest, strokes, fem.young_factor));
+    rows.push_back(rowOf(study, scenes.back().spec, compiled.back(), finest, strokes, fem.young_factor));
     rows.back().instructions = instructionsOf(options, kScene, study);
     ticks.push_back(timedSteps(compiled.back(), strokes.front()));
   }

@@ -41,7 +41,7 @@ std::string limitsOf(const StudyScene& scene, const StudyModel& study, double fe
         ". The profile contains this model's own law (the wall's stop and attracted force): no choice "
         "follows from this row";
   if (study.model == AxialModel::kFem) text += ". It has " + elasticityText(study.young_factor);
-  return text +
+  return text + assumptionRemark(study, scene.spec) +
          stiffnessRemark(felt_N_per_m, scene.spec.tracking_wall.stiffness_N_per_m, "the scene asks for");
 }
 

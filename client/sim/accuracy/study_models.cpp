@@ -41,6 +41,11 @@ Status addMesh(StudyModel& study, const SceneSpec& scene, int nodes) {
   return addCompliance(study.spec);
 }
 
+std::string assumptionRemark(const StudyModel& study, const SceneSpec& scene) {
+  const std::string text = frictionAssumption(scene, study.model);
+  return text.empty() ? text : ". " + text;
+}
+
 std::string elasticityText(double young_factor) {
   return fmt::format(
       "an elasticity that was set, not measured: the scene's lateral stiffness gives E, times {:.3g} in all "

@@ -28,6 +28,9 @@ std::vector<StudyModel> studyModels(const SceneSpec& scene);
 /// other models stay as they are. `scene`: that of `studyModels`. Errors: as femLikeForLike, addCompliance.
 Status addMesh(StudyModel& study, const SceneSpec& scene, int nodes = kDefaultFemNodes);
 
+/// What of a row's model was assumed, for `cannot_show`: ". Static friction of …", or empty.
+std::string assumptionRemark(const StudyModel& study, const SceneSpec& scene);
+
 /// Where FEM's elasticity comes from, as a part of a sentence of `cannot_show`: "an elasticity that was set
 /// …".
 std::string elasticityText(double young_factor);
