@@ -91,7 +91,7 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
           device.name, axial, most)};
 }
 
-std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
+std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
                                             double hand_damping_Ns_per_m) {
   if (!device.renders_force) return std::nullopt;
   const double damping = device.limits.damping_Ns_per_m + hand_damping_Ns_per_m;
@@ -103,8 +103,9 @@ std::optional<std::string> passivityWarning(const SceneModel& model, const Devic
   if (axial <= bound) return std::nullopt;
   const std::string minus = own > 0 ? fmt::format(" − {:.3g} of the model", own) : std::string();
   return fmt::format(
-      "{:.4g} N/m along the needle is above the passivity bound of {:.4g} N/m (({:.3g} + {:.3g}{} "
-      "N·s/m)/({:.3g} ms · (½ + {:.0f}))): it may oscillate in a loose hand",
+      "{:.4g} N/m along the needle is above the {:.4g} N/m that are stable with this hand (coupled "
+      "stability: ({:.3g} of the device + {:.3g} of the hand{} N·s/m)/({:.3g} ms · (½ + {:.0f}))): it may "
+      "oscillate in a loose hand",
       axial, bound, device.limits.damping_Ns_per_m, hand_damping_Ns_per_m, minus, model.period_s * 1e3,
       kDelayTicks);
 }

@@ -52,9 +52,9 @@ std::vector<std::string> liveEffects(const SceneModel& model);
 /// limits"); across it, see lowerForDevice. A device that renders no force accepts every scene. Errors:
 /// kInvalidInput, with the numbers.
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device);
-/// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate: returns a warning with the numbers, or
-/// nothing.
-std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
+/// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate with this hand (coupled stability; passivity,
+/// whatever the hand, would count the device's b alone): returns a warning with the numbers, or nothing.
+std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
                                             double hand_damping_Ns_per_m);
 
 /// Returns the scene as `device` can render it. Turns the orientation limit off if the device renders no
