@@ -82,12 +82,13 @@ void lowerStiffness(SceneSpec& spec, double share) {
   spec.orientation_limit.stiffness_Nm_per_rad *= share;
 }
 
-std::string stiffnessShareText(double share) {
-  if (!(share < 1)) return {};
-  return fmt::format(
-      "Fixture, bone and orientation limit were rendered at {:.0f} % of the profile's stiffness: "
-      "device and tool hold no more.",
-      100 * share);
+std::string stiffnessShareText(double share, bool bone_left_out) {
+  std::string text = bone_left_out ? "Bone was left out: the needle cut it as it cuts a layer of tissue. " : "";
+  if (share < 1)
+    text += fmt::format("{} were rendered at {:.0f} % of the profile's stiffness. ",
+                        bone_left_out ? "Fixture and orientation limit" : "Fixture, bone and orientation limit",
+                        100 * share);
+  return text.empty() ? text : text + "Device and tool hold no more.";
 }
 
 }  // namespace needlelab

@@ -39,7 +39,7 @@ double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const Dev
 /// (0, 1]. Forces and torques up to the lowered stiffness keep their limits.
 void lowerStiffness(SceneSpec& spec, double share);
 
-/// For a person, beside a score; empty where `share` is 1.
-std::string stiffnessShareText(double share);
+/// For a person, beside a score; empty where `share` is 1 and bone was not left out.
+std::string stiffnessShareText(double share, bool bone_left_out);
 
 }  // namespace needlelab

@@ -28,11 +28,15 @@ double stiffnessShareOf(const pb::SessionDescription& description) {
   return share > 0 && share < 1 ? share : 1;
 }
 
-void makeAsRendered(const pb::SessionDescription& description, SceneSpec& spec) {
+bool leftBoneOut(const pb::SessionDescription& description, const pb::Profile& profile) {
+  const auto& listed = profile.effects();
   const auto& live = description.live_effects();
-  // an erased session has no list
-  if (!live.empty() && std::find(live.begin(), live.end(), effectName(Effect::kBone)) == live.end())
-    spec.effects &= ~bitOf(Effect::kBone);
+  return !live.empty() && std::find(listed.begin(), listed.end(), pb::Profile::BONE) != listed.end() &&
+         std::find(live.begin(), live.end(), effectName(Effect::kBone)) == live.end();
+}
+
+void makeAsRendered(const pb::SessionDescription& description, const pb::Profile& profile, SceneSpec& spec) {
+  if (leftBoneOut(description, profile)) spec.effects &= ~bitOf(Effect::kBone);
   lowerStiffness(spec, stiffnessShareOf(description));
 }
 
@@ -61,7 +65,7 @@ SessionScene sceneOfSession(const pb::SessionDescription& description, const Sce
   scene.view = std::make_shared<const SceneView>(*std::move(view));
   const auto compiled = [&]() -> Result<SceneModel> {
     ASSIGN_OR_RETURN(auto spec, sceneSpecOf(scene.profile, scene.X_WL));
-    makeAsRendered(description, spec);
+    makeAsRendered(description, scene.profile, spec);
     if (prepare) {
       RETURN_IF_ERROR(prepare(spec));
     }

@@ -153,6 +153,7 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
     notes.push_back(acrossText(handleStiffness(lesson.scene, axial, lever), device, lever) +
                     ". BONE is not live: the needle cuts bone as it cuts a layer of tissue.");
     lesson.scene.effects &= ~bitOf(Effect::kBone);
+    lesson.bone_left_out = true;
     ASSIGN_OR_RETURN(const auto without, compile(lesson.scene, lesson.model.rate_hz));
     axial = without.axialStiffness_N_per_m();
     share = shareOf(lesson.scene);
@@ -170,8 +171,8 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
   lowerStiffness(lesson.scene, share);
   lesson.stiffness_share = share;
   notes.push_back(
-      fmt::format("{}. Fixture, bone and orientation limit are rendered at {:.0f} %: at most {:.4g} N/m.",
-                  what, 100 * share, share * wanted.across_N_per_m()));
+      fmt::format("{}. It is rendered at {:.0f} %: at most {:.4g} N/m across the needle.", what, 100 * share,
+                  share * wanted.across_N_per_m()));
   return {};
 }
 

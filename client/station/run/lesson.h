@@ -28,6 +28,7 @@ struct StationLesson {
   SceneModel model;
   std::vector<std::string> warnings;  ///< warnings about the profile, for a person
   double stiffness_share = 1;         ///< as in SessionDescription
+  bool bone_left_out = false;         ///< the profile lists BONE, and device and tool do not hold it
   std::uint32_t attempt = 0;          ///< the trainee's attempt number; 0: unknown
   std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
 };

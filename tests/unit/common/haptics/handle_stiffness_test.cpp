@@ -153,8 +153,18 @@ TEST(LowerStiffness, allOfItChangesNothing) {
   lowerStiffness(scene, 1);
   EXPECT_EQ(scene.virtual_fixture.max_stiffness_N_per_m, 400);
   EXPECT_EQ(scene.orientation_limit.stiffness_Nm_per_rad, 0.5);
-  EXPECT_TRUE(stiffnessShareText(1).empty());
-  EXPECT_NE(stiffnessShareText(0.551).find("55 %"), std::string::npos);
+}
+
+TEST(StiffnessShareText, saysWhatWasNotRenderedAsTheProfileSays) {
+  EXPECT_EQ(stiffnessShareText(1, false), "");
+  EXPECT_EQ(stiffnessShareText(0.551, false),
+            "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. Device and "
+            "tool hold no more.");
+  EXPECT_EQ(stiffnessShareText(0.551, true),
+            "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit "
+            "were rendered at 55 % of the profile's stiffness. Device and tool hold no more.");
+  EXPECT_EQ(stiffnessShareText(1, true),
+            "Bone was left out: the needle cut it as it cuts a layer of tissue. Device and tool hold no more.");
 }
 
 }  // namespace

@@ -65,6 +65,8 @@ TEST(SessionScene, hasBoneWhereItWasRendered) {
   EXPECT_TRUE(sceneOfSession(d).model->isLive(Effect::kBone)) << "a session without a list is as its profile";
   d.add_live_effects("CUTTING");
   EXPECT_FALSE(sceneOfSession(d).model->isLive(Effect::kBone));
+  EXPECT_TRUE(leftBoneOut(d, sceneOfSession(d).profile));
+  EXPECT_FALSE(leftBoneOut(d, pb::Profile())) << "which lists no bone";
   d.add_live_effects("BONE");
   EXPECT_TRUE(sceneOfSession(d).model->isLive(Effect::kBone));
 }

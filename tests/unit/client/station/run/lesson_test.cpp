@@ -229,6 +229,7 @@ TEST(DeviceFit, boneThatWouldBeLessThanHalfIsLeftOutAndSaid) {
   ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), options, notes).ok());
   EXPECT_NEAR(lesson.stiffness_share, 4 / (300 * 0.1427 * 0.1427 + 0.5), 1e-12);
   EXPECT_FALSE(lesson.model.isLive(Effect::kBone));
+  EXPECT_TRUE(lesson.bone_left_out);
   EXPECT_THAT(liveEffects(lesson.model), testing::Not(testing::Contains("BONE")));
   EXPECT_THAT(notes, testing::ElementsAre(testing::AllOf(HasSubstr("900 N/m"), HasSubstr("143 mm"),
                                                          HasSubstr("BONE is not live")),
