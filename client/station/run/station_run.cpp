@@ -290,6 +290,7 @@ StationSummary StationRun::summarise() {
   s.black_box = black_box_;
   s.device_notes = device_notes_;
   s.stiffness_share = lesson_.stiffness_share;
+  s.bone_left_out = lesson_.bone_left_out;
   s.spool = options_.spool.string();
   if (stopped_) s.stopped = *stopped_;
   s.state = "OPEN";
