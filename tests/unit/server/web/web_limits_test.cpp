@@ -429,6 +429,26 @@ TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
   EXPECT_EQ(askChecked(ines, "GET", "/api/v1/sessions/" + id + "/annotations").json()["items"].size(), 1u);
 }
 
+// The finding: remarks on sessions that are not there counted as room that was taken, so one instructor kept
+// lessons from beginning.
+TEST(WebLimits, aRemarkThatIsRefusedTakesNoRoomOnTheDiskAndOneThatIsStoredDoes) {
+  WebLab lab([](ServerOptions& options) { options.room_every = std::chrono::hours(1); });
+  const std::string id = lab.recorded(1);
+  Browser ada = lab.browserOf("ada"), ines = lab.browserOf("ines");
+  const auto left = [&] {
+    return askChecked(ada, "GET", "/api/v1/session").json()["disk_room"]["left_bytes"].get<std::uint64_t>();
+  };
+  const std::string body = json{{"t_s", 0.25}, {"text", std::string(3'000, 'x')}}.dump();
+  const auto annotate = [&](const std::string& session) {
+    return askChecked(ines, "POST", "/api/v1/sessions/" + session + "/annotations", body).status;
+  };
+  const std::uint64_t before = left();
+  for (int n = 0; n < 3; ++n) EXPECT_EQ(annotate("01890a5d-ac96-7b3c-8000-000000000000"), 404u);
+  EXPECT_EQ(left(), before);
+  EXPECT_EQ(annotate(id), 201u);
+  EXPECT_EQ(left(), before - 2 * (body.size() + PeopleShares::kRequestBytes));
+}
+
 TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
   const auto guess = [](WebLab& lab, const char* from) {
     WebWire wire(lab.port());
