@@ -147,8 +147,7 @@ Result<LogLevel> parseLogLevel(std::string_view name) {
 }
 
 void LogBound::turnTo(std::int64_t now_ns) {
-  constexpr std::int64_t kMinute_ns = 60'000'000'000;
-  if (!began_ns_ || now_ns - *began_ns_ < kMinute_ns) return;
+  if (!began_ns_ || now_ns - *began_ns_ < period_ns_) return;
   began_ns_.reset();
   written_ = 0;
   to_say_ += std::exchange(left_out_, 0);
@@ -157,7 +156,7 @@ void LogBound::turnTo(std::int64_t now_ns) {
 bool LogBound::take(std::int64_t now_ns) {
   turnTo(now_ns);
   if (!began_ns_) began_ns_ = now_ns;
-  const bool fits = written_ < lines_a_minute_;
+  const bool fits = written_ < lines_;
   ++(fits ? written_ : left_out_);
   return fits;
 }
@@ -165,6 +164,11 @@ bool LogBound::take(std::int64_t now_ns) {
 std::uint64_t LogBound::leftOut(std::int64_t now_ns) {
   turnTo(now_ns);
   return std::exchange(to_say_, 0);
+}
+
+bool LogBound::over(std::int64_t now_ns) {
+  turnTo(now_ns);
+  return !began_ns_ && to_say_ == 0;
 }
 
 Result<LogFormat> parseLogFormat(std::string_view name) {

@@ -8,7 +8,6 @@
 
 #include "common/base/clock.h"
 #include "common/base/secret.h"
-#include "server/base/log.h"
 #include "server/live/offload.h"
 #include "server/live/request_effects.h"
 #include "server/web/reply_json.h"
@@ -70,9 +69,8 @@ void wipeSecrets(nlohmann::json& body) {
 void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
   if (error.code != ErrorCode::kNoRoom) return;
   ++context.counters.refused_for_room;
-  if (context.shares.shouldTell(call.who.name, steadyNowNs()))
-    logEvent(LogLevel::kWarning, "no_room",
-             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
+  context.lines.write(turnNameOf(call.who), PeerLine::kNoRoom, steadyNowNs(),
+                      {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
 /// Whether the session has been ended: its account was disabled or has another role or password. A session

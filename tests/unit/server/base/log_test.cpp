@@ -115,6 +115,17 @@ TEST(LogBound, aMinuteHasSoManyLinesAndTheOthersAreSaidOnceAsANumber) {
   EXPECT_EQ(bound.leftOut(INT64_MAX), 0u) << "nothing was left out of the last one";
 }
 
+TEST(LogBound, aPeriodIsOverWhenItsNumberIsSaid) {
+  LogBound bound(1, 10);
+  EXPECT_TRUE(bound.over(100));
+  EXPECT_TRUE(bound.take(100));
+  EXPECT_FALSE(bound.take(109));
+  EXPECT_FALSE(bound.over(109));
+  EXPECT_FALSE(bound.over(110)) << "one is still to be said";
+  EXPECT_EQ(bound.leftOut(110), 1u);
+  EXPECT_TRUE(bound.over(110));
+}
+
 TEST(Log, levelsHaveNames) {
   EXPECT_EQ(*parseLogLevel("warning"), LogLevel::kWarning);
   EXPECT_EQ(parseLogLevel("loud").error().code, ErrorCode::kInvalidInput);
