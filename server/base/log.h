@@ -26,7 +26,7 @@ struct LogField {
   bool number = false;  ///< `value` is a number
 };
 
-/// Thread: any.
+/// A text has at most some 500 bytes of the line. Thread: any.
 void logEvent(LogLevel level, std::string_view event, std::initializer_list<LogField> fields = {});
 /// A line as in `logEvent`, without time and level.
 std::string logLine(std::string_view event, std::initializer_list<LogField> fields);

@@ -41,6 +41,17 @@ TEST(Log, emptyAndLongValuesAreMarked) {
   EXPECT_LT(logLine("e", {{"k", std::string(100'000, 'a')}}).size(), 600u);
 }
 
+TEST(Log, whatIsEscapedMakesNoLongerLine) {
+  for (const char* const piece : {"a", "\"", "\x01", "\xc3\xbc"}) {
+    std::string text;
+    for (int i = 0; i < 1000; ++i) text += piece;
+    EXPECT_LT(logLine("e", {{"k", text}}).size(), 520u) << piece;
+    EXPECT_GT(logLine("e", {{"k", text}}).size(), 490u) << piece;
+    EXPECT_LT(logMembers("e", {{"k", text}}).size(), 540u) << piece;
+    EXPECT_GT(logMembers("e", {{"k", text}}).size(), 490u) << piece;
+  }
+}
+
 TEST(Log, jsonLinesAreOneObjectEachWhateverIsInThem) {
   const std::string hostile = "x\n\"},{\"level\":\"error\" \\ \xff\x9b" + std::string(1000, 'y');
   const std::string line =
