@@ -47,7 +47,8 @@ void ClockOffsets::State::end(const std::shared_ptr<Item>& item) {
 
 void ClockOffsets::State::sayNotStored(const Error& error) {
   const std::lock_guard lock(lines_mutex);
-  if (lines.take(steadyNowNs())) logEvent(LogLevel::kWarning, "clock_offset_not_stored", {{"text", error.message}});
+  if (lines.take(steadyNowNs()))
+    logEvent(LogLevel::kWarning, "clock_offset_not_stored", {{"text", error.message}});
 }
 
 void ClockOffsets::State::sayLeftOut(std::int64_t now_ns) {

@@ -169,12 +169,11 @@ void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
     sendControl(envelope);
     return;
   }
-  note(
-      refusal.reason() == pb::Refusal::ROLE ? PeerLine::kMessageRefusedForRole : PeerLine::kMessageRefused,
-      {{"conn", id_},
-       {"who", who_.name},
-       {"reason", reasonName(refusal.reason())},
-       {"text", refusal.text()}});
+  note(refusal.reason() == pb::Refusal::ROLE ? PeerLine::kMessageRefusedForRole : PeerLine::kMessageRefused,
+       {{"conn", id_},
+        {"who", who_.name},
+        {"reason", reasonName(refusal.reason())},
+        {"text", refusal.text()}});
   // before log-in the first fault ends the connection; after it, too many faults do
   const bool logged_in = who_.role != pb::ROLE_UNSPECIFIED;
   if (!logged_in || ++refusals_ > context_.bounds.refusals) {

@@ -144,8 +144,7 @@ bool PeerConnection::takePlace() {
   if (!arrival.gives_way) return true;
   if (const auto found = context_.connections.find(*arrival.gives_way); found != context_.connections.end()) {
     PeerConnection& other = *found->second;
-    note(PeerLine::kConnectionGivesWay,
-         {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
+    note(PeerLine::kConnectionGivesWay, {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
     other.refuseAndClose(
         makeRefusal(pb::Refusal::RATE_LIMITED,
                     fmt::format("all places of the server are taken and {} has the most connections: the one "

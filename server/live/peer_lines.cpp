@@ -94,8 +94,7 @@ void PeerLines::sayLeftOut(std::int64_t now_ns) {
     for (auto entry = bounds.begin(); entry != bounds.end();) {
       if (const std::uint64_t count = entry->second.leftOut(now_ns); count > 0) {
         const Row& row = rowOf(entry->first);
-        logEvent(row.level, "lines_left_out",
-                 {{"who", owner->first}, {"of", nameOf(row)}, {"count", count}});
+        logEvent(row.level, "lines_left_out", {{"who", owner->first}, {"of", nameOf(row)}, {"count", count}});
       }
       entry = entry->second.over(now_ns) ? bounds.erase(entry) : std::next(entry);
     }

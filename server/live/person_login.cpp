@@ -112,9 +112,8 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
   const std::string shown = is_known.ok() && *is_known ? name : std::string(kUnknownName);
   const std::string& why = who.error().message;
   if (denied)
-    context.lines.write(
-        PeerLines::kStrangers, PeerLine::kLoginRefused, steadyNowNs(),
-        {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
+    context.lines.write(PeerLines::kStrangers, PeerLine::kLoginRefused, steadyNowNs(),
+                        {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
   else
     logEvent(LogLevel::kError, "login_not_checked",
              {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});

@@ -113,7 +113,8 @@ TEST(Access, aKeysLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
     EXPECT_EQ(countOf(log, leftOut("\"station bench-1\"", event, kLogins - kLines)), 1u) << log;
   }
   EXPECT_EQ(countOf(log, "station_replaced conn="), kLines) << log;
-  EXPECT_EQ(countOf(log, leftOut("\"station bench-1\"", "station_replaced", kLogins - 1 - kLines)), 1u) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"station bench-1\"", "station_replaced", kLogins - 1 - kLines)), 1u)
+      << log;
   EXPECT_EQ(countOf(log, "connection_opened conn="), kLines) << "before its log-in it is a stranger's";
   EXPECT_EQ(countOf(log, leftOut("strangers", "connection_opened", kLogins - kLines)), 1u) << log;
   EXPECT_EQ(countOf(log, std::string(100, 'x')), kLines) << "of the program's name 100 bytes";
