@@ -207,8 +207,9 @@ int Server::run() {
   if (p.options.certificate_every.count() > 0) asio::co_spawn(p.io, p.certificateLoop(), rethrow);
   asio::co_spawn(p.io, p.roomLoop(), rethrow);
   asio::co_spawn(p.io, p.hangUpLoop(), rethrow);
+  asio::co_spawn(p.io, p.linesLoop(), rethrow);
   p.io.run();
-  p.context->login_lines.sayLeftOut(INT64_MAX);
+  p.context->lines.sayLeftOut(INT64_MAX);
   p.context->clock_offsets.sayLeftOut(INT64_MAX);
   // all connections have ended; the writer commits its queue before it ends
   p.store->writer().stop();
@@ -281,6 +282,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   certificate_timer.cancel();
   room_timer.cancel();
   hang_up_timer.cancel();
+  lines_timer.cancel();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {

@@ -62,6 +62,7 @@ struct Server::Parts {
   asio::steady_timer certificate_timer{io};
   asio::steady_timer room_timer{io};
   asio::steady_timer hang_up_timer{io};
+  asio::steady_timer lines_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -81,6 +82,7 @@ struct Server::Parts {
   void noteRoom(const std::optional<DiskRoom::Look>& look);
   Task<> roomLoop();
   Task<> hangUpLoop();
+  Task<> linesLoop();
   void accepted(Tcp::socket socket);
   void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);

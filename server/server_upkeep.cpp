@@ -1,5 +1,5 @@
 // What a server does by the clock: retention, free memory, its certificate, the disk's room, peers who have
-// gone, systemd's watchdog.
+// gone, log lines that were left out, systemd's watchdog.
 #include <malloc.h>
 
 #include <boost/asio/post.hpp>
@@ -7,6 +7,7 @@
 #include <functional>
 #include <utility>
 
+#include "common/base/clock.h"
 #include "db/retention_store.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
@@ -20,6 +21,7 @@ namespace {
 constexpr std::uint64_t kMadeRoom = 8u << 20;
 
 constexpr std::chrono::milliseconds kHangUpPeriod{250};
+constexpr std::chrono::seconds kLinesPeriod{5};
 
 }  // namespace
 
@@ -155,6 +157,18 @@ Task<> Server::Parts::hangUpLoop() {
     // whoever waits for room looks whether the asker is still there
     context->reply_room->notify();
     context->decoded_room->notify();
+  }
+}
+
+/// Says how many lines the log was spared, also of those who have gone.
+Task<> Server::Parts::linesLoop() {
+  while (!stopping) {
+    lines_timer.expires_after(kLinesPeriod);
+    co_await lines_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    const std::int64_t now_ns = steadyNowNs();
+    context->lines.sayLeftOut(now_ns);
+    context->clock_offsets.sayLeftOut(now_ns);
   }
 }
 

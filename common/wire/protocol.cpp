@@ -9,6 +9,7 @@
 
 #include "common/base/secret.h"
 #include "common/base/text.h"
+#include "common/base/uuid.h"
 
 namespace needlelab {
 namespace {
@@ -128,6 +129,10 @@ pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal
   refusal.set_text(std::move(text));
   refusal.set_fatal(fatal);
   return refusal;
+}
+
+void nameSession(pb::Refusal& refusal, std::string_view session_id) {
+  if (session_id.size() == Uuid{}.size()) refusal.set_session_id(std::string(session_id));
 }
 
 pb::Refusal refusalOf(const Error& error) {

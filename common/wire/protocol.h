@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
@@ -86,6 +87,9 @@ Status checkVersion(const pb::Version& ours, const pb::Version& theirs);
 inline constexpr std::size_t kMaxRefusalBytes = 1000;
 /// Translates refusals into errors and errors into refusals.
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal = false);
+/// Names the session that a refusal is about, so that the peer finds its message. Only 16 bytes are an id;
+/// anything else, perhaps a megabyte, is not repeated.
+void nameSession(pb::Refusal& refusal, std::string_view session_id);
 /// Returns the reason for an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE,
 /// kCode → CODE, kNoRoom → NO_ROOM …, all others → INTERNAL.
 pb::Refusal refusalOf(const Error& error);

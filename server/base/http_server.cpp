@@ -15,7 +15,6 @@
 #include "common/base/clock.h"
 #include "server/base/http_stream.h"
 #include "server/base/listen.h"
-#include "server/base/log.h"
 
 namespace needlelab {
 
@@ -232,7 +231,7 @@ class StreamConnection : public HttpConnection {
       bhttp::response_serializer<bhttp::string_body> serializer(response);
       auto [error, count] = co_await bhttp::async_write_header(stream_, serializer, kUseTuple);
       (void)count;
-      sent = !error && (head || co_await writePieces(answer));
+      sent = !error && (head || co_await writePieces(answer, request));
     } else {
       const std::string& body = answer.shared_body ? *answer.shared_body : answer.body;
       if (answer.status != 304) response.content_length(body.size());
@@ -254,7 +253,7 @@ class StreamConnection : public HttpConnection {
   }
 
   /// Makes the next piece after the last one was sent: a slow reader costs no memory.
-  Task<bool> writePieces(HttpAnswer& answer) {
+  Task<bool> writePieces(HttpAnswer& answer, const HttpRequest& request) {
     for (;;) {
       noLimit();
       answering_ = true;
@@ -262,7 +261,7 @@ class StreamConnection : public HttpConnection {
       answering_ = false;
       if (*gone_) co_return false;
       if (!piece.ok()) {
-        logEvent(LogLevel::kWarning, "web_stream_failed", {{"conn", id_}, {"text", piece.error().message}});
+        server_->streamFailed(request, piece.error());
         co_return false;  // without the last chunk: the browser notices that the body is incomplete
       }
       limit(server_->limits().write_timeout);
@@ -453,5 +452,6 @@ const HttpHeaders& HttpServer::commonHeaders() const {
 }
 
 void HttpServer::answered(const HttpExchange& /*exchange*/) {}
+void HttpServer::streamFailed(const HttpRequest& /*request*/, const Error& /*error*/) {}
 
 }  // namespace needlelab

@@ -100,6 +100,8 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   [[nodiscard]] virtual const HttpHeaders& commonHeaders() const;
   virtual void handshakeFailed() {}
   virtual void answered(const HttpExchange& exchange);
+  /// The next piece of an answer could not be made: the connection ends without the rest.
+  virtual void streamFailed(const HttpRequest& request, const Error& error);
   /// The connection has ended.
   void ended(std::uint64_t id);
 

@@ -78,12 +78,27 @@ bool isPlain(std::string_view text) {
   return !text.empty();
 }
 
+/// What of a text takes some 500 bytes of a line, in which a control character becomes `control` bytes and
+/// one above ASCII `high`.
+std::string_view cutForLine(std::string_view text, std::size_t control, std::size_t high) {
+  constexpr std::size_t kMost = 500;
+  std::size_t count = 0, written = 0;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool is_control = byte < 0x20 || byte == 0x7f;
+    written += is_control ? control : byte >= 0x80 ? high : c == '"' || c == '\\' ? 2u : 1u;
+    if (written > kMost) break;
+    ++count;
+  }
+  return text.substr(0, count);
+}
+
 void appendQuoted(std::string& out, std::string_view text) {
   constexpr std::string_view kHex = "0123456789abcdef";
-  constexpr std::size_t kMost = 500;
+  const std::string_view cut = cutForLine(text, 4, 1);
   out += '"';
   unsigned char before = 0;
-  for (const char c : text.substr(0, kMost)) {
+  for (const char c : cut) {
     const auto byte = static_cast<unsigned char>(c);
     // U+0080 to U+009F: a terminal interprets some of them as commands
     const bool c1 = std::exchange(before, byte) == 0xc2 && byte >= 0x80 && byte < 0xa0;
@@ -98,7 +113,7 @@ void appendQuoted(std::string& out, std::string_view text) {
       out += c;
     }
   }
-  if (text.size() > kMost) out += "…";
+  if (cut.size() < text.size()) out += "…";
   out += '"';
 }
 
@@ -121,8 +136,8 @@ std::string logLine(std::string_view event, std::initializer_list<LogField> fiel
 
 std::string logMembers(std::string_view event, std::initializer_list<LogField> fields) {
   const auto quoted = [](std::string_view text) {
-    constexpr std::size_t kMost = 500;
-    const nlohmann::json value(std::string(text.substr(0, kMost)) + (text.size() > kMost ? "…" : ""));
+    const std::string_view cut = cutForLine(text, 6, 3);  // six bytes for two
+    const nlohmann::json value(std::string(cut) + (cut.size() < text.size() ? "…" : ""));
     return value.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
   };
   std::string line = "\"event\":" + quoted(event);
@@ -147,8 +162,7 @@ Result<LogLevel> parseLogLevel(std::string_view name) {
 }
 
 void LogBound::turnTo(std::int64_t now_ns) {
-  constexpr std::int64_t kMinute_ns = 60'000'000'000;
-  if (!began_ns_ || now_ns - *began_ns_ < kMinute_ns) return;
+  if (!began_ns_ || now_ns - *began_ns_ < period_ns_) return;
   began_ns_.reset();
   written_ = 0;
   to_say_ += std::exchange(left_out_, 0);
@@ -157,7 +171,7 @@ void LogBound::turnTo(std::int64_t now_ns) {
 bool LogBound::take(std::int64_t now_ns) {
   turnTo(now_ns);
   if (!began_ns_) began_ns_ = now_ns;
-  const bool fits = written_ < lines_a_minute_;
+  const bool fits = written_ < lines_;
   ++(fits ? written_ : left_out_);
   return fits;
 }
@@ -165,6 +179,11 @@ bool LogBound::take(std::int64_t now_ns) {
 std::uint64_t LogBound::leftOut(std::int64_t now_ns) {
   turnTo(now_ns);
   return std::exchange(to_say_, 0);
+}
+
+bool LogBound::over(std::int64_t now_ns) {
+  turnTo(now_ns);
+  return !began_ns_ && to_say_ == 0;
 }
 
 Result<LogFormat> parseLogFormat(std::string_view name) {

@@ -46,16 +46,15 @@ void ClockOffsets::State::end(const std::shared_ptr<Item>& item) {
 }
 
 void ClockOffsets::State::sayNotStored(const Error& error) {
-  const std::int64_t now_ns = steadyNowNs();
-  sayLeftOut(now_ns);
   const std::lock_guard lock(lines_mutex);
-  if (lines.take(now_ns)) logEvent(LogLevel::kWarning, "clock_offset_not_stored", {{"text", error.message}});
+  if (lines.take(steadyNowNs()))
+    logEvent(LogLevel::kWarning, "clock_offset_not_stored", {{"text", error.message}});
 }
 
 void ClockOffsets::State::sayLeftOut(std::int64_t now_ns) {
   const std::lock_guard lock(lines_mutex);
   if (const std::uint64_t count = lines.leftOut(now_ns); count > 0)
-    logEvent(LogLevel::kWarning, "clock_offsets_left_out", {{"count", count}});
+    logEvent(LogLevel::kWarning, "lines_left_out", {{"of", "clock_offset_not_stored"}, {"count", count}});
 }
 
 }  // namespace needlelab

@@ -24,7 +24,7 @@ class ClockOffsets {
 
   /// What `put` comes before is stored before it. `round_trip_ns`: above 0. Does not wait. Thread: any.
   void put(DbWriter& writer, const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns);
-  /// The number of log lines that were left out, with the first line after their minute; at the end
+  /// Says how many log lines were left out in minutes that are over. Call it by the clock, and at the end
   /// (INT64_MAX). Thread: any.
   void sayLeftOut(std::int64_t now_ns) { state_->sayLeftOut(now_ns); }
 

@@ -6,6 +6,7 @@
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
 #include "server/base/log.h"
+#include "server/live/request_effects.h"
 
 namespace needlelab {
 
@@ -41,7 +42,7 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   PeerConnection& peer = *self;
   ++peer.context_.counters.connections;
   peer.context_.connections.emplace(peer.id_, &peer);
-  logEvent(LogLevel::kInfo, "connection_opened", {{"conn", peer.id_}, {"peer", peer.address()}});
+  peer.note(PeerLine::kConnectionOpened, {{"conn", peer.id_}, {"peer", peer.address()}});
 
   const Status shaken = co_await peer.shakeHands();
   if (!shaken.ok()) ++peer.context_.counters.handshakes_failed;
@@ -130,17 +131,15 @@ void PeerConnection::leave() {
   context_.counters.bytes_received += channel_->bytesReceived();
   context_.counters.bytes_sent += channel_->bytesSent();
   if (!channel_->closing()) channel_->close(CloseReason::kLocal, "the connection ended");
-  logEvent(LogLevel::kInfo, "connection_closed",
-           {{"conn", id_},
-            {"who", who_.name},
-            {"reason", nameOf(channel_->closeReason())},
-            {"text", channel_->closeText()},
-            {"bytes_in", channel_->bytesReceived()},
-            {"bytes_out", channel_->bytesSent()},
-            {"live_dropped", channel_->live().dropped()}});
+  note(PeerLine::kConnectionClosed, {{"conn", id_},
+                                     {"who", who_.name},
+                                     {"reason", nameOf(channel_->closeReason())},
+                                     {"text", channel_->closeText()},
+                                     {"bytes_in", channel_->bytesReceived()},
+                                     {"bytes_out", channel_->bytesSent()},
+                                     {"live_dropped", channel_->live().dropped()}});
   if (refusals_of_peer_ > 1)
-    logEvent(LogLevel::kWarning, "refused_by_peer_often",
-             {{"conn", id_}, {"who", who_.name}, {"count", refusals_of_peer_}});
+    note(PeerLine::kRefusedByPeerOften, {{"conn", id_}, {"who", who_.name}, {"count", refusals_of_peer_}});
   setState(ConnectionState::kClosed);
   context_.connections.erase(id_);
   pong_.notify();
@@ -161,20 +160,20 @@ void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::u
 void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
   ++context_.counters.messages_refused;
   if (refusal.reason() == pb::Refusal::NO_ROOM) {
-    // no fault of the peer's; a station asks again until there is room, and the log is on the same disk
+    // no fault of the peer's; a station asks again until there is room
     ++context_.counters.refused_for_room;
-    if (!std::exchange(told_no_room_, true))
-      logEvent(LogLevel::kWarning, "no_room", {{"conn", id_}, {"who", who_.name}, {"text", refusal.text()}});
+    note(PeerLine::kNoRoom, {{"conn", id_}, {"who", who_.name}, {"text", refusal.text()}});
     pb::Envelope envelope;
     envelope.set_refused_request(request);
     *envelope.mutable_refusal() = std::move(refusal);
     sendControl(envelope);
     return;
   }
-  logRefused("message_refused", {{"conn", id_},
-                                 {"who", who_.name},
-                                 {"reason", reasonName(refusal.reason())},
-                                 {"text", refusal.text()}});
+  note(refusal.reason() == pb::Refusal::ROLE ? PeerLine::kMessageRefusedForRole : PeerLine::kMessageRefused,
+       {{"conn", id_},
+        {"who", who_.name},
+        {"reason", reasonName(refusal.reason())},
+        {"text", refusal.text()}});
   // before log-in the first fault ends the connection; after it, too many faults do
   const bool logged_in = who_.role != pb::ROLE_UNSPECIFIED;
   if (!logged_in || ++refusals_ > context_.bounds.refusals) {
@@ -187,11 +186,9 @@ void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
   sendControl(envelope);
 }
 
-void PeerConnection::logRefused(const char* event, std::initializer_list<LogField> fields) {
-  const std::int64_t now_ns = steadyNowNs();
-  if (const std::uint64_t count = small_messages_->linesLeftOut(now_ns); count > 0)
-    logEvent(LogLevel::kWarning, "refusals_left_out", {{"who", who_.name}, {"count", count}});
-  if (small_messages_->takeLine(now_ns)) logEvent(LogLevel::kWarning, event, fields);
+void PeerConnection::note(PeerLine kind, std::initializer_list<LogField> fields) {
+  const bool stranger = who_.role == pb::ROLE_UNSPECIFIED;
+  context_.lines.write(stranger ? PeerLines::kStrangers : turnNameOf(who_), kind, steadyNowNs(), fields);
 }
 
 void PeerConnection::refuseAndClose(pb::Refusal refusal) {
@@ -218,11 +215,10 @@ void PeerConnection::refusedByPeer(const pb::Refusal& refusal) {
     return;
   }
   if (++refusals_of_peer_ > 1) return;
-  logEvent(LogLevel::kWarning, "refused_by_peer",
-           {{"conn", id_},
-            {"who", who_.name},
-            {"reason", reasonName(refusal.reason())},
-            {"text", refusal.text()}});
+  note(PeerLine::kRefusedByPeer, {{"conn", id_},
+                                  {"who", who_.name},
+                                  {"reason", reasonName(refusal.reason())},
+                                  {"text", refusal.text()}});
 }
 
 Task<> PeerConnection::shutDown(std::shared_ptr<PeerConnection> self, std::string reason) {
@@ -273,8 +269,7 @@ void PeerConnection::sendControl(const pb::Envelope& envelope) {
 
 void PeerConnection::sendHolding(const pb::Envelope& envelope, std::shared_ptr<const void> until_sent) {
   if (!channel_->closing() && !channel_->send(envelope, std::move(until_sent))) {
-    logEvent(LogLevel::kWarning, "slow_peer",
-             {{"conn", id_}, {"who", who_.name}, {"text", channel_->closeText()}});
+    note(PeerLine::kSlowPeer, {{"conn", id_}, {"who", who_.name}, {"text", channel_->closeText()}});
     freed_.notify();
   }
 }

@@ -98,8 +98,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void setState(ConnectionState next);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
-  /// So many lines a minute of an account (MessageBucket), whose connections come back as often as they like.
-  void logRefused(const char* event, std::initializer_list<LogField> fields);
+  /// A line of the log, of the account's, or before the log-in of all strangers' (PeerLines).
+  void note(PeerLine kind, std::initializer_list<LogField> fields);
   void refusedByPeer(const pb::Refusal& refusal);
   void leave();
   [[nodiscard]] bool busy() const;
@@ -148,7 +148,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   const std::shared_ptr<Channel> channel_;
   ConnectionState state_ = ConnectionState::kConnecting;
   Principal who_;
-  std::string program_;  // from its Hello
+  std::string program_;  // from its Hello, at most kMostProgramBytes
   pb::Version version_;  // from its Hello
   Signal pong_;          // a Pong has arrived, or this connection ends
   // ids of this connection's own Pings; the channel's Pings have no ids
@@ -160,7 +160,6 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::size_t refusals_of_peer_ = 0;  // after log-in
   /// Its own until the log-in, then the account's (MessageRates).
   std::shared_ptr<MessageBucket> small_messages_;
-  bool told_no_room_ = false;  // in the log
   bool acks_scheduled_ = false;
   /// gone(), for work on other threads that waits for its turn.
   const std::shared_ptr<std::atomic<bool>> gone_ = std::make_shared<std::atomic<bool>>(false);

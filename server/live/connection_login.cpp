@@ -15,6 +15,9 @@
 namespace needlelab {
 namespace {
 
+/// Of a peer's Hello; what comes after it is cut off. Ours have some 30.
+constexpr std::size_t kMostProgramBytes = 100;
+
 /// A log-in's name for the log: a key that was typed as a name must not be read there.
 std::string nameOf(const pb::Login& login, bool is_known) {
   if (!login.has_station()) return "token";
@@ -46,15 +49,14 @@ Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<
 }  // namespace
 
 void PeerConnection::greet(const pb::Hello& hello) {
-  program_ = hello.program();
+  program_ = hello.program().substr(0, kMostProgramBytes);
   version_ = hello.version();
   const pb::Version ours = ourVersion();
   if (const Status fits = checkVersion(ours, hello.version()); !fits.ok()) {
-    logEvent(LogLevel::kWarning, "version_refused",
-             {{"conn", id_},
-              {"program", program_},
-              {"theirs", versionText(hello.version())},
-              {"ours", versionText(ours)}});
+    note(PeerLine::kVersionRefused, {{"conn", id_},
+                                     {"program", program_},
+                                     {"theirs", versionText(hello.version())},
+                                     {"ours", versionText(ours)}});
     pb::Refusal refusal = makeRefusal(pb::Refusal::VERSION, fits.error().message, true);
     *refusal.mutable_ours() = ours;
     *refusal.mutable_theirs() = hello.version();
@@ -71,7 +73,6 @@ void PeerConnection::greet(const pb::Hello& hello) {
 Task<> PeerConnection::logIn(pb::Login given) {
   auto self = shared_from_this();
   const std::shared_ptr<const pb::Login> login = secretOf(std::move(given));
-  context_.login_lines.sayLeftOut(steadyNowNs());
   if (login->has_person()) {
     auto secret = std::make_shared<const PersonSecret>(login->person().user(), login->person().password());
     LoginPeer peer{id_, address(), [this] { return over() || channel_->closing(); }};
@@ -98,10 +99,10 @@ Task<> PeerConnection::logIn(pb::Login given) {
     const bool denied = result.error().code == ErrorCode::kDenied;
     const auto is_known = co_await claimsKnownStation(context_, login, address_key_);
     if (over() || channel_->closing()) co_return;
-    context_.login_lines.refused(steadyNowNs(), {{"conn", id_},
-                                                 {"name", nameOf(*login, is_known.ok() && *is_known)},
-                                                 {"peer", address()},
-                                                 {"text", result.error().message}});
+    note(PeerLine::kLoginRefused, {{"conn", id_},
+                                   {"name", nameOf(*login, is_known.ok() && *is_known)},
+                                   {"peer", address()},
+                                   {"text", result.error().message}});
     PersonLogin refused;
     refused.answer = denied ? PersonLogin::Answer::kRefused : PersonLogin::Answer::kFailed;
     refuseAndClose(makeRefusal(denied ? pb::Refusal::LOGIN : pb::Refusal::INTERNAL, textOf(refused)));
@@ -143,8 +144,7 @@ bool PeerConnection::takePlace() {
   if (!arrival.gives_way) return true;
   if (const auto found = context_.connections.find(*arrival.gives_way); found != context_.connections.end()) {
     PeerConnection& other = *found->second;
-    logEvent(LogLevel::kInfo, "connection_gives_way",
-             {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
+    note(PeerLine::kConnectionGivesWay, {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
     other.refuseAndClose(
         makeRefusal(pb::Refusal::RATE_LIMITED,
                     fmt::format("all places of the server are taken and {} has the most connections: the one "
@@ -195,8 +195,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   if (auto* const there = dynamic_cast<PeerConnection*>(
           who_.role == pb::STATION ? context_.hub.stationPeer(who_.name) : nullptr);
       there != nullptr && there->id() > id_) {
-    logEvent(LogLevel::kWarning, "late_login",
-             {{"conn", id_}, {"newer", there->id()}, {"station", who_.name}});
+    note(PeerLine::kLateLogin, {{"conn", id_}, {"newer", there->id()}, {"station", who_.name}});
     refuseAndClose(makeRefusal(
         pb::Refusal::CONFLICT,
         "station " + who_.name + " is logged in by a later connection, from " + there->address()));
@@ -219,16 +218,18 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   setState(ConnectionState::kAuthenticated);
   if (!sessions_.empty()) setState(ConnectionState::kInSession);
   ++context_.counters.logins;
-  logEvent(LogLevel::kInfo, "login_ok",
-           {{"conn", id_}, {"who", who_.name}, {"role", pb::Role_Name(who_.role)}, {"program", program_}});
+  note(PeerLine::kLogin, {{"conn", id_},
+                          {"who", who_.name},
+                          {"role", pb::Role_Name(who_.role)},
+                          {"peer", address()},
+                          {"program", program_}});
   sendControl(envelope);
 
   if (who_.role != pb::STATION) co_return;
   // one connection per station, the newest: the older one is often dead without having noticed
   if (HubPeer* const older = context_.hub.attachStation(who_.name, *this); older != nullptr) {
     auto& connection = dynamic_cast<PeerConnection&>(*older);
-    logEvent(LogLevel::kWarning, "station_replaced",
-             {{"conn", connection.id()}, {"by", id_}, {"station", who_.name}});
+    note(PeerLine::kStationReplaced, {{"conn", connection.id()}, {"by", id_}, {"station", who_.name}});
     connection.refuseAndClose(
         makeRefusal(pb::Refusal::CONFLICT, "station " + who_.name + " logged in again from " + address()));
   }

@@ -77,7 +77,7 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
   if (!over() && tooOften(head.body)) {
     pb::Refusal refusal = makeRefusal(pb::Refusal::RATE_LIMITED, text("comes too often"));
     // so that the station can match the refusal to its request
-    refusal.set_session_id(std::string(head.session_id));
+    nameSession(refusal, head.session_id);
     return refuseUnparsed(std::move(refusal));
   }
   switch (checkMessage(head.body, state_, who_.role)) {
@@ -236,7 +236,7 @@ std::optional<pb::Refusal> PeerConnection::tooLong(const EnvelopeHead& head) con
           fmt::format("{} has {} bytes, at most {} are allowed",
                       pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(head.body))->name(),
                       bytes, context_.bounds.small_message_bytes));
-      if (head.session_id.size() == Uuid{}.size()) refusal.set_session_id(std::string(head.session_id));
+      nameSession(refusal, head.session_id);
       return refusal;
     }
     default:

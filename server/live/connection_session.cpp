@@ -30,7 +30,7 @@ std::string sessionText(const std::string& bytes) {
 pb::Refusal sessionRefusal(pb::Refusal::Reason reason, std::string text, const std::string& session_id,
                            std::uint64_t expected_seq = 0) {
   pb::Refusal refusal = makeRefusal(reason, std::move(text));
-  refusal.set_session_id(session_id);
+  nameSession(refusal, session_id);
   refusal.set_expected_seq(expected_seq);
   return refusal;
 }
@@ -106,7 +106,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   if (channel_->closing()) co_return;
   if (!status.ok()) {
     pb::Refusal refusal = refusalOf(status.error());
-    refusal.set_session_id(session_id);
+    nameSession(refusal, session_id);
     refuse(std::move(refusal));
     co_return;
   }
@@ -118,14 +118,13 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // for a closed session the station only asks whether the server still has it
   if (!opened->closed) context_.hub.onSession(who_.name, session_id);
-  logEvent(opened->closed ? LogLevel::kDebug : LogLevel::kInfo,
-           opened->closed ? "session_confirmed" : "session_opened",
-           {{"conn", id_},
-            {"session", sessionText(session_id)},
-            {"station", who_.name},
-            {"trainee", description.trainee()},
-            {"exercise", description.exercise_id()},
-            {"next_seq", opened->next_seq}});
+  note(opened->closed ? PeerLine::kSessionConfirmed : PeerLine::kSessionOpened,
+       {{"conn", id_},
+        {"session", sessionText(session_id)},
+        {"station", who_.name},
+        {"trainee", description.trainee()},
+        {"exercise", description.exercise_id()},
+        {"next_seq", opened->next_seq}});
   pb::Envelope envelope;
   envelope.mutable_session_opened()->set_session_id(session_id);
   envelope.mutable_session_opened()->set_next_seq(opened->next_seq);
@@ -191,8 +190,7 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
     // its station's share is used up; as without room on the disk
     ++context_.counters.refused_for_room;
     if (over()) return;
-    logEvent(LogLevel::kWarning, "no_room",
-             {{"conn", id_}, {"who", who_.name}, {"text", status.error().message}});
+    note(PeerLine::kNoRoom, {{"conn", id_}, {"who", who_.name}, {"text", status.error().message}});
     refuseAndClose(
         sessionRefusal(pb::Refusal::NO_ROOM, status.error().message, chunk.session_id(), chunk.seq()));
     return;
@@ -217,12 +215,11 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
                                               : context_.counters.chunks_repeated);
   if (appended.quarantined) {
     ++context_.counters.chunks_quarantined;
-    logEvent(LogLevel::kWarning, "chunk_quarantined",
-             {{"conn", id_},
-              {"station", who_.name},
-              {"session", sessionText(chunk.session_id())},
-              {"seq", chunk.seq()},
-              {"text", appended.text}});
+    note(PeerLine::kChunkQuarantined, {{"conn", id_},
+                                       {"station", who_.name},
+                                       {"session", sessionText(chunk.session_id())},
+                                       {"seq", chunk.seq()},
+                                       {"text", appended.text}});
   }
   Watermarks& marks = watermarks(chunk.session_id());
   marks.committed = std::max(marks.committed, appended.next_seq);
@@ -249,12 +246,12 @@ void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appende
         return pb::Refusal::INVALID;
     }
   }();
-  logRefused("chunk_refused", {{"conn", id_},
-                               {"station", who_.name},
-                               {"session", sessionText(chunk.session_id())},
-                               {"seq", chunk.seq()},
-                               {"reason", reasonName(reason)},
-                               {"expected_seq", appended.next_seq}});
+  note(PeerLine::kChunkRefused, {{"conn", id_},
+                                 {"station", who_.name},
+                                 {"session", sessionText(chunk.session_id())},
+                                 {"seq", chunk.seq()},
+                                 {"reason", reasonName(reason)},
+                                 {"expected_seq", appended.next_seq}});
   if (over()) return;
   pb::Refusal refusal = sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq);
   // two recordings with one session id: nothing that follows can be stored, and the audit log has its line
@@ -343,7 +340,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   if (!outcome.ok()) {
     if (peer.gone()) co_return;  // its station asks again on the next connection
     pb::Refusal refusal = refusalOf(outcome.error());
-    refusal.set_session_id(session_id);
+    nameSession(refusal, session_id);
     peer.refuse(std::move(refusal));
     co_return;
   }
@@ -365,13 +362,13 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
         },
         {}));
   }
-  logEvent(LogLevel::kInfo, "session_closed",
-           {{"conn", peer.id_},
-            {"session", sessionText(session_id)},
-            {"station", peer.who_.name},
-            {"state", pb::SessionState_Name(closed.state)},
-            {"chunks", closed.next_seq},
-            {"score_fault", outcome->score_fault.empty() ? "none" : outcome->score_fault}});
+  peer.note(PeerLine::kSessionClosed,
+            {{"conn", peer.id_},
+             {"session", sessionText(session_id)},
+             {"station", peer.who_.name},
+             {"state", pb::SessionState_Name(closed.state)},
+             {"chunks", closed.next_seq},
+             {"score_fault", outcome->score_fault.empty() ? "none" : outcome->score_fault}});
   pb::Envelope envelope;
   pb::SessionClosed& answer = *envelope.mutable_session_closed();
   answer.set_session_id(session_id);

@@ -26,11 +26,11 @@
 #include "server/live/handshake_turns.h"
 #include "server/live/hub.h"
 #include "server/live/login_guard.h"
-#include "server/live/login_lines.h"
 #include "server/live/login_queue.h"
 #include "server/live/message_rates.h"
 #include "server/live/offload.h"
 #include "server/live/password_pool.h"
+#include "server/live/peer_lines.h"
 #include "server/live/people_shares.h"
 #include "server/live/station_closes.h"
 #include "server/live/station_quotas.h"
@@ -51,7 +51,7 @@ struct ConnectionBounds {
   /// come again. A station has two or three: the session before, and old ones one after the other.
   std::size_t closes_of_station = 8;
   LoginQueue::Settings logins;              ///< of the whole server, that wait for the password check
-  std::uint64_t login_lines_a_minute = 60;  ///< in the log, of refused ones (login_lines.h)
+  PeerLines::Settings log_lines;            ///< on both ports
   std::size_t connections_of_person = 256;  ///< logged in at once
   /// Of a station or person, by all of its connections: all but chunks and requests, which have their own
   /// limits.
@@ -167,7 +167,7 @@ struct ServerContext {
   /// A log-in's turn has ended, or its place was taken.
   std::shared_ptr<Signal> login_turns = std::make_shared<Signal>(io.get_executor());
   LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};
-  LoginLines login_lines{bounds.login_lines_a_minute};
+  PeerLines lines{bounds.log_lines};  ///< of the log, on both ports
   /// A message was done with: there may be room for another one.
   std::shared_ptr<Signal> decoded_room = std::make_shared<Signal>(io.get_executor());
   ByteBudget decoded{bounds.decoded, [room = decoded_room] { room->notify(); }};

@@ -1,4 +1,4 @@
-/// How many small messages each station and each person has sent lately, and how many of them were refused.
+/// How many small messages each station and each person has sent lately.
 #pragma once
 
 #include <algorithm>
@@ -7,8 +7,6 @@
 #include <memory>
 #include <string>
 #include <unordered_map>
-
-#include "server/base/log.h"
 
 namespace needlelab {
 
@@ -25,19 +23,7 @@ class MessageBucket {
     filled_ns_ = now_ns;
     return true;
   }
-  /// Nothing in it, and no line in the log of the last minute.
-  [[nodiscard]] bool emptyAt(std::int64_t now_ns) const {
-    return filledAt(now_ns) == 0 && now_ns >= lines_until_ns_;
-  }
-  /// Whether the log may have one more line about a message of its that was refused.
-  bool takeLine(std::int64_t now_ns) {
-    lines_until_ns_ = now_ns + 60'000'000'000;
-    return lines_.take(now_ns);
-  }
-  /// LogBound::leftOut.
-  std::uint64_t linesLeftOut(std::int64_t now_ns) { return lines_.leftOut(now_ns); }
-
-  static constexpr std::uint64_t kLinesAMinute = 60;
+  [[nodiscard]] bool emptyAt(std::int64_t now_ns) const { return filledAt(now_ns) == 0; }
 
  private:
   [[nodiscard]] double filledAt(std::int64_t now_ns) const {
@@ -46,8 +32,6 @@ class MessageBucket {
   const double at_once_, per_s_;
   double filled_ = 0;
   std::int64_t filled_ns_ = 0;
-  LogBound lines_{kLinesAMinute};
-  std::int64_t lines_until_ns_ = 0;
 };
 
 /// The buckets of those who are logged in: one for all connections of a station or a person, which does not

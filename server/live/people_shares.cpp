@@ -32,11 +32,4 @@ Status PeopleShares::admit(const std::string& name, pb::Role role, std::size_t b
                   name, share / 0x1p20, kRequestBytes, used.minutesUntil(cost, share, now_ns), name)};
 }
 
-bool PeopleShares::shouldTell(const std::string& name, std::int64_t now_ns) {
-  const auto [told, is_first] = told_ns_.try_emplace(name, now_ns);
-  if (!is_first && now_ns - told->second < kTellAgain_ns) return false;
-  told->second = now_ns;
-  return true;
-}
-
 }  // namespace needlelab

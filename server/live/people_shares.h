@@ -39,17 +39,12 @@ class PeopleShares {
   /// Takes a request of `bytes` from the account's share. kNoRoom: it does not suffice; nothing is taken
   /// then, and the message gives the share and when there is room.
   Status admit(const std::string& name, pb::Role role, std::size_t bytes, std::int64_t now_ns);
-  /// Whether the log gets a line that a request of this account was refused for want of room: the first time,
-  /// and again after kTellAgain_ns. The log is on the same disk.
-  bool shouldTell(const std::string& name, std::int64_t now_ns);
-  static constexpr std::int64_t kTellAgain_ns = 3'600'000'000'000;
 
  private:
   [[nodiscard]] double shareOf(pb::Role role) const;
 
   const Settings settings_;
   std::unordered_map<std::string, DayShare> used_;
-  std::unordered_map<std::string, std::int64_t> told_ns_;  ///< by the names that were refused
 };
 
 }  // namespace needlelab

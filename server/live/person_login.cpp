@@ -27,7 +27,8 @@ PersonLogin waitOf(ServerContext& context, const std::string& name, const std::s
   login.answer = Answer::kMustWait;
   ++context.counters.logins_refused;
   // without the name: the lines of the failures before have it, if it is somebody's
-  context.login_lines.mustWait(steadyNowNs(), {{"conn", peer.connection}, {"peer", peer.address}});
+  context.lines.write(PeerLines::kStrangers, PeerLine::kLoginRateLimited, steadyNowNs(),
+                      {{"conn", peer.connection}, {"peer", peer.address}});
   return login;
 }
 
@@ -111,8 +112,8 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
   const std::string shown = is_known.ok() && *is_known ? name : std::string(kUnknownName);
   const std::string& why = who.error().message;
   if (denied)
-    context.login_lines.refused(
-        steadyNowNs(), {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
+    context.lines.write(PeerLines::kStrangers, PeerLine::kLoginRefused, steadyNowNs(),
+                        {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
   else
     logEvent(LogLevel::kError, "login_not_checked",
              {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
@@ -151,7 +152,6 @@ std::string textOf(const PersonLogin& login) {
 Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                               LoginPeer peer) {
   const std::string host = Admission::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
-  context.login_lines.sayLeftOut(steadyNowNs());
   if (auto wait = waitOf(context, name, host, peer); wait.answer == Answer::kMustWait) co_return wait;
   PersonLogin login = co_await checkInTurn(context, secret, name, host, peer);
   if (login.answer != Answer::kWelcome) co_return login;

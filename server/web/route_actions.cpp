@@ -8,7 +8,6 @@
 
 #include "common/base/clock.h"
 #include "common/base/secret.h"
-#include "server/base/log.h"
 #include "server/live/offload.h"
 #include "server/live/request_effects.h"
 #include "server/web/reply_json.h"
@@ -126,9 +125,8 @@ HttpAnswer browserGone() {
 void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
   if (error.code != ErrorCode::kNoRoom) return;
   ++context.counters.refused_for_room;
-  if (context.shares.shouldTell(call.who.name, steadyNowNs()))
-    logEvent(LogLevel::kWarning, "no_room",
-             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
+  context.lines.write(turnNameOf(call.who), PeerLine::kNoRoom, steadyNowNs(),
+                      {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
 Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,

@@ -7,7 +7,6 @@
 #include "common/profile/strict_json.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests.h"
-#include "server/base/log.h"
 #include "server/live/person_login.h"
 #include "server/live/request_effects.h"
 #include "server/web/live_socket.h"
@@ -128,11 +127,12 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
     context.tokens.end(before->token);
   const auto issued = context.tokens.issue(login.holder, steadyNowNs());
   ++context.counters.logins;
-  logEvent(LogLevel::kInfo, "web_login",
-           {{"conn", request->connection},
-            {"who", login.holder.who.name},
-            {"role", pb::Role_Name(login.holder.who.role)},
-            {"peer", request->address}});
+  const std::string& name = login.holder.who.name;
+  server->note(name, PeerLine::kWebLogin,
+               {{"conn", request->connection},
+                {"who", name},
+                {"role", pb::Role_Name(login.holder.who.role)},
+                {"peer", request->address}});
   const WebJson state = co_await sessionState(server, login.holder.who, issued.token);
   HttpAnswer answer = jsonAnswer(state);
   answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued.token));
@@ -235,7 +235,8 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     co_return jsonAnswer(co_await sessionState(server, call->who, session->token));
   if (route.how.action == WebAction::kLogOut) {
     context.tokens.end(session->token);
-    logEvent(LogLevel::kInfo, "web_logout", {{"conn", request->connection}, {"who", call->who.name}});
+    server->note(call->who.name, PeerLine::kWebLogout,
+                 {{"conn", request->connection}, {"who", call->who.name}});
     HttpAnswer answer = jsonAnswer(WebJson::object());
     answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(""));
     co_return answer;
@@ -344,7 +345,7 @@ Task<HttpAnswer> WebServer::answerTo(std::shared_ptr<HttpRequest> request) {
     try {
       co_return co_await apiAnswer(server, request, std::move(*target));
     } catch (const std::exception& fault) {
-      logEvent(LogLevel::kError, "web_request_failed", {{"route", request->route}, {"text", fault.what()}});
+      note(request->who, PeerLine::kWebRequestThrew, {{"route", request->route}, {"text", fault.what()}});
     }
     co_return errorAnswer(500, "failed", "the server could not answer that; its log says why");
   }

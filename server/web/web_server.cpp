@@ -9,6 +9,7 @@
 #include "common/base/files.h"
 #include "server/base/listen.h"
 #include "server/base/log.h"
+#include "server/live/request_effects.h"
 #include "server/web/routes.h"
 
 namespace needlelab {
@@ -33,6 +34,15 @@ bool mayHaveBody(std::string_view method, std::string_view target) {
   const WebMatch match = matchRoute(method, std::span(parsed->segments).subspan(2));
   // a log-in is short, also of a browser that has a session already
   return match.route != nullptr && takesBody(*match.route) && match.route->how.action != WebAction::kLogIn;
+}
+
+/// The many that succeed hide none that was refused or failed.
+PeerLine lineOf(const HttpRequest& request, unsigned status) {
+  if (request.route == "file") return PeerLine::kWebFile;
+  if (request.who.empty()) return PeerLine::kWebRequestOfStranger;
+  if (status < 400) return PeerLine::kWebRequestDone;
+  if (status == 403) return PeerLine::kWebRequestForbidden;
+  return status < 500 ? PeerLine::kWebRequestRefused : PeerLine::kWebRequestFailed;
 }
 
 }  // namespace
@@ -76,7 +86,6 @@ WebServer::WebServer(ServerContext& context, TlsContext tls, WebSettings setting
       files_(std::move(files)),
       sessions_(context.tokens),
       admission_(settings_.admission),
-      stranger_lines_(settings_.stranger_log_lines_a_minute),
       board_(std::make_shared<LiveBoard>(context, settings_.live_period)) {}
 
 bool WebServer::admit(std::uint64_t id, const Tcp::endpoint& peer) {
@@ -135,20 +144,28 @@ void WebServer::answered(const HttpExchange& exchange) {
   while (bucket < WebCounters::kLatency_s.size() && exchange.seconds > WebCounters::kLatency_s[bucket])
     ++bucket;
   ++web.latency[bucket];
-  const std::int64_t now = steadyNowNs();
-  sayLeftOut(now);
-  if (request.route != "file" && request.who.empty() && !stranger_lines_.take(now)) return;
   // logs neither query nor headers, which may contain searched names, cookies and tokens
   const std::string path = request.method == "?" ? "?" : pathForLog(request.target, request.route);
-  logEvent(request.route == "file" ? LogLevel::kDebug : LogLevel::kInfo, "web_request",
-           {{"conn", request.connection},
-            {"peer", request.address},
-            {"who", request.who},
-            {"method", request.method},
-            {"path", path},
-            {"status", exchange.status},
-            {"ms", static_cast<std::int64_t>(exchange.seconds * 1000)},
-            {"sent", exchange.sent ? "yes" : "no"}});
+  note(request.who, lineOf(request, exchange.status),
+       {{"conn", request.connection},
+        {"peer", request.address},
+        {"who", request.who},
+        {"method", request.method},
+        {"path", path},
+        {"status", exchange.status},
+        {"ms", static_cast<std::int64_t>(exchange.seconds * 1000)},
+        {"sent", exchange.sent ? "yes" : "no"}});
+}
+
+void WebServer::streamFailed(const HttpRequest& request, const Error& error) {
+  note(request.who, PeerLine::kWebStreamFailed,
+       {{"conn", request.connection}, {"who", request.who}, {"text", error.message}});
+}
+
+void WebServer::note(const std::string& who, PeerLine kind, std::initializer_list<LogField> fields) {
+  // stations do not come here
+  const std::string owner = who.empty() ? PeerLines::kStrangers : turnNameOf({.name = who});
+  context_.lines.write(owner, kind, steadyNowNs(), fields);
 }
 
 bool WebServer::showedSession(std::uint64_t id, const std::string& who) {
@@ -158,17 +175,10 @@ bool WebServer::showedSession(std::uint64_t id, const std::string& who) {
     return false;
   }
   if (arrival.gives_way) {
-    logEvent(LogLevel::kInfo, "connection_gives_way",
-             {{"port", "web"}, {"conn", *arrival.gives_way}, {"to", who}});
+    note(who, PeerLine::kConnectionGivesWay, {{"port", "web"}, {"conn", *arrival.gives_way}, {"to", who}});
     cut(*arrival.gives_way);
   }
   return true;
-}
-
-/// With the first request after a minute, and at the end.
-void WebServer::sayLeftOut(std::int64_t now_ns) {
-  if (const std::uint64_t count = stranger_lines_.leftOut(now_ns); count > 0)
-    logEvent(LogLevel::kInfo, "web_requests_left_out", {{"of", "strangers"}, {"count", count}});
 }
 
 bool WebServer::viewerCame(const std::string& who) {
@@ -190,7 +200,6 @@ void WebServer::viewerLeft(const std::string& who) {
 void WebServer::stop() {
   HttpServer::stop();
   board_->stop();
-  sayLeftOut(INT64_MAX);
 }
 
 void WebServer::cutAll(const std::string& reason) {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <unordered_map>
@@ -16,6 +17,7 @@
 #include "server/base/trusted_proxies.h"
 #include "server/live/admission.h"
 #include "server/live/context.h"
+#include "server/live/peer_lines.h"
 #include "server/web/live_board.h"
 #include "server/web/static_files.h"
 #include "server/web/web_call.h"
@@ -40,8 +42,6 @@ struct WebSettings : HttpLimits {
                                 .strangers_of_address = 128,
                                 .charges_at_once = 512,
                                 .charges_at_once_of_known = 2048};
-  /// Of requests without a session; the others of the minute are one line with their number.
-  std::uint64_t stranger_log_lines_a_minute = 60;
   std::vector<std::string> proxies;              ///< trusted_proxies.h
   std::string proxy_header = "X-Forwarded-For";  ///< or "Forwarded"
 
@@ -67,6 +67,9 @@ class WebServer : public HttpServer {
   void cutAll(const std::string& reason);
   [[nodiscard]] bool idle() const { return connections() == 0; }
 
+  /// A line of the log, of this person's, or of all strangers' if `who` is empty.
+  void note(const std::string& who, PeerLine kind, std::initializer_list<LogField> fields);
+
   /// web_request.cpp: answers a request.
   Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) override;
   std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) override;
@@ -74,8 +77,9 @@ class WebServer : public HttpServer {
                                       const std::string& cookie) const override;
   [[nodiscard]] const HttpHeaders& commonHeaders() const override;
   void handshakeFailed() override;
-  /// Counts the request in the metrics and logs it; of strangers' requests only some a minute.
+  /// Counts the request in the metrics and logs it (PeerLines).
   void answered(const HttpExchange& exchange) override;
+  void streamFailed(const HttpRequest& request, const Error& error) override;
 
   [[nodiscard]] ServerContext& context() { return context_; }
   [[nodiscard]] const WebSettings& settings() const { return settings_; }
@@ -98,7 +102,6 @@ class WebServer : public HttpServer {
   WebServer(ServerContext& context, TlsContext tls, WebSettings settings, TrustedProxies proxies,
             StaticFiles files, Tcp::acceptor acceptor);
   Task<HttpAnswer> answerTo(std::shared_ptr<HttpRequest> request);
-  void sayLeftOut(std::int64_t now_ns);
 
   ServerContext& context_;
   const WebSettings settings_;
@@ -106,7 +109,6 @@ class WebServer : public HttpServer {
   const StaticFiles files_;
   WebSessions sessions_;
   Admission admission_;
-  LogBound stranger_lines_;
   const std::shared_ptr<LiveBoard> board_;
   std::unordered_map<std::string, std::size_t> viewers_;  // by name
   std::size_t all_viewers_ = 0;

@@ -239,6 +239,17 @@ TEST(Refusal, aLongTextIsCutBetweenCharacters) {
             kMaxRefusalBytes);
 }
 
+TEST(Refusal, aSessionIsNamedByAnIdOfSixteenBytesOnly) {
+  for (const std::size_t bytes : {0u, 15u, 17u, 1'000'000u}) {
+    pb::Refusal refusal = makeRefusal(pb::Refusal::INVALID, "no");
+    nameSession(refusal, std::string(bytes, 'x'));
+    EXPECT_EQ(refusal.session_id(), "") << bytes;
+  }
+  pb::Refusal refusal = makeRefusal(pb::Refusal::GAP, "no");
+  nameSession(refusal, "0123456789abcdef");
+  EXPECT_EQ(refusal.session_id(), "0123456789abcdef");
+}
+
 TEST(Refusal, aCodeThatIsMissingOrWrongIsNeitherARoleNorAnAbsentServer) {
   EXPECT_EQ(refusalOf(Error{ErrorCode::kCode, "no"}).reason(), pb::Refusal::CODE);
   const Error error = errorOf(makeRefusal(pb::Refusal::CODE, "tom has a code: type it"));

@@ -41,6 +41,17 @@ TEST(Log, emptyAndLongValuesAreMarked) {
   EXPECT_LT(logLine("e", {{"k", std::string(100'000, 'a')}}).size(), 600u);
 }
 
+TEST(Log, whatIsEscapedMakesNoLongerLine) {
+  for (const char* const piece : {"a", "\"", "\x01", "\xc3\xbc"}) {
+    std::string text;
+    for (int i = 0; i < 1000; ++i) text += piece;
+    EXPECT_LT(logLine("e", {{"k", text}}).size(), 520u) << piece;
+    EXPECT_GT(logLine("e", {{"k", text}}).size(), 490u) << piece;
+    EXPECT_LT(logMembers("e", {{"k", text}}).size(), 540u) << piece;
+    EXPECT_GT(logMembers("e", {{"k", text}}).size(), 490u) << piece;
+  }
+}
+
 TEST(Log, jsonLinesAreOneObjectEachWhateverIsInThem) {
   const std::string hostile = "x\n\"},{\"level\":\"error\" \\ \xff\x9b" + std::string(1000, 'y');
   const std::string line =
@@ -113,6 +124,17 @@ TEST(LogBound, aMinuteHasSoManyLinesAndTheOthersAreSaidOnceAsANumber) {
   EXPECT_TRUE(bound.take(560 * second_ns)) << "also if nobody asked in between";
   EXPECT_EQ(bound.leftOut(560 * second_ns), 1u);
   EXPECT_EQ(bound.leftOut(INT64_MAX), 0u) << "nothing was left out of the last one";
+}
+
+TEST(LogBound, aPeriodIsOverWhenItsNumberIsSaid) {
+  LogBound bound(1, 10);
+  EXPECT_TRUE(bound.over(100));
+  EXPECT_TRUE(bound.take(100));
+  EXPECT_FALSE(bound.take(109));
+  EXPECT_FALSE(bound.over(109));
+  EXPECT_FALSE(bound.over(110)) << "one is still to be said";
+  EXPECT_EQ(bound.leftOut(110), 1u);
+  EXPECT_TRUE(bound.over(110));
 }
 
 TEST(Log, levelsHaveNames) {

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "tests/support/password_cost.h"
+#include "tests/unit/server/live/log_lines.h"
 #include "tests/unit/server/live/raw_peer.h"
 
 namespace needlelab {
@@ -58,25 +59,10 @@ std::vector<pb::AuditEntry> auditOf(RunningServer& server, const std::string& ac
   return found;
 }
 
-/// Returns the log lines, from warnings up, while `work` runs.
-std::string warningsOf(const std::function<void()>& work) {
-  testing::internal::CaptureStderr();
-  setLogLevel(LogLevel::kWarning);
-  work();
-  setLogLevel(LogLevel::kOff);
-  return testing::internal::GetCapturedStderr();
-}
-
-std::size_t countOf(const std::string& text, const std::string& word) {
-  std::size_t count = 0;
-  for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++count;
-  return count;
-}
-
 TEST(Access, refusedLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
   constexpr std::size_t kLines = 3;
   RunningServer server([](ServerOptions& options) {
-    options.bounds.login_lines_a_minute = kLines;
+    options.bounds.log_lines.a_minute = kLines;
     options.guard.allowed_per_name = 2;
     options.guard.first_wait = std::chrono::minutes(10);
   });
@@ -85,7 +71,7 @@ TEST(Access, refusedLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
   wrong_key[5] = static_cast<char>(wrong_key[5] ^ 1);
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
   std::size_t refused = 0, must_wait = 0;
-  const std::string log = warningsOf([&] {
+  const std::string log = logOf(LogLevel::kWarning, [&] {
     for (int i = 0; i < 10; ++i) {
       const auto guess = server.connect(personLogin("anna", "a guess of hers"));
       ASSERT_FALSE(guess.ok());
@@ -100,14 +86,62 @@ TEST(Access, refusedLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
   ASSERT_GT(must_wait, kLines);
   EXPECT_EQ(countOf(log, "login_refused conn="), kLines) << log;
   EXPECT_EQ(countOf(log, "login_rate_limited conn="), kLines) << log;
-  EXPECT_EQ(countOf(log, "logins_left_out of=login_refused count=" + std::to_string(refused - kLines) + "\n"),
-            1u)
-      << log;
-  EXPECT_EQ(countOf(log, "logins_left_out of=login_rate_limited count=" + std::to_string(must_wait - kLines) +
-                             "\n"),
-            1u)
-      << log;
+  EXPECT_EQ(countOf(log, leftOut("strangers", "login_refused", refused - kLines)), 1u) << log;
+  EXPECT_EQ(countOf(log, leftOut("strangers", "login_rate_limited", must_wait - kLines)), 1u) << log;
   EXPECT_EQ(server.counters().logins_refused, refused + must_wait) << "all are counted";
+}
+
+// The finding: each log-in of a station's key had four lines, with a program's name of 900 bytes 0.9 MB a
+// second.
+TEST(Access, aKeysLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+  constexpr std::size_t kLines = 3, kLogins = 10;
+  RunningServer server([](ServerOptions& options) { options.bounds.log_lines.a_minute = kLines; });
+  const std::string key = server.addStation("bench-1");
+  const std::string log = logOf(LogLevel::kInfo, [&] {
+    std::vector<BlockingClient> clients;
+    for (std::size_t i = 0; i < kLogins; ++i) {
+      ClientConfig config = server.config(stationLogin("bench-1", key));
+      config.program = std::string(900, 'x');
+      auto client = BlockingClient::connect(config);
+      ASSERT_TRUE(client.ok()) << client.error().message;
+      clients.push_back(std::move(*client));
+    }
+    server.stop();
+  });
+  for (const char* event : {"login_ok", "connection_closed"}) {
+    EXPECT_EQ(countOf(log, std::string(event) + " conn="), kLines) << log;
+    EXPECT_EQ(countOf(log, leftOut("\"station bench-1\"", event, kLogins - kLines)), 1u) << log;
+  }
+  EXPECT_EQ(countOf(log, "station_replaced conn="), kLines) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"station bench-1\"", "station_replaced", kLogins - 1 - kLines)), 1u)
+      << log;
+  EXPECT_EQ(countOf(log, "connection_opened conn="), kLines) << "before its log-in it is a stranger's";
+  EXPECT_EQ(countOf(log, leftOut("strangers", "connection_opened", kLogins - kLines)), 1u) << log;
+  EXPECT_EQ(countOf(log, std::string(100, 'x')), kLines) << "of the program's name 100 bytes";
+}
+
+// The finding: 60 messages of no meaning hid what the account's role may not.
+TEST(Access, messagesOfNoMeaningHideNoneThatTheRoleMayNot) {
+  constexpr std::size_t kLines = 2, kOthers = 5;
+  RunningServer server([](ServerOptions& options) { options.bounds.log_lines.a_minute = kLines; });
+  server.addUser("ines", pb::INSTRUCTOR, kPassword);
+  const std::string log = logOf(LogLevel::kWarning, [&] {
+    auto ines = server.connect(personLogin("ines", kPassword));
+    ASSERT_TRUE(ines.ok()) << ines.error().message;
+    pb::Envelope unknown, foreign;
+    unknown.mutable_unsubscribe()->set_subscription(99);
+    foreign.mutable_station_status();
+    for (std::size_t i = 0; i < kOthers; ++i) {
+      ASSERT_TRUE(ines->send(unknown).ok());
+      EXPECT_EQ(waitForRefusal(*ines).reason(), pb::Refusal::NOT_FOUND);
+    }
+    ASSERT_TRUE(ines->send(foreign).ok());
+    EXPECT_EQ(waitForRefusal(*ines).reason(), pb::Refusal::ROLE);
+    server.stop();
+  });
+  EXPECT_EQ(countOf(log, "message_refused conn="), kLines + 1) << log;
+  EXPECT_EQ(countOf(log, "reason=ROLE"), 1u) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"person ines\"", "message_refused", kOthers - kLines)), 1u) << log;
 }
 
 TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
@@ -172,7 +206,7 @@ TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
   refusal.mutable_refusal()->set_text("no, thank you");
   for (int i = 0; i < 1000; ++i) refusals += RawPeer::framed(refusal);
   // Strangers: the first Refusal closes the connection, without a warning.
-  const std::string of_strangers = warningsOf([&] {
+  const std::string of_strangers = logOf(LogLevel::kWarning, [&] {
     for (const bool greets : {false, true}) {
       RawPeer stranger(server);
       if (greets) stranger.greet();
@@ -183,7 +217,7 @@ TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
   });
   EXPECT_EQ(countOf(of_strangers, "no, thank you"), 0u) << of_strangers;
   // A logged-in peer may send Refusals and stays connected; the log has the first one and their number.
-  const std::string of_station = warningsOf([&] {
+  const std::string of_station = logOf(LogLevel::kWarning, [&] {
     RawPeer station(server);
     ASSERT_TRUE(station.logIn(stationLogin("bench-1", key)).has_welcome());
     station.write(refusals);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/crc32c.h"
+#include "tests/unit/server/live/log_lines.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -141,17 +142,21 @@ TEST(DurablePlane, aDamagedChunkIsRefusedAndNotStored) {
   EXPECT_EQ(s.stored().chunks(), 0u);
 }
 
-/// A station with a fault in its encoder, or a hostile one: its CRC is right, the columns are impossible.
-TEST(DurablePlane, anUndecodableChunkIsKeptInQuarantineAndTheSessionGoesOnPastIt) {
-  StationAndServer s;
-  s.open();
-  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
-  pb::Envelope impossible = s.session.chunk(1);
+/// Of a station with a fault in its encoder, or a hostile one: its CRC is right, the columns are impossible.
+pb::Envelope undecodable(const FakeSession& session, std::uint64_t seq) {
+  pb::Envelope impossible = session.chunk(seq);
   std::string& data = *impossible.mutable_chunk()->mutable_data();
   data[16] = static_cast<char>(data[16] ^ 1);  // another last tick
   const std::uint32_t crc = crc32c(viewOf(data).first(data.size() - 4));
   std::memcpy(data.data() + data.size() - 4, &crc, 4);
-  ASSERT_TRUE(s.client.send(impossible).ok());
+  return impossible;
+}
+
+TEST(DurablePlane, anUndecodableChunkIsKeptInQuarantineAndTheSessionGoesOnPastIt) {
+  StationAndServer s;
+  s.open();
+  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
+  ASSERT_TRUE(s.client.send(undecodable(s.session, 1)).ok());
   ASSERT_TRUE(s.client.send(s.session.chunk(2)).ok());
   s.session.waitForAck(s.client, 3);
   EXPECT_EQ(s.stored().chunks(), 3u);
@@ -163,6 +168,25 @@ TEST(DurablePlane, anUndecodableChunkIsKeptInQuarantineAndTheSessionGoesOnPastIt
   pb::Request audit;
   audit.mutable_list_audit()->set_action("chunk quarantine");
   EXPECT_EQ(s.server.asAdmin(audit).audit().entries_size(), 1);
+}
+
+// The finding: each had a line of its own, 0.4 MB a second.
+TEST(DurablePlane, undecodableChunksHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+  constexpr std::uint64_t kLines = 2, kChunks = 7;
+  RunningServer server([](ServerOptions& options) { options.bounds.log_lines.a_minute = kLines; });
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok()) << station.error().message;
+  const FakeSession session("bench-1");
+  const std::string log = logOf(LogLevel::kWarning, [&] {
+    ASSERT_TRUE(station->send(session.open()).ok());
+    for (std::uint64_t seq = 0; seq < kChunks; ++seq)
+      ASSERT_TRUE(station->send(undecodable(session, seq)).ok());
+    session.waitForAck(*station, kChunks);
+    server.stop();
+  });
+  EXPECT_EQ(server.counters().chunks_quarantined, kChunks) << "all are counted";
+  EXPECT_EQ(countOf(log, "chunk_quarantined conn="), kLines) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"station bench-1\"", "chunk_quarantined", kChunks - kLines)), 1u) << log;
 }
 
 TEST(DurablePlane, sessionsOfOthersAreUnknown) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/wire/protocol.h"
 #include "db/people.h"
 #include "tests/unit/server/live/raw_peer.h"
 #include "tests/unit/server/live/running_server.h"
@@ -52,6 +53,52 @@ std::vector<pb::Envelope> answersTo(RawPeer& peer, const std::vector<pb::Envelop
   }
   ADD_FAILURE() << "the connection ended";
   return answers;
+}
+
+/// Messages about a session whose id has a megabyte.
+std::vector<pb::Envelope> withLongSessionIds() {
+  const std::string id(1'000'000, 'x');
+  std::vector<pb::Envelope> messages(3);
+  messages[0].mutable_open_session()->mutable_description()->set_session_id(id);
+  messages[1].mutable_chunk()->set_session_id(id);
+  messages[2].mutable_close_session()->set_session_id(id);
+  return messages;
+}
+
+// The finding: 40 connections of one trainee held 475 MB of them, unread.
+TEST(MessageBounds, aRefusalRepeatsNoLongSessionId) {
+  RunningServer server;
+  RawPeer station(server);
+  ASSERT_TRUE(station.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
+  const FakeSession session("bench-1");
+  station.send(session.open());  // chunks are legal from now on
+  std::size_t refused = 0;
+  for (const pb::Envelope& answer : answersTo(station, withLongSessionIds())) {
+    if (!answer.has_refusal()) continue;
+    ++refused;
+    EXPECT_NE(answer.refusal().reason(), pb::Refusal::STATE) << answer.refusal().text();
+    EXPECT_EQ(answer.refusal().session_id(), "");
+    EXPECT_LT(answer.ByteSizeLong(), 2 * kMaxRefusalBytes);
+  }
+  EXPECT_EQ(refused, 3u);
+}
+
+TEST(MessageBounds, whatComesTooOftenIsRefusedWithoutItsLongSessionIdWhateverTheRole) {
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.small_messages_at_once = 2;  // Hello and Login
+    options.bounds.small_messages_per_s = 1e-9;
+  });
+  LoggedIn tina(server, "tina", pb::TRAINEE);
+  for (int ping = 0; ping < 2; ++ping) EXPECT_TRUE(answersTo(tina, {}).empty());
+  const auto messages = withLongSessionIds();
+  for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
+    tina.send(messages[i]);
+    const auto answer = tina.receive();
+    ASSERT_TRUE(answer.has_value());
+    EXPECT_EQ(answer->refusal().reason(), pb::Refusal::RATE_LIMITED);
+    EXPECT_EQ(answer->refusal().session_id(), "");
+    EXPECT_LT(answer->ByteSizeLong(), 2 * kMaxRefusalBytes);
+  }
 }
 
 TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {

@@ -33,27 +33,6 @@ TEST(MessageRates, aLogInBeginsNoBucketAnewAndAnotherHasItsOwn) {
   EXPECT_EQ(takenAt(*rates.of("person bench", 0), 0, 1000), 50);
 }
 
-// The finding: each log-in had 200 lines, and one key or token wrote 21 GB of them an hour.
-TEST(MessageRates, anAccountsRefusalsHaveSoManyLinesAMinuteHoweverOftenItComesBack) {
-  MessageRates rates(50, 50);
-  const auto linesOf = [&](std::int64_t now_ns) {
-    std::uint64_t lines = 0;
-    for (int login = 0; login < 1000; ++login) {
-      // others come, so that those who are forgotten are looked for
-      (void)rates.of("station " + std::to_string(login), now_ns);
-      lines += rates.of("station bench", now_ns)->takeLine(now_ns) ? 1 : 0;
-    }
-    return lines;
-  };
-  EXPECT_EQ(linesOf(0), MessageBucket::kLinesAMinute);
-  EXPECT_EQ(linesOf(59 * kSecond_ns), 0u);
-  EXPECT_EQ(rates.of("station bench", 59 * kSecond_ns)->linesLeftOut(59 * kSecond_ns), 0u) << "not yet over";
-  EXPECT_EQ(rates.of("station bench", 61 * kSecond_ns)->linesLeftOut(61 * kSecond_ns),
-            2000 - MessageBucket::kLinesAMinute);
-  EXPECT_EQ(linesOf(61 * kSecond_ns), MessageBucket::kLinesAMinute);
-  EXPECT_TRUE(rates.of("person bench", 0)->takeLine(0)) << "another account has its own";
-}
-
 TEST(MessageRates, whoHasGoneAndWhoseBucketIsEmptyIsForgotten) {
   MessageRates rates(50, 50);
   const auto here = rates.of("station here", 0);

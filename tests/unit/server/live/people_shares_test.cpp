@@ -69,16 +69,6 @@ TEST(PeopleShares, aTraineeWhoAsksWithoutEndHasAtMostTwoSharesStoredInADay) {
   EXPECT_GT(stored, 1.9 * PeopleShares::Settings{}.own_bytes);
 }
 
-TEST(PeopleShares, theLogIsToldOnceAnHourOfEachAccount) {
-  PeopleShares all;
-  EXPECT_TRUE(all.shouldTell("tina", 0));
-  EXPECT_FALSE(all.shouldTell("tina", 1));
-  EXPECT_TRUE(all.shouldTell("tom", 1));
-  EXPECT_FALSE(all.shouldTell("tina", 60 * kMinute_ns - 1));
-  EXPECT_TRUE(all.shouldTell("tina", 60 * kMinute_ns));
-  EXPECT_FALSE(all.shouldTell("tina", 61 * kMinute_ns));
-}
-
 TEST(PeopleShares, ordinaryWorkIsNeverRefused) {
   PeopleShares all;
   // an administrator brings a lab of 2 GiB in pieces, a manager 5,000 profiles, a trainee thinks it over

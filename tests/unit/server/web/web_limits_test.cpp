@@ -3,10 +3,13 @@
 #include <atomic>
 #include <future>
 #include <memory>
+#include <sstream>
+#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "tests/unit/server/live/log_lines.h"
 #include "tests/unit/server/web/web_lab.h"
 
 namespace needlelab {
@@ -355,23 +358,49 @@ TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
 }
 
 TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
-  WebLab lab([](ServerOptions& options) { options.web.stranger_log_lines_a_minute = 5; });
+  WebLab lab([](ServerOptions& options) { options.bounds.log_lines.a_minute = 5; });
   Browser tina = lab.browserOf("tina"), stranger = lab.browser();  // the log-in was a stranger's, too
-  testing::internal::CaptureStderr();
-  setLogLevel(LogLevel::kInfo);
-  for (int i = 0; i < 12; ++i) EXPECT_EQ(stranger.get("/api/v1/people").status, 401);
-  for (int i = 0; i < 7; ++i) EXPECT_EQ(tina.get("/api/v1/session").status, 200);
-  lab.server().stop();
-  setLogLevel(LogLevel::kOff);
-  const std::string log = testing::internal::GetCapturedStderr();
-  const auto lines = [&](const std::string& text) {
+  const std::string log = logOf(LogLevel::kInfo, [&] {
+    for (int i = 0; i < 12; ++i) EXPECT_EQ(stranger.get("/api/v1/people").status, 401);
+    for (int i = 0; i < 7; ++i) EXPECT_EQ(tina.get("/api/v1/session").status, 200);
+    lab.server().stop();
+  });
+  EXPECT_EQ(countOf(log, "status=401"), 4u) << log;
+  EXPECT_EQ(countOf(log, leftOut("strangers", "web_request", 8)), 1u) << log;
+  EXPECT_EQ(countOf(log, "who=tina method=GET"), 7u) << log;
+}
+
+// The finding: each request of a trainee had a line, 1 MB a second.
+TEST(WebLimits, whoIsLoggedInHasSoManyLinesOfTheLogAndRefusedRequestsHaveTheirOwn) {
+  constexpr std::size_t kLines = 2, kAnswered = 4;
+  WebLab lab([](ServerOptions& options) {
+    options.bounds.log_lines.a_minute = kLines;
+    options.bounds.log_lines.answered_a_minute = kAnswered;
+  });
+  Browser tina = lab.browserOf("tina"), ines = lab.browserOf("ines");
+  const std::string log = logOf(LogLevel::kInfo, [&] {
+    for (int i = 0; i < 10; ++i) EXPECT_EQ(tina.get("/api/v1/session").status, 200);
+    for (int i = 0; i < 5; ++i) EXPECT_EQ(tina.get("/api/v1/people").status, 403);
+    for (int i = 0; i < 3; ++i) EXPECT_EQ(tina.get("/api/v1/sessions/none").status, 404);
+    EXPECT_EQ(ines.get("/api/v1/session").status, 200);
+    lab.server().stop();
+  });
+  const auto requestsOf = [&](const std::string& who, const std::string& status) {
     std::size_t count = 0;
-    for (std::size_t at = log.find(text); at != std::string::npos; at = log.find(text, at + 1)) ++count;
+    std::istringstream lines(log);
+    for (std::string line; std::getline(lines, line);)
+      count += line.find("web_request ") != std::string::npos &&
+               line.find(" who=" + who + " ") != std::string::npos &&
+               line.find(" status=" + status + " ") != std::string::npos;
     return count;
   };
-  EXPECT_EQ(lines("status=401"), 4u) << log;
-  EXPECT_EQ(lines("web_requests_left_out of=strangers count=8"), 1u) << log;
-  EXPECT_EQ(lines("who=tina method=GET"), 7u) << log;
+  EXPECT_EQ(requestsOf("tina", "200"), kAnswered) << log;
+  EXPECT_EQ(requestsOf("tina", "403"), kLines) << log;
+  EXPECT_EQ(requestsOf("tina", "404"), kLines) << log;
+  EXPECT_EQ(requestsOf("ines", "200"), 1u) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"person tina\"", "web_request/done", 10 - kAnswered)), 1u) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"person tina\"", "web_request/403", 5 - kLines)), 1u) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"person tina\"", "web_request/4xx", 3 - kLines)), 1u) << log;
 }
 
 constexpr std::uint64_t kMiB = 1u << 20;
