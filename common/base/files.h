@@ -32,6 +32,10 @@ Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path)
 /// certificate). Writes into a device or pipe (/dev/stdout, /dev/null) and does not replace it.
 Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0600);
 
+/// The same for a folder in which others may write, but that a device or pipe there is an error and is not
+/// written into: it may wait for its reader for ever.
+Status replaceFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0600);
+
 /// Calls fsync on a folder, so that a new directory entry survives a power cut.
 Status syncFolder(const std::filesystem::path& folder);
 
