@@ -2,17 +2,16 @@
 
 #include <fmt/core.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <limits>
 #include <utility>
 
 #include "common/base/files.h"
 #include "common/base/planted_bug.h"
+#include "db/sqlite_files.h"
 
 namespace needlelab {
 namespace {
@@ -58,65 +57,6 @@ ErrorCode codeOf(int rc) {
   }
 }
 
-/// The last system error that SQLite recorded for its files, the log's first; else 0.
-int fileErrorOf(sqlite3* handle) {
-  if (handle == nullptr) return 0;
-  int number = 0;
-  sqlite3_file* log = nullptr;
-  sqlite3_file_control(handle, "main", SQLITE_FCNTL_JOURNAL_POINTER, &log);
-  if (log != nullptr && log->pMethods != nullptr)
-    log->pMethods->xFileControl(log, SQLITE_FCNTL_LAST_ERRNO, &number);
-  if (number == 0) sqlite3_file_control(handle, "main", SQLITE_FCNTL_LAST_ERRNO, &number);
-  return number;
-}
-
-/// The errno behind SQLite's error, when it concerns the disk; else 0.
-int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
-  switch (rc & 0xff) {
-    case SQLITE_FULL:
-      return ENOSPC;
-    case SQLITE_READONLY:
-      // SQLite opens a file read-only when it may not write to it
-      return ::access(path.c_str(), W_OK) == 0 ? 0 : errno;
-    case SQLITE_CORRUPT: {
-      // SQLite reports a page that the disk cannot read as corrupt
-      const int number = fileErrorOf(handle);
-      return number == EIO || number == ENXIO ? EIO : 0;
-    }
-    case SQLITE_IOERR:
-    case SQLITE_CANTOPEN: {
-      int number = handle == nullptr ? 0 : sqlite3_system_errno(handle);
-      // a failed COMMIT does not set the connection's errno
-      if (number == 0) number = fileErrorOf(handle);
-      return number == 0 && (rc & 0xff) == SQLITE_IOERR ? EIO : number;
-    }
-    default:
-      return 0;
-  }
-}
-
-/// Size of the log's file, through SQLite's own file handle, which is correct for every VFS.
-std::uint64_t logBytesOf(sqlite3* handle) {
-  sqlite3_file* file = nullptr;
-  if (sqlite3_file_control(handle, "main", SQLITE_FCNTL_JOURNAL_POINTER, &file) != SQLITE_OK) return 0;
-  sqlite3_int64 size = 0;
-  if (file == nullptr || file->pMethods == nullptr || file->pMethods->xFileSize(file, &size) != SQLITE_OK)
-    return 0;
-  return static_cast<std::uint64_t>(std::max<sqlite3_int64>(size, 0));
-}
-
-/// The file by a name that says: nothing else belongs to it, and nobody changes it.
-std::string immutableName(const std::filesystem::path& path) {
-  std::string name = "file:";
-  for (const char c : path.string()) {
-    const auto byte = static_cast<unsigned char>(c);
-    const bool is_plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                          c == '/' || c == '.' || c == '-' || c == '_';
-    name += is_plain ? std::string(1, c) : fmt::format("%{:02x}", byte);
-  }
-  return name + "?immutable=1";
-}
-
 }  // namespace
 
 Result<Connection> Connection::open(const std::filesystem::path& path, const Options& options) {
@@ -136,19 +76,16 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
       (writer && options.create ? SQLITE_OPEN_CREATE : 0);
   const bool frozen = options.mode == Mode::kFrozen;
   sqlite3* handle = nullptr;
-  const int rc = sqlite3_open_v2(foreign ? immutableName(path).c_str() : path.c_str(), &handle, flags,
-                                 frozen && options.vfs == nullptr ? "unix-none" : options.vfs);
+  const int rc = openDatabaseFile(foreign ? immutableName(path) : path.string(), &handle, flags,
+                                  frozen && options.vfs == nullptr ? "unix-none" : options.vfs);
   Connection connection(path, options.copy_of.empty() ? path : options.copy_of, handle);
   if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
   // nobody empties the log of a frozen one
   if (options.mode == Mode::kReader) connection.limits_->most_log_bytes = options.most_log_bytes;
   if (foreign) {
     connection.limits_->cancelled = options.cancelled;
-    if (options.most_time != std::chrono::nanoseconds::max())
-      connection.limits_->until = std::chrono::steady_clock::now() + options.most_time;
-    // a text of a foreign file must not fill memory; none of ours is longer
-    constexpr int kMostBytesOfText = 64 << 20;
-    sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, kMostBytesOfText);
+    connection.limits_->time = options.time;
+    connection.limits_->until_ns = options.until_ns;
   }
   // every 1000 steps of SQLite's virtual machine: well under a millisecond apart; a step of a foreign file
   // may read much
@@ -175,15 +112,17 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
                                            found + "'; use a local file system"};
     }
   }
-  const std::string settings =
-      std::string(planted(PlantedBug::kSynchronousNormal) ? "PRAGMA synchronous=NORMAL;"
-                                                          : "PRAGMA synchronous=FULL;") +
+  std::string settings =
       "PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
-      "PRAGMA cell_size_check=ON;" +
-      // a large enough cache for the pages that the next chunks of a thousand open sessions touch: some
-      // 1,500, where SQLite's default is 500; overwrite deleted rows, so that an erased person cannot be read
-      // from free pages
-      (writer ? "PRAGMA cache_size=-16384; PRAGMA secure_delete=ON;" : "PRAGMA query_only=ON;");
+      "PRAGMA cell_size_check=ON;";
+  // a large enough cache for the pages that the next chunks of a thousand open sessions touch: some
+  // 1,500, where SQLite's default is 500; overwrite deleted rows, so that an erased person cannot be read
+  // from free pages
+  settings += writer ? "PRAGMA cache_size=-16384; PRAGMA secure_delete=ON;" : "PRAGMA query_only=ON;";
+  // this one has SQLite read the schema: of a foreign file only within the bounds of openForeign()
+  if (!foreign)
+    settings +=
+        planted(PlantedBug::kSynchronousNormal) ? "PRAGMA synchronous=NORMAL;" : "PRAGMA synchronous=FULL;";
   RETURN_IF_ERROR(connection.script(settings));
   return connection;
 }
@@ -304,7 +243,7 @@ int Connection::goesOn(void* limits) {
   auto& of = *static_cast<Limits*>(limits);
   of.log_bytes = 0;
   if (of.cancelled != nullptr && of.cancelled->load()) return 1;
-  of.is_late = of.until && std::chrono::steady_clock::now() > *of.until;
+  of.is_late = of.time != nullptr && of.time->nowNs() > of.until_ns;
   if (of.is_late) return 1;
   constexpr std::uint64_t kLooksOfAShortRead = 1000;
   if (of.most_log_bytes == 0 || ++of.looks <= kLooksOfAShortRead) return 0;

@@ -5,7 +5,6 @@
 #include <sqlite3.h>
 
 #include <atomic>
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -19,6 +18,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 
 namespace needlelab {
 
@@ -149,8 +149,10 @@ class Connection {
     std::uint64_t most_log_bytes = kMostLogBytesOfReaders;
     std::filesystem::path copy_of = {};  ///< the file that `path` is a copy of, which messages about its
                                          ///< contents name; empty: none
-    /// Foreign files only: reads that come later than this from the opening on fail with kUnavailable.
-    std::chrono::nanoseconds most_time = std::chrono::nanoseconds::max();
+    /// Foreign files only: reads fail with kUnavailable once `time` is past `until_ns`. `time` may be null:
+    /// no bound; it must outlive the connection.
+    TimeSource* time = nullptr;
+    std::int64_t until_ns = 0;
     /// Foreign files only: as CancelScope, from the opening on. May be null; must outlive the connection.
     const std::atomic<bool>* cancelled = nullptr;
   };
@@ -208,6 +210,9 @@ class Connection {
   /// 0.1 s, is never given up because of the log's size. Each kRead transaction does so, and each borrowing.
   void noteShortRead() { limits_->looks = 0; }
 
+  /// Foreign files only: in the place of Options::until_ns from now on.
+  void readUntil(std::int64_t until_ns) { limits_->until_ns = until_ns; }
+
   /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, a part of a
   /// transaction that could not be undone. Want of memory is none: SQLite
   /// undoes the statement, or the transaction.
@@ -230,8 +235,9 @@ class Connection {
     std::uint64_t most_log_bytes = 0;              ///< 0: any size
     std::uint64_t looks = 0;                       ///< calls of the handler since noteShortRead()
     std::uint64_t log_bytes = 0;                   ///< for which the last interruption was; 0: cancelled
-    std::optional<std::chrono::steady_clock::time_point> until;  ///< nothing: no bound of time
-    bool is_late = false;  ///< the last interruption was because of `until`
+    TimeSource* time = nullptr;                    ///< null: no bound of time
+    std::int64_t until_ns = 0;
+    bool is_late = false;  ///< the last interruption was because of `until_ns`
   };
   static int goesOn(void* limits);
   Connection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle);

@@ -285,7 +285,8 @@ Result<PlainHash> decryptFile(const fs::path& encrypted, const BackupKey& key,
                               const std::function<Status(ByteView)>& take,
                               const std::atomic<bool>* cancelled) {
   RETURN_IF_ERROR(ready());
-  const OpenFile in(::open(encrypted.c_str(), O_RDONLY | O_CLOEXEC));
+  // in the folder of backups somebody may put a pipe there
+  const OpenFile in(::open(encrypted.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   if (!in.isOpen()) return Error{ErrorCode::kInvalidInput, systemError(encrypted, "read").message};
   // what was just written is to be read from the disk, not from memory
   ::posix_fadvise(in.fd(), 0, 0, POSIX_FADV_DONTNEED);

@@ -170,7 +170,7 @@ Status writeErasures(const std::filesystem::path& folder, const std::vector<Eras
     return Error{ErrorCode::kInvalidInput,
                  tooLongText(folder / file, fmt::format("now {} bytes", text.size()),
                              fmt::format("{} bytes", kMostListBytes), folder)};
-  return writeFileAtomically(folder / file, viewOf(text), 0600);
+  return replaceFileAtomically(folder / file, viewOf(text), 0600);
 }
 
 Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,

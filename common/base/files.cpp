@@ -203,7 +203,10 @@ Error cannotCreate(const std::filesystem::path& path) {
 }  // namespace
 
 Status writeFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
-  if (isStream(name)) return writeToStream(name, bytes);
+  return isStream(name) ? writeToStream(name, bytes) : replaceFileAtomically(name, bytes, mode);
+}
+
+Status replaceFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
   ASSIGN_OR_RETURN(const std::filesystem::path path, replaceableFile(name));
   std::string temporary = path.string() + std::string(kTemporaryMark) + "XXXXXX";
   const int fd = ::mkostemp(temporary.data(), O_CLOEXEC);

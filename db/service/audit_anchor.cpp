@@ -1,7 +1,13 @@
 #include "db/service/audit_anchor.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <array>
-#include <fstream>
+#include <cerrno>
+#include <cstddef>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -9,8 +15,10 @@
 #include <system_error>
 #include <utility>
 
+#include "common/base/files.h"
 #include "db/backup.h"
 #include "db/foreign_database.h"
+#include "db/open_file.h"
 
 namespace needlelab {
 namespace {
@@ -47,6 +55,58 @@ std::optional<AuditHead> headOfExport(const Json& record) {
   return auditHeadOf(head);
 }
 
+/// An opened file's lines.
+class Lines {
+ public:
+  /// A record of an export came in a message of 1 MiB; in JSON each of its bytes may be written as six.
+  static constexpr std::size_t kMostLineBytes = 8u << 20;
+
+  Lines(const OpenFile& file, const std::filesystem::path& path) : fd_(file.fd()), path_(path) {}
+
+  /// The next one, without its end; nothing: there is none. kInvalidInput: it is longer than any.
+  Result<std::optional<std::string>> next() {
+    std::string line;
+    for (;;) {
+      const std::size_t end = std::min(read_.find('\n', at_), read_.size());
+      line.append(read_, at_, end - at_);
+      if (line.size() > kMostLineBytes)
+        return Error{ErrorCode::kInvalidInput, path_.string() + ": has a line of more than " +
+                                                   std::to_string(kMostLineBytes >> 20) +
+                                                   " MiB, which no export and no text with a head has"};
+      at_ = end + 1;
+      if (end < read_.size()) return std::optional(std::move(line));
+      ASSIGN_OR_RETURN(const bool more, fill());
+      if (!more) return line.empty() ? std::optional<std::string>() : std::optional(std::move(line));
+    }
+  }
+  /// From the first one on again.
+  Status rewind() {
+    read_.clear();
+    at_ = 0;
+    if (::lseek(fd_, 0, SEEK_SET) != 0) return systemError(path_, "read");
+    return {};
+  }
+
+ private:
+  /// False: the file ends.
+  Result<bool> fill() {
+    read_.resize(64u << 10);
+    at_ = 0;
+    for (;;) {
+      const ssize_t got = ::read(fd_, read_.data(), read_.size());
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) return systemError(path_, "read");
+      read_.resize(static_cast<std::size_t>(got));
+      return got > 0;
+    }
+  }
+
+  int fd_;
+  const std::filesystem::path& path_;
+  std::string read_;  ///< of which the bytes from at_ on are still to be taken
+  std::size_t at_ = 0;
+};
+
 Error noHead(const std::filesystem::path& path) {
   return {ErrorCode::kInvalidInput,
           path.string() +
@@ -55,16 +115,18 @@ Error noHead(const std::filesystem::path& path) {
 }
 
 /// JSON lines, or what `audit verify --json` wrote.
-Result<AuditHead> headOfRecords(std::ifstream& in, const std::filesystem::path& path) {
+Result<AuditHead> headOfRecords(Lines& in, const std::filesystem::path& path) {
   std::optional<AuditHead> found;
   std::string whole;
   bool lines = true;
-  for (std::string line; std::getline(in, line);) {
+  for (;;) {
+    ASSIGN_OR_RETURN(const auto line, in.next());
+    if (!line) break;
     // one object over several lines is small
     constexpr std::size_t kMostWhole = 1u << 20;
-    if (whole.size() < kMostWhole) whole += line + "\n";
-    if (trimmed(line).empty()) continue;
-    const Json record = Json::parse(line, nullptr, false);
+    if (whole.size() < kMostWhole) whole += *line + "\n";
+    if (trimmed(*line).empty()) continue;
+    const Json record = Json::parse(*line, nullptr, false);
     lines = lines && record.is_object();
     if (!lines) continue;
     // an export ends with its own line; of exports that were read in, earlier ones may be there
@@ -81,10 +143,12 @@ Result<AuditHead> headOfRecords(std::ifstream& in, const std::filesystem::path& 
 }
 
 /// A text that somebody kept: other lines are ignored, a head within a line is none.
-Result<AuditHead> headOfText(std::ifstream& in, const std::filesystem::path& path) {
+Result<AuditHead> headOfText(Lines& in, const std::filesystem::path& path) {
   std::optional<AuditHead> found;
-  for (std::string line; std::getline(in, line);) {
-    std::string_view text = trimmed(line);
+  for (;;) {
+    ASSIGN_OR_RETURN(const auto line, in.next());
+    if (!line) break;
+    std::string_view text = trimmed(*line);
     constexpr std::string_view kLabel = "keep elsewhere";
     if (text.starts_with(kLabel)) text = trimmed(text.substr(kLabel.size()));
     const auto head = auditHeadOf(text);
@@ -102,13 +166,14 @@ Result<AuditHead> headOfText(std::ifstream& in, const std::filesystem::path& pat
 }  // namespace
 
 Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
-  std::error_code unknown;
-  if (!std::filesystem::is_regular_file(path, unknown)) return noHead(path);  // a pipe may never answer
-  std::ifstream in(path, std::ios::binary);
+  // a pipe may never answer, whenever somebody puts it there
+  const OpenFile file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+  struct stat info {};
+  if (!file.isOpen() || ::fstat(file.fd(), &info) != 0 || !S_ISREG(info.st_mode)) return noHead(path);
   std::array<char, 16> start{};
-  in.read(start.data(), start.size());
   constexpr std::string_view kMagic("SQLite format 3\0", 16);
-  if (in && std::string_view(start.data(), start.size()) == kMagic) {
+  if (::pread(file.fd(), start.data(), start.size(), 0) == static_cast<ssize_t>(start.size()) &&
+      std::string_view(start.data(), start.size()) == kMagic) {
     ASSIGN_OR_RETURN(auto backup, openForeign(path));
     RETURN_IF_ERROR(requireAuditChain(backup));
     AuditChain chain(backup);
@@ -116,13 +181,18 @@ Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
     ASSIGN_OR_RETURN(const auto first, chain.firstMac());
     return AuditAnchor{path.string(), head, first};
   }
-  in.clear();
-  in.seekg(0);
-  char first = '\0';
-  in >> std::ws >> first;
-  if (!in) return noHead(path);
-  in.seekg(0);
-  ASSIGN_OR_RETURN(const auto head, first == '{' ? headOfRecords(in, path) : headOfText(in, path));
+  Lines lines(file, path);
+  bool is_json = false;
+  for (;;) {
+    ASSIGN_OR_RETURN(const auto line, lines.next());
+    if (!line) return noHead(path);
+    const std::string_view text = trimmed(*line);
+    if (text.empty()) continue;
+    is_json = text.front() == '{';
+    break;
+  }
+  RETURN_IF_ERROR(lines.rewind());
+  ASSIGN_OR_RETURN(const auto head, is_json ? headOfRecords(lines, path) : headOfText(lines, path));
   return AuditAnchor{path.string(), head};
 }
 

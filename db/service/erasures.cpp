@@ -17,7 +17,6 @@
 #include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
-#include "db/service/files_of_erased.h"
 #include "db/service/handlers.h"
 
 namespace needlelab {
@@ -60,12 +59,6 @@ std::string textOnLater(const std::string& name) {
       name);
 }
 
-/// Where the last backup was put; empty: there was none.
-std::filesystem::path backupsFolder(Connection& reader) {
-  const auto backup = MetaStore(reader).get("backup_path");
-  return backup && *backup ? std::filesystem::path(**backup).parent_path() : std::filesystem::path();
-}
-
 /// The list beside the backups lacks this erasure.
 std::string textOnListBeside(const std::filesystem::path& backups, const std::filesystem::path& folder,
                              const Error& why) {
@@ -95,6 +88,11 @@ std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
 }
 
 }  // namespace
+
+std::filesystem::path backupsFolder(Connection& reader) {
+  const auto backup = MetaStore(reader).get("backup_path");
+  return backup && *backup ? std::filesystem::path(**backup).parent_path() : std::filesystem::path();
+}
 
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done) {
   if (call.confirm() != call.name() || call.name().empty())
@@ -196,9 +194,8 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   return reply;
 }
 
-void nameFilesOfErased(const Context& context, const ErasedRows& erased, pb::Erasure& erasure) {
-  const auto files = filesThatName(context.reader.path().parent_path(), backupsFolder(context.reader), erased,
-                                   context.cancelled);
+void nameFilesOfErased(const std::vector<std::filesystem::path>& files, const ErasedRows& erased,
+                       pb::Erasure& erasure) {
   std::string named;
   for (const auto& file : files) {
     erasure.add_files(file.string());

@@ -4,13 +4,23 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "common/base/result.h"
 #include "db/connection.h"
 #include "db/erasure.h"
+#include "db/service/files_of_erased.h"
+#include "needlelab/control.pb.h"
 
 namespace needlelab {
+
+/// The person is erased; which files still hold it is looked at for the reply.
+struct ErasureUnderWay {
+  pb::Reply reply;
+  ErasedRows erased;
+  std::optional<LookAtFiles> files;
+};
 
 /// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For
 /// what others wrote of the person ErasureStore asks as it goes on.

@@ -1,13 +1,15 @@
 #include "db/service/files_of_erased.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
+
 #include <algorithm>
 #include <array>
-#include <cstdint>
-#include <set>
+#include <cstddef>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "common/base/result.h"
@@ -51,43 +53,6 @@ Result<std::vector<TextTable>> textTables(Connection& database) {
   return tables;
 }
 
-/// As namesErased(), of a file that can be read.
-Result<bool> hasErased(Connection& database, const ErasedRows& erased) {
-  ErasedNames whole = erased.names;  // given names, too, but no parts of full names
-  whole.full_names.insert(whole.full_names.end(), whole.given.begin(), whole.given.end());
-  const auto isNamed = [&](const std::string& text) {
-    return text == whole.name || withoutNames(text, whole, false) != text;
-  };
-  ASSIGN_OR_RETURN(const auto tables, textTables(database));
-  bool has_erased = false;  // of a schema that knows erasures
-  {
-    ASSIGN_OR_RETURN(const auto column,
-                     database.prepare("SELECT name FROM pragma_table_info('sessions') WHERE name = 'erased'")
-                         .first(firstText));
-    has_erased = column.has_value();
-  }
-  auto sessions = database.prepare(std::string("SELECT id FROM sessions NOT INDEXED") +
-                                   (has_erased ? " WHERE erased = 0" : ""));
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, sessions.step());
-    if (!more) break;
-    if (erased.session_ids.contains(sessionText(sessions.text(0)))) return true;
-  }
-  for (const TextTable& table : tables) {
-    std::string columns;
-    for (const std::string& column : table.columns)
-      columns += (columns.empty() ? "\"" : ", \"") + column + "\"";
-    auto rows = database.prepare("SELECT " + columns + " FROM \"" + table.name + "\" NOT INDEXED");
-    for (;;) {
-      ASSIGN_OR_RETURN(const bool more, rows.step());
-      if (!more) break;
-      for (int at = 0; at < static_cast<int>(table.columns.size()); ++at)
-        if (isNamed(rows.text(at))) return true;
-    }
-  }
-  return false;
-}
-
 /// What SQLite or a backup put beside a database: its name ends with one of these.
 constexpr std::array<std::string_view, 2> kLogs = {"-wal", "-journal"};
 
@@ -128,59 +93,185 @@ std::vector<std::filesystem::path> filesBelow(const std::filesystem::path& place
 
 }  // namespace
 
-bool namesErased(const std::filesystem::path& path, const ErasedRows& erased,
-                 const std::atomic<bool>* cancelled, std::chrono::nanoseconds most_time) {
-  if (isEncryptedBackup(path)) return true;
-  auto opened = openForeign(path, cancelled, most_time);
-  if (!opened) return true;
-  const auto named = hasErased(*opened, erased);
-  return !named || *named;
-}
+/// An opened file, of which the rows are looked at one after the other.
+class RowsOfFile {
+ public:
+  static Result<std::unique_ptr<RowsOfFile>> begin(Connection opened, const ErasedRows& erased) {
+    std::unique_ptr<RowsOfFile> rows(new RowsOfFile(std::move(opened), erased));
+    ASSIGN_OR_RETURN(const auto column, rows->database_
+                                            .prepare("SELECT name FROM pragma_table_info('sessions')"
+                                                     " WHERE name = 'erased'")
+                                            .first(firstText));
+    // of a schema that knows erasures; each row is asked for, so that none takes long
+    rows->queries_.push_back(
+        {std::string("SELECT id, ") + (column ? "erased" : "0") + " FROM sessions NOT INDEXED", 0});
+    ASSIGN_OR_RETURN(const auto tables, textTables(rows->database_));
+    for (const TextTable& table : tables) {
+      std::string columns;
+      for (const std::string& name : table.columns)
+        columns += (columns.empty() ? "\"" : ", \"") + name + "\"";
+      rows->queries_.push_back({"SELECT " + columns + " FROM \"" + table.name + "\" NOT INDEXED",
+                                static_cast<int>(table.columns.size())});
+    }
+    return rows;
+  }
 
-std::vector<std::filesystem::path> filesThatName(const std::filesystem::path& folder,
-                                                 const std::filesystem::path& backups,
-                                                 const ErasedRows& erased, const std::atomic<bool>* cancelled,
-                                                 std::chrono::nanoseconds most_time) {
-  using Clock = std::chrono::steady_clock;
-  const auto until = Clock::now() + most_time;
-  std::set<std::filesystem::path> databases, naming, logs;
+  /// Whether the file has the person; nothing: there is more to look at, and `time` is past `until_ns`.
+  Result<std::optional<bool>> readOn(TimeSource& time, std::int64_t until_ns) {
+    for (; at_ < queries_.size(); ++at_, rows_.reset()) {
+      if (!rows_) rows_.emplace(database_.prepare(queries_[at_].sql));
+      for (;;) {
+        if (time.nowNs() >= until_ns) return std::optional<bool>();
+        ASSIGN_OR_RETURN(const bool more, rows_->step());
+        if (!more) break;
+        if (hasErased(queries_[at_])) return std::optional(true);
+      }
+    }
+    return std::optional(false);
+  }
+  /// As Connection::readUntil(), for which a row is not left half read.
+  void readUntil(std::int64_t until_ns) { database_.readUntil(until_ns); }
+
+ private:
+  struct Query {
+    std::string sql;
+    int texts = 0;  ///< columns; 0: id of a session, and whether it was erased
+  };
+  RowsOfFile(Connection opened, const ErasedRows& erased)
+      : database_(std::move(opened)), erased_(erased), names_(erased.names) {
+    // given names, too, but no parts of full names
+    names_.full_names.insert(names_.full_names.end(), names_.given.begin(), names_.given.end());
+  }
+  [[nodiscard]] bool hasErased(const Query& query) const {
+    if (query.texts == 0)
+      return rows_->integer(1) == 0 && erased_.session_ids.contains(sessionText(rows_->text(0)));
+    for (int i = 0; i < query.texts; ++i) {
+      const std::string text = rows_->text(i);
+      if (text == names_.name || withoutNames(text, names_, false) != text) return true;
+    }
+    return false;
+  }
+
+  Connection database_;
+  const ErasedRows& erased_;
+  ErasedNames names_;
+  std::vector<Query> queries_;
+  std::size_t at_ = 0;
+  std::optional<Statement> rows_;  ///< of queries_[at_]
+};
+
+LookAtFiles::LookAtFiles(const std::filesystem::path& folder, const std::filesystem::path& backups,
+                         const ErasedRows& erased, const std::atomic<bool>* cancelled,
+                         std::chrono::nanoseconds most_time, TimeSource& time)
+    : erased_(erased),
+      cancelled_(cancelled),
+      time_(time),
+      in_use_(folder / "needlelab.db"),
+      left_ns_(most_time.count()) {
   struct Place {
     std::filesystem::path path;
     int deepest = 0;
   };
   constexpr int kDeepest = 16;
+  std::set<std::filesystem::path> files;
   // `backups` may be a link to another disk
   for (const auto& [place, deepest] :
        {Place{folder, kDeepest}, Place{folder / "backups", kDeepest}, Place{backups, 0}}) {
-    for (const auto& path : filesBelow(place, deepest)) {
-      const std::string file = path.filename().string();
-      std::error_code ignored;
-      // the one in use is not even opened: closing it again would give up SQLite's locks
-      if (file.ends_with("-shm") || std::filesystem::equivalent(path, folder / "needlelab.db", ignored))
-        continue;
-      if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return file.ends_with(end); }))
-        logs.insert(path);
-      else if (isUnfinishedCopy(file))
-        naming.insert(path);
-      else if (isDatabase(path))
-        databases.insert(path);
+    const auto below = filesBelow(place, deepest);
+    files.insert(below.begin(), below.end());
+  }
+  files_.assign(files.begin(), files.end());
+}
+
+LookAtFiles::~LookAtFiles() = default;
+
+bool LookAtFiles::goOn() {
+  const std::int64_t until_ns = time_.nowNs() + std::chrono::nanoseconds(kTurnOfFiles).count();
+  const std::uint64_t opened_before = opened_;
+  while (!files_.empty()) {
+    const bool goes_on = rows_ != nullptr;
+    if (goes_on || isToRead(files_.front())) {
+      const auto named = read(files_.front(), until_ns);
+      if (!named) return false;
+      if (*named) naming_.insert(files_.front());
     }
+    files_.pop_front();
+    if (goes_on || opened_ > opened_before || time_.nowNs() >= until_ns) break;
   }
-  for (const auto& path : databases) {
-    const auto left = until - Clock::now();
-    if (left <= Clock::duration::zero() ||
-        namesErased(path, erased, cancelled, std::min<std::chrono::nanoseconds>(left, kMostTimeOfForeign)))
-      naming.insert(path);
+  if (!files_.empty()) return false;
+  addLogs();
+  return true;
+}
+
+std::vector<std::filesystem::path> LookAtFiles::found() const {
+  return {naming_.begin(), naming_.end()};
+}
+
+std::optional<LookAtFiles::Identity> LookAtFiles::identityOf(const std::filesystem::path& path) {
+  struct stat info {};
+  if (::lstat(path.c_str(), &info) != 0) return std::nullopt;
+  const auto ns = [](const timespec& at) { return at.tv_sec * std::int64_t{1'000'000'000} + at.tv_nsec; };
+  return Identity{info.st_dev, info.st_ino, static_cast<std::int64_t>(info.st_size), ns(info.st_mtim),
+                  ns(info.st_ctim)};
+}
+
+bool LookAtFiles::isToRead(const std::filesystem::path& path) {
+  const std::string file = path.filename().string();
+  std::error_code ignored;
+  // the one in use is not even opened: closing it again would give up SQLite's locks
+  if (file.ends_with("-shm") || std::filesystem::equivalent(path, in_use_, ignored)) return false;
+  if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return file.ends_with(end); })) {
+    logs_.insert(path);
+    return false;
   }
-  for (const auto& path : logs) {
+  const bool unfinished = isUnfinishedCopy(file);
+  if (!unfinished && !isDatabase(path)) return false;
+  if (!unfinished && left_ns_ > 0) return true;
+  naming_.insert(path);
+  return false;
+}
+
+std::optional<bool> LookAtFiles::read(const std::filesystem::path& path, std::int64_t until_ns) {
+  const std::int64_t began_ns = time_.nowNs();
+  std::optional<bool> named;
+  if (!rows_) {
+    // a log belongs to one of the file's names
+    if (isEncryptedBackup(path) || !requireAlone(path)) return true;
+    identity_ = identityOf(path);
+    const auto known = identity_ ? known_.find(*identity_) : known_.end();
+    if (known != known_.end()) return known->second;
+    ++opened_;
+    left_of_file_ns_ = std::chrono::nanoseconds(kMostTimeOfForeign).count();
+    const std::chrono::nanoseconds most_time(std::min(left_ns_, left_of_file_ns_));
+    if (auto opened = openForeign(path, cancelled_, most_time, time_))
+      if (auto rows = RowsOfFile::begin(std::move(*opened), erased_)) rows_ = std::move(*rows);
+    if (!rows_) named = true;  // nobody can tell
+  } else {
+    rows_->readUntil(began_ns + std::min(left_ns_, left_of_file_ns_));
+  }
+  if (rows_) {
+    const auto has_person = rows_->readOn(time_, until_ns);
+    named = has_person ? *has_person : true;
+  }
+  const std::int64_t used_ns = time_.nowNs() - began_ns;
+  left_ns_ -= used_ns;
+  left_of_file_ns_ -= used_ns;
+  if (!named && (left_ns_ <= 0 || left_of_file_ns_ <= 0)) named = true;
+  if (!named) return named;
+  rows_.reset();
+  if (identity_) known_[*identity_] = *named;
+  return named;
+}
+
+void LookAtFiles::addLogs() {
+  for (const auto& path : logs_) {
     const std::string text = path.string();
     const std::filesystem::path of = text.substr(0, text.rfind('-'));
     std::error_code ignored;
     const bool orphan = !std::filesystem::exists(of, ignored) &&
                         (of.filename().string().starts_with("needlelab") || isUnfinishedCopy(of.string()));
-    if (naming.contains(of) || orphan) naming.insert(path);
+    if (naming_.contains(of) || orphan) naming_.insert(path);
   }
-  return {naming.begin(), naming.end()};
 }
 
 }  // namespace needlelab

@@ -6,8 +6,10 @@
 #include <charconv>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "common/base/physical_disks.h"
 #include "common/base/result.h"
@@ -155,9 +157,12 @@ Result<pb::Reply> getReference(const Context& context, const pb::GetReference& c
 // erasures.cpp, study_handlers.cpp, record_handlers.cpp
 /// `done`: for nameFilesOfErased().
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
+/// Where the last backup was put; empty: there was none.
+std::filesystem::path backupsFolder(Connection& reader);
 /// Adds to the reply which files still hold the person. Last of all: others may have written these files, and
-/// looking into them may take a minute (files_of_erased.h).
-void nameFilesOfErased(const Context& context, const ErasedRows& erased, pb::Erasure& erasure);
+/// looking into them may take a minute (LookAtFiles).
+void nameFilesOfErased(const std::vector<std::filesystem::path>& files, const ErasedRows& erased,
+                       pb::Erasure& erasure);
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
 Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& call);

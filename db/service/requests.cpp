@@ -61,12 +61,25 @@ Result<Reply> execute(Service& service, const Principal& who, const pb::Request&
   return (service.*handler)(who, callOf<Message>(request));
 }
 
+/// The same for one that has several steps.
+template <typename Message>
+Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
+                      RequestUnderWay& under_way,
+                      Result<Reply> (Service::*handler)(const Principal&, const Message&, RequestUnderWay&)) {
+  return (service.*handler)(who, callOf<Message>(request), under_way);
+}
+
 template <typename Message>
 const google::protobuf::Descriptor* takenBy(Result<Reply> (*)(const Context&, const Message&)) {
   return Message::descriptor();
 }
 template <typename Message>
 const google::protobuf::Descriptor* takenBy(Result<Reply> (Service::*)(const Principal&, const Message&)) {
+  return Message::descriptor();
+}
+template <typename Message>
+const google::protobuf::Descriptor* takenBy(Result<Reply> (Service::*)(const Principal&, const Message&,
+                                                                       RequestUnderWay&)) {
   return Message::descriptor();
 }
 

@@ -20,6 +20,7 @@
 #include "db/retention_store.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
+#include "db/service/erasures.h"
 #include "db/service/handlers.h"
 #include "db/service/rescoring.h"
 #include "db/session_rows.h"
@@ -92,7 +93,7 @@ std::optional<Outcome> Service::executeStep(const Principal& principal, const pb
     // an unexpected exception fails only this request and must not affect lessons
     try {
       RETURN_IF_ERROR(checkRole(principal, request.call_case()));
-      {
+      if (!under_way.isDone()) {
         ASSIGN_OR_RETURN(auto reader, readers_.borrow());
         RETURN_IF_ERROR(handlers::checkAccess(*reader, principal));
       }
@@ -136,20 +137,31 @@ Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) 
                     [&](const handlers::Context& context) { return handlers::backup(context, call); });
 }
 
-Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePerson& call) {
+Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePerson& call,
+                                       RequestUnderWay& under_way) {
+  if (under_way.erasure) {
+    ErasureUnderWay& done = *under_way.erasure;
+    under_way.more = !done.files->goOn();
+    if (!under_way.more)
+      handlers::nameFilesOfErased(done.files->found(), done.erased, *done.reply.mutable_erasure());
+    return done.reply;
+  }
   return withReader(who, callName(pb::Request::kErasePerson),
                     [&](const handlers::Context& context) -> Result<pb::Reply> {
-                      ErasedRows erased;
-                      ASSIGN_OR_RETURN(auto reply, handlers::erasePerson(context, call, erased));
+                      const auto done = std::make_shared<ErasureUnderWay>();
+                      ASSIGN_OR_RETURN(done->reply, handlers::erasePerson(context, call, done->erased));
                       forgetRecordings();
                       // the erasure is final whether or not the chunks can be removed: the reply lists the
                       // remaining ones
-                      auto* erasure = reply.mutable_erasure();
+                      auto* erasure = done->reply.mutable_erasure();
                       const std::string chunks = removeErased(), log = emptyLogOfErased();
                       erasure->set_pending(!log.empty());
                       erasure->set_text(chunks + log + erasure->text());
-                      handlers::nameFilesOfErased(context, erased, *erasure);
-                      return reply;
+                      done->files.emplace(context.reader.path().parent_path(),
+                                          handlers::backupsFolder(context.reader), done->erased, &cancelled_);
+                      under_way.erasure = done;
+                      under_way.more = true;
+                      return done->reply;
                     });
 }
 

@@ -36,6 +36,7 @@ namespace needlelab {
 namespace handlers {
 struct Context;
 }
+struct ErasureUnderWay;
 
 /// The outcome of a request.
 struct Outcome {
@@ -58,6 +59,10 @@ struct RequestUnderWay {
   bool access_changed = false;               ///< as in Outcome
   bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
   std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
+  /// Of ErasePerson: the person is erased.
+  std::shared_ptr<ErasureUnderWay> erasure{};
+  /// What was asked for is done: the steps that are left complete the reply, by which others are told, too.
+  [[nodiscard]] bool isDone() const { return erasure != nullptr; }
 };
 
 /// The outcome of a station's request to close a session.
@@ -96,7 +101,7 @@ class Service {
   /// and writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
   /// Does one step of it, which most requests have only one of. Nothing: call it again, after others had
-  /// their turn. The role and the account are checked in each step.
+  /// their turn. The role and the account are checked in each step until RequestUnderWay::isDone().
   std::optional<Outcome> executeStep(const Principal& principal, const pb::Request& request,
                                      RequestUnderWay& under_way);
 
@@ -175,8 +180,10 @@ class Service {
   /// One backup at a time. kUnavailable: another one is in progress.
   Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
   /// Erases a person and at once removes the chunks, and what was erased from the log; during a run of
-  /// retention, leaves the chunks to the next run. The erasure is pending while readers need the log.
-  Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call);
+  /// retention, leaves the chunks to the next run. The erasure is pending while readers need the log. Further
+  /// steps look which files still hold the person (LookAtFiles).
+  Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call,
+                                RequestUnderWay& under_way);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
   Result<pb::Reply> rescore(const Principal& who, const pb::RescoreSession& call);
   Result<pb::Reply> rescoreAllNow(const Principal& who, const pb::RescoreAll& call);

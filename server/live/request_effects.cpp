@@ -147,7 +147,9 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   const auto under_way = std::make_shared<RequestUnderWay>();
   const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
                                           under_way, gone = std::move(gone)]() -> Executed {
-    if (gone()) return refusedBefore(*request, {ErrorCode::kUnavailable, "who asked has gone"});
+    // others are told of what is done: who lost its access
+    if (!under_way->isDone() && gone())
+      return refusedBefore(*request, {ErrorCode::kUnavailable, "who asked has gone"});
     if (threads == RequestThreads::kHours) yieldToOthers();
     auto outcome = service.executeStep(who, *request, *under_way);
     return outcome ? std::make_shared<Outcome>(*std::move(outcome)) : nullptr;

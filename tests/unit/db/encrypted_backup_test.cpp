@@ -71,6 +71,13 @@ TEST_F(EncryptedFile, comesBackAsItWasWhateverItsLength) {
   }
 }
 
+TEST_F(EncryptedFile, aPipeInItsPlaceIsNotWaitedFor) {
+  const auto pipe = folder.path() / "pipe.nlbk";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_FALSE(read(pipe, key).end.ok());
+  EXPECT_FALSE(isEncryptedBackup(pipe));
+}
+
 TEST_F(EncryptedFile, showsNothingOfItsContentsAndIsNewEachTime) {
   const std::string first = *readWholeFile(encrypted(100'000, "a.nlbk"));
   const std::string second = *readWholeFile(encrypted(100'000, "b.nlbk"));

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -22,6 +23,18 @@ namespace needlelab {
 namespace {
 
 using ErasureListTest = test::ErasureTest;
+
+// Where others may write, one may come between the reading of the list and its writing.
+TEST_F(ErasureListTest, aPipeInItsPlaceIsNotWaitedFor) {
+  const test::TempFolder beside;
+  const auto pipe = beside.path() / kErasuresCopy;
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const Status written = writeErasures(beside.path(), {line("anna", 77)}, kErasuresCopy);
+  ASSERT_FALSE(written.ok());
+  EXPECT_THAT(written.error().message, testing::HasSubstr(pipe.string()));
+  EXPECT_FALSE(addErasures(beside.path(), {line("anna", 77)}, kErasuresCopy).ok());
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+}
 
 TEST_F(ErasureListTest, theListBesideABackupIsAddedToWithoutLosingALine) {
   const test::TempFolder beside;

@@ -2,16 +2,21 @@
 #include "db/foreign_database.h"
 
 #include <gmock/gmock.h>
+#include <sqlite3.h>
+#include <sys/stat.h>
 
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "db/backup.h"
+#include "tests/support/fake_time.h"
 #include "tests/unit/db/hot_journal.h"
+#include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -30,6 +35,12 @@ class ForeignDatabase : public testing::Test {
     auto writer = test::TestDb::must(Connection::open(path, {.mode = Connection::Mode::kWriter}));
     ASSERT_OK(writer.script(sql));
     ASSERT_OK(writer.script("PRAGMA journal_mode=DELETE"));
+  }
+  /// Puts rows into the schema as somebody may who writes the file: SQLite reads them with the next opening.
+  /// `rows`: a SELECT of name and definition.
+  void define(const std::string& rows) {
+    change("PRAGMA writable_schema=ON; INSERT INTO sqlite_schema SELECT 'table', name, name, 2, sql FROM (" +
+           rows + ")");
   }
   test::TestDb db;
   const test::TempFolder place;
@@ -104,15 +115,140 @@ TEST_F(ForeignDatabase, withAViewOfItsOwnIsRefusedBeforeAnythingIsAsked) {
   EXPECT_THAT(refused.error().message, HasSubstr("view 'endless'"));
 }
 
+// A look at the name cannot tell what lies there when SQLite opens it.
+TEST_F(ForeignDatabase, aPipeThatIsPutInItsPlaceAfterTheLookIsNotWaitedFor) {
+  const auto pipe = place.path() / "pipe.db";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  // with a VFS of its own nothing is looked at before
+  auto opened = Connection::open(pipe, {.mode = Connection::Mode::kForeign, .vfs = test::ShimVfs::name()});
+  EXPECT_FALSE(opened.ok() && opened->prepare("SELECT name FROM stations").first(firstText).ok());
+}
+
+/// The most bytes that SQLite has on its heap at once while `work` runs, above what it had before.
+template <typename Work>
+std::int64_t heapOf(const Work& work) {
+  const std::int64_t before = sqlite3_memory_used();
+  sqlite3_memory_highwater(1);
+  work();
+  return sqlite3_memory_highwater(0) - before;
+}
+
+/// Of a byte of a definition.
+constexpr std::int64_t kMostHeapBytesOfAByte = 150;
+constexpr std::int64_t kOfSchema_bytes =
+    static_cast<std::int64_t>(ForeignSchemaBounds::kMostBytes) + ForeignSchemaBounds::kMostTextBytes;
+
+TEST_F(ForeignDatabase, aSchemaThatWouldFillMemoryIsGivenUpWithinTheBounds) {
+  struct Case {
+    const char* what;
+    std::string rows;
+    std::int64_t most_bytes;
+  };
+  const auto checked = [](const std::string& ones) {
+    return "'CREATE TABLE x(a CHECK(a IN (' || replace(hex(zeroblob(" + ones + ")), '00', '1,') || '1)))'";
+  };
+  const std::string numbers = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ";
+  constexpr std::int64_t kPages_bytes = 4 << 20;  // the program's own schema beside it, and pages
+  for (const Case& one :
+       {Case{"one definition of 8 MB", "SELECT 'x' AS name, " + checked("4000000") + " AS sql", kPages_bytes},
+        Case{"200 of 60 kB", numbers + "200) SELECT 'x' || i AS name, " + checked("30000") + " AS sql FROM n",
+             kOfSchema_bytes * kMostHeapBytesOfAByte + kPages_bytes},
+        Case{"100,000 of 30 bytes",
+             numbers + "100000) SELECT 'x' || i AS name, 'CREATE TABLE x' || i || '(a)' AS sql FROM n",
+             kOfSchema_bytes * kMostHeapBytesOfAByte + kPages_bytes},
+        // each UNIQUE takes as many columns as the primary key has
+        Case{"a key of 1,000 columns and 1,000 more with it",
+             numbers + "1000) SELECT 'x' AS name, 'CREATE TABLE x(' || group_concat('c' || i || ' UNIQUE') ||"
+                       " ', PRIMARY KEY(' || group_concat('c' || i) || ')) WITHOUT ROWID' AS sql FROM n",
+             kPages_bytes}}) {
+    SCOPED_TRACE(one.what);
+    fs::remove(path);
+    auto reader = db.reader();
+    ASSERT_OK(backupTo(reader, path));
+    define(one.rows);
+    Result<Connection> opened = Error{ErrorCode::kFailed, "not asked"};
+    const std::int64_t heap = heapOf([&] { opened = openForeign(path); });
+    ASSERT_FALSE(opened.ok());
+    EXPECT_EQ(opened.error().code, ErrorCode::kCorrupt) << opened.error().message;
+    EXPECT_THAT(opened.error().message, HasSubstr(path.string()));
+    EXPECT_LT(heap, one.most_bytes);
+  }
+}
+
+TEST_F(ForeignDatabase, theProgramsOwnSchemaStaysFarBelowTheBounds) {
+  auto row = db.writer.prepare(
+      "SELECT count(*), max(length(sql)), sum(length(type) + length(name) + length(tbl_name) +"
+      " coalesce(length(sql), 0)),"
+      " (SELECT max(c) FROM (SELECT count(*) AS c FROM sqlite_schema s, pragma_table_info(s.name)"
+      " WHERE s.type = 'table' GROUP BY s.name)) FROM sqlite_schema");
+  ASSERT_TRUE(*row.step());
+  // SQLite reads it once, the comparison once more
+  EXPECT_LT(2 * row.natural(0), ForeignSchemaBounds::kMostRows / 4);
+  EXPECT_LT(row.integer(1), ForeignSchemaBounds::kMostTextBytes / 4);
+  EXPECT_LT(2 * row.natural(2), ForeignSchemaBounds::kMostBytes / 4);
+  EXPECT_GT(row.integer(3), 20);
+  EXPECT_LT(row.integer(3), ForeignSchemaBounds::kMostColumns / 2);
+  change("ANALYZE");
+  EXPECT_OK(openForeign(path));
+}
+
+TEST_F(ForeignDatabase, keepsNoMorePagesInMemoryThanOneOfOurs) {
+  constexpr std::int64_t kRows = 5000, kText_bytes = 3900;
+  change("PRAGMA default_cache_size=1000000");  // in its header
+  change("WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < " + std::to_string(kRows) +
+         ") INSERT INTO audit (unix_ns, who, action, subject, detail) SELECT 1, '', '', '', printf('%.*c', " +
+         std::to_string(kText_bytes) + ", '.') FROM n");
+  auto opened = openForeign(path);
+  ASSERT_OK(opened);
+  std::int64_t rows = 0;
+  const std::int64_t heap = heapOf([&] {
+    auto all = opened->prepare("SELECT detail FROM audit");
+    while (*all.step()) rows += all.bytes(0).size() == kText_bytes ? 1 : 0;
+  });
+  EXPECT_EQ(rows, kRows);
+  EXPECT_LT(heap, kRows * kText_bytes / 4);
+}
+
+TEST_F(ForeignDatabase, aTextThatIsLongerThanWeStoreIsNotRead) {
+  const std::string text = "printf('%.*c', " + std::to_string(kMostForeignTextBytes + 1) + ", '.')";
+  change("INSERT INTO meta (key, value) VALUES ('long', " + text + ")");
+  auto opened = openForeign(path);
+  ASSERT_OK(opened);
+  const auto read = opened->prepare("SELECT value FROM meta WHERE key = 'long'").first(firstText);
+  ASSERT_FALSE(read.ok());
+  EXPECT_EQ(read.error().code, ErrorCode::kInvalidInput);
+  EXPECT_OK(opened->prepare("SELECT name FROM stations").first(firstText));
+}
+
+TEST_F(ForeignDatabase, keepsTheSchemaThatWasLookedAtWhateverIsWrittenIntoItMeanwhile) {
+  change(
+      "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 2000)"
+      " INSERT INTO audit (unix_ns, who, action, subject, detail)"
+      " SELECT 1, '', '', '', printf('%.*c', 3900, '.') FROM n");
+  auto opened = openForeign(path);
+  ASSERT_OK(opened);
+  // more pages than stay in memory
+  ASSERT_OK(opened->prepare("SELECT detail FROM audit").run());
+  change("CREATE VIEW hostile AS SELECT 1 AS one");
+  const auto asked = opened->prepare("SELECT one FROM hostile").first(firstText);
+  ASSERT_FALSE(asked.ok());
+  EXPECT_THAT(asked.error().message, HasSubstr("no such table: hostile"));
+}
+
 TEST_F(ForeignDatabase, endsAReadThatTakesTooLong) {
   const std::string endless =
       "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n WHERE i < 0";
-  auto late = openForeign(path, nullptr, std::chrono::milliseconds(200));
+  test::FakeTime time;
+  auto late = openForeign(path, nullptr, kMostTimeOfForeign, time);
   ASSERT_OK(late);
+  const std::int64_t began_ns = time.peekNs();
+  time.read_cost_ns = 1'000'000;  // each look at the time
   const auto given_up = late->prepare(endless).first(firstText);
   ASSERT_FALSE(given_up.ok());
   EXPECT_EQ(given_up.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(given_up.error().message, HasSubstr("takes too long"));
+  EXPECT_LE(time.peekNs() - began_ns,
+            std::chrono::nanoseconds(kMostTimeOfForeign).count() + time.read_cost_ns);
 
   std::atomic<bool> ends = false;
   auto cancelled = openForeign(path, &ends);

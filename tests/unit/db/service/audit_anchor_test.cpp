@@ -63,6 +63,16 @@ TEST_F(AuditAnchorTest, aPipeIsRefusedAndNotWaitedFor) {
   EXPECT_THAT(anchor.error().message, HasSubstr(pipe.string()));
 }
 
+TEST_F(AuditAnchorTest, aLineThatWouldFillMemoryIsRefused) {
+  const std::string longest(8u << 20, 'x');
+  EXPECT_EQ(position(headText(5, 'a') + "\n" + longest + "\n"), 5u);
+  EXPECT_EQ(position(longest + "\n" + headText(5, 'a')), 5u);
+  const auto refused_line = read(headText(5, 'a') + "\n" + longest + "x\n");
+  ASSERT_FALSE(refused_line.ok());
+  EXPECT_EQ(refused_line.error().code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(refused_line.error().message, HasSubstr("a line of more than 8 MiB"));
+}
+
 TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {
   const std::string forged = headText(99, 'f');
   const std::string own = line("export-all", headText(3, 'a'));

@@ -4,15 +4,18 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/files.h"
 #include "db/erasure_list.h"
+#include "tests/support/fake_time.h"
 #include "tests/unit/db/hot_journal.h"
 #include "tests/unit/db/service/records_fixture.h"
 
@@ -70,6 +73,48 @@ class FilesOfErased : public test::RecordsTest {
     }));
     return all;
   }
+  /// All turns of a look.
+  std::vector<std::string> look(const ErasedRows& erased,
+                                std::chrono::nanoseconds most_time = kMostTimeOfFiles,
+                                TimeSource& time = machineTime()) {
+    LookAtFiles files(folder.path() / "data", kept, erased, nullptr, most_time, time);
+    std::uint64_t opened = 0;
+    turns = opened_files = 0;
+    longest_turn_ns = 0;
+    for (bool done = false; !done; ++turns) {
+      const std::int64_t began_ns = time.nowNs();
+      done = files.goOn();
+      longest_turn_ns = std::max(longest_turn_ns, time.nowNs() - began_ns);
+      EXPECT_LE(files.opened() - opened, 1u) << "one a turn";
+      opened = files.opened();
+    }
+    opened_files = files.opened();
+    std::vector<std::string> found;
+    for (const fs::path& path : files.found()) found.push_back(path.string());
+    return found;
+  }
+  static ErasedRows rowsOf(const std::string& name) {
+    ErasedRows erased;
+    erased.names.name = name;
+    return erased;
+  }
+  /// More lines of the log than a page takes, about ben.
+  void addLines(int lines) {
+    ASSERT_OK(change([&](Connection& c) {
+      return c.run(
+          "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?)"
+          " INSERT INTO audit (unix_ns, who, action, subject, detail)"
+          " SELECT 1, 'ina', 'consent', 'ben', 'given' FROM n",
+          lines);
+    }));
+  }
+  void put(const fs::path& file, const std::string& sql) {
+    auto writer = test::TestDb::must(Connection::open(file, {.mode = Connection::Mode::kWriter}));
+    ASSERT_OK(writer.script(sql));
+    ASSERT_OK(writer.script("PRAGMA journal_mode=DELETE"));
+  }
+  std::uint64_t turns = 0, opened_files = 0;
+  std::int64_t longest_turn_ns = 0;
   const fs::path kept = folder.path() / "kept";
   const fs::path database = folder.path() / "data" / "needlelab.db";
   std::string text;
@@ -142,30 +187,94 @@ void makeEndless(const fs::path& file, const std::string& table) {
   std::ofstream(file, std::ios::binary) << bytes;
 }
 
+constexpr std::int64_t kLook_ns = 1'000'000;  // what each look at a FakeTime takes
+constexpr std::int64_t kTurn_ns = std::chrono::nanoseconds(kTurnOfFiles).count();
+
 TEST_F(FilesOfErased, aTreeOfPagesWithoutEndIsGivenUpInTime) {
-  ASSERT_OK(change([](Connection& c) {
-    return c.run(
-        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 5000)"
-        " INSERT INTO audit (unix_ns, who, action, subject, detail)"
-        " SELECT 1, 'ina', 'consent', 'ben', 'given' FROM n");
-  }));
+  addLines(5000);
   const auto one = backup("one.db");
-  ErasedRows erased;
-  erased.names.name = "nobody";
-  EXPECT_FALSE(namesErased(one, erased, nullptr));
+  EXPECT_THAT(look(rowsOf("nobody")), IsEmpty());
   makeEndless(one, "audit");
-  const auto began = std::chrono::steady_clock::now();
-  EXPECT_TRUE(namesErased(one, erased, nullptr, std::chrono::milliseconds(300))) << "nobody can tell";
-  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(30));
+  test::FakeTime time;
+  time.read_cost_ns = kLook_ns;
+  const std::int64_t began_ns = time.peekNs();
+  EXPECT_THAT(look(rowsOf("nobody"), kMostTimeOfFiles, time), ElementsAre(one.string())) << "nobody can tell";
+  EXPECT_LT(time.peekNs() - began_ns, std::chrono::nanoseconds(kMostTimeOfForeign).count() + kTurn_ns);
+}
+
+TEST_F(FilesOfErased, othersHaveTheirTurnAfterEachFileAndWithinALongOne) {
+  constexpr int kLines = 5000;
+  addLines(kLines);
+  const auto one = backup("one.db");
+  test::FakeTime time;
+  time.read_cost_ns = kLook_ns;
+  EXPECT_THAT(look(rowsOf("nobody"), kMostTimeOfFiles, time), IsEmpty());
+  EXPECT_GE(turns, static_cast<std::uint64_t>(kLines * kLook_ns / kTurn_ns)) << "a look at the time a row";
+  // a row is read to its end, and the file is opened within the turn, too: 50 steps of SQLite's a look
+  constexpr std::int64_t kLooksBeside = 100;
+  EXPECT_LE(longest_turn_ns, kTurn_ns + kLooksBeside * kLook_ns);
+  EXPECT_EQ(opened_files, 1u) << "the rest of it is read on";
+  for (const char* name : {"two.db", "three.db"}) fs::copy_file(one, kept / name);
+  look(rowsOf("nobody"));
+  EXPECT_EQ(opened_files, 3u);
+  EXPECT_GE(turns, 3u);
+}
+
+TEST_F(FilesOfErased, aFileWithSeveralNamesIsReadOnce) {
+  addNamed("tom", "");
+  const auto one = backup("one.db");
+  std::vector<std::string> names{one.string()};
+  for (const char* name : {"a.db", "b.db", "z.db"}) {
+    fs::create_hard_link(one, kept / name);
+    names.push_back((kept / name).string());
+  }
+  EXPECT_THAT(look(rowsOf("tom")), testing::UnorderedElementsAreArray(names));
+  EXPECT_EQ(opened_files, 1u);
+  EXPECT_THAT(look(rowsOf("nobody")), IsEmpty());
+  EXPECT_EQ(opened_files, 1u);
+  // a log belongs to one name
+  const std::string log = (kept / "b.db-wal").string();
+  std::ofstream(log) << "frames";
+  EXPECT_THAT(look(rowsOf("nobody")), ElementsAre((kept / "b.db").string(), log));
+  EXPECT_EQ(opened_files, 1u);
+}
+
+TEST_F(FilesOfErased, aTextThatIsLongerThanWeStoreMakesTheFileOneOfWhichNobodyCanTell) {
+  const auto one = backup("one.db");
+  put(one, "INSERT INTO meta (key, value) VALUES ('long', printf('%.*c', " +
+               std::to_string(kMostForeignTextBytes + 1) + ", '.'))");
+  EXPECT_THAT(look(rowsOf("nobody")), ElementsAre(one.string()));
 }
 
 TEST_F(FilesOfErased, whatIsLeftWhenTheTimeIsUpIsListedUnread) {
   backup("one.db");
-  ErasedRows erased;
-  erased.names.name = "nobody";
-  EXPECT_THAT(filesThatName(folder.path() / "data", kept, erased, nullptr), IsEmpty());
-  EXPECT_THAT(filesThatName(folder.path() / "data", kept, erased, nullptr, std::chrono::seconds(0)),
-              ElementsAre(kept / "one.db"));
+  EXPECT_THAT(look(rowsOf("nobody")), IsEmpty());
+  EXPECT_THAT(look(rowsOf("nobody"), std::chrono::seconds(0)), ElementsAre((kept / "one.db").string()));
+  EXPECT_EQ(opened_files, 0u);
+}
+
+TEST_F(FilesOfErased, areLookedAtInStepsOnceThePersonIsErased) {
+  addNamed("tom", "");
+  const Uuid of_tom = closedSession("tom", 1, "");
+  std::vector<std::string> files;
+  for (const char* name : {"one.db", "two.db", "three.db"}) files.push_back(backup(name).string());
+  addPerson("eve", pb::ADMINISTRATOR);
+  const Principal eve{"eve", pb::ADMINISTRATOR, true};
+  const pb::Request request = erase("tom");
+  RequestUnderWay under_way;
+  ASSERT_FALSE(store->service().executeStep(eve, request, under_way));
+  EXPECT_EQ(chunks(of_tom), 0u);
+  EXPECT_TRUE(under_way.isDone());
+  // what she did is told, although she may no more
+  pb::Request disable;
+  disable.mutable_disable_user()->set_name("eve");
+  get(admin, disable);
+  std::optional<Outcome> outcome;
+  int steps = 0;
+  for (; !outcome; ++steps) outcome = store->service().executeStep(eve, request, under_way);
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_GE(steps, 3) << "one a file";
+  EXPECT_THAT(outcome->reply.erasure().files(), testing::UnorderedElementsAreArray(files));
 }
 
 TEST_F(FilesOfErased, areThoseThatHaveThePersonUnderAnotherName) {

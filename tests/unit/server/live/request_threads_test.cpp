@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <boost/asio/post.hpp>
+#include <filesystem>
 #include <functional>
 #include <future>
 #include <map>
@@ -48,9 +49,10 @@ struct RequestThreadsTest : testing::Test {
     EXPECT_NE(outcome, nullptr);
   }
 
-  /// The same; sets `outcome` at its end.
-  Task<> answer(Principal who, pb::Request request, std::shared_ptr<Outcome>* outcome) {
-    std::function<bool()> gone = [] { return false; };
+  /// The same; sets `outcome` at its end. `gone`: as for executeRequest.
+  Task<> answer(
+      Principal who, pb::Request request, std::shared_ptr<Outcome>* outcome,
+      std::function<bool()> gone = [] { return false; }) {
     const auto shared = std::make_shared<const pb::Request>(std::move(request));
     *outcome = co_await executeRequest(context, who, shared, std::move(gone));
   }
@@ -332,6 +334,51 @@ TEST_F(RequestThreadsTest, theVerificationOfALongSessionGivesWayToOthersBetweenI
   ASSERT_FALSE(outcome->error) << outcome->error->message;
   EXPECT_FALSE(outcome->reply.verified().ok());
   EXPECT_THAT(outcome->reply.verified().text(), testing::HasSubstr("chunk 19999"));
+}
+
+TEST_F(RequestThreadsTest, theLookAtFilesOfAnErasureGivesWayToOthersAndIsFinishedForWhoHasGone) {
+  ASSERT_TRUE(store->writer()
+                  .run([](Connection& c) {
+                    return PeopleStore(c).add({"tom", pb::TRAINEE, "", false, 1});
+                  })
+                  .ok());
+  // of before it, without the name
+  const std::filesystem::path file = folder.path() / "data" / "backups" / "old.db";
+  std::filesystem::create_directories(file.parent_path());
+  {
+    auto empty = Connection::open(file, {.mode = Connection::Mode::kWriter, .create = true});
+    ASSERT_TRUE(empty.ok() && migrate(*empty).ok() && empty->script("PRAGMA journal_mode=DELETE").ok());
+  }
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tom");
+  erase.mutable_erase_person()->set_confirm("tom");
+  ASSERT_EQ(threadsOf(erase, pb::ADMINISTRATOR), RequestThreads::kSlow);
+  occupy(*context.slow_workers_of_people, "ina");
+  std::shared_ptr<Outcome> outcome;
+  // there when the turn comes, and gone from then on
+  std::atomic<int> asked{0};
+  asio::co_spawn(loop.io,
+                 answer({"ada", pb::ADMINISTRATOR}, erase, &outcome, [&asked] { return asked++ > 0; }),
+                 rethrow);
+  loop.io.restart();
+  loop.io.poll();
+  // comes after ada, and is done before she has looked at the file
+  context.slow_workers_of_people->post(turnNameOf({"mara", pb::CURRICULUM_MANAGER}), [this, file] {
+    EXPECT_TRUE(store->writer()
+                    .run([](Connection& c) -> Status {
+                      const auto person = PeopleStore(c).find("tom");
+                      EXPECT_TRUE(person.ok() && !person->has_value()) << "erased";
+                      return {};
+                    })
+                    .ok());
+    auto named = Connection::open(file, {.mode = Connection::Mode::kWriter});
+    EXPECT_TRUE(named.ok() && named->run("INSERT INTO meta (key, value) VALUES ('name', 'tom')").ok() &&
+                named->script("PRAGMA journal_mode=DELETE").ok());
+  });
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_THAT(outcome->reply.erasure().files(), testing::ElementsAre(file.string()));
 }
 
 TEST_F(RequestThreadsTest, noWorkerWaitsForTheWriterWithALineOfWhatWasNotDelivered) {
