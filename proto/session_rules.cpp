@@ -69,6 +69,8 @@ Status checkDescription(const pb::SessionDescription& d) {
   }
   if (d.started_unix_ns() <= 0)
     return invalid("started_unix_ns", fmt::format("{}, allowed is above 0", d.started_unix_ns()));
+  if (d.has_stiffness_share() && !(d.stiffness_share() > 0 && d.stiffness_share() <= 1))
+    return invalid("stiffness_share", fmt::format("{:f}, allowed is above 0 to 1", d.stiffness_share()));
   return {};
 }
 

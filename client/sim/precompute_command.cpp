@@ -20,7 +20,6 @@
 #include "common/base/range.h"
 #include "common/fem/needle_mesh.h"
 #include "common/fem/needle_study.h"
-#include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -69,6 +68,15 @@ Result<pb::Profile> profileWithTable(const pb::Profile& from, SceneSpec table, c
   return parseProfile(profileJson(profile), "the new profile");
 }
 
+// where E comes from
+std::string elasticityOf(const SceneSpec& scene, double young_factor) {
+  if (!scene.fem.layers.empty()) return "elasticity is that of the profile's section fem";
+  return fmt::format(
+      "elasticity was set, not measured: the layers' lateral stiffness gives E (10 kPa where it is 0), times "
+      "{:.3g} in all layers, so that the tip meets the walls' {:.4g} N/m at the skin",
+      young_factor, scene.tracking_wall.stiffness_N_per_m);
+}
+
 int precompute(const PrecomputeOptions& options) {
   if (const Status status = checkOptions(options); !status.ok()) return failed("precompute", status.error());
   const auto profile = loadProfile(options.profile);
@@ -77,19 +85,21 @@ int precompute(const PrecomputeOptions& options) {
   if (!scene.ok())
     return failed("precompute",
                   {scene.error().code, options.profile.string() + ": " + scene.error().message});
-  if (scene->fem.layers.empty())
-    std::fprintf(
-        stderr,
-        "needlelab-sim precompute: %s has no section fem: elasticity is taken from the layers' lateral "
-        "stiffness (10 kPa where it is 0), cutting and friction from the layers\n",
-        options.profile.c_str());
 
   // finite elements
-  SceneSpec fem = likeForLike(*scene, AxialModel::kFem);
-  fem.fem.nodes = options.nodes;
   const bool progress = ::isatty(STDERR_FILENO) != 0;
   if (progress) std::fprintf(stderr, "mesh of about %d nodes …\n", options.nodes);
   Stopwatch watch;
+  auto like = femLikeForLike(*scene, std::min(options.nodes, kDefaultFemNodes));
+  if (!like.ok())
+    return failed("precompute", {like.error().code, options.profile.string() + ": " + like.error().message});
+  const std::string elasticity = elasticityOf(*scene, like->young_factor);
+  if (scene->fem.layers.empty())
+    std::fprintf(
+        stderr, "needlelab-sim precompute: %s has no section fem: %s; cutting and friction are the layers'\n",
+        options.profile.c_str(), elasticity.c_str());
+  SceneSpec& fem = like->spec;
+  fem.fem.nodes = options.nodes;
   NeedleMeshOptions mesh_options;
   mesh_options.nodes = options.nodes;
   mesh_options.stations = options.stations;
@@ -121,10 +131,10 @@ int precompute(const PrecomputeOptions& options) {
   const double table_s = watch.lap();
 
   const std::string source = fmt::format(
-      "needlelab-sim precompute of profile {}: {}; quasi-static to {:.4g} m and out. The elasticity is the "
-      "mesh's, cutting and friction are inputs; {:.0f} % of the elements are strained above 10 %, where "
-      "linear elasticity does not hold",
-      profile->id(), (*compliance)->source, depth_m, 100 * (*compliance)->strained_share);
+      "needlelab-sim precompute of profile {}: {}; quasi-static to {:.4g} m and out. Cutting and friction "
+      "are inputs; {}; {:.0f} % of the elements are strained above 10 %, where linear elasticity does not "
+      "hold",
+      profile->id(), (*compliance)->source, depth_m, elasticity, 100 * (*compliance)->strained_share);
   const auto made = profileWithTable(*profile, table, source);
   if (!made.ok()) return failed("precompute", made.error());
   if (const Status status = writeFileAtomically(options.out, viewOf(profileJson(*made))); !status.ok())
@@ -155,6 +165,7 @@ int precompute(const PrecomputeOptions& options) {
       {"depth_m", depth_m},
       {"mesh_s", mesh_s},
       {"table_s", table_s},
+      {"young_factor", like->young_factor},
       {"strained_share", (*compliance)->strained_share},
       {"error_rms_n", error->rms_N},
       {"error_in_rms_n", error->in_rms_N},

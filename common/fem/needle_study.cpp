@@ -267,6 +267,14 @@ Result<double> scaleToTipStiffness(SceneSpec& spec, double stiffness_N_per_m) {
   return factor;
 }
 
+Result<FemScene> femLikeForLike(const SceneSpec& scene, int nodes) {
+  FemScene fem{likeForLike(scene, AxialModel::kFem)};
+  if (!scene.fem.layers.empty()) return fem;
+  fem.spec.fem.nodes = nodes;
+  ASSIGN_OR_RETURN(fem.young_factor, scaleToTipStiffness(fem.spec, scene.tracking_wall.stiffness_N_per_m));
+  return fem;
+}
+
 std::vector<std::optional<MeshLimit>> limitsOf(const std::vector<int>& nodes,
                                                const std::vector<double>& changes) {
   std::vector<std::optional<MeshLimit>> limits(nodes.size());

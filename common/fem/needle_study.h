@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/models/fem_needle.h"
+#include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
 
@@ -47,6 +48,18 @@ Result<TableError> tableError(const SceneSpec& fem, const SceneSpec& table, doub
 /// of `spec.fem.nodes` with the default stations (the tissue is linear: one compliance gives the factor).
 /// Returns the factor. Errors: as `precomputeCompliance`; kInvalidInput for a stiffness that is not above 0.
 Result<double> scaleToTipStiffness(SceneSpec& spec, double stiffness_N_per_m);
+
+/// A scene as FEM, to be compared with the same scene under other models.
+struct FemScene {
+  SceneSpec spec;           ///< without its compliance
+  double young_factor = 1;  ///< what E of all layers was multiplied by, beyond `likeForLike`
+};
+/// `likeForLike` with FEM, at like stiffness. A scene without section `fem` gets its E from the lateral
+/// stiffness, which may be so soft that the needle indents it by its whole length before it cuts: all of it
+/// is multiplied by one factor, so that the tip meets the stiffness of the scene's walls at the skin, on a
+/// mesh of about `nodes`, which is also that of the section. A scene with the section keeps it. Takes the
+/// time of a mesh. Errors: as `scaleToTipStiffness`.
+Result<FemScene> femLikeForLike(const SceneSpec& scene, int nodes = kDefaultFemNodes);
 
 /// How a quantity goes on from a mesh to ever finer ones: Richardson's estimate from that mesh and the two
 /// before, for changes that fall as a power of the number of nodes. The meshes need not grow by equal

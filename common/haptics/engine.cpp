@@ -10,8 +10,7 @@ void step(const SceneModel& model, const TipSample& sample, SimState& state, Ste
 
 void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& state,
                     StepReport& report) noexcept {
-  const TipSample felt = model.hold != nullptr ? model.hold(model, sample, state) : sample;
-  model.placed_step(model, felt, state, report);
+  model.placed_step(model, sample, state, report);
   // outside, not finite, or started inside: no force of anything
   report.stage_N.fill(0.0);
   if (report.layer < 0) return;
@@ -19,9 +18,14 @@ void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& 
     for (StageNumbers& memory : state.stage) memory.fill(0.0);
   Vec3 force = report.wrench_W.force_N;
   for (std::uint32_t i = 0; i < model.stage_count; ++i)
-    force = force + model.stages[i](model, felt, state, report);
+    force = force + model.stages[i](model, sample, state, report);
   capForce(model, force, report);
   report.wrench_W.force_N = force;
+}
+
+void stepHeld(const SceneModel& model, const TipSample& sample, SimState& state,
+              StepReport& report) noexcept {
+  stepWithStages(model, model.hold(model, sample, state), state, report);
 }
 
 }  // namespace needlelab

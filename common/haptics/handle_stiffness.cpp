@@ -8,14 +8,14 @@
 namespace needlelab {
 namespace {
 
-// k is the integral of the lateral stiffness over the inserted length: whatever the needle's slant, no more
-// than the whole needle in the stiffest layer
+// k is the integral of the lateral stiffness over the inserted length, which nothing bounds: a tip may go
+// deeper than the needle is long, and the last layer has no end
 double steepestFixture_N_per_m(const SceneSpec& spec) {
-  if ((spec.effects & bitOf(Effect::kClamping)) == 0) return 0;
-  double lateral_N_per_m2 = 0;
-  for (const LayerSpec& layer : spec.layers)
-    lateral_N_per_m2 = std::max(lateral_N_per_m2, layer.lateral_stiffness_N_per_m2);
-  return std::min(spec.virtual_fixture.max_stiffness_N_per_m, lateral_N_per_m2 * spec.needle_length_m);
+  const bool is_live =
+      (spec.effects & bitOf(Effect::kClamping)) != 0 &&
+      std::any_of(spec.layers.begin(), spec.layers.end(),
+                  [](const LayerSpec& layer) { return layer.lateral_stiffness_N_per_m2 > 0; });
+  return is_live ? spec.virtual_fixture.max_stiffness_N_per_m : 0;
 }
 
 double steepestOrientation_Nm_per_rad(const SceneSpec& spec) {
@@ -77,18 +77,18 @@ double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const Dev
 
 void lowerStiffness(SceneSpec& spec, double share) {
   if (share >= 1) return;
-  const double steepest = steepestFixture_N_per_m(spec);
-  if (steepest > 0) spec.virtual_fixture.max_stiffness_N_per_m = share * steepest;
+  spec.virtual_fixture.max_stiffness_N_per_m *= share;
   spec.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] *= share;
   spec.orientation_limit.stiffness_Nm_per_rad *= share;
 }
 
-std::string stiffnessShareText(double share) {
-  if (!(share < 1)) return {};
-  return fmt::format(
-      "Fixture, bone and orientation limit were rendered at {:.0f} % of the profile's stiffness: "
-      "device and tool hold no more.",
-      100 * share);
+std::string stiffnessShareText(double share, bool bone_left_out) {
+  std::string text = bone_left_out ? "Bone was left out: the needle cut it as it cuts a layer of tissue. " : "";
+  if (share < 1)
+    text += fmt::format("{} were rendered at {:.0f} % of the profile's stiffness. ",
+                        bone_left_out ? "Fixture and orientation limit" : "Fixture, bone and orientation limit",
+                        100 * share);
+  return text.empty() ? text : text + "Device and tool hold no more.";
 }
 
 }  // namespace needlelab

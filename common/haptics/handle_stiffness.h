@@ -35,11 +35,11 @@ inline constexpr double kLeastStiffnessShare = 0.5;
 double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const DeviceLimits& limits,
                           const Pose& X_HT);
 
-/// Lowers the fixture's greatest stiffness, as far as this needle reaches it, and the stiffnesses of bone and
-/// orientation limit to `share` of (0, 1]. Forces and torques up to the lowered stiffness keep their limits.
+/// Lowers the fixture's greatest stiffness and the stiffnesses of bone and orientation limit to `share` of
+/// (0, 1]. Forces and torques up to the lowered stiffness keep their limits.
 void lowerStiffness(SceneSpec& spec, double share);
 
-/// For a person, beside a score; empty where `share` is 1.
-std::string stiffnessShareText(double share);
+/// For a person, beside a score; empty where `share` is 1 and bone was not left out.
+std::string stiffnessShareText(double share, bool bone_left_out);
 
 }  // namespace needlelab

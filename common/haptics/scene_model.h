@@ -122,6 +122,8 @@ class SceneModel {
 /// The step function of a scene with live stages: `placed_step`, then the stages, then the cap.
 void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& state,
                     StepReport& report) noexcept;
+/// The same where a stage holds the tip that the tissue feels (`hold`).
+void stepHeld(const SceneModel& model, const TipSample& sample, SimState& state, StepReport& report) noexcept;
 
 /// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as `validate`.
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz);

@@ -45,7 +45,7 @@ void addBone(Fnv1a& hash, const BoneContact& bone) {
   if (!bone.touching) return;  // a scene without BONE has the same hash as before it existed
   hash.add(bone.p_proxy_W_m);
   hash.add(bone.stretch_W_m);
-  for (const double d : {bone.held_m, bone.cutting_N, bone.friction_N}) hash.add(d);
+  for (const double d : {bone.held_m, bone.cutting_N, bone.friction_N, bone.place_m}) hash.add(d);
 }
 
 }  // namespace

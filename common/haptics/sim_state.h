@@ -74,7 +74,9 @@ struct BoneContact {
   Vec3 p_proxy_W_m;   ///< the needle's tip as it is rendered: on the bone's surface, never in it
   Vec3 stretch_W_m;   ///< from the measured tip to the proxy
   double held_m = 0;  ///< how far the tissue feels the tip short of its measured place, along −u
-  double cutting_N = 0, friction_N = 0;  ///< while held: the forces along u that may not grow
+  // while held
+  double cutting_N = 0, friction_N = 0;  ///< the forces along u, which may not grow
+  double place_m = 0;                    ///< what the tissue felt in the last tick, along u less `x_shift_m`
 };
 
 /// Value-initialised: before the first tick. Only `step` changes it.

@@ -67,15 +67,16 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   // commit before answering: a session announced to a station survives the server
   struct Opened {
     std::uint64_t next_seq = 0, safe = 0;
-    bool closed = false;
+    bool is_new = false, closed = false;
   };
   auto opened = std::make_shared<Opened>();
-  context_.disk_room.take(description.ByteSizeLong());
+  DiskRoom::Share disk_room = context_.disk_room.share(description.ByteSizeLong());
   DbWriter::Work work = [opened, description, id = *id, &quotas = context_.quotas,
                          room = context_.disk_room.level(),
                          no_room = context_.disk_room.text()](Connection& writer) -> Status {
     SessionStore store(writer);
     ASSIGN_OR_RETURN(const auto arrival, store.arrivalOf(description));
+    opened->is_new = arrival.state == SessionArrival::State::kNew;
     // a closed one takes no room: its station only asks whether it is there
     const bool needs_room =
         arrival.state == SessionArrival::State::kNew
@@ -86,7 +87,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
       RETURN_IF_ERROR(quotas.roomForChunks(description.station(), steadyNowNs()));
     ASSIGN_OR_RETURN(auto next, store.open(description, wallNowNs()));
     // last: an error takes the session back, and an invalid one costs its station nothing
-    if (arrival.state == SessionArrival::State::kNew)
+    if (opened->is_new)
       RETURN_IF_ERROR(quotas.admit(description.station(),
                                    {.open_sessions = arrival.open_sessions,
                                     .description_bytes = description.ByteSizeLong(),
@@ -101,6 +102,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     return {};
   };
   const Status status = co_await commit(context_.store.writer(), std::move(work));
+  if (status.ok() && opened->is_new) disk_room.stored();
   if (channel_->closing()) co_return;
   if (!status.ok()) {
     pb::Refusal refusal = refusalOf(status.error());
@@ -179,6 +181,7 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
 
 void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended) {
   --chunks_in_flight_;
+  context_.disk_room.settle(chunk.data().size(), status.ok() && appended.kind == Appended::Kind::kStored);
   if (context_.chunks_in_flight.remove(who_.name, chunk.data().size())) context_.chunk_room.notify();
   freed_.notify();
   // the station may have logged in again, and its newer connection may wait for this chunk's place
@@ -355,7 +358,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   ++peer.context_.counters.sessions_closed;
   if (const std::uint64_t bytes = outcome->event_bytes; bytes > 0) {
     // they are made from its chunks and cost its station the same
-    peer.context_.disk_room.take(bytes);
+    peer.context_.disk_room.share(bytes).stored();
     static_cast<void>(peer.context_.store.writer().post(
         [bytes, station = peer.who_.name, &quotas = peer.context_.quotas](Connection&) -> Status {
           return quotas.admitChunk(station, {.bytes = bytes, .undecodable = false}, steadyNowNs());

@@ -4,7 +4,9 @@
 #include <sys/statvfs.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cerrno>
+#include <utility>
 
 namespace needlelab {
 namespace {
@@ -40,28 +42,61 @@ RoomLevel DiskRoom::levelAt(std::uint64_t left_bytes) const {
   return left_bytes / kSessionFloors < floor_bytes_ ? RoomLevel::kNoNewSessions : RoomLevel::kPlenty;
 }
 
+std::uint64_t DiskRoom::leftWithout(std::uint64_t taken_bytes) const {
+  return seen_bytes_ - std::min(seen_bytes_, kWrites * taken_bytes);
+}
+
 std::uint64_t DiskRoom::leftBytes() const {
-  const std::uint64_t taken = kWrites * (taken_bytes_ + taken_before_);
-  return seen_bytes_ - std::min(seen_bytes_, taken);
+  return leftWithout(taken_->stored_bytes + taken_->stored_before + taken_->unsettled_bytes);
 }
 
 void DiskRoom::look(const Look& look) {
+  Taken& taken = *taken_;
+  // without what is not settled: what is refused afterwards must not have led into a level that is kept
+  const RoomLevel before = std::max(reached_, levelAt(leftWithout(taken.stored_bytes + taken.stored_before)));
   const bool log_may_grow = look.disk_bytes >= floor_bytes_ / kDiskShare;
   seen_bytes_ = look.disk_bytes + (log_may_grow ? look.file_bytes : 0);
-  taken_before_ = taken_bytes_;
-  taken_bytes_ = 0;
-  const std::uint64_t left = leftBytes();
+  taken.stored_before = std::exchange(taken.stored_bytes, 0);
+  const std::uint64_t left = leftWithout(taken.stored_before);
   // a quarter more than a floor leads out of its level: 4/5 of what is left must reach it
-  level_ = std::max(levelAt(left), std::min(level_, levelAt(left / 5 * 4)));
+  reached_ = std::max(levelAt(left), std::min(before, levelAt(left / 5 * 4)));
 }
 
 void DiskRoom::take(std::uint64_t bytes) {
-  taken_bytes_ += bytes;
-  level_ = std::max(level_, levelAt(leftBytes()));
+  taken_->unsettled_bytes += bytes;
+}
+
+void DiskRoom::settle(std::uint64_t bytes, bool stored) {
+  settleIn(*taken_, bytes, stored);
+}
+
+void DiskRoom::settleIn(Taken& taken, std::uint64_t bytes, bool stored) {
+  assert(taken.unsettled_bytes >= bytes);
+  taken.unsettled_bytes -= bytes;
+  if (stored) taken.stored_bytes += bytes;
+}
+
+DiskRoom::Share DiskRoom::share(std::uint64_t bytes) {
+  take(bytes);
+  return {taken_, bytes};
+}
+
+DiskRoom::Share& DiskRoom::Share::operator=(Share&& other) noexcept {
+  std::swap(taken_, other.taken_);
+  std::swap(bytes_, other.bytes_);
+  return *this;
+}
+
+DiskRoom::Share::~Share() {
+  if (taken_) settleIn(*taken_, bytes_, false);
+}
+
+void DiskRoom::Share::stored() {
+  if (const auto taken = std::exchange(taken_, nullptr)) settleIn(*taken, bytes_, true);
 }
 
 std::string DiskRoom::text() const {
-  switch (level_) {
+  switch (level()) {
     case RoomLevel::kPlenty:
       return {};
     case RoomLevel::kNoNewSessions:

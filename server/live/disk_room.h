@@ -1,12 +1,15 @@
 /// Room on the database's disk while the server runs: what is refused when little is left.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace needlelab {
 
@@ -28,8 +31,10 @@ std::string_view nameOf(RoomLevel level);
 /// in time, first what has not begun. Room is what the disk has free, and the free pages in the database's
 /// file, which are used before the file grows: retention gives room in this way. Between two looks each byte
 /// that was taken counts twice, for the log and the database; so a flood between two looks cannot get below
-/// the floor. A level is left only when there is a quarter more than its floor: at the edge, nobody is
-/// accepted and refused in turn. Thread: one.
+/// the floor. What turns out not to be stored gives its room back at once: refused requests and chunks that
+/// come again keep nobody's lesson from beginning. A level that was reached by what is stored is left only
+/// when there is a quarter more than its floor: at the edge, nobody is accepted and refused in turn. Thread:
+/// one.
 class DiskRoom {
  public:
   struct Look {
@@ -45,14 +50,25 @@ class DiskRoom {
 
   /// `floor_bytes`: with less, no chunk is stored. 0: nothing is ever refused.
   explicit DiskRoom(std::uint64_t floor_bytes) : floor_bytes_(floor_bytes) {}
+  DiskRoom(DiskRoom&&) noexcept = default;
+  DiskRoom& operator=(DiskRoom&&) = delete;
+  DiskRoom(const DiskRoom&) = delete;
+  DiskRoom& operator=(const DiskRoom&) = delete;
+  ~DiskRoom() = default;
 
   /// Takes a look at the disk. It may be older than the newest chunks: what was taken since the look before
   /// counts on.
   void look(const Look& look);
-  /// A chunk or a request of `bytes` is going to be stored.
+  /// A chunk or a request of `bytes` is perhaps going to be stored: its room is taken until settle().
   void take(std::uint64_t bytes);
+  /// What was taken for it is stored, and counts until the looks have seen it; or nothing is, and it is room
+  /// again.
+  void settle(std::uint64_t bytes, bool stored);
+  class Share;
+  /// take(), for what has many ends.
+  [[nodiscard]] Share share(std::uint64_t bytes);
 
-  [[nodiscard]] RoomLevel level() const { return level_; }
+  [[nodiscard]] RoomLevel level() const { return std::max(reached_, levelAt(leftBytes())); }
   /// True when no request may write any more: less than the floor / kDiskShare is left.
   [[nodiscard]] bool atLastFloor() const { return leftBytes() < floor_bytes_ / kDiskShare; }
   /// What is left, as far as this knows; before the first look, more than anybody has.
@@ -61,12 +77,39 @@ class DiskRoom {
   [[nodiscard]] std::string text() const;
 
  private:
+  struct Taken {
+    std::uint64_t unsettled_bytes = 0;                  // nobody knows yet whether they are stored
+    std::uint64_t stored_bytes = 0, stored_before = 0;  // since the last look; between the two before
+  };
+  static void settleIn(Taken& taken, std::uint64_t bytes, bool stored);
   [[nodiscard]] RoomLevel levelAt(std::uint64_t left_bytes) const;
+  [[nodiscard]] std::uint64_t leftWithout(std::uint64_t taken_bytes) const;
 
   const std::uint64_t floor_bytes_;
-  std::uint64_t seen_bytes_ = UINT64_MAX;             // at the last look
-  std::uint64_t taken_bytes_ = 0, taken_before_ = 0;  // since the last look; between the two before
-  RoomLevel level_ = RoomLevel::kPlenty;
+  std::uint64_t seen_bytes_ = UINT64_MAX;                     // at the last look
+  std::shared_ptr<Taken> taken_ = std::make_shared<Taken>();  // shared with the shares, which may end last
+  RoomLevel reached_ = RoomLevel::kPlenty;                    // at the last look, by what is stored
+};
+
+/// Room taken for one thing: settled as not stored by its end, unless it was stored.
+class DiskRoom::Share {
+ public:
+  /// Of nothing.
+  Share() = default;
+  Share(Share&& other) noexcept = default;
+  Share& operator=(Share&& other) noexcept;
+  Share(const Share&) = delete;
+  Share& operator=(const Share&) = delete;
+  ~Share();
+
+  /// What it was taken for is stored. Again: nothing.
+  void stored();
+
+ private:
+  friend class DiskRoom;
+  Share(std::shared_ptr<Taken> taken, std::uint64_t bytes) : taken_(std::move(taken)), bytes_(bytes) {}
+  std::shared_ptr<Taken> taken_;  // null: of nothing, settled, or moved from
+  std::uint64_t bytes_ = 0;
 };
 
 }  // namespace needlelab

@@ -123,16 +123,18 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
 
 }  // namespace
 
-Status takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call, std::size_t bytes) {
+Result<DiskRoom::Share> takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call,
+                                 std::size_t bytes) {
   const Storing storing = storingOf(call);
-  if (storing == Storing::kNothing) return {};
+  if (storing == Storing::kNothing) return DiskRoom::Share();
   if (who.role != pb::STATION)
     RETURN_IF_ERROR(context.shares.admit(who.name, who.role, bytes, steadyNowNs()));
   // before the check: a flood between two looks at the disk counts, too
-  context.disk_room.take(bytes + PeopleShares::kRequestBytes);
+  DiskRoom::Share room = context.disk_room.share(bytes + PeopleShares::kRequestBytes);
   const bool refused = storing == Storing::kNeeded ? context.disk_room.atLastFloor()
                                                    : context.disk_room.level() == RoomLevel::kNoChunks;
-  return refused ? Status(Error{ErrorCode::kNoRoom, context.disk_room.text()}) : Status();
+  if (refused) return Error{ErrorCode::kNoRoom, context.disk_room.text()};
+  return room;
 }
 
 Task<Executed> executeRequest(ServerContext& context, Principal who,
@@ -140,8 +142,8 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   const RequestThreads threads = threadsOf(*request, who.role);
   if (const Status may = mayWait(context, threads, who); !may.ok())
     co_return refusedBefore(*request, may.error());
-  if (const Status room = takeRoom(context, who, request->call_case(), request->ByteSizeLong()); !room.ok())
-    co_return refusedBefore(*request, room.error());
+  auto room = takeRoom(context, who, request->call_case(), request->ByteSizeLong());
+  if (!room.ok()) co_return refusedBefore(*request, room.error());
   const auto under_way = std::make_shared<RequestUnderWay>();
   const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
                                           under_way, gone = std::move(gone)]() -> Executed {
@@ -153,7 +155,9 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   for (;;) {
     std::function<Executed()> work = step;
     const Executed done = co_await onItsThreads(context, threads, who, std::move(work));
-    if (done) co_return done;
+    if (!done) continue;
+    if (!done->error) room->stored();
+    co_return done;
   }
 }
 

@@ -43,8 +43,10 @@ std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
 /// Takes the room of a call that stores something, from the person's share of the day and from the disk's;
-/// whatever executes a call asks here first. `bytes`: of the request. Errors: kNoRoom. Thread: the network's.
-Status takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call, std::size_t bytes);
+/// whatever executes a call asks here first, and says of the disk's when the call is stored: of one that is
+/// refused, it is room again. `bytes`: of the request. Errors: kNoRoom. Thread: the network's.
+Result<DiskRoom::Share> takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call,
+                                 std::size_t bytes);
 
 /// Takes the request's room (takeRoom), then executes it on its thread pool (threadsOf in
 /// db/service/requests.h), each of its steps in a turn of its own. Thread: the network's. `gone` says whether

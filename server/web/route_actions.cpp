@@ -66,15 +66,6 @@ void wipeSecrets(nlohmann::json& body) {
   }
 }
 
-/// Counts a request that was refused for want of room and logs it, as the stations' port does.
-void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
-  if (error.code != ErrorCode::kNoRoom) return;
-  ++context.counters.refused_for_room;
-  if (context.shares.shouldTell(call.who.name, steadyNowNs()))
-    logEvent(LogLevel::kWarning, "no_room",
-             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
-}
-
 /// Whether the session has been ended: its account was disabled or has another role or password. A session
 /// that only expires while its download runs does not end it.
 bool accessEnded(ServerContext& context, const AskedBy& by) {
@@ -130,6 +121,14 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
 
 HttpAnswer browserGone() {
   return errorAnswer(503, "unavailable", "the browser is gone");
+}
+
+void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
+  if (error.code != ErrorCode::kNoRoom) return;
+  ++context.counters.refused_for_room;
+  if (context.shares.shouldTell(call.who.name, steadyNowNs()))
+    logEvent(LogLevel::kWarning, "no_room",
+             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
 Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,

@@ -29,6 +29,9 @@ struct AskedBy {
 /// The answer for a browser that has gone: nobody reads it.
 HttpAnswer browserGone();
 
+/// Counts a request that was refused for want of room and logs it, as the stations' port does.
+void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error);
+
 /// Waits until `bytes` fit beside what others have taken. Nothing: the browser is gone.
 Task<std::optional<ByteBudget::Share>> waitForRoom(std::shared_ptr<HttpRequest> request, Principal who,
                                                    ByteBudget& budget, std::shared_ptr<Signal> freed,

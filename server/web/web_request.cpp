@@ -286,22 +286,26 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   // those of kRequest take it as they are executed
   const bool is_direct = route.how.action == WebAction::kWork || route.how.action == WebAction::kSteps ||
                          route.how.action == WebAction::kStream;
+  DiskRoom::Share disk_room;
   if (is_direct) {
-    if (const Status room = takeRoom(context, call->who, route.call, call->body_bytes); !room) {
+    auto room = takeRoom(context, call->who, route.call, call->body_bytes);
+    if (!room) {
       noteNoRoom(context, *call, room.error());
       co_return errorAnswer(room.error());
     }
+    disk_room = std::move(*room);
   }
   AskedBy by{turnNameOf(call->who), session->token, account};
-  if (route.how.action == WebAction::kStream)
-    co_return co_await throughStream(server, request, route, call, std::move(by));
   HttpAnswer answer;
-  if (route.how.action == WebAction::kWork)  // not ?: around co_await, which g++ 12 miscompiles
+  if (route.how.action == WebAction::kStream)  // not ?: around co_await, which g++ 12 miscompiles
+    answer = co_await throughStream(server, request, route, call, std::move(by));
+  else if (route.how.action == WebAction::kWork)
     answer = co_await throughWork(server, request, route, call);
   else if (route.how.action == WebAction::kSteps)
     answer = co_await throughSteps(server, request, route, call, std::move(by));
   else
     answer = co_await throughService(server, request, route, call, std::move(share));
+  if (answer.status < 400) disk_room.stored();
   if (reply_room) {
     reply_room->become(answer.body.size());
     context.counters.most_reply_bytes = context.replies.mostTaken();

@@ -10,6 +10,7 @@
 #include "common/base/crc32c.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
+#include "db/retention_store.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
@@ -317,6 +318,53 @@ TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
   erase.mutable_erase_person()->set_confirm("tina");
   const auto erased = chief->call(erase);
   EXPECT_TRUE(erased.ok()) << erased.error().message;
+}
+
+/// Looks at the disk once, at the start, and finds so much more than new sessions need.
+RoomyServer serverWithRoomFor(std::uint64_t bytes) {
+  return RoomyServer([bytes](ServerOptions& options) {
+    options.min_free_bytes = kMiB;
+    options.room_every = std::chrono::hours(1);
+    options.free_bytes = [bytes](const std::filesystem::path&) {
+      return std::optional(DiskRoom::kSessionFloors * kMiB + bytes);
+    };
+  });
+}
+/// Free pages of its database, which are room besides.
+std::uint64_t freePageBytes(RoomyServer& s) {
+  auto reader = s.server.server().store().readers().borrow();
+  const auto space = RetentionStore(**reader).space();
+  EXPECT_TRUE(space.ok());
+  return space.ok() ? space->free_bytes : 0;
+}
+
+// The finding: each chunk that came again counted as room until the second look after it.
+TEST(FullDisk, chunksThatComeAgainTakeNoRoomFromNewSessions) {
+  constexpr std::uint64_t kRoom = 128u << 10;
+  RoomyServer s = serverWithRoomFor(kRoom);
+  auto station = s.server.connect(stationLogin("bench-1", s.server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  const FakeSession lesson("bench-1");
+  ASSERT_TRUE(isOpened(answerTo(*station, lesson.open())));
+  // each byte counts twice, so half of them would be enough
+  const std::uint64_t times = (kRoom + freePageBytes(s)) / FakeSession::bytes(0).size();
+  for (std::uint64_t time = 0; time <= times; ++time) {
+    ASSERT_TRUE(station->send(lesson.chunk(0)).ok());
+    (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_ack(); });
+  }
+  EXPECT_TRUE(isOpened(answerTo(*station, FakeSession("bench-1").open())));
+}
+
+TEST(FullDisk, aSessionThatIsOpenedAgainTakesNoRoomFromNewOnes) {
+  constexpr std::uint64_t kRoom = 1u << 20, kProfile = 200'000;
+  RoomyServer s = serverWithRoomFor(kRoom);
+  auto station = s.server.connect(stationLogin("bench-1", s.server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  const FakeSession lesson("bench-1");
+  const auto open = lesson.open("{" + std::string(kProfile - 2, ' ') + "}");
+  const std::uint64_t times = (kRoom + freePageBytes(s)) / kProfile;
+  for (std::uint64_t time = 0; time <= times; ++time) ASSERT_TRUE(isOpened(answerTo(*station, open))) << time;
+  EXPECT_TRUE(isOpened(answerTo(*station, FakeSession("bench-1").open())));
 }
 
 TEST(FullDisk, refusesFirstNewSessionsThenChunksAndReadsOn) {

@@ -46,8 +46,8 @@ inline SceneSpec renderedBy(const SceneSpec& scene, AxialModel model) {
   return other;
 }
 
-/// The six layers with the paper's effects, which every model can render. OKAMURA and DAHL get friction of
-/// bovine liver and tops that stiffen.
+/// The six layers with the paper's effects, which every model can render. OKAMURA and DAHL get friction as
+/// remembered of bovine liver, and tops that stiffen.
 inline SceneSpec modelScene(AxialModel model, LimbKind limb = LimbKind::kPlane) {
   SceneSpec scene = renderedBy(withLimb(paperSixLayers(), limb), model);
   for (LayerSpec& layer : scene.layers) {

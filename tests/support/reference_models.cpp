@@ -146,38 +146,56 @@ ModelForce ReferenceModel::godObject(const ModelTick& tick) {
   }
 }
 
-// §3.6: "per layer: linear stiffness up to its puncture force, then constant cutting and friction per
-// inserted length by a dragged wall"; nothing is cut or rubbed beyond a top that holds (§3.5)
-ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
-  meetTops(tick);
-  const auto openTo = [&] {
-    double x_c = tick.x_m;
-    for (const Top& top : tops_)
-      if (!top.through) x_c = std::min(x_c, top.place_m);
-    return x_c;
-  };
-  const double held_at = openTo();
-  ModelForce out;
+// §3.5: x_c, beyond which nothing is cut or rubbed
+double ReferenceModel::openTo(double x_m) const {
+  double x_c = x_m;
+  for (const Top& top : tops_)
+    if (!top.through) x_c = std::min(x_c, top.place_m);
+  return x_c;
+}
+
+// a top holds with its force of z until that is the puncture force; those that hold together
+template <class Force, class Most>
+double ReferenceModel::heldByTops(double x_m, const Force& force_N, const Most& most_N) {
+  double held_N = 0;
   for (std::size_t i = 0; i < tops_.size(); ++i) {
-    const FirstOrderSpec& own = *scene_.layers[i].first_order;
-    const double force = own.stiffness_N_per_m * (tick.x_m - tops_[i].place_m);
-    if (tops_[i].through || force <= 0) continue;
-    if (force >= own.puncture_force_N)
+    const double z = x_m - tops_[i].place_m;
+    if (tops_[i].through || z <= 0) continue;
+    const double pressed_N = force_N(scene_.layers[i], z);
+    if (pressed_N >= most_N(scene_.layers[i]))
       tops_[i].through = true;
     else
-      out.puncture_N -= force;
+      held_N -= pressed_N;
   }
-  const double x_c = openTo();
+  return held_N;
+}
+
+// constant cutting by a dragged wall in the layer that the tip cuts: the one above the first top that holds
+template <class Cutting>
+double ReferenceModel::cutTo(double x_c, double depth_m, const Cutting& cutting_N) {
+  double cutting = 0;
+  for (std::size_t i = 0; i < tops_.size() && tops_[i].through && i <= layerAt(depth_m); ++i)
+    cutting = cutting_N(scene_.layers[i]);
+  const double K_t = scene_.tracking_wall.stiffness_N_per_m;
+  wall_ = std::min(std::max(wall_, x_c - cutting / K_t), x_c);
+  return -K_t * (x_c - wall_);
+}
+
+// §3.6: "per layer: linear stiffness up to its puncture force, then constant cutting and friction per
+// inserted length by a dragged wall"
+ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
+  meetTops(tick);
+  const double held_at = openTo(tick.x_m);
+  ModelForce out;
+  out.puncture_N = heldByTops(
+      tick.x_m, [](const LayerSpec& layer, double z) { return layer.first_order->stiffness_N_per_m * z; },
+      [](const LayerSpec& layer) { return layer.first_order->puncture_force_N; });
+  const double x_c = openTo(tick.x_m);
   wall_ += x_c - held_at;
   friction_wall_ += x_c - held_at;
-
-  // the layer that the tip cuts: the one above the first top that holds
-  double cutting = 0;
-  for (std::size_t i = 0; i < tops_.size() && tops_[i].through && i <= layerAt(tick.depth_m); ++i)
-    cutting = scene_.layers[i].first_order->cutting_force_N;
-  const double K_t = scene_.tracking_wall.stiffness_N_per_m, K_f = scene_.friction_stiffness_N_per_m;
-  wall_ = std::min(std::max(wall_, x_c - cutting / K_t), x_c);
-  out.cutting_N = -K_t * (x_c - wall_);
+  out.cutting_N =
+      cutTo(x_c, tick.depth_m, [](const LayerSpec& layer) { return layer.first_order->cutting_force_N; });
+  const double K_f = scene_.friction_stiffness_N_per_m;
   const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
   const double reach =
       integralOver(length, tick.slant,
@@ -202,36 +220,22 @@ double ReferenceModel::karnopp(const ModelTick& tick, double slid_m, double kine
 // §3.6 OKAMURA, DAHL: in each layer a quadratic stiffness up to its puncture force; then constant cutting,
 // and friction of the length by a spring, whose length changes with the way against the tissue
 ModelForce ReferenceModel::threeForces(const ModelTick& tick) {
-  const auto openTo = [&](double x_m) {
-    double x_c = x_m;
-    for (const Top& top : tops_)
-      if (!top.through) x_c = std::min(x_c, top.place_m);
-    return x_c;
-  };
   const double came_from = openTo(tick.entry ? 0 : x_past_ + tick.moved_m);
   meetTops(tick);
   const double held_at = openTo(tick.x_m), way = held_at - came_from;
   ModelForce out;
-  for (std::size_t i = 0; i < tops_.size(); ++i) {
-    const OkamuraSpec& own = *scene_.layers[i].okamura;
-    const double z = tick.x_m - tops_[i].place_m;
-    const double force = own.linear_N_per_m * z + own.quadratic_N_per_m2 * z * z;
-    if (tops_[i].through || z <= 0) continue;
-    if (force >= own.puncture_force_N)
-      tops_[i].through = true;
-    else
-      out.puncture_N -= force;
-  }
+  out.puncture_N = heldByTops(
+      tick.x_m,
+      [](const LayerSpec& layer, double z) {
+        return layer.okamura->linear_N_per_m * z + layer.okamura->quadratic_N_per_m2 * z * z;
+      },
+      [](const LayerSpec& layer) { return layer.okamura->puncture_force_N; });
   const double x_c = openTo(tick.x_m);
   wall_ += x_c - held_at;
+  out.cutting_N =
+      cutTo(x_c, tick.depth_m, [](const LayerSpec& layer) { return layer.okamura->cutting_force_N; });
 
-  double cutting = 0;
-  for (std::size_t i = 0; i < tops_.size() && tops_[i].through && i <= layerAt(tick.depth_m); ++i)
-    cutting = scene_.layers[i].okamura->cutting_force_N;
-  const double K_t = scene_.tracking_wall.stiffness_N_per_m, K_f = scene_.friction_stiffness_N_per_m;
-  wall_ = std::min(std::max(wall_, x_c - cutting / K_t), x_c);
-  out.cutting_N = -K_t * (x_c - wall_);
-
+  const double K_f = scene_.friction_stiffness_N_per_m;
   const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
   const auto over = [&](ShaftFrictionSpec OkamuraSpec::*side, double ShaftFrictionSpec::*number) {
     return integralOver(length, tick.slant,

@@ -50,9 +50,19 @@ test('a measure beside the experts has their range and words, and no count of st
 
 test('a session that was rendered softer than its profile says so beside the score, in the words of the station', () => {
   assert.equal(
-    stiffnessShareText(0.551),
-    "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness: device and tool hold no more.",
+    stiffnessShareText({ stiffness_share: 0.551 }),
+    "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. Device and tool hold no more.",
+  );
+  const device_notes = ['The needle is mounted.', 'Across … N·m/rad. BONE is not live: the needle cuts bone.'];
+  assert.equal(
+    stiffnessShareText({ stiffness_share: 0.551, device_notes }),
+    "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit were rendered at 55 % of the profile's stiffness. Device and tool hold no more.",
+  );
+  assert.equal(
+    stiffnessShareText({ device_notes }),
+    'Bone was left out: the needle cut it as it cuts a layer of tissue. Device and tool hold no more.',
   );
   // absent: all of it; others are no shares
-  for (const share of [undefined, null, 1, 0, -1, 2, 'NaN']) assert.equal(stiffnessShareText(share), '');
+  for (const stiffness_share of [undefined, null, 1, 0, -1, 2, 'NaN'])
+    assert.equal(stiffnessShareText({ stiffness_share }), '');
 });

@@ -43,7 +43,12 @@ Moment momentOfStep(const GestureSample& sample, double rate_hz, const StepRepor
 /// The session with the chosen profile.
 Result<pb::SessionDescription> chosen(const StoredGesture& gesture, const RerunChoice& choice) {
   pb::SessionDescription description = gesture.info.description();
-  if (!choice.profile_json.empty()) description.set_profile_json(choice.profile_json);
+  if (!choice.profile_json.empty()) {
+    description.set_profile_json(choice.profile_json);
+    // what device and tool held was found for the session's own profile
+    description.clear_stiffness_share();
+    description.clear_live_effects();
+  }
   ASSIGN_OR_RETURN(auto profile, parseProfile(description.profile_json(), "the profile of the re-run"));
   if (!choice.axial_model.empty()) {
     RETURN_IF_ERROR(chooseModel(profile, choice.axial_model));

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/base/uuid.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/handle_stiffness.h"
 #include "common/profile/profile.h"
 
@@ -25,6 +26,18 @@ Result<Pose> placementOf(const pb::SessionDescription& description) {
 double stiffnessShareOf(const pb::SessionDescription& description) {
   const double share = description.has_stiffness_share() ? description.stiffness_share() : 1;
   return share > 0 && share < 1 ? share : 1;
+}
+
+bool leftBoneOut(const pb::SessionDescription& description, const pb::Profile& profile) {
+  const auto& listed = profile.effects();
+  const auto& live = description.live_effects();
+  return !live.empty() && std::find(listed.begin(), listed.end(), pb::Profile::BONE) != listed.end() &&
+         std::find(live.begin(), live.end(), effectName(Effect::kBone)) == live.end();
+}
+
+void makeAsRendered(const pb::SessionDescription& description, const pb::Profile& profile, SceneSpec& spec) {
+  if (leftBoneOut(description, profile)) spec.effects &= ~bitOf(Effect::kBone);
+  lowerStiffness(spec, stiffnessShareOf(description));
 }
 
 std::string sessionIdText(const std::string& bytes) {
@@ -52,7 +65,7 @@ SessionScene sceneOfSession(const pb::SessionDescription& description, const Sce
   scene.view = std::make_shared<const SceneView>(*std::move(view));
   const auto compiled = [&]() -> Result<SceneModel> {
     ASSIGN_OR_RETURN(auto spec, sceneSpecOf(scene.profile, scene.X_WL));
-    lowerStiffness(spec, stiffnessShareOf(description));
+    makeAsRendered(description, scene.profile, spec);
     if (prepare) {
       RETURN_IF_ERROR(prepare(spec));
     }

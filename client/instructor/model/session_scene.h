@@ -39,6 +39,14 @@ Result<Pose> placementOf(const pb::SessionDescription& description);
 /// description has none, or a number that is not of (0, 1].
 double stiffnessShareOf(const pb::SessionDescription& description);
 
+/// Whether the station left out the profile's BONE: its device and tool do not hold it. False where the
+/// description has no list of live effects.
+bool leftBoneOut(const pb::SessionDescription& description, const pb::Profile& profile);
+
+/// Makes of the profile's scene the one that was rendered: stiff by that share, and without bone where it was
+/// left out.
+void makeAsRendered(const pb::SessionDescription& description, const pb::Profile& profile, SceneSpec& spec);
+
 /// Returns the session's id as text; "?" if it is invalid.
 std::string sessionIdText(const std::string& bytes);
 

@@ -9,21 +9,12 @@
 #include "client/sim/accuracy/gesture.h"
 #include "client/sim/accuracy/study_models.h"
 #include "common/fem/needle_study.h"
-#include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kFemRate_hz = 1000;
 constexpr char kScene[] = "paper-six-layers";
-
-// one sentence of `cannot_show`
-std::string elasticityText(double young_factor) {
-  return fmt::format(
-      "an elasticity that was set, not measured: the scene's lateral stiffness gives E, times {:.3g} in all "
-      "layers, so that the tip meets the stiffness of the scene's walls at the skin",
-      young_factor);
-}
 
 // the finest mesh, compiled, and its size
 struct Finest {
@@ -44,8 +35,8 @@ std::string reference(const Finest& finest) {
   return fmt::format("FEM of {} nodes, strokes of 0.5-3 mm in the tissue", finest.nodes);
 }
 
-AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest& finest,
-                  const std::vector<StudyGesture>& strokes, double young_factor) {
+AccuracyRow rowOf(const StudyModel& study, const SceneSpec& scene, const SceneModel& model,
+                  const Finest& finest, const std::vector<StudyGesture>& strokes, double young_factor) {
   ErrorRuns runs;
   ErrorSum felt;
   double step_N = 0;
@@ -79,6 +70,7 @@ AccuracyRow rowOf(const StudyModel& study, const SceneModel& model, const Finest
       elasticityText(young_factor);
   if (row.own_law)
     row.cannot_show += ". The comparator is a finer copy of this model: no choice follows from this row";
+  row.cannot_show += assumptionRemark(study, scene);
   row.cannot_show += stiffnessRemark(*row.felt_stiffness_N_per_m,
                                      feltStiffness_N_per_m(finest.model, study.spec), "the comparator has");
   return row;
@@ -154,10 +146,7 @@ AccuracyRow solvedEachTick(AccuracyRow row, const MeshRow& mesh) {
 
 Result<FemScene> femScene() {
   ASSIGN_OR_RETURN(const auto scenes, studyScenes());
-  FemScene scene{likeForLike(scenes.back().spec, AxialModel::kFem)};
-  ASSIGN_OR_RETURN(scene.young_factor,
-                   scaleToTipStiffness(scene.spec, scene.spec.tracking_wall.stiffness_N_per_m));
-  return scene;
+  return femLikeForLike(scenes.back().spec);
 }
 
 Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
@@ -186,7 +175,7 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
       continue;
     }
     compiled.push_back(*std::move(model));
-    rows.push_back(rowOf(study, compiled.back(), finest, strokes, fem.young_factor));
+    rows.push_back(rowOf(study, scenes.back().spec, compiled.back(), finest, strokes, fem.young_factor));
     rows.back().instructions = instructionsOf(options, kScene, study);
     ticks.push_back(timedSteps(compiled.back(), strokes.front()));
   }

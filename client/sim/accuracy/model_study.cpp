@@ -4,7 +4,6 @@
 #include "client/sim/accuracy/gesture.h"
 #include "client/sim/accuracy/study.h"
 #include "client/sim/accuracy/study_models.h"
-#include "common/fem/needle_mesh.h"
 
 namespace needlelab {
 namespace {
@@ -31,17 +30,18 @@ std::vector<Asked> askedOf(const SceneSpec& spec, std::uint64_t seeds) {
 }
 
 // what the comparison cannot show for this row
-std::string limitsOf(const StudyScene& scene, AxialModel which, double felt_N_per_m) {
+std::string limitsOf(const StudyScene& scene, const StudyModel& study, double felt_N_per_m) {
   std::string text =
       "whether the profile is right for tissue. The profile jumps at layers and at the skin, where a device "
       "renders a spring: some error is the price of a force without steps. Motion is prescribed: a model "
       "that "
       "chatters in a hand (needlelab-sim stability) shows nothing of it here";
-  if (profileHasLawOf(which))
+  if (profileHasLawOf(study.model))
     text +=
         ". The profile contains this model's own law (the wall's stop and attracted force): no choice "
         "follows from this row";
-  return text +
+  if (study.model == AxialModel::kFem) text += ". It has " + elasticityText(study.young_factor);
+  return text + assumptionRemark(study, scene.spec) +
          stiffnessRemark(felt_N_per_m, scene.spec.tracking_wall.stiffness_N_per_m, "the scene asks for");
 }
 
@@ -73,7 +73,7 @@ AccuracyRow rowOf(const StudyScene& scene, const StudyModel& study, const SceneM
   row.noticeable_n = noticeableForce_N(felt.rms());
   row.own_law = profileHasLawOf(study.model);
   row.uncertainty = spreadText(runs, "gestures");
-  row.cannot_show = limitsOf(scene, study.model, *row.felt_stiffness_N_per_m);
+  row.cannot_show = limitsOf(scene, study, *row.felt_stiffness_N_per_m);
   return row;
 }
 
@@ -93,7 +93,7 @@ Result<AccuracyRows> modelProfileStudy(const AccuracyOptions& options, const Acc
     for (StudyModel study : models) {
       progress(scene.name + ", " + choiceOf(study),
                static_cast<double>(done++) / static_cast<double>(scenes.size() * models.size()));
-      Status made = addCompliance(study.spec);
+      Status made = addMesh(study, scene.spec);
       auto model = made.ok() ? compile(study.spec, kModelRate_hz) : Result<SceneModel>(made.error());
       if (!model.ok()) {
         notes.push_back("model: " + scene.name + ", " + choiceOf(study) +

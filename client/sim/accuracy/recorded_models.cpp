@@ -58,6 +58,36 @@ std::string nth(const char* name, std::size_t i) {
   return fmt::format("{}{}", name, i);
 }
 
+// the numbers of a top that holds, from a piece of the curve: where it is pierced, how far it was stretched
+// until then, and the force there
+void addTop(CurveModel& made, std::size_t i, const CurvePiece& piece, const char* force_name) {
+  const double length_m = piece.rupture_m - piece.top_m;
+  made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
+  made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
+  made.parameters.push_back(forceParameter(nth(force_name, i), piece.peak_N - piece.before_N));
+}
+
+// … with the share of that force which is linear in the stretch, the rest being quadratic, and the cutting
+// force behind
+void addQuadraticTop(CurveModel& made, std::size_t i, const CurvePiece& piece, const char* force_name,
+                     double least_share) {
+  addTop(made, i, piece, force_name);
+  made.parameters.push_back({nth("linear share ", i), 0.3, least_share, 1, 0.2});
+  made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
+}
+
+constexpr std::size_t kTopNumbers = 5;  // of addQuadraticTop
+
+// the top that these numbers stand for, `values[at]` being the first
+struct FittedTop {
+  double top_m, force_N, linear_N_per_m, quadratic_N_per_m2, cutting_N;
+};
+FittedTop quadraticTop(const std::vector<double>& values, std::size_t at) {
+  const double z_m = values[at + 1], force_N = std::max(1e-4, values[at + 2]), share = values[at + 3];
+  return {values[at] - z_m, force_N, share * force_N / z_m, (1 - share) * force_N / (z_m * z_m),
+          values[at + 4]};
+}
+
 // layer i begins at tops[i] and ends at the next; they are put in order, at least 0.1 mm apart
 void setThicknesses(CurveScene& scene, std::vector<double> tops_m) {
   for (std::size_t i = 1; i < tops_m.size(); ++i)
@@ -181,27 +211,19 @@ CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on, s
 
 CurveModel membraneModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
   CurveModel made;
-  const auto pieces = curvePieces(fit_on, most_numbers / 5);
+  const auto pieces = curvePieces(fit_on, most_numbers / kTopNumbers);
   made.variant = "PUNCTURE: " + counted(pieces.size(), "membrane") + ", cutting behind each";
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const CurvePiece& piece = pieces[i];
-    const double length_m = piece.rupture_m - piece.top_m;
-    made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
-    made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
-    made.parameters.push_back(forceParameter(nth("rupture_n ", i), piece.peak_N - piece.before_N));
-    made.parameters.push_back({nth("linear share ", i), 0.3, 0, 1, 0.2});
-    made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
-  }
+  for (std::size_t i = 0; i < pieces.size(); ++i) addQuadraticTop(made, i, pieces[i], "rupture_n ", 0);
   made.scene = [](const std::vector<double>& values) {
     CurveScene scene = emptyScene(AxialModel::kEnhancedTrackingWall);
     scene.spec.effects |= bitOf(Effect::kPuncture);
     std::vector<double> tops_m;
-    for (std::size_t i = 0; i + 4 < values.size(); i += 5) {
-      const double z_m = values[i + 1], force_N = std::max(1e-4, values[i + 2]), share = values[i + 3];
-      tops_m.push_back(values[i] - z_m);
-      scene.spec.layers.push_back(layerOf(0, values[i + 4]));
+    for (std::size_t i = 0; i + kTopNumbers <= values.size(); i += kTopNumbers) {
+      const FittedTop top = quadraticTop(values, i);
+      tops_m.push_back(top.top_m);
+      scene.spec.layers.push_back(layerOf(0, top.cutting_N));
       scene.spec.layers.back().membrane =
-          MembraneSpec{share * force_N / z_m, (1 - share) * force_N / (z_m * z_m), force_N};
+          MembraneSpec{top.linear_N_per_m, top.quadratic_N_per_m2, top.force_N};
     }
     setThicknesses(scene, tops_m);
     return scene;
@@ -272,12 +294,8 @@ CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most
   made.variant = counted(pieces.size(), "layer") +
                  ", one per rupture; without Okamura's viscous (Karnopp) friction and quadratic stiffness";
   for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const CurvePiece& piece = pieces[i];
-    const double length_m = piece.rupture_m - piece.top_m;
-    made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
-    made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
-    made.parameters.push_back(forceParameter(nth("puncture_n ", i), piece.peak_N - piece.before_N));
-    made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
+    addTop(made, i, pieces[i], "puncture_n ");
+    made.parameters.push_back(forceParameter(nth("cutting_n ", i), pieces[i].after_N));
     made.parameters.push_back({nth("friction_n_per_m ", i), 1, 0, 500, 2});
   }
   made.scene = [](const std::vector<double>& values) {
@@ -300,34 +318,26 @@ CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most
 }
 
 CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
-  constexpr std::size_t kShared = 2, kOwn = 5;
+  constexpr std::size_t kShared = 2;
   CurveModel made;
   made.model = model;
-  const auto pieces = curvePieces(fit_on, std::max<std::size_t>(1, (most_numbers - kShared) / kOwn));
+  const auto pieces = curvePieces(fit_on, std::max<std::size_t>(1, (most_numbers - kShared) / kTopNumbers));
   made.variant = counted(pieces.size(), "layer") + ", one per rupture";
   made.parameters = {{"kinetic_n_per_m", 1, 0, 500, 2}, {"viscous_ns_per_m2", 10, 0, 1e5, 50}};
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const CurvePiece& piece = pieces[i];
-    const double length_m = piece.rupture_m - piece.top_m;
-    made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
-    made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
-    made.parameters.push_back(forceParameter(nth("puncture_n ", i), piece.peak_N - piece.before_N));
-    made.parameters.push_back({nth("linear share ", i), 0.3, 0.01, 1, 0.2});
-    made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
-  }
+  for (std::size_t i = 0; i < pieces.size(); ++i) addQuadraticTop(made, i, pieces[i], "puncture_n ", 0.01);
   made.scene = [model](const std::vector<double>& values) {
     CurveScene scene = emptyScene(model);
     scene.spec.tracking_wall.stop_speed_mps = 5e-5;  // slower than any recording: the needle slips
     std::vector<double> tops_m;
-    for (std::size_t i = kShared; i + kOwn <= values.size(); i += kOwn) {
-      const double z_m = values[i + 1], force_N = std::max(1e-4, values[i + 2]), share = values[i + 3];
-      tops_m.push_back(values[i] - z_m);
+    for (std::size_t i = kShared; i + kTopNumbers <= values.size(); i += kTopNumbers) {
+      const FittedTop top = quadraticTop(values, i);
+      tops_m.push_back(top.top_m);
       scene.spec.layers.push_back(layerOf(0, 0));
       OkamuraSpec own;
-      own.puncture_force_N = force_N;
-      own.linear_N_per_m = std::min(1000.0, share * force_N / z_m);
-      own.quadratic_N_per_m2 = (1 - share) * force_N / (z_m * z_m);
-      own.cutting_force_N = values[i + 4];
+      own.puncture_force_N = top.force_N;
+      own.linear_N_per_m = std::min(1000.0, top.linear_N_per_m);
+      own.quadratic_N_per_m2 = top.quadratic_N_per_m2;
+      own.cutting_force_N = top.cutting_N;
       own.in = own.out = {values[0], values[0], values[1]};
       scene.spec.layers.back().okamura = own;
     }

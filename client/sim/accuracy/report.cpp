@@ -11,6 +11,7 @@
 
 #include "client/sim/accuracy/panel_layout.h"
 #include "client/sim/accuracy/recommendation.h"
+#include "client/sim/accuracy/row_group.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
 

@@ -71,14 +71,8 @@ std::string withdrawalRemark(const TableError& error);
 /// last of `meshes` in the paper's six layers. `young_factor`: as in FemScene. Not empty.
 AccuracyRows rowsOf(const std::vector<MeshRow>& meshes, double young_factor);
 
-/// The paper's six layers as FEM. Its E is derived from the lateral stiffness, so soft that the needle would
-/// indent 57 mm before it cuts: all of it is multiplied by one factor, so that the tip meets the stiffness of
-/// the scene's walls at the skin.
-struct FemScene {
-  SceneSpec spec;  ///< without its compliance
-  double young_factor = 1;
-};
-/// Takes a mesh of the live size: seconds. Errors: as `scaleToTipStiffness`.
+/// The paper's six layers as FEM at like stiffness (femLikeForLike): as derived, they would be indented for
+/// 57 mm before the needle cuts. Errors: as there.
 Result<FemScene> femScene();
 
 /// Study `mesh`: sizes of the FEM mesh against the finest.

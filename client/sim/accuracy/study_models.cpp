@@ -1,13 +1,16 @@
 #include "client/sim/accuracy/study_models.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <utility>
 
 #include "client/effect_cost/instruction_count.h"
 #include "client/sim/accuracy/gesture.h"
 #include "common/fem/needle_mesh.h"
-#include "common/haptics/models/like_for_like.h"
+#include "common/fem/needle_study.h"
 
 namespace needlelab {
 namespace {
@@ -28,6 +31,26 @@ std::vector<StudyModel> studyModels(const SceneSpec& scene) {
     models.back().spec.voigt.velocity_noise_m = kEncoder_m;
   }
   return models;
+}
+
+Status addMesh(StudyModel& study, const SceneSpec& scene, int nodes) {
+  if (study.model != AxialModel::kFem) return {};
+  ASSIGN_OR_RETURN(auto fem, femLikeForLike(scene, nodes));
+  study.spec = std::move(fem.spec);
+  study.young_factor = fem.young_factor;
+  return addCompliance(study.spec);
+}
+
+std::string assumptionRemark(const StudyModel& study, const SceneSpec& scene) {
+  const std::string text = frictionAssumption(scene, study.model);
+  return text.empty() ? text : ". " + text;
+}
+
+std::string elasticityText(double young_factor) {
+  return fmt::format(
+      "an elasticity that was set, not measured: the scene's lateral stiffness gives E, times {:.3g} in all "
+      "layers, so that the tip meets the stiffness of the scene's walls at the skin",
+      young_factor);
 }
 
 bool profileHasLawOf(AxialModel model) {
@@ -61,8 +84,7 @@ Status stepForCounting() {
   for (const StudyScene& scene : scenes) {
     const StudyGesture gesture = studyGesture(scene.spec, 1, kCountedRate_hz);
     for (StudyModel& model : studyModels(scene.spec)) {
-      model.spec.fem.nodes = kCoarseNodes;
-      RETURN_IF_ERROR(addCompliance(model.spec));
+      RETURN_IF_ERROR(addMesh(model, scene.spec, kCoarseNodes));
       ASSIGN_OR_RETURN(const auto compiled, compile(model.spec, kCountedRate_hz));
       const TimedTick timed = timedSteps(compiled, gesture);
       for (std::size_t i = 0; i < gesture.tips.size(); ++i) timed.tick();

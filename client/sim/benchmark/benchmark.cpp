@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "client/sim/accuracy/recorded_statistical.h"
-#include "client/sim/benchmark/small_sample.h"
+#include "client/sim/tools/small_sample.h"
 
 namespace needlelab {
 namespace {
@@ -254,7 +254,7 @@ void compare(HoldOut what, std::vector<BenchmarkRow>& rows) {
     models.push_back({&row, meanInterval(ratios).mean});
     p.push_back(meanIsZero(ratios));
   }
-  const std::vector<double> corrected = holm(p);
+  const std::vector<double> corrected = holmCorrected(p);
   for (std::size_t i = 0; i < models.size(); ++i) {
     auto& [row, better] = models[i];
     row->p = corrected[i];

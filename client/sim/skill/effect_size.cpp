@@ -77,19 +77,6 @@ std::vector<bool> randomLabels(std::size_t n, std::size_t first, HandRandom& ran
   return labels;
 }
 
-std::vector<double> holmCorrected(std::span<const double> p) {
-  std::vector<std::size_t> order(p.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return p[a] < p[b]; });
-  std::vector<double> corrected(p.size());
-  double least = 0;  // a larger p never becomes a smaller one
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    least = std::max(least, std::min(1.0, static_cast<double>(order.size() - k) * p[order[k]]));
-    corrected[order[k]] = least;
-  }
-  return corrected;
-}
-
 LabelTest::LabelTest(std::vector<double> values, std::size_t first, HandRandom& random)
     : ranks_(values.size()), first_(first) {
   for (std::size_t i = 0; i < values.size(); ++i) {

@@ -46,10 +46,6 @@ class LabelTest {
   std::vector<double> distances_;  // sorted, of all labellings looked at
 };
 
-/// The p values of several tests, corrected by Holm's method (1979), in the order given: the chance that any
-/// test whose groups do not differ comes to α or below is at most α, however the tests depend on each other.
-std::vector<double> holmCorrected(std::span<const double> p);
-
 /// A labelling with `first` of `n` in the first group, all equally likely.
 std::vector<bool> randomLabels(std::size_t n, std::size_t first, HandRandom& random);
 

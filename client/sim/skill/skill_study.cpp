@@ -10,6 +10,7 @@
 
 #include "client/device/simulated_device.h"
 #include "client/sim/tools/closed_loop.h"
+#include "client/sim/tools/small_sample.h"
 #include "common/base/program.h"
 #include "common/fem/needle_mesh.h"
 #include "common/profile/profile.h"

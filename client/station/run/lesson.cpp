@@ -91,7 +91,7 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
           device.name, axial, most)};
 }
 
-std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
+std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
                                             double hand_damping_Ns_per_m) {
   if (!device.renders_force) return std::nullopt;
   const double damping = device.limits.damping_Ns_per_m + hand_damping_Ns_per_m;
@@ -103,8 +103,9 @@ std::optional<std::string> passivityWarning(const SceneModel& model, const Devic
   if (axial <= bound) return std::nullopt;
   const std::string minus = own > 0 ? fmt::format(" − {:.3g} of the model", own) : std::string();
   return fmt::format(
-      "{:.4g} N/m along the needle is above the passivity bound of {:.4g} N/m (({:.3g} + {:.3g}{} "
-      "N·s/m)/({:.3g} ms · (½ + {:.0f}))): it may oscillate in a loose hand",
+      "{:.4g} N/m along the needle is above the {:.4g} N/m that are stable with this hand (coupled "
+      "stability: ({:.3g} of the device + {:.3g} of the hand{} N·s/m)/({:.3g} ms · (½ + {:.0f}))): it may "
+      "oscillate in a loose hand",
       axial, bound, device.limits.damping_Ns_per_m, hand_damping_Ns_per_m, minus, model.period_s * 1e3,
       kDelayTicks);
 }
@@ -125,23 +126,43 @@ SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::
   return scene;
 }
 
-Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
-                      std::vector<std::string>& notes) {
-  if (!device.renders_force) return {};
-  const double axial = lesson.model.axialStiffness_N_per_m();
-  const DeviceLimits& limits = device.limits;
-  // the lever's torque is not asked for: the fixture acts on the handle as at the tip
-  const bool has_lever = device.renders_torque && device.has_orientation;
-  const Pose lever = has_lever ? X_HT : Pose{};
-  const double share = heldStiffnessShare(lesson.scene, axial, limits, lever);
-  if (share >= 1) return {};
+namespace {
 
-  const HandleStiffness wanted = handleStiffness(lesson.scene, axial, lever);
-  const std::string what = fmt::format(
+std::string acrossText(const HandleStiffness& wanted, const DeviceInfo& device, const Pose& lever) {
+  return fmt::format(
       "Across the needle the scene is {:.4g} N/m at the tip and, with the tool's lever of {:.0f} mm, {:.3g} "
       "N·m/rad at the handle; the {} holds {:.4g} N/m and {:.3g} N·m/rad",
       wanted.across_N_per_m(), 1e3 * norm(lever.p), wanted.handle_Nm_per_rad, device.name,
-      limits.max_stiffness_N_per_m, limits.max_rotational_stiffness_Nm_per_rad);
+      device.limits.max_stiffness_N_per_m, device.limits.max_rotational_stiffness_Nm_per_rad);
+}
+
+}  // namespace
+
+Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
+                      std::vector<std::string>& notes) {
+  if (!device.renders_force) return {};
+  // else the lever's torque is not asked for: the fixture acts on the handle as at the tip
+  const bool has_lever = device.renders_torque && device.has_orientation;
+  const Pose lever = has_lever ? X_HT : Pose{};
+  double axial = lesson.model.axialStiffness_N_per_m();
+  const auto shareOf = [&](const SceneSpec& scene) {
+    return heldStiffnessShare(scene, axial, device.limits, lever);
+  };
+  double share = shareOf(lesson.scene);
+  // half a bone would be no bone: then it is left out, as what a device cannot render
+  if (share < kLeastStiffnessShare && (lesson.scene.effects & bitOf(Effect::kBone)) != 0) {
+    notes.push_back(acrossText(handleStiffness(lesson.scene, axial, lever), device, lever) +
+                    ". BONE is not live: the needle cuts bone as it cuts a layer of tissue.");
+    lesson.scene.effects &= ~bitOf(Effect::kBone);
+    lesson.bone_left_out = true;
+    ASSIGN_OR_RETURN(const auto without, compile(lesson.scene, lesson.model.rate_hz));
+    axial = without.axialStiffness_N_per_m();
+    share = shareOf(lesson.scene);
+  }
+  if (share >= 1) return {};
+
+  const HandleStiffness wanted = handleStiffness(lesson.scene, axial, lever);
+  const std::string what = acrossText(wanted, device, lever);
   if (share < kLeastStiffnessShare)
     return Error{
         ErrorCode::kInvalidInput,
@@ -151,8 +172,8 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
   lowerStiffness(lesson.scene, share);
   lesson.stiffness_share = share;
   notes.push_back(
-      fmt::format("{}. Fixture, bone and orientation limit are rendered at {:.0f} %: at most {:.4g} N/m.",
-                  what, 100 * share, share * wanted.across_N_per_m()));
+      fmt::format("{}. It is rendered at {:.0f} %: at most {:.4g} N/m across the needle.", what, 100 * share,
+                  share * wanted.across_N_per_m()));
   return {};
 }
 

@@ -27,7 +27,8 @@ struct StationLesson {
   SceneSpec scene;  ///< in W
   SceneModel model;
   std::vector<std::string> warnings;  ///< warnings about the profile, for a person
-  double stiffness_share = 1;         ///< as in SessionDescription: fixture and orientation limit, lowered
+  double stiffness_share = 1;         ///< as in SessionDescription
+  bool bone_left_out = false;         ///< the profile lists BONE, and device and tool do not hold it
   std::uint32_t attempt = 0;          ///< the trainee's attempt number; 0: unknown
   std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
 };
@@ -52,9 +53,9 @@ std::vector<std::string> liveEffects(const SceneModel& model);
 /// limits"); across it, see lowerForDevice. A device that renders no force accepts every scene. Errors:
 /// kInvalidInput, with the numbers.
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device);
-/// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate: returns a warning with the numbers, or
-/// nothing.
-std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
+/// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate with this hand (coupled stability; passivity,
+/// whatever the hand, would count the device's b alone): returns a warning with the numbers, or nothing.
+std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
                                             double hand_damping_Ns_per_m);
 
 /// Returns the scene as `device` can render it. Turns the orientation limit off if the device renders no
@@ -62,10 +63,11 @@ std::optional<std::string> passivityWarning(const SceneModel& model, const Devic
 /// limit: the engine computes it for the record. Adds omissions and assumptions to `notes`.
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes);
 
-/// Lowers fixture and orientation limit of `lesson.scene` to what device and tool's lever hold
-/// (FORCE_MODEL.md, "Device limits"), and says so in `notes`. A device that renders no force feels no
-/// stiffness; one without torque does not render the lever. `lesson.model` is of the scene as it was, and
-/// stays. Errors: kInvalidInput, with the numbers, where less than kLeastStiffnessShare is left.
+/// Lowers fixture, bone and orientation limit of `lesson.scene` to what device and tool's lever hold
+/// (FORCE_MODEL.md, "Device limits"), and says so in `notes`. Where less than kLeastStiffnessShare of it
+/// would be left, BONE is left out first. A device that renders no force feels no stiffness; one without
+/// torque does not render the lever. `lesson.model` is of the scene as it was, and stays. Errors:
+/// kInvalidInput, with the numbers, where less than kLeastStiffnessShare is left without bone, too.
 Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
                       std::vector<std::string>& notes);
 

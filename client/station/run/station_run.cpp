@@ -107,7 +107,7 @@ Status StationRun::measureEffects() {
 Status StationRun::openDevice() {
   RETURN_IF_ERROR(checkStiffness(lesson_.model, device_->info()));
   const double hand = options_.device == "simulated" ? options_.hand.damping_Ns_per_m : kHandDamping_Ns_per_m;
-  if (const auto warning = passivityWarning(lesson_.model, device_->info(), hand)) logMessage(*warning);
+  if (const auto warning = stabilityWarning(lesson_.model, device_->info(), hand)) logMessage(*warning);
   RETURN_IF_ERROR(device_->open(options_.rate_hz));
 
   time_limit_s_ = options_.seconds;
@@ -290,6 +290,7 @@ StationSummary StationRun::summarise() {
   s.black_box = black_box_;
   s.device_notes = device_notes_;
   s.stiffness_share = lesson_.stiffness_share;
+  s.bone_left_out = lesson_.bone_left_out;
   s.spool = options_.spool.string();
   if (stopped_) s.stopped = *stopped_;
   s.state = "OPEN";

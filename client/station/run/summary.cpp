@@ -386,7 +386,7 @@ std::string summaryText(const StationSummary& s) {
   else
     text += "spool        " + s.spool + ", nothing waits\n";
   text += syringeLines(s);
-  if (const std::string lowered = stiffnessShareText(s.stiffness_share); !lowered.empty())
+  if (const std::string lowered = stiffnessShareText(s.stiffness_share, s.bone_left_out); !lowered.empty())
     text += "stiffness    " + lowered + "\n";
   text += "score        " + scoreText(s);
   if (text.back() != '\n') text += '\n';

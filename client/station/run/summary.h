@@ -34,6 +34,7 @@ struct StationSummary {
   std::vector<std::string> live_effects;
   std::vector<std::string> device_notes;  ///< the device's limits, and the substitutes for them
   double stiffness_share = 1;             ///< as in SessionDescription
+  bool bone_left_out = false;             ///< as in StationLesson
   std::optional<EffectCosts>
       effect_costs;  ///< of the live effects, measured before the loop; none if the measurement failed
   std::vector<RtStep> realtime;

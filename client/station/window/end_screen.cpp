@@ -95,7 +95,7 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
     verdict.kept = "The recording is safe in this station's spool; it is sent when a server is given.";
   }
   if (outcome.code_unchecked) verdict.waits = kCodeUnchecked;
-  verdict.lowered = stiffnessShareText(s.stiffness_share);
+  verdict.lowered = stiffnessShareText(s.stiffness_share, s.bone_left_out);
   return verdict;
 }
 

@@ -9,7 +9,10 @@
 /// force only falls and never pulls in, so ∫ f dh ≤ 0.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 
 #include "common/haptics/effects/effect_entry.h"
@@ -31,7 +34,7 @@ constexpr int kMostSlips = 8;
 constexpr double kMostHeld = 0.9;
 /// A direction shorter than this has no meaning after rounding.
 constexpr double kShortestNormal = 1e-6;
-constexpr double kNoLimit_N = std::numeric_limits<double>::infinity();
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 template <std::size_t kIndex>
 double& boneNumber(SceneSpec& spec) {
@@ -42,15 +45,20 @@ constexpr std::array<EffectField, 2> kBoneFields = {
     {{"stiffness_n_per_m", "Stiffness of the bone", kStiffness, 600, boneNumber<kBoneStiffness_N_per_m>},
      {"friction_coefficient", "Friction along the bone", {0, 2}, 0.3, boneNumber<kBoneFriction>}}};
 
-// positive in the bone; like δ it changes by no more than the way
+double belowBonePlane(const SceneModel& model, Vec3 p_W_m) {
+  return -dot(model.bone_normal, p_W_m - model.bone_point_m);
+}
+
+// positive in the bone; like δ it changes by no more than the way. A bone that slants ends at the skin
 double depthInBone(const SceneModel& model, Vec3 p_W_m) {
-  if (model.bone_is_plane) return -dot(model.bone_normal, p_W_m - model.bone_point_m);
+  if (model.bone_is_plane) return std::min(belowBonePlane(model, p_W_m), depthIn(model, p_W_m));
   return depthIn(model, p_W_m) - model.bone_top_m;
 }
 
 // out of the bone at the surface's nearest place; at a centre against `motion`
 Vec3 boneNormal(const SceneModel& model, Vec3 p_W_m, Vec3 motion) {
-  return model.bone_is_plane ? model.bone_normal : surfaceNormal(model.limb, p_W_m, motion);
+  if (!model.bone_is_plane) return surfaceNormal(model.limb, p_W_m, motion);
+  return belowBonePlane(model, p_W_m) <= depthIn(model, p_W_m) ? model.bone_normal : model.plane_normal;
 }
 
 // the nearest place on the bone's surface
@@ -58,16 +66,18 @@ Vec3 ontoBone(const SceneModel& model, Vec3 p_W_m, Vec3 normal_W) {
   return p_W_m + normal_W * depthInBone(model, p_W_m);
 }
 
-// whether the way from one tick's tip to the next meets the bone; sets where
+// whether the way in the tissue from one tick's tip to the next meets the bone; sets where
 bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) {
   const Vec3 way = to_W_m - from_W_m;
-  const double gap_m = std::max(0.0, -depthInBone(model, from_W_m)), end_gap_m = -depthInBone(model, to_W_m);
-  const double length_m = norm(way);
-  if (gap_m + end_gap_m > length_m) return false;  // no point between is as near to the bone
   if (model.bone_is_plane) {
+    const double gap_m = std::max(0.0, -belowBonePlane(model, from_W_m));
+    const double end_gap_m = -belowBonePlane(model, to_W_m);
     if (end_gap_m < 0.0) at_W_m = from_W_m + way * (gap_m / (gap_m - end_gap_m));
     return end_gap_m < 0.0;
   }
+  const double gap_m = std::max(0.0, -depthInBone(model, from_W_m)), end_gap_m = -depthInBone(model, to_W_m);
+  const double length_m = norm(way);
+  if (gap_m + end_gap_m > length_m) return false;  // no point between is as near to the bone
   // on a round bone, also where it is left again: on, each time by as far as no bone can be
   double gone_m = gap_m;
   for (int i = 0; i < kMostSteps && gone_m < length_m; ++i) {
@@ -106,13 +116,18 @@ bool followTip(const SceneModel& model, Vec3 tip_W_m, Vec3& proxy_W_m) {
   return true;
 }
 
+// the tissue may hold the needle with any force
+void forgetTissue(BoneContact& bone) {
+  bone.cutting_N = bone.friction_N = bone.place_m = kNoLimit;
+}
+
 // brings the contact to this tick's tip
 void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, BoneContact& bone) {
   if (!bone.touching) {
-    if (!meetsBone(model, from_W_m, tip_W_m, bone.p_proxy_W_m)) return;
-    bone.p_proxy_W_m =
-        ontoBone(model, bone.p_proxy_W_m, boneNormal(model, bone.p_proxy_W_m, tip_W_m - from_W_m));
-    bone.cutting_N = bone.friction_N = kNoLimit_N;
+    Vec3 at_W_m;
+    if (!meetsBone(model, from_W_m, tip_W_m, at_W_m)) return;
+    bone.p_proxy_W_m = ontoBone(model, at_W_m, boneNormal(model, at_W_m, tip_W_m - from_W_m));
+    forgetTissue(bone);
   }
   bone.touching = followTip(model, tip_W_m, bone.p_proxy_W_m);
   if (bone.touching)
@@ -153,21 +168,41 @@ double limitWall(double stiffness_N_per_m, double x_cut_m, double& most_N, doubl
   return force_N - before_N;
 }
 
+// intact membranes are not stretched further than in the last tick: by as much they move on, and with them
+// what they hold back; returns the change of the force along u
+double limitMembranes(const SceneModel& model, double x_m, SimState& state, StepReport& report) {
+  const double gone_m = x_m - state.x_shift_m - state.bone.place_m;
+  state.bone.place_m = x_m - state.x_shift_m;
+  if (!(gone_m > 0.0)) return 0.0;
+  const double x_cut_before_m = cuttingPosition(state, x_m);
+  for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
+    double& membrane_m = state.membrane_place_m[static_cast<std::size_t>(std::countr_zero(left))];
+    membrane_m += std::clamp(x_m - membrane_m, 0.0, gone_m);
+  }
+  const double follow_m = cuttingPosition(state, x_m) - x_cut_before_m;
+  state.wall_m += follow_m;
+  state.friction_wall_m += follow_m;
+  const double before_N = report.puncture_N;
+  report.puncture_N = membranesForce(model, state, x_m);
+  return report.puncture_N - before_N;
+}
+
 // what the tissue holds the needle with on the bone only falls; returns the change of the force along u
 double limitTissue(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) {
   BoneContact& bone = state.bone;
   if (!(bone.held_m > 0.0)) {
-    bone.cutting_N = bone.friction_N = kNoLimit_N;
+    forgetTissue(bone);
     return 0.0;
   }
-  const double x_cut_m = cuttingPosition(state, dot(state.u_W, felt.p_WT_m - state.p_entry_W_m));
+  const double x_m = dot(state.u_W, felt.p_WT_m - state.p_entry_W_m);
   double along_N = 0.0;
-  if (model.cut_reach != nullptr && model.isLive(Effect::kCutting)) {
+  if (model.isLive(Effect::kPuncture)) along_N += limitMembranes(model, x_m, state, report);
+  const double x_cut_m = cuttingPosition(state, x_m);
+  if (model.cut_reach != nullptr && model.isLive(Effect::kCutting))
     along_N +=
         limitWall(model.wall.stiffness_N_per_m, x_cut_m, bone.cutting_N, state.wall_m, report.cutting_N);
-    // "no wall" stays "no wall"
-    if (!std::isnan(report.p_wall_W_m.x)) report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
-  }
+  // "no wall" stays "no wall"
+  if (!std::isnan(report.p_wall_W_m.x)) report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
   if (model.isLive(Effect::kShaftFriction))
     along_N += limitWall(model.friction_stiffness_N_per_m, x_cut_m, bone.friction_N, state.friction_wall_m,
                          report.friction_N);

@@ -87,17 +87,6 @@ bool hasHoleAt(const CutMemory& cuts, std::size_t membrane, Vec3 p_W_m, double r
   return false;
 }
 
-// the force of the membranes that hold (FORCE_MODEL.md, "Puncture")
-double heldForce(const SceneModel& model, const SimState& state, double x_m) {
-  double force_N = 0.0;
-  for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
-    const auto i = static_cast<std::size_t>(std::countr_zero(left));
-    const double z = x_m - state.membrane_place_m[i];
-    if (z > 0.0) force_N -= model.membranes[i].k1_N_per_m * z + model.membranes[i].k2_N_per_m2 * (z * z);
-  }
-  return force_N;
-}
-
 // opens the membranes that the needle meets at a hole; returns the change of the force along u
 double openMembranes(const SceneModel& model, SimState& state, double x_m, double x_before_m,
                      StepReport& report) {
@@ -121,7 +110,7 @@ double openMembranes(const SceneModel& model, SimState& state, double x_m, doubl
   state.friction_wall_m += follow_m;
   if (held_before) report.flags |= kFlagRupture;
   const double before_N = report.puncture_N;
-  report.puncture_N = heldForce(model, state, x_m);
+  report.puncture_N = membranesForce(model, state, x_m);
   return report.puncture_N - before_N;
 }
 

@@ -21,6 +21,17 @@ inline double cuttingPosition(const SimState& state, double x_m) {
   return x_cut;
 }
 
+/// The force along u of the membranes that hold, never positive.
+inline double membranesForce(const SceneModel& model, const SimState& state, double x_m) {
+  double force_N = 0.0;
+  for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(left));
+    const double z = x_m - state.membrane_place_m[i];
+    if (z > 0.0) force_N -= model.membranes[i].k1_N_per_m * z + model.membranes[i].k2_N_per_m2 * (z * z);
+  }
+  return force_N;
+}
+
 /// Updates the places of membranes that the tip reaches, the ruptures, and x_c. Returns the membranes' force
 /// along u (never positive). `x_before_m`, `depth_before_m`: the previous tick; 0 and 0 (P0) at the entry
 /// tick.

@@ -18,11 +18,7 @@
 namespace needlelab {
 namespace {
 
-struct FirstOrder {
-  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
-  static constexpr EffectMask kReplaces = bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction);
-  static constexpr bool kHasWall = true;
-
+struct FirstOrder : LayerTops {
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
     // stiffness and puncture: a membrane on every top
@@ -69,10 +65,8 @@ void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
     rubs = rubs || own.friction_N_per_m > 0;
   }
   model.membrane_count = model.layer_count;
-  // while a top holds, x_c and both walls stand still
   model.axial_stiffness_N_per_m =
-      std::max(steepest_N_per_m,
-               spec.tracking_wall.stiffness_N_per_m + (rubs ? spec.friction_stiffness_N_per_m : 0.0));
+      stiffnessWithTops(spec, steepest_N_per_m, rubs ? spec.friction_stiffness_N_per_m : 0.0);
 }
 
 }  // namespace

@@ -6,9 +6,23 @@
 #include <bit>
 
 #include "common/haptics/effects/puncture.h"
+#include "common/haptics/scene_spec.h"
 #include "common/haptics/tick.h"
 
 namespace needlelab {
+
+/// The effects of such a model; its `apply` stands in the derived one.
+struct LayerTops {
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
+  static constexpr EffectMask kReplaces = bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction);
+  static constexpr bool kHasWall = true;
+};
+
+/// The steepest stiffness along u: while a top holds, x_c and both walls stand still, so it is that of the
+/// steepest top, or of wall and friction together.
+inline double stiffnessWithTops(const SceneSpec& spec, double steepest_top_N_per_m, double friction_N_per_m) {
+  return std::max(steepest_top_N_per_m, spec.tracking_wall.stiffness_N_per_m + friction_N_per_m);
+}
 
 /// Constant cutting in the open layer at x_c, on the way in only, by a dragged wall with the spring K_t.
 [[gnu::always_inline]] inline double cutBeyondTops(const SceneModel& model, SimState& state, const Tick& tick,

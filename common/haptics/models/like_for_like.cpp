@@ -1,5 +1,7 @@
 #include "common/haptics/models/like_for_like.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -51,8 +53,8 @@ void deriveFirstOrder(SceneSpec& scene) {
   scene.effects |= bitOf(Effect::kCutting);
 }
 
-// the ratios to kinetic friction of bovine liver (Okamura, Simone and O'Leary 2004: 18.57 and 11.96 N/m, 293
-// N·s/m² on the way in; 18.45, 10.57, 212 out)
+// Ratios to kinetic friction: assumptions. Remembered as bovine liver's (Okamura, Simone and O'Leary
+// 2004: 18.57 and 11.96 N/m, 293 N·s/m² on the way in; 18.45, 10.57, 212 out); the paper was not at hand.
 constexpr double kStaticIn = 1.55, kStaticOut = 1.75, kViscousIn_s_per_m = 24.5, kViscousOut_s_per_m = 20.1;
 
 void deriveOkamura(SceneSpec& scene) {
@@ -102,6 +104,28 @@ void deriveStiffness(const SceneSpec& scene, Section& section) {
 }
 
 }  // namespace
+
+std::string frictionAssumption(const SceneSpec& scene, AxialModel model) {
+  const bool okamura = model == AxialModel::kOkamura;
+  if ((!okamura && model != AxialModel::kDahl) || model == scene.axial_model) return {};
+  bool derived = false, rubs = false;
+  for (const LayerSpec& layer : scene.layers) {
+    derived = derived || !layer.okamura;
+    rubs = rubs || (!layer.okamura && frictionOf(scene, layer) > 0);
+  }
+  if (!derived) return {};
+  if (!rubs)
+    return "The scene has no friction: what tells this model's from FIRST_ORDER's is not in this row";
+  std::string ratios = fmt::format("viscous friction of {:g} (in) and {:g} s/m (out) times kinetic",
+                                   kViscousIn_s_per_m, kViscousOut_s_per_m);
+  if (okamura)
+    ratios =
+        fmt::format("static friction of {:g} (in) and {:g} (out) times kinetic, ", kStaticIn, kStaticOut) +
+        ratios;
+  return "Assumptions, remembered of bovine liver (Okamura, Simone and O'Leary 2004) and not compared with "
+         "the paper: " +
+         ratios;
+}
 
 std::vector<PrecomputedSpec::Row> forceTableOfLayers(const SceneSpec& scene) {
   const double stiffness = scene.tracking_wall.stiffness_N_per_m;

@@ -1,6 +1,9 @@
 /// Converts a scene to another axial model, for comparisons.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
@@ -28,14 +31,20 @@ inline constexpr double kSyntheticSdShare = 0.1;
 ///   enters it.
 /// - OKAMURA, DAHL: cutting, puncture force and kinetic friction as FIRST_ORDER; linear and quadratic
 ///   stiffness of the membrane, or K_t and 0; static friction 1.55 times kinetic in and 1.75 times out,
-///   viscous 24.5 and 20.1 s/m times kinetic: the ratios of bovine liver (Okamura, Simone and O'Leary 2004).
-///   Of a scene that lists neither SHAFT_FRICTION nor PUNCTURE both give the forces of FIRST_ORDER.
+///   viscous 24.5 and 20.1 s/m times kinetic: assumptions (frictionAssumption). Of a scene that lists neither
+///   SHAFT_FRICTION nor PUNCTURE both give the forces of FIRST_ORDER.
 /// - FEM: E from the lateral stiffness per length k' of a rigid needle, k' = 8πG (1 − ν)/((3 − 4ν) ln(R/r)),
 ///   the leading term of a rigid disc moved in plane strain (Baguelin, Frank and Said 1977) with R/r = 100:
 ///   E = 1.16 k' at ν = 0.45; 10 kPa where k' is 0. Cutting and friction as for FIRST_ORDER, SHAFT_FRICTION
 ///   leaves the list. `fem.compliance` does not change: common/fem makes it before `compile`.
 /// The scene must be valid. Not for the haptic thread.
 SceneSpec likeForLike(const SceneSpec& scene, AxialModel model);
+
+/// What is assumed of the friction of OKAMURA and DAHL in a scene from `likeForLike`, as a sentence without
+/// its full stop for those who read a result: the four ratios above were written down from memory, as bovine
+/// liver's of Okamura, Simone and O'Leary (2004); nobody has compared them with the paper. Empty for other
+/// models, and where the scene has sections `okamura` of its own.
+std::string frictionAssumption(const SceneSpec& scene, AxialModel model);
 
 /// Returns the table of PRECOMPUTED, derived as above.
 std::vector<PrecomputedSpec::Row> forceTableOfLayers(const SceneSpec& scene);

@@ -105,11 +105,7 @@ struct Dahl {
 };
 
 template <class Friction>
-struct ThreeForces {
-  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
-  static constexpr EffectMask kReplaces = bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction);
-  static constexpr bool kHasWall = true;
-
+struct ThreeForces : LayerTops {
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
     const TickBefore before = tickBefore(state);
@@ -131,7 +127,6 @@ struct ThreeForces {
 };
 constexpr StepTable kOkamuraSteps = stepTable<ThreeForces<Karnopp>>();
 constexpr StepTable kDahlSteps = stepTable<ThreeForces<Dahl>>();
-constexpr EffectMask kReplaced = ThreeForces<Karnopp>::kReplaces;
 
 constexpr NumberRange kViscous{0, 1e5};
 
@@ -145,7 +140,7 @@ void checkSide(const ShaftFrictionSpec& side, const std::string& name, SpecCheck
 }
 
 void checkThreeForces(const SceneSpec& spec, SpecChecker& check) {
-  refuseReplacedEffects(spec, kReplaced, "layers[].okamura", check);
+  refuseReplacedEffects(spec, LayerTops::kReplaces, "layers[].okamura", check);
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
     check.enter(fmt::format("layers[{}].", i));
     const auto& own = spec.layers[i].okamura;
@@ -209,10 +204,8 @@ void compileThreeForces(const SceneSpec& spec, SceneModel& model, double steepes
   }
   model.membrane_count = model.layer_count;
   model.shaft_limits = std::move(limits);
-  // while a top holds, x_c and both walls stand still
-  model.axial_stiffness_N_per_m =
-      std::max(steepest_N_per_m, spec.tracking_wall.stiffness_N_per_m +
-                                     (rubs ? steepest_friction * spec.friction_stiffness_N_per_m : 0.0));
+  model.axial_stiffness_N_per_m = stiffnessWithTops(
+      spec, steepest_N_per_m, rubs ? steepest_friction * spec.friction_stiffness_N_per_m : 0.0);
 }
 
 EffectMask alwaysCutting(const SceneSpec&) {
@@ -223,11 +216,13 @@ EffectMask alwaysCutting(const SceneSpec&) {
 
 constinit const AxialEntry kOkamuraEntry = {
     &kOkamuraSteps, checkThreeForces, alwaysCutting,
-    [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 1); }, kReplaced};
+    [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 1); },
+    LayerTops::kReplaces};
 
 // turned back at its limit, Dahl's spring gives way twice as fast as K_f
 constinit const AxialEntry kDahlEntry = {
     &kDahlSteps, checkThreeForces, alwaysCutting,
-    [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 2); }, kReplaced};
+    [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 2); },
+    LayerTops::kReplaces};
 
 }  // namespace needlelab

@@ -84,7 +84,7 @@ void compileStages(const SceneSpec& spec, SceneModel& model) {
     if (entry->stage == nullptr || !model.isLive(entry->effect)) continue;
     model.stages[model.stage_count++] = entry->stage;
     if (entry->compileStage != nullptr) entry->compileStage(model);
-    model.step_function = stepWithStages;
+    model.step_function = model.hold != nullptr ? stepHeld : stepWithStages;
     model.surely_below_cap_N = std::numeric_limits<double>::infinity();
   }
 }

@@ -14,6 +14,8 @@ TEST(SessionRules, aGoodDescriptionIsTaken) {
   EXPECT_OK(checkDescription(d));
   d.set_rate_hz(40'000);  // the fastest loop of a station
   EXPECT_OK(checkDescription(d));
+  d.set_stiffness_share(0.55);
+  EXPECT_OK(checkDescription(d));
   d.clear_exercise_id();  // free practice
   EXPECT_OK(checkDescription(d));
 }
@@ -51,6 +53,9 @@ TEST(SessionRules, everyBadFieldIsNamed) {
          for (int i = 0; i < 7; ++i) d.add_tool(std::numeric_limits<double>::infinity());
        }},
       {"resolution.length_m", [](auto& d) { d.mutable_resolution()->set_length_m(-1); }},
+      {"stiffness_share", [](auto& d) { d.set_stiffness_share(0); }},
+      {"stiffness_share", [](auto& d) { d.set_stiffness_share(1.01); }},
+      {"stiffness_share", [](auto& d) { d.set_stiffness_share(std::nan("")); }},
       {"resolution.time_s", [](auto& d) { d.mutable_resolution()->set_time_s(std::nan("")); }},
   };
   for (const Case& c : cases) {

@@ -20,8 +20,17 @@ export function verdictOf(passed) {
   return ['open', word.get('none')];
 }
 
-/** As stiffnessShareText of common/haptics: beside the score of a session that was rendered softer than its profile. */
-export const stiffnessShareText = (share) =>
-  share > 0 && share < 1
-    ? `Fixture, bone and orientation limit were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness: device and tool hold no more.`
-    : '';
+/**
+ * As stiffnessShareText of common/haptics: beside the score of a session that was not rendered as its profile says.
+ * @param {{stiffness_share?: any, device_notes?: string[]}} description
+ */
+export function stiffnessShareText({ stiffness_share: share, device_notes }) {
+  const without_bone = (device_notes ?? []).some((note) => note.includes('BONE is not live'));
+  const sentences = [];
+  if (without_bone) sentences.push('Bone was left out: the needle cut it as it cuts a layer of tissue.');
+  if (share > 0 && share < 1)
+    sentences.push(
+      `${without_bone ? 'Fixture and orientation limit' : 'Fixture, bone and orientation limit'} were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness.`,
+    );
+  return sentences.length === 0 ? '' : [...sentences, 'Device and tool hold no more.'].join(' ');
+}

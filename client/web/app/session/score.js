@@ -92,8 +92,8 @@ export function useScore({ session_id, exercise_id }) {
 
 /** @param {{session: any, load: any, person: any}} props `load`: of useScore */
 export function Score({ session, load, person }) {
-  const { session_id, exercise_id, stiffness_share } = session.description;
-  const lowered = stiffnessShareText(stiffness_share);
+  const { session_id, exercise_id } = session.description;
+  const lowered = stiffnessShareText(session.description);
   const action = useAction();
   const rescore = async () => {
     const score = await action.run(() => sessions.rescore(session_id));

@@ -26,6 +26,7 @@ TEST(PrecomputeCommand, writesAProfileThatRunsAndSaysHowFarItIsFromLiveFem) {
   EXPECT_EQ(row.at("table_rows"), 101);
   EXPECT_GT(row.at("fem_peak_n"), 0.5);
   EXPECT_GE(row.at("error_max_n"), row.at("error_rms_n"));
+  EXPECT_EQ(row.at("young_factor"), 1) << "its own section fem stays";
 
   const auto profile = loadProfile(out);
   ASSERT_TRUE(profile.ok()) << profile.error().message;
@@ -35,6 +36,7 @@ TEST(PrecomputeCommand, writesAProfileThatRunsAndSaysHowFarItIsFromLiveFem) {
   EXPECT_EQ(profile->precomputed().table(0).cutting_n(), 0.0);
   EXPECT_THAT(profile->precomputed().source(),
               HasSubstr("needlelab-sim precompute of profile shoulder-models"));
+  EXPECT_THAT(profile->precomputed().source(), HasSubstr("elasticity is that of the profile's section fem"));
   EXPECT_THAT(profile->precomputed().source(), HasSubstr("strained above 10 %"));
   // The table includes the shaft's friction, so it is not added a second time.
   const auto scene = sceneSpecOf(*profile);
@@ -69,14 +71,25 @@ TEST(PrecomputeCommand, sameInputGivesTheSameTable) {
   EXPECT_EQ(text[0], text[1]);
 }
 
-TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAndSaysSo) {
+// E from lateral stiffness alone was so soft that the tip met some 20 N/m: the table hardly rose
+TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAtTheStiffnessOfItsWallsAndSaysSo) {
   const test::TempFolder folder;
   const auto out = folder.path() / "table.json";
   const auto outcome = sim({"precompute", "--profile", (test::kSamples / "paper-1dof.json").string(),
-                            "--mesh", "500", "--rows", "11", "--depth", "0.02", "--out", out.string()});
+                            "--mesh", "500", "--rows", "21", "--depth", "0.02", "--out", out.string()});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("no section fem"));
-  EXPECT_THAT(outcome.out, HasSubstr("11 rows to 20.0 mm"));
+  EXPECT_THAT(outcome.out, HasSubstr("21 rows to 20.0 mm"));
+  const auto profile = loadProfile(out);
+  ASSERT_TRUE(profile.ok()) << profile.error().message;
+  // without friction the tip alone presses: 500 N/m until it cuts at 1 N
+  const auto& table = profile->precomputed().table();
+  EXPECT_NEAR(table[1].cutting_n(), 500 * 0.001, 0.005);
+  EXPECT_NEAR(table[5].cutting_n(), 1, 0.005);
+  for (const std::string& text : {outcome.err, profile->precomputed().source()}) {
+    EXPECT_THAT(text, HasSubstr("elasticity was set, not measured"));
+    EXPECT_THAT(text, HasSubstr("the tip meets the walls' 500 N/m at the skin"));
+  }
 }
 
 TEST(PrecomputeCommand, refusesWithFieldValueAndRangeAndWritesNothing) {

@@ -1,6 +1,7 @@
 /// Runs needlelab-sim in the test's own process, and returns its output.
 #pragma once
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -30,6 +31,23 @@ inline Outcome sim(std::vector<std::string> arguments) {
   outcome.out = testing::internal::GetCapturedStdout();
   outcome.err = testing::internal::GetCapturedStderr();
   return outcome;
+}
+
+/// A wrong command line, and what its message has to name.
+struct Refused {
+  std::vector<std::string> arguments, named;
+};
+
+/// `command` refuses each with exit code 2, before it has written anything to standard output.
+inline void expectRefused(const std::string& command, const std::vector<Refused>& cases) {
+  for (const Refused& one : cases) {
+    std::vector<std::string> arguments = {command};
+    arguments.insert(arguments.end(), one.arguments.begin(), one.arguments.end());
+    const Outcome outcome = sim(arguments);
+    EXPECT_EQ(outcome.code, 2) << outcome.err;
+    EXPECT_EQ(outcome.out, "");
+    for (const std::string& part : one.named) EXPECT_THAT(outcome.err, testing::HasSubstr(part));
+  }
 }
 
 }  // namespace needlelab::test

@@ -113,9 +113,7 @@ TEST(SkillCommand, withoutGnuplotGivesTheTableAndSaysSo) {
 TEST(SkillCommand, refusesWrongInputBeforeTheWork) {
   const TempFolder folder;
   const std::string below = (folder.write("file", "") / "below").string();
-  const struct {
-    std::vector<std::string> arguments, named;
-  } cases[] = {
+  const std::vector<Refused> cases = {
       {{"--trainees", "5"}, {"--trainees", "5", "even"}},
       {{"--trainees", "2"}, {"--trainees", "2", "4 to 200"}},
       {{"--trainees", "202"}, {"--trainees", "202"}},
@@ -129,14 +127,7 @@ TEST(SkillCommand, refusesWrongInputBeforeTheWork) {
       {{"--pictures", below}, {"--pictures", below}},
       {{"--json", folder.path().string() + "/none/skill.json"}, {"none/skill.json"}},
   };
-  for (const auto& one : cases) {
-    std::vector<std::string> arguments = {"skill"};
-    arguments.insert(arguments.end(), one.arguments.begin(), one.arguments.end());
-    const Outcome outcome = sim(arguments);
-    EXPECT_EQ(outcome.code, 2) << outcome.err;
-    EXPECT_EQ(outcome.out, "");
-    for (const std::string& part : one.named) EXPECT_THAT(outcome.err, HasSubstr(part));
-  }
+  expectRefused("skill", cases);
 }
 
 }  // namespace

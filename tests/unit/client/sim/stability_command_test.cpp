@@ -84,7 +84,7 @@ TEST(StabilityCommand, aKnownFailureIsToldAndIsNoError) {
       sim({"stability", "--case", "random_energy_500981", "--model", "ENHANCED_TRACKING_WALL"});
   EXPECT_EQ(run.code, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr("stable in 0 of 1 hard cases"));
-  EXPECT_THAT(run.out, HasSubstr("known: a spring that is held"));
+  EXPECT_THAT(run.out, HasSubstr("known: stays known to fail with passivity control off"));
 }
 
 TEST(StabilityCommand, wrongInputIsNamed) {

@@ -151,6 +151,32 @@ TEST(Bone, mayLieAslantUnderAPlaneOfSkin) {
   }
 }
 
+// 30 degrees: it would stand out of the skin from 17.3 mm aside on. There its surface is the skin
+TEST(Bone, thatSlantsEndsAtTheSkin) {
+  SceneSpec scene = onBone(0, 0.0);
+  const Site site = defaultSite();
+  scene.bone_normal = site.across_1 * std::tan(30 * kDegree) - site.inward;
+  for (const double aside_m : {-0.018, -0.030, -0.100}) {
+    Probe probe(scene, 1000);
+    probe.at(-0.001, aside_m);
+    for (const StepReport& report : probe.go(40, 0.004, aside_m))
+      ASSERT_LE(report.stage_N[kBoneTerm], kBone_N_per_m * 0.004 + 1e-9) << aside_m;
+    EXPECT_LE(norm(probe.last().wrench_W.force_N + site.inward * (kBone_N_per_m * 0.004)), 1e-9) << aside_m;
+    EXPECT_EQ(probe.last().layer, 1);
+  }
+  // in on the bone, along the skin and down beside its edge: nothing is given
+  MotionBuilder builder(2000, site.p_surface_m - site.inward * 0.002 - site.across_1 * 0.030, site.inward);
+  const auto at = [&](double depth_m, double aside_m) {
+    return site.p_surface_m + site.inward * depth_m + site.across_1 * aside_m;
+  };
+  for (int i = 0; i < 3; ++i)
+    builder.moveTo(at(0.004, -0.030), 0.1).moveTo(at(0.004, -0.005), 0.1).moveTo(at(0.012, -0.005), 0.1)
+        .moveTo(at(0.004, -0.020), 0.1).moveTo(at(-0.002, -0.030), 0.1);
+  const Motion motion = builder.take();
+  EngineRun run(scene, 2000);
+  EXPECT_LE(energyToHand(motion, run.run(motion)), 5e-5);
+}
+
 // Drawn along the bone over S, pressed by d: friction takes μKd(S − μd) and the stretch ½K(μd)², which slips
 // away as the needle lifts; the normal part comes back whole.
 TEST(Bone, frictionTakesItsWorkAndNothingElseIsLost) {
@@ -399,6 +425,43 @@ TEST(Bone, tissueThatIsSlippedThroughDoesNotPushOutMore) {
   EXPECT_NEAR(held_N, 0.1, 0.01) << "as it was at rest: it has not grown on the way";
 }
 
+// a membrane 2 mm above the bone, with a needle that slants by 1 rad: 5 mm down along the bone stretch it by
+// 5 mm more while 2.7 mm of pressing are not felt by it. Lifted, and back above the bone: 4 mJ each time
+TEST(Bone, aMembraneThatIsSlippedUnderDoesNotPushOutMore) {
+  SceneSpec scene = onBone(0, 0.0);
+  scene.layers[0].thickness_m = 0.008;
+  LayerSpec capsule = scene.layers[0];
+  capsule.thickness_m = 0.002;
+  capsule.membrane = MembraneSpec{300, 0, 40};
+  scene.layers.insert(scene.layers.begin() + 1, capsule);
+  scene.effects |= bitOf(Effect::kPuncture);
+  const Site site = defaultSite();
+  const Vec3 axis = tilted(site.inward, 1.0, site.across_1);
+  const auto at = [&](double depth_m, double aside_m) {
+    return site.p_surface_m + site.inward * depth_m + site.across_1 * aside_m;
+  };
+  const double aside_m = kTop_m * std::tan(1.0), further_m = aside_m + 0.006;
+  MotionBuilder builder(2000, site.p_surface_m - axis * 0.002, axis);
+  builder.moveTo(at(0.0099, aside_m), 0.1);
+  for (int i = 0; i < 3; ++i)
+    builder.moveTo(at(0.015, aside_m), 0.1).moveTo(at(0.015, further_m), 0.1)
+        .moveTo(at(0.0099, further_m), 0.1).moveTo(at(0.0099, aside_m), 0.1);
+  const Motion motion = builder.moveTo(site.p_surface_m - axis * 0.002, 0.1).take();
+  EngineRun run(scene, 2000);
+  double held_N = 1e9, most_N = 0;
+  std::vector<StepReport> reports;
+  for (const TipSample& sample : motion) {
+    reports.push_back(run.step(sample));
+    most_N = std::max(most_N, -reports.back().puncture_N);
+    if (run.state().bone.held_m > 0) {
+      EXPECT_LE(-reports.back().puncture_N, held_N + 1e-12);
+    }
+    held_N = run.state().bone.held_m > 0 ? -reports.back().puncture_N : 1e9;
+  }
+  EXPECT_NEAR(most_N, 300 * (0.0099 - 0.008) / std::cos(1.0), 0.05) << "as far as the hand stretched it";
+  EXPECT_LE(energyToHand(motion, reports), 5e-5);
+}
+
 TEST(Bone, isPartOfTheStateAndOfItsHash) {
   const SceneSpec scene = sixLayersOnBone(LimbKind::kCapsule);
   const auto model = std::make_unique<SceneModel>(compiled(scene, 1000));
@@ -429,6 +492,7 @@ TEST(Bone, isPartOfTheStateAndOfItsHash) {
   EXPECT_TRUE(changes([](BoneContact& bone) { bone.held_m += 1e-9; }));
   EXPECT_TRUE(changes([](BoneContact& bone) { bone.cutting_N += 1.0; }));
   EXPECT_TRUE(changes([](BoneContact& bone) { bone.friction_N += 1.0; }));
+  EXPECT_TRUE(changes([](BoneContact& bone) { bone.place_m = 1.0; }));
 }
 
 TEST(Bone, isOfTheStiffnessOfTheScene) {

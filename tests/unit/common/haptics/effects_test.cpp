@@ -220,6 +220,16 @@ TEST(Stages, costNothingInASceneWithoutThem) {
   }
 }
 
+// only a scene that holds its tip asks before each tick where the tissue feels it
+TEST(Stages, costNothingInASceneOfAnotherOne) {
+  const auto stepOf = [](EffectMask stages) {
+    return compiled(withEffects(fullScene(), kPlacedEffects | stages), 1000).step_function;
+  };
+  EXPECT_EQ(stepOf(bitOf(Effect::kCutMemory)), stepWithStages);
+  EXPECT_EQ(stepOf(bitOf(Effect::kBone)), stepHeld);
+  EXPECT_EQ(stepOf(bitOf(Effect::kCutMemory) | bitOf(Effect::kBone)), stepHeld);
+}
+
 // Half a newton along u; counts the ticks of the insertion.
 Vec3 plantedStage(const SceneModel&, const TipSample&, SimState& state, StepReport& report) noexcept {
   state.stage[0][0] += 1.0;

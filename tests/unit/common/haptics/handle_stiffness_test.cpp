@@ -82,11 +82,27 @@ TEST(HandleStiffness, boneHoldsANeedleAsideBesideTheFixture) {
   EXPECT_EQ(bone, 300);
 }
 
-TEST(HandleStiffness, aShortNeedleDoesNotReachTheFixturesGreatest) {
-  SceneSpec scene = sceneOf(10'000, 0);
+// nothing stops a tip that is deeper than its needle is long
+TEST(HandleStiffness, aShortNeedleReachesTheFixturesGreatest) {
+  SceneSpec scene = sceneOf(400, 0);
+  scene.needle_length_m = 0.01;
+  const auto model = compile(scene, 1000);
+  ASSERT_TRUE(model.ok()) << model.error().message;
+  SimState state{};
+  StepReport report;
   double steepest = 0;
-  for (const LayerSpec& layer : scene.layers) steepest = std::max(steepest, layer.lateral_stiffness_N_per_m2);
-  EXPECT_DOUBLE_EQ(handleStiffness(scene, 0, {}).fixture_N_per_m, steepest * scene.needle_length_m);
+  for (int k = -10; k <= 500; ++k) {
+    step(*model, {{0, 0, -1e-4 * k}, {1, 0, 0, 0}}, state, report);
+    steepest = std::max(steepest, report.clamping_stiffness_N_per_m);
+  }
+  EXPECT_EQ(steepest, 400);
+  EXPECT_EQ(handleStiffness(scene, 0, {}).fixture_N_per_m, steepest);
+}
+
+TEST(HandleStiffness, withoutLateralStiffnessThereIsNoFixture) {
+  SceneSpec scene = sceneOf(400, 0);
+  for (LayerSpec& layer : scene.layers) layer.lateral_stiffness_N_per_m2 = 0;
+  EXPECT_EQ(handleStiffness(scene, 0, straight(0.2)).handle_Nm_per_rad, 0);
 }
 
 // 0.5 N·m/rad and 400 N/m · 0.13² = 7.26 N·m/rad, of which the Desktop holds 4
@@ -137,8 +153,18 @@ TEST(LowerStiffness, allOfItChangesNothing) {
   lowerStiffness(scene, 1);
   EXPECT_EQ(scene.virtual_fixture.max_stiffness_N_per_m, 400);
   EXPECT_EQ(scene.orientation_limit.stiffness_Nm_per_rad, 0.5);
-  EXPECT_TRUE(stiffnessShareText(1).empty());
-  EXPECT_NE(stiffnessShareText(0.551).find("55 %"), std::string::npos);
+}
+
+TEST(StiffnessShareText, saysWhatWasNotRenderedAsTheProfileSays) {
+  EXPECT_EQ(stiffnessShareText(1, false), "");
+  EXPECT_EQ(stiffnessShareText(0.551, false),
+            "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. Device and "
+            "tool hold no more.");
+  EXPECT_EQ(stiffnessShareText(0.551, true),
+            "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit "
+            "were rendered at 55 % of the profile's stiffness. Device and tool hold no more.");
+  EXPECT_EQ(stiffnessShareText(1, true),
+            "Bone was left out: the needle cut it as it cuts a layer of tissue. Device and tool hold no more.");
 }
 
 }  // namespace

@@ -1,5 +1,8 @@
 // Checks each axial model with simple numbers that a reader can verify by hand.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
+
+#include <string>
 
 #include "common/haptics/effects/effect_entry.h"
 #include "tests/support/model_scenes.h"
@@ -174,6 +177,30 @@ TEST(LikeForLike, thePrecomputedTableOfTheLayersIsTheWallsForce) {
     ++compared;
   }
   EXPECT_GT(compared, 3000);
+}
+
+TEST(LikeForLike, saysWhichOfOkamurasAndDahlsFrictionsAreAssumed) {
+  SceneSpec scene = allEffects();
+  const OkamuraSpec own = *likeForLike(scene, AxialModel::kOkamura).layers[0].okamura;
+  ASSERT_GT(own.in.kinetic_N_per_m, 0);
+  const auto has = [](const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+  };
+  const std::string okamura = frictionAssumption(scene, AxialModel::kOkamura);
+  EXPECT_TRUE(has(okamura, "Assumptions") && has(okamura, "not compared with the paper")) << okamura;
+  for (const double ratio :
+       {own.in.static_N_per_m / own.in.kinetic_N_per_m, own.out.static_N_per_m / own.out.kinetic_N_per_m,
+        own.in.viscous_Ns_per_m2 / own.in.kinetic_N_per_m,
+        own.out.viscous_Ns_per_m2 / own.out.kinetic_N_per_m})
+    EXPECT_TRUE(has(okamura, fmt::format("{:.4g}", ratio))) << ratio << ": " << okamura;
+  const std::string dahl = frictionAssumption(scene, AxialModel::kDahl);
+  EXPECT_TRUE(has(dahl, "viscous friction of 24.5")) << dahl;
+  EXPECT_FALSE(has(dahl, "static")) << "it has none: " << dahl;
+
+  EXPECT_TRUE(has(frictionAssumption(paperSixLayers(), AxialModel::kOkamura), "The scene has no friction"));
+  EXPECT_EQ(frictionAssumption(scene, AxialModel::kFirstOrder), "");
+  for (LayerSpec& layer : scene.layers) layer.okamura = own;
+  EXPECT_EQ(frictionAssumption(scene, AxialModel::kOkamura), "") << "its own numbers";
 }
 
 TEST(LikeForLike, everyModelOfEverySceneCompilesAndASectionOfTheScenesOwnStays) {

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <set>
 
 #include "common/base/files.h"
+#include "common/haptics/engine.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
@@ -111,9 +113,26 @@ TEST(Samples, patientsHaveEveryEffectPassively) {
   for (const std::string& id : kPatients) {
     SCOPED_TRACE(id);
     const pb::Profile profile = sample(id);
-    EXPECT_EQ(sceneSpecOf(profile)->effects, kPlacedEffects);
+    EXPECT_EQ(sceneSpecOf(profile)->effects & kPlacedEffects, kPlacedEffects);
     EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
     EXPECT_FALSE(profile.hazards().empty());
+  }
+}
+
+// 11.2 mm below the skin, 0.2 mm behind the target; with the fixture's 300 N/m within the Desktop's 1000
+TEST(Samples, onlyTheWristHasBoneThatNoNeedleEnters) {
+  for (const std::string& id : all())
+    EXPECT_EQ((sceneSpecOf(sample(id))->effects & bitOf(Effect::kBone)) != 0, id == "wrist-adult") << id;
+  const auto model = compile(*sceneSpecOf(sample("wrist-adult")), 1000);
+  ASSERT_TRUE(model.ok()) << model.error().message;
+  const auto state = std::make_unique<SimState>();
+  StepReport report;
+  for (int k = -10; k <= 300; ++k) {
+    const double depth_m = 1e-5 + 5e-5 * k;  // never on the surface itself
+    step(*model, {{0, 0, -depth_m}, {1, 0, 0, 0}}, *state, report);
+    const double pressed_N = 600 * std::max(0.0, depth_m - 0.0112);
+    ASSERT_NEAR(report.stage_N[stageOf(Effect::kBone)], pressed_N, 1e-9) << depth_m;
+    ASSERT_EQ(report.layer == 4, pressed_N > 1e-9) << depth_m;
   }
 }
 

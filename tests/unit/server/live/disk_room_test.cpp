@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <utility>
 #include <vector>
 
 #include "tests/support/temp_folder.h"
@@ -85,12 +86,62 @@ TEST(DiskRoom, aFloodBetweenTwoLooksDoesNotReachTheFloor) {
 TEST(DiskRoom, whatWasTakenDuringALookIsNotForgotten) {
   DiskRoom room(64 * kMiB);
   room.look({.disk_bytes = 300 * kMiB});
-  room.take(50 * kMiB);  // not on the disk yet when the next look is taken
+  room.share(50 * kMiB).stored();  // not on the disk yet when the next look is taken
   room.look({.disk_bytes = 300 * kMiB});
   EXPECT_EQ(room.leftBytes(), 200 * kMiB);
   EXPECT_EQ(room.level(), kNoNew);
   room.look({.disk_bytes = 200 * kMiB});
   EXPECT_EQ(room.leftBytes(), 200 * kMiB) << "the look has it now";
+}
+
+// The finding: refused requests of 1 MB counted until the second look after them, so that one instructor kept
+// new sessions out; and the level that they had led to was left only with a quarter more than its floor.
+TEST(DiskRoom, whatIsNotStoredIsRoomAgainAtOnce) {
+  DiskRoom room(64 * kMiB);
+  room.look({.disk_bytes = 293 * kMiB});
+  for (int n = 0; n < 1000; ++n) {
+    room.take(kMiB);
+    EXPECT_EQ(room.leftBytes(), 291 * kMiB) << n;
+    room.settle(kMiB, false);
+  }
+  EXPECT_EQ(room.leftBytes(), 293 * kMiB);
+  EXPECT_EQ(room.level(), kPlenty);
+}
+
+TEST(DiskRoom, aLevelThatOnlyRefusedRequestsReachedIsLeftWithThem) {
+  DiskRoom room(64 * kMiB);
+  room.look({.disk_bytes = 293 * kMiB});
+  room.take(40 * kMiB);
+  EXPECT_EQ(room.level(), kNoNew) << "it may be stored: 293 - 2 * 40 = 213";
+  room.look({.disk_bytes = 293 * kMiB});
+  EXPECT_EQ(room.level(), kNoNew) << "nobody knows yet";
+  room.look({.disk_bytes = 293 * kMiB});
+  EXPECT_EQ(room.leftBytes(), 213 * kMiB) << "however long it takes";
+  room.settle(40 * kMiB, false);
+  EXPECT_EQ(room.level(), kPlenty) << "and not only with 320";
+  // of what is stored, the level is left with a quarter more only
+  room.take(40 * kMiB);
+  room.settle(40 * kMiB, true);
+  EXPECT_EQ(room.level(), kNoNew);
+  for (int looks = 0; looks < 2; ++looks) room.look({.disk_bytes = 293 * kMiB});
+  EXPECT_EQ(room.leftBytes(), 293 * kMiB);
+  EXPECT_EQ(room.level(), kNoNew);
+}
+
+TEST(DiskRoom, aShareIsNotStoredUnlessItSaysSo) {
+  DiskRoom room(64 * kMiB);
+  room.look({.disk_bytes = 300 * kMiB});
+  const auto left_MiB = [&] { return room.leftBytes() / kMiB; };
+  {
+    DiskRoom::Share refused = room.share(kMiB), stored = room.share(2 * kMiB), none;
+    EXPECT_EQ(left_MiB(), 294u);
+    none = std::move(refused);
+    EXPECT_EQ(left_MiB(), 294u) << "another has it";
+    stored.stored();
+    stored.stored();
+    EXPECT_EQ(left_MiB(), 294u);
+  }
+  EXPECT_EQ(left_MiB(), 296u);
 }
 
 TEST(DiskRoom, freePagesOfTheFileAreRoomWhileTheLogMayGrow) {

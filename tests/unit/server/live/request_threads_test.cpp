@@ -196,6 +196,26 @@ TEST_F(RequestThreadsTest, whatHasBegunIsFinishedForWhoGoesMeanwhile) {
   EXPECT_EQ(stations(), std::set<std::string>{"begun"});
 }
 
+TEST_F(RequestThreadsTest, aRequestHasRoomOnTheDiskUntilItIsRefusedAndKeepsItWhenItIsStored) {
+  constexpr std::uint64_t kSeen = 1u << 30;
+  context.disk_room.look({.disk_bytes = kSeen});
+  pb::Request add;
+  add.mutable_add_station()->set_name("bench");
+  const std::uint64_t cost = 2 * (add.ByteSizeLong() + PeopleShares::kRequestBytes);  // to log and database
+  occupy(*context.workers_of_people, "ada");  // who has one of the two threads at most
+  std::shared_ptr<Outcome> first, second;
+  asio::co_spawn(loop.io, answer({"ada", pb::ADMINISTRATOR}, add, &first), rethrow);
+  asio::co_spawn(loop.io, answer({"ada", pb::ADMINISTRATOR}, add, &second), rethrow);
+  loop.io.restart();
+  loop.io.poll();
+  EXPECT_EQ(context.disk_room.leftBytes(), kSeen - 2 * cost) << "nobody knows yet";
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return first && second; }));
+  EXPECT_FALSE(first->error) << first->error->message;
+  EXPECT_TRUE(second->error) << "there is such a station already";
+  EXPECT_EQ(context.disk_room.leftBytes(), kSeen - cost);
+}
+
 TEST_F(RequestThreadsTest, aStationAndAPersonOfOneNameAreTwo) {
   EXPECT_NE(turnNameOf({"bench", pb::STATION}), turnNameOf({"bench", pb::TRAINEE}));
   EXPECT_EQ(turnNameOf({"ada", pb::TRAINEE}), turnNameOf({"ada", pb::ADMINISTRATOR}));

@@ -374,16 +374,22 @@ TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
   EXPECT_EQ(lines("who=tina method=GET"), 7u) << log;
 }
 
-TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
-  constexpr std::uint64_t kMiB = 1u << 20;
-  const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
-  WebLab lab([&](ServerOptions& options) {
+constexpr std::uint64_t kMiB = 1u << 20;
+
+// a disk with so much room, at which the server looks every 5 ms; it keeps 64 MiB free
+auto aDiskWith(std::shared_ptr<std::atomic<std::uint64_t>> free_bytes) {
+  return [free_bytes = std::move(free_bytes)](ServerOptions& options) {
     options.free_bytes = [free_bytes](const std::filesystem::path&) {
       return std::optional(free_bytes->load());
     };
     options.room_every = milliseconds(5);
     options.min_free_bytes = 64 * kMiB;
-  });
+  };
+}
+
+TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
+  const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
+  WebLab lab(aDiskWith(free_bytes));
   Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
   // the server looks from time to time only
   const auto levelBecomes = [&](const std::string& wanted) {
@@ -406,15 +412,8 @@ TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
 // The finding: remarks by this port took no share of a day and no room, so one instructor filled the disk
 // until the server ended.
 TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
-  constexpr std::uint64_t kMiB = 1u << 20;
   const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
-  WebLab lab([&](ServerOptions& options) {
-    options.free_bytes = [free_bytes](const std::filesystem::path&) {
-      return std::optional(free_bytes->load());
-    };
-    options.room_every = milliseconds(5);
-    options.min_free_bytes = 64 * kMiB;
-  });
+  WebLab lab(aDiskWith(free_bytes));
   const std::string id = lab.recorded(1);
   Browser ada = lab.browserOf("ada"), ines = lab.browserOf("ines");
   const auto annotate = [&] {
@@ -428,6 +427,26 @@ TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
   EXPECT_EQ(refused.status, 503) << refused.body;
   EXPECT_EQ(refused.json()["error"]["code"], "no_room");
   EXPECT_EQ(askChecked(ines, "GET", "/api/v1/sessions/" + id + "/annotations").json()["items"].size(), 1u);
+}
+
+// The finding: remarks on sessions that are not there counted as room that was taken, so one instructor kept
+// lessons from beginning.
+TEST(WebLimits, aRemarkThatIsRefusedTakesNoRoomOnTheDiskAndOneThatIsStoredDoes) {
+  WebLab lab([](ServerOptions& options) { options.room_every = std::chrono::hours(1); });
+  const std::string id = lab.recorded(1);
+  Browser ada = lab.browserOf("ada"), ines = lab.browserOf("ines");
+  const auto left = [&] {
+    return askChecked(ada, "GET", "/api/v1/session").json()["disk_room"]["left_bytes"].get<std::uint64_t>();
+  };
+  const std::string body = json{{"t_s", 0.25}, {"text", std::string(3'000, 'x')}}.dump();
+  const auto annotate = [&](const std::string& session) {
+    return askChecked(ines, "POST", "/api/v1/sessions/" + session + "/annotations", body).status;
+  };
+  const std::uint64_t before = left();
+  for (int n = 0; n < 3; ++n) EXPECT_EQ(annotate("01890a5d-ac96-7b3c-8000-000000000000"), 404u);
+  EXPECT_EQ(left(), before);
+  EXPECT_EQ(annotate(id), 201u);
+  EXPECT_EQ(left(), before - 2 * (body.size() + PeopleShares::kRequestBytes));
 }
 
 TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {

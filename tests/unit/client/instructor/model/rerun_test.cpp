@@ -37,6 +37,22 @@ TEST(Rerun, anotherPatientFeelsOtherwise) {
   EXPECT_NE(direct->peak_force_N, run->peak_force_N);
 }
 
+// what device and tool held was found for the session's own profile
+TEST(Rerun, anotherPatientIsAsStiffAsItSaysItself) {
+  const std::string json = sampleProfile("shoulder-adult");
+  auto info = test::lessonInfo(json);
+  info.mutable_description()->set_stiffness_share(0.5);
+  info.mutable_description()->add_live_effects("CUTTING");
+  const auto gesture = gestureOf(info, test::lessonSamples(json, {}));
+  const auto own = rerunGesture(*gesture, {});
+  ASSERT_TRUE(own.ok()) << own.error().message;
+  EXPECT_EQ(own->scene.model->fixture.max_stiffness_N_per_m, 150);
+  const auto other = rerunGesture(*gesture, {.profile_json = sampleProfile("wrist-adult"), .axial_model = {}});
+  ASSERT_TRUE(other.ok()) << other.error().message;
+  EXPECT_EQ(other->scene.model->fixture.max_stiffness_N_per_m, 300);
+  EXPECT_TRUE(other->scene.model->isLive(Effect::kBone));
+}
+
 TEST(Rerun, isTheSameToTheBitEachTime) {
   const auto gesture = lesson({.depth_m = 0.02, .seconds = 1, .aside_m = 0.003});
   const auto bits = [&] {

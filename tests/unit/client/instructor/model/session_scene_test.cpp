@@ -47,16 +47,28 @@ TEST(SessionScene, placementsFromTheNetworkAreChecked) {
 
 TEST(SessionScene, isAsStiffAsItWasRendered) {
   auto info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
-  EXPECT_EQ(sceneOfSession(info.description()).model->fixture.max_stiffness_N_per_m, 400);
+  EXPECT_EQ(sceneOfSession(info.description()).model->fixture.max_stiffness_N_per_m, 300);
   info.mutable_description()->set_stiffness_share(0.55);
   const SessionScene scene = sceneOfSession(info.description());
-  EXPECT_NEAR(scene.model->fixture.max_stiffness_N_per_m, 220, 1e-9);
+  EXPECT_NEAR(scene.model->fixture.max_stiffness_N_per_m, 165, 1e-9);
   EXPECT_NEAR(scene.model->orientation.stiffness_Nm_per_rad, 0.275, 1e-12);
   // numbers from the network
   for (const double share : {0.0, -1.0, 2.0, std::numeric_limits<double>::quiet_NaN()}) {
     info.mutable_description()->set_stiffness_share(share);
     EXPECT_EQ(stiffnessShareOf(info.description()), 1);
   }
+}
+
+TEST(SessionScene, hasBoneWhereItWasRendered) {
+  const auto info = test::lessonInfo(test::sampleProfile("wrist-adult"));
+  pb::SessionDescription d = info.description();
+  EXPECT_TRUE(sceneOfSession(d).model->isLive(Effect::kBone)) << "a session without a list is as its profile";
+  d.add_live_effects("CUTTING");
+  EXPECT_FALSE(sceneOfSession(d).model->isLive(Effect::kBone));
+  EXPECT_TRUE(leftBoneOut(d, sceneOfSession(d).profile));
+  EXPECT_FALSE(leftBoneOut(d, pb::Profile())) << "which lists no bone";
+  d.add_live_effects("BONE");
+  EXPECT_TRUE(sceneOfSession(d).model->isLive(Effect::kBone));
 }
 
 TEST(SessionScene, idsAsText) {

@@ -100,9 +100,7 @@ TEST(BenchmarkCommand, withoutTimesTheSameDataGiveTheSameBytes) {
 TEST(BenchmarkCommand, refusesWrongInputBeforeTheWork) {
   const TempFolder folder;
   const std::string description = folder.write("about.json", R"({"curves": 3})").string();
-  const struct {
-    std::vector<std::string> arguments, named;
-  } cases[] = {
+  const std::vector<Refused> cases = {
       {{}, {"--data"}},
       {{"--data", "/no/such/folder"}, {"/no/such/folder"}},
       {{"--data", folder.path().string()}, {"no force curve"}},
@@ -116,14 +114,7 @@ TEST(BenchmarkCommand, refusesWrongInputBeforeTheWork) {
        {"bovine_liver_heart_18g"}},
       {{"--data", madeData(), "--json", folder.path().string() + "/none/rows.json"}, {"none/rows.json"}},
   };
-  for (const auto& one : cases) {
-    std::vector<std::string> arguments = {"benchmark"};
-    arguments.insert(arguments.end(), one.arguments.begin(), one.arguments.end());
-    const Outcome outcome = sim(arguments);
-    EXPECT_EQ(outcome.code, 2) << outcome.err;
-    EXPECT_EQ(outcome.out, "");
-    for (const std::string& part : one.named) EXPECT_THAT(outcome.err, HasSubstr(part));
-  }
+  expectRefused("benchmark", cases);
 }
 
 }  // namespace

@@ -203,18 +203,54 @@ TEST(DeviceFit, boneAndTheFixtureAddAsideAndBoneAndTissueDoNotAlong) {
   ASSERT_TRUE(lowerForDevice(lesson, deviceWith(800), {}, notes).ok());
   EXPECT_NEAR(bone, 480, 1e-9);
   EXPECT_NEAR(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 320, 1e-9);
-  EXPECT_FALSE(lowerForDevice(lesson, deviceWith(300), {}, notes).ok());
 }
 
-TEST(DeviceFit, thePassivityBoundIsWarnedOfWithItsNumbers) {
+TEST(DeviceFit, boneThatWouldBeLessThanHalfIsLeftOutAndSaid) {
+  const auto onBone = [](double fixture_N_per_m) {
+    StationLesson lesson = lessonOf(fixture_N_per_m, 0.5);
+    lesson.scene.layers.back().is_bone = true;
+    lesson.scene.effects |= bitOf(Effect::kBone);
+    lesson.scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] = 600;
+    lesson.model = *compile(lesson.scene, 1000);
+    return lesson;
+  };
+  StationOptions options;
+  // 900 N/m · 0.08² + 0.5 = 6.26 N·m/rad
+  options.X_HT = {{0, 0, 0.08}, {}};
+  std::vector<std::string> notes;
+  StationLesson lesson = onBone(300);
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), options, notes).ok());
+  EXPECT_NEAR(lesson.stiffness_share, 4 / 6.26, 1e-12);
+  EXPECT_TRUE(lesson.model.isLive(Effect::kBone));
+  // 18.8, and without bone 300 N/m · 0.1427² + 0.5 = 6.6
+  options.X_HT = {{0, 0, 0.1427}, {}};
+  notes.clear();
+  lesson = onBone(300);
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), options, notes).ok());
+  EXPECT_NEAR(lesson.stiffness_share, 4 / (300 * 0.1427 * 0.1427 + 0.5), 1e-12);
+  EXPECT_FALSE(lesson.model.isLive(Effect::kBone));
+  EXPECT_TRUE(lesson.bone_left_out);
+  EXPECT_THAT(liveEffects(lesson.model), testing::Not(testing::Contains("BONE")));
+  EXPECT_THAT(notes, testing::ElementsAre(testing::AllOf(HasSubstr("900 N/m"), HasSubstr("143 mm"),
+                                                         HasSubstr("BONE is not live")),
+                                          HasSubstr("rendered at 61 %")));
+  // what is too stiff without bone is refused
+  lesson = onBone(800);
+  EXPECT_FALSE(fitLesson(lesson, deviceWith(2000), options, notes).ok());
+}
+
+TEST(DeviceFit, theLimitOfCoupledStabilityIsWarnedOfWithItsNumbers) {
   // (b + b_hand)/(T(½ + 1)): 0.3 + 0.3 N·s/m at 1 kHz allow 400 N/m
   const SceneModel model = *compile(paperOneDof(), 1000);  // 500 N/m
-  const auto warning = passivityWarning(model, deviceWith(1000, 0.3), 0.3);
+  const auto warning = stabilityWarning(model, deviceWith(1000, 0.3), 0.3);
   ASSERT_TRUE(warning);
-  EXPECT_THAT(*warning, testing::AllOf(HasSubstr("500 N/m"), HasSubstr("400 N/m")));
-  EXPECT_FALSE(passivityWarning(model, deviceWith(1000, 0.3), 0.46));
+  EXPECT_THAT(*warning, testing::AllOf(HasSubstr("500 N/m"), HasSubstr("400 N/m"),
+                                       HasSubstr("0.3 of the device + 0.3 of the hand")));
+  // the device's damping alone is passive up to 200 N/m only
+  EXPECT_THAT(*warning, testing::AllOf(HasSubstr("coupled stability"), testing::Not(HasSubstr("assiv"))));
+  EXPECT_FALSE(stabilityWarning(model, deviceWith(1000, 0.3), 0.46));
   // A slower loop allows less.
-  EXPECT_TRUE(passivityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), 0.3));
+  EXPECT_TRUE(stabilityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), 0.3));
 }
 
 TEST(DeviceFit, aModelsOwnDampingIsTakenFromWhatDeviceAndHandDamp) {
@@ -222,9 +258,9 @@ TEST(DeviceFit, aModelsOwnDampingIsTakenFromWhatDeviceAndHandDamp) {
   scene.axial_model = AxialModel::kVoigt;  // 500 N/m
   scene.voigt.damping_Ns_per_m = 0.5;
   // (1.7 + 0.3 − 0.5)/(1 ms · 1.5) = 1000 N/m allow it; with B = 1.5 the limit is 333 N/m
-  EXPECT_FALSE(passivityWarning(*compile(scene, 1000), deviceWith(1000), 0.3));
+  EXPECT_FALSE(stabilityWarning(*compile(scene, 1000), deviceWith(1000), 0.3));
   scene.voigt.damping_Ns_per_m = 1.5;
-  const auto warning = passivityWarning(*compile(scene, 1000), deviceWith(1000), 0.3);
+  const auto warning = stabilityWarning(*compile(scene, 1000), deviceWith(1000), 0.3);
   ASSERT_TRUE(warning);
   EXPECT_THAT(*warning, testing::AllOf(HasSubstr("333.3 N/m"), HasSubstr("1.5 of the model")));
 }

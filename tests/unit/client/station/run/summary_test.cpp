@@ -95,6 +95,8 @@ TEST(StationSummary, tellsBesideTheScoreHowStiffItWas) {
   s.stiffness_share = 0.55;
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["stiffness_share"], 0.55);
   EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Fixture, bone and orientation limit were rendered at 55 %"));
+  s.bone_left_out = true;
+  EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Bone was left out"));
 }
 
 TEST(StationSummary, withoutSamplesNothingIsDividedByZero) {

@@ -52,6 +52,8 @@ TEST(Verdict, aSofterRenderingIsSaidBesideIt) {
   EXPECT_TRUE(verdictOf(outcome).lowered.empty());
   outcome.summary.stiffness_share = 0.551;
   EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("55 % of the profile's stiffness"));
+  outcome.summary.bone_left_out = true;
+  EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("Bone was left out"));
 }
 
 TEST(Verdict, allMetIsPassed) {

@@ -1,4 +1,4 @@
-#include "client/sim/benchmark/small_sample.h"
+#include "client/sim/tools/small_sample.h"
 
 #include <algorithm>
 #include <cmath>
@@ -67,15 +67,15 @@ double meanIsZero(std::span<const double> values) {
   return studentTail(mean / error, values.size() - 1);
 }
 
-std::vector<double> holm(std::span<const double> p) {
+std::vector<double> holmCorrected(std::span<const double> p) {
   std::vector<std::size_t> order(p.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return p[a] < p[b]; });
   std::vector<double> corrected(p.size());
-  double most = 0;
-  for (std::size_t rank = 0; rank < order.size(); ++rank) {
-    most = std::max(most, std::min(1.0, static_cast<double>(order.size() - rank) * p[order[rank]]));
-    corrected[order[rank]] = most;
+  double least = 0;  // a larger p never becomes a smaller one
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    least = std::max(least, std::min(1.0, static_cast<double>(order.size() - k) * p[order[k]]));
+    corrected[order[k]] = least;
   }
   return corrected;
 }

@@ -25,8 +25,9 @@ MeanInterval meanInterval(std::span<const double> values);
 /// 0 give 0.
 double meanIsZero(std::span<const double> values);
 
-/// Holm's step-down correction: p values of a family, so that at most one of twenty such families has a false
-/// finding at 0.05. In the order given; each at least its own p, at most 1.
-std::vector<double> holm(std::span<const double> p);
+/// The p values of several tests, corrected by Holm's method (1979), in the order given: each at least its
+/// own p, at most 1. The chance that any test whose groups do not differ comes to α or below is at most α,
+/// however the tests depend on each other.
+std::vector<double> holmCorrected(std::span<const double> p);
 
 }  // namespace needlelab
