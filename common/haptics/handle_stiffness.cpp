@@ -11,10 +11,10 @@ namespace {
 // k is the integral of the lateral stiffness over the inserted length, which nothing bounds: a tip may go
 // deeper than the needle is long, and the last layer has no end
 double steepestFixture_N_per_m(const SceneSpec& spec) {
-  const bool is_live =
-      (spec.effects & bitOf(Effect::kClamping)) != 0 &&
-      std::any_of(spec.layers.begin(), spec.layers.end(),
-                  [](const LayerSpec& layer) { return layer.lateral_stiffness_N_per_m2 > 0; });
+  const bool is_live = (spec.effects & bitOf(Effect::kClamping)) != 0 &&
+                       std::any_of(spec.layers.begin(), spec.layers.end(), [](const LayerSpec& layer) {
+                         return layer.lateral_stiffness_N_per_m2 > 0;
+                       });
   return is_live ? spec.virtual_fixture.max_stiffness_N_per_m : 0;
 }
 
@@ -83,11 +83,12 @@ void lowerStiffness(SceneSpec& spec, double share) {
 }
 
 std::string stiffnessShareText(double share, bool bone_left_out) {
-  std::string text = bone_left_out ? "Bone was left out: the needle cut it as it cuts a layer of tissue. " : "";
+  std::string text =
+      bone_left_out ? "Bone was left out: the needle cut it as it cuts a layer of tissue. " : "";
   if (share < 1)
-    text += fmt::format("{} were rendered at {:.0f} % of the profile's stiffness. ",
-                        bone_left_out ? "Fixture and orientation limit" : "Fixture, bone and orientation limit",
-                        100 * share);
+    text += fmt::format(
+        "{} were rendered at {:.0f} % of the profile's stiffness. ",
+        bone_left_out ? "Fixture and orientation limit" : "Fixture, bone and orientation limit", 100 * share);
   return text.empty() ? text : text + "Device and tool hold no more.";
 }
 

@@ -168,7 +168,8 @@ std::string headOf(const ReportData& data) {
   std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : d.trainee()) + ": " +
                     htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
                     "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
-  if (const auto lowered = stiffnessShareText(stiffnessShareOf(d), leftBoneOut(d, gesture.scene.profile)); !lowered.empty())
+  if (const auto lowered = stiffnessShareText(stiffnessShareOf(d), leftBoneOut(d, gesture.scene.profile));
+      !lowered.empty())
     out += "<p>" + htmlText(lowered) + "</p>\n";
   if (!data.exercise_text.empty()) out += "<p>" + htmlText(data.exercise_text) + "</p>\n";
   out += "<table>\n" + fact("session", gesture.id) + fact("when and what", gesture.title()) +

@@ -171,9 +171,8 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
                     what, 100 * share, 100 * kLeastStiffnessShare)};
   lowerStiffness(lesson.scene, share);
   lesson.stiffness_share = share;
-  notes.push_back(
-      fmt::format("{}. It is rendered at {:.0f} %: at most {:.4g} N/m across the needle.", what, 100 * share,
-                  share * wanted.across_N_per_m()));
+  notes.push_back(fmt::format("{}. It is rendered at {:.0f} %: at most {:.4g} N/m across the needle.", what,
+                              100 * share, share * wanted.across_N_per_m()));
   return {};
 }
 

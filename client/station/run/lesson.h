@@ -26,10 +26,10 @@ struct StationLesson {
   std::optional<pb::Exercise> exercise;
   SceneSpec scene;  ///< in W
   SceneModel model;
-  std::vector<std::string> warnings;  ///< warnings about the profile, for a person
-  double stiffness_share = 1;         ///< as in SessionDescription
-  bool bone_left_out = false;         ///< the profile lists BONE, and device and tool do not hold it
-  std::uint32_t attempt = 0;          ///< the trainee's attempt number; 0: unknown
+  std::vector<std::string> warnings;           ///< warnings about the profile, for a person
+  double stiffness_share = 1;                  ///< as in SessionDescription
+  bool bone_left_out = false;                  ///< the profile lists BONE, and device and tool do not hold it
+  std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: unknown
   std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
 };
 

@@ -170,8 +170,11 @@ TEST(Bone, thatSlantsEndsAtTheSkin) {
     return site.p_surface_m + site.inward * depth_m + site.across_1 * aside_m;
   };
   for (int i = 0; i < 3; ++i)
-    builder.moveTo(at(0.004, -0.030), 0.1).moveTo(at(0.004, -0.005), 0.1).moveTo(at(0.012, -0.005), 0.1)
-        .moveTo(at(0.004, -0.020), 0.1).moveTo(at(-0.002, -0.030), 0.1);
+    builder.moveTo(at(0.004, -0.030), 0.1)
+        .moveTo(at(0.004, -0.005), 0.1)
+        .moveTo(at(0.012, -0.005), 0.1)
+        .moveTo(at(0.004, -0.020), 0.1)
+        .moveTo(at(-0.002, -0.030), 0.1);
   const Motion motion = builder.take();
   EngineRun run(scene, 2000);
   EXPECT_LE(energyToHand(motion, run.run(motion)), 5e-5);
@@ -444,8 +447,10 @@ TEST(Bone, aMembraneThatIsSlippedUnderDoesNotPushOutMore) {
   MotionBuilder builder(2000, site.p_surface_m - axis * 0.002, axis);
   builder.moveTo(at(0.0099, aside_m), 0.1);
   for (int i = 0; i < 3; ++i)
-    builder.moveTo(at(0.015, aside_m), 0.1).moveTo(at(0.015, further_m), 0.1)
-        .moveTo(at(0.0099, further_m), 0.1).moveTo(at(0.0099, aside_m), 0.1);
+    builder.moveTo(at(0.015, aside_m), 0.1)
+        .moveTo(at(0.015, further_m), 0.1)
+        .moveTo(at(0.0099, further_m), 0.1)
+        .moveTo(at(0.0099, aside_m), 0.1);
   const Motion motion = builder.moveTo(site.p_surface_m - axis * 0.002, 0.1).take();
   EngineRun run(scene, 2000);
   double held_N = 1e9, most_N = 0;

@@ -157,14 +157,17 @@ TEST(LowerStiffness, allOfItChangesNothing) {
 
 TEST(StiffnessShareText, saysWhatWasNotRenderedAsTheProfileSays) {
   EXPECT_EQ(stiffnessShareText(1, false), "");
-  EXPECT_EQ(stiffnessShareText(0.551, false),
-            "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. Device and "
-            "tool hold no more.");
-  EXPECT_EQ(stiffnessShareText(0.551, true),
-            "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit "
-            "were rendered at 55 % of the profile's stiffness. Device and tool hold no more.");
-  EXPECT_EQ(stiffnessShareText(1, true),
-            "Bone was left out: the needle cut it as it cuts a layer of tissue. Device and tool hold no more.");
+  EXPECT_EQ(
+      stiffnessShareText(0.551, false),
+      "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. Device and "
+      "tool hold no more.");
+  EXPECT_EQ(
+      stiffnessShareText(0.551, true),
+      "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit "
+      "were rendered at 55 % of the profile's stiffness. Device and tool hold no more.");
+  EXPECT_EQ(
+      stiffnessShareText(1, true),
+      "Bone was left out: the needle cut it as it cuts a layer of tissue. Device and tool hold no more.");
 }
 
 }  // namespace

@@ -47,7 +47,8 @@ TEST(Rerun, anotherPatientIsAsStiffAsItSaysItself) {
   const auto own = rerunGesture(*gesture, {});
   ASSERT_TRUE(own.ok()) << own.error().message;
   EXPECT_EQ(own->scene.model->fixture.max_stiffness_N_per_m, 150);
-  const auto other = rerunGesture(*gesture, {.profile_json = sampleProfile("wrist-adult"), .axial_model = {}});
+  const auto other =
+      rerunGesture(*gesture, {.profile_json = sampleProfile("wrist-adult"), .axial_model = {}});
   ASSERT_TRUE(other.ok()) << other.error().message;
   EXPECT_EQ(other->scene.model->fixture.max_stiffness_N_per_m, 300);
   EXPECT_TRUE(other->scene.model->isLive(Effect::kBone));

@@ -94,7 +94,8 @@ TEST(StationSummary, tellsBesideTheScoreHowStiffItWas) {
   EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("stiffness    ")));
   s.stiffness_share = 0.55;
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["stiffness_share"], 0.55);
-  EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Fixture, bone and orientation limit were rendered at 55 %"));
+  EXPECT_THAT(summaryText(s),
+              HasSubstr("stiffness    Fixture, bone and orientation limit were rendered at 55 %"));
   s.bone_left_out = true;
   EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Bone was left out"));
 }
