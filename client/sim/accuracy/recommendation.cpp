@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "client/sim/accuracy/panel_layout.h"
 #include "client/sim/tools/hand_thresholds.h"
@@ -12,11 +11,10 @@
 namespace needlelab {
 namespace {
 
-constexpr double kMostLatency_ms =
-    25;  // half of tests/bench/README.md's 50 ms: server and network need the rest
+// half of tests/bench/README.md's 50 ms: server and network need the rest
+constexpr double kMostLatency_ms = 25;
 constexpr double kStiffnessMargin = 2;  // theory allows so many times the scene's stiffness
 constexpr double kStorageShare = 0.1;   // of a noticeable force
-constexpr double kNone = std::numeric_limits<double>::infinity();
 
 std::string sig(double value, int digits) {
   return fmt::format("{:.{}g}", value, digits);
@@ -37,7 +35,7 @@ bool fits(const AccuracyRow& row) {
   return row.fits_rate.value_or(true);
 }
 double errorOf(const AccuracyRow& row) {
-  return row.rms_error_n.value_or(kNone);
+  return row.rms_error_n.value_or(kUnmeasured);
 }
 
 // "good enough" in a study; the finest mesh has no error by definition
@@ -50,22 +48,22 @@ bool goodEnough(const AccuracyRow& row) {
 double priceOf(const AccuracyRow& row) {
   switch (row.study) {
     case AccuracyStudy::kStorage:
-      return row.bytes_per_sample.value_or(kNone);
+      return row.bytes_per_sample.value_or(kUnmeasured);
     case AccuracyStudy::kLive:
-      return row.bytes_per_s.value_or(kNone);
+      return row.bytes_per_s.value_or(kUnmeasured);
     case AccuracyStudy::kMesh:
-      return row.mesh_nodes.value_or(kNone);
+      return row.mesh_nodes.value_or(kUnmeasured);
     case AccuracyStudy::kRate:
-      return row.rate_hz.value_or(kNone);
+      return row.rate_hz.value_or(kUnmeasured);
     case AccuracyStudy::kModel:
-      return costOf_ns(row).value_or(CostInterval{kNone, kNone, kNone}).value;
+      return costOf_ns(row).value_or(CostInterval{kUnmeasured, kUnmeasured, kUnmeasured}).value;
   }
-  return kNone;
+  return kUnmeasured;
 }
 
 // a row's distance from "good enough"
 double lackOf(const AccuracyRow& row) {
-  return row.study == AccuracyStudy::kLive ? row.latency_p99_ms.value_or(kNone) : errorOf(row);
+  return row.study == AccuracyStudy::kLive ? row.latency_p99_ms.value_or(kUnmeasured) : errorOf(row);
 }
 
 const AccuracyRow* least(const std::vector<const AccuracyRow*>& rows, double (*measure)(const AccuracyRow&)) {
@@ -218,9 +216,9 @@ double demandOf(const AccuracyRow& row) {
     case AccuracyStudy::kRate:
       return row.rate_hz.value_or(0);
     case AccuracyStudy::kStorage:
-      return row.quantum_m ? -*row.quantum_m : -kNone;
+      return row.quantum_m ? -*row.quantum_m : -kUnmeasured;
     case AccuracyStudy::kLive:
-      return row.frame_s ? -*row.frame_s : -kNone;
+      return row.frame_s ? -*row.frame_s : -kUnmeasured;
   }
   return 0;
 }
@@ -379,7 +377,7 @@ double missOf(const AccuracyRow& row) {
   // the upper end of the error's interval
   const double error_N = errorOf(row) + row.rms_error_spread_n.value_or(0);
   const auto share = [](double force_N, double limit_N) {
-    return limit_N > 0 ? force_N / limit_N : force_N > 0 ? kNone : 0.0;
+    return limit_N > 0 ? force_N / limit_N : force_N > 0 ? kUnmeasured : 0.0;
   };
   // a step in time is felt by its own size, not as a share of the force
   const double step = row.max_step_n.value_or(0) / kNoticeableStep_N;
@@ -388,15 +386,15 @@ double missOf(const AccuracyRow& row) {
       return std::max(share(error_N, noticed_N), step);
     case AccuracyStudy::kRate:
       return std::max(
-          {share(error_N, noticed_N), step, kStiffnessMargin / row.stiffness_margin.value_or(kNone)});
+          {share(error_N, noticed_N), step, kStiffnessMargin / row.stiffness_margin.value_or(kUnmeasured)});
     case AccuracyStudy::kMesh:
       return share(error_N, noticed_N);
     case AccuracyStudy::kStorage:
       return share(error_N, kStorageShare * noticed_N);
     case AccuracyStudy::kLive:
-      return row.latency_p99_ms.value_or(kNone) / kMostLatency_ms;
+      return row.latency_p99_ms.value_or(kUnmeasured) / kMostLatency_ms;
   }
-  return kNone;
+  return kUnmeasured;
 }
 
 }  // namespace needlelab

@@ -4,12 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace needlelab {
 namespace {
-
-constexpr double kNone = std::numeric_limits<double>::infinity();
 
 std::string number(double value, const char* unit) {
   return fmt::format("{:.4g} {}", value, unit);
@@ -130,9 +127,9 @@ std::vector<bool> paretoFront(const std::vector<CostError>& points) {
 }
 
 CostError pointOf(const AccuracyRow& row) {
-  const CostInterval cost = costOf_ns(row).value_or(CostInterval{kNone, kNone, kNone});
+  const CostInterval cost = costOf_ns(row).value_or(CostInterval{kUnmeasured, kUnmeasured, kUnmeasured});
   // the ticks of all rates do the same work: fewer of them are fewer instructions
-  return {cost.value, row.rms_error_n.value_or(kNone), cost.low, cost.high,
+  return {cost.value, row.rms_error_n.value_or(kUnmeasured), cost.low, cost.high,
           row.study == AccuracyStudy::kRate ? row.rate_hz : row.instructions};
 }
 
@@ -141,7 +138,7 @@ std::vector<bool> paretoFront(const RowGroup& group) {
   for (const AccuracyRow* row : group.rows) {
     points.push_back(pointOf(*row));
     // the finest mesh has no error by definition: it does not beat others
-    if (row->study == AccuracyStudy::kMesh && row->rms_error_n == 0.0) points.back().error = kNone;
+    if (row->study == AccuracyStudy::kMesh && row->rms_error_n == 0.0) points.back().error = kUnmeasured;
   }
   return paretoFront(points);
 }

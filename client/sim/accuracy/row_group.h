@@ -1,6 +1,7 @@
 /// Groups of comparable rows, and their Pareto front in cost and error.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -8,6 +9,9 @@
 #include "client/sim/accuracy/row.h"
 
 namespace needlelab {
+
+/// Stands for a measure that a row does not have: worse than all others.
+inline constexpr double kUnmeasured = std::numeric_limits<double>::infinity();
 
 /// The cost of a row with the noise of its runs: processor time for a millisecond of the lesson, which is one
 /// tick at 1 kHz; of a mesh whose compliance is made before the lesson, the time of making it. In ns. Empty
