@@ -20,6 +20,7 @@
 #include "common/base/range.h"
 #include "common/fem/needle_mesh.h"
 #include "common/fem/needle_study.h"
+#include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
