@@ -82,6 +82,7 @@ std::string lineOnStandardError(LogFormat format, bool journal) {
       ::setenv("JOURNAL_STREAM", (std::to_string(info.st_dev) + ":" + std::to_string(info.st_ino)).c_str(),
                1);
     setLogFormat(format);
+    setLogLevel(LogLevel::kInfo);  // another test may have turned the log off
     logEvent(LogLevel::kWarning, "few_files", {{"limit", 200}});
     ::_exit(0);
   }
