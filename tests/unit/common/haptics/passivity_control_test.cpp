@@ -13,7 +13,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr double kRate_hz = 1000, kPeriod_s = 1 / kRate_hz;
+constexpr double kControlRate_hz = 1000, kControlPeriod_s = 1 / kControlRate_hz;
 
 PassivitySettings withTank(double reserve_J, double capacity_J, std::uint32_t delay_ticks = 1) {
   PassivitySettings settings;
@@ -40,7 +40,8 @@ Course driven(PassivityControl& control, std::size_t ticks, const std::function<
               const std::function<double(double, double)>& force_N) {
   Course out;
   for (std::size_t k = 0; k < ticks; ++k) {
-    const double t = static_cast<double>(k) * kPeriod_s, z = z_m(t), v = (z - z_m(t - kPeriod_s)) * kRate_hz;
+    const double t = static_cast<double>(k) * kControlPeriod_s, z = z_m(t),
+                 v = (z - z_m(t - kControlPeriod_s)) * kControlRate_hz;
     const Wrench wrench = control.limited({{0, 0, z}, {}}, true, {{0, 0, force_N(z, v)}, {}});
     control.rendered(wrench);
     out.z_m.push_back(z);
@@ -57,19 +58,19 @@ double swing(double t) {
 
 TEST(PassivityControl, countsTheWorkOfAHeldAndLateWrenchExactly) {
   for (const std::uint32_t delay : {0u, 1u, 3u, 15u}) {
-    PassivityControl control(withTank(1, 2, delay), kRate_hz);
+    PassivityControl control(withTank(1, 2, delay), kControlRate_hz);
     const Course of = driven(control, 2000, swing, [](double z, double) { return -500 * z; });
     EXPECT_EQ(of.share.back(), 1) << "a full tank";
     EXPECT_NEAR(of.level_J.back(), 1 - of.given_J(delay), 1e-12) << delay;
     // Colgate and Schenkel: K T (½ + d) ∫v² more than the spring had; six whole periods
     const double v_square = 0.5 * std::pow(0.004 * 2 * std::numbers::pi * 3, 2) * 2;
-    const double theory = 500 * kPeriod_s * (0.5 + delay) * v_square;
+    const double theory = 500 * kControlPeriod_s * (0.5 + delay) * v_square;
     EXPECT_NEAR(of.given_J(delay), theory, 0.05 * theory + 2e-5) << delay;
   }
 }
 
 TEST(PassivityControl, countsTorqueTimesTurn) {
-  PassivityControl control(withTank(1, 2, 0), kRate_hz);
+  PassivityControl control(withTank(1, 2, 0), kControlRate_hz);
   for (int k = 0; k <= 100; ++k) {
     const double angle = 1e-3 * k;
     const Pose handle{{}, {std::sin(angle / 2), 0, 0, std::cos(angle / 2)}};
@@ -81,10 +82,10 @@ TEST(PassivityControl, countsTorqueTimesTurn) {
 // 2 N along every motion: an engine without any excuse
 TEST(PassivityControl, aForceThatAlwaysGivesGetsTheReserveAndNoMore) {
   for (const std::uint32_t delay : {0u, 1u, 3u}) {
-    PassivityControl control(withTank(20e-6, 0.1, delay), kRate_hz);
+    PassivityControl control(withTank(20e-6, 0.1, delay), kControlRate_hz);
     const Course of = driven(control, 5000, swing, [](double, double v) { return v > 0 ? 2.0 : -2.0; });
     EXPECT_LT(of.given_J(delay), 0.3e-3) << delay;
-    PassivityControl full(withTank(10, 20, delay), kRate_hz);
+    PassivityControl full(withTank(10, 20, delay), kControlRate_hz);
     EXPECT_GT(driven(full, 5000, swing, [](double, double v) { return v > 0 ? 2.0 : -2.0; }).given_J(delay),
               0.3)
         << "without it";
@@ -92,7 +93,7 @@ TEST(PassivityControl, aForceThatAlwaysGivesGetsTheReserveAndNoMore) {
 }
 
 TEST(PassivityControl, aForceThatTakesIsLeftAsItIs) {
-  PassivityControl control(withTank(0, 0.1), kRate_hz);
+  PassivityControl control(withTank(0, 0.1), kControlRate_hz);
   const Course of = driven(control, 2000, swing, [](double, double v) { return v > 0 ? -2.0 : 2.0; });
   // at the turns the force of before still acts
   double taken_off = 0;
@@ -102,7 +103,7 @@ TEST(PassivityControl, aForceThatTakesIsLeftAsItIs) {
 }
 
 TEST(PassivityControl, theTankHoldsNoMoreThanItsCapacityAndOutsideTheReserve) {
-  PassivityControl control(withTank(20e-6, 1e-3), kRate_hz);
+  PassivityControl control(withTank(20e-6, 1e-3), kControlRate_hz);
   const Course of = driven(control, 1000, swing, [](double, double v) { return v > 0 ? -2.0 : 2.0; });
   EXPECT_LE(*std::max_element(of.level_J.begin(), of.level_J.end()), 1e-3);
   control.rendered(control.limited({{0, 0, of.z_m.back()}, {}}, true, {}));
@@ -112,10 +113,10 @@ TEST(PassivityControl, theTankHoldsNoMoreThanItsCapacityAndOutsideTheReserve) {
 TEST(PassivityControl, theDevicesDampingFillsItNoMoreThanItLoses) {
   PassivitySettings settings = withTank(0, 1);
   settings.damping_Ns_per_m = 1.7;
-  PassivityControl control(settings, kRate_hz);
+  PassivityControl control(settings, kControlRate_hz);
   // a wrench of no work keeps the tank from being taken for outside
   for (int k = 0; k < 2000; ++k)
-    control.rendered(control.limited({{0, 0, swing(k * kPeriod_s)}, {}}, true, {{1, 0, 0}, {}}));
+    control.rendered(control.limited({{0, 0, swing(k * kControlPeriod_s)}, {}}, true, {{1, 0, 0}, {}}));
   const double lost = 1.7 * 0.5 * std::pow(0.004 * 2 * std::numbers::pi * 3, 2) * 2;
   EXPECT_LE(control.state().level_J, lost);
   EXPECT_GT(control.state().level_J, 0.95 * lost);
@@ -123,7 +124,7 @@ TEST(PassivityControl, theDevicesDampingFillsItNoMoreThanItLoses) {
 
 // a pressed spring whose force comes in late, as in the gate's fade-in
 TEST(PassivityControl, countsWhatTheGateLetThrough) {
-  PassivityControl control(withTank(20e-6, 0.1, 0), kRate_hz);
+  PassivityControl control(withTank(20e-6, 0.1, 0), kControlRate_hz);
   double given_J = 0, before_m = 0, acting_N = 0;
   for (int k = 0; k <= 400; ++k) {
     const double z_m = 0.006 * std::sin(std::numbers::pi * k / 400);
@@ -137,7 +138,7 @@ TEST(PassivityControl, countsWhatTheGateLetThrough) {
 }
 
 TEST(PassivityControl, ticksWithoutAPoseCountAtTheirWorst) {
-  PassivityControl control(withTank(1, 2, 0), kRate_hz);
+  PassivityControl control(withTank(1, 2, 0), kControlRate_hz);
   control.rendered(control.limited({}, true, {{0, 0, 1}, {}}));
   control.rendered(control.limited({}, false, {{0, 0, 3}, {}}));
   control.rendered(control.limited({}, false, {{0, 0, 2}, {}}));
@@ -146,7 +147,7 @@ TEST(PassivityControl, ticksWithoutAPoseCountAtTheirWorst) {
 }
 
 TEST(PassivityControl, aWrenchThatIsNoNumberIsLeftToTheGate) {
-  PassivityControl control(withTank(1, 2, 0), kRate_hz);
+  PassivityControl control(withTank(1, 2, 0), kControlRate_hz);
   control.rendered(control.limited({}, true, {{0, 0, 1}, {}}));
   const std::uint64_t before = hashOf(control.state());
   EXPECT_TRUE(std::isnan(control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, std::nan("")}, {}}).force_N.z));
@@ -154,7 +155,7 @@ TEST(PassivityControl, aWrenchThatIsNoNumberIsLeftToTheGate) {
 }
 
 TEST(PassivityControl, missedTicksRenderTheLastWrench) {
-  PassivityControl control(withTank(1, 2, 1), kRate_hz);
+  PassivityControl control(withTank(1, 2, 1), kControlRate_hz);
   control.rendered(control.limited({}, true, {{0, 0, 1}, {}}));
   control.rendered(control.limited({}, true, {{0, 0, 2}, {}}));
   (void)control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, 1}, {}}, 50);
@@ -162,7 +163,7 @@ TEST(PassivityControl, missedTicksRenderTheLastWrench) {
 }
 
 TEST(PassivityControl, sameInputsSameBitsAndNoHeap) {
-  PassivityControl one(withTank(20e-6, 0.1), kRate_hz), other = one;
+  PassivityControl one(withTank(20e-6, 0.1), kControlRate_hz), other = one;
   EXPECT_EQ(hashOf(one.state()), hashOf(other.state()));
   const auto spring = [](double z, double v) { return -500 * z + v; };
   driven(one, 500, swing, spring);

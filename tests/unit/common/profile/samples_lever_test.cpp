@@ -14,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
+const std::filesystem::path kLeverSamples = NEEDLELAB_SAMPLES;
 constexpr std::array<double, 4> kLevers_m = {0.08, 0.1, 0.13, 0.142};
 
 struct Held {
@@ -45,7 +45,7 @@ std::string cellOf(SceneSpec spec, double lever_m) {
 }
 
 std::string rowOf(const std::string& file) {
-  const auto profile = loadProfile(kSamples / file);
+  const auto profile = loadProfile(kLeverSamples / file);
   if (!profile.ok()) return profile.error().message;
   const auto spec = sceneSpecOf(*profile);
   if (!spec.ok()) return spec.error().message;
@@ -59,7 +59,7 @@ TEST(SamplesWithTools, patientsAreNotRefusedWithTheToolsThatWeShow) {
   for (const Vec3 tip_m : {Vec3{0.012, -0.008, 0.142}, Vec3{0.004, -0.003, 0.135}}) {
     // the needle points along the line from handle to tip
     const double lever_m = norm(tip_m);
-    for (const auto& entry : std::filesystem::directory_iterator(kSamples)) {
+    for (const auto& entry : std::filesystem::directory_iterator(kLeverSamples)) {
       const std::string name = entry.path().filename().string();
       if (entry.path().extension() != ".json" || name.find("curriculum") != std::string::npos) continue;
       if (name == "paper-clamping.json") continue;  // has the paper's 400 N/m
@@ -71,10 +71,10 @@ TEST(SamplesWithTools, patientsAreNotRefusedWithTheToolsThatWeShow) {
 }
 
 TEST(SamplesWithTools, theTableIsWhatADesktopHolds) {
-  const auto text = readWholeFile(kSamples / "README.md");
+  const auto text = readWholeFile(kLeverSamples / "README.md");
   ASSERT_TRUE(text.ok());
   std::set<std::string> files;
-  for (const auto& entry : std::filesystem::directory_iterator(kSamples)) {
+  for (const auto& entry : std::filesystem::directory_iterator(kLeverSamples)) {
     const std::string name = entry.path().filename().string();
     if (entry.path().extension() == ".json" && name.find("curriculum") == std::string::npos)
       files.insert(name);
