@@ -31,9 +31,9 @@ class SchemaBound {
   SchemaBound(const SchemaBound&) = delete;
   SchemaBound& operator=(const SchemaBound&) = delete;
 
-  /// Right after a read has failed: whether a bound was the reason.
-  [[nodiscard]] bool isExceeded() const {
-    return is_exceeded_ || (sqlite3_errcode(handle_) & 0xff) == SQLITE_TOOBIG;
+  /// Whether a bound was the reason of a read's error: of a text's length SQLite itself says it.
+  [[nodiscard]] bool isReasonOf(const Error& error) const {
+    return is_exceeded_ || error.code == ErrorCode::kInvalidInput;
   }
 
  private:
@@ -64,9 +64,10 @@ class SchemaBound {
 Status checkContents(Connection& opened, const fs::path& path) {
   RETURN_IF_ERROR(opened.run("BEGIN"));
   // reads the first page, which stays in memory as it is now: somebody may write to the file meanwhile
-  auto id = opened.prepare("PRAGMA application_id");
-  ASSIGN_OR_RETURN(const bool row, id.step());
-  if (!row || id.integer(0) != kApplicationId)
+  ASSIGN_OR_RETURN(const auto id, opened.prepare("PRAGMA application_id").first([](const Statement& row) {
+    return row.integer(0);
+  }));
+  if (id != kApplicationId)
     return Error{ErrorCode::kCorrupt, path.string() + ": this is no database of needlelab"};
   // the file's header says otherwise how many of its pages stay in memory
   RETURN_IF_ERROR(opened.script("PRAGMA cache_size=-2000"));
@@ -111,9 +112,9 @@ Result<Connection> openForeign(const fs::path& path, const std::atomic<bool>* ca
                                                                .until_ns = until_ns,
                                                                .cancelled = cancelled}));
   sqlite3_limit(opened.handle(), SQLITE_LIMIT_LENGTH, kMostForeignTextBytes);
-  const SchemaBound bound(opened.handle());
+  SchemaBound bound(opened.handle());
   if (const Status checked = checkContents(opened, path); !checked)
-    return bound.isExceeded()
+    return bound.isReasonOf(checked.error())
                ? Error{ErrorCode::kCorrupt, path.string() +
                                                 ": its schema is much larger than needlelab's, and was not "
                                                 "read to its end: somebody put it in"}

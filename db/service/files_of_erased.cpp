@@ -129,7 +129,7 @@ class RowsOfFile {
     }
     return std::optional(false);
   }
-  /// As Connection::readUntil(), for which a row is not left half read.
+  /// As Connection::readUntil(): the end of all turns, within a row, too.
   void readUntil(std::int64_t until_ns) { database_.readUntil(until_ns); }
 
  private:

@@ -160,7 +160,15 @@ TEST_F(ForeignDatabase, aSchemaThatWouldFillMemoryIsGivenUpWithinTheBounds) {
         Case{"a key of 1,000 columns and 1,000 more with it",
              numbers + "1000) SELECT 'x' AS name, 'CREATE TABLE x(' || group_concat('c' || i || ' UNIQUE') ||"
                        " ', PRIMARY KEY(' || group_concat('c' || i) || ')) WITHOUT ROWID' AS sql FROM n",
-             kPages_bytes}}) {
+             kPages_bytes},
+        Case{"20 of a key of 85 columns, and UNIQUE for each pair of them",
+             numbers + "85), m(j) AS (SELECT 1 UNION ALL SELECT j + 1 FROM m WHERE j < 20)"
+                       " SELECT 'x' || j AS name, 'CREATE TABLE x' || j || '(' ||"
+                       " (SELECT group_concat('c' || i) FROM n) || ', PRIMARY KEY(' ||"
+                       " (SELECT group_concat('c' || i) FROM n) || ')' || (SELECT group_concat("
+                       "', UNIQUE(c' || a.i || ',c' || b.i || ')', '') FROM n a, n b WHERE a.i < b.i) ||"
+                       " ') WITHOUT ROWID' AS sql FROM m",
+             kOfSchema_bytes * kMostHeapBytesOfAByte + kPages_bytes}}) {
     SCOPED_TRACE(one.what);
     fs::remove(path);
     auto reader = db.reader();
