@@ -12,7 +12,7 @@ namespace {
 
 using namespace test;
 
-constexpr std::int64_t kSecond_ns = 1'000'000'000, kMinute_ns = 60 * kSecond_ns;
+constexpr std::int64_t kAMinute_ns = LogBound::kMinute_ns, kASecond_ns = kAMinute_ns / 60;
 constexpr std::uint64_t kAMinute = PeerLines::Settings{}.a_minute;
 
 /// `times` lines at once.
@@ -54,7 +54,7 @@ TEST(PeerLines, requestsThatSucceedHaveMoreLinesAndHideNoneThatWasRefusedOrFaile
     for (const PeerLine kind : {PeerLine::kWebRequestDone, PeerLine::kWebRequestRefused,
                                 PeerLine::kWebRequestForbidden, PeerLine::kWebRequestFailed})
       write(lines, "person tina", kind, 0, 1000);
-    lines.sayLeftOut(kMinute_ns);
+    lines.sayLeftOut(kAMinute_ns);
   });
   const std::uint64_t answered = PeerLines::Settings{}.answered_a_minute;
   EXPECT_EQ(countOf(log, "web_request who=\"person tina\"\n"), answered + 3 * kAMinute);
@@ -86,11 +86,11 @@ TEST(PeerLines, whatWasLeftOutIsSaidOnceByTheClockAndTheRestAtTheEnd) {
   };
   (void)logOf(LogLevel::kOff,
               [&] { write(lines, "person tina", PeerLine::kMessageRefusedForRole, 0, kAMinute + 10); });
-  EXPECT_EQ(saidAt(kMinute_ns - 1), "") << "the minute is not over";
-  EXPECT_EQ(countOf(saidAt(kMinute_ns), leftOut("\"person tina\"", "message_refused/ROLE", 10)), 1u);
-  EXPECT_EQ(saidAt(10 * kMinute_ns), "") << "once";
+  EXPECT_EQ(saidAt(kAMinute_ns - 1), "") << "the minute is not over";
+  EXPECT_EQ(countOf(saidAt(kAMinute_ns), leftOut("\"person tina\"", "message_refused/ROLE", 10)), 1u);
+  EXPECT_EQ(saidAt(10 * kAMinute_ns), "") << "once";
   (void)logOf(LogLevel::kOff, [&] {
-    write(lines, "person tina", PeerLine::kMessageRefusedForRole, 11 * kMinute_ns, kAMinute + 5);
+    write(lines, "person tina", PeerLine::kMessageRefusedForRole, 11 * kAMinute_ns, kAMinute + 5);
   });
   EXPECT_EQ(countOf(saidAt(INT64_MAX), leftOut("\"person tina\"", "message_refused/ROLE", 5)), 1u);
 }
@@ -103,10 +103,10 @@ TEST(PeerLines, whoHasGoneIsForgottenAndTheNumberIsNot) {
       write(lines, "station " + std::to_string(n), PeerLine::kChunkQuarantined, 0, kAMinute + 1);
     // another comes to each, in the next minute, before the clock does
     for (std::size_t n = 0; n < kStations; ++n)
-      write(lines, "station " + std::to_string(n), PeerLine::kChunkQuarantined, kMinute_ns, 1);
+      write(lines, "station " + std::to_string(n), PeerLine::kChunkQuarantined, kAMinute_ns, 1);
   });
   EXPECT_EQ(lines.known(), kStations);
-  const std::string log = logOf(LogLevel::kWarning, [&] { lines.sayLeftOut(2 * kMinute_ns); });
+  const std::string log = logOf(LogLevel::kWarning, [&] { lines.sayLeftOut(2 * kAMinute_ns); });
   EXPECT_EQ(countOf(log, " of=chunk_quarantined count=1\n"), kStations);
   EXPECT_EQ(lines.known(), 0u);
 }
@@ -124,9 +124,9 @@ TEST(PeerLines, wantOfRoomHasALineAnHourOfEachAccount) {
   EXPECT_EQ(writtenAt("person tina", 0), 1u);
   EXPECT_EQ(writtenAt("person tina", 1), 0u);
   EXPECT_EQ(writtenAt("station bench-1", 1), 1u);
-  EXPECT_EQ(writtenAt("person tina", 60 * kMinute_ns - 1), 0u);
-  EXPECT_EQ(writtenAt("person tina", 60 * kMinute_ns), 1u);
-  EXPECT_EQ(writtenAt("person tina", 61 * kMinute_ns), 0u);
+  EXPECT_EQ(writtenAt("person tina", 60 * kAMinute_ns - 1), 0u);
+  EXPECT_EQ(writtenAt("person tina", 60 * kAMinute_ns), 1u);
+  EXPECT_EQ(writtenAt("person tina", 61 * kAMinute_ns), 0u);
 }
 
 }  // namespace
