@@ -62,11 +62,23 @@ Result<Reply> execute(Service& service, const Principal& who, const pb::Request&
 }
 
 template <typename Message>
+Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
+                      RequestUnderWay& under_way,
+                      Result<Reply> (Service::*handler)(const Principal&, const Message&, RequestUnderWay&)) {
+  return (service.*handler)(who, callOf<Message>(request), under_way);
+}
+
+template <typename Message>
 const google::protobuf::Descriptor* takenBy(Result<Reply> (*)(const Context&, const Message&)) {
   return Message::descriptor();
 }
 template <typename Message>
 const google::protobuf::Descriptor* takenBy(Result<Reply> (Service::*)(const Principal&, const Message&)) {
+  return Message::descriptor();
+}
+template <typename Message>
+const google::protobuf::Descriptor* takenBy(Result<Reply> (Service::*)(const Principal&, const Message&,
+                                                                       RequestUnderWay&)) {
   return Message::descriptor();
 }
 
@@ -204,7 +216,7 @@ constexpr RequestRow kRows[] = {
   // --- scores
   {Call::kGetScore,                "score show",           kPeople,               to<getScore>,                  Reply::kScore, kViews,
    {{"GET /sessions/{id}/score?definition_version", "Its score; definition_version: by default the newest"}}},
-  {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore, kStores>, Reply::kScore, kSlow,
+  {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore, kStores>, Reply::kScore, kScores,
    {{"POST /sessions/{id}/rescore", "Scores it by the definitions of now"}}},
   {Call::kListScores,              "score list",           kStaff,                to<listScores>,                Reply::kScores, kViews,
    {{"GET /scores.csv?course&group", "Scores, a measure a line; units in a column"}}},
