@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
-#include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "common/wire/asio.h"
@@ -13,8 +13,7 @@
 
 namespace needlelab {
 
-/// Who finds no place waits without a thread, each name in turn. A name has all places but one at most, so
-/// that one is left to others; of a single place it may have all. Thread: one.
+/// Each name has one place at most. Who finds none waits without a thread, each name in turn. Thread: one.
 class PlacesInTurn {
  public:
   using Place = std::shared_ptr<const void>;  ///< gives itself back at its end
@@ -29,18 +28,16 @@ class PlacesInTurn {
  private:
   struct State : std::enable_shared_from_this<State> {
     State(asio::any_io_executor its_executor, std::size_t places)
-        : executor(std::move(its_executor)), most_of_one(places > 1 ? places - 1 : 1), free(places) {}
+        : executor(std::move(its_executor)), free(places) {}
 
     /// Gives free places to those who are next.
     void give() {
       while (free > 0) {
-        const FairQueue::Piece next = waiting.takeOf([this](const std::string& who) {
-          const auto theirs = taken.find(who);
-          return theirs == taken.end() || theirs->second < most_of_one;
-        });
+        const FairQueue::Piece next =
+            waiting.takeOf([this](const std::string& who) { return !with_place.contains(who); });
         if (!next.work) return;
         --free;
-        ++taken[next.who];
+        with_place.insert(next.who);
         next.work();
       }
     }
@@ -50,15 +47,13 @@ class PlacesInTurn {
     }
     void giveBack(const std::string& who) {
       ++free;
-      const auto theirs = taken.find(who);
-      if (--theirs->second == 0) taken.erase(theirs);
+      with_place.erase(who);
       give();
     }
 
     const asio::any_io_executor executor;
-    const std::size_t most_of_one;
     std::size_t free;
-    std::unordered_map<std::string, std::size_t> taken;  // by name, without zeros
+    std::unordered_set<std::string> with_place;
     FairQueue waiting;
   };
 
