@@ -73,9 +73,9 @@ struct CloseOutcome {
   std::uint64_t event_bytes = 0;  ///< of the syringe's events that were stored now
 };
 
-/// The score of such a session is one step: at most some 0.3 s of a thread, and 22 MB. That of a longer one
-/// takes up to 5 s, in steps of kScoredAtOnce, between which it holds up to 110 MB (SessionScore). Smaller:
-/// more closes take turns on fewer threads; greater: a short session's close waits for longer ones.
+/// The score of such a session is one step: some 0.1 s of a thread, and 22 MB at 1 kHz. That of a longer one
+/// takes up to some 3 s, in steps of kScoredAtOnce, between which it holds up to 110 MB (SessionScore).
+/// Smaller: more closes take turns on fewer threads; greater: a short session's close waits for longer ones.
 inline constexpr std::uint64_t kShortScoreSamples = 100'000;
 
 /// A station's request to close a session, between the steps of its work.
