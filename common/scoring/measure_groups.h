@@ -1,6 +1,8 @@
 /// The groups of measures and their common input. Private to this folder.
 #pragma once
 
+#include <cstddef>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +13,7 @@
 #include "common/scoring/dtw.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/step_work.h"
 #include "common/scoring/track.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
@@ -45,9 +48,27 @@ class Rows {
 
 void addMotion(const Gesture& gesture, Rows& rows);   ///< time, path, speed, smoothness
 void addActions(const Gesture& gesture, Rows& rows);  ///< movements, turns, work against clamping
-void addTissue(const Gesture& gesture, Rows& rows);   ///< depth, forces, events of the needle in tissue
-void addAim(const Gesture& gesture, Rows& rows);      ///< target and hazards
-void addPlan(const Gesture& gesture, Rows& rows);     ///< errors against the plan, if there is one
+
+/// Measures that come from the samples themselves. All groups take them in one pass, so that a recording is
+/// decoded for none of them alone.
+class SampleGroup {
+ public:
+  SampleGroup() = default;
+  SampleGroup(const SampleGroup&) = delete;
+  SampleGroup& operator=(const SampleGroup&) = delete;
+  virtual ~SampleGroup() = default;
+
+  /// Takes sample `i` of the gesture: each once, in order.
+  virtual void add(std::size_t i) = 0;
+  /// After the last one: looks at some of them again, in steps. True: done.
+  virtual bool finish(StepWork& /*work*/) { return true; }
+  /// When it is done.
+  virtual void addRows(Rows& rows) const = 0;
+};
+/// In the order of their rows: depth, forces and events of the needle in tissue; target and hazards; errors
+/// against the plan, if there is one. `gesture` must outlive them.
+std::vector<std::unique_ptr<SampleGroup>> sampleGroups(const Gesture& gesture);
+
 /// Aspirations and injections.
 void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows);
 

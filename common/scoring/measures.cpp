@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <memory>
+#include <utility>
 
 #include "common/haptics/limits.h"
 #include "common/scoring/measure_groups.h"
@@ -257,27 +259,136 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
   return scoreGesture(RecordedSamples(samples), rate_hz, profile, X_WL, exercise, references);
 }
 
+/// What is there of a score, in the order in which it is made.
+struct GestureScore::Parts {
+  enum class Stage { kMotionCost, kRuns, kMotion, kActions, kSamples, kGroups, kSyringe, kReferences, kDone };
+
+  /// Does the stage, or a part of it. False: the step is over first.
+  bool goOn(StepWork& work);
+  /// Takes each sample once, for all groups.
+  bool passOver(StepWork& work);
+
+  const RecordedSamples& samples;
+  const double rate_hz;
+  const pb::Profile& profile;
+  const Pose X_WL;
+  const pb::Exercise* const exercise;
+  const std::span<const TipPath> references;
+
+  Stage stage = Stage::kMotionCost;
+  MotionCheck motion_cost{samples, rate_hz};
+  RunsInSteps runs{samples, rate_hz};
+  std::optional<Gesture> gesture{};
+  std::vector<std::unique_ptr<SampleGroup>> groups{};
+  std::unique_ptr<SyringeEventsInSteps> syringe{};
+  std::size_t next_sample = 0, groups_done = 0;
+  Rows rows{};
+  std::vector<Measure> measures{};
+  std::vector<pb::SyringeEvent> events{};
+};
+
+bool GestureScore::Parts::passOver(StepWork& work) {
+  const Anatomy& anatomy = gesture->anatomy;
+  const std::uint64_t cost = 1 + (anatomy.targets.size() + anatomy.hazards.size()) / kRegionsAsASample;
+  for (; next_sample < samples.size(); ++next_sample) {
+    if (work.isOver()) return false;
+    work.spend(cost);
+    for (const auto& group : groups) group->add(next_sample);
+    syringe->add(next_sample);
+  }
+  return true;
+}
+
+bool GestureScore::Parts::goOn(StepWork& work) {
+  // a point of the motion takes as long as some samples, and these stages are one piece each
+  constexpr std::uint64_t kPointAsSamples = 4;
+  const auto spendPoints = [&] {
+    for (const Run& run : gesture->runs) work.spend(kPointAsSamples * run.points.size());
+  };
+  switch (stage) {
+    case Stage::kMotionCost:
+      if (!motion_cost.step(work)) return false;
+      stage = motion_cost.status().ok() ? Stage::kRuns : Stage::kDone;
+      return true;
+    case Stage::kRuns:
+      if (!runs.step(work)) return false;
+      gesture.emplace(Gesture{samples, rate_hz, runs.take(), anatomyOf(profile, X_WL), &profile,
+                              exercise == nullptr ? std::nullopt : plannedLineOf(*exercise, X_WL)});
+      groups = sampleGroups(*gesture);
+      syringe = syringeEventsInSteps(samples, rate_hz, profile, X_WL);
+      stage = Stage::kMotion;
+      return true;
+    case Stage::kMotion:
+      addMotion(*gesture, rows);
+      spendPoints();
+      stage = Stage::kActions;
+      return true;
+    case Stage::kActions:
+      addActions(*gesture, rows);
+      spendPoints();
+      stage = Stage::kSamples;
+      return true;
+    case Stage::kSamples:
+      if (!passOver(work)) return false;
+      stage = Stage::kGroups;
+      return true;
+    case Stage::kGroups:
+      for (; groups_done < groups.size(); ++groups_done) {
+        if (!groups[groups_done]->finish(work)) return false;
+        groups[groups_done]->addRows(rows);
+      }
+      stage = Stage::kSyringe;
+      return true;
+    case Stage::kSyringe:
+      if (!syringe->finish(work)) return false;
+      events = syringe->take();
+      addSyringe(*gesture, events, rows);
+      stage = Stage::kReferences;
+      return true;
+    case Stage::kReferences:
+      addReferences(*gesture, X_WL, references, rows);
+      measures = rows.take();
+      applyRequirements(exercise, measures);
+      stage = Stage::kDone;
+      return true;
+    case Stage::kDone:
+      return true;
+  }
+  return true;
+}
+
+GestureScore::GestureScore(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
+                           const Pose& X_WL, const pb::Exercise* exercise,
+                           std::span<const TipPath> references)
+    : parts_(new Parts{samples, rate_hz, profile, X_WL, exercise, references}) {
+  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) parts_->stage = Parts::Stage::kDone;
+}
+
+GestureScore::~GestureScore() = default;
+
+bool GestureScore::step(StepWork& work) {
+  while (parts_->stage != Parts::Stage::kDone) {
+    if (work.isOver() || !parts_->goOn(work)) return false;
+    if (!parts_->samples.fault().ok()) parts_->stage = Parts::Stage::kDone;
+  }
+  return true;
+}
+
+const std::vector<Measure>& GestureScore::measures() const {
+  return parts_->measures;
+}
+
+const std::vector<pb::SyringeEvent>& GestureScore::events() const {
+  return parts_->events;
+}
+
 std::vector<Measure> scoreGesture(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
                                   const Pose& X_WL, const pb::Exercise* exercise,
                                   std::span<const TipPath> references) {
-  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz) || !checkMotion(samples, rate_hz)) return {};
-  const Gesture gesture{samples,
-                        rate_hz,
-                        runsOf(samples, rate_hz),
-                        anatomyOf(profile, X_WL),
-                        &profile,
-                        exercise == nullptr ? std::nullopt : plannedLineOf(*exercise, X_WL)};
-  Rows rows;
-  addMotion(gesture, rows);
-  addActions(gesture, rows);
-  addTissue(gesture, rows);
-  addAim(gesture, rows);
-  addPlan(gesture, rows);
-  addSyringe(gesture, syringeEvents(samples, rate_hz, profile, X_WL), rows);
-  addReferences(gesture, X_WL, references, rows);
-  std::vector<Measure> measures = rows.take();
-  applyRequirements(exercise, measures);
-  return measures;
+  GestureScore score(samples, rate_hz, profile, X_WL, exercise, references);
+  StepWork all = StepWork::all();
+  score.step(all);
+  return score.measures();
 }
 
 }  // namespace needlelab

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,6 +14,8 @@
 #include "common/haptics/geometry.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/recorded_samples.h"
+#include "common/scoring/step_work.h"
+#include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -69,6 +72,30 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
 std::vector<Measure> scoreGesture(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
                                   const Pose& X_WL, const pb::Exercise* exercise = nullptr,
                                   std::span<const TipPath> references = {});
+
+/// The same in steps, between which others may have the thread: the same bits, however it is cut into steps.
+/// One step is at most one piece longer than its work; the longest piece is the motion of the longest
+/// recording (some 0.2 s). Thread: one at a time.
+class GestureScore {
+ public:
+  /// As for scoreGesture(); samples, profile, exercise and references must outlive it.
+  GestureScore(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile, const Pose& X_WL,
+               const pb::Exercise* exercise = nullptr, std::span<const TipPath> references = {});
+  ~GestureScore();
+  GestureScore(const GestureScore&) = delete;
+  GestureScore& operator=(const GestureScore&) = delete;
+
+  /// True: it is done; or the samples have a fault, and there are no measures.
+  bool step(StepWork& work);
+  /// Once it is done: as scoreGesture().
+  [[nodiscard]] const std::vector<Measure>& measures() const;
+  /// Once it is done, of a gesture that has measures: as syringeEvents().
+  [[nodiscard]] const std::vector<pb::SyringeEvent>& events() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
 
 /// Whether `scoreGesture` can give a measure of this name for some profile, e.g. "peak_force_layer_3_n".
 bool isMeasureName(std::string_view name);

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
+#include <utility>
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
@@ -39,78 +41,95 @@ Vec3 tipOf(const GestureSample& s) {
 }
 
 /// Entries, withdrawals and turns of a gesture.
-struct Counts {
-  int entries = 0, withdrawals = 0, turns = 0;
-};
+class Counts {
+ public:
+  explicit Counts(double rate_hz) : rate_hz_(rate_hz) {}
 
-Counts countEvents(const Gesture& gesture) {
-  Counts counts;
-  bool was_inside = false, was_withdrawing = false;
-  std::size_t last_turn = 0;
-  bool any_turn = false;
-  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    const GestureSample& sample = gesture.samples[i];
+  void add(const GestureSample& sample) {
     const bool inside = isInside(sample);
     // the flag reveals an entry after an exit that was lost in missing ticks
-    const bool entered = inside && (!was_inside || (sample.flags & kFlagEntry) != 0);
+    const bool entered = inside && (!was_inside_ || (sample.flags & kFlagEntry) != 0);
     if (entered) {
-      ++counts.entries;
-      was_withdrawing = false;
+      ++entries;
+      was_withdrawing_ = false;
     }
     if (inside && sample.phase == static_cast<std::uint8_t>(Phase::kWithdrawing)) {
-      if (!was_withdrawing) ++counts.withdrawals;
-      was_withdrawing = true;
+      if (!was_withdrawing_) ++withdrawals;
+      was_withdrawing_ = true;
     } else if (inside && sample.phase == static_cast<std::uint8_t>(Phase::kInserting)) {
-      was_withdrawing = false;
+      was_withdrawing_ = false;
     }
     if ((sample.flags & kFlagTurn) != 0) {
-      const bool goes_on =
-          any_turn && secondsBetween(gesture.samples[last_turn], sample, gesture.rate_hz) <= kTurnPause_s;
-      if (!goes_on) ++counts.turns;
-      last_turn = i;
-      any_turn = true;
+      const bool goes_on = last_turn_ && secondsBetween(*last_turn_, sample, rate_hz_) <= kTurnPause_s;
+      if (!goes_on) ++turns;
+      last_turn_ = sample;
     }
-    was_inside = inside;
+    was_inside_ = inside;
   }
-  return counts;
-}
+
+  int entries = 0, withdrawals = 0, turns = 0;
+
+ private:
+  const double rate_hz_;
+  bool was_inside_ = false, was_withdrawing_ = false;
+  std::optional<GestureSample> last_turn_;
+};
 
 /// The path length in tissue up to the end of the longest insertion, divided by the straight line from its
 /// entry to that end. Paths before that entry (of abandoned insertions) count, too. The insertion ends where
-/// it first comes within kEndWithin_m of its greatest length. 0 without an insertion.
-double inefficiencyOf(const Gesture& gesture) {
-  std::size_t deepest = 0, entry = 0, deepest_entry = 0;
-  double greatest_m = 0;
-  bool was_inside = false;
-  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    const bool inside = isInside(gesture.samples[i]);
-    if (inside && (!was_inside || (gesture.samples[i].flags & kFlagEntry) != 0)) entry = i;
-    if (inside && gesture.samples[i].insertion_m > greatest_m) {
-      greatest_m = gesture.samples[i].insertion_m;
-      deepest = i;
-      deepest_entry = entry;
-    }
-    was_inside = inside;
-  }
-  if (gesture.samples.empty()) return 0;
-  const auto& samples = gesture.samples;
-  std::size_t end = deepest_entry;
-  while (end < deepest && samples[end].insertion_m < greatest_m - kEndWithin_m) ++end;
-  const double straight_m = norm(tipOf(samples[end]) - tipOf(samples[deepest_entry]));
-  if (straight_m < kLeastWay_m) return 0;
+/// it first comes within kEndWithin_m of its greatest length.
+class Inefficiency {
+ public:
+  explicit Inefficiency(const Gesture& gesture) : gesture_(gesture) {}
 
-  const double end_s = secondsBetween(samples.front(), samples[end], gesture.rate_hz);
-  double way_m = 0;
-  for (const Run& run : gesture.runs) {
-    for (std::size_t i = 0; i < run.inside.size(); ++i) {
-      // the last step counts in part
-      const double from_s = run.start_s + static_cast<double>(i) * run.period_s;
-      const double share = std::clamp((end_s - from_s) / run.period_s, 0.0, 1.0);
-      way_m += share * run.inside[i] * norm(run.points[i + 1].p_WT_m - run.points[i].p_WT_m);
+  void add(std::size_t i) {
+    const GestureSample& sample = gesture_.samples[i];
+    const bool inside = isInside(sample);
+    if (inside && (!was_inside_ || (sample.flags & kFlagEntry) != 0)) entry_ = i;
+    if (inside && sample.insertion_m > greatest_m_) {
+      greatest_m_ = sample.insertion_m;
+      deepest_ = i;
+      end_ = deepest_entry_ = entry_;
     }
+    was_inside_ = inside;
   }
-  return std::max(1.0, way_m / straight_m);
-}
+
+  /// Looks for the insertion's end. True: it is found.
+  bool finish(StepWork& work) {
+    const auto& samples = gesture_.samples;
+    while (end_ < deepest_ && samples[end_].insertion_m < greatest_m_ - kEndWithin_m) {
+      if (work.isOver()) return false;
+      work.spend(1);
+      ++end_;
+    }
+    return true;
+  }
+
+  /// 0 without an insertion.
+  [[nodiscard]] double value() const {
+    const auto& samples = gesture_.samples;
+    if (samples.empty()) return 0;
+    const double straight_m = norm(tipOf(samples[end_]) - tipOf(samples[deepest_entry_]));
+    if (straight_m < kLeastWay_m) return 0;
+    const double end_s = secondsBetween(samples.front(), samples[end_], gesture_.rate_hz);
+    double way_m = 0;
+    for (const Run& run : gesture_.runs) {
+      for (std::size_t i = 0; i < run.inside.size(); ++i) {
+        // the last step counts in part
+        const double from_s = run.start_s + static_cast<double>(i) * run.period_s;
+        const double share = std::clamp((end_s - from_s) / run.period_s, 0.0, 1.0);
+        way_m += share * run.inside[i] * norm(run.points[i + 1].p_WT_m - run.points[i].p_WT_m);
+      }
+    }
+    return std::max(1.0, way_m / straight_m);
+  }
+
+ private:
+  const Gesture& gesture_;
+  std::size_t entry_ = 0, deepest_ = 0, deepest_entry_ = 0, end_ = 0;
+  double greatest_m_ = 0;
+  bool was_inside_ = false;
+};
 
 Vec3 axisOf(const GestureSample& s) {
   return zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
@@ -121,14 +140,11 @@ Vec3 skinPointOf(const GestureSample& s) {
   return tipOf(s) - s.insertion_m * axisOf(s);
 }
 
-/// The point where the tip first came through the skin, as the engine has it (FORCE_MODEL.md, "Contact"): on
-/// the straight line between the last tick outside and the first one inside, where the depth is 0. If nobody
-/// saw the tick before, back along the needle by its inserted length. Nothing: never in tissue.
-std::optional<Vec3> firstEntryOf(const Gesture& gesture) {
+/// The point where the tip came through the skin, as the engine has it (FORCE_MODEL.md, "Contact"), of the
+/// first sample in tissue: on the straight line between the last tick outside and the first one inside, where
+/// the depth is 0. If nobody saw the tick before, back along the needle by its inserted length.
+Vec3 entryAt(const Gesture& gesture, std::size_t first) {
   const auto& samples = gesture.samples;
-  std::size_t first = 0;
-  while (first < samples.size() && !isInside(samples[first])) ++first;
-  if (first == samples.size()) return std::nullopt;
   if (first > 0 && gesture.anatomy.has_limb &&
       secondsBetween(samples[first - 1], samples[first], gesture.rate_hz) <= kLongestBridge_s) {
     const Vec3 before = tipOf(samples[first - 1]), tip = tipOf(samples[first]);
@@ -155,42 +171,23 @@ Aim aimOf(const Anatomy& anatomy, Vec3 tip_W_m) {
   return aim;
 }
 
-/// Finds the furthest point of the last insertion: the needle's place before it was drawn out. False: never
-/// in tissue.
-bool finalPoint(const Gesture& gesture, std::size_t& index) {
-  bool found = false, was_inside = false;
-  double furthest_m = 0;
-  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    const GestureSample& sample = gesture.samples[i];
+/// The furthest point of the last insertion: the needle's place before it was drawn out.
+class FinalPoint {
+ public:
+  void add(const GestureSample& sample, std::size_t i) {
     const bool inside = isInside(sample);
-    if (inside && (!was_inside || sample.insertion_m >= furthest_m)) {
+    if (inside && (!was_inside_ || sample.insertion_m >= furthest_m_)) {
       index = i;
-      furthest_m = sample.insertion_m;
-      found = true;
+      furthest_m_ = sample.insertion_m;
     }
-    was_inside = inside;
+    was_inside_ = inside;
   }
-  return found;
-}
+  std::optional<std::size_t> index;  ///< nothing: never in tissue
 
-void addTargets(const Gesture& gesture, Rows& rows) {
-  double nearest_m = std::numeric_limits<double>::infinity(), time_s = 0;
-  bool reached = false;
-  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    if (!isInside(gesture.samples[i])) continue;
-    const Aim aim = aimOf(gesture.anatomy, tipOf(gesture.samples[i]));
-    nearest_m = std::min(nearest_m, aim.distance_m);
-    if (!aim.reached) continue;
-    reached = true;
-    time_s += gesture.weight_s(i);
-  }
-  rows.add("target_reached", reached ? 1 : 0);
-  rows.add("time_at_target_s", time_s);
-  std::size_t last = 0;
-  if (!finalPoint(gesture, last)) return;
-  rows.add("target_distance_m", aimOf(gesture.anatomy, tipOf(gesture.samples[last])).distance_m);
-  rows.add("target_nearest_m", nearest_m);
-}
+ private:
+  bool was_inside_ = false;
+  double furthest_m_ = 0;
+};
 
 }  // namespace
 
@@ -202,6 +199,8 @@ double Gesture::weight_s(std::size_t i) const {
   return (i > 0 ? half(i - 1, i) : 0) + (i + 1 < samples.size() ? half(i, i + 1) : 0);
 }
 
+namespace {
+
 /// - `greatest_depth_m`: of the tip under the surface, along its normal. `greatest_insertion_m`: along the
 ///   trajectory.
 /// - `peak_force_n`: greatest force on the hand, of all ticks. `peak_force_layer_K_n`: while the tip was in
@@ -212,62 +211,81 @@ double Gesture::weight_s(std::size_t i) const {
 ///   the way does not begin another). `trajectory_changes`: runs of turns, pauses up to 0.2 s included.
 /// - `path_inefficiency`: path in tissue over the straight line to within 0.25 mm of the furthest point; 1 is
 ///   straight.
-void addTissue(const Gesture& gesture, Rows& rows) {
-  double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0, impulse_Ns = 0, time_s = 0;
-  std::vector<double> layer_peaks(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0);
-  std::vector<double> layer_impulses(layer_peaks), layer_times(layer_peaks);
-  int layer_before = -1;
-  GestureSample changed;  // at the tip's last change of layer
-  bool has_changed = false;
-  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    const GestureSample& sample = gesture.samples[i];
+class TissueGroup : public SampleGroup {
+ public:
+  explicit TissueGroup(const Gesture& gesture)
+      : gesture_(gesture),
+        layer_peaks_(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0),
+        layer_impulses_(layer_peaks_),
+        layer_times_(layer_peaks_),
+        counts_(gesture.rate_hz),
+        inefficiency_(gesture) {}
+
+  void add(std::size_t i) override {
+    const GestureSample& sample = gesture_.samples[i];
+    counts_.add(sample);
+    inefficiency_.add(i);
     const double force_N = forceOf(sample);
-    peak_N = std::max(peak_N, force_N);
-    if (sample.layer != layer_before) {
-      changed = sample;
-      has_changed = layer_before >= 0 && isInside(sample);
+    peak_N_ = std::max(peak_N_, force_N);
+    if (sample.layer != layer_before_) {
+      changed_ = sample;
+      has_changed_ = layer_before_ >= 0 && isInside(sample);
     }
-    layer_before = sample.layer;
-    if (!isInside(sample)) continue;
-    if (gesture.anatomy.has_limb)
-      depth_m = std::max(depth_m, signedDepth(gesture.anatomy.limb, tipOf(sample)));
-    insertion_m = std::max(insertion_m, sample.insertion_m);
-    lateral_m = std::max(lateral_m, sample.lateral_error_m);
-    const double weight_s = gesture.weight_s(i);
-    impulse_Ns += force_N * weight_s;
-    time_s += weight_s;
+    layer_before_ = sample.layer;
+    if (!isInside(sample)) return;
+    if (gesture_.anatomy.has_limb)
+      depth_m_ = std::max(depth_m_, signedDepth(gesture_.anatomy.limb, tipOf(sample)));
+    insertion_m_ = std::max(insertion_m_, sample.insertion_m);
+    lateral_m_ = std::max(lateral_m_, sample.lateral_error_m);
+    const double weight_s = gesture_.weight_s(i);
+    impulse_Ns_ += force_N * weight_s;
+    time_s_ += weight_s;
     const auto layer =
         static_cast<std::size_t>(static_cast<unsigned char>(sample.layer));  // not negative here
     const bool changing =
-        has_changed && secondsBetween(changed, sample, gesture.rate_hz) < kLayerChange_s * (1 - 1e-9);
-    if (layer >= layer_peaks.size() || changing) continue;
-    layer_peaks[layer] = std::max(layer_peaks[layer], force_N);
-    layer_impulses[layer] += force_N * weight_s;
-    layer_times[layer] += weight_s;
+        has_changed_ && secondsBetween(changed_, sample, gesture_.rate_hz) < kLayerChange_s * (1 - 1e-9);
+    if (layer >= layer_peaks_.size() || changing) return;
+    layer_peaks_[layer] = std::max(layer_peaks_[layer], force_N);
+    layer_impulses_[layer] += force_N * weight_s;
+    layer_times_[layer] += weight_s;
   }
-  rows.add("greatest_depth_m", depth_m);
-  rows.add("greatest_insertion_m", insertion_m);
-  rows.add("peak_force_n", peak_N);
-  rows.add("mean_force_in_tissue_n", time_s > 0 ? impulse_Ns / time_s : 0);
-  const std::vector<std::string> names = layerNames(*gesture.profile);
-  const auto addOfLayer = [&](std::string name, double value) {
-    std::string words = measureWords(name, names);
-    rows.add(std::move(name), value, std::move(words));
-  };
-  for (std::size_t i = 0; i < layer_peaks.size(); ++i)
-    addOfLayer(fmt::format("peak_force_layer_{}_n", i + 1), layer_peaks[i]);
-  for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
-    if (layer_times[i] > 0)
-      addOfLayer(fmt::format("mean_force_layer_{}_n", i + 1), layer_impulses[i] / layer_times[i]);
+
+  bool finish(StepWork& work) override { return inefficiency_.finish(work); }
+
+  void addRows(Rows& rows) const override {
+    rows.add("greatest_depth_m", depth_m_);
+    rows.add("greatest_insertion_m", insertion_m_);
+    rows.add("peak_force_n", peak_N_);
+    rows.add("mean_force_in_tissue_n", time_s_ > 0 ? impulse_Ns_ / time_s_ : 0);
+    const std::vector<std::string> names = layerNames(*gesture_.profile);
+    const auto addOfLayer = [&](std::string name, double value) {
+      std::string words = measureWords(name, names);
+      rows.add(std::move(name), value, std::move(words));
+    };
+    for (std::size_t i = 0; i < layer_peaks_.size(); ++i)
+      addOfLayer(fmt::format("peak_force_layer_{}_n", i + 1), layer_peaks_[i]);
+    for (std::size_t i = 0; i < layer_peaks_.size(); ++i) {
+      if (layer_times_[i] > 0)
+        addOfLayer(fmt::format("mean_force_layer_{}_n", i + 1), layer_impulses_[i] / layer_times_[i]);
+    }
+    rows.add("largest_lateral_error_m", lateral_m_);
+    rows.add("entries", counts_.entries);
+    rows.add("withdrawals", counts_.withdrawals);
+    rows.add("trajectory_changes", counts_.turns);
+    const double inefficiency = inefficiency_.value();
+    if (inefficiency > 0) rows.add("path_inefficiency", inefficiency);
   }
-  rows.add("largest_lateral_error_m", lateral_m);
-  const Counts counts = countEvents(gesture);
-  rows.add("entries", counts.entries);
-  rows.add("withdrawals", counts.withdrawals);
-  rows.add("trajectory_changes", counts.turns);
-  const double inefficiency = inefficiencyOf(gesture);
-  if (inefficiency > 0) rows.add("path_inefficiency", inefficiency);
-}
+
+ private:
+  const Gesture& gesture_;
+  double depth_m_ = 0, insertion_m_ = 0, lateral_m_ = 0, peak_N_ = 0, impulse_Ns_ = 0, time_s_ = 0;
+  std::vector<double> layer_peaks_, layer_impulses_, layer_times_;
+  int layer_before_ = -1;
+  GestureSample changed_;  // at the tip's last change of layer
+  bool has_changed_ = false;
+  Counts counts_;
+  Inefficiency inefficiency_;
+};
 
 /// Counted while the tip is in tissue.
 /// - `target_reached` (1 or 0): the tip was within a target's radius of its centre. `time_at_target_s`: the
@@ -276,31 +294,58 @@ void addTissue(const Gesture& gesture, Rows& rows) {
 ///   last insertion; `target_nearest_m`: the least distance at any time.
 /// - `hazards_touched`: number of hazards touched by the tip or by the shaft in tissue (straight back along
 ///   the needle). `bone_contacts`: times that the tip came into bone (bone_contacts.h).
-void addAim(const Gesture& gesture, Rows& rows) {
-  const std::vector<Region>& hazards = gesture.anatomy.hazards;
-  std::vector<bool> touched(hazards.size(), false);
-  BoneContacts bones(*gesture.profile, gesture.anatomy);
-  int bone_contacts = 0;
-  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    const GestureSample& sample = gesture.samples[i];
+class AimGroup : public SampleGroup {
+ public:
+  explicit AimGroup(const Gesture& gesture)
+      : gesture_(gesture),
+        touched_(gesture.anatomy.hazards.size(), false),
+        bones_(*gesture.profile, gesture.anatomy) {}
+
+  void add(std::size_t i) override {
+    const std::vector<Region>& hazards = gesture_.anatomy.hazards;
+    const GestureSample& sample = gesture_.samples[i];
     const Vec3 tip = tipOf(sample);
-    if (bones.add(secondsBetween(gesture.samples.front(), sample, gesture.rate_hz), sample.layer, tip))
-      ++bone_contacts;
-    if (!isInside(sample)) continue;
+    if (bones_.add(secondsBetween(gesture_.samples.front(), sample, gesture_.rate_hz), sample.layer, tip))
+      ++bone_contacts_;
+    final_.add(sample, i);
+    if (!isInside(sample)) return;
     const Vec3 skin = skinPointOf(sample);
     for (std::size_t h = 0; h < hazards.size(); ++h) {
-      if (!touched[h] && distanceTo(hazards[h], tip, skin) <= 0) touched[h] = true;
+      if (!touched_[h] && distanceTo(hazards[h], tip, skin) <= 0) touched_[h] = true;
     }
+    if (gesture_.anatomy.targets.empty()) return;
+    const Aim aim = aimOf(gesture_.anatomy, tip);
+    nearest_m_ = std::min(nearest_m_, aim.distance_m);
+    if (!aim.reached) return;
+    reached_ = true;
+    time_s_ += gesture_.weight_s(i);
   }
-  std::string names;
-  for (std::size_t h = 0; h < hazards.size(); ++h) {
-    if (touched[h]) names += (names.empty() ? " (" : ", ") + hazards[h].name;
+
+  void addRows(Rows& rows) const override {
+    std::string names;
+    for (std::size_t h = 0; h < touched_.size(); ++h) {
+      if (touched_[h]) names += (names.empty() ? " (" : ", ") + gesture_.anatomy.hazards[h].name;
+    }
+    rows.add("hazards_touched", static_cast<double>(std::count(touched_.begin(), touched_.end(), true)),
+             "Hazards touched" + (names.empty() ? names : names + ")"));
+    rows.add("bone_contacts", bone_contacts_);
+    if (gesture_.anatomy.targets.empty()) return;
+    rows.add("target_reached", reached_ ? 1 : 0);
+    rows.add("time_at_target_s", time_s_);
+    if (!final_.index) return;
+    rows.add("target_distance_m", aimOf(gesture_.anatomy, tipOf(gesture_.samples[*final_.index])).distance_m);
+    rows.add("target_nearest_m", nearest_m_);
   }
-  rows.add("hazards_touched", static_cast<double>(std::count(touched.begin(), touched.end(), true)),
-           "Hazards touched" + (names.empty() ? names : names + ")"));
-  rows.add("bone_contacts", bone_contacts);
-  if (!gesture.anatomy.targets.empty()) addTargets(gesture, rows);
-}
+
+ private:
+  const Gesture& gesture_;
+  std::vector<bool> touched_;  // by hazard
+  BoneContacts bones_;
+  int bone_contacts_ = 0;
+  FinalPoint final_;
+  double nearest_m_ = std::numeric_limits<double>::infinity(), time_s_ = 0;  // of targets
+  bool reached_ = false;
+};
 
 /// With the planned entry E and the planned direction d (unit, into the tissue), both in W; no rows without a
 /// plan, nor for a needle that was never in tissue.
@@ -312,24 +357,47 @@ void addAim(const Gesture& gesture, Rows& rows) {
 /// - `mean_planned_line_error_m`: Σ w |r − (r·d) d| / Σ w over the ticks in tissue, r = tip − E and w a
 ///   tick's time; no row where that time is 0. `largest_planned_line_error_m`: the greatest |r − (r·d) d|
 ///   in tissue. The line has no ends.
-void addPlan(const Gesture& gesture, Rows& rows) {
-  std::size_t last = 0;
-  const auto entry = gesture.plan_W ? firstEntryOf(gesture) : std::nullopt;
-  if (!entry || !finalPoint(gesture, last)) return;
-  const PlannedLine& plan = *gesture.plan_W;
-  rows.add("planned_entry_error_m", norm(*entry - plan.entry_m));
-  rows.add("planned_angle_error_rad", angleTo(plan, axisOf(gesture.samples[last])));
-  double sum_ms = 0, time_s = 0, largest_m = 0;
-  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
-    if (!isInside(gesture.samples[i])) continue;
-    const double off_m = distanceFrom(plan, tipOf(gesture.samples[i]));
-    const double weight_s = gesture.weight_s(i);
-    largest_m = std::max(largest_m, off_m);
-    sum_ms += off_m * weight_s;
-    time_s += weight_s;
+class PlanGroup : public SampleGroup {
+ public:
+  explicit PlanGroup(const Gesture& gesture) : gesture_(gesture) {}
+
+  void add(std::size_t i) override {
+    if (!gesture_.plan_W) return;
+    const GestureSample& sample = gesture_.samples[i];
+    final_.add(sample, i);
+    if (!isInside(sample)) return;
+    if (!entry_m_) entry_m_ = entryAt(gesture_, i);
+    const double off_m = distanceFrom(*gesture_.plan_W, tipOf(sample));
+    const double weight_s = gesture_.weight_s(i);
+    largest_m_ = std::max(largest_m_, off_m);
+    sum_ms_ += off_m * weight_s;
+    time_s_ += weight_s;
   }
-  if (time_s > 0) rows.add("mean_planned_line_error_m", sum_ms / time_s);
-  rows.add("largest_planned_line_error_m", largest_m);
+
+  void addRows(Rows& rows) const override {
+    if (!entry_m_ || !final_.index) return;
+    const PlannedLine& plan = *gesture_.plan_W;
+    rows.add("planned_entry_error_m", norm(*entry_m_ - plan.entry_m));
+    rows.add("planned_angle_error_rad", angleTo(plan, axisOf(gesture_.samples[*final_.index])));
+    if (time_s_ > 0) rows.add("mean_planned_line_error_m", sum_ms_ / time_s_);
+    rows.add("largest_planned_line_error_m", largest_m_);
+  }
+
+ private:
+  const Gesture& gesture_;
+  std::optional<Vec3> entry_m_;
+  FinalPoint final_;
+  double sum_ms_ = 0, time_s_ = 0, largest_m_ = 0;
+};
+
+}  // namespace
+
+std::vector<std::unique_ptr<SampleGroup>> sampleGroups(const Gesture& gesture) {
+  std::vector<std::unique_ptr<SampleGroup>> groups;
+  groups.push_back(std::make_unique<TissueGroup>(gesture));
+  groups.push_back(std::make_unique<AimGroup>(gesture));
+  groups.push_back(std::make_unique<PlanGroup>(gesture));
+  return groups;
 }
 
 /// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected_share`: share of the

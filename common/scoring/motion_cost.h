@@ -6,7 +6,9 @@
 #include <cstdint>
 
 #include "common/base/result.h"
+#include "common/gesture/sample.h"
 #include "common/scoring/recorded_samples.h"
+#include "common/scoring/step_work.h"
 
 namespace needlelab {
 
@@ -29,6 +31,26 @@ MotionCost motionCost(const RecordedSamples& samples, double rate_hz);
 /// kInvalidInput: the motion would be beyond kMostMotionPoints or kMostSmoothingTerms; the message begins
 /// with "its motion" and gives number and bound. `scoreGesture` and `tipPathOf` give nothing then.
 Status checkMotion(const RecordedSamples& samples, double rate_hz);
+
+/// checkMotion() in steps. `samples` must outlive it. Thread: one at a time.
+class MotionCheck {
+ public:
+  MotionCheck(const RecordedSamples& samples, double rate_hz) : samples_(samples), rate_hz_(rate_hz) {}
+  /// Counts some more samples. True: all are counted.
+  bool step(StepWork& work);
+  /// Once all are counted.
+  [[nodiscard]] const MotionCost& cost() const { return cost_; }
+  [[nodiscard]] Status status() const;
+
+ private:
+  void addRun();
+
+  const RecordedSamples& samples_;
+  const double rate_hz_;
+  std::size_t next_ = 0;
+  GestureSample first_, last_;  // of the run so far
+  MotionCost cost_;
+};
 
 /// Steps between the points of a run of more than one sample that lasts so long; at least 1.
 std::size_t motionSteps(double duration_s);

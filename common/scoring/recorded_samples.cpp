@@ -18,26 +18,35 @@ RecordedSamples::RecordedSamples(std::span<const GestureSample> samples) {
 }
 
 Result<RecordedSamples> RecordedSamples::inBlocks(std::size_t blocks, Read read, std::size_t most_held) {
-  RecordedSamples all;
-  all.read_ = std::move(read);
-  all.limit_ = most_held;
-  std::uint64_t last_tick = 0;
-  bool any = false;
-  for (std::size_t number = 0; number < blocks; ++number) {
-    ASSIGN_OR_RETURN(auto samples, all.read_(number));
-    Block block;
-    block.first = all.size_;
-    block.last_tick = last_tick;
-    block.any_before = any;
-    all.blocks_.push_back(std::move(block));
-    keepUsable(samples, last_tick, any);
-    if (samples.empty()) continue;
-    if (all.size_ == 0) all.front_ = samples.front();
-    all.back_ = samples.back();
-    all.size_ += samples.size();
-    all.hold(number, std::move(samples));
-  }
+  RecordedSamples all = ofBlocks(std::move(read), most_held);
+  while (all.blocks_.size() < blocks) RETURN_IF_ERROR(all.addBlock());
   return all;
+}
+
+RecordedSamples RecordedSamples::ofBlocks(Read read, std::size_t most_held) {
+  RecordedSamples none;
+  none.read_ = std::move(read);
+  none.limit_ = most_held;
+  return none;
+}
+
+Result<std::size_t> RecordedSamples::addBlock() {
+  const std::size_t number = blocks_.size();
+  ASSIGN_OR_RETURN(auto samples, read_(number));
+  const std::size_t read_samples = samples.size();
+  Block block;
+  block.first = size_;
+  block.last_tick = last_tick_;
+  block.any_before = any_;
+  blocks_.push_back(std::move(block));
+  keepUsable(samples, last_tick_, any_);
+  if (samples.empty()) return read_samples;
+  if (size_ == 0) front_ = samples.front();
+  back_ = samples.back();
+  size_ += samples.size();
+  hold(number, std::move(samples));
+  count_ = 0;  // the part that was asked for last may have given way
+  return read_samples;
 }
 
 std::size_t RecordedSamples::countOf(std::size_t block) const {

@@ -31,6 +31,11 @@ class RecordedSamples {
   explicit RecordedSamples(std::span<const GestureSample> samples);
   /// Reads all blocks once. Errors: those of `read`.
   static Result<RecordedSamples> inBlocks(std::size_t blocks, Read read, std::size_t most_held = kMostHeld);
+  /// The same block by block: without any yet.
+  static RecordedSamples ofBlocks(Read read, std::size_t most_held = kMostHeld);
+  /// Reads the next block for the first time; returns how many samples it has, usable or not. What was
+  /// returned by operator[], front() and back() before is not valid any more. Errors: those of `read`.
+  Result<std::size_t> addBlock();
 
   RecordedSamples(RecordedSamples&&) noexcept = default;
   RecordedSamples& operator=(RecordedSamples&&) noexcept = default;
@@ -74,6 +79,8 @@ class RecordedSamples {
   std::vector<GestureSample> storage_;  // in memory: the usable samples, when some are left out
   Read read_;
   std::size_t limit_ = kMostHeld;
+  std::uint64_t last_tick_ = 0;  // of the usable samples of the blocks so far
+  bool any_ = false;             // whether there are such
   mutable std::vector<Block> blocks_;
   mutable std::list<std::size_t> held_;  // numbers of the blocks that are held, the longest unused first
   mutable std::size_t held_samples_ = 0, most_held_ = 0;

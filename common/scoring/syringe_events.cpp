@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "common/haptics/limits.h"
 #include "common/haptics/scene_model.h"
@@ -107,43 +110,66 @@ pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample
   return place;
 }
 
-/// Shares of the stroke, weighted by the plunger's movement in each tick, and the hazards on the way.
-void addShares(const Surroundings& around, const RecordedSamples& samples, const Stroke& stroke,
-               pb::SyringeEvent& event) {
-  const double sign = stroke.to < stroke.from ? -1 : 1;
-  double all = 0, in_tissue = 0, in_target = 0;
-  std::vector<bool> met(around.anatomy.hazards.size(), false);
-  for (std::size_t i = stroke.first; i <= stroke.last; ++i) {
+/// Shares of one stroke, weighted by the plunger's movement in each tick, and the hazards on the way. Takes
+/// the stroke's samples in order.
+class Shares {
+ public:
+  Shares(const Surroundings& around, const Stroke& stroke)
+      : around_(&around), stroke_(stroke), next_(stroke.first), met_(around.anatomy.hazards.size(), false) {}
+
+  /// True: all samples are taken.
+  bool step(const RecordedSamples& samples, StepWork& work) {
+    const std::uint64_t cost = 1 + (around_->anatomy.targets.size() + met_.size()) / kRegionsAsASample;
+    for (; next_ <= stroke_.last; ++next_) {
+      if (work.isOver()) return false;
+      work.spend(cost);
+      add(samples, next_);
+    }
+    return true;
+  }
+
+  void put(pb::SyringeEvent& event) const {
+    if (all_ > 0) {
+      event.set_in_tissue_share(std::clamp(in_tissue_ / all_, 0.0, 1.0));
+      event.set_in_target_share(std::clamp(in_target_ / all_, 0.0, 1.0));
+    }
+    std::size_t bytes = 0, more = 0;
+    for (std::size_t h = 0; h < met_.size(); ++h) {
+      if (!met_[h]) continue;
+      const std::string& name = around_->anatomy.hazards[h].name;
+      if (more > 0 || bytes + name.size() > kMaxEventHazardBytes) {
+        ++more;
+        continue;
+      }
+      bytes += name.size();
+      event.add_hazards(name);
+    }
+    if (more > 0) event.add_hazards(fmt::format("and {} more", more));
+  }
+
+ private:
+  void add(const RecordedSamples& samples, std::size_t i) {
+    const double sign = stroke_.to < stroke_.from ? -1 : 1;
     // half of the movement from the previous sample and half of that to the next belong to this sample
     const auto step = [&](std::size_t a, std::size_t b) {
       const bool known = hasPlunger(samples[a]) && hasPlunger(samples[b]);
       return known ? 0.5 * sign * (samples[b].plunger - samples[a].plunger) : 0.0;
     };
-    const double way = (i > stroke.first ? step(i - 1, i) : 0) + (i < stroke.last ? step(i, i + 1) : 0);
-    const Vec3 p = openingOf(around, samples[i]);
-    all += way;
-    if (isInTissue(around, samples[i], p)) in_tissue += way;
-    if (isInTarget(around, p)) in_target += way;
-    for (std::size_t h = 0; h < met.size(); ++h)
-      if (!met[h] && distanceTo(around.anatomy.hazards[h], p) <= 0) met[h] = true;
+    const double way = (i > stroke_.first ? step(i - 1, i) : 0) + (i < stroke_.last ? step(i, i + 1) : 0);
+    const Vec3 p = openingOf(*around_, samples[i]);
+    all_ += way;
+    if (isInTissue(*around_, samples[i], p)) in_tissue_ += way;
+    if (isInTarget(*around_, p)) in_target_ += way;
+    for (std::size_t h = 0; h < met_.size(); ++h)
+      if (!met_[h] && distanceTo(around_->anatomy.hazards[h], p) <= 0) met_[h] = true;
   }
-  if (all > 0) {
-    event.set_in_tissue_share(std::clamp(in_tissue / all, 0.0, 1.0));
-    event.set_in_target_share(std::clamp(in_target / all, 0.0, 1.0));
-  }
-  std::size_t bytes = 0, more = 0;
-  for (std::size_t h = 0; h < met.size(); ++h) {
-    if (!met[h]) continue;
-    const std::string& name = around.anatomy.hazards[h].name;
-    if (more > 0 || bytes + name.size() > kMaxEventHazardBytes) {
-      ++more;
-      continue;
-    }
-    bytes += name.size();
-    event.add_hazards(name);
-  }
-  if (more > 0) event.add_hazards(fmt::format("and {} more", more));
-}
+
+  const Surroundings* around_;
+  Stroke stroke_;
+  std::size_t next_;
+  double all_ = 0, in_tissue_ = 0, in_target_ = 0;
+  std::vector<bool> met_;  // by hazard
+};
 
 constexpr double kBin_s = 0.01;
 
@@ -154,28 +180,31 @@ struct Bin {
   double plunger = 0;
 };
 
-std::vector<Bin> binsOf(const RecordedSamples& samples, double rate_hz) {
-  std::vector<Bin> bins;
-  double sum = 0;
-  std::int64_t number = -1;
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    if (!hasPlunger(samples[i])) continue;
-    const double t = secondsBetween(samples.front(), samples[i], rate_hz);
+/// Makes the bins from the samples, in order.
+class Bins {
+ public:
+  /// `time_s`: since the recording's first sample.
+  void add(const GestureSample& sample, std::size_t i, double time_s) {
+    if (!hasPlunger(sample)) return;
     // a small offset, so that rounding does not move a tick on a bin's edge
-    const auto of = static_cast<std::int64_t>(std::floor(t / kBin_s + 1e-6));
-    if (of != number) {
-      number = of;
-      bins.push_back({i, i, t, t, 0});
-      sum = 0;
+    const auto of = static_cast<std::int64_t>(std::floor(time_s / kBin_s + 1e-6));
+    if (of != number_) {
+      number_ = of;
+      all.push_back({i, i, time_s, time_s, 0});
+      sum_ = 0;
     }
-    Bin& bin = bins.back();
-    sum += samples[i].plunger;
+    Bin& bin = all.back();
+    sum_ += sample.plunger;
     bin.last = i;
-    bin.end_s = t;
-    bin.plunger = sum / static_cast<double>(bin.last - bin.first + 1);
+    bin.end_s = time_s;
+    bin.plunger = sum_ / static_cast<double>(bin.last - bin.first + 1);
   }
-  return bins;
-}
+  std::vector<Bin> all;
+
+ private:
+  double sum_ = 0;
+  std::int64_t number_ = -1;
+};
 
 /// A stroke in bins.
 struct Move {
@@ -309,9 +338,9 @@ Json placeJson(const pb::SyringePlace& place) {
           {"hazard", textOrNull(place.hazard())}};
 }
 
-/// The strokes of a cleaned recording, in order (defined in syringe_events.h); the first kMaxSyringeEvents.
-std::vector<Stroke> strokesOf(const RecordedSamples& samples, double rate_hz) {
-  const std::vector<Bin> bins = binsOf(samples, rate_hz);
+/// The strokes in the bins of a cleaned recording, in order (defined in syringe_events.h); the first
+/// kMaxSyringeEvents.
+std::vector<Stroke> strokesOf(const std::vector<Bin>& bins) {
   std::vector<Stroke> strokes;
   if (bins.empty()) return strokes;
   const auto keep = [&](const Move& move) {
@@ -339,7 +368,66 @@ std::vector<Stroke> strokesOf(const RecordedSamples& samples, double rate_hz) {
   return strokes;
 }
 
+class EventsOfGesture : public SyringeEventsInSteps {
+ public:
+  EventsOfGesture(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
+                  const Pose& X_WL)
+      : samples_(samples), rate_hz_(rate_hz), around_(surroundingsOf(profile, X_WL)) {}
+
+  void add(std::size_t i) override {
+    const GestureSample& sample = samples_[i];
+    bins_.add(sample, i, secondsBetween(samples_.front(), sample, rate_hz_));
+  }
+
+  bool finish(StepWork& work) override {
+    if (!strokes_) {
+      work.spend(bins_.all.size());
+      strokes_ = strokesOf(bins_.all);
+      bins_.all = {};
+    }
+    for (; events_.size() < strokes_->size(); shares_.reset()) {
+      const Stroke& stroke = (*strokes_)[events_.size()];
+      if (!shares_) shares_.emplace(around_, stroke);
+      if (!shares_->step(samples_, work)) return false;
+      shares_->put(events_.emplace_back(eventOf(stroke)));
+    }
+    return true;
+  }
+
+  std::vector<pb::SyringeEvent> take() override { return std::move(events_); }
+
+ private:
+  /// Without shares and hazards.
+  pb::SyringeEvent eventOf(const Stroke& stroke) const {
+    const GestureSample &first = samples_[stroke.first], &last = samples_[stroke.last];
+    pb::SyringeEvent event;
+    event.set_kind(stroke.to < stroke.from ? pb::SyringeEvent::ASPIRATION : pb::SyringeEvent::INJECTION);
+    event.set_begin_tick(first.tick);
+    event.set_end_tick(last.tick);
+    event.set_begin_s(secondsBetween(samples_.front(), first, rate_hz_));
+    event.set_end_s(secondsBetween(samples_.front(), last, rate_hz_));
+    event.set_plunger_from(stroke.from);
+    event.set_plunger_to(stroke.to);
+    *event.mutable_begin() = placeOf(around_, first);
+    *event.mutable_end() = placeOf(around_, last);
+    return event;
+  }
+
+  const RecordedSamples& samples_;
+  const double rate_hz_;
+  const Surroundings around_;
+  Bins bins_;
+  std::optional<std::vector<Stroke>> strokes_;
+  std::optional<Shares> shares_;  // of the stroke that comes next
+  std::vector<pb::SyringeEvent> events_;
+};
+
 }  // namespace
+
+std::unique_ptr<SyringeEventsInSteps> syringeEventsInSteps(const RecordedSamples& samples, double rate_hz,
+                                                           const pb::Profile& profile, const Pose& X_WL) {
+  return std::make_unique<EventsOfGesture>(samples, rate_hz, profile, X_WL);
+}
 
 std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> samples, double rate_hz,
                                             const pb::Profile& profile, const Pose& X_WL) {
@@ -349,23 +437,11 @@ std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> sampl
 std::vector<pb::SyringeEvent> syringeEvents(const RecordedSamples& samples, double rate_hz,
                                             const pb::Profile& profile, const Pose& X_WL) {
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
-  const Surroundings around = surroundingsOf(profile, X_WL);
-  std::vector<pb::SyringeEvent> events;
-  for (const Stroke& stroke : strokesOf(samples, rate_hz)) {
-    const GestureSample &first = samples[stroke.first], &last = samples[stroke.last];
-    pb::SyringeEvent& event = events.emplace_back();
-    event.set_kind(stroke.to < stroke.from ? pb::SyringeEvent::ASPIRATION : pb::SyringeEvent::INJECTION);
-    event.set_begin_tick(first.tick);
-    event.set_end_tick(last.tick);
-    event.set_begin_s(secondsBetween(samples.front(), first, rate_hz));
-    event.set_end_s(secondsBetween(samples.front(), last, rate_hz));
-    event.set_plunger_from(stroke.from);
-    event.set_plunger_to(stroke.to);
-    *event.mutable_begin() = placeOf(around, first);
-    *event.mutable_end() = placeOf(around, last);
-    addShares(around, samples, stroke, event);
-  }
-  return events;
+  const auto events = syringeEventsInSteps(samples, rate_hz, profile, X_WL);
+  for (std::size_t i = 0; i < samples.size(); ++i) events->add(i);
+  StepWork all = StepWork::all();
+  events->finish(all);
+  return events->take();
 }
 
 void nameLayers(const pb::Profile& profile, std::span<pb::SyringeEvent> events) {

@@ -17,6 +17,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,6 +25,7 @@
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
 #include "common/scoring/recorded_samples.h"
+#include "common/scoring/step_work.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
 
@@ -49,6 +51,25 @@ std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> sampl
 /// The same of a recording that is decoded block by block; see samples.fault() afterwards.
 std::vector<pb::SyringeEvent> syringeEvents(const RecordedSamples& samples, double rate_hz,
                                             const pb::Profile& profile, const Pose& X_WL);
+
+/// The same of samples that are taken one by one, in a pass with others. Thread: one at a time.
+class SyringeEventsInSteps {
+ public:
+  SyringeEventsInSteps() = default;
+  SyringeEventsInSteps(const SyringeEventsInSteps&) = delete;
+  SyringeEventsInSteps& operator=(const SyringeEventsInSteps&) = delete;
+  virtual ~SyringeEventsInSteps() = default;
+
+  /// Takes sample `i`: each once, in order.
+  virtual void add(std::size_t i) = 0;
+  /// After the last one: looks at those of the strokes again. True: done.
+  virtual bool finish(StepWork& work) = 0;
+  /// When it is done.
+  virtual std::vector<pb::SyringeEvent> take() = 0;
+};
+/// `rate_hz`: 50-40,000. `samples` must outlive it.
+std::unique_ptr<SyringeEventsInSteps> syringeEventsInSteps(const RecordedSamples& samples, double rate_hz,
+                                                           const pb::Profile& profile, const Pose& X_WL);
 
 /// Sets the events' layer_name, which databases do not keep. `profile`: the session's.
 void nameLayers(const pb::Profile& profile, std::span<pb::SyringeEvent> events);

@@ -45,43 +45,6 @@ Channels channelsOf(const GestureSample& s) {
           s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]};
 }
 
-/// Means over `count` bins of equal length of the piecewise linear signal through a run's samples, given to
-/// `give` in order.
-template <typename Give>
-void binMeans(const RecordedSamples& samples, const Run& run, double rate_hz, std::size_t count,
-              const Give& give) {
-  const GestureSample first = samples[run.first];
-  const double end_s = secondsBetween(first, samples[run.last], rate_hz);
-  const double bin_s = end_s / static_cast<double>(count);
-  Channels mean{}, value = channelsOf(first);
-  double time_s = 0;
-  std::size_t bin = 0;
-  for (std::size_t i = run.first + 1; i <= run.last; ++i) {
-    const double next_s = secondsBetween(first, samples[i], rate_hz);
-    const Channels next = channelsOf(samples[i]);
-    // the piece of this segment in each bin that it touches: trapezoid, exact for a straight line
-    double from_s = time_s;
-    while (from_s < next_s) {
-      const bool is_last = bin + 1 == count;
-      const double bin_end_s = is_last ? end_s : static_cast<double>(bin + 1) * bin_s;
-      const double to_s = std::min(next_s, bin_end_s);
-      const double middle = (0.5 * (from_s + to_s) - time_s) / (next_s - time_s);
-      const double share = (to_s - from_s) / bin_s;
-      for (std::size_t c = 0; c < kChannels; ++c)
-        mean[c] += share * (value[c] + middle * (next[c] - value[c]));
-      if (to_s >= bin_end_s && !is_last) {
-        give(std::exchange(mean, Channels{}));
-        ++bin;
-      }
-      if (to_s <= from_s) break;  // rounding residue
-      from_s = to_s;
-    }
-    time_s = next_s;
-    value = next;
-  }
-  for (; bin < count; ++bin) give(std::exchange(mean, Channels{}));
-}
-
 /// Half of a Gaussian's weights, the middle first; they sum to 1 with the other half.
 std::vector<double> gaussianHalf(double period_s) {
   const double sigma = kernelSigma(period_s);
@@ -110,50 +73,6 @@ TrackPoint pointOf(const Channels& c) {
   const Vec3 axis{c[3], c[4], c[5]};
   const double length = norm(axis);
   return {{c[0], c[1], c[2]}, length > 1e-9 ? axis / length : Vec3{0, 0, 1}, {}, c[6]};
-}
-
-/// Fills a run from its samples (at least one).
-void fill(Run& run, const RecordedSamples& samples, double rate_hz) {
-  const GestureSample first = samples[run.first];
-  const double duration_s = secondsBetween(first, samples[run.last], rate_hz);
-  if (!(duration_s > 0)) {  // a single sample; or after a fault, samples without ticks
-    run.points.push_back(pointOf(channelsOf(first)));
-    return;
-  }
-  const std::size_t intervals = motionSteps(duration_s);
-  run.period_s = duration_s / static_cast<double>(intervals);
-  run.inside.reserve(intervals);
-  run.force_W_N.reserve(intervals);
-  run.points.reserve(intervals + 1);
-
-  // bins of half a period: a point's value is the mean of its two bins, an end point keeps the end's value
-  std::vector<Channels> points(intervals + 1);
-  points.front() = channelsOf(first);
-  points.back() = channelsOf(samples[run.last]);
-  std::size_t half = 0;
-  Channels before{};
-  binMeans(samples, run, rate_hz, 2 * intervals, [&](const Channels& mean) {
-    if (half % 2 == 1) {
-      run.inside.push_back(std::clamp(0.5 * (before[kInside] + mean[kInside]), 0.0, 1.0));
-      const auto force = [&](std::size_t c) { return 0.5 * (before[kForce + c] + mean[kForce + c]); };
-      run.force_W_N.push_back({force(0), force(1), force(2)});
-    } else if (half > 0) {
-      for (std::size_t c = 0; c < kChannels; ++c) points[half / 2][c] = 0.5 * (before[c] + mean[c]);
-    }
-    before = mean;
-    ++half;
-  });
-
-  // an exit resets the insertion: average it, do not smooth it
-  const std::vector<double> kernel = gaussianHalf(run.period_s);
-  std::vector<double> channel(points.size());
-  for (std::size_t c = 0; c < 6; ++c) {
-    for (std::size_t i = 0; i < points.size(); ++i) channel[i] = points[i][c];
-    channel = smoothed(channel, kernel);
-    for (std::size_t i = 0; i < points.size(); ++i) points[i][c] = channel[i];
-  }
-  for (const Channels& c : points) run.points.push_back(pointOf(c));
-  setVelocities(run);
 }
 
 constexpr double kLeastPeak_mps = 1e-6;
@@ -214,19 +133,145 @@ void keepUsable(std::vector<GestureSample>& samples, std::uint64_t& last_tick, b
   });
 }
 
-std::vector<Run> runsOf(const RecordedSamples& samples, double rate_hz) {
-  std::vector<Run> runs;
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    const bool is_new = i == 0 || secondsBetween(samples[i - 1], samples[i], rate_hz) > kLongestBridge_s;
-    if (is_new) {
-      runs.emplace_back();
-      runs.back().first = i;
-      runs.back().start_s = secondsBetween(samples.front(), samples[i], rate_hz);
-    }
-    runs.back().last = i;
+/// Fills a run of more than one tick from its samples.
+class RunsInSteps::Filling {
+ public:
+  Filling(Run& run, const RecordedSamples& samples, double rate_hz, double duration_s)
+      : run_(run),
+        samples_(samples),
+        rate_hz_(rate_hz),
+        end_s_(duration_s),
+        intervals_(motionSteps(duration_s)),
+        bin_s_(duration_s / static_cast<double>(2 * intervals_)),
+        first_(samples[run.first]),
+        value_(channelsOf(first_)),
+        next_(run.first + 1),
+        points_(intervals_ + 1) {
+    run.period_s = duration_s / static_cast<double>(intervals_);
+    run.inside.reserve(intervals_);
+    run.force_W_N.reserve(intervals_);
+    run.points.reserve(intervals_ + 1);
+    points_.front() = value_;
+    points_.back() = channelsOf(samples[run.last]);
   }
-  for (Run& run : runs) fill(run, samples, rate_hz);
-  return runs;
+
+  /// True: the run is filled.
+  bool step(StepWork& work) {
+    for (; next_ <= run_.last; ++next_) {
+      if (work.isOver()) return false;
+      work.spend(1);
+      add(samples_[next_]);
+    }
+    while (bin_ < 2 * intervals_) endBin();
+    finish(work);
+    return true;
+  }
+
+ private:
+  /// Takes the segment to the next sample: bins of half a period have the means of the piecewise linear
+  /// signal through the samples.
+  void add(const GestureSample& sample) {
+    const double next_s = secondsBetween(first_, sample, rate_hz_);
+    const Channels next = channelsOf(sample);
+    // the piece of this segment in each bin that it touches: trapezoid, exact for a straight line
+    double from_s = time_s_;
+    while (from_s < next_s) {
+      const bool is_last = bin_ + 1 == 2 * intervals_;
+      const double bin_end_s = is_last ? end_s_ : static_cast<double>(bin_ + 1) * bin_s_;
+      const double to_s = std::min(next_s, bin_end_s);
+      const double middle = (0.5 * (from_s + to_s) - time_s_) / (next_s - time_s_);
+      const double share = (to_s - from_s) / bin_s_;
+      for (std::size_t c = 0; c < kChannels; ++c)
+        mean_[c] += share * (value_[c] + middle * (next[c] - value_[c]));
+      if (to_s >= bin_end_s && !is_last) endBin();
+      if (to_s <= from_s) break;  // rounding residue
+      from_s = to_s;
+    }
+    time_s_ = next_s;
+    value_ = next;
+  }
+
+  /// A point's value is the mean of its two bins, an end point keeps the end's value.
+  void endBin() {
+    if (bin_ % 2 == 1) {
+      run_.inside.push_back(std::clamp(0.5 * (before_[kInside] + mean_[kInside]), 0.0, 1.0));
+      const auto force = [&](std::size_t c) { return 0.5 * (before_[kForce + c] + mean_[kForce + c]); };
+      run_.force_W_N.push_back({force(0), force(1), force(2)});
+    } else if (bin_ > 0) {
+      for (std::size_t c = 0; c < kChannels; ++c) points_[bin_ / 2][c] = 0.5 * (before_[c] + mean_[c]);
+    }
+    before_ = std::exchange(mean_, Channels{});
+    ++bin_;
+  }
+
+  void finish(StepWork& work) {
+    // an exit resets the insertion: average it, do not smooth it
+    const std::vector<double> kernel = gaussianHalf(run_.period_s);
+    work.spend(points_.size() * kernel.size() / 16);
+    std::vector<double> channel(points_.size());
+    for (std::size_t c = 0; c < 6; ++c) {
+      for (std::size_t i = 0; i < points_.size(); ++i) channel[i] = points_[i][c];
+      channel = smoothed(channel, kernel);
+      for (std::size_t i = 0; i < points_.size(); ++i) points_[i][c] = channel[i];
+    }
+    for (const Channels& c : points_) run_.points.push_back(pointOf(c));
+    setVelocities(run_);
+  }
+
+  Run& run_;
+  const RecordedSamples& samples_;
+  const double rate_hz_, end_s_;
+  const std::size_t intervals_;
+  const double bin_s_;
+  const GestureSample first_;
+  Channels mean_{}, value_, before_{};  // of the bin so far, at the sample before, of the bin before
+  double time_s_ = 0;                   // of the sample before
+  std::size_t next_, bin_ = 0;
+  std::vector<Channels> points_;
+};
+
+RunsInSteps::RunsInSteps(const RecordedSamples& samples, double rate_hz)
+    : samples_(samples), rate_hz_(rate_hz) {}
+
+RunsInSteps::~RunsInSteps() = default;
+
+bool RunsInSteps::step(StepWork& work) {
+  for (; next_ < samples_.size(); ++next_) {
+    if (work.isOver()) return false;
+    work.spend(1);
+    const bool is_new =
+        next_ == 0 || secondsBetween(samples_[next_ - 1], samples_[next_], rate_hz_) > kLongestBridge_s;
+    if (is_new) {
+      runs_.emplace_back();
+      runs_.back().first = next_;
+      runs_.back().start_s = secondsBetween(samples_.front(), samples_[next_], rate_hz_);
+    }
+    runs_.back().last = next_;
+  }
+  for (; filled_ < runs_.size(); ++filled_) {
+    if (work.isOver()) return false;
+    Run& run = runs_[filled_];
+    if (!filling_) {
+      work.spend(1);
+      const GestureSample first = samples_[run.first];
+      const double duration_s = secondsBetween(first, samples_[run.last], rate_hz_);
+      if (!(duration_s > 0)) {  // a single sample; or after a fault, samples without ticks
+        run.points.push_back(pointOf(channelsOf(first)));
+        continue;
+      }
+      filling_ = std::make_unique<Filling>(run, samples_, rate_hz_, duration_s);
+    }
+    if (!filling_->step(work)) return false;
+    filling_.reset();
+  }
+  return true;
+}
+
+std::vector<Run> runsOf(const RecordedSamples& samples, double rate_hz) {
+  RunsInSteps runs(samples, rate_hz);
+  StepWork all = StepWork::all();
+  runs.step(all);
+  return runs.take();
 }
 
 std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz) {

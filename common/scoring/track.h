@@ -9,13 +9,16 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
 #include "common/scoring/recorded_samples.h"
+#include "common/scoring/step_work.h"
 
 namespace needlelab {
 
@@ -71,6 +74,28 @@ inline bool isInside(const GestureSample& sample) {
 std::vector<Run> runsOf(const RecordedSamples& samples, double rate_hz);
 /// The same of samples in memory.
 std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz);
+
+/// runsOf() in steps. `samples` must outlive it. Thread: one at a time.
+class RunsInSteps {
+ public:
+  RunsInSteps(const RecordedSamples& samples, double rate_hz);
+  ~RunsInSteps();
+  RunsInSteps(const RunsInSteps&) = delete;
+  RunsInSteps& operator=(const RunsInSteps&) = delete;
+
+  /// Finds and fills some more of the runs. True: all are there.
+  bool step(StepWork& work);
+  /// Once all are there.
+  std::vector<Run> take() { return std::move(runs_); }
+
+ private:
+  class Filling;
+  const RecordedSamples& samples_;
+  const double rate_hz_;
+  std::vector<Run> runs_;
+  std::size_t next_ = 0, filled_ = 0;  // sample; runs
+  std::unique_ptr<Filling> filling_;   // of the run that comes next
+};
 
 inline constexpr double kSparcCutoffHz = 10;
 inline constexpr double kSparcThreshold =

@@ -2,18 +2,16 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <exception>
+#include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/base/clock.h"
 #include "common/profile/profile.h"
-#include "common/scoring/measures.h"
 #include "common/scoring/syringe_events.h"
 #include "db/audit.h"
-#include "db/documents.h"
 #include "db/people.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
@@ -104,45 +102,31 @@ bool needsHash(const pb::SessionInfo& info, const CloseUnderWay& close) {
 }  // namespace
 
 Result<std::string> Service::scoreSession(Connection& reader, const Uuid& session) {
-  {
+  SessionScore score(session);
+  for (;;) {
+    ASSIGN_OR_RETURN(auto measures, scoreSome(reader, session, score, StepWork::all()));
+    if (measures) return *std::move(measures);
+  }
+}
+
+Result<std::optional<std::string>> Service::scoreSome(Connection& reader, const Uuid& session,
+                                                      SessionScore& score, StepWork work) {
+  if (!score.hasBegun()) {
     const std::scoped_lock lock(faults_mutex_);
     if (const auto known = unreadable_.find(session); known != unreadable_.end()) return known->second;
   }
-  const auto read = samplesOf(reader, session);
-  if (read) return scoreOf(reader, *read);
-  if (isLasting(read.error())) {
+  const auto done = score.step(reader, reference_paths_, work);
+  if (done) {
+    if (!*done) return std::optional<std::string>();
+    if (!score.json()) return score.json().error();
+    return std::optional(*score.json());
+  }
+  if (!score.isRead() && isLasting(done.error())) {
     const std::scoped_lock lock(faults_mutex_);
     if (unreadable_.size() >= kMostKnownFaults) unreadable_.clear();
-    unreadable_.insert_or_assign(session, read.error());
+    unreadable_.insert_or_assign(session, done.error());
   }
-  return read.error();
-}
-
-Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& session) {
-  if (session.info.samples() == 0) return std::string();
-  const auto& description = session.info.description();
-
-  // uses the exercise's current requirements; without the exercise, only the plain measures
-  std::optional<pb::Exercise> exercise;
-  const auto stored = CurriculumStore(reader).exercise(description.exercise_id());
-  if (stored) {
-    ASSIGN_OR_RETURN(auto parsed, parseExercise(stored->json, "exercise '" + stored->id + "'"));
-    exercise = std::move(parsed);
-  } else if (stored.error().code != ErrorCode::kNotFound) {
-    return stored.error();
-  }
-  ASSIGN_OR_RETURN(const auto id, handlers::sessionId(description.session_id()));
-  // at a closing they are computed by now; a rescoring and retention compute them here, part by part
-  ReferencePaths::NearestPath nearest;
-  do {
-    ASSIGN_OR_RETURN(nearest, reference_paths_.nearestPath(reader, description.exercise_id(), id));
-  } while (nearest.is_pending);
-  std::span<const TipPath> references;
-  if (nearest.path) references = {&*nearest.path, 1};
-  const auto measures = scoreGesture(session.samples, description.rate_hz(), session.profile, session.X_WL,
-                                     exercise ? &*exercise : nullptr, references);
-  RETURN_IF_ERROR(session.samples.fault());
-  return scoreJson(measures);
+  return done.error();
 }
 
 Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, const std::string& station) {
@@ -208,7 +192,9 @@ Result<std::optional<CloseOutcome>> Service::scoreStep(Connection& reader, const
     close.is_long = info.samples() > kShortScoreSamples;
     if (close.is_long) return std::optional<CloseOutcome>();
   }
-  ASSIGN_OR_RETURN(auto settled, settle(reader, session, true));
+  if (!close.score) close.score = std::make_shared<SessionScore>(session);
+  ASSIGN_OR_RETURN(auto settled, settle(reader, session, *close.score,
+                                        close.is_long ? StepWork(kScoredAtOnce) : StepWork::all()));
   if (settled.is_pending) return std::optional<CloseOutcome>();
   std::optional<CloseOutcome> done = close.unscored;
   CloseOutcome& outcome = *done;
@@ -223,10 +209,11 @@ Result<std::optional<CloseOutcome>> Service::scoreStep(Connection& reader, const
   return done;
 }
 
-Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session, bool in_parts) {
+Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session, SessionScore& score,
+                                         StepWork work) {
   // what it throws (no memory) is a fault of this session alone
   try {
-    return settleOrThrow(reader, session, in_parts);
+    return settleOrThrow(reader, session, score, work);
   } catch (const std::exception& thrown) {
     Settled settled;
     settled.fault = Error{ErrorCode::kFailed, fmt::format("scoring failed inside: {}", thrown.what())};
@@ -234,45 +221,41 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
   }
 }
 
-Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& session, bool in_parts) {
+Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& session, SessionScore& score,
+                                                StepWork work) {
   Settled settled;
-  ASSIGN_OR_RETURN(const auto never, whyNeverScored(reader, session));
-  if (never) {
-    settled.fault = Error{ErrorCode::kInvalidInput, *never};
-    settled.final = true;
-    return settled;
+  if (!score.hasBegun()) {
+    ASSIGN_OR_RETURN(const auto never, whyNeverScored(reader, session));
+    if (never) {
+      settled.fault = Error{ErrorCode::kInvalidInput, *never};
+      settled.final = true;
+      return settled;
+    }
   }
-  if (in_parts) {
-    ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(session));
-    // an error is one of the score, which meets it again
-    const auto nearest = reference_paths_.nearestPath(reader, info.description().exercise_id(), session);
-    settled.is_pending = nearest && nearest->is_pending;
-    if (settled.is_pending) return settled;
-  }
-  const auto read = samplesOf(reader, session);
-  auto score = read ? scoreOf(reader, *read) : Result<std::string>(read.error());
-  if (!score) settled.fault = score.error();
-  settled.final = !read && read.error().code == ErrorCode::kInvalidInput;
-  if (settled.final) {
+  const auto done = score.step(reader, reference_paths_, work);
+  if (!done) {
+    settled.fault = done.error();
+    settled.final = !score.isRead() && done.error().code == ErrorCode::kInvalidInput;
+    if (!settled.final) return settled;
     ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(session));
     // a profile that is not valid is found before anything is decoded
     if (!info.has_removed_original() && parseProfile(info.description().profile_json(), "profile"))
       RETURN_IF_ERROR(writer_.run(
           [&](Connection& writer) { return noteNeverScored(writer, session, settled.fault->message); }));
-  }
-  if (!read) return settled;
-  const auto events = eventsOf(*read);
-  if (const Status& fault = read->samples.fault(); !fault.ok()) {
-    settled.fault = fault.error();
     return settled;
   }
+  settled.is_pending = !*done;
+  if (settled.is_pending) return settled;
+  const Result<std::string>& json = score.json();
+  if (!json) settled.fault = json.error();
+  const std::vector<pb::SyringeEvent>& events = score.events();
   const Status written = writer_.run([&](Connection& writer) -> Status {
     RETURN_IF_ERROR(storeEvents(writer, session, events));
-    return score && !score->empty() ? ScoreStore(writer).put(newScore(session, *score)) : Status();
+    return json && !json->empty() ? ScoreStore(writer).put(newScore(session, *json)) : Status();
   });
   if (!written) return written.error();
   for (const pb::SyringeEvent& event : events) settled.event_bytes += event.ByteSizeLong();
-  if (score) settled.score_json = std::move(*score);
+  if (json) settled.score_json = *json;
   return settled;
 }
 
@@ -289,14 +272,19 @@ Status Service::settleRecording(const Uuid& session) {
     RETURN_IF_ERROR(read->samples.fault());
     return writer_.run([&](Connection& writer) { return storeEvents(writer, session, made); });
   }
-  ASSIGN_OR_RETURN(const auto settled, settle(*reader, session, false));
+  SessionScore score(session);
+  Settled settled;
+  do {
+    ASSIGN_OR_RETURN(settled, settle(*reader, session, score, StepWork::all()));
+  } while (settled.is_pending);
   if (!settled.fault || settled.final) return {};
   return Error{settled.fault->code,
                "session " + uuidText(session) +
                    " has no score yet, and it cannot be made now: " + settled.fault->message};
 }
 
-Result<pb::Reply> Service::rescore(const Principal& principal, const pb::RescoreSession& call) {
+Result<pb::Reply> Service::rescore(const Principal& principal, const pb::RescoreSession& call,
+                                   RequestUnderWay& under_way) {
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(call.session_id()));
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   ASSIGN_OR_RETURN(const auto info, SessionStore(*reader).info(id));
@@ -307,9 +295,12 @@ Result<pb::Reply> Service::rescore(const Principal& principal, const pb::Rescore
   if (info.has_removed_original())
     return Error{ErrorCode::kUnavailable,
                  name + ": its original recording is gone, its scores stay as they are"};
-  ASSIGN_OR_RETURN(const auto measures, scoreSession(*reader, id));
-  if (measures.empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};
-  const pb::Score score = newScore(id, measures);
+  if (!under_way.score) under_way.score = std::make_shared<SessionScore>(id);
+  ASSIGN_OR_RETURN(const auto measures, scoreSome(*reader, id, *under_way.score, StepWork(kScoredAtOnce)));
+  under_way.more = !measures;
+  if (!measures) return pb::Reply();
+  if (measures->empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};
+  const pb::Score score = newScore(id, *measures);
   const Status written = writer_.run([&](Connection& writer) -> Status {
     RETURN_IF_ERROR(ScoreStore(writer).put(score));
     return AuditStore(writer).add({0, wallNowNs(), principal.name, "rescore", uuidText(id),

@@ -217,7 +217,7 @@ constexpr RequestRow kRows[] = {
   // --- scores
   {Call::kGetScore,                "score show",           kPeople,               to<getScore>,                  Reply::kScore, kViews,
    {{"GET /sessions/{id}/score?definition_version", "The session's score; definition_version: by default the newest"}}},
-  {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore, kStores>, Reply::kScore, kSlow,
+  {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore, kStores>, Reply::kScore, kScores,
    {{"POST /sessions/{id}/rescore", "Scores the session again by the program's present definitions"}}},
   {Call::kListScores,              "score list",           kStaff,                to<listScores>,                Reply::kScores, kViews,
    {{"GET /scores.csv?course&group", "Scores, a measure a line; units in a column"}}},

@@ -31,9 +31,10 @@ enum class RequestThreads {
   kWorkers,    ///< short reads and writes
   kPasswords,  ///< argon2id: 0.1 s and 64 MiB each
   kViews,      ///< the engine, and lists over all sessions: tens of milliseconds to seconds
-  kSlow,   ///< import of a class with passwords, a person's data over years, a backup: seconds to minutes;
-           ///< a whole recording, in steps
-  kHours,  ///< retention and rescoring: they yield to all other work
+  kSlow,    ///< import of a class with passwords, a person's data over years, a backup: seconds to minutes;
+            ///< a whole recording, in steps
+  kScores,  ///< a score, in steps on the same thread; few are under way at once, for it holds up to 110 MB
+  kHours,   ///< retention and rescoring: they yield to all other work
 };
 
 /// Whether a call has something stored: a change, and always a line of the audit log.

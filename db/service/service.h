@@ -27,7 +27,7 @@
 #include "db/service/requests.h"
 #include "db/service/retention.h"
 #include "db/service/running_hashes.h"
-#include "db/service/session_samples.h"
+#include "db/service/session_score.h"
 #include "db/session_store.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
@@ -54,11 +54,16 @@ struct Outcome {
 /// a backup waits for it. Smaller: more looks at the session's row; greater: longer waits.
 inline constexpr std::uint64_t kVerifiedBytesAtOnce = std::uint64_t{16} << 20;
 
+/// What one step of a score does, as StepWork counts: some 50 ms, in which whoever comes next waits for it.
+/// Smaller: more looks at the session's row; greater: longer waits.
+inline constexpr std::uint64_t kScoredAtOnce = 250'000;
+
 /// A request between the steps of its work.
 struct RequestUnderWay {
   bool access_changed = false;               ///< as in Outcome
   bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
   std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
+  std::shared_ptr<SessionScore> score{};     ///< of RescoreSession
   /// Of ErasePerson: the person is erased.
   std::shared_ptr<ErasureUnderWay> erasure{};
   /// What was asked for is done: the steps that are left complete the reply, by which others are told, too.
@@ -73,8 +78,9 @@ struct CloseOutcome {
   std::uint64_t event_bytes = 0;  ///< of the syringe's events that were stored now
 };
 
-/// A score is one piece of work: of a longer session it takes some 0.3 s to 5 s of a thread. Smaller: more
-/// closes take turns on fewer threads; greater: a short session's close waits for longer ones.
+/// The score of such a session is one step: some 0.1 s of a thread, and 22 MB at 1 kHz. That of a longer one
+/// takes up to some 3 s, in steps of kScoredAtOnce, between which it holds up to 110 MB (SessionScore).
+/// Smaller: more closes take turns on fewer threads; greater: a short session's close waits for longer ones.
 inline constexpr std::uint64_t kShortScoreSamples = 100'000;
 
 /// A station's request to close a session, between the steps of its work.
@@ -84,6 +90,7 @@ struct CloseUnderWay {
   std::uint32_t looked_again = 0;  ///< because chunks came meanwhile
   /// It is closed: its score is not made yet, and not all distances that it needs are computed.
   std::optional<CloseOutcome> unscored{};
+  std::shared_ptr<SessionScore> score{};  ///< as far as it is made
   /// What is left is the score of a session of more than kShortScoreSamples.
   bool is_long = false;
 };
@@ -122,9 +129,10 @@ class Service {
 
   /// Does one step of a close: hashes some more of the stored chunks (RunningHashes) on a reader; closes the
   /// session on the writer; computes some more of its distances from references (ReferencePaths) and, once
-  /// all are known, computes and stores score and events. Nothing: call it again, after others had their
-  /// turn; before a long score, too, so that it is made where nobody waits for it. Whoever does not may close
-  /// the session again, later: that goes on where this ended. Returns the outcome after the commit. Chunks
+  /// all are known, some more of its score (SessionScore); at last stores score and events. Nothing: call it
+  /// again, after others had their turn; before a long score, too, so that it is made where nobody waits for
+  /// it. Whoever does not may close the session again, later: that goes on where this ended, but makes the
+  /// score anew. Returns the outcome after the commit. Chunks
   /// that were hashed once are not read again for another close, whatever became of the first. A session that
   /// could not be scored gets the same answer when it is closed again, and is not read again for it.
   /// kUnavailable: chunks came again and again meanwhile.
@@ -185,7 +193,8 @@ class Service {
   Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call,
                                 RequestUnderWay& under_way);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
-  Result<pb::Reply> rescore(const Principal& who, const pb::RescoreSession& call);
+  /// In steps.
+  Result<pb::Reply> rescore(const Principal& who, const pb::RescoreSession& call, RequestUnderWay& under_way);
   Result<pb::Reply> rescoreAllNow(const Principal& who, const pb::RescoreAll& call);
   Result<pb::Reply> runRetentionNow(const Principal& who, const pb::RunRetention& call);
 
@@ -215,7 +224,7 @@ class Service {
     /// first two get a remark, "cannot be scored: …", and are not read again.
     bool final = false;
     std::uint64_t event_bytes = 0;  ///< as in CloseOutcome
-    bool is_pending = false;        ///< nothing is stored yet: not all distances are computed
+    bool is_pending = false;        ///< nothing is stored yet: there is more to do
   };
   /// Lines of noteSoon() and noteWatching() on their way to the writer, whose queue may outlive the service.
   struct SoonNoted {
@@ -233,10 +242,10 @@ class Service {
   /// The steps of a close when the session is closed.
   Result<std::optional<CloseOutcome>> scoreStep(Connection& reader, const Uuid& session,
                                                 CloseUnderWay& close);
-  /// Computes and stores a closed session's score and events. `in_parts`: computes a part of the distances
-  /// that are not known, and nothing else while one is missing. Errors: the database's.
-  Result<Settled> settle(Connection& reader, const Uuid& session, bool in_parts);
-  Result<Settled> settleOrThrow(Connection& reader, const Uuid& session, bool in_parts);
+  /// Makes some more of a closed session's score and events, and stores them at its end. Errors: the
+  /// database's.
+  Result<Settled> settle(Connection& reader, const Uuid& session, SessionScore& score, StepWork work);
+  Result<Settled> settleOrThrow(Connection& reader, const Uuid& session, SessionScore& score, StepWork work);
   /// The same before its recording is thinned or deleted, when score or events are missing. Returns an error
   /// for a temporary fault (memory, an exercise that may be imported again …): the original must stay until
   /// it passes.
@@ -250,8 +259,9 @@ class Service {
   /// Has the log emptied. Returns a sentence when readers still need it; empty: nothing of an erasure is
   /// left.
   std::string emptyLogOfErased();
-  /// Empty when there is nothing to measure.
-  Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
+  /// Makes some more of a score, as scoreSession(). Nothing: there is more to do.
+  Result<std::optional<std::string>> scoreSome(Connection& reader, const Uuid& session, SessionScore& score,
+                                               StepWork work);
   DbWriter& writer_;
   ReaderPool& readers_;
   const std::shared_ptr<ExportLedger> exports_ =

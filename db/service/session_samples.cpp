@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/clock.h"
@@ -21,6 +22,8 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kReadBytes = 4u << 20;
+/// What a chunk costs besides its samples, in samples.
+constexpr std::uint64_t kChunkAsSamples = 100;
 
 const std::string kUnscoredText = "cannot be scored: ";
 
@@ -50,41 +53,59 @@ Result<std::vector<GestureSample>> samplesOfChunk(Connection& reader, const Uuid
 
 }  // namespace
 
-Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
-  SessionStore sessions(reader);
-  ASSIGN_OR_RETURN(auto info, sessions.info(session));
-  SessionSamples all{std::move(info), {}, {}, RecordedSamples(std::span<const GestureSample>())};
-  if (all.info.has_removed_original()) {
+Status SessionReading::begin(Connection& reader) {
+  ASSIGN_OR_RETURN(all_.info, SessionStore(reader).info(session_));
+  const pb::SessionInfo& info = all_.info;
+  if (info.has_removed_original()) {
     return Error{ErrorCode::kInvalidInput,
-                 "session " + uuidText(session) + ": its original was removed (" +
-                     all.info.removed_original().reason() +
+                 "session " + uuidText(session_) + ": its original was removed (" +
+                     info.removed_original().reason() +
                      "); scores and events are made from originals only, those stored stay"};
   }
-  if (all.info.samples() == 0) return all;
-  if (all.info.samples() > kMaxScoredSamples) {
+  if (info.samples() == 0) return {};
+  if (info.samples() > kMaxScoredSamples) {
     return Error{ErrorCode::kInvalidInput,
-                 fmt::format("session {} has {} samples, at most {} are scored", uuidText(session),
-                             all.info.samples(), kMaxScoredSamples)};
+                 fmt::format("session {} has {} samples, at most {} are scored", uuidText(session_),
+                             info.samples(), kMaxScoredSamples)};
   }
-  if (const std::uint64_t most = kScoredChunksBesides + all.info.samples() / 500; all.info.chunks() > most) {
+  if (const std::uint64_t most = kScoredChunksBesides + info.samples() / 500; info.chunks() > most) {
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("session {} has its {} samples in {} chunks, at most {} are scored",
-                             uuidText(session), all.info.samples(), all.info.chunks(), most)};
+                             uuidText(session_), info.samples(), info.chunks(), most)};
   }
-  ASSIGN_OR_RETURN(auto profile, parseProfile(all.info.description().profile_json(),
-                                              "profile of session " + uuidText(session)));
-  all.profile = std::move(profile);
-  all.X_WL = poseOf(all.info.description().placement());
-  ASSIGN_OR_RETURN(auto samples,
-                   RecordedSamples::inBlocks(all.info.chunks(), [&reader, session](std::size_t seq) {
-                     return samplesOfChunk(reader, session, seq);
-                   }));
-  all.samples = std::move(samples);
-  const Status motion = checkMotion(all.samples, all.info.description().rate_hz());
-  RETURN_IF_ERROR(all.samples.fault());
-  if (!motion)
-    return Error{motion.error().code, "session " + uuidText(session) + ": " + motion.error().message};
-  return all;
+  ASSIGN_OR_RETURN(all_.profile, parseProfile(info.description().profile_json(),
+                                              "profile of session " + uuidText(session_)));
+  all_.X_WL = poseOf(info.description().placement());
+  all_.samples = RecordedSamples::ofBlocks([read_by = reader_, session = session_](std::size_t seq) {
+    return samplesOfChunk(**read_by, session, seq);
+  });
+  return {};
+}
+
+Result<bool> SessionReading::step(Connection& reader, StepWork& work) {
+  readBy(reader);
+  if (!has_begun_) RETURN_IF_ERROR(begin(reader));
+  has_begun_ = true;
+  if (all_.info.samples() == 0) return true;
+  for (; chunks_ < all_.info.chunks(); ++chunks_) {
+    if (work.isOver()) return false;
+    ASSIGN_OR_RETURN(const std::size_t samples, all_.samples.addBlock());
+    work.spend(kChunkAsSamples + samples);
+  }
+  if (!motion_) motion_.emplace(all_.samples, all_.info.description().rate_hz());
+  const bool is_counted = motion_->step(work);
+  RETURN_IF_ERROR(all_.samples.fault());
+  if (!is_counted) return false;
+  if (const Status motion = motion_->status(); !motion)
+    return Error{motion.error().code, "session " + uuidText(session_) + ": " + motion.error().message};
+  return true;
+}
+
+Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
+  SessionReading reading(session);
+  StepWork all = StepWork::all();
+  RETURN_IF_ERROR(reading.step(reader, all));
+  return std::move(reading.samples());
 }
 
 bool isLasting(const Error& error) {

@@ -2,14 +2,18 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "common/haptics/geometry.h"
+#include "common/scoring/motion_cost.h"
 #include "common/scoring/recorded_samples.h"
+#include "common/scoring/step_work.h"
 #include "db/connection.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
@@ -21,7 +25,7 @@ namespace needlelab {
 /// (26 MB of decoded samples at most, and the smoothed motion at 100 Hz). At other rates the bounds of
 /// common/scoring/motion_cost.h may come first; with them it is some 110 MB at most.
 inline constexpr std::uint64_t kMaxScoredSamples = 1'800'000;
-/// A chunk is read and decoded by itself, in a long session a dozen times. A station's chunks have 1,000
+/// A chunk is read and decoded by itself, in a long session half a dozen times. A station's chunks have 1,000
 /// samples each, but for those that a power cut or the end left shorter; a session in more chunks than these,
 /// and one for each 500 samples, is not scored.
 inline constexpr std::uint64_t kScoredChunksBesides = 1'000;
@@ -41,6 +45,31 @@ struct SessionSamples {
 /// its motion beyond the bounds of common/scoring/motion_cost.h, or retention has removed the original;
 /// kCorrupt: a chunk fails its check; kNotFound. A session without samples has no profile here.
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
+
+/// samplesOf() in steps, each with a connection of its own. Thread: one at a time.
+class SessionReading {
+ public:
+  explicit SessionReading(const Uuid& session) : session_(session) {}
+  SessionReading(const SessionReading&) = delete;
+  SessionReading& operator=(const SessionReading&) = delete;
+
+  /// Reads and checks some more. True: all. Errors: as samplesOf(); it is over then.
+  Result<bool> step(Connection& reader, StepWork& work);
+  /// From now on the samples are decoded by this connection.
+  void readBy(Connection& reader) { *reader_ = &reader; }
+  /// Once all is read. They are decoded by the connection of readBy() or of the last step.
+  [[nodiscard]] SessionSamples& samples() { return all_; }
+
+ private:
+  Status begin(Connection& reader);
+
+  const Uuid session_;
+  const std::shared_ptr<Connection*> reader_ = std::make_shared<Connection*>(nullptr);  // the samples have it
+  SessionSamples all_{{}, {}, {}, RecordedSamples(std::span<const GestureSample>())};
+  bool has_begun_ = false;
+  std::uint64_t chunks_ = 0;             // that are read
+  std::optional<MotionCheck> motion_{};  // once all chunks are
+};
 
 /// Whether this error of samplesOf() comes again each time, until the recording is removed: so it need not be
 /// read again only to find the same.

@@ -32,6 +32,7 @@
 #include "server/live/password_pool.h"
 #include "server/live/peer_lines.h"
 #include "server/live/people_shares.h"
+#include "server/live/places_in_turn.h"
 #include "server/live/station_closes.h"
 #include "server/live/station_quotas.h"
 #include "server/live/tokens.h"
@@ -125,6 +126,9 @@ inline constexpr std::size_t kWorkerThreads = 2, kSlowThreads = 1, kLoginThreads
 /// Long scores (kShortScoreSamples) have all of the closers but one, and the other steps of closes as many:
 /// so a short close waits for no long score. A station has one of either at most.
 inline constexpr std::size_t kCloserThreads = 3, kLongScoreThreads = kCloserThreads - 1;
+/// Scores between their steps, which hold up to 110 MB each (SessionScore): long ones of stations, which take
+/// turns on kLongScoreThreads, and of people who rescore.
+inline constexpr std::size_t kLongScoresAtOnce = 4, kRescoringsAtOnce = 1;
 /// A station shows a trainee its standing while people plot and export: one of the views' threads is kept
 /// free of people's work.
 inline constexpr std::size_t kPeopleViewThreads = 2, kStationViewThreads = 1;
@@ -157,6 +161,8 @@ struct ServerContext {
   /// Of each station, on `closers`.
   std::unique_ptr<FairPool> closes_in_turn = std::make_unique<FairPool>(closers, kCloserThreads - 1);
   std::unique_ptr<FairPool> long_scores_in_turn = std::make_unique<FairPool>(closers, kLongScoreThreads);
+  PlacesInTurn long_scores{io.get_executor(), kLongScoresAtOnce};
+  PlacesInTurn rescorings{io.get_executor(), kRescoringsAtOnce};
   StationCloses closes{bounds.closes_of_station};
   MessageRates small_messages{bounds.small_messages_at_once, bounds.small_messages_per_s};
   ClockOffsets clock_offsets{};

@@ -114,6 +114,7 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
       return offload(who.role == pb::STATION ? *context.views_of_stations : *context.views_of_people,
                      turnNameOf(who), std::move(work));
     case RequestThreads::kSlow:
+    case RequestThreads::kScores:
       return offload(*context.slow_workers_of_people, turnNameOf(who), std::move(work));
     case RequestThreads::kHours:
       return offload(context.retention_workers, std::move(work));
@@ -144,6 +145,8 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     co_return refusedBefore(*request, may.error());
   auto room = takeRoom(context, who, request->call_case(), request->ByteSizeLong());
   if (!room.ok()) co_return refusedBefore(*request, room.error());
+  PlacesInTurn::Place place;
+  if (threads == RequestThreads::kScores) place = co_await context.rescorings.take(turnNameOf(who));
   const auto under_way = std::make_shared<RequestUnderWay>();
   const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
                                           under_way, gone = std::move(gone)]() -> Executed {
@@ -170,10 +173,13 @@ std::string turnNameOf(const Principal& who) {
 Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work) {
   using Step = Result<std::optional<CloseOutcome>>;
   const Error has_gone{ErrorCode::kUnavailable, "who asked has gone"};
+  PlacesInTurn::Place place;
   for (;;) {
+    const bool is_long = work.is_long && work.is_long();
+    if (is_long && !place) place = co_await context.long_scores.take(station);
     if (work.gone()) co_return has_gone;
     std::function<Step()> piece = [work, has_gone]() -> Step { return work.gone() ? has_gone : work.step(); };
-    FairPool& turns = work.is_long && work.is_long() ? *context.long_scores_in_turn : *context.closes_in_turn;
+    FairPool& turns = is_long ? *context.long_scores_in_turn : *context.closes_in_turn;
     Step done = co_await offload(turns, station, std::move(piece));
     if (!done.ok()) co_return done.error();
     if (done->has_value()) co_return std::move(**done);

@@ -19,12 +19,13 @@ std::string turnNameOf(const Principal& who);
 struct CloseWork {
   std::function<Result<std::optional<CloseOutcome>>()> step;  ///< nothing: there is more to do
   std::function<bool()> gone;  ///< whether the connection that asked has ended; on any thread
-  /// Whether the next step is a long score; not during a step. Empty: none is.
+  /// Whether the next step is one of a long score, as are all after it; not during a step. Empty: none is.
   std::function<bool()> is_long{};
 };
 /// Closes a session for its station, on the closers: nobody else's work waits for it. Each step is a turn
-/// among the closes of all stations, a long score one among the long ones. Of a connection that has ended no
-/// further step is done (kUnavailable). Thread: the network's.
+/// among the closes of all stations, those of a long score among the long ones, once it has one of their
+/// places (kLongScoresAtOnce). Of a connection that has ended no further step is done (kUnavailable). Thread:
+/// the network's.
 Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work);
 
 /// Where a person's reply of so many bytes is written as text: up to 16 KiB (about a millisecond) on the
@@ -49,7 +50,8 @@ Result<DiskRoom::Share> takeRoom(ServerContext& context, const Principal& who, p
                                  std::size_t bytes);
 
 /// Takes the request's room (takeRoom), then executes it on its thread pool (threadsOf in
-/// db/service/requests.h), each of its steps in a turn of its own. Thread: the network's. `gone` says whether
+/// db/service/requests.h), each of its steps in a turn of its own, a score's once it has a place
+/// (kRescoringsAtOnce). Thread: the network's. `gone` says whether
 /// the asker has gone, on any thread: of whom it says so when a turn comes, no more is done (kUnavailable). A
 /// step that has begun is finished.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,

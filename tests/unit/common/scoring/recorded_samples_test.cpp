@@ -83,6 +83,62 @@ TEST(RecordedSamples, aScoreByBlocksHasTheBitsOfTheScoreInMemory) {
   }
 }
 
+TEST(GestureScore, inStepsItHasTheSameBitsAndEachStepReadsWhatItMay) {
+  const pb::Exercise exercise = plannedExercise();
+  const auto samples = roughGesture(3);
+  const pb::Profile profile = ContinuousGesture(3).profile();
+  const std::vector<TipPath> references{tipPathOf(ContinuousGesture(5).samples(kRate_hz), kRate_hz, {})};
+  const auto expected = scoreGesture(samples, kRate_hz, profile, {}, &exercise, references);
+  const auto events = eventsJson(syringeEvents(samples, kRate_hz, profile, {}));
+  ASSERT_FALSE(expected.empty());
+  constexpr std::size_t kBlock = 50;
+  for (const std::uint64_t each : {1u, 137u, 5'000u, 1'000'000'000u}) {
+    SCOPED_TRACE(each);
+    InBlocks source(samples, kBlock);
+    const RecordedSamples blocks = source.open(4 * kBlock);
+    GestureScore score(blocks, kRate_hz, profile, {}, &exercise, references);
+    std::size_t steps = 0, most = 0;
+    for (bool done = false; !done; ++steps) {
+      ASSERT_LE(steps, 100 * samples.size()) << "it gets on";
+      const std::size_t before = source.decoded;
+      StepWork work(each);
+      done = score.step(work);
+      most = std::max(most, source.decoded - before);
+    }
+    EXPECT_EQ(bitsOf(score.measures()), bitsOf(expected));
+    EXPECT_EQ(eventsJson(score.events()), events);
+    if (each > 100 * samples.size()) {
+      EXPECT_EQ(steps, 1u);
+      continue;
+    }
+    // besides the samples in order: the ends of a run, of an insertion, of strokes
+    EXPECT_LE(most, each / kBlock + 40);
+    EXPECT_GE(steps, 4 * samples.size() / each) << "it is read so often";
+  }
+}
+
+TEST(GestureScore, ofALongRecordingEachBlockIsDecodedHalfADozenTimes) {
+  InBlocks source(ContinuousGesture(3).samples(kRate_hz), 1000);
+  const RecordedSamples blocks = source.open(4'000);
+  (void)scoreGesture(blocks, kRate_hz, ContinuousGesture(3).profile(), {});
+  // opening, its motion's cost, runs, motion, measures; parts of it for the longest insertion and the strokes
+  EXPECT_LE(source.decoded, 7 * source.blocks());
+}
+
+TEST(GestureScore, withAFaultInTheSamplesItEndsWithoutMeasures) {
+  InBlocks source(ContinuousGesture(3).samples(kRate_hz), 1000);
+  const RecordedSamples blocks = source.open(4'000);
+  const pb::Profile profile = ContinuousGesture(3).profile();
+  GestureScore score(blocks, kRate_hz, profile, {});
+  StepWork some(1'000);
+  ASSERT_FALSE(score.step(some));
+  source.fails_after = source.decoded;
+  StepWork all = StepWork::all();
+  EXPECT_TRUE(score.step(all));
+  EXPECT_FALSE(blocks.fault().ok());
+  EXPECT_TRUE(score.measures().empty());
+}
+
 TEST(RecordedSamples, atMostSoManyAreHeldHoweverLongTheRecordingIs) {
   const auto samples = ContinuousGesture(3).samples(kRate_hz);
   ASSERT_GT(samples.size(), 10'000u);
@@ -146,6 +202,25 @@ TEST(RecordedSamples, aBlockThatCannotBeReadAgainIsAFaultAndTheScoreEnds) {
   ASSERT_FALSE(blocks.fault().ok());
   EXPECT_EQ(blocks.fault().error().message, "the disk fails");
   EXPECT_EQ(source.decoded, source.fails_after + 1) << "a failing disk is not asked again";
+}
+
+TEST(RecordedSamples, mayBeAddedBlockByBlockAndAreReadInBetween) {
+  const auto samples = roughGesture(3);
+  InBlocks source(samples, 50);
+  RecordedSamples all = source.open(400);
+  RecordedSamples growing = RecordedSamples::ofBlocks(source.read(), 400);
+  EXPECT_TRUE(growing.empty());
+  std::size_t read = 0;
+  for (std::size_t block = 0; block < source.blocks(); ++block) {
+    const auto added = growing.addBlock();
+    ASSERT_TRUE(added.ok());
+    read += *added;
+    for (std::size_t i : {std::size_t{0}, growing.size() / 2, growing.size() - 1})
+      ASSERT_EQ(growing[i].tick, all[i].tick) << block;
+  }
+  EXPECT_EQ(read, samples.size()) << "usable or not";
+  EXPECT_EQ(growing.size(), all.size());
+  EXPECT_EQ(growing.back().tick, all.back().tick);
 }
 
 TEST(RecordedSamples, aBlockThatCannotBeReadAtFirstIsAnError) {

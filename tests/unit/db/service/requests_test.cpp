@@ -59,6 +59,7 @@ std::string wordFor(RequestThreads threads) {
     case RequestThreads::kViews:
       return "views";
     case RequestThreads::kSlow:
+    case RequestThreads::kScores:
       return "slow_workers";
     case RequestThreads::kHours:
       return "retention_workers";

@@ -4,6 +4,7 @@
 #include <barrier>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 
 #include "common/base/crc32c.h"
@@ -11,6 +12,7 @@
 #include "common/profile/profile.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
+#include "db/erasure.h"
 #include "db/service/rescoring.h"
 #include "db/session_results.h"
 #include "db/session_rows.h"
@@ -464,6 +466,66 @@ TEST_F(Scoring, aSessionThatCannotBeScoredIsReadOnceHoweverOftenSomebodyAsks) {
   EXPECT_EQ(refusal(instructor, again), ErrorCode::kCorrupt) << "whoever read it again would find it sound";
   ASSERT_OK(store->service().dailyRetention());
   EXPECT_GT(get(instructor, again).score().definition_version(), 1u);
+}
+
+/// A closed session too long to be scored in one step.
+class LongScoring : public Scoring {
+ protected:
+  static constexpr std::uint64_t kEach = 1000, kChunks = kScoredAtOnce / kEach;
+
+  void SetUp() override {
+    Scoring::SetUp();
+    id = addSession("anna", kChunks, kEach, profile_json_);
+    ASSERT_OK(change([&](Connection& c) {
+      const auto closed = SessionStore(c).close(test::closeOf(id, kChunks, kEach), 2);
+      return closed ? Status() : Status(closed.error());
+    }));
+    again.mutable_rescore_session()->set_session_id(test::bytesOfId(id));
+  }
+
+  Uuid id{};
+  pb::Request again;
+  RequestUnderWay under_way;
+};
+
+TEST_F(LongScoring, isMadeInStepsAndHasTheBitsOfAScoreInOne) {
+  std::optional<Outcome> outcome;
+  std::uint64_t steps = 0;
+  for (; !outcome && steps < 1000; ++steps)
+    outcome = store->service().executeStep(instructor, again, under_way);
+  ASSERT_TRUE(outcome);
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_GE(steps, 6u) << "each sample is read, counted twice, put into a run, averaged and measured";
+  auto reader = store->readers().borrow();
+  ASSERT_OK(reader);
+  const auto in_one = store->service().scoreSession(**reader, id);
+  ASSERT_OK(in_one);
+  EXPECT_EQ(outcome->reply.score().measures_json(), *in_one);
+  EXPECT_THAT(*in_one, HasSubstr("peak_force_n"));
+}
+
+TEST_F(LongScoring, meetsDamageThatCameBetweenItsSteps) {
+  ASSERT_FALSE(store->service().executeStep(instructor, again, under_way));
+  damage(0, 1);
+  std::optional<Outcome> outcome;
+  for (int step = 0; !outcome && step < 1000; ++step)
+    outcome = store->service().executeStep(instructor, again, under_way);
+  ASSERT_TRUE(outcome);
+  ASSERT_TRUE(outcome->error);
+  EXPECT_EQ(outcome->error->code, ErrorCode::kCorrupt);
+}
+
+TEST_F(LongScoring, getsNoFurtherStepOnceItsPersonIsErased) {
+  ASSERT_FALSE(store->service().executeStep(instructor, again, under_way));
+  ASSERT_OK(change([](Connection& c) {
+    const ErasureLine line{newErasurePseudonym(), PseudonymKey(PseudonymKey::Hash{7}).nameHash("anna"), 1};
+    const auto erased = ErasureStore(c).erase("anna", line, "ada", "", 1);
+    return erased ? Status() : Status(erased.error());
+  }));
+  const auto outcome = store->service().executeStep(instructor, again, under_way);
+  ASSERT_TRUE(outcome);
+  ASSERT_TRUE(outcome->error);
+  EXPECT_EQ(outcome->error->code, ErrorCode::kUnavailable) << outcome->error->message;
 }
 
 TEST_F(Scoring, afterAnErasureNothingIsKeptOfTheErasedPaths) {

@@ -75,6 +75,21 @@ struct RequestThreadsTest : testing::Test {
     return names;
   }
 
+  /// Takes a place and keeps it in `have`.
+  using Places = std::vector<std::pair<std::string, PlacesInTurn::Place>>;
+  void takePlace(PlacesInTurn& places, const std::string& who, Places& have) {
+    asio::co_spawn(loop.io, placed(places, who, have), rethrow);
+    poll();
+  }
+  static Task<> placed(PlacesInTurn& places, std::string who, Places& have) {
+    auto place = co_await places.take(who);
+    have.emplace_back(who, std::move(place));
+  }
+  void poll() {
+    loop.io.restart();
+    loop.io.poll();
+  }
+
   /// Gives a pool one piece of this person that ends with release().
   void occupy(FairPool& pool, const std::string& person) {
     pool.post(turnNameOf({person, pb::INSTRUCTOR}), untilRelease());
@@ -281,6 +296,91 @@ TEST_F(RequestThreadsTest, aShortCloseWaitsForNoLongScores) {
   EXPECT_TRUE(loop.runUntil([&] { return closes_done == 5; }));
 }
 
+// The finding: two stations' scores of 5 s kept a third one's waiting until one of them was made.
+TEST_F(RequestThreadsTest, theLongScoresOfThreeStationsTakeTurnsStepByStep) {
+  std::promise<void> end;
+  occupyClosers(end.get_future().share());
+  occupy(*context.long_scores_in_turn, "ada");
+  std::vector<std::string> done;
+  const auto note = [&done](const char* text) { return [&done, text] { done.emplace_back(text); }; };
+  for (const char* station : {"bench", "cabin", "den"}) close(station, note(station), 10, true);
+  release();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 3; }));
+  end.set_value();
+  closers.join();
+  ASSERT_EQ(done.size(), 30u);
+  EXPECT_THAT(std::vector(done.begin(), done.begin() + 3), testing::ElementsAre("bench", "cabin", "den"));
+}
+
+TEST_F(RequestThreadsTest, aStationHasOneLongScoreUnderWayAndWhoWaitsForAPlaceIsDroppedWhenItHasGone) {
+  Places have;
+  for (int n = 0; n < 3; ++n) takePlace(context.long_scores, "bench", have);
+  EXPECT_EQ(have.size(), 1u);
+  for (std::size_t n = 1; n < kLongScoresAtOnce; ++n)
+    takePlace(context.long_scores, "cabin " + std::to_string(n), have);
+  ASSERT_EQ(have.size(), kLongScoresAtOnce);
+  int steps = 0;
+  close(
+      "den", [&steps] { ++steps; }, 2, true);
+  close(
+      "elm", [] {}, 2, false);
+  EXPECT_TRUE(loop.runUntil([&] { return closes_done == 1; })) << "a short one needs no place";
+  EXPECT_EQ(context.long_scores.waiting(), 3u);
+  endConnectionsOfStations();
+  have.pop_back();
+  EXPECT_TRUE(loop.runUntil([&] { return closes_dropped == 1; })) << "bench waits for itself";
+  EXPECT_EQ(steps, 0);
+  EXPECT_EQ(context.long_scores.waiting(), 2u);
+  for (int n = 0; n < 3; ++n) {
+    have.clear();
+    poll();
+  }
+  EXPECT_EQ(context.long_scores.waiting(), 0u);
+}
+
+TEST_F(RequestThreadsTest, placesAreGivenToEachNameInTurn) {
+  PlacesInTurn places(loop.io.get_executor(), 1);
+  Places have;
+  const auto names = [&have] {
+    std::vector<std::string> all;
+    for (const auto& [name, place] : have) all.push_back(name);
+    return all;
+  };
+  for (const char* who : {"ines", "ines", "ines", "ivo"}) takePlace(places, who, have);
+  EXPECT_EQ(places.waiting(), 3u);
+  std::vector<std::string> order = names();
+  for (int n = 0; n < 3; ++n) {
+    have.clear();
+    poll();
+    ASSERT_EQ(have.size(), 1u);
+    order.push_back(have.front().first);
+  }
+  EXPECT_THAT(order, testing::ElementsAre("ines", "ines", "ivo", "ines"));
+  EXPECT_EQ(places.waiting(), 0u);
+}
+
+// The finding: two rescorings held the thread of imports and backups for 10 s.
+TEST_F(RequestThreadsTest, aRescoringThatWaitsForItsPlaceHoldsNoThread) {
+  pb::Request again, verify;
+  again.mutable_rescore_session()->set_session_id(test::bytesOfId(makeUuidV7()));
+  verify.mutable_verify_session()->set_session_id(test::bytesOfId(makeUuidV7()));
+  ASSERT_EQ(threadsOf(again, pb::INSTRUCTOR), RequestThreads::kScores);
+  ASSERT_EQ(threadsOf(verify, pb::INSTRUCTOR), RequestThreads::kSlow);
+  Places have;
+  takePlace(context.rescorings, turnNameOf({"ivo", pb::INSTRUCTOR}), have);
+  ASSERT_EQ(have.size(), 1u);
+  std::shared_ptr<Outcome> outcome;
+  asio::co_spawn(loop.io, answer({"ines", pb::INSTRUCTOR}, again, &outcome), rethrow);
+  EXPECT_TRUE(answered({"mara", pb::CURRICULUM_MANAGER}, verify));
+  EXPECT_EQ(outcome, nullptr);
+  have.clear();
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  ASSERT_TRUE(outcome->error) << "there is no such session";
+  EXPECT_EQ(outcome->error->code, ErrorCode::kNotFound);
+  takePlace(context.rescorings, turnNameOf({"ivo", pb::INSTRUCTOR}), have);
+  EXPECT_EQ(have.size(), 1u) << "it gave its place back";
+}
+
 TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   std::promise<void> end;
   occupyClosers(end.get_future().share());
@@ -379,6 +479,47 @@ TEST_F(RequestThreadsTest, theLookAtFilesOfAnErasureGivesWayToOthersAndIsFinishe
   ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
   ASSERT_FALSE(outcome->error) << outcome->error->message;
   EXPECT_THAT(outcome->reply.erasure().files(), testing::ElementsAre(file.string()));
+}
+
+TEST_F(RequestThreadsTest, theScoreOfALongSessionGivesWayToOthersBetweenItsSteps) {
+  constexpr std::uint64_t kEach = 1000, kChunks = kScoredAtOnce / kEach;  // each costs more than its samples
+  pb::Request show;
+  show.mutable_get_profile()->set_id("knee-adult");
+  const Outcome profile = store->service().execute({"ada", pb::ADMINISTRATOR}, show);
+  ASSERT_FALSE(profile.error);
+  const Uuid id = makeUuidV7();
+  ASSERT_TRUE(store->writer()
+                  .run([&](Connection& c) -> Status {
+                    RETURN_IF_ERROR(StationStore(c).add("station-1", StationKeyBytes{}, 1));
+                    SessionStore sessions(c);
+                    auto description = test::describe(id);
+                    description.set_profile_json(profile.reply.profile().json());
+                    if (const auto opened = sessions.open(description, 1); !opened) return opened.error();
+                    for (std::uint64_t seq = 0; seq < kChunks; ++seq)
+                      if (const auto stored = sessions.append(id, seq, test::chunkOf(seq, kEach)); !stored)
+                        return stored.error();
+                    const auto closed = sessions.close(test::closeOf(id, kChunks, kEach), 2);
+                    return closed ? Status() : Status(closed.error());
+                  })
+                  .ok());
+  pb::Request again;
+  again.mutable_rescore_session()->set_session_id(test::bytesOfId(id));
+  occupy(*context.slow_workers_of_people, "ada");
+  std::shared_ptr<Outcome> outcome;
+  asio::co_spawn(loop.io, answer({"ines", pb::INSTRUCTOR}, again, &outcome), rethrow);
+  poll();
+  // comes after ines, and is done before she has read all: her next step finds what it does
+  context.slow_workers_of_people->post(turnNameOf({"mara", pb::CURRICULUM_MANAGER}), [this] {
+    EXPECT_TRUE(store->writer()
+                    .run([](Connection& c) {
+                      return c.run("UPDATE chunks SET crc = crc + 1 WHERE seq = ?", kChunks - 1);
+                    })
+                    .ok());
+  });
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  ASSERT_TRUE(outcome->error);
+  EXPECT_EQ(outcome->error->code, ErrorCode::kCorrupt) << outcome->error->message;
 }
 
 TEST_F(RequestThreadsTest, noWorkerWaitsForTheWriterWithALineOfWhatWasNotDelivered) {
