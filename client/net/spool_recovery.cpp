@@ -89,6 +89,7 @@ class TailReader {
     std::vector<GestureSample> samples;
     Resolution resolution;
     SpoolDamage missing;  // between its pieces, and before the first
+    Bytes cut_memory;     // of the first piece that has one
   };
   TailReader(const pb::SessionDescription& of, const SpoolFile& file) : description(of), tail(file) {}
 
@@ -154,7 +155,7 @@ class TailReader {
   Result<Chunk> chunkOf(std::uint64_t seq, std::span<const Piece> pieces) {
     // the resolution is taken from the pieces, which have a checksum; the description of an earlier version
     // has none
-    Chunk chunk{seq, {}, resolutionOf(description), {}};
+    Chunk chunk{seq, {}, resolutionOf(description), {}, {}};
     std::uint32_t part = 0;
     for (const Piece& one : pieces) {
       if (one.part < part || one.info.first_tick < tick ||
@@ -168,6 +169,7 @@ class TailReader {
       if (const auto lost = missingBefore(chunk, one.part, part, *piece); lost > 0)
         addDamage(chunk.missing, {0, lost, first - lost});
       chunk.resolution = one.info.resolution;
+      if (chunk.cut_memory.empty()) chunk.cut_memory = cutMemoryOf(*data);
       chunk.samples.insert(chunk.samples.end(), piece->begin(), piece->end());
       tick = chunk.samples.back().tick + 1;
       part = one.part + 1;
@@ -392,7 +394,8 @@ Status SpoolSession::recoverTail() {
       next_seq_ = chunk.seq;
       addDamage(tail_damage_, chunk.missing);
     }
-    RETURN_IF_ERROR(appendChunk(encodeChunk(chunk.resolution, chunk.samples), chunk.samples.size()));
+    RETURN_IF_ERROR(
+        appendChunk(encodeChunk(chunk.resolution, chunk.samples, chunk.cut_memory), chunk.samples.size()));
     {
       const std::scoped_lock lock(mutex_);
       entries_.back().first_tick = chunk.samples.front().tick;

@@ -99,6 +99,7 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
   if (piece_.empty()) piece_began_ns_ = time_.nowNs();
   piece_.push_back(sample);
   const bool lost = pending_bytes_ > options_.pending_bytes;
+  rememberCuts(sample, !lost);
   if (lost) {
     // the disk has been full so long that memory is full too: these samples are lost, and the writer reports
     // it; viewers still see them
@@ -118,12 +119,24 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
   if (chunk_.size() >= chunk_samples_) makeChunk();
 }
 
+// the chunk's memory is that after the first of its samples that has one. What the ring dropped is unknown
+// here, too: from then on there is no memory
+void SpoolWriter::rememberCuts(const GestureSample& sample, bool wanted) {
+  if (!callbacks_.cut_memory) return;
+  Bytes memory = callbacks_.cut_memory(sample, wanted && cuts_.empty());
+  if (memory.empty() || ring_.dropped() != ring_dropped_before_) return;
+  cuts_ = std::move(memory);
+  cuts_at_ = chunk_.size();
+}
+
 // writes the samples that are not in the tail yet; skips the tail while chunks wait for the disk, because it
 // would fail too
 void SpoolWriter::writeTail() {
   if (!pending_.empty() || in_tail_ == chunk_.size() || time_.nowNs() < tail_next_try_ns_) return;
   const std::span<const GestureSample> missing(chunk_);
-  const Status status = session_->appendPiece(seq_, encodeChunk(resolution_, missing.subspan(in_tail_)));
+  const ByteView cuts = cuts_at_ >= in_tail_ ? ByteView(cuts_) : ByteView();
+  const Status status =
+      session_->appendPiece(seq_, encodeChunk(resolution_, missing.subspan(in_tail_), cuts));
   if (status.ok())
     in_tail_ = chunk_.size();
   else
@@ -133,7 +146,7 @@ void SpoolWriter::writeTail() {
 
 // passes the piece unencoded: only the uplink knows whether there are viewers
 void SpoolWriter::showPiece() {
-  SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0};
+  SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0, {}};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;
   piece_.clear();
   {
@@ -159,11 +172,12 @@ void SpoolWriter::noteLoss() {
 }
 
 void SpoolWriter::makeChunk() {
-  pending_.push_back({encodeChunk(resolution_, chunk_), chunk_.size(), in_tail_,
+  pending_.push_back({encodeChunk(resolution_, chunk_, cuts_), chunk_.size(), in_tail_,
                       in_tail_ < chunk_.size() ? chunk_[in_tail_].tick : chunk_.back().tick + 1});
   pending_bytes_ += pending_.back().chunk.size();
   ++seq_;
   chunk_.clear();
+  cuts_.clear();
   in_tail_ = 0;
   {
     const std::scoped_lock lock(mutex_);

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "client/net/spool.h"
+#include "common/base/bytes.h"
 #include "common/base/time_source.h"
 #include "common/base/wait_free.h"
 #include "common/gesture/sample.h"
@@ -34,6 +35,7 @@ struct SamplePiece {
   GestureSample last;                                         ///< the newest of them
   std::uint64_t samples_so_far = 0;                           ///< of the session, this piece included
   std::uint32_t flags = 0;                                    ///< of all of its samples
+  Bytes cut_memory{};  ///< LiveFrame's, after the last sample; the writer leaves it empty: none
 };
 
 /// Counts of the writer so far.
@@ -65,6 +67,9 @@ class SpoolWriter {
     std::function<void(const SamplePiece&)> piece;    ///< every 20 ms
     std::function<void()> durable;                    ///< more chunks are on disk, or the session has ended
     std::function<void(const std::string&)> trouble;  ///< the disk refuses or works again; for a person
+    /// Gets every sample, in order. Returns the memory of the cut after it if `wanted` and there is one, for
+    /// the sample's chunk (encodeChunk); else nothing. May be empty: chunks without memories.
+    std::function<Bytes(const GestureSample& sample, bool wanted)> cut_memory{};
   };
 
   /// Returned by a pass that is not due again before something happens.
@@ -97,6 +102,7 @@ class SpoolWriter {
 
  private:
   void takeSample(const GestureSample& sample);
+  void rememberCuts(const GestureSample& sample, bool wanted);
   void writeTail();
   void showPiece();
   void noteLoss();
@@ -116,6 +122,8 @@ class SpoolWriter {
   // the writing thread's own
   std::vector<GestureSample> chunk_, piece_;
   std::size_t in_tail_ = 0;  // how many of chunk_'s samples are in the spool's tail
+  Bytes cuts_;               // chunk_'s memory of the cut; empty: it has none yet
+  std::size_t cuts_at_ = 0;  // after which of chunk_'s samples
   struct Pending {
     Bytes chunk;
     std::uint64_t samples = 0;

@@ -66,10 +66,10 @@ void Uplink::wake() {
   asio::post(io_, [this] { pump(); });
 }
 
-void Uplink::offer(const SamplePiece& piece, Bytes cut_memory) {
+void Uplink::offer(const SamplePiece& piece) {
   {
     const std::scoped_lock lock(mutex_);
-    newest_ = Live{piece, std::move(cut_memory), wallNowNs() - (time().nowNs() - piece.last.time_ns)};
+    newest_ = Live{piece, wallNowNs() - (time().nowNs() - piece.last.time_ns)};
     flags_since_status_ |= piece.flags;
     newest_sent_ = watched_.load(std::memory_order_relaxed);
     if (!newest_sent_) return;

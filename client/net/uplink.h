@@ -93,8 +93,8 @@ class Uplink {
   /// Wakes the thread: the spool has more chunks of a session, or a session has ended.
   void wake();
   /// Takes the newest samples of the current session, for the status line, and for a live frame if there are
-  /// viewers. `cut_memory`: LiveFrame's; empty: none.
-  void offer(const SamplePiece& piece, Bytes cut_memory = {});
+  /// viewers.
+  void offer(const SamplePiece& piece);
   void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
   void noteWakeup(std::uint32_t p99_us) { wakeup_p99_us_.store(p99_us, std::memory_order_relaxed); }
   /// Sets the facts of the current session; adding another session clears them. Thread: any.
@@ -165,7 +165,6 @@ class Uplink {
   std::vector<std::pair<std::shared_ptr<SpoolSession>, bool>> added_;
   struct Live {
     SamplePiece piece;
-    Bytes cut_memory;
     std::int64_t capture_unix_ns = 0;
   };
   std::deque<Live> live_;

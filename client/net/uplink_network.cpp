@@ -340,7 +340,8 @@ void Uplink::pumpLive() {
     frame.set_data(data.data(), data.size());
     frame.set_due_steady_ns(item.piece.last.time_ns);
     frame.set_capture_unix_ns(item.capture_unix_ns);
-    if (!item.cut_memory.empty()) frame.set_cut_memory(item.cut_memory.data(), item.cut_memory.size());
+    const Bytes& cuts = item.piece.cut_memory;
+    if (!cuts.empty()) frame.set_cut_memory(cuts.data(), cuts.size());
     if (auto encoded = encodeFrame(envelope); encoded.ok()) link_.sendLive(*encoded, true);
   }
 }

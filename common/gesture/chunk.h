@@ -16,11 +16,13 @@ namespace needlelab {
 inline constexpr std::size_t kMaxChunkSamples = 65'536;
 /// The greatest length of a chunk, whatever its samples; longer bytes are refused before any allocation.
 inline constexpr std::size_t kMaxChunkBytes = 20u << 20;
+/// The greatest length of a chunk's memory of the cut, as of a live frame's.
+inline constexpr std::size_t kMaxCutMemoryBytes = 1024;
 
 /// The contents of a chunk's header.
 struct ChunkInfo {
-  std::uint8_t version = 0;
-  std::uint32_t count = 0;  ///< samples, 1 to kMaxChunkSamples
+  std::uint8_t version = 0;  ///< 1; 2 with a memory of the cut
+  std::uint32_t count = 0;   ///< samples, 1 to kMaxChunkSamples
   std::uint64_t first_tick = 0, last_tick = 0;
   std::int64_t first_time_ns = 0;
   Resolution resolution;  ///< as declared by the writer; see `lossless_columns`
@@ -32,13 +34,20 @@ struct ChunkInfo {
 /// Encodes a chunk. Every sample can be decoded again, whatever its values. Columns within ±2³¹ steps are
 /// stored to half a step (plus the rounding of a double); a column with a value beyond that, or with an
 /// unexpected infinity or NaN, is stored exactly. `samples` must hold 1 to kMaxChunkSamples and `resolution`
-/// must be valid: programmer errors, asserted; without asserts the bytes are empty. Thread: any; uses scratch
-/// memory of the calling thread. Not for the haptic thread: it allocates.
-Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples);
+/// must be valid: programmer errors, asserted; without asserts the bytes are empty. `cut_memory`: what is cut
+/// after one of the samples (encodeCuts in common/haptics), opaque here, at most kMaxCutMemoryBytes; without
+/// it the bytes are those of version 1. Thread: any; uses scratch memory of the calling thread. Not for the
+/// haptic thread: it allocates.
+Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples,
+                  ByteView cut_memory = {});
 
 /// Decodes all samples of a chunk. Errors: kCorrupt (not a chunk, cut off, too long, CRC, impossible header),
 /// kVersion.
 Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
+
+/// Returns the chunk's memory of the cut, for decodeCuts, which judges it. Empty: it has none, or
+/// inspectChunk refuses the chunk.
+Bytes cutMemoryOf(ByteView chunk);
 
 /// Checks all that decodeChunk checks, and returns the header: a chunk passes exactly when it can be decoded.
 /// Keeps no samples and unpacks only the columns with impossible values, so that its time is proportional to
@@ -51,8 +60,8 @@ Result<ChunkInfo> checkChunk(ByteView chunk);
 Result<ChunkInfo> inspectChunk(ByteView chunk);
 
 /// Returns the number of samples that the header claims, so that a chunk can be refused cheaply: checks no
-/// CRC and no columns. Returns nothing when the bytes do not begin like a chunk of our version. Safe for any
-/// bytes.
+/// CRC and no columns. Returns nothing when the bytes do not begin like a chunk of a version that we read.
+/// Safe for any bytes.
 std::optional<std::uint32_t> claimedSamples(ByteView chunk);
 
 /// Returns claimedSamples when the CRC is right, too: then the bytes are as their maker sealed them, even if

@@ -20,6 +20,7 @@ struct Header {
   ChunkInfo info;
   std::int64_t period_ns = 0;
   std::uint32_t raw = 0;
+  ByteView cut_memory;    ///< in the chunk
   std::size_t bytes = 0;  ///< where the first row starts
 };
 
@@ -28,6 +29,10 @@ constexpr std::size_t kSmallestSealedBytes = kCountAt + 2 + kCrcBytes;
 
 Error corrupt(const std::string& why) {
   return {ErrorCode::kCorrupt, "gesture chunk: " + why};
+}
+
+bool isKnown(std::uint8_t version) {
+  return version == kVersion || version == kVersionWithCuts;
 }
 
 std::size_t blocksOf(std::size_t count) {
@@ -47,10 +52,10 @@ Result<Header> readHeader(ByteView chunk) {
   Header header;
   ChunkInfo& info = header.info;
   info.version = in.get<std::uint8_t>();
-  if (info.version != kVersion)
+  if (!isKnown(info.version))
     return Error{ErrorCode::kVersion,
-                 fmt::format("gesture chunk: format version {}; this program reads version {}", info.version,
-                             kVersion)};
+                 fmt::format("gesture chunk: format version {}; this program reads versions {} and {}",
+                             info.version, kVersion, kVersionWithCuts)};
   std::uint32_t stored_crc;
   std::memcpy(&stored_crc, chunk.data() + size - kCrcBytes, kCrcBytes);
   if (crc32c(chunk.first(size - kCrcBytes)) != stored_crc)
@@ -73,6 +78,14 @@ Result<Header> readHeader(ByteView chunk) {
     if (const Status good = validate(r); !good.ok()) return corrupt(good.error().message);
   } else if (code != kResolutionStandard) {
     return corrupt(fmt::format("resolution code {} is unknown", code));
+  }
+  if (info.version == kVersionWithCuts) {
+    const std::size_t length = in.get<std::uint16_t>();
+    if (in.ok() && (length == 0 || length > kMaxCutMemoryBytes))
+      return corrupt(fmt::format("its memory of the cut has {} bytes, 1 to {} are possible", length,
+                                 kMaxCutMemoryBytes));
+    header.cut_memory = in.take(length);
+    if (!in.ok()) return corrupt("it ends within the memory of the cut");
   }
   const std::uint32_t declared = declaredRaw(info.resolution);
   if ((header.raw & ~kRealMask) != 0 || (declared & ~header.raw) != 0)
@@ -295,9 +308,15 @@ Result<ChunkInfo> inspectChunk(ByteView chunk) {
   return header.info;
 }
 
+Bytes cutMemoryOf(ByteView chunk) {
+  const auto header = readHeader(chunk);
+  if (!header.ok()) return {};
+  return {header->cut_memory.begin(), header->cut_memory.end()};
+}
+
 std::optional<std::uint32_t> claimedSamples(ByteView chunk) {
   if (chunk.size() < kCountAt + 2 || std::memcmp(chunk.data(), kMagic.data(), kMagic.size()) != 0 ||
-      chunk[kMagic.size()] != kVersion)
+      !isKnown(chunk[kMagic.size()]))
     return std::nullopt;
   return ByteReader(chunk.subspan(kCountAt)).get<std::uint16_t>() + std::uint32_t{1};
 }

@@ -211,9 +211,10 @@ std::size_t worstCase(std::size_t count) {
   constexpr std::size_t kWorstRow = (kLastReal + 1) * 10 + (kColumnCount - kLastReal) * 6;
   constexpr std::size_t kWorstBlock = 4 + (kLastReal + 1) * kMaxColumnBytes<std::uint64_t> +
                                       (kColumnCount - kLastReal) * kMaxColumnBytes<std::uint32_t>;
-  static_assert(kFixedHeaderBytes + 48 + kWorstRow + (kMaxChunkSamples / kBlock) * kWorstBlock + kCrcBytes <=
+  constexpr std::size_t kWorstHeader = kFixedHeaderBytes + 48 + kCutsHeadBytes + kMaxCutMemoryBytes;
+  static_assert(kWorstHeader + kWorstRow + (kMaxChunkSamples / kBlock) * kWorstBlock + kCrcBytes <=
                 kMaxChunkBytes);
-  return kFixedHeaderBytes + 48 + kWorstRow + (count / kBlock + 1) * kWorstBlock + kCrcBytes + kScribble;
+  return kWorstHeader + kWorstRow + (count / kBlock + 1) * kWorstBlock + kCrcBytes + kScribble;
 }
 
 template <typename T>
@@ -223,13 +224,14 @@ std::uint8_t* putValue(std::uint8_t* out, T value) {
 }
 
 std::uint8_t* putHeader(std::uint8_t* out, const Resolution& resolution,
-                        std::span<const GestureSample> samples, std::int64_t period_ns, std::uint32_t raw) {
+                        std::span<const GestureSample> samples, ByteView cut_memory, std::int64_t period_ns,
+                        std::uint32_t raw) {
   const ResolutionCode code = resolution == Resolution::standard()   ? kResolutionStandard
                               : resolution == Resolution::lossless() ? kResolutionLossless
                                                                      : kResolutionListed;
   std::memcpy(out, kMagic.data(), kMagic.size());
   out += kMagic.size();
-  out = putValue(out, kVersion);
+  out = putValue(out, cut_memory.empty() ? kVersion : kVersionWithCuts);
   out = putValue(out, static_cast<std::uint8_t>(code));
   out = putValue(out, static_cast<std::uint16_t>(samples.size() - 1));
   out = putValue(out, samples.front().tick);
@@ -241,7 +243,9 @@ std::uint8_t* putHeader(std::uint8_t* out, const Resolution& resolution,
     for (const double step : {resolution.length_m, resolution.quaternion, resolution.force_N,
                               resolution.torque_Nm, resolution.time_s, resolution.speed_mps})
       out = putValue(out, step);
-  return out;
+  if (cut_memory.empty()) return out;
+  out = putValue(out, static_cast<std::uint16_t>(cut_memory.size()));
+  return std::copy(cut_memory.begin(), cut_memory.end(), out);
 }
 
 // work space kept per thread, so that one chunk per second does not allocate
@@ -257,15 +261,16 @@ std::uint8_t* scratchOf(std::size_t bytes) {
 
 }  // namespace
 
-Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples) {
-  const bool valid = !samples.empty() && samples.size() <= kMaxChunkSamples && validate(resolution).ok();
-  assert(valid && "1 to 65,536 samples and a valid resolution");
+Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples, ByteView cut_memory) {
+  const bool valid = !samples.empty() && samples.size() <= kMaxChunkSamples && validate(resolution).ok() &&
+                     cut_memory.size() <= kMaxCutMemoryBytes;
+  assert(valid && "1 to 65,536 samples, a valid resolution, and at most 1,024 bytes of memory");
   if (!valid) return {};
 
   std::uint8_t* const begin = scratchOf(worstCase(samples.size()));
   for (std::uint32_t raw = declaredRaw(resolution);;) {
     Encoder encoder(resolution, samples, raw);
-    std::uint8_t* out = putHeader(begin, resolution, samples, encoder.periodNs(), raw);
+    std::uint8_t* out = putHeader(begin, resolution, samples, cut_memory, encoder.periodNs(), raw);
     out = encoder.firstRow(out);
     for (std::size_t first = 1; first < samples.size(); first += kBlock)
       out = encoder.block(first, std::min(kBlock, samples.size() - first), out);

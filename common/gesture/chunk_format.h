@@ -11,10 +11,12 @@
 namespace needlelab::chunk_format {
 
 inline constexpr std::array<std::uint8_t, 4> kMagic{'N', 'L', 'G', 'C'};
-inline constexpr std::uint8_t kVersion = 1;
+inline constexpr std::uint8_t kVersion = 1;           ///< without a memory of the cut
+inline constexpr std::uint8_t kVersionWithCuts = 2;   ///< with one, behind the steps
 inline constexpr std::size_t kFixedHeaderBytes = 44;  ///< up to and including the mask of raw columns
 inline constexpr std::size_t kCrcBytes = 4;
-inline constexpr std::size_t kBlock = 32;  ///< rows per block
+inline constexpr std::size_t kCutsHeadBytes = 2;  ///< length of the memory of the cut
+inline constexpr std::size_t kBlock = 32;         ///< rows per block
 
 /// The coding of the resolution in the header. Append-only.
 enum ResolutionCode : std::uint8_t {

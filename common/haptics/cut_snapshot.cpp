@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint8_t kCutVersion = 1;
+constexpr std::uint8_t kCutVersion = 2;  // 1 had no number of insertions, and was never stored
 /// A direction is as long as this but for rounding.
 constexpr double kUnitTolerance = 1e-9;
 
@@ -53,6 +53,7 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
   to.put(static_cast<std::uint8_t>(cuts.next));
   to.put(std::uint8_t{0});
   to.put(snapshot.tick);
+  to.put(snapshot.insertions);
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
     const CutTrack& track = cuts.tracks[i];
     put(to, track.p_entry_W_m);
@@ -75,6 +76,7 @@ Result<CutSnapshot> decodeCuts(ByteView bytes) {
   cuts.next = from.get<std::uint8_t>();
   const auto filler = from.get<std::uint8_t>();
   snapshot.tick = from.get<std::uint64_t>();
+  snapshot.insertions = from.get<std::uint64_t>();
   if (!from.ok()) return corrupt(fmt::format("{} bytes are too few", bytes.size()));
   if (filler != 0) return corrupt(fmt::format("byte 3 is {}, it must be 0", filler));
   if (!isRing(cuts))
@@ -91,6 +93,12 @@ Result<CutSnapshot> decodeCuts(ByteView bytes) {
   }
   if (from.left() != 0) return corrupt(fmt::format("{} bytes are left over", from.left()));
   return snapshot;
+}
+
+std::optional<CutSnapshot> cutsIn(ByteView bytes) {
+  if (bytes.empty()) return std::nullopt;
+  const auto cuts = decodeCuts(bytes);
+  return cuts.ok() ? std::optional(*cuts) : std::nullopt;
 }
 
 }  // namespace needlelab

@@ -149,7 +149,7 @@ struct SimState {
 
   NeedleState needle;  ///< FEM
 
-  CutMemory cuts;  ///< CUT_MEMORY: the only member that outlives an insertion and acts on the next one
+  CutMemory cuts;  ///< CUT_MEMORY: with `insertions` all that outlives an insertion and acts on the next one
 
   BoneContact bone;  ///< BONE
 };

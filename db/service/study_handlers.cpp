@@ -10,6 +10,7 @@
 
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
+#include "common/haptics/cut_snapshot.h"
 #include "common/profile/strict_json.h"
 #include "db/assignments.h"
 #include "db/audit.h"
@@ -228,6 +229,14 @@ std::size_t placeBehind(const std::vector<StudySession>& sessions, const Study& 
 
 constexpr std::size_t kMostShiftedSamples = 2 * kMaxChunkSamples;
 
+/// A chunk's memory of the cut, after a shift of its samples; an unreadable one is left out.
+Bytes shiftedCuts(ByteView cut_memory, std::uint64_t ticks) {
+  auto cuts = cutsIn(cut_memory);
+  if (!cuts || cuts->tick < ticks) return {};
+  cuts->tick -= ticks;
+  return encodeCuts(*cuts);
+}
+
 /// Shifts a recording to begin with tick 0 at time 0: the station's clock would reveal the order of several
 /// people's sessions, with exact gaps.
 ///
@@ -257,7 +266,8 @@ Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks
       sample.tick -= origin.first_tick;
       sample.time_ns -= origin.first_time_ns;
     }
-    chunk.set_data(std::string(textOf(encodeChunk(head.resolution, samples))));
+    const Bytes cuts = shiftedCuts(cutMemoryOf(viewOf(chunk.data())), origin.first_tick);
+    chunk.set_data(std::string(textOf(encodeChunk(head.resolution, samples, cuts))));
   }
   return {};
 }

@@ -47,7 +47,7 @@ struct HubSettings {
   std::size_t max_subscriptions = 2000;     ///< of one account, by all of its connections together
   std::size_t max_frame_bytes = 64u << 10;  ///< of a live frame's data
   std::size_t max_frame_samples = 1000;     ///< of a live frame; stations send 20
-  std::size_t max_cut_memory_bytes = 1024;  ///< of a live frame; stations send 984 at most
+  std::size_t max_cut_memory_bytes = 1024;  ///< of a live frame; stations send 980 at most
   std::size_t max_status_bytes = 2048;      ///< of a station's status line
   /// The time of day, ns since 1970, for StationStatus.peak_since_unix_ns.
   std::int64_t (*unix_now)() noexcept = wallNowNs;

@@ -40,7 +40,11 @@ void chunk(ByteView data) {
     surely(seen.data()[info->first_tick]) = 1;
   }
   // Any decoded values can be encoded again, and come back bit for bit if nothing is rounded.
-  const Bytes again = encodeChunk(Resolution{0, 0, 0, 0, 0, 0}, *samples);
+  const Bytes cuts = cutMemoryOf(data);
+  require(cuts.empty() == (info->version == 1) && cuts.size() <= kMaxCutMemoryBytes,
+          "version 2 has a memory, and a short one");
+  const Bytes again = encodeChunk(Resolution{0, 0, 0, 0, 0, 0}, *samples, cuts);
+  require(cutMemoryOf(again) == cuts, "the memory comes back");
   const auto back = decodeChunk(again);
   require(back.ok() && back->size() == samples->size(), "decoded samples can be encoded");
   require(std::memcmp(&back->front().p_WT_m, &samples->front().p_WT_m, sizeof back->front().p_WT_m) == 0,

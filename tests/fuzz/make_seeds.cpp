@@ -30,6 +30,16 @@ Bytes someChunk(std::uint64_t first_tick, std::size_t count) {
   return encodeChunk(Resolution::standard(), samples);
 }
 
+CutSnapshot twoCuts(std::uint64_t tick) {
+  CutSnapshot snapshot;
+  snapshot.tick = tick;
+  snapshot.insertions = 2;
+  snapshot.cuts.count = snapshot.cuts.next = 2;
+  snapshot.cuts.tracks[0] = {{0, 0, 0.1}, {0, 0, -1}, 0.02, 1};
+  snapshot.cuts.tracks[1] = {{0.01, 0, 0.1}, {0.6, 0, -0.8}, 0.03, 3};
+  return snapshot;
+}
+
 void save(const fs::path& file, ByteView bytes) {
   fs::create_directories(file.parent_path());
   fuzz::writeFile(file, bytes);
@@ -151,12 +161,7 @@ void lives(const fs::path& folder) {
   put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
   save(folder / "passed_on", as_bytes);
   pb::Envelope with_cuts = passed_on;
-  CutSnapshot snapshot;
-  snapshot.tick = 103;
-  snapshot.cuts.count = snapshot.cuts.next = 2;
-  snapshot.cuts.tracks[0] = {{0, 0, 0.1}, {0, 0, -1}, 0.02, 1};
-  snapshot.cuts.tracks[1] = {{0.01, 0, 0.1}, {0.6, 0, -0.8}, 0.03, 3};
-  const Bytes cuts = encodeCuts(snapshot);
+  const Bytes cuts = encodeCuts(twoCuts(103));
   with_cuts.mutable_live_frame()->set_cut_memory(cuts.data(), cuts.size());
   Bytes remembered;
   put(remembered, 0, 0, 0, {});
@@ -237,6 +242,8 @@ int main(int argc, char** argv) {
     still[i].time_ns = static_cast<std::int64_t>(i) * 1'000'000;
   }
   save(folder / "chunk/second_at_rest", encodeChunk(Resolution::standard(), still));
+  save(folder / "chunk/with_cuts",
+       encodeChunk(Resolution::standard(), std::span(still).first(40), encodeCuts(twoCuts(0))));
   lives(folder / "live");
   if (!spools(folder / "spool")) return 1;
   save(folder / "trajectory/two_rows",

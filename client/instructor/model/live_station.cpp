@@ -90,9 +90,7 @@ void LiveStation::feed(const LiveArrival& arrival) {
     return;
   }
   Received received;
-  // without a readable memory the view stays approximate
-  if (!frame.cut_memory().empty())
-    if (auto cuts = decodeCuts(viewOf(frame.cut_memory())); cuts.ok()) received.cuts = *cuts;
+  received.cuts = cutsIn(viewOf(frame.cut_memory()));
   stats_.add(frame, samples->size(), arrival.received_unix_ns);
   if (described_) latency_.fed(frame.capture_unix_ns());
   if (last_frame_ && frame.frame_seq() != *last_frame_ + 1 && replica_) replica_->noteGap();

@@ -11,6 +11,7 @@
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
+#include "common/haptics/cut_snapshot.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
 #include "common/scoring/track.h"
@@ -32,6 +33,9 @@ class TraceMaker {
   }
   void noteGap() {
     if (replica_) replica_->noteGap();
+  }
+  void takeCuts(const CutSnapshot& cuts) {
+    if (replica_) replica_->takeCuts(cuts);
   }
 
  private:
@@ -144,8 +148,9 @@ class Loader {
       ASSIGN_OR_RETURN(const auto reply, call_(request));
       const pb::Chunks& chunks = reply.chunks();
       for (const auto& damaged : chunks.damaged()) note("damaged, left out: " + printable(damaged.text()));
-      if (chunks.damaged_size() > 0) maker.noteGap();
       for (const pb::Chunk& chunk : chunks.chunks()) {
+        if (chunk.seq() != expected_seq_) maker.noteGap();
+        expected_seq_ = chunk.seq() + 1;
         RETURN_IF_ERROR(take(chunk, maker));
       }
       const std::uint64_t behind =
@@ -164,6 +169,7 @@ class Loader {
       maker.noteGap();
       return {};
     }
+    const auto cuts = cutsIn(cutMemoryOf(viewOf(chunk.data())));
     for (const GestureSample& sample : *samples) {
       if (gesture_->samples.size() >= kMostLoadedSamples) {
         if (!std::exchange(full_, true))
@@ -174,6 +180,7 @@ class Loader {
       if (!gesture_->samples.empty() && sample.tick <= gesture_->samples.back().tick) continue;
       gesture_->samples.push_back(sample);
       maker.feed(sample);
+      if (cuts && sample.tick == cuts->tick) maker.takeCuts(*cuts);
     }
     return {};
   }
@@ -251,6 +258,7 @@ class Loader {
   const std::string id_;
   LoadProgress* progress_;
   std::shared_ptr<StoredGesture> gesture_;
+  std::uint64_t expected_seq_ = 0;  // a later one: chunks before it are damaged
   bool full_ = false;
 };
 

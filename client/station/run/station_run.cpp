@@ -172,9 +172,15 @@ Status StationRun::practise() {
   const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
                                                           lesson_.exercise ? &*lesson_.exercise : nullptr);
   const auto cut_follower = std::make_shared<CutFollower>(lesson_.model);
-  callbacks.piece = [this, uplink, lesson_watch, cut_follower](const SamplePiece& piece) {
+  callbacks.cut_memory = [cut_follower](const GestureSample& sample, bool wanted) {
+    cut_follower->follow(sample);
+    return wanted ? cut_follower->memory() : Bytes();
+  };
+  callbacks.piece = [this, uplink, lesson_watch, cut_follower](const SamplePiece& samples) {
+    SamplePiece piece = samples;
+    piece.cut_memory = cut_follower->due();  // its last sample is the last that was followed
     if (uplink != nullptr) {
-      uplink->offer(piece, cut_follower->follow(*piece.samples));
+      uplink->offer(piece);
       lesson_watch->add(*piece.samples);
       uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->warnings(), lesson_watch->forceLimit_N(),
                           lesson_watch->layerName()});

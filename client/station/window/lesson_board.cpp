@@ -22,7 +22,8 @@ bool LessonBoard::look(BoardState& state, std::uint64_t& seen) const {
   return true;
 }
 
-std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples) {
+std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples,
+                                       Bytes* cut_memory) {
   std::deque<Waiting> pieces;
   std::uint64_t dropped = 0;
   {
@@ -31,9 +32,12 @@ std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<Gesture
     dropped = std::exchange(dropped_since_, 0);
   }
   // copies without the lock, so that the spool's writer never waits
-  for (const Waiting& waiting : pieces)
-    if (waiting.lesson == lesson)
-      samples.insert(samples.end(), waiting.samples->begin(), waiting.samples->end());
+  if (cut_memory != nullptr) cut_memory->clear();
+  for (Waiting& waiting : pieces) {
+    if (waiting.lesson != lesson) continue;
+    samples.insert(samples.end(), waiting.samples->begin(), waiting.samples->end());
+    if (cut_memory != nullptr && !waiting.cut_memory.empty()) *cut_memory = std::move(waiting.cut_memory);
+  }
   return dropped;
 }
 
@@ -142,7 +146,7 @@ void LessonBoard::piece(const SamplePiece& piece) {
     pieces_.pop_front();
     ++dropped_;
   }
-  pieces_.push_back({piece.samples, state_.lesson});
+  pieces_.push_back({piece.samples, state_.lesson, piece.cut_memory});
 }
 
 }  // namespace needlelab

@@ -17,6 +17,7 @@
 
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/list_exercises.h"
+#include "common/base/bytes.h"
 #include "common/base/time_source.h"
 #include "common/gesture/sample.h"
 
@@ -126,8 +127,10 @@ class LessonBoard final : public LessonObserver {
   /// Copies the state if it is newer than `seen`, and updates `seen`.
   bool look(BoardState& state, std::uint64_t& seen) const;
   /// Moves the new samples of `lesson` to the end of `samples`, oldest first. Returns the number of samples
-  /// dropped before them since the last call.
-  std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples);
+  /// dropped before them since the last call. `cut_memory`, unless null: becomes the newest that came with
+  /// them, empty without one.
+  std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples,
+                            Bytes* cut_memory = nullptr);
   /// Replaces the waiting request, except kQuit; kTrainee replaces only its like.
   void ask(BoardRequest request);
 
@@ -158,6 +161,7 @@ class LessonBoard final : public LessonObserver {
   struct Waiting {
     std::shared_ptr<const std::vector<GestureSample>> samples;
     std::uint64_t lesson = 0;
+    Bytes cut_memory;
   };
   const std::size_t most_pieces_;
   TimeSource& time_;

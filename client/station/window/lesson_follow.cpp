@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "common/haptics/cut_snapshot.h"
+
 namespace needlelab {
 namespace {
 
@@ -23,12 +25,17 @@ Result<std::unique_ptr<LessonFollow>> LessonFollow::make(std::shared_ptr<const L
   return std::unique_ptr<LessonFollow>(new LessonFollow(std::move(beginning), std::move(scene)));
 }
 
-void LessonFollow::feed(const std::vector<GestureSample>& samples, std::uint64_t dropped) {
+void LessonFollow::feed(const std::vector<GestureSample>& samples, std::uint64_t dropped,
+                        ByteView cut_memory) {
   if (dropped > 0) {
     dropped_ += dropped;
     replica_.noteGap();
   }
-  for (const GestureSample& sample : samples) trace_.push(replica_.feed(sample));
+  const auto cuts = cutsIn(cut_memory);
+  for (const GestureSample& sample : samples) {
+    trace_.push(replica_.feed(sample));
+    if (cuts && sample.tick == cuts->tick) replica_.takeCuts(*cuts);
+  }
 }
 
 }  // namespace needlelab

@@ -10,6 +10,7 @@
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/gesture_trace.h"
 #include "client/view/model/scene_view.h"
+#include "common/base/bytes.h"
 
 namespace needlelab {
 
@@ -20,7 +21,8 @@ class LessonFollow {
   static Result<std::unique_ptr<LessonFollow>> make(std::shared_ptr<const LessonBeginning> beginning);
 
   /// Adds samples in tick order. `dropped`: the number of samples that the window lost just before them.
-  void feed(const std::vector<GestureSample>& samples, std::uint64_t dropped);
+  /// `cut_memory`: what is cut after one of the samples (encodeCuts); empty: not known.
+  void feed(const std::vector<GestureSample>& samples, std::uint64_t dropped, ByteView cut_memory = {});
 
   [[nodiscard]] const LessonBeginning& beginning() const { return *beginning_; }
   [[nodiscard]] const std::shared_ptr<const SceneView>& scene() const { return scene_; }

@@ -66,8 +66,9 @@ void TraineeWindow::follow() {
   }
   if (!follow_) return;
   samples_.clear();
-  const std::uint64_t dropped = board_.takeSamples(lesson_, samples_);
-  follow_->feed(samples_, dropped);
+  Bytes cut_memory;
+  const std::uint64_t dropped = board_.takeSamples(lesson_, samples_, &cut_memory);
+  follow_->feed(samples_, dropped, cut_memory);
 }
 
 void TraineeWindow::askToQuit() {

@@ -104,6 +104,7 @@ void GestureReplica::takeCuts(const CutSnapshot& snapshot) {
   const bool outside = state.fed > 0 && !state.now.inside && state.now.layer < 0;
   if (!outside || snapshot.tick != state.now.tick || !state.model->isLive(Effect::kCutMemory)) return;
   state.engine.cuts = snapshot.cuts;
+  state.engine.insertions = snapshot.insertions;
   state.cuts_unknown = false;
 }
 

@@ -72,14 +72,25 @@ def column_block(data, rows, last, before):
     return values
 
 
+def cut_memory(data):
+    version, count, place, zero, tick, insertions = struct.unpack_from("<BBBBQQ", data)
+    assert version == 2 and zero == 0 and len(data) == 20 + 60 * count
+    tracks = []
+    for i in range(count):
+        *entry, ux, uy, uz, length, membranes = struct.unpack_from("<7dI", data, 20 + 60 * i)
+        tracks.append({"entry_m": entry, "direction": [ux, uy, uz], "length_m": length, "membranes": membranes})
+    return {"tick": tick, "insertions": insertions, "next": place, "tracks": tracks}
+
+
 def read_chunk(data):
-    assert data[:4] == b"NLGC" and data[4] == 1
+    assert data[:4] == b"NLGC" and data[4] in (1, 2)
     assert struct.unpack("<I", data[-4:])[0] == crc32c(data[:-4]), "CRC"
     code = data[5]
     count = struct.unpack_from("<H", data, 6)[0] + 1
     first_tick, last_tick, first_time, slope, raw = struct.unpack_from("<QQqqI", data, 8)
     steps = struct.unpack_from("<6d", data, 44) if code == 0 else STANDARD if code == 1 else (0.0,) * 6
     columns = Columns(data, 92 if code == 0 else 44, len(data) - 4)
+    cuts = columns.take(struct.unpack("<H", columns.take(2))[0]) if data[4] == 2 else b""
     wide = raw | 3
 
     table = [[0], [0]]
@@ -120,8 +131,9 @@ def read_chunk(data):
         samples.append(s)
     assert samples[-1]["tick"] == last_tick
     keys = ("length_m", "quaternion", "force_n", "torque_nm", "time_s", "speed_m_s")
-    return {"version": 1, "count": count, "first_tick": first_tick, "last_tick": last_tick, "first_time_ns": first_time,
-            "lossless_columns": raw & ~declared, "resolution": dict(zip(keys, steps)), "samples": samples}
+    more = {"cut_memory": cut_memory(cuts)} if cuts else {}
+    return {"version": data[4], "count": count, "first_tick": first_tick, "last_tick": last_tick, "first_time_ns": first_time,
+            "lossless_columns": raw & ~declared, "resolution": dict(zip(keys, steps)), "samples": samples} | more
 
 
 def record_at(data, at):

@@ -44,11 +44,12 @@ def sealed(body):
     return body + struct.pack("<I", crc32c(body))
 
 
-def chunk(code=1, samples=SAMPLES, last=None, raw=0, steps=b"", row=None, blocks=None):
+def chunk(code=1, samples=SAMPLES, last=None, raw=0, steps=b"", cuts=None, row=None, blocks=None):
+    """`cuts`: the memory of the cut with its length, of version 2."""
     last = 100 + samples - 1 if last is None else last
-    head = b"NLGC" + struct.pack("<BBHQQqqI", 1, code, samples - 1, 100, last, 5_000_000, 1_000_000, raw)
+    head = b"NLGC" + struct.pack("<BBHQQqqI", 1 if cuts is None else 2, code, samples - 1, 100, last, 5_000_000, 1_000_000, raw)
     blocks = [block(), block()] if blocks is None else blocks
-    return sealed(head + steps + (first_row() if row is None else row) + b"".join(blocks))
+    return sealed(head + steps + (cuts or b"") + (first_row() if row is None else row) + b"".join(blocks))
 
 
 def listed(length=1e-6):
@@ -68,6 +69,10 @@ def refused():
     yield "a raw column above 21", chunk(raw=1 << 22, row=first_row(coded={22: bytes(8)}))
     yield "a step of 0 without raw columns", chunk(code=0, steps=listed(0))
     yield "an end within the header", sealed(good[:30])
+    yield "a memory of the cut of no bytes", chunk(cuts=struct.pack("<H", 0))
+    yield "a memory of the cut of 1,025 bytes", chunk(cuts=struct.pack("<H", 1025) + bytes(1025))
+    yield "an end within the memory of the cut", chunk(cuts=struct.pack("<H", 1024) + bytes(100))
+    yield "an end within the length of the memory of the cut", sealed(chunk(cuts=b"")[:45])
     yield "an end within the first row", sealed(good[:44 + 20])
     yield "a varint of 6 bytes in a column of 32 bits", chunk(row=first_row(coded={2: b"\x80" * 5 + b"\0"}))
     yield "a varint of more than 32 bits", chunk(row=first_row(coded={2: b"\xff" * 4 + b"\x1f"}))
@@ -106,6 +111,8 @@ def accepted():
         raw=1 << 16, row=first_row({PRESENCE: 1}, {16: struct.pack("<Q", 0x7FF8000000000000)}))
     yield "a column block that changes nothing", chunk(blocks=[block({2: bytes([2 << 6])}), block()])
     yield "one sample", chunk(samples=1, blocks=[])
+    yield "a memory of the cut of bytes that mean nothing", chunk(cuts=struct.pack("<H", 1024) + bytes(1024))
+    yield "a memory of the cut of one byte, behind listed steps", chunk(code=0, steps=listed(), cuts=struct.pack("<HB", 1, 7))
     yield "values of phase and fault without a name", chunk(row=first_row({PHASE: 255, FAULT: 255, FLAGS_HIGH: 0xFFFF}))
 
 

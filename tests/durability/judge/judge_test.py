@@ -70,6 +70,8 @@ class Goldens(unittest.TestCase):
         self.assertEqual(chunks["ticks that go backwards"].columns[0], list(range(100, 60, -1)))
         self.assertLess(chunks["a time that goes backwards"].columns[1][1], chunks["a time that goes backwards"].columns[1][0])
         self.assertTrue(math.isnan(chunks["a raw wall that is not a number under its presence bit"].columns[16][0]))
+        self.assertEqual(chunks["a memory of the cut of one byte, behind listed steps"].cut_memory, b"\7")
+        self.assertEqual(chunks["one sample"].cut_memory, b"")
 
     def test_the_check_value_of_the_crc(self):
         self.assertEqual(crc32c(b"123456789"), 0xE3069283)

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 
 #include <csignal>
+#include <functional>
 
 #include "common/gesture/chunk.h"
 #include "tests/support/fake_time.h"
@@ -157,6 +158,62 @@ TEST_F(SpoolWriterTest, aChunkIsSyncedAsSoonAsItIsWritten) {
     EXPECT_EQ(durable_, second);
     EXPECT_EQ(session_->contents().chunks, static_cast<std::uint64_t>(second));
   }
+}
+
+// A stand-in for the station's follower: each sample from a chunk's 300th on has a memory, up to `last`.
+std::function<Bytes(const GestureSample&, bool)> memoriesTo(std::uint64_t last, std::uint64_t& followed) {
+  return [last, &followed](const GestureSample& sample, bool wanted) {
+    EXPECT_EQ(sample.tick, followed++);
+    const bool has_one = sample.tick % 1000 >= 300 && sample.tick <= last;
+    return wanted && has_one ? Bytes{1, static_cast<std::uint8_t>(sample.tick / 1000)} : Bytes();
+  };
+}
+
+TEST_F(SpoolWriterTest, aChunkHasTheMemoryAfterTheFirstOfItsSamplesThatHasOne) {
+  SpoolWriter::Callbacks with_memories = callbacks();
+  std::uint64_t followed = 0;
+  with_memories.cut_memory = memoriesTo(2300, followed);
+  SpoolWriter writer(ring_, session_, stepped(), with_memories);
+  push(0, 4500);
+  ASSERT_TRUE(writer.finish(1s).ok());
+  EXPECT_EQ(followed, 4500u);
+  ASSERT_EQ(session_->contents().chunks, 5u);
+  for (std::uint64_t seq = 0; seq < 5; ++seq) {
+    const auto samples = samplesFrom(1000 * seq, seq < 4 ? 1000 : 500);
+    const Bytes memory = seq < 3 ? Bytes{1, static_cast<std::uint8_t>(seq)} : Bytes();
+    EXPECT_EQ(*session_->readChunk(seq), encodeChunk(Resolution::standard(), samples, memory)) << seq;
+  }
+}
+
+TEST_F(SpoolWriterTest, theChunkThatIsMadeOfATailHasItsMemory) {
+  {
+    SpoolWriter::Callbacks with_memories = callbacks();
+    std::uint64_t followed = 0;
+    with_memories.cut_memory = memoriesTo(1999, followed);
+    SpoolWriter writer(ring_, session_, stepped(), with_memories);
+    push(0, 1290);
+    run(writer, 20);
+    push(1290, 200);
+    run(writer, 20);
+  }  // the program dies
+  reopen();
+  ASSERT_EQ(session_->contents().chunks, 2u);
+  EXPECT_EQ(stored().size(), 1490u);
+  EXPECT_EQ(cutMemoryOf(*session_->readChunk(1)), (Bytes{1, 1}));
+}
+
+TEST_F(SpoolWriterTest, fromWhatTheRingDroppedOnThereIsNoMemory) {
+  SpoolWriter::Callbacks with_memories = callbacks();
+  with_memories.cut_memory = [](const GestureSample&, bool wanted) { return wanted ? Bytes{1} : Bytes(); };
+  SpoolWriter writer(ring_, session_, stepped(), with_memories);
+  push(0, 2000);
+  run(writer, 20);
+  std::uint64_t tick = 2000;
+  while (ring_.dropped() < 5) ring_.push(sampleAt(tick++));
+  ASSERT_FALSE(writer.finish(5s).ok());
+  ASSERT_GT(session_->contents().chunks, 10u);
+  for (std::uint64_t seq = 0; seq < session_->contents().chunks; ++seq)
+    EXPECT_EQ(cutMemoryOf(*session_->readChunk(seq)).empty(), seq >= 2) << seq;
 }
 
 TEST_F(SpoolWriterTest, aSessionWithoutSamplesEndsEmpty) {

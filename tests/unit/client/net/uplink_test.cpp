@@ -399,7 +399,7 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
   uplink->add(session, true);
   ASSERT_TRUE(eventually([&] { return keptOf(server, *session).opened == 1; }));
   const auto samples = samplesFrom(0, 20);
-  const SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(samples), samples.back(), 20, 0};
+  SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(samples), samples.back(), 20, 0, {}};
   for (int i = 0; i < 5; ++i) uplink->offer(piece);
   ASSERT_TRUE(eventually([&] { return server.statusLines() >= 2; }));
   EXPECT_EQ(server.liveFrames(), 0u);
@@ -416,7 +416,9 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
     return server.liveFrames() > 5;
   }));
   EXPECT_EQ(server.liveMemories(), 0u);
-  uplink->offer(piece, Bytes(12, 1));
+  piece.cut_memory = Bytes(12, 1);
+  uplink->offer(piece);
+  piece.cut_memory.clear();
   ASSERT_TRUE(eventually([&] { return server.liveMemories() == 1; }));
   watch.mutable_watch_state()->set_watched(false);
   server.broadcast(watch);

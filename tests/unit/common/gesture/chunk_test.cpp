@@ -336,6 +336,42 @@ TEST(Chunk, cutOffBytesAreRefusedByName) {
   EXPECT_NE(refused.error().message.find("cut off"), std::string::npos) << refused.error().message;
 }
 
+// Built from the bytes of version 1: nothing else of them changes.
+TEST(Chunk, aMemoryOfTheCutStandsBehindTheStepsOfVersion2AndWithoutOneTheVersionIs1) {
+  const auto samples = smoothGesture(100);
+  const std::pair<Resolution, std::ptrdiff_t> kinds[] = {
+      {Resolution::standard(), 44}, {Resolution::lossless(), 44}, {{1e-5, 0x1p-12, 0, 1e-3, 1e-8, 1e-2}, 92}};
+  for (const auto& [resolution, behind_steps] : kinds) {
+    const Bytes plain = encodeChunk(resolution, samples);
+    EXPECT_EQ(plain[4], 1);
+    EXPECT_EQ(encodeChunk(resolution, samples, {}), plain);
+    EXPECT_TRUE(cutMemoryOf(plain).empty());
+    for (const std::size_t length : {std::size_t{1}, std::size_t{260}, kMaxCutMemoryBytes}) {
+      SCOPED_TRACE(length);
+      Bytes memory(length);
+      for (std::size_t i = 0; i < length; ++i) memory[i] = static_cast<std::uint8_t>(7 * i + 1);
+      Bytes expected = plain;
+      expected[4] = 2;
+      Bytes section = {static_cast<std::uint8_t>(length & 255), static_cast<std::uint8_t>(length >> 8)};
+      section.insert(section.end(), memory.begin(), memory.end());
+      expected.insert(expected.begin() + behind_steps, section.begin(), section.end());
+      const Bytes chunk = encodeChunk(resolution, samples, memory);
+      EXPECT_EQ(chunk, test::withGoodCrc(expected));
+      EXPECT_EQ(cutMemoryOf(chunk), memory);
+      const auto info = checkChunk(chunk);
+      ASSERT_TRUE(info.ok()) << info.error().message;
+      EXPECT_EQ(info->version, 2);
+      EXPECT_EQ(claimedSamples(chunk), 100u);
+      EXPECT_EQ(sealedSamples(chunk), 100u);
+      expectBitEqual(*decodeChunk(plain), *decodeChunk(chunk));
+      Bytes damaged = chunk;
+      damaged[static_cast<std::size_t>(behind_steps) + 2] ^= 1;
+      EXPECT_FALSE(decodeChunk(damaged).ok());
+      EXPECT_TRUE(cutMemoryOf(damaged).empty());
+    }
+  }
+}
+
 TEST(Chunk, unknownVersionIsNamed) {
   Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(3));
   chunk[4] = 9;

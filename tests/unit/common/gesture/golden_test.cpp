@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <optional>
 
 #include "common/base/csv.h"
 #include "common/base/files.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
+#include "common/haptics/cut_snapshot.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 
@@ -91,10 +93,21 @@ std::vector<GestureSample> oddSamples() {
   return samples;
 }
 
+CutSnapshot madeCuts() {
+  CutSnapshot snapshot;
+  snapshot.tick = 100'003;
+  snapshot.insertions = 5;
+  snapshot.cuts.count = snapshot.cuts.next = 2;
+  snapshot.cuts.tracks[0] = {{0.1, 0.2, 0.3}, {0, 0, -1}, 0.02, 3};
+  snapshot.cuts.tracks[1] = {{0.125, -0.25, 0.3}, {0.6, 0, -0.8}, 0.0375, 0};
+  return snapshot;
+}
+
 struct GoldenChunk {
   const char* name;
   Resolution resolution;
   std::vector<GestureSample> samples;
+  Bytes cut_memory{};
 };
 std::vector<GoldenChunk> goldenChunks() {
   return {{"motion", Resolution::standard(), madeSamples(40, 1)},
@@ -102,7 +115,8 @@ std::vector<GoldenChunk> goldenChunks() {
           {"single", Resolution::standard(), madeSamples(1, 1)},
           {"lossless", Resolution::lossless(), oddSamples()},
           {"not_in_steps", Resolution::standard(), oddSamples()},
-          {"listed", {1e-5, 0x1p-12, 0, 1e-3, 1e-8, 1e-2}, madeSamples(40, 4)}};
+          {"listed", {1e-5, 0x1p-12, 0, 1e-3, 1e-8, 1e-2}, madeSamples(40, 4)},
+          {"with_cuts", Resolution::standard(), madeSamples(40, 1), encodeCuts(madeCuts())}};
 }
 
 std::string number(double value) {
@@ -111,7 +125,22 @@ std::string number(double value) {
   return text;
 }
 
-std::string twinOf(const ChunkInfo& info, const std::vector<GestureSample>& samples) {
+std::string twinOf(const CutSnapshot& cuts) {
+  const auto listed = [](Vec3 v) { return "[" + number(v.x) + "," + number(v.y) + "," + number(v.z) + "]"; };
+  std::string text = "{\"tick\":" + std::to_string(cuts.tick) +
+                     ",\"insertions\":" + std::to_string(cuts.insertions) +
+                     ",\"next\":" + std::to_string(cuts.cuts.next) + ",\"tracks\":[";
+  for (std::uint32_t i = 0; i < cuts.cuts.count; ++i) {
+    const CutTrack& track = cuts.cuts.tracks[i];
+    text += (i == 0 ? "\n{\"entry_m\":" : ",\n{\"entry_m\":") + listed(track.p_entry_W_m) +
+            ",\"direction\":" + listed(track.u_W) + ",\"length_m\":" + number(track.length_m) +
+            ",\"membranes\":" + std::to_string(track.membranes) + "}";
+  }
+  return text + "]}";
+}
+
+std::string twinOf(const ChunkInfo& info, const std::vector<GestureSample>& samples,
+                   const std::optional<CutSnapshot>& cuts) {
   const Resolution& r = info.resolution;
   std::string text =
       "{\"version\":" + std::to_string(info.version) + ",\"count\":" + std::to_string(info.count) +
@@ -121,7 +150,8 @@ std::string twinOf(const ChunkInfo& info, const std::vector<GestureSample>& samp
       ",\"lossless_columns\":" + std::to_string(info.lossless_columns) +
       ",\n\"resolution\":{\"length_m\":" + number(r.length_m) + ",\"quaternion\":" + number(r.quaternion) +
       ",\"force_n\":" + number(r.force_N) + ",\"torque_nm\":" + number(r.torque_Nm) +
-      ",\"time_s\":" + number(r.time_s) + ",\"speed_m_s\":" + number(r.speed_mps) + "},\n\"samples\":[";
+      ",\"time_s\":" + number(r.time_s) + ",\"speed_m_s\":" + number(r.speed_mps) + "},\n" +
+      (cuts ? "\"cut_memory\":" + twinOf(*cuts) + ",\n" : std::string()) + "\"samples\":[";
   for (std::size_t i = 0; i < samples.size(); ++i) {
     text += i == 0 ? "\n" : ",\n";
     appendSampleJson(text, samples[i], info.first_time_ns);
@@ -160,7 +190,7 @@ TEST(Golden, chunksEncodeToTheStoredBytesAndDecodeToTheirTwins) {
   for (const GoldenChunk& golden : goldenChunks()) {
     SCOPED_TRACE(golden.name);
     const fs::path path = goldenFolder() / (std::string(golden.name) + ".chunk");
-    expectFile(path, encodeChunk(golden.resolution, golden.samples));
+    expectFile(path, encodeChunk(golden.resolution, golden.samples, golden.cut_memory));
     const auto stored = readWholeFile(path);
     ASSERT_TRUE(stored.ok());
     const auto info = inspectChunk(viewOf(*stored));
@@ -168,7 +198,7 @@ TEST(Golden, chunksEncodeToTheStoredBytesAndDecodeToTheirTwins) {
     ASSERT_TRUE(info.ok());
     ASSERT_TRUE(samples.ok());
     EXPECT_TRUE(checkChunk(viewOf(*stored)).ok()) << "what every version wrote passes";
-    const std::string twin = twinOf(*info, *samples);
+    const std::string twin = twinOf(*info, *samples, cutsIn(cutMemoryOf(viewOf(*stored))));
     expectFile(goldenFolder() / (std::string(golden.name) + ".chunk.json"), viewOf(twin));
   }
 }

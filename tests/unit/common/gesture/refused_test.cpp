@@ -78,10 +78,11 @@ TEST(RefusedChunk, theCheckSaysOfAnyChangedChunkWhatTheDecoderSays) {
   const Bytes chunks[] = {encodeChunk(Resolution::standard(), smoothGesture(100)),
                           encodeChunk(Resolution::lossless(), anySamples(40, 5)),
                           encodeChunk(Resolution::standard(), anySamples(40, 6)),
-                          encodeChunk(Resolution::standard(), smoothGesture(1))};
+                          encodeChunk(Resolution::standard(), smoothGesture(1)),
+                          encodeChunk(Resolution::standard(), smoothGesture(60), Bytes(80, 1))};
   std::size_t refused = 0;
   for (int round = 0; round < 30'000; ++round) {
-    Bytes bytes = chunks[round % 4];
+    Bytes bytes = chunks[round % 5];
     for (std::uint64_t n = random() % 3; n > 0; --n)
       bytes[6 + random() % (bytes.size() - 6)] = static_cast<std::uint8_t>(random());
     if (random() % 8 == 0) bytes.resize(8 + random() % (bytes.size() - 7));
@@ -98,7 +99,7 @@ TEST(RefusedChunk, onlyAChunkOfOurVersionWithARightCrcIsSealed) {
   const Bytes good = encodeChunk(Resolution::standard(), smoothGesture(70));
   EXPECT_EQ(sealedSamples(good), 70u);
   Bytes newer = good;
-  newer[4] = 2;
+  newer[4] = 3;
   EXPECT_FALSE(sealedSamples(withGoodCrc(newer)).has_value());
   Bytes other = good;
   other[0] = 'X';

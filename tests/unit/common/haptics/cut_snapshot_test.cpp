@@ -13,6 +13,7 @@ namespace {
 CutSnapshot snapshotOf(std::uint32_t tracks) {
   CutSnapshot snapshot;
   snapshot.tick = 123'456'789'012;
+  snapshot.insertions = 98'765'432'109;
   CutMemory& cuts = snapshot.cuts;
   cuts.count = tracks;
   cuts.next = tracks % static_cast<std::uint32_t>(kMaxCutTracks);
@@ -30,11 +31,12 @@ TEST(CutSnapshot, givesBackEveryNumber) {
   for (std::uint32_t tracks = 0; tracks <= kMaxCutTracks; ++tracks) {
     const CutSnapshot sent = snapshotOf(tracks);
     const Bytes bytes = encodeCuts(sent);
-    EXPECT_EQ(bytes.size(), 12 + 60 * tracks);
+    EXPECT_EQ(bytes.size(), 20 + 60 * tracks);
     EXPECT_LE(bytes.size(), kMostCutSnapshotBytes);
     const auto got = decodeCuts(bytes);
     ASSERT_TRUE(got.ok()) << got.error().message;
     EXPECT_EQ(got->tick, sent.tick);
+    EXPECT_EQ(got->insertions, sent.insertions);
     EXPECT_EQ(got->cuts.count, sent.cuts.count);
     EXPECT_EQ(got->cuts.next, sent.cuts.next);
     for (std::uint32_t i = 0; i < tracks; ++i) {
@@ -57,9 +59,14 @@ TEST(CutSnapshot, anotherLengthIsRefused) {
 }
 
 TEST(CutSnapshot, anotherVersionAndPlacesBeyondTheRingAreRefused) {
-  Bytes bytes = encodeCuts(snapshotOf(3));
-  bytes[0] = 2;
-  EXPECT_TRUE(refused(bytes, ErrorCode::kVersion));
+  for (const std::uint8_t version : {0, 1, 3}) {
+    Bytes bytes = encodeCuts(snapshotOf(3));
+    bytes[0] = version;
+    EXPECT_TRUE(refused(bytes, ErrorCode::kVersion)) << int{version};
+    EXPECT_FALSE(cutsIn(bytes)) << "who asks for no error gets no memory";
+  }
+  EXPECT_TRUE(cutsIn(encodeCuts(snapshotOf(3))));
+  EXPECT_FALSE(cutsIn({}));
   const auto with = [](std::size_t at, std::uint8_t value) {
     Bytes changed = encodeCuts(snapshotOf(3));
     changed[at] = value;

@@ -1,6 +1,7 @@
 // Tests the pages of exports: their owner, the audit log, rows that appear and disappear, and the contents of
 // studies.
 #include "common/gesture/chunk.h"
+#include "common/haptics/cut_snapshot.h"
 #include "tests/unit/db/service/records_fixture.h"
 
 namespace needlelab {
@@ -232,15 +233,15 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
     d.set_device("falcon no. 17");
     for (const double number : {1., 2., 3., 0., 0., 0., 1.}) d.add_placement(number);
     if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
-    for (std::uint64_t seq = 0; seq < 3; ++seq)
-      if (auto appended =
-              SessionStore(c).append(id, seq, encodeChunk({}, test::someSamples(1000 + seq * 20, 20)));
-          !appended)
-        return appended.error();
     pb::CloseSession close = test::closeOf(id, 3);
     SessionHash hash;
-    for (std::uint64_t seq = 0; seq < 3; ++seq)
-      hash.update(encodeChunk({}, test::someSamples(1000 + seq * 20, 20)));
+    for (std::uint64_t seq = 0; seq < 3; ++seq) {
+      // chunk 1 remembers cuts after its sixth sample, chunk 2 something that is no memory
+      const Bytes cuts = seq == 1 ? encodeCuts({1025, {}, 4}) : seq == 2 ? Bytes(20, 7) : Bytes();
+      const Bytes chunk = encodeChunk({}, test::someSamples(1000 + seq * 20, 20), cuts);
+      hash.update(chunk);
+      if (auto appended = SessionStore(c).append(id, seq, chunk); !appended) return appended.error();
+    }
     const Digest digest = hash.digest();
     close.set_hash(digest.data(), digest.size());
     const auto closed = SessionStore(c).close(close, 2);
@@ -273,6 +274,8 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
   const auto original = *decodeChunk(encodeChunk({}, test::someSamples(1020, 20)));
   const auto given = *decodeChunk(viewOf(chunks.chunks(0).data()));
   ASSERT_GT(origin[0].tick, 0u);
+  EXPECT_EQ(cutMemoryOf(viewOf(chunks.chunks(0).data())), encodeCuts({25, {}, 4}));
+  EXPECT_TRUE(cutMemoryOf(viewOf(chunks.chunks(1).data())).empty()) << "unread, it might tell the clock";
   ASSERT_EQ(given.size(), original.size());
   for (std::size_t i = 0; i < given.size(); ++i) {
     EXPECT_EQ(given[i].tick, original[i].tick - origin[0].tick);

@@ -114,7 +114,7 @@ TEST_F(LiveStationTest, whoComesLateKnowsTheOldCutsFromTheStationsMemory) {
     step(*model, {{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}, {s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}},
          *state, report);
     cutting_N.push_back(-report.cutting_N);
-    if (k + 1 == once) cuts = encodeCuts({k, state->cuts});
+    if (k + 1 == once) cuts = encodeCuts({k, state->cuts, state->insertions});
   }
   const std::size_t deep = once + 900;
   for (const bool with_memory : {false, true})

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,6 +17,8 @@
 #include "client/instructor/model/lab_connection.h"
 #include "client/instructor/model/report.h"
 #include "common/base/local_time.h"
+#include "common/gesture/chunk.h"
+#include "common/haptics/cut_snapshot.h"
 #include "common/profile/profile.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/instructor/model/change_course.h"
@@ -49,6 +52,26 @@ class StoredGestureTest : public testing::Test {
   }
   LabCall call() {
     return [this](const pb::Request& request) { return instructor_->call(request); };
+  }
+  /// `call`, of a server that finds this chunk damaged and changes the others.
+  LabCall damagedCall(std::uint64_t seq, std::function<void(pb::Chunk&)> change = {}) {
+    return [this, seq, change](const pb::Request& request) -> Result<pb::Reply> {
+      auto reply = instructor_->call(request);
+      if (!reply.ok() || !reply->has_chunks()) return reply;
+      const pb::Chunks read = reply->chunks();
+      reply->mutable_chunks()->clear_chunks();
+      for (const pb::Chunk& chunk : read.chunks()) {
+        if (chunk.seq() == seq) {
+          reply->mutable_chunks()->add_damaged()->set_seq(seq);
+          continue;
+        }
+        pb::Chunk& kept = *reply->mutable_chunks()->add_chunks();
+        kept = chunk;
+        if (change) change(kept);
+      }
+      reply->mutable_chunks()->set_next_seq(read.next_seq());
+      return reply;
+    };
   }
   /// Changes the lesson's exercise in the course that has it.
   void changeExercise(const std::function<void(pb::Exercise&)>& change) {
@@ -159,6 +182,72 @@ TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
   EXPECT_TRUE(std::any_of(events.begin(), events.end(), [](const TraceEvent& e) {
     return e.kind == TraceEvent::Kind::kRemark && e.text == "anna: slower here";
   }));
+}
+
+bool approximateAt(const StoredGesture& gesture, double time_s) {
+  const auto moments = gesture.trace.between(time_s, time_s + 0.002);
+  EXPECT_FALSE(moments.empty()) << time_s;
+  EXPECT_TRUE(moments.empty() || moments.front().inside) << time_s;
+  return !moments.empty() && moments.front().approximate;
+}
+
+TEST_F(StoredGestureTest, isApproximateBehindADamagedChunkAndNotBefore) {
+  // inside from about 0.5 s to 2.0 s
+  const auto gesture = loadGesture(damagedCall(2), info_.description().session_id());
+  ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+  EXPECT_EQ((*gesture)->samples.size(), samples_.size() - 500);
+  EXPECT_FALSE(approximateAt(**gesture, 0.9));
+  EXPECT_TRUE(approximateAt(**gesture, 1.7));
+}
+
+TEST_F(StoredGestureTest, knowsOldCutsBehindADamagedChunkFromTheNextChunksMemory) {
+  auto profile = parseProfile(profile_, "sample");
+  ASSERT_TRUE(profile.ok());
+  profile->add_effects(pb::Profile::CUT_MEMORY);
+  profile->mutable_cut_memory()->set_cutting_share(0.3);
+  profile->mutable_cut_memory()->set_radius_m(0.001);
+  // in and out twice along one line; what the engine remembers before the second time
+  const std::uint64_t once = samples_.size();
+  const auto model = compile(*sceneSpecOf(*profile), 1000);
+  ASSERT_TRUE(model.ok());
+  const auto state = std::make_unique<SimState>();
+  StepReport report;
+  std::vector<double> cutting_N;
+  Bytes memory;
+  for (std::uint64_t k = 0; k < 2 * once; ++k) {
+    if (k >= once) {
+      samples_.push_back(samples_[k - once]);
+      samples_.back().tick = k;
+      samples_.back().time_ns += static_cast<std::int64_t>(once) * 1'000'000;
+    }
+    const GestureSample& s = samples_[k];
+    step(*model, {{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}, {s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}},
+         *state, report);
+    cutting_N.push_back(report.cutting_N);
+    if (k == once) memory = encodeCuts({k, state->cuts, state->insertions});
+  }
+  pb::SessionInfo info = lessonInfo(profileJson(*profile));
+  ASSERT_NO_FATAL_FAILURE(uploadLesson(server_, key_, info, samples_));
+  for (const bool with_memory : {false, true}) {
+    SCOPED_TRACE(with_memory);
+    // chunk 5 begins with the second time
+    const auto remember = [&](pb::Chunk& chunk) {
+      if (!with_memory || chunk.seq() != once / 500) return;
+      const auto samples = decodeChunk(viewOf(chunk.data()));
+      ASSERT_TRUE(samples.ok());
+      chunk.set_data(std::string(textOf(encodeChunk(Resolution::standard(), *samples, memory))));
+    };
+    const auto gesture = loadGesture(damagedCall(2, remember), info.description().session_id());
+    ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+    EXPECT_FALSE(approximateAt(**gesture, 0.9));
+    EXPECT_TRUE(approximateAt(**gesture, 1.7));
+    const double again_s = static_cast<double>(once) / 1000 + 0.75;
+    EXPECT_EQ(approximateAt(**gesture, again_s), !with_memory);
+    const auto moments = (*gesture)->trace.between(again_s, again_s + 0.002);
+    if (with_memory) {
+      EXPECT_NEAR(moments.front().term(Effect::kCutting), cutting_N[once + 750], 0.1);
+    }
+  }
 }
 
 TEST_F(StoredGestureTest, hasTheRequirementsOfItsScore) {

@@ -68,6 +68,22 @@ TEST(LessonBoard, aWindowThatStandsStillLosesTheOldestSamplesAndIsToldHowMany) {
   EXPECT_EQ(board.takeSamples(1, samples), 0u) << "said once";
 }
 
+TEST(LessonBoard, givesTheNewestMemoryOfTheCutWithTheSamples) {
+  LessonBoard board(10);
+  board.began(someLesson());
+  for (std::uint8_t i = 0; i < 25; ++i) {
+    SamplePiece piece = pieceFrom(std::uint64_t{20} * i);
+    if (i % 8 == 1) piece.cut_memory = {i};
+    board.piece(piece);
+  }
+  std::vector<GestureSample> samples;
+  Bytes memory = {0};
+  board.takeSamples(1, samples, &memory);
+  EXPECT_EQ(memory, Bytes{17});
+  board.takeSamples(1, samples, &memory);
+  EXPECT_TRUE(memory.empty());
+}
+
 TEST(LessonBoard, samplesOfTheLessonBeforeAreNotTakenForThisOne) {
   LessonBoard board;
   board.began(someLesson());

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/station/run/cut_follower.h"
 #include "client/station/run/options.h"
 #include "client/station/window/end_screen.h"
 #include "client/station/window/lesson_follow.h"
 #include "client/station/window/lesson_panel.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -101,6 +103,53 @@ TEST(LessonFollow, aGapIsCountedAndSaidUntilTheNeedleIsOutside) {
   EXPECT_TRUE(std::any_of(
       follow->trace().events().begin(), follow->trace().events().end(),
       [](const TraceEvent& event) { return event.kind == TraceEvent::Kind::kGap && event.missing == 200; }));
+}
+
+TEST(LessonFollow, behindAGapTheStationsMemoryTellsTheOldCuts) {
+  auto beginning = std::make_shared<LessonBeginning>(*shoulder());
+  StationLesson& lesson = beginning->lesson;
+  lesson.scene.effects |= bitOf(Effect::kCutMemory);
+  useUsualNumbers(effectEntry(Effect::kCutMemory), lesson.scene);
+  lesson.model = *compile(lesson.scene, 1000);
+  // from 5 mm outside to 20 mm inside and out again, three times
+  CutFollower follower(lesson.model);
+  const auto engine = std::make_unique<SimState>();
+  StepReport report;
+  std::vector<GestureSample> samples;
+  Bytes memory;
+  for (std::uint64_t k = 0; k < 4801; ++k) {
+    GestureSample sample;
+    sample.tick = k;
+    const auto way = static_cast<double>(std::min(k % 2000, 2000 - k % 2000));
+    sample.p_WT_m[2] = 0.005 - 25e-6 * way;
+    sample.q_WT[0] = 1, sample.q_WT[3] = 0;
+    step(lesson.model, {{0, 0, sample.p_WT_m[2]}, {1, 0, 0, 0}}, *engine, report);
+    sample.layer = static_cast<std::int8_t>(report.layer);
+    sample.insertion_m = report.insertion_m;
+    follower.follow(sample);
+    if (k == 4050) memory = follower.memory();
+    samples.push_back(sample);
+  }
+  ASSERT_FALSE(memory.empty());
+  const auto part = [&](std::size_t from, std::size_t to) {
+    return std::vector<GestureSample>(samples.begin() + static_cast<std::ptrdiff_t>(from),
+                                      samples.begin() + static_cast<std::ptrdiff_t>(to));
+  };
+  for (const bool told : {false, true}) {
+    SCOPED_TRACE(told);
+    auto follow = std::move(*LessonFollow::make(beginning));
+    follow->feed(part(0, 100), 0);
+    follow->feed(part(3900, 4700), 3800, told ? ByteView(memory) : ByteView());
+    follow->feed(part(4700, 4801), 0);
+    const Moment& now = follow->now();
+    ASSERT_TRUE(now.inside);
+    EXPECT_EQ(now.approximate, !told);
+    if (told) {
+      EXPECT_EQ(now.term(Effect::kCutting), report.cutting_N);
+    } else {
+      EXPECT_LT(now.term(Effect::kCutting), report.cutting_N) << "as if the first hole were not there";
+    }
+  }
 }
 
 TEST(LessonFollow, thePlannedLineStandsWhereTheLimbStands) {

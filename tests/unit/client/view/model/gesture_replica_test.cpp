@@ -278,7 +278,7 @@ RememberingLesson rememberingLesson() {
       sample.layer = static_cast<std::int8_t>(report.layer);
       lesson.samples.push_back(sample);
       lesson.reports.push_back(report);
-      lesson.cuts.push_back({sample.tick, state->cuts});
+      lesson.cuts.push_back({sample.tick, state->cuts, state->insertions});
     }
   return lesson;
 }
