@@ -33,12 +33,19 @@ void RerunScreen::showForces(LabState& lab) {
     plot.series.push_back({run.what, kSecondGesture, run.trace.source(channel), true, false});
     return plot;
   };
+  // bone and the like have a plot where the session or the re-run has them
+  const auto isAsked = [&](const EffectEntry& effect) {
+    const auto isLive = [&](const SessionScene& scene) {
+      return scene.model && scene.model->isLive(effect.effect);
+    };
+    return effect.stage == nullptr || isLive(gesture.scene) || isLive(run.scene);
+  };
   std::vector<Plot> plots;
   plots.push_back(plotOf(TraceChannel::kForce, "force on the hand"));
   plots.back().share = 1.8F;
   // the attracted force is small compared with the others: no separate plot here
   for (const EffectEntry* effect : effectsAsShown())
-    if (effect->unit == "N" && effect->effect != Effect::kAttracted)
+    if (effect->unit == "N" && effect->effect != Effect::kAttracted && isAsked(*effect))
       plots.push_back(plotOf(channelOf(effect->effect), std::string(effect->term)));
   const auto result = plotStack("rerun", plots, {0, 0});
   if (result.clicked_x) lab.analysis.player.seek(*result.clicked_x);
