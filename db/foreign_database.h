@@ -16,10 +16,10 @@ namespace needlelab {
 /// end; more: one hostile file keeps its reader for longer.
 inline constexpr std::chrono::seconds kMostTimeOfForeign{10};
 
-/// What is read of a foreign file before its schema is known to be needlelab's: SQLite makes up to some 100
+/// What is read of a foreign file before its schema is known to be needlelab's: SQLite makes up to some 80
 /// bytes of memory of each byte of a definition. A backup's schema, which is read twice, has some 25 kB, its
 /// longest definition 3 kB, its widest table 32 columns; an ANALYZE adds some 200 kB. Less: a later schema is
-/// refused; more: a hostile one takes more memory (some 70 MB by these bounds).
+/// refused; more: a hostile one takes more memory (40 MB as tried).
 struct ForeignSchemaBounds {
   static constexpr int kMostTextBytes = 64 << 10;
   static constexpr int kMostColumns = 100;

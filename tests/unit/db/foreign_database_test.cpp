@@ -134,7 +134,7 @@ std::int64_t heapOf(const Work& work) {
 }
 
 /// Of a byte of a definition.
-constexpr std::int64_t kMostHeapBytesOfAByte = 150;
+constexpr std::int64_t kMostHeapBytesOfAByte = 100;
 constexpr std::int64_t kOfSchema_bytes =
     static_cast<std::int64_t>(ForeignSchemaBounds::kMostBytes) + ForeignSchemaBounds::kMostTextBytes;
 
@@ -144,18 +144,19 @@ TEST_F(ForeignDatabase, aSchemaThatWouldFillMemoryIsGivenUpWithinTheBounds) {
     std::string rows;
     std::int64_t most_bytes;
   };
-  const auto checked = [](const std::string& ones) {
-    return "'CREATE TABLE x(a CHECK(a IN (' || replace(hex(zeroblob(" + ones + ")), '00', '1,') || '1)))'";
+  const auto list = [](const std::string& ones) {
+    return "'x' || i AS name, 'CREATE TABLE x' || i || '(a DEFAULT (1 IN (' || replace(hex(zeroblob(" + ones +
+           ")), '00', '1,') || '1)))' AS sql FROM n";
   };
   const std::string numbers = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ";
   constexpr std::int64_t kPages_bytes = 4 << 20;  // the program's own schema beside it, and pages
   for (const Case& one :
-       {Case{"one definition of 8 MB", "SELECT 'x' AS name, " + checked("4000000") + " AS sql", kPages_bytes},
-        Case{"200 of 60 kB", numbers + "200) SELECT 'x' || i AS name, " + checked("30000") + " AS sql FROM n",
+       {Case{"one definition of 4 MB", numbers + "1) SELECT " + list("2000000"), kPages_bytes},
+        Case{"100 of 60 kB", numbers + "100) SELECT " + list("30000"),
              kOfSchema_bytes * kMostHeapBytesOfAByte + kPages_bytes},
-        Case{"100,000 of 30 bytes",
-             numbers + "100000) SELECT 'x' || i AS name, 'CREATE TABLE x' || i || '(a)' AS sql FROM n",
-             kOfSchema_bytes * kMostHeapBytesOfAByte + kPages_bytes},
+        Case{"40,000 of 30 bytes",
+             numbers + "40000) SELECT 'x' || i AS name, 'CREATE TABLE x' || i || '(a)' AS sql FROM n",
+             static_cast<std::int64_t>(ForeignSchemaBounds::kMostRows) * 1000 + kPages_bytes},
         // each UNIQUE takes as many columns as the primary key has
         Case{"a key of 1,000 columns and 1,000 more with it",
              numbers + "1000) SELECT 'x' AS name, 'CREATE TABLE x(' || group_concat('c' || i || ' UNIQUE') ||"
