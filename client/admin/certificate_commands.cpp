@@ -40,6 +40,7 @@ Status show(const std::filesystem::path& folder, Output& output) {
     }
   }
   return output.list({{"what", "CERTIFICATE"},
+                      {"not_before_unix_ns", "VALID FROM", Column::Kind::kTime},
                       {"not_after_unix_ns", "VALID UNTIL", Column::Kind::kTime},
                       {"days_left", "DAYS LEFT"},
                       {"hosts", "FOR"},

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <boost/asio/ip/address.hpp>
+#include <cstdint>
+#include <ctime>
 #include <filesystem>
 #include <string_view>
 #include <system_error>
@@ -11,6 +13,7 @@
 #include <fmt/core.h>
 
 #include "common/base/files.h"
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/wire/tls_folder.h"
 
@@ -120,6 +123,25 @@ Result<Authority> loadAuthority(const TlsFiles& files) {
   return Error{ErrorCode::kInvalidInput, files.ca_certificate.string() + " and " + files.ca_key.string() +
                                              " do not fit each other: put back the two that were made "
                                              "together"};
+}
+
+Status checkValidNow(X509* authority, const std::filesystem::path& file, const std::string& then) {
+  std::time_t now = std::time(nullptr);
+  const ASN1_TIME* const begin = X509_get0_notBefore(authority);
+  const ASN1_TIME* const end = X509_get0_notAfter(authority);
+  const bool is_early = X509_cmp_time(begin, &now) > 0;
+  if (!is_early && X509_cmp_time(end, &now) > 0) return {};
+  const auto dayOf = [](const ASN1_TIME* time) {
+    return localTime(x509::unixSeconds(time) * 1'000'000'000, TimeForm::kZoned);
+  };
+  return Error{
+      ErrorCode::kFailed,
+      fmt::format("{}: the authority {}, and this machine's clock says {}: no station, instructor or browser "
+                  "accepts this server. If the clock is wrong, set it (timedatectl). If it is right, {}{}",
+                  file.string(),
+                  is_early ? "is valid from " + dayOf(begin) + " on only" : "has expired on " + dayOf(end),
+                  localTime(static_cast<std::int64_t>(now) * 1'000'000'000, TimeForm::kZoned),
+                  is_early ? "it was ahead when the authority was made: " : "", then)};
 }
 
 bool maySign(X509* authority, const std::string& host) {
@@ -259,6 +281,10 @@ Status switchAuthority(const TlsFiles& files) {
                  files.ca_certificate.string() +
                      " lacks the new authority: `certificate authority prepare` was "
                      "cut off; repeat it, and bring ca.crt to all"};
+  RETURN_IF_ERROR(checkValidNow(
+      next.get(), files.next_ca_certificate,
+      fmt::format("remove {} and {}, then `certificate authority drop`, and prepare another one",
+                  files.next_ca_certificate.string(), files.next_ca_key.string())));
   // Each step leaves files with which the server starts, and a switch that was cut off is repeated: the
   // server's certificate first, which peers of the common ca.crt accept whoever signed it; the key that fits
   // ca.crt then.

@@ -1,5 +1,6 @@
 #include "common/wire/certificates.h"
 
+#include <fmt/core.h>
 #include <openssl/err.h>
 #include <openssl/x509.h>
 #include <openssl/x509v3.h>
@@ -72,6 +73,24 @@ std::string serverFault(const TlsFiles& files, const std::vector<x509::Certifica
     return name + " is not for '" + host + "', only for " + has;
   }
   return {};
+}
+
+/// Before a server starts or gets a new certificate: its authority must be accepted.
+Status checkAuthority(const TlsFiles& files, X509* authority) {
+  return checkValidNow(
+      authority, files.ca_certificate,
+      fmt::format("move the folder {} away and start again, which makes another authority: then enrol every "
+                  "station anew",
+                  files.ca_certificate.parent_path().string()));
+}
+
+/// The authority that signed the stored certificate; null: none of these, or there is no certificate.
+X509* signerOf(const TlsFiles& files, const std::vector<x509::Certificate>& authorities) {
+  const auto certificate = loadCertificate(files.certificate);
+  if (!certificate.ok()) return nullptr;
+  for (const auto& one : authorities)
+    if (X509_verify(certificate->get(), X509_get0_pubkey(one.get())) == 1) return one.get();
+  return nullptr;
 }
 
 Status checkHosts(const std::vector<std::string>& hosts) {
@@ -200,11 +219,14 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
   }
   ASSIGN_OR_RETURN(const auto authorities, x509::loadCertificates(files.ca_certificate));
   hosts = named(authorities.front().get(), names);
+  // before the fault: where the clock is wrong, the stored certificate is the better one
+  if (X509* const signer = signerOf(files, authorities)) RETURN_IF_ERROR(checkAuthority(files, signer));
   const std::string fault = serverFault(files, authorities, hosts);
   if (fault.empty()) return false;
   // the CA's key is needed only now; if it is kept elsewhere, it must be restored for this
   const auto authority = loadAuthority(files);
   if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};
+  RETURN_IF_ERROR(checkAuthority(files, authority->certificate.get()));
   RETURN_IF_ERROR(signServer(files, *authority, withOldHosts(files, hosts)));
   return true;
 }
@@ -214,6 +236,7 @@ Status renewServerCertificate(const TlsFiles& files, const std::vector<std::stri
   RETURN_IF_ERROR(checkHosts(all));
   const TlsFolderUse use(files);
   ASSIGN_OR_RETURN(const auto authority, loadAuthority(files));
+  RETURN_IF_ERROR(checkAuthority(files, authority.certificate.get()));
   return signServer(files, authority, all);
 }
 

@@ -39,7 +39,8 @@ struct CertificateNames {
 /// when a file was created. Errors: kInvalidInput for a name that the CA may not sign, for a CA that is lost
 /// (there is no ca.crt, but a file that was made with it; no key is ever replaced), for a CA or key that
 /// cannot be read, with the fault of the server's certificate in the message; kFailed when a file cannot be
-/// written.
+/// written, or when no peer accepts the CA now, because it is not valid yet or no more: nothing is renewed
+/// then.
 Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names);
 
 /// Creates a new certificate and key for the server, signed by the same CA, for `hosts` and all names of the
@@ -56,7 +57,7 @@ Status renewServerCertificate(const TlsFiles& files, const std::vector<std::stri
 Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains);
 /// Lets the new authority sign the server's certificate, and takes its key as ca.key. ca.crt keeps both. May
 /// be repeated when it was cut off. Peers with the ca.crt from before prepareAuthority no longer connect.
-/// Errors: kInvalidInput (none is prepared, or ca.crt lacks it), kFailed.
+/// Errors: kInvalidInput (none is prepared, or ca.crt lacks it), kFailed (also while it is not valid).
 Status switchAuthority(const TlsFiles& files);
 /// Leaves in ca.crt only the authority that signed the server's certificate.
 Status dropOldAuthorities(const TlsFiles& files);

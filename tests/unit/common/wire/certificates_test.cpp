@@ -254,6 +254,72 @@ TEST(Certificates, aPreparationThatWasCutOffIsRepeatedBeforeTheSwitch) {
   EXPECT_TRUE(switchAuthority(files).ok());
 }
 
+/// An authority that is valid from `begin_days` to `end_days`, counted from now.
+Authority authorityOf(long begin_days, long end_days) {
+  auto made = makeAuthority(*permittedNames({}, {"localhost"}));
+  EXPECT_TRUE(made.ok());
+  X509* const certificate = made->certificate.get();
+  X509_gmtime_adj(X509_getm_notBefore(certificate), begin_days * 86'400);
+  X509_gmtime_adj(X509_getm_notAfter(certificate), end_days * 86'400);
+  EXPECT_GT(X509_sign(certificate, made->key.get(), EVP_sha256()), 0);
+  return std::move(*made);
+}
+
+// The clock was ahead when it was made, or is behind now: the server would serve nobody.
+TEST(Certificates, anAuthorityThatNoPeerAcceptsNowEndsAStartAndKeepsTheCertificate) {
+  const struct {
+    long begin_days, end_days;
+    std::vector<std::string> words;
+  } kCases[] = {{400, 4000, {"is valid from", "it was ahead when the authority was made: move the folder"}},
+                {-400, -1, {"has expired on", "If it is right, move the folder"}}};
+  for (const auto& [begin_days, end_days, words] : kCases) {
+    SCOPED_TRACE(begin_days);
+    const TempFolder folder;
+    const auto files = tlsFilesIn(folder.path());
+    const Authority authority = authorityOf(begin_days, end_days);
+    ASSERT_TRUE(x509::saveKey(files.ca_key, authority.key.get()).ok());
+    ASSERT_TRUE(x509::saveCertificates(files.ca_certificate, {authority.certificate.get()}).ok());
+    const auto refused = ensureTlsFiles(files, {{"localhost"}});
+    ASSERT_FALSE(refused.ok());
+    EXPECT_FALSE(std::filesystem::exists(files.certificate));
+    ASSERT_TRUE(signServer(files, authority, {"localhost"}).ok());
+    const auto before = *readWholeFile(files.certificate);
+    const auto again = ensureTlsFiles(files, {{"localhost", "10.0.0.7"}});
+    ASSERT_FALSE(again.ok());
+    const auto renewed = renewServerCertificate(files, {"localhost"});
+    ASSERT_FALSE(renewed.ok());
+    for (const Error& error : {refused.error(), again.error(), renewed.error()}) {
+      EXPECT_EQ(error.code, ErrorCode::kFailed) << "the clock may be put right: systemd tries again";
+      for (const std::string& part : words) EXPECT_THAT(error.message, testing::HasSubstr(part));
+      EXPECT_THAT(error.message, testing::HasSubstr(files.ca_certificate.string()));
+    }
+    EXPECT_EQ(*readWholeFile(files.certificate), before);
+  }
+}
+
+TEST(Certificates, aPreparedAuthorityThatNoPeerAcceptsYetIsNotSwitchedTo) {
+  const TempFolder folder;
+  const auto files = tlsFilesIn(folder.path());
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  const auto old = x509::loadCertificate(files.ca_certificate);
+  ASSERT_TRUE(old.ok());
+  const Authority next = authorityOf(400, 4000);
+  ASSERT_TRUE(x509::saveKey(files.next_ca_key, next.key.get()).ok());
+  ASSERT_TRUE(x509::saveCertificates(files.next_ca_certificate, {next.certificate.get()}).ok());
+  ASSERT_TRUE(x509::saveCertificates(files.ca_certificate, {old->get(), next.certificate.get()}).ok());
+  const auto refused = switchAuthority(files);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("then `certificate authority drop`"));
+  EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "the old one serves on";
+  // as the text says
+  std::filesystem::remove(files.next_ca_certificate);
+  std::filesystem::remove(files.next_ca_key);
+  EXPECT_TRUE(dropOldAuthorities(files).ok());
+  EXPECT_EQ(readCertificates(files.ca_certificate)->size(), 1u);
+  EXPECT_TRUE(prepareAuthority(files, {}).ok());
+  EXPECT_TRUE(switchAuthority(files).ok());
+}
+
 TEST(Certificates, aServersShortNameGoesWithItToTheNewAuthority) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
