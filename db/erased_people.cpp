@@ -9,6 +9,7 @@
 
 #include "common/base/local_time.h"
 #include "common/base/text.h"
+#include "db/audit.h"
 #include "db/erasure.h"
 #include "db/people.h"
 #include "db/unknown_trainees.h"
@@ -142,48 +143,56 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
                         [](const ErasureLine& line) { return !line.without_account; });
   std::multimap<PseudonymKey::Hash, const ErasureLine*> by_hash;
   for (const ErasureLine& line : lines) by_hash.emplace(line.name_hash, &line);
-  // the first trace of each name; and the first that is not a session that waits
-  auto names = connection_.prepare(
-      fmt::format("SELECT name, min(made), min(CASE WHEN waits THEN NULL ELSE made END) FROM"
-                  " (SELECT name, created_unix_ns AS made, 0 AS waits FROM people"
-                  // those of an account are as new as it: the clock may have been ahead when it was added
-                  " UNION ALL SELECT s.trainee, max(s.received_unix_ns, coalesce(p.created_unix_ns, 0)),"
-                  " s.number IN {} FROM sessions s LEFT JOIN people p ON p.name = s.trainee"
-                  " WHERE s.erased = 0"
-                  " UNION ALL SELECT u.given, s.received_unix_ns, u.by_whom IS NULL FROM unknown_trainees u"
-                  " JOIN sessions s ON s.number = u.session)"
-                  " GROUP BY name",
-                  kWaitingSessions));
+  // of each name the first trace that is not a session that waits; its account; its first session
+  auto names = connection_.prepare(fmt::format(
+      "SELECT name, min(CASE WHEN waits THEN NULL ELSE made END), min(account), min(received) FROM"
+      " (SELECT name, created_unix_ns AS made, 0 AS waits, created_unix_ns AS account,"
+      " NULL AS received FROM people"
+      // those of an account are as new as it: the clock may have been ahead when it was added
+      " UNION ALL SELECT s.trainee, max(s.received_unix_ns, coalesce(p.created_unix_ns, 0)),"
+      " s.number IN {}, NULL, s.received_unix_ns"
+      " FROM sessions s LEFT JOIN people p ON p.name = s.trainee WHERE s.erased = 0"
+      " UNION ALL SELECT u.given, s.received_unix_ns, u.by_whom IS NULL, NULL, s.received_unix_ns"
+      " FROM unknown_trainees u JOIN sessions s ON s.number = u.session)"
+      " GROUP BY name",
+      kWaitingSessions));
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, names.step());
     if (!more) return repeat;
     const auto [first, end] = by_hash.equal_range(key.nameHash(names.text(0)));
     for (auto one = first; one != end; ++one) {
       const ErasureLine& line = *one->second;
-      // a person created later with the same name is another person; an erasure that this database knows left
-      // sessions that wait, and other guests come after it, whatever the clock says
+      // a person created later with the same name is another person, whom no erasure takes; nor does that of
+      // a name that nobody had take what came later, or an account of before
       const bool restored = !known.contains(line.pseudonym);
-      const bool before =
-          restored || (names.text(0) != kGuestName && !names.isNull(2) && names.integer(2) <= line.unix_ns);
+      const bool is_newer = !names.isNull(2) && names.integer(2) > line.unix_ns;
+      const bool came_before = !names.isNull(3) && names.integer(3) <= line.unix_ns;
+      // an erasure that this database knows left sessions that wait, and other guests come after it, whatever
+      // the clock says
+      const bool left_here = names.text(0) == kGuestName || names.isNull(1) ||
+                             names.integer(1) > line.unix_ns || (line.without_account && !names.isNull(2));
+      const bool before = !restored              ? !left_here
+                          : line.without_account ? came_before && (names.isNull(2) || is_newer)
+                                                 : !is_newer;
       if (before) repeat.push_back({names.text(0), line, restored});
     }
   }
 }
 
-Status ErasureStore::remember(const ErasureLine& line, bool without_account, const std::string& by,
-                              const std::string& reason) {
+Status ErasureStore::remember(const ErasureLine& line, const std::string& by, const std::string& reason) {
   RETURN_IF_ERROR(
       connection_.run("INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
                       " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
                       " SET erased_unix_ns = excluded.erased_unix_ns",
                       line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, reason));
-  return connection_.run(without_account
+  return connection_.run(line.without_account
                              ? "INSERT INTO meta (key, value) VALUES (?, '') ON CONFLICT (key) DO NOTHING"
                              : "DELETE FROM meta WHERE key = ?",
                          std::string(kWithoutAccountKey) + line.pseudonym);
 }
 
-Status ErasureStore::rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay) {
+Status ErasureStore::rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay,
+                                  std::int64_t now_unix_ns) {
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
   if (lines.empty()) return {};
   ASSIGN_OR_RETURN(const auto key, this->key());
@@ -192,9 +201,21 @@ Status ErasureStore::rememberList(const std::filesystem::path& folder, const std
   passed.insert(stay.begin(), stay.end());
   ASSIGN_OR_RETURN(const auto known, connection_.prepare("SELECT pseudonym FROM erasures").all(firstText));
   passed.insert(known.begin(), known.end());
-  for (const ErasureLine& line : lines)
-    if (!passed.contains(line.pseudonym))
-      RETURN_IF_ERROR(remember(line, line.without_account, kServerName, "from the list beside the database"));
+  std::erase_if(lines, [&](const ErasureLine& line) { return passed.contains(line.pseudonym); });
+  if (lines.empty()) return {};
+  std::map<PseudonymKey::Hash, std::string> accounts;
+  ASSIGN_OR_RETURN(const auto names, connection_.prepare("SELECT name FROM people").all(firstText));
+  for (const std::string& name : names) accounts.emplace(key.nameHash(name), name);
+  for (const ErasureLine& line : lines) {
+    RETURN_IF_ERROR(remember(line, kServerName, "from the list beside the database"));
+    const auto account = accounts.find(line.name_hash);
+    if (account == accounts.end() || line.without_account) continue;
+    RETURN_IF_ERROR(AuditStore(connection_)
+                        .add({0, now_unix_ns, kServerName, "person erase", account->second,
+                              fmt::format("not repeated: who had this name was erased on {}, and the account "
+                                          "says that it is newer. If it is the same person, erase it",
+                                          localTime(line.unix_ns, TimeForm::kZoned))}));
+  }
   return {};
 }
 

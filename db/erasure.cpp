@@ -8,10 +8,7 @@
 #include <utility>
 
 #include "db/free_parts.h"
-#include "db/people.h"
 #include "db/schema.h"
-#include "db/session_rows.h"
-#include "db/unknown_trainees.h"
 
 namespace needlelab {
 namespace {
@@ -38,20 +35,6 @@ constexpr std::array kDoers = {
 };
 
 constexpr int kRowsBetweenLooks = 16;
-
-/// SQL: whether an erasure of the name ?1 takes the session `s`; ?2: those that wait under an account's name,
-/// too.
-std::string isTaken() {
-  return fmt::format(
-      "s.trainee = ?1 AND (?2 OR s.number NOT IN {} OR NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))",
-      kWaitingSessions);
-}
-
-Result<std::int64_t> newestOf(Connection& connection, std::string_view sql) {
-  ASSIGN_OR_RETURN(const auto newest,
-                   connection.prepare(sql).first([](const Statement& row) { return row.integer(0); }));
-  return newest.value_or(0);
-}
 
 /// Takes the person out of what a restore left for the log of the next start (service/restore.cpp): "user
 /// anna: was disabled; station st1: was revoked".
@@ -109,68 +92,6 @@ Status ErasureStore::requireRoom(std::uint64_t bytes) {
                            path.parent_path().string(), *left >> 20, (needed >> 20) + 1)};
 }
 
-Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view name, bool with_waiting) {
-  return connection_
-      .query(
-          "SELECT s.id, s.station FROM sessions s WHERE " + isTaken() + " AND s.state = ?3 ORDER BY s.number",
-          name, with_waiting, static_cast<int>(pb::SESSION_OPEN))
-      .all([](const Statement& row) {
-        return sessionText(row.text(0)) + " at station '" + row.text(1) + "'";
-      });
-}
-
-Status ErasureStore::mayErase(const std::string& name) {
-  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(name));
-  if (person) return PeopleStore(connection_).checkNotLast(*person);
-  auto some = connection_.query(
-      "SELECT 1 FROM sessions WHERE trainee = ?1 UNION ALL SELECT 1 FROM unknown_trainees WHERE given = ?1"
-      " LIMIT 1",
-      name);
-  ASSIGN_OR_RETURN(const bool found, some.step());
-  if (found) return {};
-  return Error{ErrorCode::kNotFound, "there is no person named '" + name + "', and no session of one"};
-}
-
-Result<PersonTraces> ErasureStore::tracesOf(const std::string& name, const std::string& pseudonym,
-                                            bool with_waiting, const PersonTraces* before) {
-  PersonTraces who;
-  who.names = {name, {}, {}, pseudonym, {}};
-  // the log says each name that was changed; all of it is read once
-  if (before != nullptr) who.names.full_names = before->names.full_names;
-  const auto add = [&](const std::string& full_name) {
-    std::erase(who.names.full_names, full_name);
-    who.names.full_names.push_back(full_name);
-  };
-  ASSIGN_OR_RETURN(const auto logged,
-                   loggedFullNames(connection_, name, before != nullptr ? before->last_line : -1));
-  for (const std::string& full_name : logged) add(full_name);
-  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(name));
-  if (person && !person->full_name.empty()) add(person->full_name);
-  // names that its stations gave for this person: a misspelt one names it in its sessions' remarks and lines,
-  // unless somebody has it by now
-  ASSIGN_OR_RETURN(who.names.given, connection_
-                                        .query("SELECT DISTINCT u.given FROM unknown_trainees u"
-                                               " JOIN sessions s ON s.number = u.session"
-                                               " WHERE s.trainee = ?1 AND u.given <> ?1"
-                                               " AND u.given NOT IN (SELECT name FROM people)"
-                                               " ORDER BY length(u.given) DESC, u.given",
-                                               name)
-                                        .all(firstText));
-  auto rows = connection_.query(
-      "SELECT s.number, s.id, s.trainee = ?1 FROM sessions s WHERE (" + isTaken() + ") OR s.trainee = ?3",
-      name, with_waiting, pseudonym);
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) break;
-    who.sessions.insert(rows.integer(0));
-    if (rows.integer(2) != 0) who.session_ids.insert(sessionText(rows.text(1)));
-  }
-  ASSIGN_OR_RETURN(who.last_session, newestOf(connection_, "SELECT max(number) FROM sessions"));
-  ASSIGN_OR_RETURN(who.last_remark, newestOf(connection_, "SELECT max(id) FROM annotations"));
-  ASSIGN_OR_RETURN(who.last_line, newestOf(connection_, "SELECT max(id) FROM audit"));
-  return who;
-}
-
 Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLine& line,
                                         const std::string& by, const std::string& reason,
                                         std::int64_t now_unix_ns, bool with_waiting) {
@@ -184,23 +105,24 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
                                            const std::string& by, const std::string& reason,
                                            std::int64_t now_unix_ns, bool with_waiting,
                                            const FoundNames* found) {
-  RETURN_IF_ERROR(mayErase(name));
-  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(name));
-  ASSIGN_OR_RETURN(auto who, tracesOf(name, line.pseudonym, with_waiting, found ? &found->who : nullptr));
+  RETURN_IF_ERROR(mayErase(name, line, with_waiting));
+  ASSIGN_OR_RETURN(auto who, tracesOf(name, line, with_waiting, found ? &found->who : nullptr));
   ErasedRows done;
-  if (found) done.replaced = found->replaced;
+  done.typed = line.without_account;
+  if (found) {
+    done.replaced = found->replaced;
+    done.erasure = found->sessions;
+  }
   // before the names of groups count as other names, which stay
   ASSIGN_OR_RETURN(done.group_ids, eraseInGroups(who.names, done.replaced));
   RETURN_IF_ERROR(addOthers(connection_, who.names));
   done.erasure.set_pseudonym(line.pseudonym);
-  RETURN_IF_ERROR(eraseSessions(who.names, with_waiting, now_unix_ns, by, done.erasure));
-  for (const std::string_view sql :
-       {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
-        "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id"
-        " FROM group_members WHERE person = ?)",
-        "DELETE FROM group_members WHERE person = ?", "DELETE FROM people WHERE name = ?"}) {
-    RETURN_IF_ERROR(connection_.run(sql, name));
-  }
+  ASSIGN_OR_RETURN(const auto own, sessionsToErase(name, line, with_waiting, UINT64_MAX));
+  RETURN_IF_ERROR(eraseSessions(own.sessions, line.pseudonym, now_unix_ns, by, done.erasure));
+  ASSIGN_OR_RETURN(const auto left, connection_.query("SELECT count(*) FROM sessions WHERE trainee = ?", name)
+                                        .first([](const Statement& row) { return row.natural(0); }));
+  done.erasure.set_waiting_sessions(left.value_or(0));
+  if (!done.typed) RETURN_IF_ERROR(eraseAccount(who.names));
   ASSIGN_OR_RETURN(const auto pieces,
                    connection_.prepare("SELECT coalesce(sum(length(records)), 0) FROM import_pieces")
                        .first([](const Statement& row) { return row.natural(0); }));
@@ -214,7 +136,6 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
                       " GROUP BY import_id HAVING min(position) > ?1",
                       kDroppedPieces, now_unix_ns, name));
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces WHERE position <> ?", kDroppedPieces));
-  RETURN_IF_ERROR(eraseAccess(connection_, name));
   RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
   // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
   ASSIGN_OR_RETURN(
@@ -222,10 +143,11 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
       connection_.prepare("SELECT name FROM sqlite_schema WHERE type = 'table' AND name = 'sqlite_stat4'")
           .first(firstText));
   if (samples) RETURN_IF_ERROR(connection_.run("DELETE FROM sqlite_stat4"));
-  RETURN_IF_ERROR(eraseDoers(who.names));
   // what the stations gave for sessions that were assigned; those that wait keep it
   RETURN_IF_ERROR(connection_.run(
-      "UPDATE unknown_trainees SET given = ? WHERE given = ? AND by_whom IS NOT NULL", line.pseudonym, name));
+      "UPDATE unknown_trainees SET given = ?1 WHERE given = ?2 AND by_whom IS NOT NULL"
+      " AND (?3 = 0 OR session IN (SELECT number FROM sessions WHERE received_unix_ns <= ?4))",
+      line.pseudonym, name, done.typed, line.unix_ns));
   // of the older ones those that have a name were replaced already, unless the person has others since
   const bool is_covered = found && found->who.hasAllOf(who);
   RETURN_IF_ERROR(replaceInRemarks(who, is_covered ? found->who.last_remark : -1, INT64_MAX, done.replaced));
@@ -234,82 +156,11 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
       RETURN_IF_ERROR(replaceInLines(who, line_id - 1, line_id, done.replaced));
   RETURN_IF_ERROR(replaceInLines(who, is_covered ? found->who.last_line : -1, INT64_MAX, done.replaced));
   done.erasure.set_audit_lines(done.replaced.lines);
-  RETURN_IF_ERROR(remember(line, line.without_account && !person, by, withoutNames(reason, who.names, true)));
+  RETURN_IF_ERROR(remember(line, by, withoutNames(reason, who.names, true)));
   done.names = std::move(who.names);
+  done.names.typed = false;
   done.session_ids = std::move(who.session_ids);
   return done;
-}
-
-Status ErasureStore::eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
-                                   const std::string& by, pb::Erasure& erasure) {
-  const std::string& name = names.name;
-  const std::string& pseudonym = names.in_its_place;
-  struct Session {
-    std::int64_t number = 0;
-    pb::SessionState state = pb::SESSION_OPEN;
-    int recording = 1;
-    std::uint64_t chunks = 0;
-    std::string description;
-  };
-  const auto sessionOf = [](const Statement& row) {
-    return Session{row.integer(0), static_cast<pb::SessionState>(row.integer(1)),
-                   static_cast<int>(row.integer(2)), row.natural(3), row.text(4)};
-  };
-  ASSIGN_OR_RETURN(const auto sessions, connection_
-                                            .query("SELECT s.number, s.state, s.recording, coalesce(p.chunks,"
-                                                   " s.chunks), s.description FROM sessions s"
-                                                   " LEFT JOIN session_progress p ON p.session = s.number"
-                                                   " WHERE " +
-                                                       isTaken(),
-                                                   name, with_waiting)
-                                            .all(sessionOf));
-  constexpr std::string_view kReason = "the data of its person was erased";
-  for (const Session& session : sessions) {
-    RETURN_IF_ERROR(requireRoom());  // its events and scores have a few MB
-    pb::SessionDescription description;
-    if (!description.ParseFromString(session.description))
-      return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
-    description.set_trainee(pseudonym);
-    clearDeviceWords(description);
-    RETURN_IF_ERROR(
-        connection_.run("UPDATE sessions"
-                        " SET trainee = ?, description = ?, profile_json = ?, erased = 1, score_json = NULL,"
-                        " passed = NULL, events = 0, recording = 3, clock_offset_ns = NULL,"
-                        " clock_round_trip_ns = NULL WHERE number = ?",
-                        pseudonym, viewOf(description.SerializeAsString()), kErasedProfile, session.number));
-    // close an open session; its hash was never computed, and no chunks will be left to hash
-    if (session.state == pb::SESSION_OPEN) {
-      RETURN_IF_ERROR(connection_.run(
-          "UPDATE sessions SET state = ?, hash = zeroblob(32), closed_unix_ns = ? WHERE number = ?",
-          static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, session.number));
-    }
-    if (session.recording != 3) erasure.set_recordings(erasure.recordings() + (session.chunks > 0 ? 1 : 0));
-    // Retention removes the chunks in pieces. Their CRCs are not needed, because chunks that a station sends
-    // again are accepted unread.
-    RETURN_IF_ERROR(
-        connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
-                        " reason, by_whom, leftover, crcs)"
-                        " VALUES (?1, ?2, ?2, ?3, ?4, 1, zeroblob(4 * ?5)) ON CONFLICT (session)"
-                        " DO UPDATE"
-                        " SET deleted_unix_ns = ?2, reason = ?3, by_whom = ?4, leftover = 1,"
-                        " crcs = excluded.crcs",
-                        session.number, now_unix_ns, kReason, by, session.chunks));
-    RETURN_IF_ERROR(
-        connection_.run("UPDATE derived_recordings SET complete = 0 WHERE session = ?", session.number));
-    RETURN_IF_ERROR(connection_.run("DELETE FROM scores WHERE session = ?", session.number));
-    erasure.set_scores(erasure.scores() + static_cast<std::uint64_t>(connection_.changes()));
-    RETURN_IF_ERROR(connection_.run("DELETE FROM session_events WHERE session = ?", session.number));
-    // a misspelt name names the person too
-    RETURN_IF_ERROR(connection_.run("DELETE FROM unknown_trainees WHERE session = ?", session.number));
-    auto remarks = connection_.query("SELECT count(*) FROM annotations WHERE session = ?", session.number);
-    RETURN_IF_ERROR(remarks.step());
-    erasure.set_remarks_kept(erasure.remarks_kept() + remarks.natural(0));
-  }
-  erasure.set_sessions(sessions.size());
-  auto left = connection_.query("SELECT count(*) FROM sessions WHERE trainee = ?", name);
-  RETURN_IF_ERROR(left.step());
-  erasure.set_waiting_sessions(left.natural(0));
-  return {};
 }
 
 Result<std::vector<ErasureStore::GroupWithName>> ErasureStore::groupsWith(ErasedNames names) {
@@ -341,6 +192,18 @@ Result<std::vector<std::string>> ErasureStore::eraseInGroups(const ErasedNames& 
   return ids;
 }
 
+Status ErasureStore::eraseAccount(const ErasedNames& names) {
+  for (const std::string_view sql :
+       {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
+        "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id"
+        " FROM group_members WHERE person = ?)",
+        "DELETE FROM group_members WHERE person = ?", "DELETE FROM people WHERE name = ?"}) {
+    RETURN_IF_ERROR(connection_.run(sql, names.name));
+  }
+  RETURN_IF_ERROR(eraseAccess(connection_, names.name));
+  return eraseDoers(names);
+}
+
 Status ErasureStore::eraseDoers(const ErasedNames& names) {
   ASSIGN_OR_RETURN(const auto page_bytes, pragma("page_size"));
   for (const auto& [table, column, long_text] : kDoers) {
@@ -355,6 +218,24 @@ Status ErasureStore::eraseDoers(const ErasedNames& names) {
                                     names.in_its_place, names.name));
   }
   return {};
+}
+
+Result<std::string> ErasureStore::doneUnder(const std::string& name) {
+  std::string text;
+  const auto look = [&](std::string_view table, std::string_view column) -> Status {
+    ASSIGN_OR_RETURN(
+        const auto rows,
+        connection_.query(fmt::format("SELECT count(*) FROM {} WHERE {} = ?", table, column), name)
+            .first([](const Statement& row) { return row.natural(0); }));
+    if (rows.value_or(0) > 0)
+      text += (text.empty() ? "" : ", ") + fmt::format("{} of {} ({})", *rows, table, column);
+    return {};
+  };
+  RETURN_IF_ERROR(look("annotations", "author"));
+  RETURN_IF_ERROR(look("audit", "imported_by"));
+  for (const NameColumn& doer : kDoers) RETURN_IF_ERROR(look(doer.table, doer.column));
+  if (text.empty()) return text;
+  return "Whoever has this name wrote these rows of the database, which keep it: " + text + ". ";
 }
 
 void clearDeviceWords(pb::SessionDescription& description) {

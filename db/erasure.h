@@ -49,7 +49,8 @@ struct ReplacedWords {
   [[nodiscard]] std::string text() const;
 };
 
-/// Where remarks and lines of the audit log have a person's names (ErasureStore::lookForNames).
+/// Where remarks and lines of the audit log have a person's names (ErasureStore::lookForNames), and what of
+/// the erasure is done before its transaction.
 struct FoundNames {
   /// Rows by their numbers: above `after`, up to `last`. At most as many as one commit writes (text_pages.h).
   struct Page {
@@ -62,12 +63,14 @@ struct FoundNames {
   std::vector<std::int64_t> later_lines;
   std::uint64_t bytes = 0;  ///< of the rows in them that have a name
   ReplacedWords replaced;   ///< by replaceNames() so far
+  pb::Erasure sessions;     ///< what eraseSomeSessions() erased so far: its counts only
 };
 
 /// What an erasure's transaction did.
 struct ErasedRows {
-  pb::Erasure erasure;  ///< without `text`
-  ErasedNames names;
+  pb::Erasure erasure;                 ///< without `text`
+  ErasedNames names;                   ///< to look for: `typed` is not set
+  bool typed = false;                  ///< nobody had the name: it stays in texts about others
   std::set<std::string> session_ids;   ///< as the audit log has them
   std::vector<std::string> group_ids;  ///< with the name: they stay
   ReplacedWords replaced;
@@ -88,28 +91,39 @@ class ErasureStore {
   /// The key beside the database; created when missing. kCorrupt: the key is missing although people were
   /// erased. A new key could not identify them.
   Result<PseudonymKey> key();
-  /// Open sessions that `erase` would take, as "… at station …".
+  /// Open sessions that an erasure would take now, as "… at station …".
   Result<std::vector<std::string>> openSessions(std::string_view name, bool with_waiting = false);
+  /// The time of an erasure of this name that begins now: now, or the time of what it takes, if the clock was
+  /// ahead then. So all that is newer by its time came later, also where only the line tells of the erasure.
+  Result<std::int64_t> erasedAt(std::string_view name, std::int64_t now_unix_ns);
   /// In one transaction (db/README.md, "An erasure"). Sessions keep their rows, closed, under the pseudonym,
   /// without score, events and attempts' verdicts. Retention removes their chunks later
   /// (RetentionStore::leftovers). Sessions that wait for a manager under the name of an account stay as they
-  /// are, unless `with_waiting`: they may be another person's. `text` of the reply: places that still have
-  /// the name. Free parts of pages may have it until they are cleared (free_parts.h, kFreePartsKey).
-  /// kNotFound: the name has neither a person nor sessions; kDenied: the last administrator who can
+  /// are, unless `with_waiting`: they may be another person's. A line `without_account` takes no account, and
+  /// only sessions that came up to its time: of those under the name of a newer account those that wait,
+  /// under the name of an older one none; texts about others stay. `text` of the reply: places that still
+  /// have the name. Free parts of pages may have it until they are cleared (free_parts.h, kFreePartsKey).
+  /// kNotFound: the name has neither a person nor sessions that go; kDenied: the last administrator who can
   /// log in; kNoRoom: the disk would have become full. Then the transaction is sound and must be undone.
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns, bool with_waiting = false);
 
-  // The same in steps, for a server: what grows with the texts of all people is no part of the transaction.
-  // First lookForNames(); then replaceNames() for each page, each in a commit of its own; then eraseRows() in
-  // one; then reportOf(). Until eraseRows() is committed the person is not erased: whoever stops before it
-  // begins anew, and a program that was killed repeats the erasure at its next start.
+  // The same in steps, for a server: what grows with the texts of all people, or with the person's sessions,
+  // is no part of the transaction. First lookForNames(); then replaceNames() for each page, each in a commit
+  // of its own; then eraseSomeSessions() until there are few, each in a commit; then eraseRows() in one; then
+  // reportOf(). Until eraseRows() is committed the person is not erased: whoever stops before it begins anew,
+  // and a program that was killed repeats the erasure at its next start.
 
   /// Looks for the person in the remarks and the audit log that are there now. Any connection; no view of the
   /// database is held between the pages. Errors as erase(); kNoRoom: for what was found.
-  Result<FoundNames> lookForNames(const std::string& name, const std::string& pseudonym, bool with_waiting);
+  Result<FoundNames> lookForNames(const std::string& name, const ErasureLine& line, bool with_waiting);
   /// Replaces the names in one of the pages found: some 50 ms. In a transaction. kNoRoom.
   Status replaceNames(FoundNames& found, const FoundNames::Page& page);
+  /// Erases the first of the person's sessions, kBytesOfPage of what stations and scores wrote to them (or
+  /// one session): the commit writes it anew, and the writer's memory holds it. False: nothing was done, no
+  /// more is left than that, and the transaction takes it. In a transaction; errors as erase().
+  Result<bool> eraseSomeSessions(const std::string& name, const ErasureLine& line, const std::string& by,
+                                 std::int64_t now_unix_ns, bool with_waiting, FoundNames& found);
   /// All the rest. Of remarks and lines it looks only at those that came after `found`, but at all where the
   /// person got another full name or other sessions since; null: nothing was replaced before. In a
   /// transaction; errors as erase().
@@ -143,13 +157,17 @@ class ErasureStore {
   /// stays empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
   /// Erased people, by DIR/erasures or by this database, who are in the database again: from a restored
-  /// backup or from imported older records. Sessions that an erasure here left waiting are not theirs. Lines
-  /// that listFaults() tells are not obeyed. Empty when all is well. kCorrupt: as key().
+  /// backup or from imported older records. Sessions that an erasure here left waiting are not theirs. By a
+  /// line that the database does not know, an account is theirs unless it is newer, and what came under a
+  /// name that nobody had, if it is not. Lines that listFaults() tells are not obeyed. Empty when all is
+  /// well. kCorrupt: as key().
   Result<std::vector<ErasureToRepeat>> toRepeat(const std::filesystem::path& folder);
   /// Puts the lines of DIR/erasures that this database does not know into it, but not those of the pseudonyms
-  /// `stay`: who comes under such a name from now on is not from before the erasure. Lines that listFaults()
-  /// tells are passed over. In a transaction. kCorrupt: as key().
-  Status rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay);
+  /// `stay`: who comes under such a name from now on is not from before the erasure. An account that such a
+  /// line names is newer (toRepeat): the audit log says so, because a clock may have been wrong. Lines that
+  /// listFaults() tells are passed over. In a transaction. kCorrupt: as key().
+  Status rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay,
+                      std::int64_t now_unix_ns);
   /// Lines of DIR/erasures that another key made, or that were changed, for display; empty when all is well.
   /// kCorrupt: as key().
   Result<std::vector<std::string>> listFaults(const std::filesystem::path& folder);
@@ -158,6 +176,18 @@ class ErasureStore {
   struct Erased {
     std::string pseudonym;
     std::int64_t unix_ns = 0;
+  };
+  /// Sessions of a person, as eraseSessions() needs them.
+  struct OwnSession {
+    std::int64_t number = 0;
+    pb::SessionState state = pb::SESSION_OPEN;
+    int recording = 1;
+    std::uint64_t chunks = 0;
+    std::string description;
+  };
+  struct OwnSessions {
+    std::vector<OwnSession> sessions;
+    bool more = false;  ///< than these
   };
   struct GroupWithName {
     std::string id, name, name_after;
@@ -170,19 +200,23 @@ class ErasureStore {
   Status requireRoom(std::uint64_t bytes = 0);
   Result<std::uint64_t> pragma(std::string_view name);
   /// kNotFound, kDenied as erase().
-  Status mayErase(const std::string& name);
+  Status mayErase(const std::string& name, const ErasureLine& line, bool with_waiting);
   /// The person's names, but for `others`, and sessions. `before`: to read only the later lines of the log.
-  Result<PersonTraces> tracesOf(const std::string& name, const std::string& pseudonym, bool with_waiting,
+  Result<PersonTraces> tracesOf(const std::string& name, const ErasureLine& line, bool with_waiting,
                                 const PersonTraces* before);
-  /// Replaces the person as who did something.
+  /// Removes what only an account has, and replaces the person as who did something.
+  Status eraseAccount(const ErasedNames& names);
   Status eraseDoers(const ErasedNames& names);
   /// The newest erasure of the name, or the newest one `of_an_account`.
   Result<std::optional<Erased>> newestErasure(std::string_view name, bool of_an_account = false);
-  /// Puts the erasure into the database, or makes it newer; `without_account`: nobody had the name.
-  Status remember(const ErasureLine& line, bool without_account, const std::string& by,
-                  const std::string& reason);
-  Status eraseSessions(const ErasedNames& names, bool with_waiting, std::int64_t now_unix_ns,
-                       const std::string& by, pb::Erasure& erasure);
+  /// Puts the erasure into the database, or makes it newer.
+  Status remember(const ErasureLine& line, const std::string& by, const std::string& reason);
+  /// The sessions that an erasure takes now, in their order, until they have so many bytes.
+  Result<OwnSessions> sessionsToErase(const std::string& name, const ErasureLine& line, bool with_waiting,
+                                      std::uint64_t most_bytes);
+  /// Adds what it erased to the counts.
+  Status eraseSessions(const std::vector<OwnSession>& sessions, const std::string& pseudonym,
+                       std::int64_t now_unix_ns, const std::string& by, pb::Erasure& erasure);
   /// In rows whose numbers are above `after` and up to `last`.
   Status replaceInRemarks(const PersonTraces& who, std::int64_t after, std::int64_t last,
                           ReplacedWords& replaced);
@@ -200,6 +234,8 @@ class ErasureStore {
   Result<std::string> sessionsAlike(const ErasedNames& names);
   /// Texts that the name may still be in, by a plain search, for the administrator to look at; empty: none.
   Result<std::string> perhapsLeft(const ErasedNames& names);
+  /// Rows whose author has the name, where that is not replaced, for the administrator; empty: none.
+  Result<std::string> doneUnder(const std::string& name);
   Connection& connection_;
   FreeRoom free_room_;
   int rows_ = 0;  ///< that were written since requireRoom()

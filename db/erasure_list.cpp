@@ -173,9 +173,10 @@ Status writeErasures(const std::filesystem::path& folder, const std::vector<Eras
   return replaceFileAtomically(folder / file, viewOf(text), 0600);
 }
 
-Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
-                   const char* file, const PseudonymKey* key) {
-  ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
+namespace {
+
+/// Adds what `all` lacks of `lines`, as addErasures(). Returns whether it lacked something.
+bool merge(std::vector<ErasureLine>& all, const std::vector<ErasureLine>& lines, const PseudonymKey* key) {
   std::unordered_map<std::string, std::size_t> places;
   for (std::size_t at = 0; at < all.size(); ++at) places.emplace(all[at].pseudonym, at);
   bool more = false;
@@ -193,7 +194,79 @@ Status addErasures(const std::filesystem::path& folder, const std::vector<Erasur
     }
     more = true;
   }
-  return more ? writeErasures(folder, all, file) : Status();
+  return more;
+}
+
+}  // namespace
+
+Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                   const char* file, const PseudonymKey* key) {
+  ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
+  return merge(all, lines, key) ? writeErasures(folder, all, file) : Status();
+}
+
+Result<std::string> addErasuresBeside(const std::filesystem::path& backups,
+                                      const std::vector<ErasureLine>& lines, const PseudonymKey* key) {
+  const std::filesystem::path path = backups / kErasuresCopy;
+  auto read = readErasures(backups, kErasuresCopy);
+  std::string note;
+  if (!read && read.error().code == ErrorCode::kCorrupt) {
+    const std::filesystem::path aside = backups / kErasuresAside;
+    std::error_code error;
+    std::filesystem::rename(path, aside, error);
+    if (error)
+      return Error{ErrorCode::kFailed, fmt::format("{}; it cannot be put aside as {}: {}",
+                                                   read.error().message, aside.string(), error.message())};
+    note = fmt::format("{}. It was put aside as {}, and a new list has the erasures of this machine",
+                       read.error().message, aside.string());
+    read = std::vector<ErasureLine>();
+  }
+  if (!read) return read.error();
+  std::vector<ErasureLine>& all = *read;
+  const bool more = merge(all, lines, key);
+  const std::size_t too_many = all.size() > kMostLinesBeside ? all.size() - kMostLinesBeside : 0;
+  std::size_t left_out = 0;
+  const auto kept = std::remove_if(all.rbegin(), all.rend(), [&](const ErasureLine& line) {
+    const bool goes = left_out < too_many && key != nullptr && sealOf(line, *key) != SealState::kOurs;
+    if (goes) ++left_out;
+    return goes;
+  });
+  all.erase(all.begin(), kept.base());
+  if (left_out > 0)
+    note = fmt::format(
+        "{}: {} lines that the pseudonym.key here did not make were taken out, because a list "
+        "beside backups has at most {} lines: who put them there?",
+        path.string(), left_out, kMostLinesBeside);
+  if (more || left_out > 0) RETURN_IF_ERROR(writeErasures(backups, all, kErasuresCopy));
+  return note;
+}
+
+std::string lackedBeside(const std::filesystem::path& backups, const std::vector<ErasureLine>& lines,
+                         const PseudonymKey& key) {
+  const std::filesystem::path path = backups / kErasuresCopy;
+  constexpr std::string_view kThen =
+      "a backup there that is restored on another machine brings these people back. The next backup there "
+      "writes the list; or copy the file 'erasures' of the data folder to it";
+  const auto there = readErasures(backups, kErasuresCopy);
+  if (!there)
+    return fmt::format("the list of erasures beside the backups cannot be read ({}): {}",
+                       there.error().message, kThen);
+  std::unordered_map<std::string_view, const ErasureLine*> known;
+  for (const ErasureLine& line : *there) known.emplace(line.pseudonym, &line);
+  Found lacked;
+  for (const ErasureLine& line : lines) {
+    const SealState state = sealOf(line, key);
+    if (state != SealState::kOurs && state != SealState::kNone) continue;
+    const auto found = known.find(line.pseudonym);
+    // a restore may not obey lines without a MAC; a version of before wrote those here, too
+    const bool holds = found != known.end() && found->second->unix_ns >= line.unix_ns &&
+                       (sealOf(*found->second, key) == SealState::kOurs ||
+                        (state == SealState::kNone && !found->second->seal));
+    if (!holds && lacked.count++ == 0) lacked.first = &line;
+  }
+  if (lacked.count == 0) return {};
+  return fmt::format("{}: the list of erasures beside the backups lacks {} erasures, such as {}: {}",
+                     path.string(), lacked.count, printable(lacked.first->pseudonym), kThen);
 }
 
 ErasureLine sealed(ErasureLine line, const PseudonymKey& key) {

@@ -33,6 +33,8 @@ struct ErasureLine {
 /// its own.
 inline constexpr const char* kErasuresFile = "erasures";
 inline constexpr const char* kErasuresCopy = "needlelab.erasures";
+/// What stood in the place of that copy and was no list.
+inline constexpr const char* kErasuresAside = "needlelab.erasures.put-aside";
 
 /// Of a list, and of one beside a backup: a restore leaves room for erasures to come.
 inline constexpr std::size_t kMostErasureLines = 50'000, kMostLinesBeside = 25'000;
@@ -55,6 +57,17 @@ Status writeErasures(const std::filesystem::path& folder, const std::vector<Eras
 /// replaced by none of these. Errors as of both.
 Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
                    const char* file = kErasuresFile, const PseudonymKey* key = nullptr);
+
+/// Adds `lines`, those of this machine, to the list beside its backups, as addErasures(). What others put
+/// there keeps none of them out: lines that this `key` did not make leave above kMostLinesBeside, the last
+/// first, and a file that is no list is put aside (kErasuresAside). Returns what was done about them, for
+/// display; empty: nothing. Errors: what stands there is no file, or cannot be written.
+Result<std::string> addErasuresBeside(const std::filesystem::path& backups,
+                                      const std::vector<ErasureLine>& lines, const PseudonymKey* key);
+/// What the list beside the backups lacks of `lines`, for display; empty: nothing. Lines of another key do
+/// not count. A list that cannot be read lacks all.
+std::string lackedBeside(const std::filesystem::path& backups, const std::vector<ErasureLine>& lines,
+                         const PseudonymKey& key);
 
 /// The line with this key's MAC.
 ErasureLine sealed(ErasureLine line, const PseudonymKey& key);

@@ -47,7 +47,11 @@ Result<std::string> ErasureStore::reportOf(const ErasedRows& done) {
   ASSIGN_OR_RETURN(const auto alike, sessionsAlike(done.names));
   ASSIGN_OR_RETURN(const auto left, leftOver(done.names, done.group_ids));
   ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(done.names));
-  return alike + done.replaced.text() + left + perhaps;
+  std::string authors;
+  if (done.typed) {
+    ASSIGN_OR_RETURN(authors, doneUnder(done.names.name));
+  }
+  return alike + done.replaced.text() + left + perhaps + authors;
 }
 
 Result<std::string> ErasureStore::leftOver(const ErasedNames& names,

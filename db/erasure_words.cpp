@@ -51,11 +51,12 @@ bool saysFullNames(const AuditRow& line, const std::string& name) {
 }
 
 /// The remark as it is after the erasure; nothing: it stays. Remarks also name people in other people's
-/// sessions; parts of a full name and given names are replaced only in the person's own sessions.
+/// sessions; parts of a full name and names that were typed at stations are replaced only in the person's own
+/// sessions.
 std::optional<RemarkRow> replacedIn(const RemarkRow& remark, const PersonTraces& who) {
   RemarkRow after = remark;
   after.text = withoutNames(remark.text, who.names, who.sessions.contains(remark.session));
-  if (remark.author == who.names.name) after.author = who.names.in_its_place;
+  if (!who.names.typed && remark.author == who.names.name) after.author = who.names.in_its_place;
   if (after.text == remark.text && after.author == remark.author) return std::nullopt;
   return after;
 }
@@ -64,7 +65,7 @@ std::optional<RemarkRow> replacedIn(const RemarkRow& remark, const PersonTraces&
 std::optional<AuditRow> replacedIn(const LineRow& row, const PersonTraces& who) {
   const AuditRow& before = row.line;
   AuditRow after = withoutNames(before, who.names, who.session_ids);
-  if (before.imported_by == who.names.name) after.imported_by = who.names.in_its_place;
+  if (!who.names.typed && before.imported_by == who.names.name) after.imported_by = who.names.in_its_place;
   if (after.who == before.who && after.subject == before.subject && after.detail == before.detail &&
       after.imported_by == before.imported_by)
     return std::nullopt;
@@ -97,13 +98,13 @@ bool PersonTraces::hasAllOf(const PersonTraces& now) const {
          });
 }
 
-Result<FoundNames> ErasureStore::lookForNames(const std::string& name, const std::string& pseudonym,
+Result<FoundNames> ErasureStore::lookForNames(const std::string& name, const ErasureLine& line,
                                               bool with_waiting) {
   FoundNames found;
   {
     ASSIGN_OR_RETURN(const auto view, Transaction::view(connection_));
-    RETURN_IF_ERROR(mayErase(name));
-    ASSIGN_OR_RETURN(found.who, tracesOf(name, pseudonym, with_waiting, nullptr));
+    RETURN_IF_ERROR(mayErase(name, line, with_waiting));
+    ASSIGN_OR_RETURN(found.who, tracesOf(name, line, with_waiting, nullptr));
     // the names of groups that lose the person are no other names, which stay
     ASSIGN_OR_RETURN(const auto groups, groupsWith(found.who.names));
     std::set<std::string> not_others;

@@ -148,6 +148,13 @@ std::string samplesOf(std::string_view name) {
   return fmt::format("samples of '{}'", name);
 }
 
+/// The detail of a line that says that a session was given to somebody else: "from Mona to anna: reason".
+std::string withoutFormerOwner(const std::string& detail, const ErasedNames& names) {
+  const std::string from = "from " + names.name + " to ";
+  if (names.name == kGuestName || !detail.starts_with(from)) return detail;
+  return "from " + names.in_its_place + " to " + detail.substr(from.size());
+}
+
 /// In a group's line "…; name: 'The class'; joined: …", replaces names in the group's name.
 std::string withoutInGroupName(std::string text, const ErasedNames& names) {
   constexpr std::string_view kName = "; name: '";
@@ -231,7 +238,7 @@ std::string withoutNames(const std::string& text, const ErasedNames& names, bool
   if (own)
     for (const std::string& given : names.given)
       replaceWord(without, given, names.in_its_place, Case::kEither, names.others);
-  replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
+  if (own || !names.typed) replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
   if (!own) return without;
   for (const std::string& full_name : names.full_names) {
     eachPart(full_name, [&](std::string_view part) {
@@ -330,7 +337,7 @@ AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
                       const std::set<std::string>& own_sessions) {
   AuditRow without = line;
   // in those lines it is a station's name
-  const bool by = line.who == names.name && line.action != "chunk contradicts";
+  const bool by = !names.typed && line.who == names.name && line.action != "chunk contradicts";
   const bool about = isPersonSubject(line, names.name);
   if (by) without.who = names.in_its_place;
   if (about) {
@@ -339,11 +346,14 @@ AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
       without.detail = line.detail.substr(0, at) + "full name changed";
   }
   if (line.action == "group set") {
-    without.detail = withoutInGroupName(withoutListed(line.detail, names.name, names.in_its_place), names);
+    if (!names.typed)
+      without.detail = withoutInGroupName(withoutListed(line.detail, names.name, names.in_its_place), names);
   } else if (about || own_sessions.contains(line.subject)) {
     without.detail = withoutNames(without.detail, names, true);
   } else if (line.action == "session export" && line.detail == samplesOf(names.name)) {
     without.detail = samplesOf(names.in_its_place);  // the session was given to somebody else afterwards
+  } else if (names.typed && line.action == "session assign") {
+    without.detail = withoutFormerOwner(line.detail, names);
   } else if (by || line.action == "attempt excuse" || line.action == "session assign") {
     without.detail = withoutNames(without.detail, names, false);
   }

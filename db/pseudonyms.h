@@ -74,11 +74,13 @@ struct ErasedNames {
   OtherNames others;                    ///< names and ids of others that contain one of these
   std::string in_its_place;             ///< the pseudonym
   std::vector<std::string> given;       ///< what people typed at stations for this person: any word
+  /// Nobody had `name`: somebody typed it at a station, as a given name. It is any word, too.
+  bool typed = false;
 };
 
 /// Replaces name and full names as a whole, case-insensitively, except within one of `others`. `own`, for
-/// texts about this person: also replaces given names, and, case-sensitively, each word of a full name longer
-/// than two letters. In other texts they may be a common word.
+/// texts about this person: also replaces names that were typed at a station, and, case-sensitively, each
+/// word of a full name longer than two letters. In other texts they may be a common word.
 std::string withoutNames(const std::string& text, const ErasedNames& names, bool own);
 /// Looks for a name, a given or a full name, or a word of one, anywhere in texts, in either case of any
 /// script (foldCase), but for `others`. It finds more than withoutNames() replaces: "Annabel" for "anna",
@@ -107,7 +109,8 @@ Status addOthers(Connection& connection, ErasedNames& names, bool of_groups = tr
 
 /// Removes the person from a line of the audit log. Replaces who and subject only where they mean this person
 /// (the action decides for the subject), and names in the detail according to the person that it is about.
-/// `own_sessions`: ids as text.
+/// Who did something had an account, so a name that was typed at a station is never that. `own_sessions`: ids
+/// as text.
 AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
                       const std::set<std::string>& own_sessions);
 

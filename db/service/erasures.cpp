@@ -1,6 +1,7 @@
 // Erases a person's data. Order: checks that may refuse; a look for the name; the line in DIR/erasures; the
-// name in remarks and audit lines, a page at a time; the transaction. After a crash between the line and the
-// end of the transaction, the next start repeats the erasure.
+// name in remarks and audit lines, a page at a time; the person's sessions, if they are many, a page at a
+// time; the transaction. After a crash between the line and the end of the transaction, the next start
+// repeats the erasure.
 #include "db/service/erasures.h"
 
 #include <fmt/core.h>
@@ -64,17 +65,22 @@ std::string textOnListBeside(const std::filesystem::path& backups, const std::fi
                              const Error& why) {
   return fmt::format(
       "Pending: the list of erasures beside the backups could not be written ({}), so a backup there that is "
-      "restored on another machine brings this person back. When there is room, the next backup writes the "
-      "list; or copy {} to {}. ",
+      "restored on another machine brings this person back. When that is mended, the next backup writes the "
+      "list; or copy {} to {}. `check` goes on saying it. ",
       why.message, (folder / kErasuresFile).string(), (backups / kErasuresCopy).string());
 }
 
-/// For the error of an erasure that ended before its transaction; empty: nothing was replaced.
-std::string textOnReplaced(const ReplacedWords& replaced, const std::string& pseudonym) {
-  if (replaced.remarks + replaced.lines == 0) return {};
-  return fmt::format(
-      "; '{}' stands in the place of the name in {} remarks and {} lines of the audit log already", pseudonym,
-      replaced.remarks, replaced.lines);
+/// For the error of an erasure that ended before its transaction; empty: nothing was done.
+std::string textOnDone(const FoundNames& found, const std::string& pseudonym) {
+  const ReplacedWords& replaced = found.replaced;
+  std::string text;
+  if (replaced.remarks + replaced.lines > 0)
+    text = fmt::format(
+        "; '{}' stands in the place of the name in {} remarks and {} lines of the audit log already",
+        pseudonym, replaced.remarks, replaced.lines);
+  if (found.sessions.sessions() > 0)
+    text += fmt::format("; {} of the person's sessions are erased already", found.sessions.sessions());
+  return text;
 }
 
 /// What to do with sessions that wait under the name; empty: there are none.
@@ -91,7 +97,10 @@ std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
 
 std::filesystem::path backupsFolder(Connection& reader) {
   const auto backup = MetaStore(reader).get("backup_path");
-  return backup && *backup ? std::filesystem::path(**backup).parent_path() : std::filesystem::path();
+  if (!backup || !*backup) return {};
+  auto folder = std::filesystem::path(**backup).parent_path();
+  std::error_code missing;
+  return std::filesystem::is_directory(folder, missing) ? folder : std::filesystem::path();
 }
 
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done) {
@@ -124,7 +133,9 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   const auto again = std::find_if(repeat.begin(), repeat.end(),
                                   [&](const auto& erasure) { return erasure.name == call.name(); });
   ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.name()));
-  ErasureLine unsealed{newErasurePseudonym(), hash, context.now_unix_ns, call.with_waiting_sessions()};
+  ASSIGN_OR_RETURN(const auto unix_ns,
+                   ErasureStore(context.reader).erasedAt(call.name(), context.now_unix_ns));
+  ErasureLine unsealed{newErasurePseudonym(), hash, unix_ns, call.with_waiting_sessions()};
   unsealed.without_account = !person;
   if (again != repeat.end()) {
     unsealed.pseudonym = again->line.pseudonym;
@@ -134,8 +145,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   // the writer looks at none of what lies there for long: remarks and audit lines have up to some GB
   ASSIGN_OR_RETURN(auto found, [&]() -> Result<FoundNames> {
     const CancelScope may_end(context.reader, context.cancelled);
-    return ErasureStore(context.reader)
-        .lookForNames(call.name(), line.pseudonym, call.with_waiting_sessions());
+    return ErasureStore(context.reader).lookForNames(call.name(), line, call.with_waiting_sessions());
   }());
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
@@ -147,6 +157,13 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   for (std::size_t i = 0; status.ok() && i < found.pages.size(); ++i)
     status = context.writer.run(
         [&](Connection& writer) { return ErasureStore(writer).replaceNames(found, found.pages[i]); });
+  for (bool more = true; status.ok() && more;)
+    status = context.writer.run([&](Connection& writer) -> Status {
+      ASSIGN_OR_RETURN(more, ErasureStore(writer).eraseSomeSessions(call.name(), line, context.who.name,
+                                                                    context.now_unix_ns,
+                                                                    call.with_waiting_sessions(), found));
+      return {};
+    });
   if (status.ok())
     status = context.writer.run([&](Connection& writer) -> Status {
       ASSIGN_OR_RETURN(
@@ -169,8 +186,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     // what was undone keeps its room in the log
     if (status.error().code == ErrorCode::kNoRoom)
       (void)context.writer.emptyLog(std::chrono::milliseconds::zero());
-    return Error{status.error().code,
-                 status.error().message + textOnReplaced(found.replaced, line.pseudonym)};
+    return Error{status.error().code, status.error().message + textOnDone(found, line.pseudonym)};
   }
   pb::Erasure erasure = done.erasure;
   const auto left = [&] {
@@ -181,9 +197,11 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   // the next backup
   std::string beside;
   const auto backups = backupsFolder(context.reader);
-  if (std::error_code missing; std::filesystem::is_directory(backups, missing))
-    if (const auto added = addErasures(backups, lines, kErasuresCopy, &key); !added)
-      beside = textOnListBeside(backups, folder, added.error());
+  if (!backups.empty()) {
+    const auto added = addErasuresBeside(backups, lines, &key);
+    beside =
+        !added ? textOnListBeside(backups, folder, added.error()) : *added + (added->empty() ? "" : ". ");
+  }
   erasure.set_text(beside + (keeps_later ? textOnLater(call.name()) : "") +
                    textOnWaiting(call.name(), erasure.waiting_sessions()) +
                    (left ? *left
@@ -207,8 +225,8 @@ void nameFilesOfErased(const std::vector<std::filesystem::path>& files, const Er
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")
            : fmt::format("These still hold this person's data, or nobody can tell: {}. Remove them. A backup "
-                         "among them that is restored is erased anew before it serves, but only what stands "
-                         "there under the name '{}', not under one that stations gave. ",
+                         "among them that is restored here is erased anew before it serves, but only what "
+                         "stands there under the name '{}', not under one that stations gave. ",
                          named, erased.names.name)) +
       "Backups elsewhere hold it until they are removed; the server's own log files go by their rotation.");
 }

@@ -157,7 +157,7 @@ Result<pb::Reply> getReference(const Context& context, const pb::GetReference& c
 // erasures.cpp, study_handlers.cpp, record_handlers.cpp
 /// `done`: for nameFilesOfErased().
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
-/// Where the last backup was put; empty: there was none.
+/// Where the last backup was put; empty: there was none, or the folder is not there now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);
 /// Adds to the reply which files still hold the person. Last of all: others may have written these files, and
 /// looking into them may take a minute (LookAtFiles).

@@ -54,11 +54,16 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
   const auto folder = writer.path().parent_path();
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
   all.lines_ = std::move(lines);
+  // only the list says for certain that nobody had a name: the database may have it from an older export
+  std::set<std::string> typed;
+  for (const ErasureLine& line : all.lines_)
+    if (line.without_account) typed.insert(line.pseudonym);
   auto rows = writer.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
   for (;;) {
     ASSIGN_OR_RETURN(const auto row, rows.step());
     if (!row) break;
     ErasureLine line{rows.text(0), {}, rows.integer(2)};
+    line.without_account = typed.contains(line.pseudonym);
     const auto bytes = rows.bytes(1);
     if (bytes.size() == line.name_hash.size()) {
       std::copy(bytes.begin(), bytes.end(), line.name_hash.begin());
@@ -84,6 +89,7 @@ Status ImportErasures::foresee(const RecordJson& record) {
   if (kind == "erasure") exported_.insert(text("pseudonym"));
   if (kind == "person" && wasErased(text("name"))) {
     const std::string name = text("name"), full_name = text("full_name");
+    accounts_.insert(name);
     RETURN_IF_ERROR(expect(name, name));
     RETURN_IF_ERROR(expect(full_name, name));
     for (std::size_t at = 0; at < full_name.size();) {
@@ -119,8 +125,8 @@ Status ImportErasures::expect(const std::string& word, const std::string& person
                            kMostBytes)};
 }
 
-void ImportErasures::meet(const std::string& name, const std::string& pseudonym) {
-  met_.try_emplace(name, Person{met_.size(), pseudonym, {}, {}});
+void ImportErasures::meet(const std::string& name, const ErasureLine& erasure) {
+  met_.try_emplace(name, Person{met_.size(), erasure.pseudonym, erasure.without_account, {}, {}});
 }
 
 template <typename Replace>
@@ -148,6 +154,7 @@ Status ImportErasures::eachNamedIn(const RecordTable& table, const std::string& 
   for (const Found& one : found) {
     names.name = *one.name;
     names.in_its_place = one.person->pseudonym;
+    names.typed = one.person->typed;
     names.full_names.assign(one.person->full_names.begin(), one.person->full_names.end());
     names.given.clear();
     for (const std::string& word : *one.words)
@@ -163,14 +170,15 @@ bool ImportErasures::wasLeft(const std::string& id_digits, const std::string& na
   return waiting_.contains(id_digits) && (met_.contains(name) || exported_.contains(pseudonym));
 }
 
-std::optional<std::string> ImportErasures::pseudonymOf(const std::string& name,
-                                                       std::int64_t made_unix_ns) const {
-  if (!key_ || name.empty()) return std::nullopt;
+const ErasureLine* ImportErasures::erasureOf(const std::string& name, std::int64_t made_unix_ns,
+                                             Whose whose) const {
+  if (!key_ || name.empty()) return nullptr;
   const auto lines = lines_of_.find(key_->nameHash(name));
-  if (lines == lines_of_.end()) return std::nullopt;
+  if (lines == lines_of_.end()) return nullptr;
   for (const std::size_t i : lines->second)
-    if (lines_[i].unix_ns >= made_unix_ns) return lines_[i].pseudonym;
-  return std::nullopt;
+    if (lines_[i].unix_ns >= made_unix_ns && (whose == Whose::kAnybodys || !lines_[i].without_account))
+      return &lines_[i];
+  return nullptr;
 }
 
 Result<bool> ImportErasures::isOfErasedSession(const std::string& id_digits) {
@@ -187,34 +195,35 @@ Result<bool> ImportErasures::isOfErasedSession(const std::string& id_digits) {
 }
 
 Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJson& record) {
-  const auto owner = [&](const char* name, const char* when) {
-    return pseudonymOf(textOfField(record, name), timeOfField(record, when));
+  const auto owner = [&](const char* name, const char* when, Whose whose = Whose::kAccounts) {
+    return erasureOf(textOfField(record, name), timeOfField(record, when), whose);
   };
   if (table.kind == "person") {
-    const auto pseudonym = owner("name", "created_unix_ns");
-    if (!pseudonym) return false;
+    const ErasureLine* const erasure = owner("name", "created_unix_ns");
+    if (erasure == nullptr) return false;
     const std::string name = textOfField(record, "name"), full_name = textOfField(record, "full_name");
-    meet(name, *pseudonym);
+    meet(name, *erasure);
     // an export has each person once
     constexpr std::size_t kMostFullNames = 16;
     auto& full_names = met_.at(name).full_names;
     if (!full_name.empty() && full_names.size() < kMostFullNames) full_names.insert(full_name);
     return true;
   }
-  if (table.kind == "consent") return owner("person", "unix_ns").has_value();
-  if (table.kind == "assignment") return owner("trainee", "created_unix_ns").has_value();
+  if (table.kind == "consent") return owner("person", "unix_ns") != nullptr;
+  if (table.kind == "assignment") return owner("trainee", "created_unix_ns") != nullptr;
   if (table.kind == "group_member") {
     // the record has no time: decide by whether the person existed before it
     return met_.contains(textOfField(record, "person"));
   }
   if (table.kind == "session") {
-    const std::string id = textOfField(record, "id");
-    const auto pseudonym = owner("trainee", "received_unix_ns");
-    const bool erased = pseudonym && !wasLeft(id, textOfField(record, "trainee"), *pseudonym);
+    const std::string id = textOfField(record, "id"), trainee = textOfField(record, "trainee");
+    const ErasureLine* const erasure = owner(
+        "trainee", "received_unix_ns", accounts_.contains(trainee) ? Whose::kAccounts : Whose::kAnybodys);
+    const bool erased = erasure != nullptr && !wasLeft(id, trainee, erasure->pseudonym);
     if (!erased && timeOfField(record, "erased") != 0) return false;  // an exported pseudonym
     if (erased) {
       sessions_[id] = true;
-      owners_[id] = textOfField(record, "trainee");
+      owners_[id] = trainee;
       if (const auto bytes = bytesOfHex(id)) session_texts_.insert(sessionText(*bytes));
       return true;
     }
@@ -234,8 +243,9 @@ Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJs
 
 void ImportErasures::replaceDoer(RecordJson& record, const char* doer, const char* when) const {
   if (!record.contains(doer) || !record.contains(when)) return;
-  if (const auto pseudonym = pseudonymOf(textOfField(record, doer), timeOfField(record, when)))
-    record[doer] = *pseudonym;
+  if (const ErasureLine* const erasure =
+          erasureOf(textOfField(record, doer), timeOfField(record, when), Whose::kAccounts))
+    record[doer] = erasure->pseudonym;
 }
 
 Status ImportErasures::replaceGiven(RecordJson& record) {
@@ -245,12 +255,12 @@ Status ImportErasures::replaceGiven(RecordJson& record) {
                    writer_.query("SELECT received_unix_ns FROM sessions WHERE id = ?", viewOf(*bytes))
                        .first([](const Statement& row) { return row.integer(0); }));
   if (!received_unix_ns) return {};  // the import says that it is not there
-  const auto pseudonym = pseudonymOf(textOfField(record, "given"), *received_unix_ns);
-  if (!pseudonym) return {};
-  if (wasLeft(textOfField(record, "session"), textOfField(record, "given"), *pseudonym)) return {};
+  const std::string given = textOfField(record, "given");
+  const ErasureLine* const erasure = erasureOf(given, *received_unix_ns);
+  if (erasure == nullptr || wasLeft(textOfField(record, "session"), given, erasure->pseudonym)) return {};
   // remarks and lines of the audit log, which come later, may have it too
-  meet(textOfField(record, "given"), *pseudonym);
-  record["given"] = *pseudonym;
+  meet(given, *erasure);
+  record["given"] = erasure->pseudonym;
   return {};
 }
 
@@ -270,7 +280,7 @@ Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, R
   if (table.kind == "group") {
     std::string name = textOfField(record, "name");
     RETURN_IF_ERROR(eachNamedIn(table, textOfField(record, "name"), [&](const ErasedNames& names) {
-      if (pseudonymOf(names.name, timeOfField(record, "changed_unix_ns")))
+      if (erasureOf(names.name, timeOfField(record, "changed_unix_ns")) != nullptr)
         name = withoutNames(name, names, false);
     }));
     record["name"] = name;
@@ -284,13 +294,13 @@ Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, R
                   textOfField(record, "detail")};
     const std::string text = line.who + "\n" + line.subject + "\n" + line.detail;
     RETURN_IF_ERROR(eachNamedIn(table, text, [&](const ErasedNames& names) {
-      if (pseudonymOf(names.name, line.unix_ns)) line = withoutNames(line, names, session_texts_);
+      if (erasureOf(names.name, line.unix_ns) != nullptr) line = withoutNames(line, names, session_texts_);
     }));
     // an erased person without a record in this import, as far as the line shows it
     for (std::string* name : {&line.who, &line.subject}) {
-      const auto pseudonym = pseudonymOf(*name, line.unix_ns);
-      if (!pseudonym) continue;
-      const ErasedNames names{*name, {}, {}, *pseudonym, {}};
+      const ErasureLine* const erasure = erasureOf(*name, line.unix_ns);
+      if (erasure == nullptr) continue;
+      const ErasedNames names{*name, {}, {}, erasure->pseudonym, {}, erasure->without_account};
       line = withoutNames(line, names, session_texts_);
     }
     record["who"] = line.who;

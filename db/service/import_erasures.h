@@ -48,9 +48,13 @@ class ImportErasures {
 
  private:
   explicit ImportErasures(Connection& writer) : writer_(writer) {}
-  /// The pseudonym of the person with this name at the time of the record; nothing: that person was not
-  /// erased since.
-  std::optional<std::string> pseudonymOf(const std::string& name, std::int64_t made_unix_ns) const;
+  /// Whose names count for a record: everybody's, or only those of accounts. A name that was erased while
+  /// nobody had it is no account's, and nobody did something under it.
+  enum class Whose { kAnybodys, kAccounts };
+  /// The erasure of the person with this name at the time of the record; null: that person was not erased
+  /// since.
+  const ErasureLine* erasureOf(const std::string& name, std::int64_t made_unix_ns,
+                               Whose whose = Whose::kAnybodys) const;
   Result<bool> isOfErased(const RecordTable& table, const RecordJson& record);
   Result<bool> isOfErasedSession(const std::string& id_digits);
   /// True when the erasure left this session, which waits: the erasure was before the export, or the name was
@@ -63,7 +67,7 @@ class ImportErasures {
   [[nodiscard]] bool wasErased(const std::string& name) const;
   /// Notes a word by which the texts may name the person.
   Status expect(const std::string& word, const std::string& person);
-  void meet(const std::string& name, const std::string& pseudonym);
+  void meet(const std::string& name, const ErasureLine& erasure);
   /// Calls `replace` for each person met who is in the text, in the order in which they were met, with those
   /// names that are in it.
   template <typename Replace>
@@ -75,9 +79,11 @@ class ImportErasures {
   std::map<PseudonymKey::Hash, std::vector<std::size_t>> lines_of_;  ///< of a name, in their order
   std::set<std::string> waiting_;   ///< ids in digits of the import's sessions that wait
   std::set<std::string> exported_;  ///< pseudonyms of the import's erasures
+  std::set<std::string> accounts_;  ///< erased names that people of the import have
   struct Person {
     std::size_t number = 0;  ///< in the order in which they were met
     std::string pseudonym;
+    bool typed = false;  ///< nobody had the name
     std::set<std::string> full_names;
     std::set<std::string> given;  ///< in small letters
   };

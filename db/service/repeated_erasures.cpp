@@ -57,7 +57,7 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns,
     ++count;
   }
   ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
-  RETURN_IF_ERROR(store.rememberList(writer.path().parent_path(), stay));
+  RETURN_IF_ERROR(store.rememberList(writer.path().parent_path(), stay, now_unix_ns));
   RETURN_IF_ERROR(transaction.commit());
   return count;
 }

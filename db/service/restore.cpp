@@ -138,7 +138,8 @@ Status leaveOutErased(Connection& writer, std::vector<ErasureLine> erasures,
   if (erasures.empty() || !fs::exists(writer.path().parent_path() / "pseudonym.key", error)) return {};
   ASSIGN_OR_RETURN(const auto key, ErasureStore(writer).key());
   std::set<PseudonymKey::Hash> erased;
-  for (const ErasureLine& line : erasures) erased.insert(line.name_hash);
+  for (const ErasureLine& line : erasures)
+    if (!line.without_account) erased.insert(line.name_hash);  // that takes no account
   std::erase_if(again, [&](const RestoredAccess& one) {
     return !one.station && erased.contains(key.nameHash(one.name));
   });

@@ -45,6 +45,27 @@ Result<std::filesystem::path> backupTarget(const Context& context, const pb::Bac
   return target;
 }
 
+/// What the list beside the backups lacks of the folder's own; empty: nothing, or nobody can tell.
+Result<std::string> lackedBesideBackups(Connection& reader) {
+  ASSIGN_OR_RETURN(const auto erasures, readErasures(reader.path().parent_path()));
+  const auto backups = backupsFolder(reader);
+  if (erasures.empty() || backups.empty()) return std::string();
+  ASSIGN_OR_RETURN(const auto key, ErasureStore(reader).key());
+  return lackedBeside(backups, erasures, key);
+}
+
+/// Adds the erasures to the list beside a backup, so that a restore of an older one on another machine knows
+/// whom to erase. What it did about lines of others stands in the audit log.
+Status writeListBeside(const Context& context, const std::filesystem::path& backup) {
+  ASSIGN_OR_RETURN(auto erasures, readErasures(context.reader.path().parent_path()));
+  if (erasures.empty()) return {};
+  const auto key = ErasureStore(context.reader).key();  // `check` says that it is missing
+  if (key) sealOld(erasures, *key);
+  ASSIGN_OR_RETURN(const auto note, addErasuresBeside(backup.parent_path(), erasures, key ? &*key : nullptr));
+  if (note.empty()) return {};
+  return write(context, backup.string(), note, [](Connection&) { return Status(); });
+}
+
 }  // namespace
 
 Result<bool> accessHolds(Connection& connection, const Principal& who) {
@@ -129,14 +150,7 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
     return recordBackup(writer, result, target, context.now_unix_ns);
   }));
-  // so that a restore of an older backup on another machine knows whom to erase
-  ASSIGN_OR_RETURN(auto erasures, readErasures(context.reader.path().parent_path()));
-  if (!erasures.empty()) {
-    const auto names_key = ErasureStore(context.reader).key();  // `check` says that it is missing
-    if (names_key) sealOld(erasures, *names_key);
-    RETURN_IF_ERROR(
-        addErasures(target.parent_path(), erasures, kErasuresCopy, names_key ? &*names_key : nullptr));
-  }
+  const auto list = writeListBeside(context, target);
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
   done->set_disk(disk);
@@ -158,6 +172,15 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
       RETURN_IF_ERROR(write(context, target.string(), later, [](Connection&) { return Status(); }));
     }
   }
+  // at last: old backups go all the same
+  if (!list)
+    return Error{ErrorCode::kFailed,
+                 fmt::format("{}: the backup is made and verified, but the list of erasures beside it could "
+                             "not be written ({}), so people who were erased come back where it is restored "
+                             "on another machine. Mend that, then make another backup, or copy {} to {}",
+                             target.string(), list.error().message,
+                             (context.reader.path().parent_path() / kErasuresFile).string(),
+                             (target.parent_path() / kErasuresCopy).string())};
   return reply;
 }
 
@@ -201,6 +224,11 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   for (const std::string& fault : list_faults) {
     report->set_ok(false);
     report->add_faults(fault);
+  }
+  ASSIGN_OR_RETURN(const auto lacked, lackedBesideBackups(context.reader));
+  if (!lacked.empty()) {
+    report->set_ok(false);
+    report->add_faults(lacked);
   }
   return reply;
 }

@@ -217,7 +217,9 @@ TEST_F(ErasedPeopleTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsThe
   ASSERT_OK(eraseName("erased-3", false, kNow + 201 * kDay));
   EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-3");
   ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, kNow + 202 * kDay}));
-  ASSERT_OK(eraseName("erased-4", true, kNow + 203 * kDay));  // added since the line was made
+  EXPECT_EQ(eraseName("erased-6", true, kNow + 203 * kDay).error().code, ErrorCode::kNotFound)
+      << "the line says that nobody had the name: it takes no account";
+  ASSERT_OK(eraseName("erased-4", false, kNow + 203 * kDay));
   session("ben", 1, true);
   ASSERT_OK(db.writer.run("UPDATE sessions SET trainee = 'Anna' WHERE trainee = 'ben'"));
   ASSERT_OK(eraseName("erased-5", true, kNow + 204 * kDay));
@@ -225,6 +227,96 @@ TEST_F(ErasedPeopleTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsThe
   const auto check = checkDatabase(db.writer);
   ASSERT_OK(check);
   EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
+// A list that is put into place late, or a start after an erasure that was killed: others had the names
+// since.
+TEST_F(ErasedPeopleTest, aListThatComesLaterTakesNothingThatIsNewerThanItsLines) {
+  constexpr std::int64_t kMinute = 60'000'000'000, kNow = 1'800'000'000'000'000'000;
+  SessionStore sessions(db.writer);
+  const auto deliver = [&](const std::string& name, std::int64_t now) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee(name);
+    d.set_started_unix_ns(now);
+    EXPECT_OK(sessions.open(d, now));
+    EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
+    EXPECT_TRUE(sessions.close(test::closeOf(id, 1), now + 1)->taken());
+    return id;
+  };
+  const auto add = [&](const std::string& name, std::int64_t now) {
+    ASSERT_OK(PeopleStore(db.writer).add({name, pb::TRAINEE, "", false, now}));
+  };
+  std::vector<ErasureLine> list;
+  const auto listed = [&](const std::string& name, bool without_account) {
+    ErasureLine one = line(name, kNow);
+    one.pseudonym = "erased-00000000000" + std::to_string(list.size());
+    one.without_account = without_account;
+    list.push_back(one);
+  };
+  const Uuid monas = deliver("Mona", kNow - kMinute), another_monas = deliver("Mona", kNow + kMinute);
+  const Uuid first_eves = deliver("eve", kNow - kMinute);
+  add("eve", kNow + kMinute);
+  const Uuid eves = deliver("eve", kNow + 2 * kMinute);
+  add("zoe", kNow - 2 * kMinute);
+  const Uuid zoes = deliver("zoe", kNow - kMinute);
+  add("tom", kNow + kMinute);
+  const Uuid toms = deliver("tom", kNow + 2 * kMinute);
+  add("una", kNow);
+  const Uuid unas = deliver("una", kNow + kMinute);
+  for (const char* name : {"Mona", "eve", "zoe"}) listed(name, true);
+  for (const char* name : {"tom", "una"}) listed(name, false);
+  ASSERT_OK(writeErasures(db.folder.path(), list));
+  ErasureStore erasures(db.writer);
+  const auto repeat = erasures.toRepeat(db.folder.path());
+  ASSERT_OK(repeat);
+  std::set<std::string> names;
+  for (const ErasureToRepeat& one : *repeat) {
+    names.insert(one.name);
+    EXPECT_EQ(erasures.erase(one.name, one.line, "server", "", kNow + 3 * kMinute)->sessions(), 1u)
+        << one.name;
+  }
+  EXPECT_EQ(names, (std::set<std::string>{"Mona", "eve", "una"}));
+  EXPECT_EQ(erasures.erase("zoe", list[2], "server", "", kNow).error().code, ErrorCode::kNotFound);
+  ASSERT_OK(erasures.rememberList(db.folder.path(), {}, kNow + 3 * kMinute));
+  EXPECT_TRUE(erasures.toRepeat(db.folder.path())->empty());
+
+  const auto ownerOf = [&](const Uuid& id) { return sessions.info(id)->description().trainee(); };
+  EXPECT_EQ(ownerOf(monas), list[0].pseudonym);
+  EXPECT_EQ(ownerOf(first_eves), list[1].pseudonym) << "it waited: nobody had the name when it came";
+  EXPECT_EQ(ownerOf(unas), list[4].pseudonym) << "the account's, whenever it came";
+  for (const auto& [id, name] : {std::pair{another_monas, "Mona"}, std::pair{eves, "eve"},
+                                 std::pair{zoes, "zoe"}, std::pair{toms, "tom"}}) {
+    EXPECT_EQ(ownerOf(id), name);
+    EXPECT_EQ(sessions.info(id)->chunks(), 1u) << name;
+  }
+  EXPECT_TRUE(waits(another_monas));
+  for (const char* name : {"eve", "zoe", "tom"})
+    EXPECT_TRUE(PeopleStore(db.writer).find(name)->has_value()) << name;
+  EXPECT_FALSE(PeopleStore(db.writer).find("una")->has_value());
+  // a clock may have been wrong: somebody must look
+  const auto told = db.writer.prepare("SELECT subject || ': ' || detail FROM audit").all(firstText);
+  ASSERT_OK(told);
+  ASSERT_EQ(told->size(), 1u);
+  EXPECT_THAT(told->front(), testing::StartsWith("tom: not repeated: who had this name was erased on "));
+}
+
+TEST_F(ErasedPeopleTest, anErasureIsNeverOlderThanWhatItTakes) {
+  constexpr std::int64_t kDay = 86'400'000'000'000, kNow = 1'800'000'000'000'000'000;
+  ErasureStore erasures(db.writer);
+  EXPECT_EQ(*erasures.erasedAt("anna", kNow), kNow);
+  // the clock was ahead when the account was added, when a session came, when one came that is ben's by now
+  ASSERT_OK(PeopleStore(db.writer).add({"eve", pb::TRAINEE, "", false, kNow + kDay}));
+  EXPECT_EQ(*erasures.erasedAt("eve", kNow), kNow + kDay);
+  for (const char* name : {"Mona", "Lisa"}) {
+    const Uuid id = session(name, 1, true);
+    ASSERT_OK(db.writer.run("UPDATE sessions SET received_unix_ns = ? WHERE id = ?", kNow + 2 * kDay,
+                            ByteView(id)));
+    EXPECT_EQ(*erasures.erasedAt(name, kNow), kNow + 2 * kDay);
+    ASSERT_OK(UnknownTraineeStore(db.writer).assign(id, "ben", {}, "mia", kNow));
+    EXPECT_EQ(*erasures.erasedAt(name, kNow), kNow + 2 * kDay);
+  }
+  EXPECT_EQ(*erasures.erasedAt("nobody", kNow), kNow);
 }
 
 TEST_F(ErasedPeopleTest, nobodyGetsAnErasedPersonsPseudonym) {

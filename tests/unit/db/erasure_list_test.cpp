@@ -166,6 +166,78 @@ TEST_F(ErasureListTest, noListIsWrittenThatCouldNotBeReadAgain) {
   EXPECT_EQ(readErasures(db.folder.path()).error().code, ErrorCode::kCorrupt);
 }
 
+// Who can write beside the backups must not keep this machine's erasures out.
+TEST_F(ErasureListTest, linesOfOthersGiveWayBesideTheBackups) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const ErasureLine own = sealed(line("anna", 77), *key);
+  const test::TempFolder beside;
+  std::vector<ErasureLine> others;
+  for (std::size_t i = 0; i < kMostErasureLines; ++i)
+    others.push_back(
+        {fmt::format("erased-{:012x}", i), {}, 77, false, ErasureSeal{"0123456789abcdef", "00"}});
+  ASSERT_OK(writeErasures(beside.path(), others, kErasuresCopy));
+  const auto note = addErasuresBeside(beside.path(), {own}, &*key);
+  ASSERT_OK(note);
+  EXPECT_THAT(*note, testing::HasSubstr(fmt::format("{} lines that the pseudonym.key here did not make",
+                                                    kMostErasureLines + 1 - kMostLinesBeside)));
+  const auto left = readErasures(beside.path(), kErasuresCopy);
+  ASSERT_OK(left);
+  ASSERT_EQ(left->size(), kMostLinesBeside) << "a restore takes it";
+  EXPECT_EQ(left->front().pseudonym, others.front().pseudonym) << "the last give way";
+  EXPECT_EQ(sealOf(left->back(), *key), SealState::kOurs);
+  EXPECT_EQ(lackedBeside(beside.path(), {own}, *key), "");
+  const auto again = addErasuresBeside(beside.path(), {own}, &*key);
+  ASSERT_OK(again);
+  EXPECT_EQ(*again, "");
+}
+
+TEST_F(ErasureListTest, whatIsNoListBesideTheBackupsIsPutAside) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const ErasureLine own = sealed(line("anna", 77), *key);
+  const test::TempFolder beside;
+  ASSERT_OK(writeFileAtomically(beside.path() / kErasuresCopy, viewOf("nonsense\n")));
+  EXPECT_THAT(lackedBeside(beside.path(), {own}, *key), testing::HasSubstr("line 1 is not a pseudonym"));
+  const auto note = addErasuresBeside(beside.path(), {own}, &*key);
+  ASSERT_OK(note);
+  EXPECT_THAT(*note, testing::HasSubstr("It was put aside as " + (beside.path() / kErasuresAside).string()));
+  EXPECT_EQ(*readWholeFile(beside.path() / kErasuresAside), "nonsense\n");
+  EXPECT_EQ(lackedBeside(beside.path(), {own}, *key), "");
+  // a folder is nobody's list: people must look
+  std::filesystem::remove(beside.path() / kErasuresCopy);
+  std::filesystem::create_directory(beside.path() / kErasuresCopy);
+  EXPECT_FALSE(addErasuresBeside(beside.path(), {own}, &*key).ok());
+  EXPECT_THAT(lackedBeside(beside.path(), {own}, *key), testing::HasSubstr("cannot be read"));
+}
+
+TEST_F(ErasureListTest, whatTheListBesideTheBackupsLacksIsNamed) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const PseudonymKey other(PseudonymKey::Hash{7});
+  const ErasureLine own = sealed(line("anna", 77), *key), of_before = line("anna", 77);
+  ErasureLine newer = line("anna", 78), foreign = line("ben", 77);
+  newer = sealed(newer, *key);
+  foreign.pseudonym = "erased-5678";
+  foreign = sealed(foreign, other);
+  const test::TempFolder beside;
+  const auto lacked = [&](const std::vector<ErasureLine>& here, const std::vector<ErasureLine>& there) {
+    EXPECT_OK(writeErasures(beside.path(), there, kErasuresCopy));
+    const std::string text = lackedBeside(beside.path(), here, *key);
+    EXPECT_TRUE(text.empty() || text.find("lacks 1 erasures, such as erased-1234") != std::string::npos)
+        << text;
+    return !text.empty();
+  };
+  EXPECT_THAT(lackedBeside(beside.path(), {own}, *key), testing::HasSubstr("lacks 1 erasures"));
+  EXPECT_FALSE(lacked({own, foreign}, {own}));
+  EXPECT_TRUE(lacked({own}, {foreign}));
+  EXPECT_TRUE(lacked({newer}, {own})) << "the person was erased again";
+  EXPECT_FALSE(lacked({own}, {newer}));
+  EXPECT_TRUE(lacked({own}, {of_before})) << "a restore may not obey a line without a MAC";
+  EXPECT_FALSE(lacked({of_before}, {of_before}));
+  EXPECT_FALSE(lacked({}, {}));
+}
+
 TEST_F(ErasureListTest, theCommandThatShortensAListLeavesThisFoldersLines) {
   const ErasureLine own = sealed(line("anna", 77), *PseudonymKey::ofFolder(db.folder.path()));
   ASSERT_OK(writeErasures(db.folder.path(), {own}));

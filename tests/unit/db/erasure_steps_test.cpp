@@ -18,13 +18,12 @@
 #include "db/people.h"
 #include "db/session_results.h"
 #include "db/text_pages.h"
+#include "db/unknown_trainees.h"
 #include "tests/unit/db/erasure_fixture.h"
 #include "tests/unit/db/shim_vfs.h"
 
 namespace needlelab {
 namespace {
-
-constexpr const char* kPseudonym = "erased-1234";  // as the fixture's
 
 std::string texts(Connection& c, const std::string& sql) {
   const auto rows = c.prepare(sql).all(firstText);
@@ -63,7 +62,7 @@ class ErasureStepsTest : public test::ErasureTest {
   static constexpr std::int64_t kWhen = 1'800'000'000'000'000'000;
   Result<FoundNames> look() {
     auto reader = db.reader();
-    return ErasureStore(reader).lookForNames("anna", kPseudonym, false);
+    return ErasureStore(reader).lookForNames("anna", line("anna", kWhen), false);
   }
   Status replace(FoundNames& found, const FoundNames::Page& page) {
     ASSIGN_OR_RETURN(auto transaction, Transaction::begin(db.writer, Transaction::Kind::kWrite));
@@ -119,6 +118,59 @@ TEST_F(ErasureStepsTest, namesAreReplacedInBoundedPagesAndTheTransactionReadsNoR
   ASSERT_OK(text);
   EXPECT_THAT(*text, testing::HasSubstr(fmt::format("{} remarks in sessions of others", with_names)));
   EXPECT_THAT(*text, testing::HasSubstr("1 remarks, such as number 7"));
+}
+
+TEST_F(ErasureStepsTest, thePersonsSessionsGoInBoundedPagesAndTheTransactionTakesTheLast) {
+  const Uuid of_ben = session("ben", 1, true);
+  constexpr std::uint64_t kSessions = 8, kInPage = 3;
+  for (std::uint64_t i = 0; i < kSessions; ++i) session("anna", 1, true);
+  // the description fills the page up
+  ASSERT_OK(db.writer.run("UPDATE sessions SET profile_json = printf('%.*c', ?, '.')",
+                          static_cast<std::uint64_t>(kBytesOfPage / kInPage)));
+  auto found = look();
+  ASSERT_OK(found);
+  const auto eraseSome = [&]() -> Result<bool> {
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(db.writer, Transaction::Kind::kWrite));
+    ASSIGN_OR_RETURN(const bool more, ErasureStore(db.writer).eraseSomeSessions("anna", line("anna", kWhen),
+                                                                                "ada", kWhen, false, *found));
+    RETURN_IF_ERROR(transaction.commit());
+    return more;
+  };
+  const auto erased = [&] {
+    return count("SELECT count(*) FROM sessions WHERE erased = 1 AND profile_json = '{}'");
+  };
+  for (const std::uint64_t expected : {kInPage, 2 * kInPage}) {
+    EXPECT_TRUE(*eraseSome());
+    EXPECT_EQ(erased(), expected);
+    EXPECT_TRUE(PeopleStore(db.writer).find("anna")->has_value()) << "not before the transaction";
+  }
+  EXPECT_FALSE(*eraseSome()) << "two are left, less than a page";
+  EXPECT_EQ(erased(), 2 * kInPage);
+  const auto done = eraseRows(*found);
+  ASSERT_OK(done);
+  EXPECT_EQ(done->erasure.sessions(), kSessions);
+  EXPECT_EQ(done->erasure.recordings(), kSessions);
+  EXPECT_EQ(done->session_ids.size(), kSessions) << "backups are searched for all of them";
+  EXPECT_EQ(erased(), kSessions);
+  EXPECT_EQ(count("SELECT count(*) FROM sessions WHERE trainee = 'erased-1234'"), kSessions);
+  EXPECT_EQ(SessionStore(db.writer).info(of_ben)->description().trainee(), "ben");
+}
+
+TEST_F(ErasureStepsTest, aNameThatStationsGaveIsLookedForAlsoOnceItsSessionsAreErased) {
+  const Uuid misspelt = session("Annuschka", 1, true);
+  ASSERT_OK(UnknownTraineeStore(db.writer).assign(misspelt, "anna", {}, "mia", 3));
+  session("anna", 1, true);
+  ASSERT_OK(db.writer.run("UPDATE sessions SET profile_json = printf('%.*c', ?, '.')",
+                          static_cast<std::uint64_t>(kBytesOfPage)));
+  auto found = look();
+  ASSERT_OK(found);
+  ASSERT_TRUE(
+      *ErasureStore(db.writer).eraseSomeSessions("anna", line("anna", kWhen), "ada", kWhen, false, *found));
+  ASSERT_OK(AnnotationStore(db.writer).add({0, misspelt, 1, "Annuschka holds still", "ina", 1}));
+  const auto done = eraseRows(*found);
+  ASSERT_OK(done);
+  EXPECT_EQ(remarks(db.writer), "ina: erased-1234 holds still\n");
+  EXPECT_EQ(done->names.given, std::vector<std::string>{"Annuschka"});
 }
 
 TEST_F(ErasureStepsTest, aPageOfLongTextsEndsAtItsBytes) {
@@ -191,8 +243,9 @@ TEST_F(ErasureStepsTest, namesOfGroupsThatLoseThePersonAreNoOtherNames) {
 TEST_F(ErasureStepsTest, whoMayNotBeErasedIsToldBeforeAnythingIsChanged) {
   ASSERT_OK(PeopleStore(db.writer).add({"root", pb::ADMINISTRATOR, "hash", false, 1}));
   auto reader = db.reader();
-  EXPECT_EQ(ErasureStore(reader).lookForNames("root", kPseudonym, false).error().code, ErrorCode::kDenied);
-  EXPECT_EQ(ErasureStore(reader).lookForNames("nobody", kPseudonym, false).error().code,
+  EXPECT_EQ(ErasureStore(reader).lookForNames("root", line("root", kWhen), false).error().code,
+            ErrorCode::kDenied);
+  EXPECT_EQ(ErasureStore(reader).lookForNames("nobody", line("nobody", kWhen), false).error().code,
             ErrorCode::kNotFound);
 }
 
@@ -203,7 +256,7 @@ TEST_F(ErasureStepsTest, theRoomForAllRowsIsAskedForBeforeTheFirstIsChanged) {
   auto reader = db.reader();
   const auto lookWith = [&](std::uint64_t room) {
     return ErasureStore(reader, [room] { return std::optional(room); })
-        .lookForNames("anna", kPseudonym, false);
+        .lookForNames("anna", line("anna", kWhen), false);
   };
   const std::uint64_t needed = ErasureStore::kRoomLeft_bytes + 2 * 4000 * (1005 + 3);
   EXPECT_OK(lookWith(needed));
@@ -225,7 +278,7 @@ TEST_F(ErasureStepsTest, theRoomThatADatabaseGrowsByIsCountedInItsOwnPages) {
   auto reader = db.reader();
   const auto lookWith = [&](std::uint64_t room) {
     return ErasureStore(reader, [room] { return std::optional(room); })
-        .lookForNames("anna", kPseudonym, false);
+        .lookForNames("anna", line("anna", kWhen), false);
   };
   EXPECT_OK(lookWith(ErasureStore::kRoomLeft_bytes + grown));
   const auto refused = lookWith(ErasureStore::kRoomLeft_bytes + grown - 1);

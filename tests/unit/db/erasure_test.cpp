@@ -310,6 +310,71 @@ TEST_F(ErasureStoreTest, profilesGoFromOwnSessionsAndAreListedOfOthers) {
   EXPECT_EQ(test::dump(db.writer).find("Wqjvornov"), std::string::npos);
 }
 
+// Anybody can type a common word at a station, or the name of somebody else.
+TEST_F(ErasureStoreTest, aNameThatSomebodyTypedGoesFromItsOwnSessionsOnlyAndTheRestIsNamed) {
+  const Uuid own = session("hand", 2, true), given = session("hand", 1, true), bens = session("ben", 1, true);
+  ASSERT_OK(UnknownTraineeStore(db.writer).assign(given, "ben", {}, "mia", 3));
+  const auto remark = [&](const Uuid& id, const std::string& text, const std::string& author) {
+    ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, text, author, 1}));
+  };
+  remark(own, "Hand holds still", "ina");
+  remark(bens, "right hand first", "ina");
+  remark(bens, "good", "hand");
+  pb::Group group;
+  group.set_id("hand");
+  group.set_name("Hand and needle");
+  group.add_members("ben");
+  ASSERT_OK(GroupStore(db.writer).put(group, {}, "mia", 1));
+  const std::vector<std::string> of_others{"hand|user add|ben|trainee",
+                                           "ada|group set|hand|revision 1; joined: hand, ben",
+                                           "ada|attempt excuse|" + uuidText(bens) + "|the hand slipped"};
+  std::vector<std::string> before = of_others, expected = of_others;
+  before.push_back("mia|session assign|" + uuidText(given) + "|from hand to ben: his hand");
+  expected.push_back("mia|session assign|" + uuidText(given) + "|from erased-1234 to ben: his hand");
+  before.push_back("ina|session export|" + uuidText(own) + "|samples of 'hand'");
+  expected.push_back("ina|session export|" + uuidText(own) + "|samples of 'erased-1234'");
+  for (const std::string& line : before) {
+    std::vector<std::string> cells;
+    std::istringstream in(line);
+    for (std::string cell; std::getline(in, cell, '|');) cells.push_back(cell);
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, cells.at(0), cells.at(1), cells.at(2), cells.at(3)}));
+  }
+  auto typed = line("hand", 77);
+  typed.without_account = true;
+  const auto erased = ErasureStore(db.writer).erase("hand", typed, "ada", "", 77);
+  ASSERT_OK(erased);
+  EXPECT_EQ(erased->sessions(), 1u);
+  EXPECT_EQ(AnnotationStore(db.writer).list(own)->front().text, "erased-1234 holds still");
+  EXPECT_EQ(AnnotationStore(db.writer).list(bens)->front().text, "right hand first");
+  EXPECT_EQ(AnnotationStore(db.writer).list(bens)->back().author, "hand");
+  EXPECT_EQ(GroupStore(db.writer).get("hand")->name(), "Hand and needle");
+  EXPECT_EQ(auditLines(db.writer), expected);
+  EXPECT_EQ(erased->audit_lines(), 2u);
+  EXPECT_EQ(
+      *db.writer.prepare("SELECT given FROM unknown_trainees WHERE by_whom IS NOT NULL").first(firstText),
+      "erased-1234");
+  for (const char* left : {"The name was also replaced in: 1 lines of the audit log about others. ",
+                           "1 remarks, such as number 2", "the names of 1 groups, such as hand",
+                           "4 lines of the audit log, such as 1, 2, 3",
+                           "wrote these rows of the database, which keep it: 1 of annotations (author). "})
+    EXPECT_THAT(erased->text(), testing::HasSubstr(left));
+}
+
+TEST_F(ErasureStoreTest, whoDidSomethingOnTheServerItselfStaysInTheLogWhateverSomebodyTyped) {
+  for (const char* name : {"local:root", "server", "guest"}) {
+    SCOPED_TRACE(name);
+    const Uuid id = session(name, 1, true);
+    const std::string line_of_log = std::string(name) + "|user add|ben|trainee";
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, name, "user add", "ben", "trainee"}));
+    auto typed = line(name, 77);
+    typed.without_account = true;
+    typed.pseudonym += name;
+    ASSERT_OK(ErasureStore(db.writer).erase(name, typed, "ada", "", 77));
+    EXPECT_EQ(auditLines(db.writer).back(), line_of_log);
+    EXPECT_EQ(SessionStore(db.writer).info(id)->description().trainee(), typed.pseudonym);
+  }
+}
+
 TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {
   const Uuid id = session("ben", 1, true), other = session("anna", 1, true);
   for (const char* change :

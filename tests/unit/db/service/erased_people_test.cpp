@@ -1,4 +1,6 @@
 // Erased people stay erased: with older exports, a lost key, chunks that cannot be removed.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <set>
@@ -190,6 +192,58 @@ TEST_F(ErasedPeople, areNotNamedByWhatStationsGaveInAnOlderExport) {
   EXPECT_EQ(everything().find("Mona Ghost"), std::string::npos);
   EXPECT_NE(everything().find("'" + pseudonym + "' | '" + manager.name + "'"), std::string::npos)
       << "the row is there, under the pseudonym";
+}
+
+TEST_F(ErasedPeople, whoseNameSomebodyTypedLeaveTextsAboutOthersAsTheyAreAlsoInAnOlderExport) {
+  addStation();
+  addPerson("ada", pb::ADMINISTRATOR);
+  addNamed("ben", "");
+  const Uuid hers = closedSession("hand", 1, "hand holds still");
+  const Uuid given = closedSession("hand", 2, "");
+  closedSession("ben", 3, "right hand first");
+  pb::Request assign;
+  assign.mutable_assign_session()->set_session_id(test::bytesOfId(given));
+  assign.mutable_assign_session()->set_trainee("ben");
+  get(manager, assign);
+  const auto records = exportAll(*store);
+  const auto erasure = get(admin, erase("hand")).erasure();
+  EXPECT_EQ(erasure.sessions(), 1u);
+  EXPECT_NE(erasure.text().find("1 remarks, such as number 2"), std::string::npos) << erasure.text();
+  const auto expectErased = [&] {
+    const std::string all = everything();
+    EXPECT_NE(all.find("'right hand first'"), std::string::npos);
+    EXPECT_NE(all.find("from " + erasure.pseudonym() + " to ben"), std::string::npos);
+    for (const char* name : {"'hand'", "hand holds", "from hand"})
+      EXPECT_EQ(all.find(name), std::string::npos) << name;
+  };
+  expectErased();
+  ASSERT_OK(change([](Connection& c) -> Status {
+    for (const char* sql : {"DELETE FROM removed_originals", "DELETE FROM annotations", "DELETE FROM scores",
+                            "DELETE FROM chunks", "DELETE FROM unknown_trainees", "DELETE FROM sessions"})
+      if (auto done = c.run(sql); !done) return done;
+    return {};
+  }));
+  EXPECT_TRUE(importAll(*store, records, 100).done());
+  expectErased();
+  pb::Request show;
+  show.mutable_get_session()->set_session_id(test::bytesOfId(hers));
+  EXPECT_EQ(refusal(instructor, show), ErrorCode::kNotFound);
+  // an account of that name in another lab's records is somebody else
+  RecordJson account;
+  for (const std::string& text : records)
+    if (auto record = RecordJson::parse(text); record["kind"] == "person" && record["name"] == "ben")
+      account = record;
+  account["name"] = "hand";
+  EXPECT_TRUE(importAll(*store, {account.dump()}, 1).done());
+  pb::Request user, check;
+  user.mutable_get_user()->set_name("hand");
+  get(admin, user);
+  check.mutable_check();
+  const auto report = get(admin, check).check_report();
+  EXPECT_TRUE(report.ok()) << report.ShortDebugString();
+  // an account's name goes from all texts: so it can be had for one that was typed (OPERATIONS)
+  get(admin, erase("hand"));
+  EXPECT_NE(everything().find("'right erased-"), std::string::npos);
 }
 
 TEST_F(ErasedPeople, areNotNamedByTheirMisspeltNameInTheAuditLogOfAnOlderExport) {

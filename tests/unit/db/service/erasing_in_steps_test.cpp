@@ -8,6 +8,8 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "common/base/clock.h"
 #include "db/audit.h"
@@ -59,6 +61,24 @@ class ErasingInSteps : public test::RecordsTest {
     }));
     return count;
   }
+  /// Gives anna kLongSessions sessions, each of which fills a page.
+  void addLongSessions() {
+    for (std::uint64_t i = 1; i < kLongSessions; ++i) closedSession("anna", 1'700'000'000'000'000'002, "");
+    ASSERT_OK(change([](Connection& c) {
+      return c.run("UPDATE sessions SET profile_json = printf('%.*c', ?, '.') WHERE trainee = 'anna'",
+                   static_cast<std::uint64_t>(kBytesOfPage));
+    }));
+  }
+  std::uint64_t sessionsOf(const std::string& name) {
+    std::uint64_t count = 0;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      auto row = c.query("SELECT count(*) FROM sessions WHERE trainee = ?", name);
+      RETURN_IF_ERROR(row.step());
+      count = row.natural(0);
+      return {};
+    }));
+    return count;
+  }
   /// As a request to erase does first.
   ErasureLine putOnList() {
     const auto key = PseudonymKey::ofFolder(data);
@@ -67,6 +87,7 @@ class ErasingInSteps : public test::RecordsTest {
     EXPECT_OK(writeErasures(data, {line}));
     return line;
   }
+  static constexpr std::uint64_t kLongSessions = 3;
   const std::filesystem::path data = folder.path() / "data";
   Uuid of_ben{};
 };
@@ -113,7 +134,7 @@ TEST_F(ErasingInSteps, whatWasKilledBetweenTwoPagesTheNextStartRepeatsUnderTheSa
     {
       auto reader = store->readers().borrow();
       ASSERT_OK(reader);
-      auto found = ErasureStore(**reader).lookForNames("anna", line.pseudonym, false);
+      auto found = ErasureStore(**reader).lookForNames("anna", line, false);
       ASSERT_OK(found);
       if (pages == 0) {
         ASSERT_EQ(found->pages.size(), 3u + 2u);
@@ -162,6 +183,92 @@ TEST_F(ErasingInSteps, whatTheWriterRefusesLeavesThePersonAndSaysWhatIsDone) {
   EXPECT_EQ(readErasures(data)->size(), 1u);
   for (const char* name : {"'anna'", "Qvarnstrom", "as anna"})
     EXPECT_EQ(everything().find(name), std::string::npos) << name;
+}
+
+TEST_F(ErasingInSteps, whatWasKilledBetweenTwoPagesOfSessionsTheNextStartRepeatsUnderTheSamePseudonym) {
+  addLongSessions();
+  const ErasureLine line = putOnList();
+  {
+    auto reader = store->readers().borrow();
+    ASSERT_OK(reader);
+    auto found = ErasureStore(**reader).lookForNames("anna", line, false);
+    ASSERT_OK(found);
+    ASSERT_OK(change([&](Connection& c) -> Status {
+      ASSIGN_OR_RETURN(const bool more,
+                       ErasureStore(c).eraseSomeSessions("anna", line, "ada", 7, false, *found));
+      EXPECT_TRUE(more);
+      return {};
+    }));
+    EXPECT_EQ(found->sessions.sessions(), 1u);
+  }
+  EXPECT_EQ(sessionsOf(line.pseudonym), 1u);
+  EXPECT_EQ(sessionsOf("anna"), kLongSessions - 1);
+  store.reset();
+  store = test::openStore(data);
+  EXPECT_EQ(store->erasuresRepeated(), 1u);
+  EXPECT_EQ(sessionsOf(line.pseudonym), kLongSessions);
+  for (const char* name : {"'anna'", "Qvarnstrom", "616E6E61"})
+    EXPECT_EQ(everything().find(name), std::string::npos) << name;
+}
+
+TEST_F(ErasingInSteps, whatTheWriterRefusesAfterAPageOfSessionsSaysHowManyAreErased) {
+  addLongSessions();
+  ASSERT_OK(change([](Connection& c) {
+    return c.script("CREATE TRIGGER no BEFORE DELETE ON people BEGIN SELECT RAISE(ABORT, 'no'); END");
+  }));
+  const auto refused = ask(admin, erase("anna"));
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_THAT(
+      refused.error->message,
+      testing::HasSubstr(fmt::format("; {} of the person's sessions are erased already", kLongSessions - 1)));
+  EXPECT_TRUE(readErasures(data)->empty());
+  EXPECT_EQ(sessionsOf("anna"), 1u);
+  ASSERT_OK(change([](Connection& c) { return c.script("DROP TRIGGER no"); }));
+  EXPECT_EQ(get(admin, erase("anna")).erasure().sessions(), 1u);
+  for (const char* name : {"'anna'", "Qvarnstrom", "616E6E61"})
+    EXPECT_EQ(everything().find(name), std::string::npos) << name;
+}
+
+TEST_F(ErasingInSteps, aKillInTheErasureOfANameThatNobodyHadTakesNothingThatCameAfterIt) {
+  const auto key = PseudonymKey::ofFolder(data);
+  ASSERT_OK(key);
+  const std::int64_t began = wallNowNs();
+  std::vector<ErasureLine> lines;
+  std::vector<Uuid> before, after;
+  for (const char* name : {"Mona", "Lisa"}) {
+    before.push_back(closedSession(name, 1, ""));
+    ErasureLine line{newErasurePseudonym(), key->nameHash(name), began};
+    line.without_account = true;
+    lines.push_back(sealed(std::move(line), *key));
+  }
+  ASSERT_OK(writeErasures(data, lines));
+  // between its pages a namesake practises; and a new trainee gets the other name
+  ASSERT_OK(change([&](Connection& c) {
+    return PeopleStore(c).add({"Lisa", pb::TRAINEE, "", false, began + 1});
+  }));
+  for (const char* name : {"Mona", "Lisa"}) after.push_back(closedSession(name, 2, ""));
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    for (const Uuid& id : after)
+      RETURN_IF_ERROR(
+          c.run("UPDATE sessions SET received_unix_ns = ? WHERE id = ?", began + 2, ByteView(id)));
+    return {};
+  }));
+  store.reset();
+  store = test::openStore(data);
+  EXPECT_EQ(store->erasuresRepeated(), 2u);
+  const auto shown = [&](const Uuid& id) {
+    pb::Request show;
+    show.mutable_get_session()->set_session_id(test::bytesOfId(id));
+    return get(instructor, show).session();
+  };
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    EXPECT_EQ(shown(before[i]).description().trainee(), lines[i].pseudonym);
+    EXPECT_EQ(shown(after[i]).description().trainee(), i == 0 ? "Mona" : "Lisa");
+    EXPECT_EQ(shown(after[i]).chunks(), 3u);
+  }
+  pb::Request user;
+  user.mutable_get_user()->set_name("Lisa");
+  get(admin, user);
 }
 
 TEST_F(ErasingInSteps, aStartWithoutMemoryForThemEndsWithATextAndNothingHalfWritten) {

@@ -1,8 +1,16 @@
 #include <sys/sysmacros.h>
 
-#include <map>
-#include <thread>
+#include <gmock/gmock.h>
 
+#include <filesystem>
+#include <map>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/files.h"
+#include "db/backup.h"
+#include "db/erasure_list.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -107,6 +115,72 @@ TEST_F(UpkeepHandlers, aBackupUnderLoadIsWhole) {
   pb::Request check;
   check.mutable_check();
   EXPECT_TRUE(get(admin, check).check_report().ok());
+}
+
+/// Erases anna and makes a backup of what is left, by a name of its time.
+class UpkeepBesideBackups : public UpkeepHandlers {
+ protected:
+  void SetUp() override {
+    UpkeepHandlers::SetUp();
+    for (const char* name : {"ada", "ben"}) addPerson(name, pb::ADMINISTRATOR);
+    addPerson("anna", pb::TRAINEE);
+    std::filesystem::create_directory(kept);
+    pb::Request erase;
+    erase.mutable_erase_person()->set_name("anna");
+    erase.mutable_erase_person()->set_confirm("anna");
+    get(admin, erase);
+  }
+  std::vector<std::string> faults() {
+    pb::Request check;
+    check.mutable_check();
+    const auto report = get(admin, check).check_report();
+    EXPECT_EQ(report.ok(), report.faults().empty());
+    return {report.faults().begin(), report.faults().end()};
+  }
+  const std::filesystem::path kept = folder.path() / "kept", list = kept / kErasuresCopy;
+};
+
+TEST_F(UpkeepBesideBackups, aListThatCannotBeWrittenIsSaidAfterOldBackupsAreRemoved) {
+  const auto old = kept / "needlelab-20200101T000000Z.db";
+  ASSERT_OK(writeFileAtomically(old, viewOf("old")));
+  std::filesystem::create_directory(list);
+  pb::Request request = backupTo(kept);
+  request.mutable_backup()->set_keep(1);
+  const auto refused = ask(admin, request);
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_EQ(refused.error->code, ErrorCode::kFailed);
+  EXPECT_THAT(refused.error->message, testing::HasSubstr("the backup is made and verified, but the list"));
+  EXPECT_THAT(refused.error->message, testing::HasSubstr(list.string()));
+  EXPECT_FALSE(std::filesystem::exists(old));
+  EXPECT_EQ(backupsIn(kept)->size(), 1u);
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_THAT(faults()[0], testing::HasSubstr("the list of erasures beside the backups cannot be read"));
+  std::filesystem::remove(list);
+  get(admin, backupTo(kept / "two.db"));
+  EXPECT_THAT(faults(), testing::IsEmpty());
+}
+
+TEST_F(UpkeepBesideBackups, checkSaysWhatTheListBesideThemLacksUntilTheNextBackupWritesIt) {
+  EXPECT_THAT(faults(), testing::IsEmpty()) << "there are no backups";
+  get(admin, backupTo(kept / "one.db"));
+  EXPECT_THAT(faults(), testing::IsEmpty());
+  std::filesystem::remove(list);
+  ASSERT_EQ(faults().size(), 1u);
+  EXPECT_THAT(faults()[0], testing::HasSubstr(list.string() + ": the list of erasures beside the backups "
+                                                              "lacks 1 erasures, such as erased-"));
+  get(admin, backupTo(kept / "two.db"));
+  EXPECT_THAT(faults(), testing::IsEmpty());
+  std::filesystem::remove_all(kept);
+  EXPECT_THAT(faults(), testing::IsEmpty()) << "a stick that is not there";
+}
+
+TEST_F(UpkeepBesideBackups, whatABackupDidAboutLinesOfOthersIsInTheLog) {
+  ASSERT_OK(writeFileAtomically(list, viewOf("nonsense\n")));
+  get(admin, backupTo(kept / "one.db"));
+  EXPECT_THAT(faults(), testing::IsEmpty());
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("backup");
+  EXPECT_THAT(get(admin, audit).audit().entries(0).detail(), testing::HasSubstr("It was put aside as"));
 }
 
 TEST_F(UpkeepHandlers, checkListsFaults) {
