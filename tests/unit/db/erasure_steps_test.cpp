@@ -122,8 +122,8 @@ TEST_F(ErasureStepsTest, namesAreReplacedInBoundedPagesAndTheTransactionReadsNoR
 
 TEST_F(ErasureStepsTest, thePersonsSessionsGoInBoundedPagesAndTheTransactionTakesTheLast) {
   const Uuid of_ben = session("ben", 1, true);
-  constexpr std::uint64_t kSessions = 8, kInPage = 3;
-  for (std::uint64_t i = 0; i < kSessions; ++i) session("anna", 1, true);
+  constexpr std::uint64_t kOfAnna = 8, kInPage = 3;
+  for (std::uint64_t i = 0; i < kOfAnna; ++i) session("anna", 1, true);
   // the description fills the page up
   ASSERT_OK(db.writer.run("UPDATE sessions SET profile_json = printf('%.*c', ?, '.')",
                           static_cast<std::uint64_t>(kBytesOfPage / kInPage)));
@@ -148,11 +148,11 @@ TEST_F(ErasureStepsTest, thePersonsSessionsGoInBoundedPagesAndTheTransactionTake
   EXPECT_EQ(erased(), 2 * kInPage);
   const auto done = eraseRows(*found);
   ASSERT_OK(done);
-  EXPECT_EQ(done->erasure.sessions(), kSessions);
-  EXPECT_EQ(done->erasure.recordings(), kSessions);
-  EXPECT_EQ(done->session_ids.size(), kSessions) << "backups are searched for all of them";
-  EXPECT_EQ(erased(), kSessions);
-  EXPECT_EQ(count("SELECT count(*) FROM sessions WHERE trainee = 'erased-1234'"), kSessions);
+  EXPECT_EQ(done->erasure.sessions(), kOfAnna);
+  EXPECT_EQ(done->erasure.recordings(), kOfAnna);
+  EXPECT_EQ(done->session_ids.size(), kOfAnna) << "backups are searched for all of them";
+  EXPECT_EQ(erased(), kOfAnna);
+  EXPECT_EQ(count("SELECT count(*) FROM sessions WHERE trainee = 'erased-1234'"), kOfAnna);
   EXPECT_EQ(SessionStore(db.writer).info(of_ben)->description().trainee(), "ben");
 }
 
