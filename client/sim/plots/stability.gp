@@ -5,19 +5,22 @@ stats data index 'models;' using 1 nooutput
 models = STATS_records
 stats data index 'cases;' using 1 nooutput
 cases = STATS_records
-width = 500 + 96*models; height = 130 + 40*cases
+# the longest line under a name decides the width of the names: a letter of 9 pt is some 6 px wide
+stats data index 'cases;' using (strlen(strcol(3))) nooutput
+names_px = STATS_max*6.1 + 20 > 420 ? STATS_max*6.1 + 20 : 420
+width = names_px + 80 + 96*models; height = 130 + 40*cases
 load 'style.gp'
 unset border
 unset tics
 unset grid
 unset key
 # one unit a cell over the whole picture; names stand to the left of x = 0 and above y = 0
-cell_px = (width - 440.0)/models
+cell_px = (width - names_px - 20.0)/models
 set lmargin at screen 0
 set rmargin at screen 1
 set bmargin at screen 0
 set tmargin at screen 1
-set xrange [-420/cell_px:models + 20/cell_px]
+set xrange [-names_px/cell_px:models + 20/cell_px]
 set yrange [cases + 52/40.0:-78/40.0]
 # looks: says nothing, stable, chatters, diverges: blue, orange, dark are told apart without colour sight, and in print
 array fill[4] = [0xf3f4f5, 0xcfe2f3, 0xf6b26b, 0x5b1a4b]
