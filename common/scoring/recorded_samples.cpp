@@ -55,14 +55,15 @@ std::size_t RecordedSamples::countOf(std::size_t block) const {
 
 void RecordedSamples::hold(std::size_t block, std::vector<GestureSample> samples) const {
   // the one that was asked for longest ago gives way
-  while (held_.size() >= kLeastHeld && held_samples_ + samples.size() > limit_) {
+  while (held_.size() >= kLeastHeld && held_samples_ + samples.capacity() > limit_) {
     Block& given_up = blocks_[held_.front()];
-    held_samples_ -= given_up.samples.size();
-    given_up.samples = {};
+    held_samples_ -= given_up.samples.capacity();
+    given_up.samples = std::vector<GestureSample>();  // `= {}` would keep the memory
+    held_samples_ += given_up.samples.capacity();
     given_up.held = false;
     held_.pop_front();
   }
-  held_samples_ += samples.size();
+  held_samples_ += samples.capacity();
   most_held_ = std::max(most_held_, held_samples_);
   blocks_[block].samples = std::move(samples);
   blocks_[block].held = true;

@@ -56,7 +56,7 @@ class RecordedSamples {
 
   /// The first error of a block that could be read at first and not again: what was computed since is wrong.
   [[nodiscard]] const Status& fault() const { return fault_; }
-  /// The greatest number of decoded samples that were held at once; 0 for samples in memory.
+  /// The greatest number of decoded samples for which memory was held at once; 0 for samples in memory.
   [[nodiscard]] std::size_t mostHeld() const { return most_held_; }
 
  private:
