@@ -148,6 +148,17 @@ Result<std::vector<ErasureLine>> readList(const std::filesystem::path& path,
   return lines;
 }
 
+/// The list beside backups. Others may write there, so a link is not followed: kCorrupt.
+Result<std::vector<ErasureLine>> readBeside(const std::filesystem::path& backups,
+                                            const std::filesystem::path& of_key) {
+  const std::filesystem::path path = backups / kErasuresCopy;
+  std::error_code error;
+  if (std::filesystem::is_symlink(path, error))
+    return Error{ErrorCode::kCorrupt,
+                 path.string() + ": is a link; a list of erasures beside backups is a file"};
+  return readList(path, of_key);
+}
+
 }  // namespace
 
 Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
@@ -170,7 +181,9 @@ Status writeErasures(const std::filesystem::path& folder, const std::vector<Eras
     return Error{ErrorCode::kInvalidInput,
                  tooLongText(folder / file, fmt::format("now {} bytes", text.size()),
                              fmt::format("{} bytes", kMostListBytes), folder)};
-  return replaceFileAtomically(folder / file, viewOf(text), 0600);
+  // beside backups others may write, too
+  return std::string_view(file) == kErasuresCopy ? replaceFileAtomically(folder / file, viewOf(text))
+                                                 : writeFileAtomically(folder / file, viewOf(text));
 }
 
 namespace {
@@ -208,7 +221,7 @@ Status addErasures(const std::filesystem::path& folder, const std::vector<Erasur
 Result<std::string> addErasuresBeside(const std::filesystem::path& backups,
                                       const std::vector<ErasureLine>& lines, const PseudonymKey* key) {
   const std::filesystem::path path = backups / kErasuresCopy;
-  auto read = readErasures(backups, kErasuresCopy);
+  auto read = readBeside(backups, backups);
   std::string note;
   if (!read && read.error().code == ErrorCode::kCorrupt) {
     const std::filesystem::path aside = backups / kErasuresAside;
@@ -247,7 +260,7 @@ std::string lackedBeside(const std::filesystem::path& backups, const std::vector
   constexpr std::string_view kThen =
       "a backup there that is restored on another machine brings these people back. The next backup there "
       "writes the list; or copy the file 'erasures' of the data folder to it";
-  const auto there = readErasures(backups, kErasuresCopy);
+  const auto there = readBeside(backups, backups);
   if (!there)
     return fmt::format("the list of erasures beside the backups cannot be read ({}): {}",
                        there.error().message, kThen);
@@ -306,7 +319,7 @@ Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                                       const std::filesystem::path& folder) {
   ErasuresBeside beside;
   beside.path = backups / kErasuresCopy;
-  auto read = readList(beside.path, folder);
+  auto read = readBeside(backups, folder);
   if (!read) return Error{read.error().code, read.error().message + "; nothing was changed"};
   beside.lines = std::move(*read);
   auto& lines = beside.lines;

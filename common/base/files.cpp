@@ -65,6 +65,12 @@ Error refusal(const NamedFile& output, const std::string& why) {
   return {ErrorCode::kInvalidInput, output.option + " " + output.path.string() + ": " + why};
 }
 
+Error noPlaceForAFile(const fs::path& path, const struct stat& info) {
+  return {ErrorCode::kInvalidInput, path.string() + ": is " +
+                                        (S_ISDIR(info.st_mode) ? "a folder" : "no regular file") +
+                                        ", a file cannot take its place"};
+}
+
 fs::path folderOf(const fs::path& file) {
   return file.has_parent_path() ? file.parent_path() : fs::path(".");
 }
@@ -177,10 +183,7 @@ Status requireFileOrNothing(const std::filesystem::path& path) {
 Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path) {
   struct stat info {};
   if (path.empty() || ::stat(path.c_str(), &info) != 0) return path;
-  if (!S_ISREG(info.st_mode))
-    return Error{ErrorCode::kInvalidInput, path.string() + ": is " +
-                                               (S_ISDIR(info.st_mode) ? "a folder" : "no regular file") +
-                                               ", a file cannot take its place"};
+  if (!S_ISREG(info.st_mode)) return noPlaceForAFile(path, info);
   struct stat link {};
   if (::lstat(path.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return path;
   std::error_code nameless;  // e.g. /dev/stdout when its file has been removed
@@ -200,14 +203,8 @@ Error cannotCreate(const std::filesystem::path& path) {
   return no_folder ? Error{ErrorCode::kInvalidInput, error.message} : error;
 }
 
-}  // namespace
-
-Status writeFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
-  return isStream(name) ? writeToStream(name, bytes) : replaceFileAtomically(name, bytes, mode);
-}
-
-Status replaceFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
-  ASSIGN_OR_RETURN(const std::filesystem::path path, replaceableFile(name));
+/// Whatever has the name `path`, a link too, is replaced.
+Status renameInto(const std::filesystem::path& path, ByteView bytes, unsigned mode) {
   std::string temporary = path.string() + std::string(kTemporaryMark) + "XXXXXX";
   const int fd = ::mkostemp(temporary.data(), O_CLOEXEC);
   if (fd < 0) return cannotCreate(path);
@@ -223,6 +220,21 @@ Status replaceFileAtomically(const std::filesystem::path& name, ByteView bytes, 
   if (::rename(temporary.c_str(), path.c_str()) != 0) return fail("rename into place");
   ::close(fd);
   return syncFolder(path.parent_path());
+}
+
+}  // namespace
+
+Status writeFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
+  if (isStream(name)) return writeToStream(name, bytes);
+  ASSIGN_OR_RETURN(const std::filesystem::path path, replaceableFile(name));
+  return renameInto(path, bytes, mode);
+}
+
+Status replaceFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode) {
+  struct stat info {};
+  if (::lstat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISLNK(info.st_mode))
+    return noPlaceForAFile(path, info);
+  return renameInto(path, bytes, mode);
 }
 
 Result<GrowingFile> GrowingFile::create(const std::filesystem::path& path) {

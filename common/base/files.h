@@ -33,8 +33,9 @@ Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path)
 /// certificate). Writes into a device or pipe (/dev/stdout, /dev/null) and does not replace it.
 Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0600);
 
-/// The same for a folder in which others may write, but that a device or pipe there is an error and is not
-/// written into: it may wait for its reader for ever.
+/// The same for a folder in which others may write. A link there is replaced and never followed: it could
+/// lead to a file that only this program may write. A device or pipe there is an error: it may wait for its
+/// reader for ever.
 Status replaceFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0600);
 
 /// Stands between a file's name and six random letters or digits (mkostemp) in the name of its temporary

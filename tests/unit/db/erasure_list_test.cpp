@@ -204,6 +204,17 @@ TEST_F(ErasureListTest, whatIsNoListBesideTheBackupsIsPutAside) {
   EXPECT_THAT(*note, testing::HasSubstr("It was put aside as " + (beside.path() / kErasuresAside).string()));
   EXPECT_EQ(*readWholeFile(beside.path() / kErasuresAside), "nonsense\n");
   EXPECT_EQ(lackedBeside(beside.path(), {own}, *key), "");
+  // a link to a list that only this program may write
+  std::filesystem::remove(beside.path() / kErasuresCopy);
+  const test::TempFolder data;
+  ASSERT_OK(writeErasures(data.path(), {line("ben", 78)}));
+  std::filesystem::create_symlink(data.path() / kErasuresFile, beside.path() / kErasuresCopy);
+  EXPECT_THAT(lackedBeside(beside.path(), {}, *key), testing::HasSubstr("is a link"));
+  const auto linked = addErasuresBeside(beside.path(), {line("anna", 77)}, &*key);
+  ASSERT_OK(linked);
+  EXPECT_THAT(*linked, testing::HasSubstr("is a link"));
+  EXPECT_FALSE(std::filesystem::is_symlink(beside.path() / kErasuresCopy));
+  EXPECT_EQ(readErasures(data.path())->size(), 1u) << "nothing was written through the link";
   // a folder is nobody's list: people must look
   std::filesystem::remove(beside.path() / kErasuresCopy);
   std::filesystem::create_directory(beside.path() / kErasuresCopy);

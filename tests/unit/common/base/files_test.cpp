@@ -114,6 +114,21 @@ TEST(AtomicFile, aLinkStaysALinkAndItsEndIsReplaced) {
   EXPECT_EQ(entriesIn(folder.path()), 2u);
 }
 
+TEST(AtomicFile, inAFolderOfOthersALinkIsReplacedAndItsEndStays) {
+  const test::TempFolder folder;
+  const auto end = folder.write("end", "of the program alone");
+  const auto link = folder.path() / "link", pipe = folder.path() / "pipe";
+  fs::create_symlink(end, link);
+  ASSERT_TRUE(replaceFileAtomically(link, viewOf("new")).ok());
+  EXPECT_EQ(readWholeFile(end).value(), "of the program alone");
+  EXPECT_FALSE(fs::is_symlink(link));
+  EXPECT_EQ(readWholeFile(link).value(), "new");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_EQ(replaceFileAtomically(pipe, viewOf("new")).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(replaceFileAtomically(folder.path(), viewOf("new")).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(entriesIn(folder.path()), 3u);
+}
+
 TEST(ReadWholeFile, missingFolderAndTooLargeAreInvalidInput) {
   const test::TempFolder folder;
   for (const auto& file : {readWholeFile(folder.path() / "none"), readWholeFile(folder.path()),
