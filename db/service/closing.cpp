@@ -295,8 +295,14 @@ Result<pb::Reply> Service::rescore(const Principal& principal, const pb::Rescore
   if (info.has_removed_original())
     return Error{ErrorCode::kUnavailable,
                  name + ": its original recording is gone, its scores stay as they are"};
+  if (!under_way.is_long && info.samples() > kShortScoreSamples) {
+    under_way.is_long = under_way.more = true;
+    return pb::Reply();
+  }
   if (!under_way.score) under_way.score = std::make_shared<SessionScore>(id);
-  ASSIGN_OR_RETURN(const auto measures, scoreSome(*reader, id, *under_way.score, StepWork(kScoredAtOnce)));
+  ASSIGN_OR_RETURN(const auto measures,
+                   scoreSome(*reader, id, *under_way.score,
+                             under_way.is_long ? StepWork(kScoredAtOnce) : StepWork::all()));
   under_way.more = !measures;
   if (!measures) return pb::Reply();
   if (measures->empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};

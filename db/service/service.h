@@ -64,6 +64,7 @@ struct RequestUnderWay {
   bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
   std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
   std::shared_ptr<SessionScore> score{};     ///< of RescoreSession
+  bool is_long = false;                      ///< of RescoreSession: its next step waits for a place
   /// Of ErasePerson: the person is erased.
   std::shared_ptr<ErasureUnderWay> erasure{};
   /// What was asked for is done: the steps that are left complete the reply, by which others are told, too.

@@ -146,7 +146,6 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   auto room = takeRoom(context, who, request->call_case(), request->ByteSizeLong());
   if (!room.ok()) co_return refusedBefore(*request, room.error());
   PlacesInTurn::Place place;
-  if (threads == RequestThreads::kScores) place = co_await context.rescorings.take(turnNameOf(who));
   const auto under_way = std::make_shared<RequestUnderWay>();
   const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
                                           under_way, gone = std::move(gone)]() -> Executed {
@@ -160,7 +159,10 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   for (;;) {
     std::function<Executed()> work = step;
     const Executed done = co_await onItsThreads(context, threads, who, std::move(work));
-    if (!done) continue;
+    if (!done) {
+      if (under_way->is_long && !place) place = co_await context.rescorings.take(turnNameOf(who));
+      continue;
+    }
     if (!done->error) room->stored();
     co_return done;
   }
