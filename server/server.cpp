@@ -103,6 +103,8 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                {{"path", path}, {"text", "a program that was killed left it; it may hold a private key"}});
   p.names = certificateNames(p.options.listen, p.options.host_names, p.options.ca_domains);
   ASSIGN_OR_RETURN(const auto certificate, currentCertificate(p.files, p.names));
+  if (!certificate.clock_fault.empty())
+    logEvent(LogLevel::kWarning, "authority_not_valid", {{"text", certificate.clock_fault}});
   p.tls = certificate.tls;
   p.certificate_sha256 = certificate.sha256;
 

@@ -28,6 +28,7 @@ struct ServerCertificate {
   TlsContext tls;
   std::string sha256;
   bool made = false;
+  std::string clock_fault;  ///< clockFault()
 };
 
 /// The certificate of the files, made or renewed if need be. Thread: any.

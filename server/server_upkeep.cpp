@@ -32,6 +32,7 @@ Result<ServerCertificate> currentCertificate(const TlsFiles& files, const Certif
   // of the context, not of the files: a command may replace them at any time
   ASSIGN_OR_RETURN(const auto facts, shownCertificate(current.tls));
   current.sha256 = facts.sha256;
+  current.clock_fault = clockFault(files);
   return current;
 }
 
@@ -85,13 +86,12 @@ Task<> Server::Parts::certificateLoop() {
     std::function<Result<ServerCertificate>()> work = [this] { return currentCertificate(files, names); };
     const auto now = co_await offload(workers, std::move(work));
     if (stopping) co_return;
-    if (!now.ok()) {
-      // once for each fault: the old certificate serves on
-      if (std::exchange(fault, now.error().message) != now.error().message)
-        logEvent(LogLevel::kWarning, "certificate_not_renewed", {{"text", now.error().message}});
-      continue;
-    }
-    fault.clear();
+    // once for each fault: the old certificate serves on
+    const std::string text = now.ok() ? now->clock_fault : now.error().message;
+    if (std::exchange(fault, text) != text && !text.empty())
+      logEvent(LogLevel::kWarning, now.ok() ? "authority_not_valid" : "certificate_not_renewed",
+               {{"text", text}});
+    if (!now.ok()) continue;
     if (std::exchange(certificate_sha256, now->sha256) == now->sha256) continue;
     tls = now->tls;
     if (web) web->useTls(tls);

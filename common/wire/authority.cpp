@@ -136,12 +136,14 @@ Status checkValidNow(X509* authority, const std::filesystem::path& file, const s
   };
   return Error{
       ErrorCode::kFailed,
-      fmt::format("{}: the authority {}, and this machine's clock says {}: no station, instructor or browser "
-                  "accepts this server. If the clock is wrong, set it (timedatectl). If it is right, {}{}",
-                  file.string(),
-                  is_early ? "is valid from " + dayOf(begin) + " on only" : "has expired on " + dayOf(end),
-                  localTime(static_cast<std::int64_t>(now) * 1'000'000'000, TimeForm::kZoned),
-                  is_early ? "it was ahead when the authority was made: " : "", then)};
+      fmt::format(
+          "{}: the authority {}, and this machine's clock says {}: no station, instructor or browser "
+          "whose clock says the same accepts this server. If the clock is wrong, set it (timedatectl). "
+          "If it is right, {}{}",
+          file.string(),
+          is_early ? "is valid from " + dayOf(begin) + " on only" : "has expired on " + dayOf(end),
+          localTime(static_cast<std::int64_t>(now) * 1'000'000'000, TimeForm::kDay),
+          is_early ? "it was ahead when the authority was made: " : "", then)};
 }
 
 bool maySign(X509* authority, const std::string& host) {

@@ -29,9 +29,9 @@ Result<Authority> makeAuthority(const std::string& permitted, x509::Key key = x5
 /// The authority of ca.key and that certificate of ca.crt that fits it.
 Result<Authority> loadAuthority(const TlsFiles& files);
 
-/// kFailed unless every peer whose clock is right accepts this authority of `file` now: it was made while the
-/// clock was ahead, it has expired, or this machine's clock is wrong. `then`: what to do if the clock is
-/// right.
+/// kFailed unless every peer whose clock agrees with this machine's accepts this authority of `file`: it was
+/// made while the clock was ahead, it has expired, or this machine's clock is wrong. `then`: what to do if
+/// the clock is right.
 Status checkValidNow(X509* authority, const std::filesystem::path& file, const std::string& then);
 
 /// Whether `authority` may sign for this name or address. An authority without constraints may sign all.

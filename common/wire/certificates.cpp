@@ -75,7 +75,7 @@ std::string serverFault(const TlsFiles& files, const std::vector<x509::Certifica
   return {};
 }
 
-/// Before a server starts or gets a new certificate: its authority must be accepted.
+/// Before a person makes a new certificate: peers must accept its authority.
 Status checkAuthority(const TlsFiles& files, X509* authority) {
   return checkValidNow(
       authority, files.ca_certificate,
@@ -219,16 +219,25 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
   }
   ASSIGN_OR_RETURN(const auto authorities, x509::loadCertificates(files.ca_certificate));
   hosts = named(authorities.front().get(), names);
-  // before the fault: where the clock is wrong, the stored certificate is the better one
-  if (X509* const signer = signerOf(files, authorities)) RETURN_IF_ERROR(checkAuthority(files, signer));
+  // where the clock is wrong, the stored certificate is better than one made by that clock
+  if (X509* const signer = signerOf(files, authorities);
+      signer != nullptr && !checkAuthority(files, signer).ok())
+    return false;
   const std::string fault = serverFault(files, authorities, hosts);
   if (fault.empty()) return false;
   // the CA's key is needed only now; if it is kept elsewhere, it must be restored for this
   const auto authority = loadAuthority(files);
   if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};
-  RETURN_IF_ERROR(checkAuthority(files, authority->certificate.get()));
   RETURN_IF_ERROR(signServer(files, *authority, withOldHosts(files, hosts)));
   return true;
+}
+
+std::string clockFault(const TlsFiles& files) {
+  const auto authorities = x509::loadCertificates(files.ca_certificate);
+  if (!authorities.ok()) return {};
+  X509* const signer = signerOf(files, *authorities);
+  const Status valid = checkAuthority(files, signer != nullptr ? signer : authorities->front().get());
+  return valid.ok() ? std::string() : valid.error().message;
 }
 
 Status renewServerCertificate(const TlsFiles& files, const std::vector<std::string>& hosts) {

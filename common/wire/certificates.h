@@ -39,12 +39,16 @@ struct CertificateNames {
 /// when a file was created. Errors: kInvalidInput for a name that the CA may not sign, for a CA that is lost
 /// (there is no ca.crt, but a file that was made with it; no key is ever replaced), for a CA or key that
 /// cannot be read, with the fault of the server's certificate in the message; kFailed when a file cannot be
-/// written, or when no peer accepts the CA now, because it is not valid yet or no more: nothing is renewed
-/// then.
+/// written. While the CA is not valid by this machine's clock (clockFault), the stored certificate stays.
 Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names);
 
+/// Why a peer whose clock agrees with this machine's accepts no certificate of this folder: its CA is not
+/// valid yet, or no more. Says what to do. Empty: it is valid, or it cannot be read. One of the clocks may be
+/// wrong, so a server says it and serves on.
+std::string clockFault(const TlsFiles& files);
+
 /// Creates a new certificate and key for the server, signed by the same CA, for `hosts` and all names of the
-/// old certificate. The CA's key must exist. Errors: as ensureTlsFiles.
+/// old certificate. The CA's key must exist. Errors: as ensureTlsFiles; kFailed while the CA is not valid.
 Status renewServerCertificate(const TlsFiles& files, const std::vector<std::string>& hosts);
 
 // A new authority in three steps, without a break: prepare, bring ca.crt to all peers, switch, drop. The
