@@ -80,7 +80,7 @@ class LookAtFiles {
     std::filesystem::path path;
     int deepest = 0;
   };
-  /// Whether another user owns it, who may have made any number of them.
+  /// Whether another user owns it, who may have made any number of them; its path.
   using File = std::pair<bool, std::filesystem::path>;
 
   /// Goes through the places. False: there is more, and it is past `until_ns`.
