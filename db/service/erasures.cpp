@@ -7,12 +7,16 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <map>
 #include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "common/base/text.h"
 #include "db/audit.h"
 #include "db/erasure.h"
 #include "db/people.h"
@@ -81,6 +85,40 @@ std::string textOnDone(const FoundNames& found, const std::string& pseudonym) {
   if (found.sessions.sessions() > 0)
     text += fmt::format("; {} of the person's sessions are erased already", found.sessions.sessions());
   return text;
+}
+
+/// The files that one text has.
+struct FilesInText {
+  std::vector<std::string> files;  ///< each is in `text`, too
+  std::string text;
+};
+
+/// As many files as `most_bytes` take; how many others there are, by folder, as many folders as that takes.
+FilesInText filesInText(const FilesFound& found, std::size_t most_bytes) {
+  FilesInText in;
+  std::map<std::filesystem::path, std::uint64_t> others = found.others;
+  for (const auto& path : found.named) {
+    // a name may have any bytes, and a message with what is no UTF-8 is read by nobody
+    const std::string file = printable(path.string());
+    if (in.text.size() + file.size() > most_bytes) {
+      ++others[path.parent_path()];
+      continue;
+    }
+    in.text += (in.text.empty() ? "" : ", ") + file;
+    in.files.push_back(file);
+  }
+  std::string text;
+  std::uint64_t elsewhere = 0;
+  for (const auto& [folder, count] : others) {
+    const std::string counted = fmt::format("{} others in {}", count, printable(folder.string()));
+    if (text.size() + counted.size() > most_bytes)
+      elsewhere += count;
+    else
+      text += (text.empty() ? "" : ", ") + counted;
+  }
+  if (elsewhere > 0) text += (text.empty() ? "" : ", ") + fmt::format("{} others elsewhere", elsewhere);
+  if (!text.empty()) in.text += (in.text.empty() ? "" : ", and ") + text;
+  return in;
 }
 
 /// What to do with sessions that wait under the name; empty: there are none.
@@ -212,23 +250,24 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   return reply;
 }
 
-void nameFilesOfErased(const std::vector<std::filesystem::path>& files, const ErasedRows& erased,
-                       pb::Erasure& erasure) {
-  std::string named;
-  for (const auto& file : files) {
-    erasure.add_files(file.string());
-    named += (named.empty() ? "" : ", ") + file.string();
-  }
+std::string nameFilesOfErased(const FilesFound& found, const ErasedRows& erased, pb::Erasure& erasure) {
+  constexpr std::size_t kOfReply_bytes = 64 << 10, kOfLine_bytes = 400;  // of kMaxFrameBytes; of AuditStore's
+  const FilesInText in = filesInText(found, kOfReply_bytes);
+  for (const std::string& file : in.files) erasure.add_files(file);
   erasure.set_text(
       erasure.text() +
-      (files.empty()
+      (in.text.empty()
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")
            : fmt::format("These still hold this person's data, or nobody can tell: {}. Remove them. A backup "
                          "among them that is restored here is erased anew before it serves, but only what "
                          "stands there under the name '{}', not under one that stations gave. ",
-                         named, erased.names.name)) +
+                         in.text, erased.names.name)) +
       "Backups elsewhere hold it until they are removed; the server's own log files go by their rotation.");
+  if (in.text.empty()) return {};
+  return withoutNames(
+      "hold this person's data, or nobody can tell: " + filesInText(found, kOfLine_bytes).text, erased.names,
+      true);
 }
 
 }  // namespace needlelab::handlers

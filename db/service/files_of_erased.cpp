@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <iterator>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -70,25 +71,6 @@ bool isDatabase(const std::filesystem::path& path) {
 /// A copy that a backup has not finished. It is no database yet: SQLite writes the first page last.
 bool isUnfinishedCopy(std::string_view file) {
   return file.ends_with(".partial") || file.ends_with(".backup-copy");
-}
-
-/// The regular files below `place` that are not empty, in folders of at most `deepest` levels below it. No
-/// symbolic link below it is followed.
-std::vector<std::filesystem::path> filesBelow(const std::filesystem::path& place, int deepest) {
-  std::vector<std::filesystem::path> files;
-  std::error_code error;
-  constexpr auto kSkip = std::filesystem::directory_options::skip_permission_denied;
-  for (auto at = std::filesystem::recursive_directory_iterator(place, kSkip, error);
-       !error && at != std::filesystem::recursive_directory_iterator(); at.increment(error)) {
-    std::error_code ignored;
-    const auto type = at->symlink_status(ignored).type();
-    if (type == std::filesystem::file_type::directory && at.depth() >= deepest) {
-      at.disable_recursion_pending();
-    } else if (type == std::filesystem::file_type::regular && at->file_size(ignored) > 0 && !ignored) {
-      files.push_back(at->path());
-    }
-  }
-  return files;
 }
 
 }  // namespace
@@ -168,43 +150,56 @@ LookAtFiles::LookAtFiles(const std::filesystem::path& folder, const std::filesys
       time_(time),
       in_use_(folder / "needlelab.db"),
       left_ns_(most_time.count()) {
-  struct Place {
-    std::filesystem::path path;
-    int deepest = 0;
-  };
   constexpr int kDeepest = 16;
-  std::set<std::filesystem::path> files;
-  // `backups` may be a link to another disk
-  for (const auto& [place, deepest] :
-       {Place{folder, kDeepest}, Place{folder / "backups", kDeepest}, Place{backups, 0}}) {
-    const auto below = filesBelow(place, deepest);
-    files.insert(below.begin(), below.end());
-  }
-  files_.assign(files.begin(), files.end());
+  roots_.push_back({folder, kDeepest});
+  const std::filesystem::path own = folder / "backups";
+  std::error_code ignored;
+  // it may be a link to another disk
+  if (std::filesystem::is_symlink(own, ignored)) roots_.push_back({own, kDeepest});
+  if (!backups.empty() && backups != own && backups != folder) roots_.push_back({backups, 0});
+  places_.assign(roots_.begin(), roots_.end());
 }
 
 LookAtFiles::~LookAtFiles() = default;
 
 bool LookAtFiles::goOn() {
   const std::int64_t until_ns = time_.nowNs() + std::chrono::nanoseconds(kTurnOfFiles).count();
+  if (!listOn(until_ns)) return false;
   const std::uint64_t opened_before = opened_;
   while (!files_.empty()) {
     const bool goes_on = rows_ != nullptr;
-    if (goes_on || isToRead(files_.front())) {
-      const auto named = read(files_.front(), until_ns);
-      if (!named) return false;
-      if (*named) naming_.insert(files_.front());
-    }
-    files_.pop_front();
+    const auto first = files_.begin();
+    const auto kind = goes_on || left_ns_ > 0 ? read(first->second, until_ns) : std::optional(Kind::kUntold);
+    if (!kind) return false;
+    if (*kind != Kind::kWithout) name(*kind, *first);
+    files_.erase(first);
     if (goes_on || opened_ > opened_before || time_.nowNs() >= until_ns) break;
   }
-  if (!files_.empty()) return false;
-  addLogs();
-  return true;
+  return files_.empty();
 }
 
-std::vector<std::filesystem::path> LookAtFiles::found() const {
-  return {naming_.begin(), naming_.end()};
+FilesFound LookAtFiles::found() const {
+  FilesFound found{{}, others_};
+  for (const auto& [kind, file] : named_) found.named.push_back(file.second);
+  return found;
+}
+
+bool LookAtFiles::listOn(std::int64_t until_ns) {
+  const std::filesystem::recursive_directory_iterator end;
+  for (; !places_.empty(); places_.pop_front(), at_.reset()) {
+    std::error_code error;
+    if (!at_)
+      at_.emplace(places_.front().path, std::filesystem::directory_options::skip_permission_denied, error);
+    for (; *at_ != end; at_->increment(error)) {
+      if (time_.nowNs() >= until_ns) return false;
+      const std::filesystem::path& path = (*at_)->path();
+      struct stat info {};
+      if (::lstat(path.c_str(), &info) != 0) continue;
+      if (S_ISDIR(info.st_mode) && at_->depth() >= places_.front().deepest) at_->disable_recursion_pending();
+      if (S_ISREG(info.st_mode) && info.st_size > 0) sortIn({info.st_uid != ::geteuid(), path});
+    }
+  }
+  return true;
 }
 
 std::optional<LookAtFiles::Identity> LookAtFiles::identityOf(const std::filesystem::path& path) {
@@ -215,28 +210,60 @@ std::optional<LookAtFiles::Identity> LookAtFiles::identityOf(const std::filesyst
                   ns(info.st_ctim)};
 }
 
-bool LookAtFiles::isToRead(const std::filesystem::path& path) {
-  const std::string file = path.filename().string();
+void LookAtFiles::sortIn(const File& file) {
+  const std::filesystem::path& path = file.second;
+  const std::string last = path.filename().string();
   std::error_code ignored;
   // the one in use is not even opened: closing it again would give up SQLite's locks
-  if (file.ends_with("-shm") || std::filesystem::equivalent(path, in_use_, ignored)) return false;
-  if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return file.ends_with(end); })) {
-    logs_.insert(path);
-    return false;
+  if (last.ends_with("-shm") || std::filesystem::equivalent(path, in_use_, ignored)) return;
+  if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return last.ends_with(end); })) {
+    if (isLogOfFound(path)) name(Kind::kLog, file);
+  } else if (isUnfinishedCopy(last)) {
+    name(Kind::kUnfinished, file);
+  } else if (isDatabase(path) && files_.insert(file).second && files_.size() > kMostFilesRead) {
+    const auto least = std::prev(files_.end());
+    countOther(least->second);
+    files_.erase(least);
   }
-  const bool unfinished = isUnfinishedCopy(file);
-  if (!unfinished && !isDatabase(path)) return false;
-  if (!unfinished && left_ns_ > 0) return true;
-  naming_.insert(path);
-  return false;
 }
 
-std::optional<bool> LookAtFiles::read(const std::filesystem::path& path, std::int64_t until_ns) {
+bool LookAtFiles::isLogOfFound(const std::filesystem::path& log) const {
+  const std::string text = log.string();
+  const std::filesystem::path of = text.substr(0, text.rfind('-'));
+  std::error_code ignored;
+  const bool unfinished = isUnfinishedCopy(of.string());
+  struct stat info {};
+  if (::lstat(of.c_str(), &info) != 0) return unfinished || of.filename().string().starts_with("needlelab");
+  // a database with a log beside it is read by nobody: it is found
+  return S_ISREG(info.st_mode) && info.st_size > 0 && !std::filesystem::equivalent(of, in_use_, ignored) &&
+         (unfinished || isDatabase(of));
+}
+
+void LookAtFiles::name(Kind kind, const File& file) {
+  if (!named_.insert({kind, file}).second || named_.size() <= kMostFilesNamed) return;
+  const auto least = std::prev(named_.end());
+  countOther(least->second.second);
+  named_.erase(least);
+}
+
+void LookAtFiles::countOther(const std::filesystem::path& path) {
+  const std::filesystem::path folder = path.parent_path();
+  if (others_.contains(folder) || others_.size() < kMostFoldersCounted) {
+    ++others_[folder];
+    return;
+  }
+  const auto root = std::find_if(roots_.rbegin(), roots_.rend(), [&](const Place& place) {
+    return path.string().starts_with(place.path.string());
+  });
+  ++others_[root == roots_.rend() ? roots_.front().path : root->path];
+}
+
+std::optional<LookAtFiles::Kind> LookAtFiles::read(const std::filesystem::path& path, std::int64_t until_ns) {
   const std::int64_t began_ns = time_.nowNs();
-  std::optional<bool> named;
+  std::optional<Kind> kind;
   if (!rows_) {
     // a log belongs to one of the file's names
-    if (isEncryptedBackup(path) || !requireAlone(path)) return true;
+    if (isEncryptedBackup(path) || !requireAlone(path)) return Kind::kUntold;
     identity_ = identityOf(path);
     const auto known = identity_ ? known_.find(*identity_) : known_.end();
     if (known != known_.end()) return known->second;
@@ -245,33 +272,25 @@ std::optional<bool> LookAtFiles::read(const std::filesystem::path& path, std::in
     const std::chrono::nanoseconds most_time(std::min(left_ns_, left_of_file_ns_));
     if (auto opened = openForeign(path, cancelled_, most_time, time_))
       if (auto rows = RowsOfFile::begin(std::move(*opened), erased_)) rows_ = std::move(*rows);
-    if (!rows_) named = true;  // nobody can tell
+    if (!rows_) kind = Kind::kUntold;
   } else {
     rows_->readUntil(began_ns + std::min(left_ns_, left_of_file_ns_));
   }
   if (rows_) {
     const auto has_person = rows_->readOn(time_, until_ns);
-    named = has_person ? *has_person : true;
+    if (!has_person)
+      kind = Kind::kUntold;
+    else if (*has_person)
+      kind = **has_person ? Kind::kHasPerson : Kind::kWithout;
   }
   const std::int64_t used_ns = time_.nowNs() - began_ns;
   left_ns_ -= used_ns;
   left_of_file_ns_ -= used_ns;
-  if (!named && (left_ns_ <= 0 || left_of_file_ns_ <= 0)) named = true;
-  if (!named) return named;
+  if (!kind && (left_ns_ <= 0 || left_of_file_ns_ <= 0)) kind = Kind::kUntold;
+  if (!kind) return kind;
   rows_.reset();
-  if (identity_) known_[*identity_] = *named;
-  return named;
-}
-
-void LookAtFiles::addLogs() {
-  for (const auto& path : logs_) {
-    const std::string text = path.string();
-    const std::filesystem::path of = text.substr(0, text.rfind('-'));
-    std::error_code ignored;
-    const bool orphan = !std::filesystem::exists(of, ignored) &&
-                        (of.filename().string().starts_with("needlelab") || isUnfinishedCopy(of.string()));
-    if (naming_.contains(of) || orphan) naming_.insert(path);
-  }
+  if (identity_) known_[*identity_] = *kind;
+  return kind;
 }
 
 }  // namespace needlelab

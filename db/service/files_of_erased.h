@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <filesystem>
@@ -13,6 +14,7 @@
 #include <optional>
 #include <set>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "common/base/time_source.h"
@@ -28,6 +30,18 @@ inline constexpr std::chrono::seconds kMostTimeOfFiles{60};
 /// For one turn of it. Others' slow requests (imports, backups) wait for one turn, not for the look.
 inline constexpr std::chrono::milliseconds kTurnOfFiles{500};
 
+/// Files that one erasure names, databases that it reads, and folders of which it counts the others: whoever
+/// may write beside the backups can make any number. What is above is counted, and neither kept nor read.
+inline constexpr std::size_t kMostFilesNamed = 100, kMostFilesRead = 5000, kMostFoldersCounted = 10;
+
+struct FilesFound {
+  /// First those that were read and have the person, then databases of which nobody can tell, logs, and
+  /// unfinished copies; of each the server's own first, then by path.
+  std::vector<std::filesystem::path> named;
+  /// How many more, by folder. Where there are many folders, by the one that was looked through.
+  std::map<std::filesystem::path, std::uint64_t> others;
+};
+
 class RowsOfFile;
 
 /// A look, in turns, at databases below the folder of the one in use, and in `backups`, where the last backup
@@ -36,7 +50,8 @@ class RowsOfFile;
 /// cannot be told: it is encrypted, has a log beside it, is no database of needlelab, somebody changed its
 /// schema, a text in it is longer than needlelab stores, or kMostTimeOfForeign is up; what is left when
 /// `most_time` was used for reading; unfinished copies of backups; and logs of what is found, or whose
-/// database is gone. Files are read as openForeign() does, one that has several names (hard links) once.
+/// database is gone. Files are read as openForeign() does, one that has several names (hard links) once; the
+/// server's own come first. Memory: for kMostFilesRead paths, whatever lies there.
 /// Takes no lock. `erased`, `cancelled` (may be null) and `time` must outlive it. Thread: one at a time.
 class LookAtFiles {
  public:
@@ -49,8 +64,7 @@ class LookAtFiles {
 
   /// One turn: up to kTurnOfFiles, and at most one database. True: the look is complete.
   bool goOn();
-  /// What was found, sorted.
-  [[nodiscard]] std::vector<std::filesystem::path> found() const;
+  [[nodiscard]] FilesFound found() const;
   /// Databases that were opened.
   [[nodiscard]] std::uint64_t opened() const { return opened_; }
 
@@ -58,23 +72,43 @@ class LookAtFiles {
   /// Device and number of a file, its length, when its contents and when itself was changed last, in ns.
   using Identity = std::tuple<dev_t, ino_t, std::int64_t, std::int64_t, std::int64_t>;
   static std::optional<Identity> identityOf(const std::filesystem::path& path);
-  /// Whether the file is a database to read; puts it where it belongs if not.
-  bool isToRead(const std::filesystem::path& path);
-  /// Whether it names the person; nothing: it is to be read on in another turn.
-  std::optional<bool> read(const std::filesystem::path& path, std::int64_t until_ns);
-  void addLogs();
+  /// In the order in which they are named.
+  enum class Kind { kHasPerson, kUntold, kLog, kUnfinished, kWithout };
+  /// The files below `path` that are not empty, in folders of at most `deepest` levels below it. No symbolic
+  /// link below it is followed.
+  struct Place {
+    std::filesystem::path path;
+    int deepest = 0;
+  };
+  /// Whether another user owns it, who may have made any number of them; its path.
+  using File = std::pair<bool, std::filesystem::path>;
+
+  /// Goes through the places. False: there is more, and it is past `until_ns`.
+  bool listOn(std::int64_t until_ns);
+  /// Puts a file where it belongs.
+  void sortIn(const File& file);
+  /// Whether the database that this log is of is found, or gone.
+  [[nodiscard]] bool isLogOfFound(const std::filesystem::path& log) const;
+  /// What it is; nothing: it is to be read on in another turn.
+  std::optional<Kind> read(const std::filesystem::path& path, std::int64_t until_ns);
+  void name(Kind kind, const File& file);
+  void countOther(const std::filesystem::path& path);
 
   const ErasedRows& erased_;
   const std::atomic<bool>* cancelled_;
   TimeSource& time_;
   std::filesystem::path in_use_;
-  std::deque<std::filesystem::path> files_;  ///< of which nothing is known yet
-  std::unique_ptr<RowsOfFile> rows_;         ///< of the first of them; null: it is not opened
-  std::optional<Identity> identity_;         ///< of that one
-  std::int64_t left_ns_;                     ///< of `most_time`
-  std::int64_t left_of_file_ns_ = 0;         ///< of kMostTimeOfForeign
-  std::map<Identity, bool> known_;           ///< whether files that were read name the person
-  std::set<std::filesystem::path> naming_, logs_;
+  std::vector<Place> roots_;
+  std::deque<Place> places_;  ///< of roots_: those that are not gone through
+  std::optional<std::filesystem::recursive_directory_iterator> at_;  ///< in the first of them
+  std::set<File> files_;              ///< databases of which nothing is known yet
+  std::unique_ptr<RowsOfFile> rows_;  ///< of the first of them; null: it is not opened
+  std::optional<Identity> identity_;  ///< of that one
+  std::int64_t left_ns_;              ///< of `most_time`
+  std::int64_t left_of_file_ns_ = 0;  ///< of kMostTimeOfForeign
+  std::map<Identity, Kind> known_;    ///< files that were read
+  std::set<std::pair<Kind, File>> named_;
+  std::map<std::filesystem::path, std::uint64_t> others_;
   std::uint64_t opened_ = 0;
 };
 

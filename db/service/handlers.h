@@ -27,6 +27,7 @@ namespace needlelab {
 class CodeGuard;
 class ExportLedger;
 struct ErasedRows;
+struct FilesFound;
 struct RequestUnderWay;
 }  // namespace needlelab
 
@@ -159,10 +160,10 @@ Result<pb::Reply> getReference(const Context& context, const pb::GetReference& c
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
 /// Where the last backup was put; empty: there was none, or the folder is not there now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);
-/// Adds to the reply which files still hold the person. Last of all: others may have written these files, and
-/// looking into them may take a minute (LookAtFiles).
-void nameFilesOfErased(const std::vector<std::filesystem::path>& files, const ErasedRows& erased,
-                       pb::Erasure& erasure);
+/// Adds to the reply which files still hold the person: as many as it has room for, and how many others. Last
+/// of all: others may have written these files, and looking into them may take a minute (LookAtFiles).
+/// Returns the same for the audit log, shorter and without the person's names; empty: there is no such file.
+std::string nameFilesOfErased(const FilesFound& found, const ErasedRows& erased, pb::Erasure& erasure);
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
 Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& call);

@@ -142,8 +142,16 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
   if (under_way.erasure) {
     ErasureUnderWay& done = *under_way.erasure;
     under_way.more = !done.files->goOn();
-    if (!under_way.more)
-      handlers::nameFilesOfErased(done.files->found(), done.erased, *done.reply.mutable_erasure());
+    if (under_way.more) return done.reply;
+    pb::Erasure& erasure = *done.reply.mutable_erasure();
+    const std::string line = handlers::nameFilesOfErased(done.files->found(), done.erased, erasure);
+    // the reply may not reach anybody
+    if (line.empty()) return done.reply;
+    const auto noted =
+        note(who.name, std::string(callName(pb::Request::kErasePerson)), erasure.pseudonym(), line);
+    if (!noted)
+      erasure.set_text(erasure.text() + " The audit log does not have these files (" + noted.error().message +
+                       "): keep this text.");
     return done.reply;
   }
   return withReader(who, callName(pb::Request::kErasePerson),

@@ -9,11 +9,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/files.h"
+#include "common/wire/protocol.h"
 #include "db/erasure_list.h"
 #include "tests/support/fake_time.h"
 #include "tests/unit/db/hot_journal.h"
@@ -89,8 +91,10 @@ class FilesOfErased : public test::RecordsTest {
       opened = files.opened();
     }
     opened_files = files.opened();
+    const FilesFound all = files.found();
+    others = all.others;
     std::vector<std::string> found;
-    for (const fs::path& path : files.found()) found.push_back(path.string());
+    for (const fs::path& path : all.named) found.push_back(path.string());
     return found;
   }
   static ErasedRows rowsOf(const std::string& name) {
@@ -115,6 +119,7 @@ class FilesOfErased : public test::RecordsTest {
   }
   std::uint64_t turns = 0, opened_files = 0;
   std::int64_t longest_turn_ns = 0;
+  std::map<fs::path, std::uint64_t> others;
   const fs::path kept = folder.path() / "kept";
   const fs::path database = folder.path() / "data" / "needlelab.db";
   std::string text;
@@ -323,6 +328,61 @@ TEST_F(FilesOfErased, areThoseWithARemarkOrAPieceOfAnImportOnly) {
   backup("none.db");
   addNamed("carla", "Carla Zwick");
   EXPECT_THAT(filesOf("carla"), UnorderedElementsAre(remark.string(), piece.string()));
+}
+
+// By those who may write beside the backups: the reply was larger than a frame, and nobody learned the list.
+TEST_F(FilesOfErased, areNamedInAReplyThatIsSentHoweverManyLieThere) {
+  constexpr int kCopies = 3000;
+  addNamed("tom", "");
+  const auto one = backup("one.db");
+  const auto tail = std::string(220, 'x') + ".partial";
+  for (int i = 0; i < kCopies; ++i) std::ofstream(kept / (std::to_string(100'000 + i) + tail)) << '.';
+  std::ofstream(kept / "0 \xff\n.partial") << '.';  // no message can have this name as it is
+  pb::Reply reply = get(admin, erase("tom"));
+  EXPECT_LT(reply.ByteSizeLong(), kMaxFrameBytes / 2);
+  pb::Reply read;
+  ASSERT_TRUE(read.ParseFromString(reply.SerializeAsString()));
+  const auto& erasure = read.erasure();
+  ASSERT_EQ(static_cast<std::size_t>(erasure.files_size()), kMostFilesNamed);
+  EXPECT_EQ(erasure.files(0), one.string());
+  EXPECT_EQ(erasure.files(1), (kept / "0 ??.partial").string());
+  const auto others_in = [&](int named) {
+    return std::to_string(kCopies + 2 - named) + " others in " + kept.string();
+  };
+  EXPECT_THAT(erasure.text(), HasSubstr(others_in(erasure.files_size())));
+  // a reply that is lost can be asked for again
+  pb::Request lines;
+  lines.mutable_list_audit()->set_action("person erase");
+  const auto noted = get(admin, lines).audit().entries(0);
+  EXPECT_EQ(noted.subject(), erasure.pseudonym());
+  EXPECT_THAT(noted.detail(), HasSubstr(one.string() + ", "));
+  EXPECT_THAT(noted.detail(), testing::MatchesRegex(".*, and [0-9]+ others in " + kept.string()));
+}
+
+TEST_F(FilesOfErased, theLineOfTheAuditLogDoesNotNameThePerson) {
+  addNamed("tom", "");
+  backup("tom.db");
+  filesOf("tom");
+  EXPECT_THAT(text, HasSubstr((kept / "tom.db").string()));
+  pb::Request lines;
+  lines.mutable_list_audit()->set_action("person erase");
+  EXPECT_THAT(get(admin, lines).audit().entries(0).detail(),
+              testing::MatchesRegex(".*/erased-[0-9a-f]{12}\\.db"));
+}
+
+TEST_F(FilesOfErased, thatNobodyHasRoomForAreCountedByFolder) {
+  const auto many = static_cast<int>(kMostFilesNamed) + 20;
+  const auto folders = static_cast<int>(kMostFoldersCounted) + 5;
+  const fs::path own = folder.path() / "data" / "backups";
+  for (int i = 0; i < many; ++i) {
+    fs::create_directories(own / std::to_string(i % folders));
+    std::ofstream(own / std::to_string(i % folders) / (std::to_string(i) + ".partial")) << '.';
+  }
+  EXPECT_EQ(look(rowsOf("nobody")).size(), kMostFilesNamed);
+  EXPECT_LE(others.size(), kMostFoldersCounted + 1);
+  std::uint64_t counted = 0;
+  for (const auto& [in, count] : others) counted += count;
+  EXPECT_EQ(counted, 20u);
 }
 
 TEST_F(FilesOfErased, aListBesideTheBackupsThatCannotBeWrittenIsSaid) {
