@@ -148,7 +148,14 @@ Result<std::vector<ErasureLine>> readList(const std::filesystem::path& path,
   return lines;
 }
 
-/// The list beside backups. Others may write there, so a link is not followed: kCorrupt.
+/// A line as it stands in the file.
+std::string wholeText(const ErasureLine& line) {
+  return line.seal ? fmt::format("{} {}{} {}{}", bareText(line), kKey, line.seal->key, kMac, line.seal->mac)
+                   : bareText(line);
+}
+
+/// The list beside backups. Others may write there: a link is not followed (kCorrupt), and of a line that
+/// stands there several times one counts.
 Result<std::vector<ErasureLine>> readBeside(const std::filesystem::path& backups,
                                             const std::filesystem::path& of_key) {
   const std::filesystem::path path = backups / kErasuresCopy;
@@ -156,7 +163,10 @@ Result<std::vector<ErasureLine>> readBeside(const std::filesystem::path& backups
   if (std::filesystem::is_symlink(path, error))
     return Error{ErrorCode::kCorrupt,
                  path.string() + ": is a link; a list of erasures beside backups is a file"};
-  return readList(path, of_key);
+  ASSIGN_OR_RETURN(auto lines, readList(path, of_key));
+  std::set<std::string> known;
+  std::erase_if(lines, [&](const ErasureLine& line) { return !known.insert(wholeText(line)).second; });
+  return lines;
 }
 
 }  // namespace
@@ -173,9 +183,7 @@ Status writeErasures(const std::filesystem::path& folder, const std::vector<Eras
                              fmt::format("{} lines", kMostErasureLines), folder)};
   std::string text;
   for (const ErasureLine& line : lines) {
-    text += bareText(line);
-    if (line.seal) text += fmt::format(" {}{} {}{}", kKey, line.seal->key, kMac, line.seal->mac);
-    text += '\n';
+    text += wholeText(line) + '\n';
   }
   if (text.size() > kMostListBytes)
     return Error{ErrorCode::kInvalidInput,

@@ -162,7 +162,7 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                       // the erasure is final whether or not the chunks can be removed: the reply lists the
                       // remaining ones
                       auto* erasure = done->reply.mutable_erasure();
-                      const std::string chunks = removeErased(), log = emptyLogOfErased();
+                      const std::string chunks = removeErased(retention_pace_), log = emptyLogOfErased();
                       erasure->set_pending(!log.empty());
                       erasure->set_text(chunks + log + erasure->text());
                       done->files.emplace(context.reader.path().parent_path(),
@@ -232,13 +232,22 @@ Result<pb::RescoreReport> Service::rescoreAll(const std::string& by_whom, const 
   return runRescoring(tools, call.exercise_id(), by_whom, call.dry_run());
 }
 
-std::string Service::removeErased() {
+std::string Service::finishErasure() {
+  RetentionPace at_once = retention_pace_;
+  at_once.pause = std::chrono::milliseconds(0);
+  at_once.rows = 4096;
+  return removeErased(at_once) + emptyLogOfErased();
+}
+
+std::string Service::removeErased(const RetentionPace& pace) {
   const RetentionTurn turn(retention_mutex_, retention_run_,
                            "since " + localTime(wallNowNs(), TimeForm::kZoned) + " by an erasure");
   if (!turn.mine())
     return "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
            "(at once by needlelab-admin retention run when this one has ended). ";
-  const auto removed = removeLeftovers(retentionTools());
+  RetentionTools tools = retentionTools();
+  tools.pace = pace;
+  const auto removed = removeLeftovers(tools);
   if (removed && removed->stopped())
     return "The program is ending: the chunks go with the next run of retention. ";
   if (!removed)

@@ -173,7 +173,8 @@ class Service {
   Result<std::vector<std::string>> erasuresToRepeat();
 
   /// After an erasure: removes the chunks, and has the log emptied. Returns a sentence about what remains.
-  std::string finishErasure() { return removeErased() + emptyLogOfErased(); }
+  /// For a start: nobody is served yet, so it makes no pauses.
+  std::string finishErasure();
 
   /// Distances between the paths of tips that comparisons with references took since the start.
   [[nodiscard]] std::uint64_t distancesComputed() const { return reference_paths_.distancesComputed(); }
@@ -256,7 +257,7 @@ class Service {
   void forgetRecordings();
   /// Removes an erasure's chunks. Returns a sentence about remaining chunks and the reason; empty: none
   /// remain.
-  std::string removeErased();
+  std::string removeErased(const RetentionPace& pace);
   /// Has the log emptied. Returns a sentence when readers still need it; empty: nothing of an erasure is
   /// left.
   std::string emptyLogOfErased();

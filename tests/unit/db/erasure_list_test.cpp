@@ -222,6 +222,22 @@ TEST_F(ErasureListTest, whatIsNoListBesideTheBackupsIsPutAside) {
   EXPECT_THAT(lackedBeside(beside.path(), {own}, *key), testing::HasSubstr("cannot be read"));
 }
 
+TEST_F(ErasureListTest, copiesOfOneLineBesideTheBackupsKeepNoErasureOut) {
+  const auto key = PseudonymKey::ofFolder(db.folder.path());
+  ASSERT_OK(key);
+  const ErasureLine own = sealed(line("anna", 77), *key);
+  ErasureLine more = line("ben", 78);
+  more.pseudonym = "erased-5678";
+  more = sealed(more, *key);
+  const test::TempFolder beside;
+  ASSERT_OK(writeErasures(beside.path(), std::vector<ErasureLine>(kMostLinesBeside + 1, own), kErasuresCopy));
+  const auto note = addErasuresBeside(beside.path(), {more}, &*key);
+  ASSERT_OK(note);
+  EXPECT_EQ(*note, "");
+  EXPECT_EQ(readErasures(beside.path(), kErasuresCopy)->size(), 2u);
+  EXPECT_EQ(lackedBeside(beside.path(), {own, more}, *key), "");
+}
+
 TEST_F(ErasureListTest, whatTheListBesideTheBackupsLacksIsNamed) {
   const auto key = PseudonymKey::ofFolder(db.folder.path());
   ASSERT_OK(key);
