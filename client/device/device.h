@@ -63,8 +63,10 @@ class Device {
   virtual DeviceRead read(DeviceReading& reading) noexcept = 0;
   virtual void write(const GuardedWrench& at_handle_W) noexcept = 0;
   /// The loop missed `ticks` ticks since the last read: they had no read and no write. Real devices need
-  /// nothing; devices on virtual time (a recording, a simulation) catch up here. Real-time safe.
-  virtual void skip(std::uint64_t ticks) noexcept { static_cast<void>(ticks); }
+  /// nothing; devices on virtual time (a recording, a simulation) catch up here. Returns how many of the
+  /// ticks were before the motion's end: fewer than `ticks` where a recording or a plan ended meanwhile.
+  /// Real-time safe.
+  virtual std::uint64_t skip(std::uint64_t ticks) noexcept { return ticks; }
   /// Called about 20 times a second beside the loop, for work that may take long, such as finding a lost
   /// device again. Meanwhile `read` returns kNoUpdate with kDeviceLost.
   virtual void maintain() {}

@@ -204,8 +204,10 @@ DeviceRead RecordingDevice::read(DeviceReading& reading) noexcept {
   return DeviceRead::kFresh;
 }
 
-void RecordingDevice::skip(std::uint64_t ticks) noexcept {
-  next_ += static_cast<std::size_t>(std::min<std::uint64_t>(ticks, poses_.size() - next_));
+std::uint64_t RecordingDevice::skip(std::uint64_t ticks) noexcept {
+  const std::uint64_t recorded = std::min<std::uint64_t>(ticks, poses_.size() - next_);
+  next_ += static_cast<std::size_t>(recorded);
+  return recorded;
 }
 
 }  // namespace needlelab

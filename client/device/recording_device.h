@@ -61,7 +61,7 @@ class RecordingDevice final : public Device {
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench&) noexcept override {}
-  void skip(std::uint64_t ticks) noexcept override;
+  std::uint64_t skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override {}
 
  private:

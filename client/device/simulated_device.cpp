@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -133,10 +134,12 @@ void SimulatedDevice::write(const GuardedWrench& at_handle_W) noexcept {
   if (tick_ > 0) pending_[(tick_ - 1 + options_.delay_ticks) % kSlots] = at_handle_W.wrench();
 }
 
-void SimulatedDevice::skip(std::uint64_t ticks) noexcept {
-  if (!hand_) return;
-  for (; ticks > 0 && !hand_->finished(); --ticks, ++tick_)
+std::uint64_t SimulatedDevice::skip(std::uint64_t ticks) noexcept {
+  std::uint64_t moved = 0;
+  if (!hand_) return moved;
+  for (; moved < ticks && !hand_->finished(); ++moved, ++tick_)
     if (tick_ > 0) advance();
+  return moved;
 }
 
 void SimulatedDevice::close() noexcept {
@@ -151,6 +154,9 @@ PivotDevice::PivotDevice(const PivotMotion& motion) : motion_(motion) {
 
 Status PivotDevice::open(double rate_hz) {
   rate_hz_ = rate_hz;
+  // the first tick at or after `seconds`
+  end_tick_ = motion_.seconds > 0 ? static_cast<std::uint64_t>(std::ceil(motion_.seconds * rate_hz))
+                                  : std::numeric_limits<std::uint64_t>::max();
   tick_ = 0;
   random_ = motion_.seed;
   return {};
@@ -182,9 +188,15 @@ double PivotDevice::noise() noexcept {
   return sum * motion_.noise_m;
 }
 
+std::uint64_t PivotDevice::skip(std::uint64_t ticks) noexcept {
+  const std::uint64_t moved = std::min(ticks, end_tick_ - tick_);
+  tick_ += moved;
+  return moved;
+}
+
 DeviceRead PivotDevice::read(DeviceReading& reading) noexcept {
   const double t_s = static_cast<double>(tick_) / rate_hz_;
-  if (motion_.seconds > 0 && t_s >= motion_.seconds) return DeviceRead::kFinished;
+  if (tick_ >= end_tick_) return DeviceRead::kFinished;
   ++tick_;
   reading = {};
   reading.X_WH = handleAt(t_s);

@@ -43,7 +43,7 @@ class SimulatedDevice final : public Device {
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
   /// Integrates the missed ticks under the wrenches due; the last one holds.
-  void skip(std::uint64_t ticks) noexcept override;
+  std::uint64_t skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override;
 
   /// Returns the handle's true state, not the encoders'. For tests and studies.
@@ -87,7 +87,7 @@ class PivotDevice final : public Device {
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench&) noexcept override {}
-  void skip(std::uint64_t ticks) noexcept override { tick_ += ticks; }
+  std::uint64_t skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override {}
 
   /// Returns the handle's pose at `t_s`, without noise and encoder.
@@ -98,6 +98,7 @@ class PivotDevice final : public Device {
   PivotMotion motion_;
   DeviceInfo info_;
   double rate_hz_ = 0;
+  std::uint64_t end_tick_ = 0;
   std::uint64_t tick_ = 0;
   std::uint64_t random_ = 0;
 };

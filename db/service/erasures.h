@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 
@@ -11,15 +12,20 @@
 #include "db/connection.h"
 #include "db/erasure.h"
 #include "db/service/files_of_erased.h"
+#include "db/service/retention.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
 
-/// The person is erased; which files still hold it is looked at for the reply.
+/// The person is erased. What is left to do, in this order, each in steps: the chunks go; the log is emptied;
+/// the files are looked at for the reply.
 struct ErasureUnderWay {
   pb::Reply reply;
   ErasedRows erased;
-  std::optional<LookAtFiles> files;
+  std::filesystem::path folder, backups;  ///< of the database; of its backups
+  LeftoversSoFar chunks;
+  std::string text_on_chunks;        ///< about those that stay; empty: none do
+  std::optional<LookAtFiles> files;  ///< nothing: the log is not emptied yet
 };
 
 /// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For

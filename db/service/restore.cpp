@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <functional>
@@ -24,6 +25,7 @@
 #include "db/connection.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
+#include "db/foreign_database.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "needlelab/types.pb.h"
@@ -107,21 +109,17 @@ struct CheckedCopy {
 
 /// The copy's contents, if it is intact and this program knows its schema.
 Result<CheckedCopy> checkCopy(const fs::path& copy, const fs::path& from) {
-  ASSIGN_OR_RETURN(auto opened, Connection::open(copy, {.mode = Connection::Mode::kReader, .copy_of = from}));
-  auto id = opened.prepare("PRAGMA application_id");
-  ASSIGN_OR_RETURN(const bool row, id.step());
-  if (!row || id.integer(0) != kApplicationId)
-    return Error{ErrorCode::kCorrupt, from.string() + ": this is no database of needlelab"};
-  const auto version = schemaVersion(opened);
-  if (!version) return version.error();
-  if (*version > newestSchemaVersion())
-    return Error{ErrorCode::kVersion,
-                 fmt::format("{}: its schema has version {}, this program (needlelab {}) knows versions up "
-                             "to {}: use the newer program",
-                             from.string(), *version, NEEDLELAB_VERSION, newestSchemaVersion())};
+  // a schema takes up to 80 times its length of memory: first it is read within bounds
+  auto opened = openForeign(copy, nullptr, std::chrono::minutes(10));
+  if (!opened) {
+    Error error = opened.error();
+    if (error.message.starts_with(copy.string()))
+      error.message.replace(0, copy.string().size(), from.string());
+    return error;
+  }
   CheckedCopy checked;
-  checked.result.schema = *version;
-  ASSIGN_OR_RETURN(const auto seals, MetaStore(opened).get(kSealsErasuresKey));
+  ASSIGN_OR_RETURN(checked.result.schema, schemaVersion(*opened));
+  ASSIGN_OR_RETURN(const auto seals, MetaStore(*opened).get(kSealsErasuresKey));
   checked.seals_erasures = seals.has_value();
   return checked;
 }

@@ -3,7 +3,8 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <charconv>
-#include <set>
+#include <cstddef>
+#include <limits>
 #include <utility>
 
 #include "common/base/bytes.h"
@@ -35,8 +36,10 @@ class Run {
 
   Result<pb::RetentionReport> run(bool dry_run) {
     report_.set_dry_run(dry_run);
+    LeftoversSoFar leftovers;
     if (!dry_run) {
-      RETURN_IF_ERROR(removeLeftovers());
+      RETURN_IF_ERROR(removeLeftovers(std::numeric_limits<std::size_t>::max(), leftovers));
+      for (const auto& [session, fault] : leftovers.damaged) noteDamaged(session, fault);
     }
     ASSIGN_OR_RETURN(auto due, read([&](Connection& c) { return RetentionStore(c).due(now_unix_ns_); }));
     // deletions first: they free space for the thinned recordings
@@ -44,7 +47,7 @@ class Run {
     for (const DueRecording& one : due) {
       if (stopped()) break;
       // already in the report
-      if (not_removed_.contains(one.session)) continue;
+      if (leftovers.damaged.contains(one.session)) continue;
       RETURN_IF_ERROR(take(one, dry_run));
     }
     report_.set_stopped(stopped());
@@ -56,29 +59,33 @@ class Run {
     return report_;
   }
 
-  Status removeLeftovers() {
+  Status removeLeftovers(std::size_t pieces, LeftoversSoFar& so_far) {
     ASSIGN_OR_RETURN(const auto sessions, read([](Connection& c) { return RetentionStore(c).leftovers(); }));
     for (const Uuid& session : sessions) {
-      if (stopped()) return {};
+      if (so_far.damaged.contains(session)) continue;
+      if (pieces == 0 || stopped()) return {};
+      --pieces;
       // these rows were not read in this run: the writer must not be the first to meet a damaged page
       auto sound = read([&](Connection& c) { return RetentionStore(c).checkLeftovers(session); });
-      if (sound) sound = removeRows(session);
+      if (sound) sound = removeRows(session, pieces);
       if (sound) continue;
       if (tools_.writer.failed()) return sound;
-      not_removed_.insert(session);
-      pb::RetentionStep step;
-      step.set_action(pb::RetentionStep::LEFT_ALONE);
-      step.set_session_id(session.data(), session.size());
-      step.set_text(sound.error().message);
-      count(step);
-      if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
+      so_far.damaged.emplace(session, sound.error().message);
     }
+    so_far.more = pieces == 0 || stopped();
     return {};
   }
 
-  [[nodiscard]] const pb::RetentionReport& report() const { return report_; }
-
  private:
+  void noteDamaged(const Uuid& session, const std::string& fault) {
+    pb::RetentionStep step;
+    step.set_action(pb::RetentionStep::LEFT_ALONE);
+    step.set_session_id(session.data(), session.size());
+    step.set_text(fault);
+    count(step);
+    if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
+  }
+
   [[nodiscard]] bool stopped() const { return tools_.stop.load(std::memory_order_relaxed); }
 
   template <typename F>
@@ -304,10 +311,15 @@ class Run {
     return std::optional(stored);
   }
 
-  /// Removes rows piece by piece. When stopped, it leaves the rest to the next run.
+  /// All of them. When stopped, it leaves the rest to the next run.
   Status removeRows(const Uuid& session) {
-    bool more = true;
-    while (more && !stopped()) {
+    std::size_t pieces = std::numeric_limits<std::size_t>::max();
+    return removeRows(session, pieces);
+  }
+
+  /// Removes rows piece by piece, at most `pieces`, of which it takes away those that it did.
+  Status removeRows(const Uuid& session, std::size_t& pieces) {
+    for (bool more = true; more && pieces > 0 && !stopped(); --pieces) {
       auto done = piece([&](Connection& c) -> Status {
         ASSIGN_OR_RETURN(const auto left, RetentionStore(c).removeSome(session, tools_.pace.rows));
         more = left;
@@ -336,7 +348,6 @@ class Run {
   const std::string by_whom_;
   const std::int64_t now_unix_ns_;
   pb::RetentionReport report_;
-  std::set<Uuid> not_removed_;  ///< with damaged leftovers: their rows must not be touched
 };
 
 }  // namespace
@@ -346,12 +357,8 @@ Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std:
   return Run(tools, by_whom, now_unix_ns).run(dry_run);
 }
 
-Result<pb::RetentionReport> removeLeftovers(const RetentionTools& tools) {
-  Run run(tools, "erasure", 0);
-  RETURN_IF_ERROR(run.removeLeftovers());
-  pb::RetentionReport report = run.report();
-  report.set_stopped(tools.stop.load(std::memory_order_relaxed));
-  return report;
+Status removeSomeLeftovers(const RetentionTools& tools, std::size_t most_pieces, LeftoversSoFar& so_far) {
+  return Run(tools, "erasure", 0).removeLeftovers(most_pieces, so_far);
 }
 
 }  // namespace needlelab

@@ -4,13 +4,16 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 
 #include "common/base/result.h"
 #include "common/base/time_source.h"
+#include "common/base/uuid.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/retention_store.h"
@@ -58,8 +61,14 @@ struct RetentionTools {
 Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
                                          std::int64_t now_unix_ns, bool dry_run);
 
-/// Only removes the remaining rows of recordings that were replaced or deleted before, in the same pieces.
-/// Damaged ones stay; the report names them as LEFT_ALONE.
-Result<pb::RetentionReport> removeLeftovers(const RetentionTools& tools);
+/// The removal of the remaining rows of recordings that were replaced or deleted before, between its steps.
+struct LeftoversSoFar {
+  std::map<Uuid, std::string> damaged;  ///< the sessions whose rows stay, and what is wrong with each
+  bool more = true;                     ///< false: all other rows are gone
+};
+
+/// One step of it: at most `most_pieces` pieces, a look at a session included. Ends early, with `more`, when
+/// it is stopped. Errors: the database's.
+Status removeSomeLeftovers(const RetentionTools& tools, std::size_t most_pieces, LeftoversSoFar& so_far);
 
 }  // namespace needlelab

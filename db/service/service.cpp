@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include "common/base/clock.h"
 #include "common/base/local_time.h"
@@ -139,38 +140,47 @@ Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) 
 
 Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePerson& call,
                                        RequestUnderWay& under_way) {
-  if (under_way.erasure) {
-    ErasureUnderWay& done = *under_way.erasure;
-    under_way.more = !done.files->goOn();
-    if (under_way.more) return done.reply;
-    pb::Erasure& erasure = *done.reply.mutable_erasure();
-    const std::string line = handlers::nameFilesOfErased(done.files->found(), done.erased, erasure);
-    // the reply may not reach anybody
-    if (line.empty()) return done.reply;
-    const auto noted =
-        note(who.name, std::string(callName(pb::Request::kErasePerson)), erasure.pseudonym(), line);
-    if (!noted)
-      erasure.set_text(erasure.text() + " The audit log does not have these files (" + noted.error().message +
-                       "): keep this text.");
-    return done.reply;
-  }
+  if (under_way.erasure) return eraseOn(who, under_way);
   return withReader(who, callName(pb::Request::kErasePerson),
                     [&](const handlers::Context& context) -> Result<pb::Reply> {
                       const auto done = std::make_shared<ErasureUnderWay>();
                       ASSIGN_OR_RETURN(done->reply, handlers::erasePerson(context, call, done->erased));
                       forgetRecordings();
-                      // the erasure is final whether or not the chunks can be removed: the reply lists the
-                      // remaining ones
-                      auto* erasure = done->reply.mutable_erasure();
-                      const std::string chunks = removeErased(retention_pace_), log = emptyLogOfErased();
-                      erasure->set_pending(!log.empty());
-                      erasure->set_text(chunks + log + erasure->text());
-                      done->files.emplace(context.reader.path().parent_path(),
-                                          handlers::backupsFolder(context.reader), done->erased, &cancelled_);
+                      done->folder = context.reader.path().parent_path();
+                      done->backups = handlers::backupsFolder(context.reader);
                       under_way.erasure = done;
                       under_way.more = true;
                       return done->reply;
                     });
+}
+
+// The erasure is final, whatever becomes of these steps: the reply says what is left.
+Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_way) {
+  ErasureUnderWay& done = *under_way.erasure;
+  pb::Erasure& erasure = *done.reply.mutable_erasure();
+  under_way.more = true;
+  if (done.chunks.more) {
+    done.text_on_chunks = removeErased(retention_pace_, kErasedPiecesAtOnce, done.chunks);
+    return done.reply;
+  }
+  if (!done.files) {
+    const std::string log = emptyLogOfErased();
+    erasure.set_pending(!log.empty());
+    erasure.set_text(done.text_on_chunks + log + erasure.text());
+    done.files.emplace(done.folder, done.backups, done.erased, &cancelled_);
+    return done.reply;
+  }
+  under_way.more = !done.files->goOn();
+  if (under_way.more) return done.reply;
+  const std::string line = handlers::nameFilesOfErased(done.files->found(), done.erased, erasure);
+  // the reply may not reach anybody
+  if (line.empty()) return done.reply;
+  const auto noted =
+      note(who.name, std::string(callName(pb::Request::kErasePerson)), erasure.pseudonym(), line);
+  if (!noted)
+    erasure.set_text(erasure.text() + " The audit log does not have these files (" + noted.error().message +
+                     "): keep this text.");
+  return done.reply;
 }
 
 void Service::forgetRecordings() {
@@ -236,29 +246,35 @@ std::string Service::finishErasure() {
   RetentionPace at_once = retention_pace_;
   at_once.pause = std::chrono::milliseconds(0);
   at_once.rows = 4096;
-  return removeErased(at_once) + emptyLogOfErased();
+  LeftoversSoFar chunks;
+  const std::string text = removeErased(at_once, std::numeric_limits<std::size_t>::max(), chunks);
+  return text + emptyLogOfErased();
 }
 
-std::string Service::removeErased(const RetentionPace& pace) {
+std::string Service::removeErased(const RetentionPace& pace, std::size_t most_pieces,
+                                  LeftoversSoFar& so_far) {
   const RetentionTurn turn(retention_mutex_, retention_run_,
                            "since " + localTime(wallNowNs(), TimeForm::kZoned) + " by an erasure");
-  if (!turn.mine())
+  if (!turn.mine()) {
+    so_far.more = false;
     return "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
            "(at once by needlelab-admin retention run when this one has ended). ";
+  }
   RetentionTools tools = retentionTools();
   tools.pace = pace;
-  const auto removed = removeLeftovers(tools);
-  if (removed && removed->stopped())
-    return "The program is ending: the chunks go with the next run of retention. ";
+  const auto removed = removeSomeLeftovers(tools, most_pieces, so_far);
+  if (removed && so_far.more && !tools.stop) return {};
+  const bool ended = std::exchange(so_far.more, false);
   if (!removed)
     return "Its chunks are not all removed yet (" + removed.error().message +
            "): they go with the next run of retention, at the latest tomorrow (at once by needlelab-admin "
            "retention run). ";
-  if (removed->steps().empty()) return {};
+  if (ended) return "The program is ending: the chunks go with the next run of retention. ";
+  if (so_far.damaged.empty()) return {};
   return fmt::format(
       "{} recordings are damaged, and what is left of them could not be removed: {} (see needlelab-admin "
       "check). ",
-      removed->left_alone(), removed->steps(0).text());
+      so_far.damaged.size(), so_far.damaged.begin()->second);
 }
 
 std::string Service::emptyLogOfErased() {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -57,6 +58,10 @@ inline constexpr std::uint64_t kVerifiedBytesAtOnce = std::uint64_t{16} << 20;
 /// What one step of a score does, as StepWork counts: some 50 ms, in which whoever comes next waits for it.
 /// Smaller: more looks at the session's row; greater: longer waits.
 inline constexpr std::uint64_t kScoredAtOnce = 250'000;
+
+/// How many pieces of an erased person's chunks (RetentionPace) one step removes: some 0.3 s, in which an
+/// import or a backup waits. Smaller: more looks at what is left; greater: longer waits.
+inline constexpr std::size_t kErasedPiecesAtOnce = 8;
 
 /// A request between the steps of its work.
 struct RequestUnderWay {
@@ -189,9 +194,9 @@ class Service {
                                const std::function<Result<pb::Reply>(const handlers::Context&)>& work);
   /// One backup at a time. kUnavailable: another one is in progress.
   Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
-  /// Erases a person and at once removes the chunks, and what was erased from the log; during a run of
-  /// retention, leaves the chunks to the next run. The erasure is pending while readers need the log. Further
-  /// steps look which files still hold the person (LookAtFiles).
+  /// Erases a person. Further steps remove the chunks (during a run of retention, they leave them to the next
+  /// one), remove what was erased from the log, and look which files still hold the person (LookAtFiles). The
+  /// erasure is pending while readers need the log.
   Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call,
                                 RequestUnderWay& under_way);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
@@ -255,9 +260,11 @@ class Service {
   [[nodiscard]] RetentionTools retentionTools();
   /// Forgets what is known of recordings, because some were removed.
   void forgetRecordings();
-  /// Removes an erasure's chunks. Returns a sentence about remaining chunks and the reason; empty: none
-  /// remain.
-  std::string removeErased(const RetentionPace& pace);
+  /// Removes some of an erasure's chunks. When `so_far` has no more: returns a sentence about remaining
+  /// chunks and the reason; empty: none remain.
+  std::string removeErased(const RetentionPace& pace, std::size_t most_pieces, LeftoversSoFar& so_far);
+  /// A step of an erasure whose person is erased.
+  Result<pb::Reply> eraseOn(const Principal& who, RequestUnderWay& under_way);
   /// Has the log emptied. Returns a sentence when readers still need it; empty: nothing of an erasure is
   /// left.
   std::string emptyLogOfErased();

@@ -272,6 +272,17 @@ TEST_F(RestoreTest, refusesWhatIsNoGoodBackupAndChangesNothing) {
   flipped[kVersionAt] = static_cast<char>(flipped[kVersionAt] ^ 0x80);
   folder_.write("bad.db", flipped);
   refused(bad, ErrorCode::kCorrupt, "its header says schema version -");
+  // some 40 MB of SQLite's memory, where a larger one would have taken GB
+  copyTo(bad);
+  {
+    auto writer = Connection::open(bad, {.mode = Connection::Mode::kWriter});
+    std::string columns = "c0";
+    for (int i = 1; i < 90; ++i) columns += ", c" + std::to_string(i) + " DEFAULT (1 + 1 + 1 + 1 + 1 + 1)";
+    std::string tables;
+    for (int i = 0; i < 300; ++i) tables += "CREATE TABLE t" + std::to_string(i) + " (" + columns + ");";
+    ASSERT_TRUE(writer->script("PRAGMA journal_mode=DELETE;" + tables).ok());
+  }
+  refused(bad, ErrorCode::kCorrupt, "its schema is much larger than needlelab's");
   copyTo(bad);
   fs::resize_file(bad, fs::file_size(bad) / 2 / 4096 * 4096);
   refused(bad, ErrorCode::kCorrupt, "");

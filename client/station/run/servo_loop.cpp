@@ -42,15 +42,14 @@ void ServoLoop::run() noexcept {
     clock_.sleepUntilNs(times.due_ns);
     times.began_ns = clock_.nowNs();
     times.late_ns = times.began_ns - times.due_ns;
-    times.missed = countMissedTicks(times.late_ns);
+    times.missed = countMissedTicks(number, times.late_ns);
     if (times.missed > 0) {
       number += times.missed;
       times.due_ns = dueNs(number);
     }
     if (settings_.max_ticks > 0 && number >= settings_.max_ticks) {
-      stats_.ticks = settings_.max_ticks;
-      stats_.missed_ticks -= number - settings_.max_ticks;
-      stats_.end = ServoEnd::kTicksDone;
+      stats_.ticks = stats_.samples + stats_.missed_ticks;
+      stats_.end = stats_.ticks < settings_.max_ticks ? ServoEnd::kDeviceFinished : ServoEnd::kTicksDone;
       break;
     }
     const bool goes_on = tick(number, times);
@@ -64,15 +63,17 @@ void ServoLoop::run() noexcept {
   ended_.store(true, std::memory_order_release);
 }
 
-// counts the ticks that passed before the loop woke; the tick number skips them
-std::uint64_t ServoLoop::countMissedTicks(std::int64_t late_ns) noexcept {
+// Returns the ticks that passed before the loop woke; the tick number skips them. Counted are those before
+// the lesson's end and before the end of the device's motion.
+std::uint64_t ServoLoop::countMissedTicks(std::uint64_t number, std::int64_t late_ns) noexcept {
   stats_.wakeup.add(late_ns);
   if (static_cast<double>(late_ns) < period_ns_) return 0;
   const auto missed = static_cast<std::uint64_t>(static_cast<double>(late_ns) / period_ns_);
   ++stats_.late_wakeups;
-  stats_.missed_ticks += missed;
+  const std::uint64_t of_lesson =
+      settings_.max_ticks > 0 ? std::min(missed, settings_.max_ticks - number) : missed;
+  stats_.missed_ticks += device_.skip(of_lesson);
   missed_.store(stats_.missed_ticks, std::memory_order_relaxed);
-  device_.skip(missed);
   return missed;
 }
 

@@ -46,9 +46,11 @@ struct ServoStats {
   static constexpr std::size_t kMostFaultNotes = 64;
   std::array<FaultNote, kMostFaultNotes> fault_notes{};  ///< the first faults
   std::size_t fault_note_count = 0;
-  std::uint64_t ticks = 0;         ///< elapsed ticks, including missed ones
-  std::uint64_t samples = 0;       ///< executed ticks; each gave one sample
-  std::uint64_t missed_ticks = 0;  ///< ticks that passed before the loop woke: no engine step, no sample
+  std::uint64_t ticks = 0;    ///< elapsed ticks, including missed ones
+  std::uint64_t samples = 0;  ///< executed ticks; each gave one sample
+  /// Ticks of the lesson, and of the recording that it plays, that passed before the loop woke: no engine
+  /// step, no sample.
+  std::uint64_t missed_ticks = 0;
   std::uint64_t late_wakeups = 0;  ///< wake-ups late by a period or more; each missed at least one tick
   std::array<std::uint64_t, 32>
       flag_ticks{};         ///< number of ticks with bit i of StepFlag, GateFlag or DeviceFlag
@@ -144,7 +146,7 @@ class ServoLoop {
   };
 
   [[nodiscard]] std::int64_t dueNs(std::uint64_t tick) const noexcept;
-  [[nodiscard]] std::uint64_t countMissedTicks(std::int64_t late_ns) noexcept;
+  [[nodiscard]] std::uint64_t countMissedTicks(std::uint64_t number, std::int64_t late_ns) noexcept;
   void handleRequests(std::uint64_t number) noexcept;
   bool tick(std::uint64_t number, TickTimes& times) noexcept;
   void record(DeviceRead read, TickTimes& times) noexcept;

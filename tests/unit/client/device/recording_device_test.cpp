@@ -141,10 +141,10 @@ TEST(RecordingDevice, playsATickAReadSkipsMissedOnesAndEnds) {
   const auto next = [&] { return device.read(reading) == DeviceRead::kFresh ? reading.X_WH.p.x : -1; };
   EXPECT_EQ(next(), 0);
   EXPECT_EQ(next(), 1);
-  device.skip(3);
+  EXPECT_EQ(device.skip(3), 3u);
   EXPECT_EQ(next(), 5);
   device.write({});
-  device.skip(1000);
+  EXPECT_EQ(device.skip(1000), poses.size() - 6) << "ticks after the recording's end are none of it";
   EXPECT_EQ(device.read(reading), DeviceRead::kFinished);
   device.close();
   // When it is opened again, it starts from the beginning.

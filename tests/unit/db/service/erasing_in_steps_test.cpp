@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <gmock/gmock.h>
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <new>
@@ -60,6 +61,25 @@ class ErasingInSteps : public test::RecordsTest {
       return {};
     }));
     return count;
+  }
+  /// Of all recordings.
+  std::uint64_t chunkRows() {
+    std::uint64_t count = 0;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      auto row = c.query("SELECT count(*) FROM chunks");
+      RETURN_IF_ERROR(row.step());
+      count = row.natural(0);
+      return {};
+    }));
+    return count;
+  }
+  /// Gives anna `count` further sessions, and pieces of one chunk to what removes chunks.
+  void addSessionsInSmallPieces(std::uint64_t count) {
+    for (std::uint64_t i = 0; i < count; ++i) closedSession("anna", 1'700'000'000'000'000'002, "");
+    RetentionPace pace;
+    pace.rows = 1;
+    pace.pause = std::chrono::milliseconds(0);
+    store->service().setRetentionPace(pace);
   }
   /// Gives anna kLongSessions sessions, each of which fills a page.
   void addLongSessions() {
@@ -227,6 +247,56 @@ TEST_F(ErasingInSteps, whatTheWriterRefusesAfterAPageOfSessionsSaysHowManyAreEra
   EXPECT_EQ(get(admin, erase("anna")).erasure().sessions(), 1u);
   for (const char* name : {"'anna'", "Qvarnstrom", "616E6E61"})
     EXPECT_EQ(everything().find(name), std::string::npos) << name;
+}
+
+TEST_F(ErasingInSteps, chunksGoInPiecesBetweenWhichOthersHaveTheirTurn) {
+  addSessionsInSmallPieces(20);
+  const pb::Request request = erase("anna");
+  RequestUnderWay under_way;
+  std::uint64_t left = chunkRows();
+  ASSERT_EQ(left, 3u + 21 * 3);
+  ASSERT_FALSE(store->service().executeStep(admin, request, under_way));
+  EXPECT_TRUE(under_way.isDone());
+  EXPECT_EQ(chunkRows(), left) << "the person is erased first";
+  std::uint64_t steps = 0;
+  while (left > 3) {
+    ASSERT_FALSE(store->service().executeStep(admin, request, under_way)) << left;
+    const std::uint64_t now = chunkRows();
+    ASSERT_LT(now, left);
+    ASSERT_LE(left - now, kErasedPiecesAtOnce);
+    left = now;
+    ++steps;
+  }
+  EXPECT_GE(steps, 21 * 3 / kErasedPiecesAtOnce);
+  EXPECT_EQ(left, 3u) << "ben's";
+  std::optional<Outcome> outcome;
+  for (int i = 0; i < 20 && !outcome; ++i) outcome = store->service().executeStep(admin, request, under_way);
+  ASSERT_TRUE(outcome.has_value());
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_EQ(outcome->reply.erasure().recordings(), 21u);
+  EXPECT_FALSE(outcome->reply.erasure().pending());
+  EXPECT_EQ(outcome->reply.erasure().text().find("recordings are damaged"), std::string::npos);
+}
+
+TEST_F(ErasingInSteps, aProgramThatEndsLeavesTheOtherChunksToRetentionAndSaysSo) {
+  addSessionsInSmallPieces(20);
+  const pb::Request request = erase("anna");
+  RequestUnderWay under_way;
+  for (int step = 0; step < 2; ++step) ASSERT_FALSE(store->service().executeStep(admin, request, under_way));
+  store->service().stopRetention();
+  const std::uint64_t left = chunkRows();
+  EXPECT_GT(left, 3u);
+  std::optional<Outcome> outcome;
+  for (int i = 0; i < 20 && !outcome; ++i) outcome = store->service().executeStep(admin, request, under_way);
+  ASSERT_TRUE(outcome.has_value());
+  EXPECT_EQ(chunkRows(), left);
+  EXPECT_THAT(outcome->reply.erasure().text(),
+              testing::HasSubstr("the chunks go with the next run of retention"));
+  // as the next start does
+  store.reset();
+  store = test::openStore(data);
+  ASSERT_OK(store->service().retention("ada", false));
+  EXPECT_EQ(chunkRows(), 3u);
 }
 
 TEST_F(ErasingInSteps, aKillInTheErasureOfANameThatNobodyHadTakesNothingThatCameAfterIt) {

@@ -1,6 +1,7 @@
 /// A device that the test scripts, for the haptic loop on a FakeTime.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <functional>
@@ -36,20 +37,23 @@ class FakeDevice final : public Device {
   DeviceRead read(DeviceReading& reading) noexcept override {
     ++reads;
     if (read_cost) read_cost();
-    return script_(tick++, reading);
+    return tick < ends_at ? script_(tick++, reading) : DeviceRead::kFinished;
   }
   void write(const GuardedWrench& wrench) noexcept override {
     if (writes.size() < writes.capacity()) writes.push_back(wrench.wrench());
     if (on_write) on_write(tick);
   }
-  void skip(std::uint64_t ticks) noexcept override {
-    tick += ticks;
-    skipped += ticks;
+  std::uint64_t skip(std::uint64_t ticks) noexcept override {
+    const std::uint64_t moved = std::min(ticks, ends_at - std::min(tick, ends_at));
+    tick += moved;
+    skipped += moved;
+    return moved;
   }
   void close() noexcept override {}
 
   DeviceInfo device_info{"fake", {}, true, true, true};
   std::uint64_t tick = 0, reads = 0, skipped = 0;
+  std::uint64_t ends_at = std::numeric_limits<std::uint64_t>::max();  ///< first tick after its motion
   std::vector<Wrench> writes;
   std::function<void(std::uint64_t)> on_write;
   std::function<void()> read_cost;  ///< advances the test's clock

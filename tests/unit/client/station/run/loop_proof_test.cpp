@@ -63,7 +63,7 @@ class TroubledDevice final : public Device {
     return troubledLife(waits ? tick : tick++, reading);
   }
   void write(const GuardedWrench&) noexcept override {}
-  void skip(std::uint64_t) noexcept override {}
+  std::uint64_t skip(std::uint64_t ticks) noexcept override { return ticks; }
   void close() noexcept override {}
 
   std::uint64_t tick = 0, wrong_at = ~0ull;

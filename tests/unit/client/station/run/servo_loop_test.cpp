@@ -120,6 +120,31 @@ TEST_F(ServoLoopTest, aStallOverTheEndCountsOnlyTicksOfTheLesson) {
   EXPECT_EQ(device.writes.back(), Wrench{});
 }
 
+TEST_F(ServoLoopTest, aStallOverTheEndOfARecordingCountsOnlyTicksOfTheRecording) {
+  FakeDevice device(goingDown(0.001, kRate));
+  device.ends_at = 60;
+  clock_.late_ns[40] = 500 * kTick_ns;
+  const ServoStats& stats = run(device, {kRate, {}, 0});
+  EXPECT_EQ(stats.end, ServoEnd::kDeviceFinished);
+  EXPECT_EQ(stats.samples, 40u);
+  EXPECT_EQ(stats.missed_ticks, 20u);
+  EXPECT_EQ(loop_->missedTicks(), 20u);
+  EXPECT_EQ(stats.ticks, 60u);
+  EXPECT_EQ(stats.late_wakeups, 1u);
+}
+
+TEST_F(ServoLoopTest, aStallOverTheEndsOfLessonAndRecordingCountsUpToTheEarlier) {
+  for (const std::uint64_t recorded : {60u, 80u, 100u}) {
+    FakeDevice device(goingDown(0.001, kRate));
+    device.ends_at = recorded;
+    clock_.late_ns[clock_.sleeps() + 40] = 500 * kTick_ns;
+    const ServoStats& stats = run(device, {kRate, {}, 80});
+    EXPECT_EQ(stats.end, recorded < 80 ? ServoEnd::kDeviceFinished : ServoEnd::kTicksDone);
+    EXPECT_EQ(stats.missed_ticks, std::min<std::uint64_t>(recorded, 80) - 40);
+    EXPECT_EQ(stats.ticks, std::min<std::uint64_t>(recorded, 80));
+  }
+}
+
 TEST_F(ServoLoopTest, theToolMakesTheTipAndTheWrenchIsMovedToTheHandle) {
   const Pose X_HT{{0.01, -0.02, 0.15}, normalized(Quat{0.02, 0.01, 0, 1})};
   // the tip pierces the surface although the handle stays 0.14 m above it

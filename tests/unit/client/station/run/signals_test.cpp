@@ -77,9 +77,10 @@ class ChildDevice final : public Device {
     seen_.force_N[n] = wrench.wrench().force_N.z;
     seen_.writes.store(n + 1);
   }
-  void skip(std::uint64_t ticks) noexcept override {
+  std::uint64_t skip(std::uint64_t ticks) noexcept override {
     tick_ += ticks;
     seen_.missed += ticks;
+    return ticks;
   }
   void close() noexcept override {}
 

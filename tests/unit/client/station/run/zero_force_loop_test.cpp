@@ -137,7 +137,7 @@ class ZeroForceRunTest : public testing::Test {
     Status open(double rate_hz) override { return device_.open(rate_hz); }
     DeviceRead read(DeviceReading& reading) noexcept override { return device_.read(reading); }
     void write(const GuardedWrench& wrench) noexcept override { device_.write(wrench); }
-    void skip(std::uint64_t ticks) noexcept override { device_.skip(ticks); }
+    std::uint64_t skip(std::uint64_t ticks) noexcept override { return device_.skip(ticks); }
     void maintain() override { ++maintained; }
     void close() noexcept override { device_.close(); }
     int maintained = 0;
