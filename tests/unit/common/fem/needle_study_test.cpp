@@ -228,7 +228,8 @@ TEST(MeshStudy, theWorkOfAStrokeIsThatOfTheCut) {
 
 TEST(MeshStudy, oneSolveIsTimedManyTimes) {
   const MeshRow row = onOneMesh(cutsAt(0.25));
-  EXPECT_GT(row.one_solve.solves, 20u);
+  EXPECT_TRUE(row.one_solve.solves == 1000 || row.one_solve.all_s >= 0.5) << row.one_solve.solves;
+  EXPECT_GE(row.one_solve.all_s, 0.5 * row.one_solve.p50_s * static_cast<double>(row.one_solve.solves));
   EXPECT_GT(row.one_solve.p50_s, 0);
   EXPECT_GE(row.one_solve.p99_s, row.one_solve.p50_s);
 }
