@@ -44,7 +44,7 @@ constexpr std::string_view kPlaces =
     "SELECT number, started_unix_ns, row_number() OVER (PARTITION BY trainee, exercise_id"
     " ORDER BY started_unix_ns, number) AS place FROM sessions WHERE trainee = ?1"
     " AND (?2 = '' OR exercise_id = ?2) AND trainee <> ''"
-    " AND (id = ?3 OR number NOT IN uncounted_sessions)";
+    " AND (id = ?3 OR NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number))";
 
 /// The attempts of these places; `rest` goes behind. A score that is not wanted is not read.
 std::string attemptsAt(std::string_view places, std::string_view rest, bool with_score) {
@@ -166,7 +166,8 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
   if (after) {
     auto row = connection_.query(
         "SELECT started_unix_ns, number FROM sessions WHERE id = ?3 AND trainee = ?1"
-        " AND (?2 = '' OR exercise_id = ?2) AND number NOT IN uncounted_sessions",
+        " AND (?2 = '' OR exercise_id = ?2) AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = "
+        "number)",
         trainee, exercise_id, ByteView(*after));
     ASSIGN_OR_RETURN(const bool found, row.step());
     if (!found) return unknownSession(*after);
@@ -205,7 +206,7 @@ Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::st
   auto row = connection_.query(
       "SELECT count(*), coalesce(sum(excused = 0), 0),"
       " max(CASE excused WHEN 0 THEN passed END) FROM sessions WHERE trainee = ?1 AND exercise_id = ?2"
-      " AND number NOT IN uncounted_sessions",
+      " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)",
       trainee, exercise_id);
   RETURN_IF_ERROR(row.step());
   standing.all = row.natural32(0);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "db/free_parts.h"
+#include "db/retention_store.h"
 #include "db/schema.h"
 
 namespace needlelab {
@@ -51,6 +52,14 @@ Status eraseAccess(Connection& connection, const std::string& name) {
     at = end + kBetween.size();
   }
   return left == text ? Status() : meta.set(kKey, left);
+}
+
+/// In why recordings were removed: a policy's author stands at the end (RetentionStore).
+Status eraseInReasons(Connection& connection, const std::string& name, const std::string& pseudonym) {
+  return connection.run(
+      "UPDATE removed_originals SET reason = substr(reason, 1, length(reason) - length(?1)) || ?2"
+      " WHERE length(reason) >= length(?1) AND substr(reason, length(reason) - length(?1) + 1) = ?1",
+      std::string(kSetBy) + name, std::string(kSetBy) + pseudonym);
 }
 
 }  // namespace
@@ -136,6 +145,7 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
                       " GROUP BY import_id HAVING min(position) > ?1",
                       kDroppedPieces, now_unix_ns, name));
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces WHERE position <> ?", kDroppedPieces));
+  if (!done.typed) RETURN_IF_ERROR(eraseInReasons(connection_, name, line.pseudonym));
   RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
   // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
   ASSIGN_OR_RETURN(

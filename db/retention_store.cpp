@@ -75,7 +75,7 @@ std::string reasonOf(const pb::RetentionPolicy& policy, bool deletes) {
                                                  daysText(policy.thin_after_days()));
   return what + " after it was closed: policy of " +
          (policy.exercise_id().empty() ? "all other exercises" : "exercise " + policy.exercise_id()) +
-         ", set by " + policy.by();
+         std::string(kSetBy) + policy.by();
 }
 
 pb::RetentionPolicy policyOf(const Statement& row) {
@@ -322,9 +322,10 @@ Result<std::vector<Uuid>> RetentionStore::leftovers() {
   }
 }
 
-Status RetentionStore::checkLeftovers(const Uuid& session) {
+Status RetentionStore::checkSome(const Uuid& session, std::uint32_t rows) {
   ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
   const std::string name = "session " + uuidText(session) + ", what is left of a recording that was removed";
+  // in removeSome()'s order
   for (const auto kind : {StoredRecording::Kind::kOriginal, StoredRecording::Kind::kThinned}) {
     if (kind == row.recording) continue;
     StoredRecording left{kind, row.number, 0};
@@ -333,11 +334,13 @@ Status RetentionStore::checkLeftovers(const Uuid& session) {
                      oneNumber(connection_.query("SELECT coalesce(max(seq) + 1, 0) FROM " +
                                                      std::string(left.table()) + " WHERE session = ?",
                                                  row.number)));
+    if (count == 0) continue;
     left.chunks = static_cast<std::uint64_t>(count);
-    ChunkScan scan(connection_, name, left, 0, UINT64_MAX);
+    ChunkScan scan(connection_, name, left, left.chunks - std::min<std::uint64_t>(left.chunks, rows),
+                   UINT64_MAX);
     for (;;) {
       ASSIGN_OR_RETURN(const auto item, scan.next());
-      if (!item) break;
+      if (!item) return {};
       if (item->damaged()) return *item->fault;
     }
   }

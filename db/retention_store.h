@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -15,6 +16,9 @@
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
+
+/// In why a recording was removed, before the name of the policy's author, with which the text ends.
+inline constexpr std::string_view kSetBy = ", set by ";
 
 /// A closed session that is due by its policy.
 struct DueRecording {
@@ -84,10 +88,10 @@ class RetentionStore {
   /// Sessions with rows still to remove: of replaced or deleted recordings, and of thinnings that a crash
   /// interrupted.
   Result<std::vector<Uuid>> leftovers();
-  /// Reads the rows that removeSome() would remove, each with its overflow pages: deleting a row on damaged
-  /// pages would stop the writer or free another row's page. kCorrupt names the first damaged row. Runs on a
-  /// reader.
-  Status checkLeftovers(const Uuid& session);
+  /// Reads the rows that removeSome() would remove next, each with its overflow pages: deleting a row on
+  /// damaged pages would stop the writer or free another row's page. kCorrupt names the first damaged row.
+  /// Runs on a reader.
+  Status checkSome(const Uuid& session, std::uint32_t rows);
   /// Removes at most `rows` rows, last ones first. False: all rows are gone, and so is the note of them.
   Result<bool> removeSome(const Uuid& session, std::uint32_t rows);
 

@@ -135,7 +135,7 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
                                                          static_cast<int>(wanted.verdict()))};
   }
   if (wanted.unknown_trainee()) conditions.push(fmt::format("s.number IN {}", kWaitingSessions));
-  if (only_counted) conditions.push("s.number NOT IN uncounted_sessions");
+  if (only_counted) conditions.push("NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = s.number)");
   if (!wanted.search().empty()) {
     RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));
     // a name that is not in `people` may still have sessions, from a station that was offline

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 
@@ -36,6 +37,18 @@ std::string idsJson(const std::vector<Uuid>& ids) {
   std::string json;
   for (const Uuid& id : ids) json += (json.empty() ? "\"" : ",\"") + uuidText(id) + "\"";
   return "[" + json + "]";
+}
+
+/// As far as it is such a list.
+std::vector<Uuid> idsInJson(const std::string& text) {
+  std::vector<Uuid> ids;
+  const auto list = nlohmann::json::parse(text, nullptr, false);
+  if (!list.is_array()) return ids;
+  for (const auto& one : list) {
+    if (!one.is_string()) continue;
+    if (const auto id = parseUuid(one.get<std::string>())) ids.push_back(*id);
+  }
+  return ids;
 }
 
 constexpr std::string_view kInsert =
@@ -186,7 +199,7 @@ Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
   pb::Reference reference;
   reference.set_exercise_id(std::string(exercise_id));
   auto row = connection_.query(
-      "SELECT revision, by_whom, created_unix_ns FROM exercise_references"
+      "SELECT revision, by_whom, created_unix_ns, sessions FROM exercise_references"
       " WHERE exercise_id = ? ORDER BY revision DESC LIMIT 1",
       exercise_id);
   ASSIGN_OR_RETURN(const bool found, row.step());
@@ -195,16 +208,13 @@ Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
   reference.set_changed_by(row.text(1));
   reference.set_changed_unix_ns(row.integer(2));
   // only those that still exist: an erased person's are gone
-  auto ids = connection_.query(
-      "SELECT s.id FROM exercise_references r, json_each(r.sessions) j"
-      " JOIN sessions s ON lower(hex(s.id)) = replace(j.value, '-', '')"
-      " WHERE r.exercise_id = ? AND r.revision = ? AND s.erased = 0 ORDER BY j.key",
-      exercise_id, reference.revision());
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, ids.step());
-    if (!more) return reference;
-    reference.add_session_ids(ids.text(0));
+  for (const Uuid& id : idsInJson(row.text(3))) {
+    ASSIGN_OR_RETURN(const auto there,
+                     connection_.query("SELECT 1 FROM sessions WHERE id = ? AND erased = 0", ByteView(id))
+                         .first([](const Statement& session) { return session.integer(0); }));
+    if (there) reference.add_session_ids(id.data(), id.size());
   }
+  return reference;
 }
 
 Status EventStore::put(const Uuid& session, std::span<const pb::SyringeEvent> events) {

@@ -158,7 +158,7 @@ constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
 
 // A person's sessions: not those that count for nobody. A macro, because conditions are put together when
 // this is compiled.
-#define NEEDLELAB_OWN "trainee = ?1 AND number NOT IN uncounted_sessions"
+#define NEEDLELAB_OWN "trainee = ?1 AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)"
 
 constexpr std::array kRecordTables = {
     RecordTable{"person", "people", kPersonColumns, "", "name = ?1"},

@@ -64,13 +64,10 @@ class Run {
     for (const Uuid& session : sessions) {
       if (so_far.damaged.contains(session)) continue;
       if (pieces == 0 || stopped()) return {};
-      --pieces;
-      // these rows were not read in this run: the writer must not be the first to meet a damaged page
-      auto sound = read([&](Connection& c) { return RetentionStore(c).checkLeftovers(session); });
-      if (sound) sound = removeRows(session, pieces);
-      if (sound) continue;
-      if (tools_.writer.failed()) return sound;
-      so_far.damaged.emplace(session, sound.error().message);
+      const Status removed = removeUnreadRows(session, pieces);
+      if (removed) continue;
+      if (tools_.writer.failed()) return removed;
+      so_far.damaged.emplace(session, removed.error().message);
     }
     so_far.more = pieces == 0 || stopped();
     return {};
@@ -311,23 +308,28 @@ class Run {
     return std::optional(stored);
   }
 
-  /// All of them. When stopped, it leaves the rest to the next run.
+  /// Removes rows piece by piece. When stopped, it leaves the rest to the next run.
   Status removeRows(const Uuid& session) {
-    std::size_t pieces = std::numeric_limits<std::size_t>::max();
-    return removeRows(session, pieces);
+    for (bool more = true; more && !stopped();) RETURN_IF_ERROR(removePiece(session, more));
+    return {};
   }
 
-  /// Removes rows piece by piece, at most `pieces`, of which it takes away those that it did.
-  Status removeRows(const Uuid& session, std::size_t& pieces) {
+  /// The same for rows that were not read in this run: the writer must not be the first to meet a damaged
+  /// page. At most `pieces`, of which it takes away those that it did.
+  Status removeUnreadRows(const Uuid& session, std::size_t& pieces) {
     for (bool more = true; more && pieces > 0 && !stopped(); --pieces) {
-      auto done = piece([&](Connection& c) -> Status {
-        ASSIGN_OR_RETURN(const auto left, RetentionStore(c).removeSome(session, tools_.pace.rows));
-        more = left;
-        return {};
-      });
-      if (!done) return done;
+      RETURN_IF_ERROR(
+          read([&](Connection& c) { return RetentionStore(c).checkSome(session, tools_.pace.rows); }));
+      RETURN_IF_ERROR(removePiece(session, more));
     }
     return {};
+  }
+
+  Status removePiece(const Uuid& session, bool& more) {
+    return piece([&](Connection& c) -> Status {
+      ASSIGN_OR_RETURN(more, RetentionStore(c).removeSome(session, tools_.pace.rows));
+      return {};
+    });
   }
 
   Status noteRun() {

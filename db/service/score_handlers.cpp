@@ -154,7 +154,7 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
       "SELECT s.id, c.definition_version, s.number, s.trainee, s.exercise_id FROM scores c JOIN sessions s "
       "ON s.number = c.session "
       "WHERE "
-      "s.trainee <> '' AND s.number NOT IN uncounted_sessions AND"
+      "s.trainee <> '' AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = s.number) AND"
       " (?1 = '' OR s.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?1)) AND"
       " (?2 = '' OR s.trainee IN (SELECT person FROM group_members WHERE group_id = ?2)) AND"
       " (s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version) > (?3, ?4, ?5, ?6, ?7)"

@@ -149,6 +149,7 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                       done->folder = context.reader.path().parent_path();
                       done->backups = handlers::backupsFolder(context.reader);
                       under_way.erasure = done;
+                      under_way.erased_as = done->reply.erasure().pseudonym();
                       under_way.more = true;
                       return done->reply;
                     });
@@ -218,8 +219,9 @@ Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool 
                                                 ": try again when it is done; a dry run says what is left"};
   }
   auto report = runRetention(retentionTools(), by_whom, now, dry_run);
-  // an original that is gone has no path, as after a restart
-  if (!dry_run) forgetRecordings();
+  // an original that is gone has no path, as after a restart; whoever starts runs that remove nothing must
+  // not undo others' comparisons
+  if (!dry_run && (!report || report->thinned() + report->deleted() > 0)) forgetRecordings();
   return report;
 }
 

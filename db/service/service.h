@@ -72,6 +72,7 @@ struct RequestUnderWay {
   bool is_long = false;                      ///< of RescoreSession: its next step waits for a place
   /// Of ErasePerson: the person is erased.
   std::shared_ptr<ErasureUnderWay> erasure{};
+  std::string erased_as{};  ///< of ErasePerson, once it is: the pseudonym
   /// What was asked for is done: the steps that are left complete the reply, by which others are told, too.
   [[nodiscard]] bool isDone() const { return erasure != nullptr; }
 };

@@ -51,12 +51,13 @@ constexpr std::array kRows = {
     Row{PeerLine::kWebRequestFailed, kInfo, "web_request", "5xx"},
     Row{PeerLine::kWebRequestThrew, kError, "web_request_failed"},
     Row{PeerLine::kWebStreamFailed, kWarning, "web_stream_failed"},
+    Row{PeerLine::kLiveViewerDropped, kWarning, "live_viewer_dropped"},
 };
 
 constexpr bool inOrder() {
   for (std::size_t i = 0; i < kRows.size(); ++i)
     if (static_cast<std::size_t>(kRows[i].kind) != i) return false;
-  return kRows.size() == static_cast<std::size_t>(PeerLine::kWebStreamFailed) + 1;
+  return kRows.size() == static_cast<std::size_t>(PeerLine::kLiveViewerDropped) + 1;
 }
 static_assert(inOrder());
 

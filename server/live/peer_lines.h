@@ -45,6 +45,7 @@ enum class PeerLine {
   kWebRequestFailed,     ///< 5xx
   kWebRequestThrew,
   kWebStreamFailed,
+  kLiveViewerDropped,
 };
 
 /// So many lines of each kind for each account, and for all strangers together, whose connections come back

@@ -103,8 +103,9 @@ std::shared_ptr<Outcome> refusedBefore(const pb::Request& request, Error error) 
   return refused;
 }
 
+/// `has_place`: of those for long scores, which nobody's other work may hold up.
 Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, const Principal& who,
-                            std::function<Executed()> work) {
+                            std::function<Executed()> work, bool has_place) {
   switch (threads) {
     case RequestThreads::kWorkers:
       break;
@@ -115,7 +116,8 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
                      turnNameOf(who), std::move(work));
     case RequestThreads::kSlow:
     case RequestThreads::kScores:
-      return offload(*context.slow_workers_of_people, turnNameOf(who), std::move(work));
+      return offload(*context.slow_workers_of_people, turnNameOf(who) + (has_place ? ", score" : ""),
+                     std::move(work));
     case RequestThreads::kHours:
       return offload(context.retention_workers, std::move(work));
   }
@@ -156,9 +158,14 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     auto outcome = service.executeStep(who, *request, *under_way);
     return outcome ? std::make_shared<Outcome>(*std::move(outcome)) : nullptr;
   };
+  bool is_ended = false;
   for (;;) {
     std::function<Executed()> work = step;
-    const Executed done = co_await onItsThreads(context, threads, who, std::move(work));
+    const Executed done = co_await onItsThreads(context, threads, who, std::move(work), bool{place});
+    // at once: the steps that are left may take long
+    if (under_way->isDone() && !std::exchange(is_ended, true))
+      endAccess(context, request->erase_person().name(), false, who.name, nullptr, "the account is no more",
+                under_way->erased_as);
     if (!done) {
       if (under_way->is_long && !place) place = co_await context.rescorings.take(turnNameOf(who));
       continue;
@@ -245,9 +252,6 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
     }
   }
   const char* const changed = "the account was changed: log in again";
-  if (request.has_erase_person())
-    endAccess(context, request.erase_person().name(), false, by, nullptr, "the account is no more",
-              reply.erasure().pseudonym());
   for (const std::string& name : reply.people_import().roles_changed())
     endAccess(context, name, false, by, nullptr, changed);
   // a request that changes nothing must not disturb anybody's log-in

@@ -8,7 +8,6 @@
 
 #include "common/base/clock.h"
 #include "server/base/http_stream.h"
-#include "server/base/log.h"
 #include "server/web/live_board.h"
 #include "server/web/web_server.h"
 
@@ -126,8 +125,8 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
       if (error || alive.expired()) return;
       if (slow) {
         ++server_->context().web.live_dropped;
-        logEvent(LogLevel::kWarning, "live_viewer_dropped",
-                 {{"who", who_}, {"text", "it did not take a message in time"}});
+        server_->note(who_, PeerLine::kLiveViewerDropped,
+                      {{"who", who_}, {"text", "it did not take a message in time"}});
       }
       cut();
     });

@@ -168,7 +168,7 @@ TEST_F(Quarantine, doesNotKeepWhatIsToBeRemoved) {
   const Uuid id = closedSession({chunkOf(0), impossibleChunks().front().second});
   ASSERT_OK(db.writer.script("UPDATE sessions SET recording = 3"));
   RetentionStore retention(db.writer);
-  ASSERT_OK(retention.checkLeftovers(id));
+  ASSERT_OK(retention.checkSome(id, 16));
   const auto more = retention.removeSome(id, 16);
   ASSERT_OK(more);
   EXPECT_TRUE(*more);

@@ -252,6 +252,27 @@ TEST_F(TeachingStores, aReferenceIsMadeOfClosedSessionsOfItsExercise) {
   EXPECT_EQ(references.put("a", {}, 1, "max", 2)->revision(), 2u);
 }
 
+// whoever asks for a reference must not keep the writer's thread from the stations' chunks
+TEST_F(TeachingStores, aReferenceIsReadByItsOwnSessionsHoweverManyThereAre) {
+  std::vector<Uuid> chosen;
+  for (int i = 0; i < 3; ++i) {
+    chosen.push_back(session("anna", "a", i));
+    ASSERT_OK(SessionStore(db.writer).close(test::closeOf(chosen.back(), 0), 9));
+  }
+  ReferenceStore references(db.writer);
+  ASSERT_OK(references.put("a", chosen, 0, "mia", 1));
+  const auto steps = [&] {
+    EXPECT_EQ(references.get("a")->session_ids_size(), 3);
+    return test::stepsOfStatements(db.writer);
+  };
+  (void)steps();
+  const int few = steps();
+  EXPECT_GT(few, 0);
+  for (int i = 0; i < 300; ++i) session("ben", "a", 100 + i);
+  (void)test::stepsOfStatements(db.writer);
+  EXPECT_EQ(steps(), few);
+}
+
 TEST_F(TeachingStores, consentIsTheLastWordAndAllWordsAreKept) {
   ConsentStore consents(db.writer);
   const auto say = [&](const std::string& who, bool given, std::int64_t when) {

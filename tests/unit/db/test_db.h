@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 #include <cstdint>
 
 #include <string>
@@ -55,6 +56,16 @@ class TestDb {
   std::filesystem::path path;
   Connection writer;
 };
+
+/// What the connection's statements have done since the last call, in instructions of SQLite's virtual
+/// machine.
+inline int stepsOfStatements(Connection& connection) {
+  int steps = 0;
+  for (sqlite3_stmt* s = sqlite3_next_stmt(connection.handle(), nullptr); s != nullptr;
+       s = sqlite3_next_stmt(connection.handle(), s))
+    steps += sqlite3_stmt_status(s, SQLITE_STMTSTATUS_VM_STEP, 1);
+  return steps;
+}
 
 /// Returns samples with ticks from `first_tick` and a small motion.
 inline std::vector<GestureSample> someSamples(std::uint64_t first_tick, std::size_t count) {

@@ -278,6 +278,34 @@ TEST_F(ErasingInSteps, chunksGoInPiecesBetweenWhichOthersHaveTheirTurn) {
   EXPECT_EQ(outcome->reply.erasure().text().find("recordings are damaged"), std::string::npos);
 }
 
+// else the steps of a long recording would each read all that is left of it
+TEST_F(ErasingInSteps, beforeAPieceGoesOnlyItsOwnChunksAreRead) {
+  addSessionsInSmallPieces(0);
+  ASSERT_OK(change([](Connection& c) {
+    return c.run(
+        "UPDATE chunks SET bytes = zeroblob(length(bytes))"
+        " WHERE seq = 0 AND session = (SELECT number FROM sessions WHERE trainee = 'anna')");
+  }));
+  const auto erasure = get(admin, erase("anna")).erasure();
+  EXPECT_EQ(chunkRows(), 3u + 1) << "ben's, and the damaged one";
+  EXPECT_THAT(erasure.text(), testing::HasSubstr("1 recordings are damaged"));
+  EXPECT_THAT(erasure.text(), testing::HasSubstr("chunk 0"));
+}
+
+TEST_F(ErasingInSteps, whoSetThePolicyByWhichARecordingWentIsNoLongerNamed) {
+  ASSERT_OK(change([](Connection& c) {
+    return c.run(
+        "INSERT INTO removed_originals (session, removed_unix_ns, reason, by_whom, leftover, crcs)"
+        " SELECT number, 1, 'thinned: policy of exercise of anna, set by anna', 'retention', 0, zeroblob(0)"
+        " FROM sessions WHERE trainee = 'ben'");
+  }));
+  const auto erasure = get(admin, erase("anna")).erasure();
+  const std::string all = everything();
+  EXPECT_NE(all.find("policy of exercise of anna, set by " + erasure.pseudonym()), std::string::npos)
+      << "an exercise's name stays";
+  EXPECT_EQ(all.find("set by anna"), std::string::npos);
+}
+
 TEST_F(ErasingInSteps, aProgramThatEndsLeavesTheOtherChunksToRetentionAndSaysSo) {
   addSessionsInSmallPieces(20);
   const pb::Request request = erase("anna");

@@ -256,6 +256,38 @@ TEST_F(ManyAttempts, progressIsReadByPagesOfAttemptsAndAnExerciseOnce) {
   EXPECT_EQ(refusal(trainee, other), ErrorCode::kInvalidInput);
 }
 
+// whoever has a station's key adds as many as they like
+TEST_F(ManyAttempts, resultsCostTheSameHoweverManySessionsWait) {
+  addStation();
+  putCourse();
+  for (const char* name : {"anna", "ben"}) addPerson(name, pb::TRAINEE);
+  attempts("anna", {"first", "second"}, 4);
+  pb::Request request;
+  request.mutable_get_results()->set_course_id("course");
+  pb::Request give;
+  give.mutable_assign()->set_course_id("course");
+  give.mutable_assign()->set_trainee("anna");
+  get(instructor, give);
+  const auto steps = [&] {
+    EXPECT_EQ(get(instructor, request).results().rows_size(), 1);
+    auto reader = store->readers().borrow();
+    EXPECT_OK(reader);
+    return test::stepsOfStatements(**reader);
+  };
+  (void)steps();
+  const int few = steps();
+  EXPECT_GT(few, 0);
+  attempts("a stranger", {"third"}, 300);
+  ASSERT_OK(change([](Connection& c) {
+    return c.run(
+        "INSERT INTO unknown_trainees (session, given)"
+        " SELECT number, trainee FROM sessions WHERE trainee = 'a stranger' AND number NOT IN"
+        " (SELECT session FROM unknown_trainees)");
+  }));
+  (void)steps();
+  EXPECT_EQ(steps(), few);
+}
+
 TEST_F(ManyAttempts, aListOfScoresNumbersATraineesAttemptsOnce) {
   addStation();
   putCourse();

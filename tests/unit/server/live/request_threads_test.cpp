@@ -516,6 +516,34 @@ TEST_F(RequestThreadsTest, theLookAtFilesOfAnErasureGivesWayToOthersAndIsFinishe
   EXPECT_THAT(outcome->reply.erasure().files(), testing::ElementsAre(file.string()));
 }
 
+TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfItTakes) {
+  for (const char* name : {"tom", "ina"})
+    ASSERT_TRUE(store->writer()
+                    .run([name](Connection& c) {
+                      return PeopleStore(c).add({name, pb::INSTRUCTOR, "", false, 1});
+                    })
+                    .ok());
+  for (const char* name : {"tom", "ina"})
+    context.tokens.issue({{name, pb::INSTRUCTOR}, steadyNowNs()}, steadyNowNs());
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tom");
+  erase.mutable_erase_person()->set_confirm("tom");
+  // between ada's first step and her next one comes what is held until the release
+  std::promise<void> begin;
+  context.slow_workers_of_people->post(turnNameOf({"ina", pb::INSTRUCTOR}),
+                                       [begun = begin.get_future().share()] { begun.wait(); });
+  std::shared_ptr<Outcome> outcome;
+  asio::co_spawn(loop.io, answer({"ada", pb::ADMINISTRATOR}, erase, &outcome), rethrow);
+  poll();
+  occupy(*context.slow_workers_of_people, "mara");
+  begin.set_value();
+  EXPECT_TRUE(loop.runUntil([&] { return context.tokens.size() == 1; }));
+  EXPECT_EQ(outcome, nullptr) << "its next step waits";
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  EXPECT_FALSE(outcome->error);
+}
+
 TEST_F(RequestThreadsTest, theScoreOfALongSessionGivesWayToOthersBetweenItsSteps) {
   constexpr std::uint64_t kChunks = kScoredAtOnce / kSamplesEach;  // each costs more than its samples
   const Uuid id = closedSession(kChunks);
