@@ -262,6 +262,14 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
   };
   drop();
+  // also of a file with holes, however little of the disk it has taken
+  const auto space = fs::space(folder, error);
+  const std::uintmax_t bytes = error ? 0 : fs::file_size(from, error);
+  if (!error && space.available < bytes)
+    return Error{ErrorCode::kNoRoom,
+                 fmt::format("--data {}: the disk has {} MiB left, and the copy of {} needs {}: make room, "
+                             "nothing was changed",
+                             folder.string(), space.available >> 20, from.string(), (bytes >> 20) + 1)};
   if (auto done = copyFile(from, copy, key); !done) {
     drop();
     return done.error();

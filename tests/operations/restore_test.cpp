@@ -290,6 +290,10 @@ TEST_F(RestoreTest, refusesWhatIsNoGoodBackupAndChangesNothing) {
   refused(bad, ErrorCode::kCorrupt, "");
   folder_.write("bad.db", "");
   refused(bad, ErrorCode::kCorrupt, "no database of needlelab");
+  // one great hole
+  fs::resize_file(bad, fs::space(data()).available + (std::uintmax_t{1} << 30));
+  refused(bad, ErrorCode::kNoRoom, "make room, nothing was changed");
+  folder_.write("bad.db", "");
   refused(folder_.path() / "none.db", ErrorCode::kInvalidInput, "no such file");
   refused(data() / "needlelab.db", ErrorCode::kInvalidInput, "the database itself");
   copyTo(bad);
