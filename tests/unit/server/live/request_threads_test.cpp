@@ -407,6 +407,33 @@ TEST_F(RequestThreadsTest, aRescoringThatWaitsForItsPlaceHoldsNoThread) {
   EXPECT_EQ(have.size(), 1u) << "it gave its place back";
 }
 
+// the place is one for all, and whoever has it must not hold it while their other work is done
+TEST_F(RequestThreadsTest, aScoreThatHasItsPlaceWaitsForOnePieceOfTheSamePersonsOtherWork) {
+  constexpr int kPieces = 20;
+  const Principal ines{"ines", pb::INSTRUCTOR};
+  pb::Request again;
+  again.mutable_rescore_session()->set_session_id(
+      test::bytesOfId(closedSession(kShortScoreSamples / kSamplesEach + 1)));
+  occupy(*context.slow_workers_of_people, "ada");
+  std::shared_ptr<Outcome> outcome;
+  asio::co_spawn(loop.io, answer(ines, again, &outcome), rethrow);
+  poll();
+  // each ends when the network's thread has done what came to it before
+  std::atomic<int> pieces{0};
+  for (int i = 0; i < kPieces; ++i)
+    context.slow_workers_of_people->post(turnNameOf(ines), [this, &pieces] {
+      std::promise<void> seen;
+      asio::post(loop.io, [&seen] { seen.set_value(); });
+      seen.get_future().wait();
+      ++pieces;
+    });
+  release();
+  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
+  EXPECT_LT(pieces, kPieces);
+  EXPECT_FALSE(outcome->error);
+  EXPECT_TRUE(loop.runUntil([&] { return pieces == kPieces; }));
+}
+
 TEST_F(RequestThreadsTest, aShortRescoringNeedsNoPlace) {
   pb::Request again;
   again.mutable_rescore_session()->set_session_id(test::bytesOfId(closedSession(2)));
