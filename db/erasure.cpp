@@ -147,6 +147,8 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces WHERE position <> ?", kDroppedPieces));
   if (!done.typed) RETURN_IF_ERROR(eraseInReasons(connection_, name, line.pseudonym));
   RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
+  RETURN_IF_ERROR(MetaStore(connection_)
+                      .set(std::string(kFilesUnseenKey) + line.pseudonym, std::to_string(line.unix_ns)));
   // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
   ASSIGN_OR_RETURN(
       const auto samples,

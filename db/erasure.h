@@ -248,6 +248,10 @@ inline constexpr std::int64_t kDroppedPieces = -1;
 /// Key of `meta`, and behind it the pseudonym: the erasure was of a name that nobody had.
 inline constexpr std::string_view kWithoutAccountKey = "erased_without_account ";
 
+/// Key of `meta`, and behind it the pseudonym: nobody has looked yet which files still hold the person. Set
+/// in the erasure's transaction to ErasureLine::unix_ns, in digits (db/service/unseen_files.h).
+inline constexpr std::string_view kFilesUnseenKey = "files_unseen ";
+
 /// The profile of an erased person's session. A station sends the profile with the session, and a name may
 /// stand anywhere in its texts; nothing reads it once the recording is gone. The session keeps its id and
 /// revision.

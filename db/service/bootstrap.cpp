@@ -23,6 +23,7 @@
 #include "db/service/lesson_texts.h"
 #include "db/service/record_tables.h"
 #include "db/service/restore.h"
+#include "db/service/unseen_files.h"
 
 namespace needlelab {
 namespace {
@@ -238,6 +239,8 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     const std::int64_t now_unix_ns = wallNowNs();
     const auto repeated = eraseBeforeServing(*connection, now_unix_ns);
     if (!repeated) return erasuresNotRepeated(*connection, repeated.error());
+    // what fails leaves it to the next start; `check` says it in any case
+    (void)tellUnseenFiles(*connection, now_unix_ns);
     ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
     ASSIGN_OR_RETURN(store->clock_ahead_, SeenTimeStore(*connection).aheadText(now_unix_ns));
     RETURN_IF_ERROR(SeenTimeStore(*connection).note(now_unix_ns));

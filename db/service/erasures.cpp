@@ -5,6 +5,7 @@
 #include "db/service/erasures.h"
 
 #include <fmt/core.h>
+#include <sys/stat.h>
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
@@ -16,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "db/audit.h"
 #include "db/erasure.h"
@@ -87,19 +89,27 @@ std::string textOnDone(const FoundNames& found, const std::string& pseudonym) {
   return text;
 }
 
-/// The files that one text has.
-struct FilesInText {
-  std::vector<std::string> files;  ///< each is in `text`, too
-  std::string text;
-};
+/// What to do with sessions that wait under the name; empty: there are none.
+std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
+  if (sessions == 0) return {};
+  return fmt::format(
+      "Sessions that wait for a manager under the name '{0}', which were left because they may be another "
+      "person's: {1}. Give them to the right person (needlelab-admin session list --unknown-trainee, session "
+      "assign), or erase them, too: needlelab-admin person erase '{0}' --confirm '{0}'. ",
+      name, sessions);
+}
 
-/// As many files as `most_bytes` take; how many others there are, by folder, as many folders as that takes.
-FilesInText filesInText(const FilesFound& found, std::size_t most_bytes) {
+}  // namespace
+
+FilesInText filesInText(const FilesFound& found, std::size_t most_bytes, bool with_times) {
   FilesInText in;
   std::map<std::filesystem::path, std::uint64_t> others = found.others;
   for (const auto& path : found.named) {
     // a name may have any bytes, and a message with what is no UTF-8 is read by nobody
-    const std::string file = printable(path.string());
+    std::string file = printable(path.string());
+    struct stat info {};
+    if (with_times && ::lstat(path.c_str(), &info) == 0)
+      file += " (" + utcTime(info.st_mtim.tv_sec * std::int64_t{1'000'000'000}) + ")";
     if (in.text.size() + file.size() > most_bytes) {
       ++others[path.parent_path()];
       continue;
@@ -120,18 +130,6 @@ FilesInText filesInText(const FilesFound& found, std::size_t most_bytes) {
   if (!text.empty()) in.text += (in.text.empty() ? "" : ", and ") + text;
   return in;
 }
-
-/// What to do with sessions that wait under the name; empty: there are none.
-std::string textOnWaiting(const std::string& name, std::uint64_t sessions) {
-  if (sessions == 0) return {};
-  return fmt::format(
-      "Sessions that wait for a manager under the name '{0}', which were left because they may be another "
-      "person's: {1}. Give them to the right person (needlelab-admin session list --unknown-trainee, session "
-      "assign), or erase them, too: needlelab-admin person erase '{0}' --confirm '{0}'. ",
-      name, sessions);
-}
-
-}  // namespace
 
 std::filesystem::path backupsFolder(Connection& reader) {
   const auto backup = MetaStore(reader).get("backup_path");

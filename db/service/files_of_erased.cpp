@@ -144,11 +144,12 @@ class RowsOfFile {
 
 LookAtFiles::LookAtFiles(const std::filesystem::path& folder, const std::filesystem::path& backups,
                          const ErasedRows& erased, const std::atomic<bool>* cancelled,
-                         std::chrono::nanoseconds most_time, TimeSource& time)
+                         std::chrono::nanoseconds most_time, TimeSource& time, std::int64_t newest_unix_ns)
     : erased_(erased),
       cancelled_(cancelled),
       time_(time),
       in_use_(folder / "needlelab.db"),
+      newest_unix_ns_(newest_unix_ns),
       left_ns_(most_time.count()) {
   constexpr int kDeepest = 16;
   roots_.push_back({folder, kDeepest});
@@ -216,6 +217,8 @@ void LookAtFiles::sortIn(const File& file) {
   std::error_code ignored;
   // the one in use is not even opened: closing it again would give up SQLite's locks
   if (last.ends_with("-shm") || std::filesystem::equivalent(path, in_use_, ignored)) return;
+  const auto identity = identityOf(path);
+  if (!identity || std::get<3>(*identity) > newest_unix_ns_) return;
   if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return last.ends_with(end); })) {
     if (isLogOfFound(path)) name(Kind::kLog, file);
   } else if (isUnfinishedCopy(last)) {

@@ -52,12 +52,15 @@ class RowsOfFile;
 /// `most_time` was used for reading; unfinished copies of backups; and logs of what is found, or whose
 /// database is gone. Files are read as openForeign() does, one that has several names (hard links) once; the
 /// server's own come first. Memory: for kMostFilesRead paths, whatever lies there.
+/// `newest_unix_ns`: leaves out databases, logs and copies whose contents were changed later. Without
+/// `most_time` all are listed unread.
 /// Takes no lock. `erased`, `cancelled` (may be null) and `time` must outlive it. Thread: one at a time.
 class LookAtFiles {
  public:
   LookAtFiles(const std::filesystem::path& folder, const std::filesystem::path& backups,
               const ErasedRows& erased, const std::atomic<bool>* cancelled,
-              std::chrono::nanoseconds most_time = kMostTimeOfFiles, TimeSource& time = machineTime());
+              std::chrono::nanoseconds most_time = kMostTimeOfFiles, TimeSource& time = machineTime(),
+              std::int64_t newest_unix_ns = INT64_MAX);
   LookAtFiles(const LookAtFiles&) = delete;
   LookAtFiles& operator=(const LookAtFiles&) = delete;
   ~LookAtFiles();
@@ -98,6 +101,7 @@ class LookAtFiles {
   const std::atomic<bool>* cancelled_;
   TimeSource& time_;
   std::filesystem::path in_use_;
+  std::int64_t newest_unix_ns_;
   std::vector<Place> roots_;
   std::deque<Place> places_;  ///< of roots_: those that are not gone through
   std::optional<std::filesystem::recursive_directory_iterator> at_;  ///< in the first of them

@@ -160,6 +160,14 @@ Result<pb::Reply> getReference(const Context& context, const pb::GetReference& c
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
 /// Where the last backup was put; empty: there was none, or the folder is not there now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);
+/// The files that one text has.
+struct FilesInText {
+  std::vector<std::string> files;  ///< each is in `text`, too
+  std::string text;
+};
+/// As many files as `most_bytes` take, if wanted each with the time of its last change; how many others there
+/// are, by folder, as many folders as that takes.
+FilesInText filesInText(const FilesFound& found, std::size_t most_bytes, bool with_times = false);
 /// Adds to the reply which files still hold the person: as many as it has room for, and how many others. Last
 /// of all: others may have written these files, and looking into them may take a minute (LookAtFiles).
 /// Returns the same for the audit log, shorter and without the person's names; empty: there is no such file.

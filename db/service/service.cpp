@@ -24,6 +24,7 @@
 #include "db/service/erasures.h"
 #include "db/service/handlers.h"
 #include "db/service/rescoring.h"
+#include "db/service/unseen_files.h"
 #include "db/session_rows.h"
 
 namespace needlelab {
@@ -174,11 +175,14 @@ Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_
   under_way.more = !done.files->goOn();
   if (under_way.more) return done.reply;
   const std::string line = handlers::nameFilesOfErased(done.files->found(), done.erased, erasure);
-  // the reply may not reach anybody
-  if (line.empty()) return done.reply;
-  const auto noted =
-      note(who.name, std::string(callName(pb::Request::kErasePerson)), erasure.pseudonym(), line);
-  if (!noted)
+  const Status noted = writer_.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(noteFilesSeen(writer, erasure.pseudonym()));
+    if (line.empty()) return {};
+    // the reply may not reach anybody
+    return AuditStore(writer).add({0, wallNowNs(), who.name, std::string(callName(pb::Request::kErasePerson)),
+                                   erasure.pseudonym(), line});
+  });
+  if (!noted && !line.empty())
     erasure.set_text(erasure.text() + " The audit log does not have these files (" + noted.error().message +
                      "): keep this text.");
   return done.reply;

@@ -11,6 +11,7 @@
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 #include "db/service/service.h"
+#include "db/service/unseen_files.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -201,6 +202,12 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
         "because somebody reads, or because the database is large; they are overwritten when that is done, "
         "or "
         "after the next start");
+  }
+  ASSIGN_OR_RETURN(const auto unseen,
+                   unseenFilesText(context.reader, context.now_unix_ns, context.cancelled));
+  if (!unseen.empty()) {
+    report->set_ok(false);
+    report->add_faults(unseen);
   }
   ASSIGN_OR_RETURN(const auto ahead, SeenTimeStore(context.reader).aheadText(context.now_unix_ns));
   if (!ahead.empty()) {

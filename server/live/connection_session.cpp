@@ -116,8 +116,8 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   // also for a closed session: its station may have lost the answer to CloseSession and sends it again
   marks.open = true;
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
-  // for a closed session the station only asks whether the server still has it
-  if (!opened->closed) context_.hub.onSession(who_.name, session_id);
+  // for a closed session, as all of erased people are, the station only asks whether the server still has it
+  if (!opened->closed) context_.hub.onSession(who_.name, session_id, description.trainee());
   note(opened->closed ? PeerLine::kSessionConfirmed : PeerLine::kSessionOpened,
        {{"conn", id_},
         {"session", sessionText(session_id)},

@@ -120,6 +120,7 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   const std::int64_t seen_since = station.status.peak_since_unix_ns();
   station.status = status;
   station.status.clear_peak_since_unix_ns();
+  if (isForgotten(station)) station.status.clear_trainee();
   if (!status.session_id().empty()) {
     // the station's own peak, except that of minor 1, which sends neither the peak nor the session's
     // beginning
@@ -211,11 +212,32 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
   return std::nullopt;
 }
 
-void Hub::onSession(const std::string& name, const std::string& session_id) {
+void Hub::onSession(const std::string& name, const std::string& session_id, const std::string& trainee) {
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer == nullptr) return;
+  found->second.kept_session = session_id;
+  found->second.kept_trainee = trainee;
   setSession(found->second, session_id);
   refreshWatch(found->second);
+}
+
+void Hub::forgetTrainee(const std::string& trainee) {
+  if (trainee.empty()) return;
+  erased_.insert(trainee);
+  for (auto& [name, station] : stations_) {
+    if (station.kept_trainee == trainee) station.kept_trainee.clear();
+    if (station.status.trainee() != trainee) continue;
+    station.status.clear_trainee();
+    announce(station);
+  }
+}
+
+/// Whether the trainee whom its status names was erased, and its session is not of somebody who came later
+/// under this name.
+bool Hub::isForgotten(const Station& station) const {
+  const std::string& trainee = station.status.trainee();
+  return erased_.contains(trainee) &&
+         (station.kept_trainee != trainee || station.kept_session != station.status.session_id());
 }
 
 bool Hub::sendToStation(const std::string& name, const pb::Envelope& envelope) {

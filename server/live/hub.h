@@ -81,8 +81,12 @@ class Hub {
                                          std::int64_t now_ns) {
     return onLiveFrame(name, viewOf(frame), now_ns);
   }
-  /// The station's session changed; viewers of this session now watch this station.
-  void onSession(const std::string& name, const std::string& session_id);
+  /// The station's session changed; viewers of this session now watch this station. `trainee`: in whose name
+  /// the server keeps the session; empty: nobody's.
+  void onSession(const std::string& name, const std::string& session_id, const std::string& trainee = {});
+  /// This person was erased: no status has the name from now on, whatever stations go on to say, but in a
+  /// session that the server keeps in this name from now on (onSession). Tells the viewers.
+  void forgetTrainee(const std::string& trainee);
   /// False when the station is not online.
   bool sendToStation(const std::string& name, const pb::Envelope& envelope);
 
@@ -132,6 +136,7 @@ class Hub {
     bool told_watched = false;
     pb::StationStatus status;
     std::int64_t status_ns = 0;
+    std::string kept_session, kept_trainee;  // the last session that the server keeps, and in whose name
     std::vector<Subscription*> watchers;
     std::map<double, ThinnedFrames> thinned;  // by rate: those at which somebody watched the last frame
   };
@@ -145,6 +150,7 @@ class Hub {
   template <typename Act>
   void forEachOfSession(const std::string& session_id, Act act);
   void refreshWatch(Station& station);
+  [[nodiscard]] bool isForgotten(const Station& station) const;
   void forgetIfUnused(const std::string& name);
   void announce(const Station& station) const;
   void sendOverview(const Station& station, std::int64_t now_ns);
@@ -164,6 +170,7 @@ class Hub {
   std::unordered_map<const HubPeer*, Viewer> viewers_;
   std::unordered_map<std::string, std::size_t> subscriptions_of_;  // by account; without zeros
   std::vector<Subscription*> overviews_;
+  std::set<std::string> erased_;  // names, of forgetTrainee()
   std::size_t online_ = 0;
   std::uint64_t looked_at_ = 0;
   std::uint64_t frames_in_ = 0, frames_out_ = 0, frames_decoded_ = 0, frames_thinned_ = 0;

@@ -163,9 +163,11 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     std::function<Executed()> work = step;
     const Executed done = co_await onItsThreads(context, threads, who, std::move(work), bool{place});
     // at once: the steps that are left may take long
-    if (under_way->isDone() && !std::exchange(is_ended, true))
-      endAccess(context, request->erase_person().name(), false, who.name, nullptr, "the account is no more",
-                under_way->erased_as);
+    if (under_way->isDone() && !std::exchange(is_ended, true)) {
+      const std::string& name = request->erase_person().name();
+      context.hub.forgetTrainee(name);
+      endAccess(context, name, false, who.name, nullptr, "the account is no more", under_way->erased_as);
+    }
     if (!done) {
       if (under_way->is_long && !place) place = co_await context.rescorings.take(turnNameOf(who));
       continue;

@@ -53,7 +53,7 @@ Result<DiskRoom::Share> takeRoom(ServerContext& context, const Principal& who, p
 /// db/service/requests.h), each of its steps in a turn of its own, a long score's once it has a
 /// place (kRescoringsAtOnce). Thread: the network's. `gone` says whether the asker has gone, on any thread:
 /// of whom it says so when a turn comes, no more is done (kUnavailable). A step that has begun is finished.
-/// Ends an erased person's access as soon as the person is erased.
+/// Ends an erased person's access, and has the hub forget the name, as soon as the person is erased.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request,
                                               std::function<bool()> gone);

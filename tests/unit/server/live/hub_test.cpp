@@ -451,6 +451,67 @@ TEST(Hub, thePeakOfALessonRisesWithItsSamplesAndEndsWithIt) {
   EXPECT_EQ(known().tissue(), "");
 }
 
+TEST(Hub, noStatusNamesATraineeWhoWasErasedUntilSomebodyElseOfThatNameHasASession) {
+  Hub hub;
+  FakePeer one, two, anna;
+  const auto statusOf = [](char session, const std::string& trainee) {
+    pb::StationStatus status;
+    status.set_session_id(std::string(16, session));
+    status.set_trainee(trainee);
+    return status;
+  };
+  const auto shownIn = [&hub] {
+    pb::Stations stations;
+    stations.add_stations()->set_name("bench-1");
+    hub.fillStations(stations);
+    return stations.stations(0).status().trainee();
+  };
+  const auto said = [&hub](const std::string& station) {
+    FakePeer viewer;
+    EXPECT_FALSE(hub.subscribe(viewer, toStation(1, station), 0));
+    hub.detachViewer(viewer);
+    return viewer.control.back().station_status().trainee();
+  };
+  hub.attachStation("bench-1", one);
+  hub.attachStation("bench-2", two);
+  for (const char* station : {"bench-1", "bench-2"})
+    ASSERT_FALSE(hub.subscribe(anna, toStation(station[6] == '1' ? 1 : 2, station), 0));
+  hub.onSession("bench-1", std::string(16, 's'), "tom");
+  ASSERT_FALSE(hub.onStatus("bench-1", statusOf('s', "tom"), 0));
+  ASSERT_FALSE(hub.onStatus("bench-2", statusOf('r', "tom"), 0));
+  hub.detachStation("bench-2", two);
+  EXPECT_EQ(said("bench-1"), "tom");
+  EXPECT_EQ(said("bench-2"), "tom");
+
+  const std::size_t before = anna.control.size();
+  hub.forgetTrainee("tom");
+  ASSERT_EQ(anna.control.size(), before + 2) << "whoever watches is told";
+  for (std::size_t i = before; i < anna.control.size(); ++i)
+    EXPECT_EQ(anna.control[i].station_status().trainee(), "");
+  EXPECT_EQ(said("bench-1"), "");
+  EXPECT_EQ(said("bench-2"), "") << "gone, but watched";
+  EXPECT_EQ(shownIn(), "");
+  // the station goes on with its lesson, also after its network was away
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_FALSE(hub.onStatus("bench-1", statusOf('s', "tom"), 0));
+    EXPECT_EQ(anna.live.back().station_status().trainee(), "");
+    EXPECT_EQ(shownIn(), "");
+    hub.attachStation("bench-1", one);
+  }
+  ASSERT_FALSE(hub.onStatus("bench-1", statusOf('t', "ben"), 0));
+  EXPECT_EQ(shownIn(), "ben");
+  // another tom, whose session the server keeps
+  hub.onSession("bench-1", std::string(16, 'u'), "tom");
+  ASSERT_FALSE(hub.onStatus("bench-1", statusOf('u', "tom"), 0));
+  EXPECT_EQ(shownIn(), "tom");
+  ASSERT_FALSE(hub.onStatus("bench-1", statusOf('s', "tom"), 0));
+  EXPECT_EQ(shownIn(), "");
+  // who is erased before the first status of the session
+  hub.forgetTrainee("tom");
+  ASSERT_FALSE(hub.onStatus("bench-1", statusOf('u', "tom"), 0));
+  EXPECT_EQ(shownIn(), "");
+}
+
 TEST(Hub, thePeakOfAStationThatSendsNoneIsWhatTheServerSawAndSaysSinceWhen) {
   static std::int64_t now_unix_ns;
   now_unix_ns = 1000;

@@ -543,6 +543,12 @@ TEST_F(RequestThreadsTest, theLookAtFilesOfAnErasureGivesWayToOthersAndIsFinishe
   EXPECT_THAT(outcome->reply.erasure().files(), testing::ElementsAre(file.string()));
 }
 
+/// A station that hears nothing.
+struct DeafStation : HubPeer {
+  void sendControl(const pb::Envelope&) override {}
+  void sendLive(Frame, bool) override {}
+};
+
 TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfItTakes) {
   for (const char* name : {"tom", "ina"})
     ASSERT_TRUE(store->writer()
@@ -555,6 +561,18 @@ TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfI
   pb::Request erase;
   erase.mutable_erase_person()->set_name("tom");
   erase.mutable_erase_person()->set_confirm("tom");
+  DeafStation bench;
+  context.hub.attachStation("bench-1", bench);
+  pb::StationStatus status;
+  status.set_trainee("tom");
+  ASSERT_FALSE(context.hub.onStatus("bench-1", status, 0));
+  const auto shown = [this] {
+    pb::Stations stations;
+    stations.add_stations()->set_name("bench-1");
+    context.hub.fillStations(stations);
+    return stations.stations(0).status().trainee();
+  };
+  EXPECT_EQ(shown(), "tom");
   // between ada's first step and her next one comes what is held until the release
   std::promise<void> begin;
   context.slow_workers_of_people->post(turnNameOf({"ina", pb::INSTRUCTOR}),
@@ -565,6 +583,8 @@ TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfI
   occupy(*context.slow_workers_of_people, "mara");
   begin.set_value();
   EXPECT_TRUE(loop.runUntil([&] { return context.tokens.size() == 1; }));
+  EXPECT_EQ(shown(), "");
+  context.hub.detachStation("bench-1", bench);
   EXPECT_EQ(outcome, nullptr) << "its next step waits";
   release();
   ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
