@@ -14,6 +14,7 @@
 
 #include "common/gesture/recording.h"
 #include "common/gesture/session_hash.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
@@ -104,7 +105,7 @@ class WholeReader {
   }
 
   void compareWithMetadata() {
-    const auto metadata = nlohmann::json::parse(reader_.metadata(), nullptr, false);
+    const auto metadata = readShallowJson<nlohmann::json>(reader_.metadata());
     if (!metadata.is_object()) {
       if (reader_.metadata().empty()) return;  // the metadata's record is a fault already
       holes_.push_back("unknown ticks: its metadata is no JSON object");

@@ -91,6 +91,7 @@ class RecordingReader {
   RecordingReader& operator=(RecordingReader&& other) noexcept;
   ~RecordingReader();
 
+  /// At most kMaxRecordingMetadata bytes; empty when their record is damaged or longer, which is a damage.
   [[nodiscard]] const std::string& metadata() const { return metadata_; }
   [[nodiscard]] bool complete() const { return complete_; }  ///< the file has a valid index and footer
   [[nodiscard]] std::uint64_t unusableTailBytes() const {

@@ -89,6 +89,9 @@ Status RecordingReader::readRecord(std::uint64_t offset, std::uint8_t& kind, Byt
   if (!readRecordHeader(head, header)) return corrupt("its record's header is damaged");
   if (size_ - offset - kRecordHeaderBytes - kRecordCrcBytes < header.length)
     return corrupt("the file ends within it");
+  if (header.kind == kMetadata && header.length > kMaxRecordingMetadata)
+    return Error{ErrorCode::kCorrupt, fmt::format("it has {} bytes of metadata, at most {} are read",
+                                                  header.length, kMaxRecordingMetadata)};
   RETURN_IF_ERROR(readAt(offset + kRecordHeaderBytes, header.length + kRecordCrcBytes, content));
   std::uint32_t stored;
   std::memcpy(&stored, content.data() + header.length, kRecordCrcBytes);

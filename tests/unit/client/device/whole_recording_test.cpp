@@ -10,6 +10,7 @@
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
+#include "tests/support/no_alloc.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -137,6 +138,25 @@ TEST_F(WholeRecording, isHeldAgainstEachNumberOfItsMetadata) {
   }
   // a part has the session's numbers
   EXPECT_TRUE(readRecording(write(3, R"({"samples":301,"part":{"from_s":1,"to_s":null}})")).ok());
+}
+
+TEST_F(WholeRecording, metadataTakeNoMemoryForEachLevelThatTheyNest) {
+  constexpr std::size_t kLevels = 300'000;
+  const std::string deep = std::string(kLevels, '[') + std::string(kLevels, ']');
+  const auto path = write(3, R"({"samples":300,"a":)" + deep + "}");
+  std::uint64_t calls = 0;
+  const auto read = [&] {
+    const test::NoAllocScope scope;
+    auto whole = readRecording(path);
+    calls = scope.calls();
+    return whole;
+  }();
+  ASSERT_TRUE(read.ok()) << read.error().message;
+  EXPECT_EQ(read->samples.size(), 300u);
+  EXPECT_LT(calls, kLevels / 10) << "calls of the heap";
+  const auto refused = readRecording(write(3, R"({"a":)" + deep + R"(,"samples":301})"));
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, HasSubstr("300 samples can be read, its metadata say 301"));
 }
 
 TEST_F(WholeRecording, isPlayedAsItWasRecordedByTheToolThatIsOn) {
