@@ -76,7 +76,8 @@ class RecordingWriter {
 /// Thread: const functions may be called from several. Movable, not copyable.
 class RecordingReader {
  public:
-  /// An unreadable place in the middle of the file, found at `open`; readable records follow it.
+  /// Unreadable places in the middle of the file, found at `open`: from the first to the last one between two
+  /// chunks. `what` is about the first. Readable records follow.
   struct Damage {
     std::uint64_t offset = 0, bytes = 0;
     std::string what;

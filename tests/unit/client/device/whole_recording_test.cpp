@@ -115,6 +115,26 @@ TEST_F(WholeRecording, oneFlippedBitInAnyRecordsHeaderIsAHoleWithItsTicks) {
   }
 }
 
+TEST_F(WholeRecording, damagedChunksInARowAreOneHoleWithOrWithoutAnIndex) {
+  const std::string whole = *readWholeFile(write(6));
+  const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
+  for (const bool cut : {false, true}) {
+    SCOPED_TRACE(cut ? "without an index" : "with its index");
+    std::string bytes = whole;
+    for (const std::size_t chunk : {std::size_t{1}, std::size_t{2}, std::size_t{4}}) {
+      char& within = bytes[entries[chunk].offset + 40];
+      within = static_cast<char>(within ^ 0x10);
+    }
+    if (cut) bytes.resize(bytes.size() - 3);
+    const auto rest = readRecording(changed(bytes), DamagedRecording::kRead);
+    ASSERT_TRUE(rest.ok()) << rest.error().message;
+    EXPECT_EQ(rest->samples.size(), 300u);
+    ASSERT_GE(rest->holes.size(), 2u);
+    EXPECT_THAT(rest->holes[0], AllOf(HasSubstr("ticks 117 to 316"), HasSubstr("chunk 1")));
+    EXPECT_THAT(rest->holes[1], AllOf(HasSubstr("ticks 417 to 516"), HasSubstr("chunk 4")));
+  }
+}
+
 TEST_F(WholeRecording, aChunkThatIsGoneWithoutATraceIsMissedByTheMetadata) {
   // the file without index, and without the bytes of its third chunk's record
   const std::string whole = *readWholeFile(write(5));

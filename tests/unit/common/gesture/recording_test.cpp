@@ -368,6 +368,44 @@ TEST_F(Recording, metadataAboveTheWritersBoundAreADamageThatIsNamedAndTheChunksS
   }
 }
 
+TEST_F(Recording, whatIsDamagedBetweenTwoChunksIsOneDamageHoweverManyRecords) {
+  using namespace recording_format;
+  constexpr std::uint8_t kPrivate = 200;
+  const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(12));
+  Bytes file;
+  const auto put = [&](std::uint8_t kind, ByteView content, bool good) {
+    putRecord(file, kind, content);
+    if (!good) file.back() ^= 1;
+  };
+  putStart(file);
+  put(kMetadata, viewOf("{}"), true);
+  put(kChunk, chunk, true);
+  const std::uint64_t begin = file.size();
+  for (int i = 0; i < 1000; ++i) {
+    put(kPrivate, {}, false);
+    put(kPrivate, {}, true);
+    put(kChunk, {}, false);
+  }
+  const std::uint64_t end = file.size();
+  put(kChunk, chunk, true);
+  const std::uint64_t begin_of_second = file.size();
+  put(kPrivate, {}, false);
+  put(kPrivate, {}, true);
+  const std::uint64_t end_of_second = file.size();
+  put(kPrivate, {}, false);
+  const auto reader = RecordingReader::open(store(file));
+  ASSERT_TRUE(reader.ok());
+  ASSERT_EQ(reader->entries().size(), 1002u) << "numbers of chunks do not change";
+  EXPECT_EQ(*reader->chunkBytes(0), chunk);
+  EXPECT_EQ(*reader->chunkBytes(1001), chunk);
+  ASSERT_EQ(reader->damages().size(), 2u);
+  EXPECT_EQ(reader->damages()[0].offset, begin);
+  EXPECT_EQ(reader->damages()[0].offset + reader->damages()[0].bytes, end);
+  EXPECT_EQ(reader->damages()[1].offset, begin_of_second);
+  EXPECT_EQ(reader->damages()[1].offset + reader->damages()[1].bytes, end_of_second);
+  EXPECT_EQ(reader->unusableTailBytes(), file.size() - end_of_second);
+}
+
 TEST_F(Recording, randomDamageNeverCrashesTheReaderNorGivesWhatWasNotWritten) {
   const auto path = write(3, 20);
   const Bytes whole = load(path);
