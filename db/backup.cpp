@@ -8,9 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstdio>
-#include <ctime>
 #include <map>
 #include <string>
 #include <string_view>
@@ -307,99 +305,6 @@ Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem
 
 std::filesystem::path plainCopyBeside(const std::filesystem::path& database) {
   return database.string() + ".backup-copy";
-}
-
-std::string backupName(std::int64_t now_unix_ns, std::string_view ending) {
-  const std::time_t now = now_unix_ns / 1'000'000'000;
-  std::tm parts{};
-  char text[40] = {};
-  std::strftime(text, sizeof text, "needlelab-%Y%m%dT%H%M%SZ", ::gmtime_r(&now, &parts));
-  return text + std::string(ending);
-}
-
-namespace {
-
-constexpr std::string_view kNameShape = "needlelab-00000000T000000Z";
-
-/// Only this program's names: other files in the folder belong to others.
-bool isBackupName(std::string_view name) {
-  if (name.size() < kNameShape.size()) return false;
-  for (std::size_t i = 0; i < kNameShape.size(); ++i) {
-    const bool digit = name[i] >= '0' && name[i] <= '9';
-    if (kNameShape[i] == '0' ? !digit : name[i] != kNameShape[i]) return false;
-  }
-  const std::string_view ending = name.substr(kNameShape.size());
-  return ending == kPlainEnding || ending == kEncryptedEnding;
-}
-
-/// True for the unfinished copy of a backup, and for what SQLite put beside it.
-bool isPartialName(std::string_view name) {
-  const auto end = name.find(".partial");
-  if (end == std::string_view::npos || !isBackupName(name.substr(0, end))) return false;
-  const std::string_view behind = name.substr(end + std::string_view(".partial").size());
-  return behind.empty() || behind == "-journal" || behind == "-wal" || behind == "-shm";
-}
-
-}  // namespace
-
-std::vector<std::filesystem::path> partialsIn(const std::filesystem::path& folder,
-                                              std::filesystem::file_time_type before) {
-  std::vector<std::filesystem::path> left;
-  std::error_code error, ignored;
-  for (auto at = std::filesystem::directory_iterator(folder, error);
-       !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
-    if (!isPartialName(at->path().filename().string()) ||
-        !std::filesystem::is_regular_file(at->symlink_status(ignored)))
-      continue;
-    const auto written = at->last_write_time(ignored);
-    if (!ignored && written < before) left.push_back(at->path());
-  }
-  std::sort(left.begin(), left.end());
-  return left;
-}
-
-Result<std::vector<std::filesystem::path>> backupsIn(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> found;
-  std::error_code error;
-  for (auto at = std::filesystem::directory_iterator(folder, error);
-       !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
-    std::error_code ignored;
-    if (isBackupName(at->path().filename().string()) && at->is_regular_file(ignored))
-      found.push_back(at->path());
-  }
-  if (error)
-    return Error{ErrorCode::kFailed, folder.string() + ": cannot list the backups: " + error.message()};
-  // names sort by time, whatever their ends
-  std::sort(found.begin(), found.end());
-  return found;
-}
-
-Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep) {
-  const std::string newest = target.filename().string();
-  std::vector<std::filesystem::path> older;
-  OldBackups old;
-  ASSIGN_OR_RETURN(const auto backups, backupsIn(target.parent_path()));
-  for (const std::filesystem::path& backup : backups) {
-    const std::string name = backup.filename().string();
-    if (name == newest) continue;
-    // a name in the future was given while the clock was ahead: the backup's real age is unknown
-    const bool is_later = name.substr(0, kNameShape.size()) > newest.substr(0, kNameShape.size());
-    (is_later ? old.later : older).push_back(backup);
-  }
-  // the new backup counts towards `keep`
-  const std::size_t stay = keep > 0 ? keep - 1 : 0;
-  older.resize(older.size() - std::min(stay, older.size()));
-  std::error_code unknown;
-  if (const auto made = std::filesystem::last_write_time(target, unknown); !unknown) {
-    // written to in the day before: another backup may be making it now
-    const auto partials = partialsIn(target.parent_path(), made - std::chrono::hours(24));
-    older.insert(older.end(), partials.begin(), partials.end());
-  }
-  for (const auto& path : older) {
-    if (::unlink(path.c_str()) != 0) return systemError(path, "remove this old backup");
-    old.removed.push_back(path);
-  }
-  return old;
 }
 
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,

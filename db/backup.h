@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -67,33 +66,6 @@ Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem
                                        const BackupKey& key, const std::atomic<bool>* cancelled = nullptr,
                                        std::uint64_t most_log_bytes = kMostLogBytesOfBackup,
                                        std::uint64_t room_left = kRoomBesidePlainCopy);
-
-/// The end of a plain backup's name.
-inline constexpr std::string_view kPlainEnding = ".db";
-
-/// The file name of a backup made at this time: needlelab-20260131T020000Z.db, or with kEncryptedEnding.
-std::string backupName(std::int64_t now_unix_ns, std::string_view ending = kPlainEnding);
-
-/// The files of this folder that are named so, plain and encrypted ones, by the time in their names. kFailed.
-Result<std::vector<std::filesystem::path>> backupsIn(const std::filesystem::path& folder);
-
-/// Unfinished copies of backups with such names, and what SQLite put beside them, that were last written
-/// before `before`, sorted: what a power cut or a kill left in this folder. Links are none.
-std::vector<std::filesystem::path> partialsIn(const std::filesystem::path& folder,
-                                              std::filesystem::file_time_type before);
-
-/// Older backups in the same folder as a new one.
-struct OldBackups {
-  std::vector<std::filesystem::path> removed;
-  /// Named with a later time than the new one: not removed, not counted.
-  std::vector<std::filesystem::path> later;
-};
-
-/// Removes the backups beside `target`, plain and encrypted ones, except the newest `keep`, by the time in
-/// their names (backupName). `target` counts as one of them and is never removed, whatever the other names
-/// say. Removes also what partialsIn() finds that was last written more than a day before `target`. Does not
-/// touch other files. Errors: kFailed.
-Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
 /// Stores the backup's time and place, and raises the watermark of the sessions in `covered` (the caller
 /// empties it for a backup whose chunks are not Safe). Writer's connection, in a transaction.

@@ -8,12 +8,12 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 #include <string_view>
 #include <utility>
 
 #include "common/gesture/recording.h"
 #include "common/gesture/session_hash.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
@@ -47,10 +47,8 @@ class WholeReader {
 
   /// The holes.
   Result<std::vector<std::string>> run() {
-    for (const RecordingReader::Damage& damage : reader_.damages()) {
+    for (const RecordingReader::Damage& damage : reader_.damages())
       faults_.push_back({damage.offset, damage.what});
-      damaged_.insert(damage.offset);
-    }
     for (std::size_t i = 0; i < reader_.entries().size(); ++i) RETURN_IF_ERROR(readChunk(i));
     findHoles();
     compareWithItself();
@@ -66,7 +64,9 @@ class WholeReader {
     const auto samples = reader_.samples(index);
     if (!samples) {
       if (samples.error().code == ErrorCode::kFailed) return samples.error();
-      if (!damaged_.contains(entry.offset)) faults_.push_back({entry.offset, samples.error().message});
+      // only the first behind a readable chunk: findHoles() makes one hole of them
+      if (std::exchange(faulty_behind_, pieces_.size()) != pieces_.size())
+        faults_.push_back({entry.offset, samples.error().message});
       return {};
     }
     ASSIGN_OR_RETURN(const auto bytes, reader_.chunkBytes(index));
@@ -104,7 +104,7 @@ class WholeReader {
   }
 
   void compareWithMetadata() {
-    const auto metadata = nlohmann::json::parse(reader_.metadata(), nullptr, false);
+    const auto metadata = readShallowJson<nlohmann::json>(reader_.metadata());
     if (!metadata.is_object()) {
       if (reader_.metadata().empty()) return;  // the metadata's record is a fault already
       holes_.push_back("unknown ticks: its metadata is no JSON object");
@@ -144,8 +144,8 @@ class WholeReader {
   std::vector<std::string> holes_;
   std::uint64_t samples_ = 0;  // that were shown
   std::vector<Fault> faults_;
-  std::set<std::uint64_t> damaged_;  // places that the reader named
-  std::vector<Piece> pieces_;        // by their place
+  std::optional<std::size_t> faulty_behind_;  // so many pieces, when a chunk could last not be read
+  std::vector<Piece> pieces_;                 // by their place
   SessionHash hash_;
 };
 

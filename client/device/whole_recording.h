@@ -29,7 +29,8 @@ inline constexpr std::uint64_t kMostReadSamples = 3'600'000;
 
 /// Reads every sample and holds the file against its index (each chunk, their hash) and against its metadata,
 /// where they name `samples`, `chunks` and `hash` of what was exported (with `part`, an export of a part of a
-/// session, they are the session's, and are not compared). Takes some 200 bytes of memory a sample. Errors:
+/// session, they are the session's, and are not compared). Takes some 200 bytes of memory a sample,
+/// and some 50 MB at most for the metadata. Errors:
 /// as of RecordingReader::open; kInvalidInput, before anything is decoded, when its chunks say that they have
 /// more than kMostReadSamples; kCorrupt with the first hole and the number of samples that can be read:
 /// always with kRefuse, with kRead when no sample can be read.

@@ -64,7 +64,9 @@ Result<CacheFile> readCacheFile(const std::filesystem::path& path, const std::st
   if (wrapped && textAt(json, "hash") != hashOf(exercise_id, file.lesson))
     return brokenLesson(
         path, "was changed since it came from the server (its hash does not agree): it is not used");
-  const Json exercise = Json::parse(file.lesson.exercise_json(), nullptr, false);
+  const Json exercise = parsedShallow(file.lesson.exercise_json());
+  if (exercise.is_null())
+    return brokenLesson(path, "its exercise is nested more deeply than one from a server");
   if (const std::string id = textAt(exercise, "id"); !id.empty() && id != exercise_id)
     return brokenLesson(path, "is the lesson of another exercise, '" + printable(id) + "'");
   return file;
@@ -118,7 +120,7 @@ std::vector<CachedLesson> LessonCache::list() const {
     if (at->path().extension() != kExtension || !fileOf(lesson.exercise_id).ok()) continue;
     auto file = readCacheFile(at->path(), lesson.exercise_id);
     if (file.ok()) {
-      const Json exercise = Json::parse(file->lesson.exercise_json(), nullptr, false);
+      const Json exercise = parsedShallow(file->lesson.exercise_json());
       lesson.name = printable(textAt(exercise, "name"));
       lesson.profile_id = printable(textAt(exercise, "profile_id"));
       lesson.profile_revision = file->lesson.profile_revision();

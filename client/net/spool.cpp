@@ -73,14 +73,13 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     return Error{ErrorCode::kUnavailable, "the spool " + folder.string() + " cannot be used: " + why};
   };
   std::error_code error;
-  const bool is_new = !fs::exists(folder, error);
-  fs::create_directories(folder / "lessons", error);
-  if (error) return fail(error.message());
   // what trainees did is nobody else's on this computer, whatever the umask
-  if (is_new) fs::permissions(folder, fs::perms::owner_all, error);
-  if (error) return fail(error.message());
+  const auto is_new = makePrivateFolder(folder);
+  if (!is_new) return fail(is_new.error().message);
+  if (const auto lessons = makePrivateFolder(folder / "lessons"); !lessons)
+    return fail(lessons.error().message);
   // the folder's own entry must survive a power cut, too
-  if (const auto whole = fs::absolute(folder, error).lexically_normal(); is_new && !error) {
+  if (const auto whole = fs::absolute(folder, error).lexically_normal(); *is_new && !error) {
     const auto parent = whole.has_filename() ? whole.parent_path() : whole.parent_path().parent_path();
     if (auto status = syncFolder(parent); !status.ok()) return fail(status.error().message);
   }

@@ -1,8 +1,11 @@
 #include <fmt/core.h>
 #include <google/protobuf/util/json_util.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <span>
 #include <utility>
 
@@ -51,10 +54,10 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   session->clock_ = std::move(clock);
   session->description_ = description;
   session->folder_ = spool / uuidText(id);
-  std::error_code error;
-  if (!std::filesystem::create_directory(session->folder_, error))
-    return Error{ErrorCode::kUnavailable, "cannot make the folder " + session->folder_.string() + ": " +
-                                              (error ? error.message() : "it is there already")};
+  // a spool that is gone (a disk that was taken out) is not made again
+  if (::mkdir(session->folder_.c_str(), 0700) != 0)
+    return Error{ErrorCode::kUnavailable,
+                 "cannot make the folder " + session->folder_.string() + ": " + std::strerror(errno)};
 
   // write the description first: a folder without one contains no data
   std::string json;

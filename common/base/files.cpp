@@ -156,6 +156,23 @@ bool isTemporaryNameOf(std::string_view own, std::string_view name) {
          std::all_of(name.end() - kLetters, name.end(), fits);
 }
 
+Result<bool> makePrivateFolder(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(folder, ignored)) return false;
+  // "a/b/" is the same as "a/b"
+  const std::filesystem::path whole = folder.has_filename() ? folder : folder.parent_path();
+  if (const auto above = whole.parent_path(); !above.empty() && above != whole)
+    RETURN_IF_ERROR(makePrivateFolder(above));
+  if (::mkdir(whole.c_str(), 0700) != 0) {
+    const int why = errno;
+    // "a/.", or another program has just made it
+    if (why == EEXIST && std::filesystem::is_directory(whole, ignored)) return false;
+    errno = why;
+    return systemError(whole, "make the folder");
+  }
+  return true;
+}
+
 Status syncFolder(const std::filesystem::path& folder) {
   const std::filesystem::path name = folder.empty() ? std::filesystem::path(".") : folder;
   const int fd = ::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);

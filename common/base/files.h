@@ -45,6 +45,10 @@ inline constexpr std::string_view kTemporaryMark = ".being-written-";
 /// Whether `name` is that of a temporary file of the file `own`; both without their folder.
 bool isTemporaryNameOf(std::string_view own, std::string_view name);
 
+/// Makes a folder, and those above it that are missing, each for its owner only (0700) whatever the umask is.
+/// A folder that is there stays as it is. Returns whether `folder` was made. Errors: kFailed, with the path.
+Result<bool> makePrivateFolder(const std::filesystem::path& folder);
+
 /// Calls fsync on a folder, so that a new directory entry survives a power cut.
 Status syncFolder(const std::filesystem::path& folder);
 

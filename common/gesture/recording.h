@@ -76,7 +76,8 @@ class RecordingWriter {
 /// Thread: const functions may be called from several. Movable, not copyable.
 class RecordingReader {
  public:
-  /// An unreadable place in the middle of the file, found at `open`; readable records follow it.
+  /// Unreadable places in the middle of the file, found at `open`: from the first to the last one between two
+  /// chunks. `what` is about the first. Readable records follow.
   struct Damage {
     std::uint64_t offset = 0, bytes = 0;
     std::string what;
@@ -91,6 +92,7 @@ class RecordingReader {
   RecordingReader& operator=(RecordingReader&& other) noexcept;
   ~RecordingReader();
 
+  /// At most kMaxRecordingMetadata bytes; empty when their record is damaged or longer, which is a damage.
   [[nodiscard]] const std::string& metadata() const { return metadata_; }
   [[nodiscard]] bool complete() const { return complete_; }  ///< the file has a valid index and footer
   [[nodiscard]] std::uint64_t unusableTailBytes() const {

@@ -89,6 +89,9 @@ Status RecordingReader::readRecord(std::uint64_t offset, std::uint8_t& kind, Byt
   if (!readRecordHeader(head, header)) return corrupt("its record's header is damaged");
   if (size_ - offset - kRecordHeaderBytes - kRecordCrcBytes < header.length)
     return corrupt("the file ends within it");
+  if (header.kind == kMetadata && header.length > kMaxRecordingMetadata)
+    return Error{ErrorCode::kCorrupt, fmt::format("it has {} bytes of metadata, at most {} are read",
+                                                  header.length, kMaxRecordingMetadata)};
   RETURN_IF_ERROR(readAt(offset + kRecordHeaderBytes, header.length + kRecordCrcBytes, content));
   std::uint32_t stored;
   std::memcpy(&stored, content.data() + header.length, kRecordCrcBytes);
@@ -198,6 +201,14 @@ Status RecordingReader::scan() {
   std::uint64_t offset = std::min<std::uint64_t>(size_, kStartBytes);
   std::uint64_t good_end = size_ < kStartBytes ? 0 : kStartBytes;  // behind the last whole record
   std::size_t good_entries = 0, good_damages = 0;
+  std::size_t chunk_damages = 0;  // before the last whole chunk
+  // what is damaged between two chunks is one: a file of nothing else would take more memory than it is long
+  const auto addDamage = [&](std::uint64_t bytes, std::string what) {
+    if (damages_.size() > chunk_damages)
+      damages_.back().bytes = offset + bytes - damages_.back().offset;
+    else
+      damages_.push_back({offset, bytes, std::move(what)});
+  };
   while (offset < size_) {
     Bytes head;
     RecordHeader header;
@@ -206,9 +217,8 @@ Status RecordingReader::scan() {
     if (!enough || !readRecordHeader(head, header)) {
       // not a record: continue at the next record, if any
       ASSIGN_OR_RETURN(const auto next, findRecord(offset + 1));
-      damages_.push_back(
-          {offset, next - offset,
-           fmt::format("between chunk {} and the one before: no record starts here", entries_.size())});
+      addDamage(next - offset,
+                fmt::format("between chunk {} and the one before: no record starts here", entries_.size()));
       offset = next;
       continue;
     }
@@ -221,10 +231,9 @@ Status RecordingReader::scan() {
       // between
       ASSIGN_OR_RETURN(const auto next, findRecord(offset + kRecordHeaderBytes));
       if (next == size_) break;
-      damages_.push_back(
-          {offset, next - offset,
-           fmt::format("a record behind chunk {} reaches beyond the file's end, but others follow it",
-                       entries_.size())});
+      addDamage(next - offset,
+                fmt::format("a record behind chunk {} reaches beyond the file's end, but others follow it",
+                            entries_.size()));
       offset = next;
       continue;
     }
@@ -244,17 +253,20 @@ Status RecordingReader::scan() {
     } else if (header.kind == kMetadata && status.ok() && entries_.empty()) {
       metadata_.assign(textOf(content));
     }
-    if (!fault.empty()) damages_.push_back({offset, length, fault});
+    if (!fault.empty()) addDamage(length, fault);
     offset += length;
     if (fault.empty()) {
       good_end = offset;
       good_entries = entries_.size();
       good_damages = damages_.size();
+      if (header.kind == kChunk) chunk_damages = good_damages;
     }
   }
   // unreadable bytes up to the end mark a cut, not damage in the middle
   entries_.resize(good_entries);
   damages_.resize(good_damages);
+  if (!damages_.empty())
+    damages_.back().bytes = std::min(damages_.back().bytes, good_end - damages_.back().offset);
   tail_bytes_ = size_ - good_end;
   return {};
 }

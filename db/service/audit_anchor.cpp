@@ -16,8 +16,8 @@
 #include <utility>
 
 #include "common/base/files.h"
-#include "db/backup.h"
 #include "db/foreign_database.h"
+#include "db/old_backups.h"
 #include "db/open_file.h"
 
 namespace needlelab {

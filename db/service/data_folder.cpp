@@ -13,6 +13,7 @@
 #include "db/audit_head.h"
 #include "db/backup.h"
 #include "db/erasure_list.h"
+#include "db/old_backups.h"
 #include "db/service/restore.h"
 
 namespace needlelab {

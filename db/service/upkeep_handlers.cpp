@@ -6,6 +6,7 @@
 #include "db/connection.h"
 #include "db/credentials.h"
 #include "db/erasure.h"
+#include "db/old_backups.h"
 #include "db/people.h"
 #include "db/seen_time.h"
 #include "db/service/export_ledger.h"
@@ -161,17 +162,13 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   done->set_bytes(result.bytes);
   done->set_chunks_verified(result.chunks_verified);
   done->set_undecodable_chunks(result.undecodable_chunks);
+  OldBackups old;
   if (call.keep() > 0) {
     // remove old backups only after the newer one is verified and recorded
-    ASSIGN_OR_RETURN(const auto removed, removeOldBackups(target, call.keep()));
-    for (const auto& path : removed.removed) done->add_removed(path.string());
-    if (!removed.later.empty()) {
-      const std::string later = fmt::format(
-          "{} backups are named by a later time (was the clock ahead?), the last is {}: they are left alone "
-          "and do not count for --keep",
-          removed.later.size(), removed.later.back().filename().string());
-      RETURN_IF_ERROR(write(context, target.string(), later, [](Connection&) { return Status(); }));
-    }
+    ASSIGN_OR_RETURN(old, removeOldBackups(target, call.keep()));
+    for (const auto& path : old.removed) done->add_removed(path.string());
+    if (const std::string left = old.leftText(); !left.empty())
+      RETURN_IF_ERROR(write(context, target.string(), left, [](Connection&) { return Status(); }));
   }
   // at last: old backups go all the same
   if (!list)
@@ -182,6 +179,12 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
                              target.string(), list.error().message,
                              (context.reader.path().parent_path() / kErasuresFile).string(),
                              (target.parent_path() / kErasuresCopy).string())};
+  if (!old.failed.empty())
+    return Error{
+        ErrorCode::kFailed,
+        fmt::format("{}: the backup is made and verified, but {} of {} old backups could not be removed, "
+                    "such as {}. Remove them by hand, or the disk fills",
+                    target.string(), old.failed.size(), old.failed.size() + old.removed.size(), old.why)};
   return reply;
 }
 

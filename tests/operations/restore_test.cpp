@@ -9,7 +9,9 @@
 
 #include "common/base/files.h"
 #include "db/backup.h"
+#include "db/old_backups.h"
 #include "db/schema.h"
+#include "tests/support/backup_start.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -360,7 +362,7 @@ TEST_F(RestoreTest, aForgedDecisionIsNotFollowed) {
 TEST(BackupRotation, keepsTheNewestAndTouchesNothingElse) {
   const TempFolder folder;
   for (const char* day : {"01", "03", "02", "05", "04"})
-    folder.write("needlelab-202601" + std::string(day) + "T023000Z.db", "x");
+    folder.write("needlelab-202601" + std::string(day) + "T023000Z.db", startOfBackup(".db"));
   for (const char* other :
        {"needlelab-20250101T023000Z.db.partial", "needlelab-x.db", "thesis.doc", "needlelab.db"})
     folder.write(other, "x");

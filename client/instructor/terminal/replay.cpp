@@ -11,6 +11,7 @@
 #include "common/gesture/chunk.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
@@ -150,7 +151,7 @@ class Replay {
   void summary() const {
     if (run_.options.json) {
       nlohmann::ordered_json json = {{"type", "summary"}, {"samples", samples_}, {"updates", lines_}};
-      const auto score = nlohmann::ordered_json::parse(info_.score_json(), nullptr, false);
+      const auto score = readShallowJson<nlohmann::ordered_json>(info_.score_json());
       if (!score.is_discarded()) json["score"] = score;
       run_.line(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
       return;

@@ -114,11 +114,8 @@ void writeCsv(const std::vector<BlackBoxTick>& ticks, std::string& text) {
 }
 
 Status write(const fs::path& path, const std::string& text) {
-  std::error_code error;
-  fs::create_directories(path.parent_path(), error);
-  if (error)
-    return Error{ErrorCode::kUnavailable,
-                 "cannot make the folder " + path.parent_path().string() + ": " + error.message()};
+  if (const auto made = makePrivateFolder(path.parent_path()); !made)
+    return Error{ErrorCode::kUnavailable, made.error().message};
   // private to the station's user, like the rest of the spool
   return writeFileAtomically(path, viewOf(text), 0600);
 }

@@ -9,6 +9,7 @@
 #include "common/base/files.h"
 #include "common/base/text.h"
 #include "common/gesture/session_hash.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
@@ -105,7 +106,7 @@ Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
   for (const pb::CurriculumSummary& summary : curricula.curricula().curricula()) {
     request.mutable_get_curriculum()->set_id(summary.id());
     ASSIGN_OR_RETURN(const auto reply, ask(request));
-    const auto curriculum = nlohmann::json::parse(reply.curriculum().json(), nullptr, false);
+    const auto curriculum = readShallowJson<CacheJson>(reply.curriculum().json());
     const std::string name = printable(summary.name().empty() ? summary.id() : summary.name());
     for (const auto& exercise : cachedList(curriculum, "exercises"))
       exercises.push_back({cachedText(exercise, "id"), cachedText(exercise, "name"),
@@ -186,7 +187,7 @@ CacheJson readCache(const std::filesystem::path& path) {
   SessionHash hash;
   hash.update(viewOf(text));
   if (hexOf(hash.digest()) != file->substr(0, line)) return {};
-  return CacheJson::parse(text, nullptr, false);
+  return readShallowJson<CacheJson>(text);
 }
 
 std::set<std::string> askedForCodes(const CacheJson& json) {

@@ -25,6 +25,7 @@
 #include "client/station/run/report_output.h"
 #include "client/station/run/station_key.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
 #include "common/base/text.h"
@@ -80,12 +81,12 @@ DiskFacts measureDisk(const std::filesystem::path& folder) {
   constexpr int kSyncs = 20;
   DiskFacts facts;
   facts.folder = folder.string();
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) {
-    facts.trouble = "the folder " + facts.folder + " cannot be made: " + error.message();
+  // the spool's: the first lesson finds it as it is
+  if (const auto made = makePrivateFolder(folder); !made) {
+    facts.trouble = "the folder " + facts.folder + " cannot be made: " + made.error().message;
     return facts;
   }
+  std::error_code error;
   const auto space = std::filesystem::space(folder, error);
   facts.free_bytes = error ? 0 : static_cast<double>(space.available);
 

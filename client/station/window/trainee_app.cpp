@@ -23,6 +23,7 @@
 #include "client/station/window/trainee_window.h"
 #include "client/view/surface.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 #include "common/base/program.h"
 
 namespace needlelab {
@@ -96,8 +97,8 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   // the command line takes precedence over the stored size
   if (display && !options.window.size_given) {
     surface.state_file = defaultSpool().parent_path() / "station-window.json";
-    std::error_code ignored;
-    std::filesystem::create_directories(surface.state_file.parent_path(), ignored);
+    // the spool's folder will be made in it; without it the size is not stored
+    (void)makePrivateFolder(surface.state_file.parent_path());
   }
   return surface;
 }

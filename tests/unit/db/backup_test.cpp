@@ -2,7 +2,6 @@
 
 #include <sys/stat.h>
 
-#include <chrono>
 #include <filesystem>
 #include <vector>
 
@@ -107,55 +106,6 @@ TEST_F(BackupTest, wrongPathsAreInvalidInput) {
   EXPECT_EQ(backupTo(reader, "copy.db").error().code, ErrorCode::kInvalidInput);
   EXPECT_EQ(backupTo(reader, "").error().code, ErrorCode::kInvalidInput);
   EXPECT_EQ(backupTo(reader, db.folder.path() / "none" / "copy.db").error().code, ErrorCode::kInvalidInput);
-}
-
-TEST(BackupRotation, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
-  const test::TempFolder folder;
-  const auto now = folder.write("needlelab-20260105T023000Z.db", "x");
-  for (const char* name : {"needlelab-20260103T023000Z.db", "needlelab-20260104T023000Z.db",
-                           "needlelab-20300101T023000Z.db", "needlelab-20300102T023000Z.db"})
-    folder.write(name, "x");
-  const auto first = removeOldBackups(now, 2);
-  ASSERT_OK(first);
-  EXPECT_EQ(first->removed, std::vector{folder.path() / "needlelab-20260103T023000Z.db"});
-  EXPECT_EQ(first->later.size(), 2u) << "named, neither removed nor counted";
-  ASSERT_OK(removeOldBackups(now, 1));
-  ASSERT_OK(removeOldBackups(now, 0));
-  EXPECT_TRUE(std::filesystem::exists(now));
-  EXPECT_FALSE(std::filesystem::exists(folder.path() / "needlelab-20260104T023000Z.db"));
-  EXPECT_TRUE(std::filesystem::exists(folder.path() / "needlelab-20300101T023000Z.db"));
-}
-
-TEST(BackupRotation, aLinkIsNoUnfinishedCopy) {
-  namespace fs = std::filesystem;
-  const test::TempFolder folder;
-  const auto copy = folder.write("needlelab-20260101T023000Z.nlbk.partial", "x");
-  fs::create_symlink(folder.write("thesis", "x"), folder.path() / "needlelab-20260102T023000Z.db.partial");
-  fs::create_directory(folder.path() / "needlelab-20260103T023000Z.db.partial");
-  EXPECT_EQ(partialsIn(folder.path(), fs::file_time_type::max()), std::vector{copy});
-  EXPECT_EQ(partialsIn(folder.path(), fs::last_write_time(copy)), std::vector<fs::path>());
-  EXPECT_EQ(partialsIn(folder.path() / "none", fs::file_time_type::max()), std::vector<fs::path>());
-}
-
-TEST(BackupRotation, unfinishedCopiesOfADayBeforeGoWithTheOldBackups) {
-  namespace fs = std::filesystem;
-  const test::TempFolder folder;
-  const auto now = folder.write("needlelab-20260105T023000Z.db", "x");
-  std::vector<fs::path> left;
-  for (const char* name :
-       {"needlelab-20260101T023000Z.db.partial", "needlelab-20260101T023000Z.db.partial-journal",
-        "needlelab-20260102T023000Z.nlbk.partial"})
-    left.push_back(folder.write(name, "x"));
-  const auto running = folder.write("needlelab-20260105T022900Z.db.partial", "x");
-  const auto others = folder.write("thesis.db.partial", "x");
-  for (const auto& path : left) fs::last_write_time(path, fs::last_write_time(now) - std::chrono::hours(25));
-  fs::last_write_time(others, fs::last_write_time(now) - std::chrono::hours(25));
-  fs::last_write_time(running, fs::last_write_time(now) - std::chrono::hours(23));
-  const auto old = removeOldBackups(now, 3);
-  ASSERT_OK(old);
-  EXPECT_EQ(old->removed, left);
-  for (const auto& path : left) EXPECT_FALSE(fs::exists(path)) << path;
-  for (const auto& path : {now, running, others}) EXPECT_TRUE(fs::exists(path)) << path;
 }
 
 TEST_F(BackupTest, aDamagedDatabaseGivesNoBackup) {

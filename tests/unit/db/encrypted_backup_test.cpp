@@ -268,21 +268,5 @@ TEST_F(EncryptedBackup, isNotMadeOfADamagedDatabaseOrWithoutRoomOrOverAFile) {
   EXPECT_EQ(*readWholeFile(target), "mine");
 }
 
-TEST(EncryptedRotation, countsBothKinds) {
-  const test::TempFolder folder;
-  const auto now = folder.write("needlelab-20260105T023000Z.nlbk", "x");
-  for (const char* name :
-       {"needlelab-20260101T023000Z.nlbk", "needlelab-20260102T023000Z.db", "needlelab-20260103T023000Z.nlbk",
-        "needlelab-20260104T023000Z.db", "needlelab-20260104T023000Z.txt", "needlelab-20300101T023000Z.nlbk"})
-    folder.write(name, "x");
-  const auto old = removeOldBackups(now, 3);
-  ASSERT_OK(old);
-  EXPECT_EQ(old->removed, (std::vector{folder.path() / "needlelab-20260101T023000Z.nlbk",
-                                       folder.path() / "needlelab-20260102T023000Z.db"}));
-  EXPECT_EQ(old->later, std::vector{folder.path() / "needlelab-20300101T023000Z.nlbk"});
-  EXPECT_TRUE(fs::exists(folder.path() / "needlelab-20260104T023000Z.txt"));
-  EXPECT_EQ(backupName(1'767'321'000'000'000'000, kEncryptedEnding), "needlelab-20260102T023000Z.nlbk");
-}
-
 }  // namespace
 }  // namespace needlelab

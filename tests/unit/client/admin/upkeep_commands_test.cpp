@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "common/base/files.h"
+#include "tests/support/backup_start.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -75,7 +76,7 @@ TEST_F(UpkeepCommands, aFolderOfBackupsKeepsTheNewestAndWhatIsNotItsOwn) {
   fs::create_directory(file("kept"));
   for (const char* name : {"needlelab-20200101T000000Z.db", "needlelab-20210101T000000Z.db",
                            "needlelab-20220101T000000Z.db", "mine.db"})
-    folder.write(std::string("kept/") + name, "old");
+    folder.write(std::string("kept/") + name, test::startOfBackup(name));
   const auto row = good({"backup", "--dir", file("kept"), "--keep", "2", "--json"}).rows().at(0);
   EXPECT_EQ(row.at("removed"), (nlohmann::json{file("kept/needlelab-20200101T000000Z.db"),
                                                file("kept/needlelab-20210101T000000Z.db")}));

@@ -10,6 +10,7 @@
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
+#include "tests/support/no_alloc.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -114,6 +115,26 @@ TEST_F(WholeRecording, oneFlippedBitInAnyRecordsHeaderIsAHoleWithItsTicks) {
   }
 }
 
+TEST_F(WholeRecording, damagedChunksInARowAreOneHoleWithOrWithoutAnIndex) {
+  const std::string whole = *readWholeFile(write(6));
+  const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
+  for (const bool cut : {false, true}) {
+    SCOPED_TRACE(cut ? "without an index" : "with its index");
+    std::string bytes = whole;
+    for (const std::size_t chunk : {std::size_t{1}, std::size_t{2}, std::size_t{4}}) {
+      char& within = bytes[entries[chunk].offset + 40];
+      within = static_cast<char>(within ^ 0x10);
+    }
+    if (cut) bytes.resize(bytes.size() - 3);
+    const auto rest = readRecording(changed(bytes), DamagedRecording::kRead);
+    ASSERT_TRUE(rest.ok()) << rest.error().message;
+    EXPECT_EQ(rest->samples.size(), 300u);
+    ASSERT_GE(rest->holes.size(), 2u);
+    EXPECT_THAT(rest->holes[0], AllOf(HasSubstr("ticks 117 to 316"), HasSubstr("chunk 1")));
+    EXPECT_THAT(rest->holes[1], AllOf(HasSubstr("ticks 417 to 516"), HasSubstr("chunk 4")));
+  }
+}
+
 TEST_F(WholeRecording, aChunkThatIsGoneWithoutATraceIsMissedByTheMetadata) {
   // the file without index, and without the bytes of its third chunk's record
   const std::string whole = *readWholeFile(write(5));
@@ -137,6 +158,25 @@ TEST_F(WholeRecording, isHeldAgainstEachNumberOfItsMetadata) {
   }
   // a part has the session's numbers
   EXPECT_TRUE(readRecording(write(3, R"({"samples":301,"part":{"from_s":1,"to_s":null}})")).ok());
+}
+
+TEST_F(WholeRecording, metadataTakeNoMemoryForEachLevelThatTheyNest) {
+  constexpr std::size_t kLevels = 300'000;
+  const std::string deep = std::string(kLevels, '[') + std::string(kLevels, ']');
+  const auto path = write(3, R"({"samples":300,"a":)" + deep + "}");
+  std::uint64_t calls = 0;
+  const auto read = [&] {
+    const test::NoAllocScope scope;
+    auto whole = readRecording(path);
+    calls = scope.calls();
+    return whole;
+  }();
+  ASSERT_TRUE(read.ok()) << read.error().message;
+  EXPECT_EQ(read->samples.size(), 300u);
+  EXPECT_LT(calls, kLevels / 10) << "calls of the heap";
+  const auto refused = readRecording(write(3, R"({"a":)" + deep + R"(,"samples":301})"));
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, HasSubstr("300 samples can be read, its metadata say 301"));
 }
 
 TEST_F(WholeRecording, isPlayedAsItWasRecordedByTheToolThatIsOn) {

@@ -48,6 +48,20 @@ TEST_F(LessonCacheTest, filesOfEarlierVersionsAreRead) {
   EXPECT_EQ(lesson->profile_revision(), 2u);
 }
 
+TEST_F(LessonCacheTest, anExerciseThatNestsDeepIsRefusedByName) {
+  constexpr std::size_t kLevels = 300'000;
+  lesson_.set_exercise_json(R"({"id": "knee-1", "a": )" + std::string(kLevels, '[') +
+                            std::string(kLevels, ']') + "}");
+  ASSERT_TRUE(cache_.keep("knee-1", lesson_).ok());
+  const auto lesson = cache_.find("knee-1");
+  ASSERT_FALSE(lesson.ok());
+  EXPECT_EQ(lesson.error().code, ErrorCode::kCorrupt);
+  EXPECT_THAT(lesson.error().message, HasSubstr("its exercise is nested more deeply"));
+  const auto listed = cache_.list();
+  ASSERT_EQ(listed.size(), 1u);
+  EXPECT_THAT(listed[0].trouble, HasSubstr("its exercise is nested more deeply"));
+}
+
 TEST_F(LessonCacheTest, oneFlippedDigitIsFound) {
   ASSERT_TRUE(cache_.keep("knee-1", lesson_).ok());
   std::string text = textOf("knee-1");

@@ -100,14 +100,31 @@ TEST(Spool, oneProgramAtATime) {
   EXPECT_THAT(second.error().message, HasSubstr("another station"));
 }
 
-TEST(Spool, aNewFolderIsItsOwnersOnlyWhateverTheUmask) {
+TEST(Spool, eachNewFolderIsItsOwnersOnlyWhateverTheUmask) {
   const TempFolder folder;
+  const fs::path place = folder.path() / "above" / "spool", given = folder.path() / "given";
   const mode_t before = ::umask(0);
-  const auto spool = Spool::open(folder.path() / "spool");
+  fs::create_directory(given);
+  std::vector<fs::path> made;
+  for (const auto& path : {place, given}) {
+    auto spool = opened(path);
+    made.insert(made.end(), {path / "lessons", (*spool->create(describeSession(makeUuidV7())))->folder()});
+  }
   ::umask(before);
-  ASSERT_TRUE(spool.ok());
-  EXPECT_EQ(std::filesystem::status(folder.path() / "spool").permissions(),
-            std::filesystem::perms::owner_all);
+  made.insert(made.end(), {place, place.parent_path()});
+  for (const auto& path : made) EXPECT_EQ(fs::status(path).permissions(), fs::perms::owner_all) << path;
+  EXPECT_EQ(fs::status(given).permissions(), fs::perms::all) << "somebody else chose its permissions";
+}
+
+TEST(Spool, aSpoolThatIsGoneIsNotMadeAgainByTheNextSession) {
+  const TempFolder folder;
+  auto spool = opened(folder.path() / "spool");
+  fs::remove_all(folder.path() / "spool");
+  const auto session = spool->create(describeSession(makeUuidV7()));
+  ASSERT_FALSE(session.ok());
+  EXPECT_EQ(session.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(session.error().message, HasSubstr("cannot make the folder"));
+  EXPECT_FALSE(fs::exists(folder.path() / "spool"));
 }
 
 TEST(Spool, aFolderThatCannotBeMadeIsRefusedByName) {

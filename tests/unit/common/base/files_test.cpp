@@ -52,6 +52,32 @@ TEST(AtomicFile, isItsOwnersOnlyWhateverTheUmaskUnlessOtherwiseAsked) {
   }
 }
 
+TEST(PrivateFolder, isMadeWithThoseAboveItForItsOwnerOnlyAndIsLeftAsItIsWhenItIsThere) {
+  const test::TempFolder folder;
+  const mode_t before = ::umask(0);
+  const auto made = makePrivateFolder(folder.path() / "a" / "b/");
+  fs::create_directory(folder.path() / "open");
+  ::umask(before);
+  ASSERT_TRUE(made.ok());
+  EXPECT_TRUE(*made);
+  for (const char* name : {"a", "a/b"})
+    EXPECT_EQ(fs::status(folder.path() / name).permissions(), fs::perms::owner_all) << name;
+  fs::create_directory_symlink("open", folder.path() / "link");
+  for (const char* name : {"a/b", "a/b/", "a/.", "open", "link"}) {
+    const auto there = makePrivateFolder(folder.path() / name);
+    ASSERT_TRUE(there.ok()) << there.error().message;
+    EXPECT_FALSE(*there) << name;
+  }
+  EXPECT_EQ(fs::status(folder.path() / "open").permissions(), fs::perms::all);
+  const auto file = folder.write("file", "x");
+  fs::create_symlink("nowhere", folder.path() / "dangling");
+  for (const auto& path : {file, file / "inside", folder.path() / "dangling", fs::path()}) {
+    const auto refused = makePrivateFolder(path);
+    ASSERT_FALSE(refused.ok()) << path;
+    EXPECT_EQ(refused.error().code, ErrorCode::kFailed);
+  }
+}
+
 TEST(AtomicFile, bytesOfAnyKindAndSize) {
   const test::TempFolder folder;
   const auto path = folder.path() / "b";

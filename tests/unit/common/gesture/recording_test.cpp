@@ -8,6 +8,7 @@
 
 #include "common/base/crc32c.h"
 #include "common/base/files.h"
+#include "common/gesture/recording_format.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 
@@ -316,6 +317,93 @@ TEST_F(Recording, writerRefusesBadChunksAndWorkAfterTheEnd) {
   EXPECT_EQ(
       RecordingWriter::create(folder_ / "d.rec", std::string(kMaxRecordingMetadata + 1, ' ')).error().code,
       ErrorCode::kInvalidInput);
+}
+
+TEST_F(Recording, metadataAboveTheWritersBoundAreADamageThatIsNamedAndTheChunksStayReadable) {
+  using namespace recording_format;
+  const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(12));
+  // the same as the writer's, which refuses such metadata
+  const auto recordingWith = [&](std::size_t metadata_bytes, bool complete) {
+    Bytes file, index;
+    putStart(file);
+    putRecord(file, kMetadata, Bytes(metadata_bytes, ' '));
+    const std::uint64_t chunk_at = file.size();
+    putRecord(file, kChunk, chunk);
+    if (!complete) return store(file);
+    SessionHash hash;
+    hash.update(chunk);
+    ByteWriter entries(index);
+    entries.put(std::uint64_t{1});
+    entries.put(chunk_at);
+    entries.put(static_cast<std::uint32_t>(chunk.size()));
+    entries.put(std::uint32_t{12});
+    entries.put(std::uint64_t{1000});
+    entries.put(std::uint64_t{1011});
+    entries.put(ByteView(hash.digest()));
+    const std::uint64_t index_at = file.size();
+    putRecord(file, kIndex, index);
+    putFooter(file, index_at);
+    return store(file);
+  };
+  for (const bool complete : {true, false}) {
+    SCOPED_TRACE(complete ? "complete" : "cut off");
+    const auto most = RecordingReader::open(recordingWith(kMaxRecordingMetadata, complete));
+    ASSERT_TRUE(most.ok());
+    EXPECT_EQ(most->metadata().size(), kMaxRecordingMetadata);
+    EXPECT_TRUE(most->verify().ok());
+    for (const std::size_t bytes : {kMaxRecordingMetadata + 1, kMaxRecordBytes}) {
+      const auto reader = RecordingReader::open(recordingWith(bytes, complete));
+      ASSERT_TRUE(reader.ok());
+      EXPECT_EQ(reader->complete(), complete);
+      EXPECT_EQ(reader->metadata(), "");
+      ASSERT_EQ(reader->damages().size(), 1u);
+      EXPECT_EQ(reader->damages()[0].offset, kStartBytes);
+      EXPECT_NE(reader->damages()[0].what.find(std::to_string(bytes) + " bytes of metadata"),
+                std::string::npos)
+          << reader->damages()[0].what;
+      ASSERT_EQ(reader->entries().size(), 1u);
+      EXPECT_EQ(*reader->chunkBytes(0), chunk);
+      EXPECT_EQ(reader->verify().error().code, ErrorCode::kCorrupt);
+    }
+  }
+}
+
+TEST_F(Recording, whatIsDamagedBetweenTwoChunksIsOneDamageHoweverManyRecords) {
+  using namespace recording_format;
+  constexpr std::uint8_t kPrivate = 200;
+  const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(12));
+  Bytes file;
+  const auto put = [&](std::uint8_t kind, ByteView content, bool good) {
+    putRecord(file, kind, content);
+    if (!good) file.back() ^= 1;
+  };
+  putStart(file);
+  put(kMetadata, viewOf("{}"), true);
+  put(kChunk, chunk, true);
+  const std::uint64_t begin = file.size();
+  for (int i = 0; i < 1000; ++i) {
+    put(kPrivate, {}, false);
+    put(kPrivate, {}, true);
+    put(kChunk, {}, false);
+  }
+  const std::uint64_t end = file.size();
+  put(kChunk, chunk, true);
+  const std::uint64_t begin_of_second = file.size();
+  put(kPrivate, {}, false);
+  put(kPrivate, {}, true);
+  const std::uint64_t end_of_second = file.size();
+  put(kPrivate, {}, false);
+  const auto reader = RecordingReader::open(store(file));
+  ASSERT_TRUE(reader.ok());
+  ASSERT_EQ(reader->entries().size(), 1002u) << "numbers of chunks do not change";
+  EXPECT_EQ(*reader->chunkBytes(0), chunk);
+  EXPECT_EQ(*reader->chunkBytes(1001), chunk);
+  ASSERT_EQ(reader->damages().size(), 2u);
+  EXPECT_EQ(reader->damages()[0].offset, begin);
+  EXPECT_EQ(reader->damages()[0].offset + reader->damages()[0].bytes, end);
+  EXPECT_EQ(reader->damages()[1].offset, begin_of_second);
+  EXPECT_EQ(reader->damages()[1].offset + reader->damages()[1].bytes, end_of_second);
+  EXPECT_EQ(reader->unusableTailBytes(), file.size() - end_of_second);
 }
 
 TEST_F(Recording, randomDamageNeverCrashesTheReaderNorGivesWhatWasNotWritten) {

@@ -11,6 +11,8 @@
 #include "common/base/files.h"
 #include "db/backup.h"
 #include "db/erasure_list.h"
+#include "db/old_backups.h"
+#include "tests/support/backup_start.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -142,7 +144,7 @@ class UpkeepBesideBackups : public UpkeepHandlers {
 
 TEST_F(UpkeepBesideBackups, aListThatCannotBeWrittenIsSaidAfterOldBackupsAreRemoved) {
   const auto old = kept / "needlelab-20200101T000000Z.db";
-  ASSERT_OK(writeFileAtomically(old, viewOf("old")));
+  ASSERT_OK(writeFileAtomically(old, viewOf(test::startOfBackup(".db"))));
   std::filesystem::create_directory(list);
   pb::Request request = backupTo(kept);
   request.mutable_backup()->set_keep(1);
@@ -158,6 +160,20 @@ TEST_F(UpkeepBesideBackups, aListThatCannotBeWrittenIsSaidAfterOldBackupsAreRemo
   std::filesystem::remove(list);
   get(admin, backupTo(kept / "two.db"));
   EXPECT_THAT(faults(), testing::IsEmpty());
+}
+
+TEST_F(UpkeepBesideBackups, aFileThatOnlyBearsABackupsNameStaysAndIsInTheLog) {
+  const auto fake = kept / "needlelab-20200101T000000Z.db", old = kept / "needlelab-20200102T000000Z.db";
+  ASSERT_OK(writeFileAtomically(fake, viewOf("x")));
+  ASSERT_OK(writeFileAtomically(old, viewOf(test::startOfBackup(".db"))));
+  pb::Request request = backupTo(kept);
+  request.mutable_backup()->set_keep(1);
+  EXPECT_THAT(get(admin, request).backup_done().removed(), testing::ElementsAre(old.string()));
+  EXPECT_TRUE(std::filesystem::exists(fake));
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("backup");
+  EXPECT_THAT(get(admin, audit).audit().entries(0).detail(),
+              testing::HasSubstr("1 files are named as backups, but another user made them"));
 }
 
 TEST_F(UpkeepBesideBackups, checkSaysWhatTheListBesideThemLacksUntilTheNextBackupWritesIt) {
