@@ -265,8 +265,8 @@ inline constexpr std::int64_t kDroppedPieces = -1;
 inline constexpr std::string_view kWithoutAccountKey = "erased_without_account ";
 
 /// The profile of an erased person's session. A station sends the profile with the session, and a name may
-/// stand anywhere in its texts; nothing reads it once the recording is gone. The session keeps its id and
-/// revision.
+/// stand anywhere in its texts; nothing reads it once the recording is gone. The session keeps its
+/// revision, and its id without the person's names (session_words.h).
 inline constexpr std::string_view kErasedProfile = "{}";
 
 }  // namespace needlelab

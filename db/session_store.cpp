@@ -165,8 +165,9 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   const auto& pseudonym = owner.pseudonym;
   pb::SessionDescription description = given;
   if (pseudonym) {
-    RETURN_IF_ERROR(
-        ErasedDescriptions(connection_, {given.trainee(), {}, {}, *pseudonym, {}}).erase(description));
+    RETURN_IF_ERROR(ErasedDescriptions(connection_, {given.trainee(), {}, {}, *pseudonym, {}},
+                                       ErasedDescriptions::Names::kSomeGone)
+                        .erase(description));
     description.set_profile_json(std::string(kErasedProfile));
   }
   const std::string bytes = bytesOf(description);

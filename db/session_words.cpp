@@ -32,8 +32,11 @@ void clearStationWords(pb::SessionDescription& description) {
   description = std::move(needed);
 }
 
-ErasedDescriptions::ErasedDescriptions(Connection& connection, ErasedNames names)
-    : connection_(connection), names_(withoutOthers(std::move(names))), search_(names_) {}
+ErasedDescriptions::ErasedDescriptions(Connection& connection, ErasedNames names, Names known)
+    : connection_(connection),
+      names_(withoutOthers(std::move(names))),
+      search_(names_),
+      some_gone_(known == Names::kSomeGone) {}
 
 std::string ErasedDescriptions::without(const std::string& text) const {
   if (!search_.finds(text)) return text;
@@ -52,9 +55,11 @@ Result<bool> ErasedDescriptions::isStored(const std::string& id) {
 Status ErasedDescriptions::erase(pb::SessionDescription& description) {
   clearStationWords(description);
   description.set_trainee(names_.in_its_place);
-  description.set_engine_version(without(description.engine_version()));
+  const std::string& version = description.engine_version();
+  const bool is_number = version.find_first_not_of("0123456789.") == std::string::npos;
+  description.set_engine_version(some_gone_ && !is_number ? names_.in_its_place : without(version));
   for (std::string* id : {description.mutable_exercise_id(), description.mutable_profile_id()}) {
-    std::string replaced = without(*id);
+    std::string replaced = some_gone_ && !id->empty() ? names_.in_its_place : without(*id);
     if (replaced == *id) continue;
     ASSIGN_OR_RETURN(const bool stays, isStored(*id));
     if (!stays) *id = std::move(replaced);

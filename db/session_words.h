@@ -19,11 +19,16 @@ void clearStationWords(pb::SessionDescription& description);
 /// as its Connection.
 class ErasedDescriptions {
  public:
+  enum class Names {
+    kAll,      ///< those of an erasure that is under way
+    kSomeGone  ///< of a person who was erased before: nobody knows the full name any more
+  };
   /// `others` of the names stay nowhere: nothing reads an id of a session that has no recording.
-  ErasedDescriptions(Connection& connection, ErasedNames names);
+  ErasedDescriptions(Connection& connection, ErasedNames names, Names known = Names::kAll);
   /// clearStationWords(), the pseudonym in the place of the trainee, and ids and version without the person's
   /// names. An id of a stored profile, course or exercise stays (ErasureStore's reply names it). A text that
-  /// has the letters of a name even then, or would be longer than kMaxNameBytes, becomes the pseudonym.
+  /// has the letters of a name even then, or would be longer than kMaxNameBytes, becomes the pseudonym. With
+  /// kSomeGone, so does each other id, and a version that has more than digits and points.
   Status erase(pb::SessionDescription& description);
 
  private:
@@ -32,6 +37,7 @@ class ErasedDescriptions {
   Connection& connection_;
   ErasedNames names_;
   NameSearch search_;
+  bool some_gone_;
 };
 
 /// All texts of a description, one a line, but for session, station and trainee. Where it has fields that
