@@ -127,7 +127,7 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
   RETURN_IF_ERROR(addOthers(connection_, who.names));
   done.erasure.set_pseudonym(line.pseudonym);
   ASSIGN_OR_RETURN(const auto own, sessionsToErase(name, line, with_waiting, UINT64_MAX));
-  RETURN_IF_ERROR(eraseSessions(own.sessions, line.pseudonym, now_unix_ns, by, done.erasure));
+  RETURN_IF_ERROR(eraseSessions(own.sessions, who.names, now_unix_ns, by, done.erasure));
   ASSIGN_OR_RETURN(const auto left, connection_.query("SELECT count(*) FROM sessions WHERE trainee = ?", name)
                                         .first([](const Statement& row) { return row.natural(0); }));
   done.erasure.set_waiting_sessions(left.value_or(0));
@@ -248,13 +248,6 @@ Result<std::string> ErasureStore::doneUnder(const std::string& name) {
   for (const NameColumn& doer : kDoers) RETURN_IF_ERROR(look(doer.table, doer.column));
   if (text.empty()) return text;
   return "Whoever has this name wrote these rows of the database, which keep it: " + text + ". ";
-}
-
-void clearDeviceWords(pb::SessionDescription& description) {
-  description.clear_device();
-  description.clear_axial_model();
-  description.clear_live_effects();
-  description.clear_device_notes();
 }
 
 }  // namespace needlelab

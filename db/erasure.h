@@ -193,6 +193,17 @@ class ErasureStore {
     std::string id, name, name_after;
     bool id_has_name = false;
   };
+  /// Rows with a name, counted, and the first of them for display.
+  struct Counted {
+    std::size_t count = 0;
+    std::string some;
+    void add(const std::string& which);
+  };
+  /// Sessions whose stations wrote a name: as a whole word, in sessions of others; only its letters, or in an
+  /// erased session.
+  struct SessionsWithName {
+    Counted of_others, perhaps;
+  };
   /// Called after each row that is written. kNoRoom as requireRoom(), which it asks now and then.
   Status noteRow();
   /// kNoRoom unless the disk has room to write `bytes` more, to commit and to empty the log. SQLite itself
@@ -215,7 +226,7 @@ class ErasureStore {
   Result<OwnSessions> sessionsToErase(const std::string& name, const ErasureLine& line, bool with_waiting,
                                       std::uint64_t most_bytes);
   /// Adds what it erased to the counts.
-  Status eraseSessions(const std::vector<OwnSession>& sessions, const std::string& pseudonym,
+  Status eraseSessions(const std::vector<OwnSession>& sessions, const ErasedNames& names,
                        std::int64_t now_unix_ns, const std::string& by, pb::Erasure& erasure);
   /// In rows whose numbers are above `after` and up to `last`.
   Status replaceInRemarks(const PersonTraces& who, std::int64_t after, std::int64_t last,
@@ -228,12 +239,17 @@ class ErasureStore {
   /// assignments and addresses refer to them.
   Result<std::vector<std::string>> eraseInGroups(const ErasedNames& names, ReplacedWords& replaced);
   /// Where the name is left, for the administrator; empty: nowhere.
-  Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids);
+  Result<std::string> leftOver(const ErasedNames& names, const std::vector<std::string>& group_ids,
+                               const SessionsWithName& sessions);
   /// Sessions under names that nobody has, in which a plain search finds a name of this person: each name
   /// with how many, for the administrator; empty: none.
   Result<std::string> sessionsAlike(const ErasedNames& names);
   /// Texts that the name may still be in, by a plain search, for the administrator to look at; empty: none.
-  Result<std::string> perhapsLeft(const ErasedNames& names);
+  Result<std::string> perhapsLeft(const NameSearch& search, const SessionsWithName& sessions);
+  /// The search for perhapsLeft(): of others' names, only accounts' stay.
+  Result<NameSearch> plainSearch(ErasedNames names);
+  /// Looks at what stations wrote with all sessions.
+  Result<SessionsWithName> sessionsWithName(const ErasedNames& names, const NameSearch& search);
   /// Rows whose author has the name, where that is not replaced, for the administrator; empty: none.
   Result<std::string> doneUnder(const std::string& name);
   Connection& connection_;
@@ -253,12 +269,8 @@ inline constexpr std::string_view kWithoutAccountKey = "erased_without_account "
 inline constexpr std::string_view kFilesUnseenKey = "files_unseen ";
 
 /// The profile of an erased person's session. A station sends the profile with the session, and a name may
-/// stand anywhere in its texts; nothing reads it once the recording is gone. The session keeps its id and
-/// revision.
+/// stand anywhere in its texts; nothing reads it once the recording is gone. The session keeps its
+/// revision, and its id without the person's names (session_words.h).
 inline constexpr std::string_view kErasedProfile = "{}";
-
-/// Clears what a station wrote in words of its own about the device and how it renders. A station may put a
-/// name there.
-void clearDeviceWords(pb::SessionDescription& description);
 
 }  // namespace needlelab

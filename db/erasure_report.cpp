@@ -2,7 +2,6 @@
 // are alike, and what a plain search finds. On any connection: it only reads.
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -16,37 +15,63 @@
 #include "common/base/text.h"
 #include "db/erasure.h"
 #include "db/session_rows.h"
+#include "db/session_words.h"
 #include "db/text_pages.h"
 #include "db/unknown_trainees.h"
 
 namespace needlelab {
 namespace {
 
+/// As many rows as one kind of place names.
+constexpr std::size_t kMostNamedRows = 3;
+
 /// What a station wrote with a session.
 struct SessionRowOfText {
   std::int64_t id = 0;  ///< the number
-  std::string session, description, profile;
-  [[nodiscard]] std::size_t bytes() const { return description.size() + profile.size(); }
+  std::string session, description, profile, columns;
+  bool erased = false;
+  [[nodiscard]] std::size_t bytes() const { return description.size() + profile.size() + columns.size(); }
 };
+// the columns have what the description has, but where an import or damage made them differ
+constexpr std::string_view kSessionRows =
+    "SELECT number, id, description, profile_json,"
+    " exercise_id || char(10) || profile_id || char(10) || engine_version, erased"
+    " FROM sessions WHERE number > ?1 AND number <= ?2 ORDER BY number";
 SessionRowOfText sessionRowOf(const Statement& row) {
-  return {row.integer(0), row.text(1), row.text(2), row.text(3)};
+  return {row.integer(0), row.text(1), row.text(2), row.text(3), row.text(4), row.integer(5) != 0};
 }
 
 struct NumberedText {
   std::int64_t id = 0;
-  std::string text;
-  [[nodiscard]] std::size_t bytes() const { return text.size(); }
+  std::string text, which;
+  [[nodiscard]] std::size_t bytes() const { return text.size() + which.size(); }
 };
 NumberedText numberedTextOf(const Statement& row) {
-  return {row.integer(0), row.text(1)};
+  return {row.integer(0), row.text(1), row.text(2)};
+}
+
+/// The names that are replaced as whole words: given names, too, but no parts of full names.
+ErasedNames wholeNames(ErasedNames names) {
+  names.full_names.insert(names.full_names.end(), names.given.begin(), names.given.end());
+  return names;
+}
+
+bool hasName(const std::string& words, const ErasedNames& whole) {
+  return withoutNames(words, whole, false) != words;
 }
 
 }  // namespace
 
+void ErasureStore::Counted::add(const std::string& which) {
+  if (++count <= kMostNamedRows) some += (some.empty() ? "" : ", ") + which;
+}
+
 Result<std::string> ErasureStore::reportOf(const ErasedRows& done) {
   ASSIGN_OR_RETURN(const auto alike, sessionsAlike(done.names));
-  ASSIGN_OR_RETURN(const auto left, leftOver(done.names, done.group_ids));
-  ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(done.names));
+  ASSIGN_OR_RETURN(const auto search, plainSearch(done.names));
+  ASSIGN_OR_RETURN(const auto sessions, sessionsWithName(done.names, search));
+  ASSIGN_OR_RETURN(const auto left, leftOver(done.names, done.group_ids, sessions));
+  ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(search, sessions));
   std::string authors;
   if (done.typed) {
     ASSIGN_OR_RETURN(authors, doneUnder(done.names.name));
@@ -54,49 +79,64 @@ Result<std::string> ErasureStore::reportOf(const ErasedRows& done) {
   return alike + done.replaced.text() + left + perhaps + authors;
 }
 
+Result<NameSearch> ErasureStore::plainSearch(ErasedNames names) {
+  // only accounts are surely others: a station or a trainee whom nobody knows may be called after this person
+  ASSIGN_OR_RETURN(
+      const auto accounts,
+      connection_.prepare("SELECT name FROM people UNION SELECT full_name FROM people").all(firstText));
+  const std::set<std::string> of_others(accounts.begin(), accounts.end());
+  std::vector<std::string> others = names.others.list();
+  std::erase_if(others, [&](const std::string& other) { return !of_others.contains(other); });
+  names.others = OtherNames(std::move(others));
+  return NameSearch(names);
+}
+
+Result<ErasureStore::SessionsWithName> ErasureStore::sessionsWithName(const ErasedNames& names,
+                                                                      const NameSearch& search) {
+  // not replaced in sessions of others: a person may be called as a device is, and the station sends its
+  // words and its profile again
+  const ErasedNames whole = wholeNames(names);
+  SessionsWithName found;
+  std::map<std::size_t, bool> profiles;  // by the hash of their text: many sessions share one
+  RETURN_IF_ERROR(eachRow(
+      connection_, kSessionRows, -1, INT64_MAX, sessionRowOf, [&](const SessionRowOfText& session) -> Status {
+        std::string words = session.columns + "\n";
+        pb::SessionDescription description;
+        // what cannot be read, `check` says
+        words += description.ParseFromString(session.description) ? wordsOf(std::move(description))
+                                                                  : session.description;
+        const auto [profile, is_new] = profiles.try_emplace(std::hash<std::string>()(session.profile), false);
+        if (is_new) profile->second = hasName(session.profile, whole);
+        if (!session.erased && (profile->second || hasName(words, whole)))
+          found.of_others.add(sessionText(session.session));
+        else if (search.finds(words))
+          found.perhaps.add(sessionText(session.session));
+        return {};
+      }));
+  return found;
+}
+
 Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
-                                           const std::vector<std::string>& group_ids) {
+                                           const std::vector<std::string>& group_ids,
+                                           const SessionsWithName& sessions) {
   std::string text;
   for (const std::string& id : group_ids)
     text += (text.empty() ? "" : "; ") + ("the id of the group '" + id + "' (make the group anew)");
-  ErasedNames whole = names;  // given names, too, but no parts of full names
-  whole.full_names.insert(whole.full_names.end(), names.given.begin(), names.given.end());
-  const auto hasName = [&](const std::string& words) { return withoutNames(words, whole, false) != words; };
+  const ErasedNames whole = wholeNames(names);
   std::set<std::string> named;
   auto documents = connection_.prepare(
       "SELECT 'profile', id, json FROM profiles UNION ALL SELECT 'course', id, json FROM curricula");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, documents.step());
     if (!more) break;
-    if (hasName(documents.text(2))) named.insert(documents.text(0) + " '" + documents.text(1) + "'");
+    if (hasName(documents.text(2), whole)) named.insert(documents.text(0) + " '" + documents.text(1) + "'");
   }
   for (const std::string& which : named)
     text += (text.empty() ? "" : "; ") + ("revisions of the " + which + " (nobody can remove them)");
-  // not replaced: a person may be called as a device is, and the station sends its words and its profile
-  // again
-  constexpr std::size_t kNamed = 3;
-  std::size_t found = 0;
-  std::string ids;
-  std::map<std::size_t, bool> profiles;  // by the hash of their text: many sessions share one
-  const auto look = [&](const SessionRowOfText& session) -> Status {
-    pb::SessionDescription description;
-    if (!description.ParseFromString(session.description)) return {};  // `check` says it
-    const auto [known, is_new] = profiles.try_emplace(std::hash<std::string>()(session.profile), false);
-    if (is_new) known->second = hasName(session.profile);
-    const auto& notes = description.device_notes();
-    if (!known->second && !hasName(description.device()) && !hasName(description.axial_model()) &&
-        std::none_of(notes.begin(), notes.end(), hasName))
-      return {};
-    if (++found <= kNamed) ids += (ids.empty() ? "" : ", ") + sessionText(session.session);
-    return {};
-  };
-  RETURN_IF_ERROR(eachRow(connection_,
-                          "SELECT number, id, description, profile_json FROM sessions"
-                          " WHERE number > ?1 AND number <= ?2 AND erased = 0 ORDER BY number",
-                          -1, INT64_MAX, sessionRowOf, look));
-  if (found > 0)
-    text += fmt::format("{}the words about device and patient in {} sessions of others, such as {}",
-                        text.empty() ? "" : "; ", found, ids);
+  if (sessions.of_others.count > 0)
+    text += fmt::format(
+        "{}what stations wrote about device, patient and exercise in {} sessions of others, such as {}",
+        text.empty() ? "" : "; ", sessions.of_others.count, sessions.of_others.some);
   return text.empty() ? text : "These have the name and stay as they are: " + text + ". ";
 }
 
@@ -127,50 +167,49 @@ Result<std::string> ErasureStore::sessionsAlike(const ErasedNames& names) {
          "erase). ";
 }
 
-Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
+Result<std::string> ErasureStore::perhapsLeft(const NameSearch& search, const SessionsWithName& sessions) {
   struct Place {
     std::string_view what, sql;  // rows: what tells the text from others, and the text
-    bool in_pages = false;       // the table may have GB: rows by number, above ?1 and up to ?2
+    bool in_pages = false;  // the table may have GB: number, text, and what to say of rows above ?1, up to ?2
+    bool of_sessions = false;  // that is a session's id
   };
   constexpr Place kTexts[] = {
       {"{} remarks, such as number {}",
-       "SELECT id, text FROM annotations WHERE id > ?1 AND id <= ?2 ORDER BY id", true},
+       "SELECT id, text, id FROM annotations WHERE id > ?1 AND id <= ?2 ORDER BY id", true},
       {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id"},
       {"{} lines of the audit log, such as {}",
        "SELECT id, who || char(10) || subject || char(10) || detail || char(10) || coalesce(imported_by, '')"
-       " || char(10) || coalesce(imported_from, '') FROM audit WHERE id > ?1 AND id <= ?2 ORDER BY id",
+       " || char(10) || coalesce(imported_from, ''), id FROM audit WHERE id > ?1 AND id <= ?2 ORDER BY id",
        true},
       {"the reasons of {} erasures, such as {}", "SELECT pseudonym, reason FROM erasures ORDER BY pseudonym"},
       {"the notes of {} consents, such as that of {}", "SELECT person, note FROM consents ORDER BY id"},
       {"{} names that stations gave for sessions of others, such as {}",
        "SELECT given, given FROM unknown_trainees WHERE by_whom IS NOT NULL GROUP BY given ORDER BY given"},
       {"the names of {} stations, such as {}", "SELECT name, name FROM stations ORDER BY name"},
-      {"the ids of {} profiles and courses, such as {}",
-       "SELECT id, id FROM profiles UNION SELECT id, id FROM curricula ORDER BY 1"},
+      {"the ids of {} profiles, courses and exercises, such as {}",
+       "SELECT id, id FROM profiles UNION SELECT id, id FROM curricula UNION SELECT id, id FROM exercises"
+       " UNION SELECT exercise_id, exercise_id FROM retention_policies"
+       " UNION SELECT exercise_id, exercise_id FROM exercise_references"
+       " UNION SELECT exercise_id, exercise_id FROM assignments"
+       " UNION SELECT course_id, course_id FROM assignments ORDER BY 1"},
+      {"the reasons of {} removed recordings, such as that of session {}",
+       "SELECT r.session, r.reason, s.id FROM removed_originals r JOIN sessions s ON s.number = r.session"
+       " WHERE r.session > ?1 AND r.session <= ?2 ORDER BY r.session",
+       true, true},
       {"{} facts about this database (meta), such as {}", "SELECT key, value FROM meta ORDER BY key"},
   };
-  // only accounts are surely others: a station or a trainee whom nobody knows may be called after this person
-  ASSIGN_OR_RETURN(
-      const auto accounts,
-      connection_.prepare("SELECT name FROM people UNION SELECT full_name FROM people").all(firstText));
-  const std::set<std::string> of_others(accounts.begin(), accounts.end());
-  ErasedNames searched = names;
-  std::vector<std::string> others = names.others.list();
-  std::erase_if(others, [&](const std::string& other) { return !of_others.contains(other); });
-  searched.others = OtherNames(std::move(others));
-  const NameSearch search(searched);
-  constexpr std::size_t kNamed = 3;
   std::string text;
+  const auto name = [&](std::string_view what, const Counted& found) {
+    if (found.count > 0)
+      text += (text.empty() ? "" : "; ") + fmt::format(fmt::runtime(what), found.count, found.some);
+  };
   for (const Place& place : kTexts) {
-    std::size_t found = 0;
-    std::string some;
-    const auto look = [&](const std::string& which, const std::string& words) {
-      if (search.finds(words) && ++found <= kNamed) some += (some.empty() ? "" : ", ") + which;
-    };
+    Counted found;
     if (place.in_pages) {
       RETURN_IF_ERROR(eachRow(connection_, place.sql, -1, INT64_MAX, numberedTextOf,
                               [&](const NumberedText& row) -> Status {
-                                look(std::to_string(row.id), row.text);
+                                if (search.finds(row.text))
+                                  found.add(place.of_sessions ? sessionText(row.which) : row.which);
                                 return {};
                               }));
     } else {
@@ -178,11 +217,12 @@ Result<std::string> ErasureStore::perhapsLeft(const ErasedNames& names) {
       for (;;) {
         ASSIGN_OR_RETURN(const bool more, rows.step());
         if (!more) break;
-        look(rows.text(0), rows.text(1));
+        if (search.finds(rows.text(1))) found.add(rows.text(0));
       }
     }
-    if (found > 0) text += (text.empty() ? "" : "; ") + fmt::format(fmt::runtime(place.what), found, some);
+    name(place.what, found);
   }
+  name("what stations wrote with {} sessions, such as {}", sessions.perhaps);
   if (text.empty()) return text;
   return "These have the letters of a name of this person, as a part of another word, as a word of the full "
          "name or as a name that a station gave, and stay as they are; look whom they mean: " +

@@ -12,6 +12,7 @@
 #include "db/erasure.h"
 #include "db/people.h"
 #include "db/session_rows.h"
+#include "db/session_words.h"
 #include "db/text_pages.h"
 #include "db/unknown_trainees.h"
 
@@ -160,27 +161,30 @@ Result<bool> ErasureStore::eraseSomeSessions(const std::string& name, const Eras
   ASSIGN_OR_RETURN(const auto own, sessionsToErase(name, line, with_waiting, kBytesOfPage));
   if (!own.more) return false;
   pb::Erasure counts = found.sessions;  // what is undone does not count
-  RETURN_IF_ERROR(eraseSessions(own.sessions, line.pseudonym, now_unix_ns, by, counts));
+  RETURN_IF_ERROR(eraseSessions(own.sessions, found.who.names, now_unix_ns, by, counts));
   found.sessions = std::move(counts);
   return true;
 }
 
-Status ErasureStore::eraseSessions(const std::vector<OwnSession>& sessions, const std::string& pseudonym,
+Status ErasureStore::eraseSessions(const std::vector<OwnSession>& sessions, const ErasedNames& names,
                                    std::int64_t now_unix_ns, const std::string& by, pb::Erasure& erasure) {
   constexpr std::string_view kReason = "the data of its person was erased";
+  ErasedDescriptions descriptions(connection_, names);
   for (const OwnSession& session : sessions) {
     RETURN_IF_ERROR(requireRoom());  // its events and scores have a few MB
     pb::SessionDescription description;
     if (!description.ParseFromString(session.description))
       return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
-    description.set_trainee(pseudonym);
-    clearDeviceWords(description);
+    RETURN_IF_ERROR(descriptions.erase(description));
     RETURN_IF_ERROR(
         connection_.run("UPDATE sessions"
-                        " SET trainee = ?, description = ?, profile_json = ?, erased = 1, score_json = NULL,"
+                        " SET trainee = ?, exercise_id = ?, profile_id = ?, engine_version = ?,"
+                        " description = ?, profile_json = ?, erased = 1, score_json = NULL,"
                         " passed = NULL, events = 0, recording = 3, clock_offset_ns = NULL,"
                         " clock_round_trip_ns = NULL WHERE number = ?",
-                        pseudonym, viewOf(description.SerializeAsString()), kErasedProfile, session.number));
+                        description.trainee(), description.exercise_id(), description.profile_id(),
+                        description.engine_version(), viewOf(description.SerializeAsString()), kErasedProfile,
+                        session.number));
     // close an open session; its hash was never computed, and no chunks will be left to hash
     if (session.state == pb::SESSION_OPEN) {
       RETURN_IF_ERROR(connection_.run(

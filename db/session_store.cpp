@@ -15,16 +15,26 @@
 #include "db/people.h"
 #include "db/pseudonyms.h"
 #include "db/session_rows.h"
+#include "db/session_words.h"
 #include "db/unknown_trainees.h"
 #include "proto/session_rules.h"
 
 namespace needlelab {
 namespace {
 
-/// The description as stored and compared: without the profile's text, which has its own column.
+/// The description as stored and compared: without the profile's text, which has its own column, and without
+/// fields that this version does not know, in which a station could hide any text.
 std::string bytesOf(pb::SessionDescription description) {
   description.clear_profile_json();
+  description.DiscardUnknownFields();
   return description.SerializeAsString();
+}
+
+/// The same of stored bytes: earlier versions kept such fields.
+std::string comparedBytesOf(ByteView stored) {
+  pb::SessionDescription description;
+  std::string bytes(textOf(stored));
+  return description.ParseFromString(bytes) ? bytesOf(std::move(description)) : bytes;
 }
 
 std::string times(std::uint64_t count, const char* what) {
@@ -155,8 +165,9 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   const auto& pseudonym = owner.pseudonym;
   pb::SessionDescription description = given;
   if (pseudonym) {
-    description.set_trainee(*pseudonym);
-    clearDeviceWords(description);
+    RETURN_IF_ERROR(ErasedDescriptions(connection_, {given.trainee(), {}, {}, *pseudonym, {}},
+                                       ErasedDescriptions::Names::kSomeGone)
+                        .erase(description));
     description.set_profile_json(std::string(kErasedProfile));
   }
   const std::string bytes = bytesOf(description);
@@ -178,7 +189,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       now.set_trainee(known.text(5));
     }
     if (known.integer(3) != 0 ||
-        (textOf(known.bytes(1)) == bytesOf(now) && known.text(2) == now.profile_json()))
+        (comparedBytesOf(known.bytes(1)) == bytesOf(now) && known.text(2) == now.profile_json()))
       return known.natural(0);
     return Error{ErrorCode::kAlreadyExists,
                  "session " + sessionText(description.session_id()) +

@@ -10,6 +10,7 @@
 #include "db/audit.h"
 #include "db/erasure.h"
 #include "db/session_rows.h"
+#include "db/session_words.h"
 
 namespace needlelab {
 namespace {
@@ -43,7 +44,7 @@ void clearErased(RecordJson& record) {
   const auto bytes = bytesOfHex(textOfField(record, "description"));
   pb::SessionDescription description;
   if (!bytes || !description.ParseFromString(*bytes)) return;  // the import refuses it, or `check` says it
-  clearDeviceWords(description);
+  clearStationWords(description);
   record["description"] = hexDigitsOf(description.SerializeAsString());
 }
 

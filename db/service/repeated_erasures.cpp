@@ -18,6 +18,7 @@
 #include "db/people.h"
 #include "db/schema.h"
 #include "db/service/erasures.h"
+#include "db/session_words.h"
 
 namespace needlelab {
 namespace {
@@ -74,7 +75,7 @@ Result<std::vector<std::pair<std::int64_t, std::string>>> keepingProfiles(
       });
 }
 
-/// Takes the profile and what the station wrote about its device out of sessions that an earlier version
+/// Takes the profile and what the station wrote in words of its own out of sessions that an earlier version
 /// erased: it left them. Once for a database (`erased_profiles_cleared` in `meta`), with a line of the audit
 /// log if there are such sessions.
 Status clearOlderErasures(Connection& writer, std::int64_t now_unix_ns) {
@@ -88,7 +89,7 @@ Status clearOlderErasures(Connection& writer, std::int64_t now_unix_ns) {
   for (const auto& [number, stored] : *sessions) {
     pb::SessionDescription description;
     const bool is_read = description.ParseFromString(stored);  // if not, `check` says it
-    clearDeviceWords(description);
+    clearStationWords(description);
     RETURN_IF_ERROR(writer.run("UPDATE sessions SET description = ?, profile_json = ? WHERE number = ?",
                                viewOf(is_read ? description.SerializeAsString() : stored), kErasedProfile,
                                number));

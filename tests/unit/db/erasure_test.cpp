@@ -269,8 +269,8 @@ TEST_F(ErasureStoreTest, wordsAboutTheDeviceGoFromOwnSessionsAndAreListedOfOther
   EXPECT_EQ(shown(bens).device(), "Falcon of anna");
   EXPECT_EQ(
       erased->text(),
-      "These have the name and stay as they are: the words about device and patient in 1 sessions of others, "
-      "such as " +
+      "These have the name and stay as they are: what stations wrote about device, patient and exercise in 1 "
+      "sessions of others, such as " +
           sessionText(bens.session_id()) + ". ");
   // both stations come again after a cut
   EXPECT_OK(sessions.open(own, 5));
@@ -299,10 +299,11 @@ TEST_F(ErasureStoreTest, profilesGoFromOwnSessionsAndAreListedOfOthers) {
   const std::string all = test::dump(db.writer);
   for (const char* text : {"muscle of", "Wqjvornov"}) EXPECT_EQ(all.find(text), std::string::npos) << text;
   EXPECT_NE(all.find("where ANNA missed"), std::string::npos) << "its station sends it again";
-  EXPECT_EQ(erased->text(),
-            "These have the name and stay as they are: revisions of the profile 'knee-of' (nobody can remove "
-            "them); the words about device and patient in 1 sessions of others, such as " +
-                sessionText(bens.session_id()) + ". ");
+  EXPECT_EQ(
+      erased->text(),
+      "These have the name and stay as they are: revisions of the profile 'knee-of' (nobody can remove "
+      "them); what stations wrote about device, patient and exercise in 1 sessions of others, such as " +
+          sessionText(bens.session_id()) + ". ");
   // both stations come again after a cut, and one that was away sends what it has
   EXPECT_OK(sessions.open(own, 5));
   EXPECT_OK(sessions.open(bens, 5));
@@ -480,8 +481,8 @@ TEST_F(ErasureStoreTest, theReplyNamesEveryTableThatStillHasTheLettersOfTheName)
             "such as 1, 2, 3; the notes of 1 consents, such as that of ben; 1 names that stations gave for "
             "sessions "
             "of others, such as Qzxannas Freund; the names of 1 stations, such as qzxanna-pc; the ids of 1 "
-            "profiles "
-            "and courses, such as qzxannas-knee; 1 facts about this database (meta), such as backup_path. ");
+            "profiles, courses and exercises, such as qzxannas-knee; 1 facts about this database (meta), "
+            "such as backup_path. ");
 }
 
 TEST_F(ErasureStoreTest, whatARestoreLeftForTheLogLosesThePerson) {
