@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "common/base/files.h"
+#include "common/profile/strict_json.h"
 #include "db/foreign_database.h"
 #include "db/old_backups.h"
 #include "db/open_file.h"
@@ -125,15 +126,15 @@ Result<AuditHead> headOfRecords(Lines& in, const std::filesystem::path& path) {
     // one object over several lines is small
     constexpr std::size_t kMostWhole = 1u << 20;
     if (whole.size() < kMostWhole) whole += *line + "\n";
-    if (trimmed(*line).empty()) continue;
-    const Json record = Json::parse(*line, nullptr, false);
-    lines = lines && record.is_object();
+    if (!lines || trimmed(*line).empty()) continue;
+    const Json record = readShallowJson<Json>(*line);
+    lines = record.is_object();
     if (!lines) continue;
     // an export ends with its own line; of exports that were read in, earlier ones may be there
     if (const auto head = headOfExport(record)) found = head;
   }
   if (lines && found) return *found;
-  const Json document = Json::parse(whole, nullptr, false);
+  const Json document = readShallowJson<Json>(whole);
   if (document.is_object()) {
     const auto rows = document.find("rows");
     if (rows != document.end() && rows->is_array() && rows->size() == 1 && rows->front().is_object())

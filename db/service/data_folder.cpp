@@ -26,6 +26,10 @@ constexpr std::string_view kOwnFiles[] = {
     "lock",         "pseudonym.key", kErasuresFile,         kAuditKeyFile,
     kAuditHeadFile, kRestorePending, kReplacedAuditHeadFile};
 
+/// What else lies there: SQLite's, and what an undone restore leaves (deploy/OPERATIONS.md).
+constexpr std::string_view kOthersOwnFiles[] = {"needlelab.db-wal", "needlelab.db-shm",
+                                                "needlelab.db-journal", "audit.head.replaced-undone"};
+
 bool isTemporary(std::string_view name) {
   return std::any_of(std::begin(kOwnFiles), std::end(kOwnFiles),
                      [&](std::string_view own) { return isTemporaryNameOf(own, name); });
@@ -63,6 +67,22 @@ std::vector<fs::path> removeFolderLeftovers(const fs::path& folder) {
   });
   std::sort(left.begin(), left.end());
   return left;
+}
+
+bool isOwnFile(const fs::path& folder, const fs::path& path) {
+  const std::string file = path.filename().string();
+  const std::string_view name = file;
+  const fs::path in = path.parent_path();
+  // of the authority, the next one and the server (common/wire/certificates.h)
+  if (in == folder / "tls") {
+    const std::string_view written = name.substr(0, name.find(kTemporaryMark));
+    return (written == name || isTemporaryNameOf(written, name)) &&
+           (written.ends_with(".crt") || written.ends_with(".key"));
+  }
+  const auto has = [&](const auto& names) {
+    return std::find(std::begin(names), std::end(names), name) != std::end(names);
+  };
+  return in == folder && (has(kOwnFiles) || has(kOthersOwnFiles) || isTemporary(name));
 }
 
 }  // namespace needlelab

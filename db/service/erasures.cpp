@@ -257,9 +257,10 @@ std::string nameFilesOfErased(const FilesFound& found, const ErasedRows& erased,
       (in.text.empty()
            ? std::string("No backup and no replaced database that this machine knows of names this "
                          "person. ")
-           : fmt::format("These still hold this person's data, or nobody can tell: {}. Remove them. A backup "
-                         "among them that is restored here is erased anew before it serves, but only what "
-                         "stands there under the name '{}', not under one that stations gave. ",
+           : fmt::format("These still hold this person's data, or nobody can tell: {}. Remove databases "
+                         "and their logs; look into the others yourself, and remove what has the person. A "
+                         "backup among them that is restored here is erased anew before it serves, but only "
+                         "what stands there under the name '{}', not under one that stations gave. ",
                          in.text, erased.names.name)) +
       "Backups elsewhere hold it until they are removed; the server's own log files go by their rotation.");
   if (in.text.empty()) return {};

@@ -13,8 +13,11 @@
 #include <system_error>
 #include <utility>
 
+#include "common/base/files.h"
 #include "common/base/result.h"
 #include "db/encrypted_backup.h"
+#include "db/erasure_list.h"
+#include "db/service/data_folder.h"
 #include "db/session_rows.h"
 
 namespace needlelab {
@@ -55,7 +58,7 @@ Result<std::vector<TextTable>> textTables(Connection& database) {
 }
 
 /// What SQLite or a backup put beside a database: its name ends with one of these.
-constexpr std::array<std::string_view, 2> kLogs = {"-wal", "-journal"};
+constexpr std::array<std::string_view, 3> kLogs = {"-wal", "-journal", "-shm"};
 
 bool isDatabase(const std::filesystem::path& path) {
   constexpr std::string_view kMagic("SQLite format 3\0", 16);
@@ -157,7 +160,9 @@ LookAtFiles::LookAtFiles(const std::filesystem::path& folder, const std::filesys
   std::error_code ignored;
   // it may be a link to another disk
   if (std::filesystem::is_symlink(own, ignored)) roots_.push_back({own, kDeepest});
-  if (!backups.empty() && backups != own && backups != folder) roots_.push_back({backups, 0});
+  if (!backups.empty() && !std::filesystem::equivalent(backups, own, ignored) &&
+      !std::filesystem::equivalent(backups, folder, ignored))
+    roots_.push_back({backups, 0});
   places_.assign(roots_.begin(), roots_.end());
 }
 
@@ -186,18 +191,15 @@ FilesFound LookAtFiles::found() const {
 }
 
 bool LookAtFiles::listOn(std::int64_t until_ns) {
-  const std::filesystem::recursive_directory_iterator end;
-  for (; !places_.empty(); places_.pop_front(), at_.reset()) {
-    std::error_code error;
-    if (!at_)
-      at_.emplace(places_.front().path, std::filesystem::directory_options::skip_permission_denied, error);
-    for (; *at_ != end; at_->increment(error)) {
+  for (; !places_.empty(); places_.pop_front(), walk_.reset()) {
+    if (!walk_) walk_.emplace(places_.front().path, places_.front().deepest);
+    for (;;) {
       if (time_.nowNs() >= until_ns) return false;
-      const std::filesystem::path& path = (*at_)->path();
-      struct stat info {};
-      if (::lstat(path.c_str(), &info) != 0) continue;
-      if (S_ISDIR(info.st_mode) && at_->depth() >= places_.front().deepest) at_->disable_recursion_pending();
-      if (S_ISREG(info.st_mode) && info.st_size > 0) sortIn({info.st_uid != ::geteuid(), path});
+      const auto entry = walk_->next();
+      if (!entry) break;
+      const File file{entry->owner != ::geteuid(), entry->path};
+      if (entry->kind == FolderWalk::Kind::kFile) sortIn(file);
+      if (entry->kind == FolderWalk::Kind::kUnread && !isForOldOnes()) name(Kind::kUnread, file);
     }
   }
   return true;
@@ -216,30 +218,22 @@ void LookAtFiles::sortIn(const File& file) {
   const std::string last = path.filename().string();
   std::error_code ignored;
   // the one in use is not even opened: closing it again would give up SQLite's locks
-  if (last.ends_with("-shm") || std::filesystem::equivalent(path, in_use_, ignored)) return;
+  if (isOwnFile(in_use_.parent_path(), path) || std::filesystem::equivalent(path, in_use_, ignored)) return;
   const auto identity = identityOf(path);
   if (!identity || std::get<3>(*identity) > newest_unix_ns_) return;
   if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return last.ends_with(end); })) {
-    if (isLogOfFound(path)) name(Kind::kLog, file);
+    name(Kind::kLog, file);
   } else if (isUnfinishedCopy(last)) {
     name(Kind::kUnfinished, file);
-  } else if (isDatabase(path) && files_.insert(file).second && files_.size() > kMostFilesRead) {
+  } else if (!isDatabase(path)) {
+    // a list beside backups has no names
+    if (!isForOldOnes() && last != kErasuresCopy && !isTemporaryNameOf(kErasuresCopy, last))
+      name(Kind::kOther, file);
+  } else if (files_.insert(file).second && files_.size() > kMostFilesRead) {
     const auto least = std::prev(files_.end());
     countOther(least->second);
     files_.erase(least);
   }
-}
-
-bool LookAtFiles::isLogOfFound(const std::filesystem::path& log) const {
-  const std::string text = log.string();
-  const std::filesystem::path of = text.substr(0, text.rfind('-'));
-  std::error_code ignored;
-  const bool unfinished = isUnfinishedCopy(of.string());
-  struct stat info {};
-  if (::lstat(of.c_str(), &info) != 0) return unfinished || of.filename().string().starts_with("needlelab");
-  // a database with a log beside it is read by nobody: it is found
-  return S_ISREG(info.st_mode) && info.st_size > 0 && !std::filesystem::equivalent(of, in_use_, ignored) &&
-         (unfinished || isDatabase(of));
 }
 
 void LookAtFiles::name(Kind kind, const File& file) {

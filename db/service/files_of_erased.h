@@ -20,6 +20,7 @@
 #include "common/base/time_source.h"
 #include "db/erasure.h"
 #include "db/foreign_database.h"
+#include "db/service/folder_walk.h"
 
 namespace needlelab {
 
@@ -30,13 +31,15 @@ inline constexpr std::chrono::seconds kMostTimeOfFiles{60};
 /// For one turn of it. Others' slow requests (imports, backups) wait for one turn, not for the look.
 inline constexpr std::chrono::milliseconds kTurnOfFiles{500};
 
-/// Files that one erasure names, databases that it reads, and folders of which it counts the others: whoever
-/// may write beside the backups can make any number. What is above is counted, and neither kept nor read.
+/// Files and folders that one erasure names, databases that it reads, and folders of which it counts the
+/// others: whoever may write beside the backups can make any number. What is above is counted, and neither
+/// kept nor read.
 inline constexpr std::size_t kMostFilesNamed = 100, kMostFilesRead = 5000, kMostFoldersCounted = 10;
 
 struct FilesFound {
-  /// First those that were read and have the person, then databases of which nobody can tell, logs, and
-  /// unfinished copies; of each the server's own first, then by path.
+  /// First those that were read and have the person, then databases of which nobody can tell, logs,
+  /// unfinished copies, folders that could not be read, and files that are no databases; of each the server's
+  /// own first, then by path.
   std::vector<std::filesystem::path> named;
   /// How many more, by folder. Where there are many folders, by the one that was looked through.
   std::map<std::filesystem::path, std::uint64_t> others;
@@ -49,12 +52,14 @@ class RowsOfFile;
 /// the names that the erasure replaced, or have one of the erased sessions. Also found is each of which this
 /// cannot be told: it is encrypted, has a log beside it, is no database of needlelab, somebody changed its
 /// schema, a text in it is longer than needlelab stores, or kMostTimeOfForeign is up; what is left when
-/// `most_time` was used for reading; unfinished copies of backups; and logs of what is found, or whose
-/// database is gone. Files are read as openForeign() does, one that has several names (hard links) once; the
-/// server's own come first. Memory: for kMostFilesRead paths, whatever lies there.
-/// `newest_unix_ns`: leaves out databases, logs and copies whose contents were changed later. Without
-/// `most_time` all are listed unread.
-/// Takes no lock. `erased`, `cancelled` (may be null) and `time` must outlive it. Thread: one at a time.
+/// `most_time` was used for reading; logs; unfinished copies of backups; folders that cannot be read, or lie
+/// more than 16 levels below; and each file that is no database (a compressed copy, a text), but those of
+/// isOwnFile() and kErasuresCopy. Not found: what a link below these folders leads to, and folders in
+/// `backups` where this lies elsewhere. Files are read as openForeign() does, one that has several names
+/// (hard links) once; the server's own come first. Memory: for kMostFilesRead paths, whatever lies there.
+/// `newest_unix_ns`: leaves out what was changed later, files that are no databases, and folders that cannot
+/// be read. Without `most_time` all are listed unread. Takes no lock. `erased`, `cancelled` (may be null) and
+/// `time` must outlive it. Thread: one at a time.
 class LookAtFiles {
  public:
   LookAtFiles(const std::filesystem::path& folder, const std::filesystem::path& backups,
@@ -76,9 +81,8 @@ class LookAtFiles {
   using Identity = std::tuple<dev_t, ino_t, std::int64_t, std::int64_t, std::int64_t>;
   static std::optional<Identity> identityOf(const std::filesystem::path& path);
   /// In the order in which they are named.
-  enum class Kind { kHasPerson, kUntold, kLog, kUnfinished, kWithout };
-  /// The files below `path` that are not empty, in folders of at most `deepest` levels below it. No symbolic
-  /// link below it is followed.
+  enum class Kind { kHasPerson, kUntold, kLog, kUnfinished, kUnread, kOther, kWithout };
+  /// What a FolderWalk begins with.
   struct Place {
     std::filesystem::path path;
     int deepest = 0;
@@ -88,10 +92,10 @@ class LookAtFiles {
 
   /// Goes through the places. False: there is more, and it is past `until_ns`.
   bool listOn(std::int64_t until_ns);
+  /// Whether only what is from before some time is wanted.
+  [[nodiscard]] bool isForOldOnes() const { return newest_unix_ns_ != INT64_MAX; }
   /// Puts a file where it belongs.
   void sortIn(const File& file);
-  /// Whether the database that this log is of is found, or gone.
-  [[nodiscard]] bool isLogOfFound(const std::filesystem::path& log) const;
   /// What it is; nothing: it is to be read on in another turn.
   std::optional<Kind> read(const std::filesystem::path& path, std::int64_t until_ns);
   void name(Kind kind, const File& file);
@@ -103,8 +107,8 @@ class LookAtFiles {
   std::filesystem::path in_use_;
   std::int64_t newest_unix_ns_;
   std::vector<Place> roots_;
-  std::deque<Place> places_;  ///< of roots_: those that are not gone through
-  std::optional<std::filesystem::recursive_directory_iterator> at_;  ///< in the first of them
+  std::deque<Place> places_;          ///< of roots_: those that are not gone through
+  std::optional<FolderWalk> walk_;    ///< through the first of them
   std::set<File> files_;              ///< databases of which nothing is known yet
   std::unique_ptr<RowsOfFile> rows_;  ///< of the first of them; null: it is not opened
   std::optional<Identity> identity_;  ///< of that one

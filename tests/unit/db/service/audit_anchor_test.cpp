@@ -4,11 +4,15 @@
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "db/audit.h"
 #include "db/backup.h"
+#include "tests/support/sanitized.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -71,6 +75,34 @@ TEST_F(AuditAnchorTest, aLineThatWouldFillMemoryIsRefused) {
   ASSERT_FALSE(refused_line.ok());
   EXPECT_EQ(refused_line.error().code, ErrorCode::kInvalidInput);
   EXPECT_THAT(refused_line.error().message, HasSubstr("a line of more than 8 MiB"));
+}
+
+/// The peak of this process's memory while `work` runs, in bytes.
+template <typename Work>
+std::uint64_t peakOfReading(const Work& work) {
+  std::ofstream("/proc/self/clear_refs") << "5";
+  work();
+  std::ifstream in("/proc/self/status");
+  std::uint64_t kib = 0;
+  for (std::string of; std::getline(in, of);)
+    if (of.starts_with("VmHWM:")) kib = std::stoull(of.substr(6));
+  return kib << 10;
+}
+
+TEST_F(AuditAnchorTest, aLineOfBracketsTakesMemoryOfSomeTimesItsLength) {
+  constexpr std::size_t kLevels = 4'000'000;
+  const std::string nested = R"({"a":)" + std::string(kLevels, '[') + std::string(kLevels, ']') + "}\n";
+  folder.write("kept", nested + line("export-all", headText(3, 'a')));
+  Result<AuditAnchor> anchor = Error{ErrorCode::kFailed, "not read"};
+  const std::uint64_t before = peakOfReading([] {});
+  const std::uint64_t peak = peakOfReading([&] { anchor = readAuditAnchor(folder.path() / "kept"); });
+  ASSERT_OK(anchor);
+  EXPECT_EQ(anchor->head.position, 3u);
+  EXPECT_TRUE(refused(R"({"a":)" + std::string(kLevels, '['))) << "no JSON";
+  // a sanitizer keeps what is freed
+  if (!test::kSanitized) {
+    EXPECT_LT(peak - before, 25 * nested.size());
+  }
 }
 
 TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {
