@@ -350,7 +350,10 @@ Result<pb::RetentionReport> Service::dailyRetention() {
   if (!ahead.empty()) return Error{ErrorCode::kUnavailable, ahead};
   // in a lab where nothing is closed for weeks, the days go by, too
   RETURN_IF_ERROR(writer_.run([now](Connection& writer) { return SeenTimeStore(writer).note(now); }));
-  return retention("retention", false);
+  auto report = retention("retention", false);
+  // once a day recordings are read again, whatever has become of them
+  forgetRecordings();
+  return report;
 }
 
 Result<Principal> Service::loginPerson(const std::string& user, const std::string& password) {

@@ -256,7 +256,7 @@ TEST_F(TeachingStores, aReferenceIsMadeOfClosedSessionsOfItsExercise) {
 TEST_F(TeachingStores, aReferenceIsReadByItsOwnSessionsHoweverManyThereAre) {
   std::vector<Uuid> chosen;
   for (int i = 0; i < 3; ++i) {
-    chosen.push_back(session("anna", "a", i));
+    chosen.push_back(session("anna", "a", 1 + i));
     ASSERT_OK(SessionStore(db.writer).close(test::closeOf(chosen.back(), 0), 9));
   }
   ReferenceStore references(db.writer);
