@@ -1,0 +1,85 @@
+/// What an engine of databases does for the stores. PostgreSQL's is in postgres.h. SQLite's is still
+/// db/connection.h itself, on which the stores are written (CONTRIBUTING.md, "Left over").
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "common/base/bytes.h"
+#include "common/base/result.h"
+
+namespace needlelab {
+
+/// One prepared statement, for one execution at a time. Parameters count from 1, columns from 0. Thread: as
+/// its connection, which must outlive it.
+class EngineStatement {
+ public:
+  virtual ~EngineStatement() = default;
+  EngineStatement() = default;
+  EngineStatement(const EngineStatement&) = delete;
+  EngineStatement& operator=(const EngineStatement&) = delete;
+
+  /// The text that it was prepared from.
+  [[nodiscard]] virtual std::string_view sql() const = 0;
+  /// Texts and bytes are copied.
+  virtual Status bind(int parameter, std::int64_t value) = 0;
+  virtual Status bind(int parameter, double value) = 0;
+  virtual Status bind(int parameter, std::string_view value) = 0;
+  virtual Status bind(int parameter, ByteView value) = 0;
+  virtual Status bindNull(int parameter) = 0;
+  /// True: a row is there. False: done.
+  virtual Result<bool> step() = 0;
+  /// Back to before the first step, without parameters and rows.
+  virtual void reset() = 0;
+
+  /// Of the current row. Views are valid until the next step() or reset().
+  [[nodiscard]] virtual std::int64_t integer(int column) const = 0;
+  [[nodiscard]] virtual double real(int column) const = 0;
+  [[nodiscard]] virtual ByteView bytes(int column) const = 0;
+  [[nodiscard]] virtual bool isNull(int column) const = 0;
+};
+
+/// A connection to a database. Thread: not thread-safe; one thread at a time.
+class EngineConnection {
+ public:
+  virtual ~EngineConnection() = default;
+  EngineConnection() = default;
+  EngineConnection(const EngineConnection&) = delete;
+  EngineConnection& operator=(const EngineConnection&) = delete;
+
+  virtual Result<std::unique_ptr<EngineStatement>> prepare(const std::string& sql) = 0;
+  /// Runs several statements without parameters.
+  virtual Status script(const std::string& sql) = 0;
+  /// Rows that the last INSERT, UPDATE or DELETE changed.
+  [[nodiscard]] virtual std::int64_t changes() const = 0;
+  [[nodiscard]] virtual bool inTransaction() const = 0;
+  /// True after a failure that puts stored data in doubt; never reset.
+  [[nodiscard]] virtual bool damaged() const = 0;
+  virtual void setDamaged() = 0;
+  /// True when the engine's server is gone, and with it the transaction: it must be rolled back, and the next
+  /// one connects again.
+  [[nodiscard]] virtual bool isLost() const { return false; }
+
+  enum class Begin {
+    kView,   ///< one unchanging view of the database
+    kWrite,  ///< nobody else writes until its end
+  };
+  virtual Status begin(Begin kind) = 0;
+  /// Returns once what was written is as safe as the engine makes it.
+  virtual Status commit() = 0;
+  virtual void rollback() = 0;
+  /// Only one at a time.
+  virtual Status savepoint() = 0;
+  virtual Status releaseSavepoint() = 0;
+  /// Undoes what came since savepoint(), and releases it.
+  virtual Status undoSavepoint() = 0;
+
+  /// Statements end with kUnavailable soon after `cancelled`, which may be null, became true. Returns the one
+  /// of before.
+  virtual const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) = 0;
+};
+
+}  // namespace needlelab

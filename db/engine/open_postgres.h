@@ -1,0 +1,27 @@
+/// Connects to PostgreSQL.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "common/base/result.h"
+#include "db/engine/engine.h"
+
+namespace needlelab {
+
+struct PostgresOptions {
+  std::string url;         ///< postgresql://user@host:port/database?parameters, or "host=… user=…"
+  bool read_only = false;  ///< refuses changes
+  std::chrono::milliseconds connect_timeout{5000};
+  /// A statement whose answer does not come within this time loses the connection: the server may be stopped,
+  /// or the network gone.
+  std::chrono::milliseconds answer_timeout{30'000};
+};
+
+/// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database), kVersion
+/// (an engine before version 15), kDenied (user or password), kUnavailable (nobody answers, or refuses for
+/// now). No message has a password.
+Result<std::unique_ptr<EngineConnection>> openPostgres(const PostgresOptions& options);
+
+}  // namespace needlelab

@@ -1,0 +1,490 @@
+#include "db/engine/postgres.h"
+
+#include <fmt/core.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <thread>
+#include <utility>
+
+#include "common/base/bytes.h"
+#include "db/engine/postgres_sql.h"
+#include "db/engine/postgres_values.h"
+
+namespace needlelab {
+namespace {
+
+constexpr int kOldestVersion = 150'000;  // PQserverVersion
+constexpr int kBinary = 1;
+constexpr std::size_t kMostSigns = 8;  // of types of one statement's values, see PostgresStatement
+
+using Steady = std::chrono::steady_clock;
+
+struct InfoCloser {
+  void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
+};
+
+/// host, port, database and user of a URL; kInvalidInput.
+Result<std::string> withoutPassword(const std::string& url) {
+  char* wrong = nullptr;
+  const std::unique_ptr<PQconninfoOption, InfoCloser> parsed(PQconninfoParse(url.c_str(), &wrong));
+  if (parsed == nullptr) {
+    PQfreemem(wrong);  // it may quote the URL, and with it the password
+    return Error{ErrorCode::kInvalidInput,
+                 "--store: is no address of PostgreSQL; write postgresql://USER@HOST:5432/DATABASE, and the "
+                 "password into a file (passfile, PGPASSFILE)"};
+  }
+  std::map<std::string, std::string> values;
+  for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option)
+    if (option->val != nullptr) values[option->keyword] = option->val;
+  if (values.contains("password"))
+    return Error{
+        ErrorCode::kInvalidInput,
+        "--store: has a password, which every user of this machine can see in the list of processes: "
+        "put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE"};
+  const auto value = [&](const char* name, const char* otherwise) {
+    const auto found = values.find(name);
+    return found != values.end() && !found->second.empty() ? found->second : std::string(otherwise);
+  };
+  return fmt::format("postgresql://{}@{}:{}/{}", value("user", "(you)"), value("host", "(local)"),
+                     value("port", "5432"), value("dbname", value("user", "(you)").c_str()));
+}
+
+ErrorCode codeOfState(std::string_view state) {
+  if (state == "23505") return ErrorCode::kAlreadyExists;
+  if (state == "23503") return ErrorCode::kNotFound;
+  if (state.starts_with("23") || state.starts_with("22")) return ErrorCode::kInvalidInput;
+  if (state == "53100") return ErrorCode::kNoRoom;
+  // no connection, resources, an operator, a lock, a serialization that failed, a standby
+  for (const char* some : {"08", "53", "57", "55P03", "40", "25006", "25P0"})
+    if (state.starts_with(some)) return ErrorCode::kUnavailable;
+  if (state.starts_with("28")) return ErrorCode::kDenied;
+  if (state.starts_with("XX001") || state.starts_with("XX002")) return ErrorCode::kCorrupt;
+  return ErrorCode::kFailed;
+}
+
+/// The first line, without its end.
+std::string firstLine(const char* text) {
+  std::string_view line = text != nullptr ? text : "";
+  line = line.substr(0, line.find('\n'));
+  return std::string(line);
+}
+
+class PostgresStatement final : public EngineStatement {
+ public:
+  PostgresStatement(PostgresConnection& connection, const std::string& sql)
+      : connection_(connection), sql_(sql), own_(forPostgres(sql)) {}
+
+  [[nodiscard]] std::string_view sql() const override { return sql_; }
+  Status bind(int parameter, std::int64_t value) override {
+    return put(parameter, PostgresType::kInt8, postgresInteger(value));
+  }
+  Status bind(int parameter, double value) override {
+    return put(parameter, PostgresType::kFloat8, postgresReal(value));
+  }
+  Status bind(int parameter, std::string_view value) override {
+    if (value.find('\0') != std::string_view::npos)
+      return Error{ErrorCode::kInvalidInput, "a text has a byte 0, which PostgreSQL does not store"};
+    return put(parameter, PostgresType::kText, std::string(value));
+  }
+  Status bind(int parameter, ByteView value) override {
+    return put(parameter, PostgresType::kBytes, std::string(needlelab::textOf(value)));
+  }
+  Status bindNull(int parameter) override {
+    at(parameter) = {};
+    return {};
+  }
+
+  Result<bool> step() override {
+    if (!result_) {
+      RETURN_IF_ERROR(connection_.requireConnected());
+      values_.resize(static_cast<std::size_t>(own_.parameters));  // those that are not bound are NULL
+      ASSIGN_OR_RETURN(const std::string name, prepared());
+      ASSIGN_OR_RETURN(result_, connection_.execute(name, values_, sql_));
+      rows_ = PQntuples(result_.get());
+      row_ = -1;
+    }
+    if (row_ + 1 >= rows_) return false;
+    ++row_;
+    texts_.clear();
+    return true;
+  }
+  void reset() override {
+    result_.reset();
+    values_.clear();
+    texts_.clear();
+    rows_ = 0;
+    row_ = -1;
+  }
+
+  [[nodiscard]] std::int64_t integer(int column) const override {
+    return isNull(column) ? 0 : integerOfPostgres(type(column), raw(column));
+  }
+  [[nodiscard]] double real(int column) const override {
+    return isNull(column) ? 0 : realOfPostgres(type(column), raw(column));
+  }
+  [[nodiscard]] ByteView bytes(int column) const override {
+    if (isNull(column)) return {};
+    auto text = textOfPostgres(type(column), raw(column));
+    if (!text) return raw(column);
+    std::string& kept = texts_[column];
+    kept = *std::move(text);
+    return viewOf(kept);
+  }
+  [[nodiscard]] bool isNull(int column) const override {
+    return !isThere(column) || PQgetisnull(result_.get(), row_, column) != 0;
+  }
+
+ private:
+  PostgresConnection::Value& at(int parameter) {
+    const auto index = static_cast<std::size_t>(parameter - 1);
+    if (values_.size() <= index) values_.resize(index + 1);
+    return values_[index];
+  }
+  Status put(int parameter, PostgresType type, std::string bytes) {
+    at(parameter) = {static_cast<std::uint32_t>(type), false, std::move(bytes)};
+    return {};
+  }
+  [[nodiscard]] bool isThere(int column) const {
+    return result_ != nullptr && row_ >= 0 && column >= 0 && column < PQnfields(result_.get());
+  }
+  [[nodiscard]] PostgresType type(int column) const {
+    return static_cast<PostgresType>(PQftype(result_.get(), column));
+  }
+  [[nodiscard]] ByteView raw(int column) const {
+    return {reinterpret_cast<const std::uint8_t*>(PQgetvalue(result_.get(), row_, column)),
+            static_cast<std::size_t>(PQgetlength(result_.get(), row_, column))};
+  }
+  /// The name by which it is prepared for values of these types: PostgreSQL would otherwise guess them, and
+  /// take a number in a SELECT for a text.
+  Result<std::string> prepared() {
+    if (epoch_ != connection_.epoch()) names_.clear();
+    epoch_ = connection_.epoch();
+    std::vector<std::uint32_t> types;
+    types.reserve(values_.size());
+    for (const auto& value : values_) types.push_back(value.type);
+    if (const auto found = names_.find(types); found != names_.end()) return found->second;
+    ASSIGN_OR_RETURN(std::string name, connection_.prepareNow(own_.text, values_));
+    if (names_.size() < kMostSigns) names_.emplace(std::move(types), name);
+    return name;
+  }
+
+  PostgresConnection& connection_;
+  const std::string sql_;
+  const PostgresSql own_;
+  std::vector<PostgresConnection::Value> values_;
+  std::map<std::vector<std::uint32_t>, std::string> names_;
+  std::uint64_t epoch_ = 0;
+  PostgresConnection::ResultPtr result_;
+  int rows_ = 0, row_ = -1;
+  mutable std::map<int, std::string> texts_;  ///< of numbers of the current row
+};
+
+}  // namespace
+
+Result<std::unique_ptr<PostgresConnection>> PostgresConnection::open(const PostgresOptions& options) {
+  std::unique_ptr<PostgresConnection> connection(new PostgresConnection(options));
+  ASSIGN_OR_RETURN(connection->shown_url_, withoutPassword(options.url));
+  RETURN_IF_ERROR(connection->connect());
+  return connection;
+}
+
+PostgresConnection::~PostgresConnection() = default;
+
+bool PostgresConnection::isConnected() const {
+  return connection_ != nullptr && PQstatus(connection_.get()) == CONNECTION_OK;
+}
+
+Status PostgresConnection::connect() {
+  const std::string timeout =
+      std::to_string(std::max<std::int64_t>(1, options_.connect_timeout.count() / 1000));
+  // what the URL says comes first in the list, so that these stand
+  const std::string search =
+      fmt::format("-c search_path={} -c client_min_messages=warning{}", kPostgresSchema,
+                  options_.read_only ? " -c default_transaction_read_only=on" : "");
+  const char* const names[] = {"dbname",
+                               "connect_timeout",
+                               "options",
+                               "application_name",
+                               "keepalives",
+                               "keepalives_idle",
+                               "keepalives_interval",
+                               "keepalives_count",
+                               "tcp_user_timeout",
+                               "client_encoding",
+                               nullptr};
+  const char* const values[] = {options_.url.c_str(),
+                                timeout.c_str(),
+                                search.c_str(),
+                                "needlelab",
+                                "1",
+                                "5",
+                                "2",
+                                "3",
+                                "10000",
+                                "UTF8",
+                                nullptr};
+  connection_.reset(PQconnectdbParams(names, values, 1));
+  ++epoch_;
+  in_lost_transaction_ = false;
+  if (connection_ == nullptr)
+    return Error{ErrorCode::kUnavailable, shown_url_ + ": not enough memory to connect"};
+  if (!isConnected()) {
+    const std::string why = firstLine(PQerrorMessage(connection_.get()));
+    const bool refused = PQconnectionNeedsPassword(connection_.get()) != 0 ||
+                         PQconnectionUsedPassword(connection_.get()) != 0 ||
+                         why.find("authentication failed") != std::string::npos ||
+                         why.find("no pg_hba.conf entry") != std::string::npos;
+    const bool wrong = why.find("does not exist") != std::string::npos;
+    connection_.reset();
+    return Error{refused ? ErrorCode::kDenied
+                 : wrong ? ErrorCode::kInvalidInput
+                         : ErrorCode::kUnavailable,
+                 fmt::format("{}: cannot connect: {}", shown_url_, why)};
+  }
+  PQsetNoticeReceiver(connection_.get(), &PostgresConnection::noteNotice, this);
+  if (const int version = PQserverVersion(connection_.get()); version < kOldestVersion) {
+    connection_.reset();
+    return Error{ErrorCode::kVersion, fmt::format("{}: is PostgreSQL {}, needlelab needs 15 or later",
+                                                  shown_url_, version / 10'000)};
+  }
+  return {};
+}
+
+Status PostgresConnection::requireConnected() {
+  if (in_lost_transaction_)
+    return Error{ErrorCode::kUnavailable,
+                 shown_url_ + ": the connection was lost, and the transaction with it"};
+  if (isConnected()) return {};
+  return connect();
+}
+
+void PostgresConnection::noteNotice(void* self, const PGresult* notice) {
+  const char* severity = PQresultErrorField(notice, PG_DIAG_SEVERITY_NONLOCALIZED);
+  if (severity == nullptr || std::strcmp(severity, "WARNING") != 0) return;
+  static_cast<PostgresConnection*>(self)->warning_ =
+      firstLine(PQresultErrorField(notice, PG_DIAG_MESSAGE_PRIMARY));
+}
+
+Error PostgresConnection::lost(std::string_view what) {
+  const bool in_transaction = !write_xid_.empty() || inTransaction();
+  connection_.reset();
+  in_lost_transaction_ = in_lost_transaction_ || in_transaction;
+  constexpr std::size_t kShown = 120;
+  return {ErrorCode::kUnavailable, fmt::format("{}: the connection was lost, or gives no answer ({})",
+                                               shown_url_, what.substr(0, kShown))};
+}
+
+Error PostgresConnection::errorOf(const PGresult* result, std::string_view what) {
+  if (!isConnected()) return lost(what);
+  const char* state = result != nullptr ? PQresultErrorField(result, PG_DIAG_SQLSTATE) : nullptr;
+  const ErrorCode code = state != nullptr ? codeOfState(state) : ErrorCode::kFailed;
+  if (code == ErrorCode::kCorrupt) damaged_ = true;
+  constexpr std::size_t kShown = 120;
+  return {code, fmt::format("{}: cannot {}{}: {} (PostgreSQL {})", shown_url_, what.substr(0, kShown),
+                            what.size() > kShown ? "…" : "",
+                            firstLine(result != nullptr ? PQresultErrorField(result, PG_DIAG_MESSAGE_PRIMARY)
+                                                        : PQerrorMessage(connection_.get())),
+                            state != nullptr ? state : "?")};
+}
+
+Result<PostgresConnection::ResultPtr> PostgresConnection::wait(std::string_view what) {
+  constexpr int kLook_ms = 50;
+  auto until = Steady::now() + options_.answer_timeout;
+  ResultPtr last;
+  bool asked_to_end = false;
+  for (;;) {
+    while (PQisBusy(connection_.get()) != 0) {
+      pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
+      const int found = ::poll(&ready, 1, kLook_ms);
+      if (found < 0 && errno != EINTR) return lost(what);
+      if (found > 0 && PQconsumeInput(connection_.get()) == 0) return lost(what);
+      if (!asked_to_end && cancelled_ != nullptr && cancelled_->load()) {
+        asked_to_end = true;
+        const std::unique_ptr<PGcancel, void (*)(PGcancel*)> cancel(PQgetCancel(connection_.get()),
+                                                                    &PQfreeCancel);
+        char error[256];
+        if (cancel == nullptr || PQcancel(cancel.get(), error, sizeof error) == 0) return lost(what);
+      }
+      if (Steady::now() > until) return lost(what);
+    }
+    ResultPtr next(PQgetResult(connection_.get()));
+    if (next == nullptr) break;
+    last = std::move(next);
+  }
+  if (last == nullptr) return errorOf(nullptr, what);
+  switch (PQresultStatus(last.get())) {
+    case PGRES_COMMAND_OK:
+    case PGRES_TUPLES_OK:
+    case PGRES_EMPTY_QUERY:
+      break;
+    default:
+      return errorOf(last.get(), what);
+  }
+  if (const char* rows = PQcmdTuples(last.get()); rows != nullptr && *rows != '\0')
+    changes_ = std::strtoll(rows, nullptr, 10);
+  return last;
+}
+
+Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const std::vector<Value>& values) {
+  std::string name = "n" + std::to_string(++prepared_);
+  std::vector<Oid> types;
+  types.reserve(values.size());
+  for (const Value& value : values) types.push_back(value.type);
+  if (PQsendPrepare(connection_.get(), name.c_str(), sql.c_str(), static_cast<int>(types.size()),
+                    types.data()) == 0)
+    return lost(sql);
+  RETURN_IF_ERROR(wait(sql));
+  return name;
+}
+
+Result<PostgresConnection::ResultPtr> PostgresConnection::execute(const std::string& prepared,
+                                                                  const std::vector<Value>& values,
+                                                                  std::string_view what) {
+  std::vector<const char*> texts;
+  std::vector<int> lengths, forms(values.size(), kBinary);
+  texts.reserve(values.size());
+  lengths.reserve(values.size());
+  for (const Value& value : values) {
+    texts.push_back(value.is_null ? nullptr : value.bytes.data());
+    lengths.push_back(static_cast<int>(value.bytes.size()));
+  }
+  if (PQsendQueryPrepared(connection_.get(), prepared.c_str(), static_cast<int>(values.size()), texts.data(),
+                          lengths.data(), forms.data(), kBinary) == 0)
+    return lost(what);
+  return wait(what);
+}
+
+Result<std::unique_ptr<EngineStatement>> PostgresConnection::prepare(const std::string& sql) {
+  return std::unique_ptr<EngineStatement>(std::make_unique<PostgresStatement>(*this, sql));
+}
+
+Status PostgresConnection::runText(const char* sql) {
+  if (!isConnected() || PQsendQuery(connection_.get(), sql) == 0) return lost(sql);
+  const auto done = wait(sql);
+  return done ? Status() : Status(done.error());
+}
+
+Status PostgresConnection::script(const std::string& sql) {
+  RETURN_IF_ERROR(requireConnected());
+  return runText(sql.c_str());
+}
+
+bool PostgresConnection::inTransaction() const {
+  if (in_lost_transaction_) return true;
+  if (!isConnected()) return false;
+  const auto status = PQtransactionStatus(connection_.get());
+  return status == PQTRANS_INTRANS || status == PQTRANS_INERROR;
+}
+
+Status PostgresConnection::begin(Begin kind) {
+  RETURN_IF_ERROR(requireConnected());
+  if (kind == Begin::kView) {
+    RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"));
+    // BEGIN alone does not read; this fixes the view
+    Status fixed = runText("SELECT 1");
+    if (!fixed) rollback();
+    return fixed;
+  }
+  // in this order: the view of each statement behind the lock has all that the holder before committed
+  RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL READ COMMITTED"));
+  const std::string lock =
+      fmt::format("SELECT pg_advisory_xact_lock({}), pg_current_xact_id()::text", kWriterLock);
+  if (PQsendQuery(connection_.get(), lock.c_str()) == 0) return lost("begin a transaction");
+  const auto locked = wait("begin a transaction");
+  if (!locked) {
+    rollback();
+    return locked.error();
+  }
+  write_xid_ = PQgetvalue(locked->get(), 0, 1);
+  return {};
+}
+
+Status PostgresConnection::commit() {
+  warning_.reset();
+  if (in_lost_transaction_) return requireConnected();
+  const std::string xid = std::exchange(write_xid_, {});
+  if (PQsendQuery(connection_.get(), "COMMIT") != 0) {
+    const auto done = wait("commit");
+    if (done && std::strcmp(PQcmdStatus(done->get()), "COMMIT") != 0)
+      return Error{ErrorCode::kFailed, shown_url_ + ": the transaction had failed, and was rolled back"};
+    if (done && warning_)
+      return Error{ErrorCode::kUnavailable,
+                   fmt::format("{}: stored at the primary only: {}", shown_url_, *warning_)};
+    if (done) return {};
+    if (isConnected()) return done.error();
+  } else {
+    (void)lost("commit");
+  }
+  in_lost_transaction_ = false;
+  if (xid.empty()) return {};  // it only read
+  return askOutcome(xid);
+}
+
+Status PostgresConnection::askOutcome(const std::string& xid) {
+  const auto until = Steady::now() + options_.answer_timeout;
+  const std::string ask = fmt::format("SELECT pg_xact_status('{}'::xid8)", xid);
+  std::string why;
+  while (Steady::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {
+    if (const auto connected = connect(); !connected) {
+      why = connected.error().message;
+    } else if (PQsendQuery(connection_.get(), ask.c_str()) != 0) {
+      const auto answer = wait("ask what became of a transaction");
+      if (!answer) {
+        why = answer.error().message;
+      } else {
+        const std::string_view status = PQgetvalue(answer->get(), 0, 0);
+        // of a transaction that waited for a standby nobody can tell whether the standby has it
+        if (status == "committed")
+          return Error{ErrorCode::kUnavailable,
+                       shown_url_ +
+                           ": the connection was lost while it was stored; it is stored at this server "
+                           "of PostgreSQL, and nobody can tell whether at its standby, too"};
+        if (status == "aborted")
+          return Error{ErrorCode::kUnavailable, shown_url_ + ": the connection was lost; nothing was stored"};
+        why = "it is still under way";
+      }
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  return Error{
+      ErrorCode::kUnavailable,
+      fmt::format("{}: the connection was lost while it was stored, and nobody can tell whether it was "
+                  "({}): look before you try again",
+                  shown_url_, why)};
+}
+
+void PostgresConnection::rollback() {
+  write_xid_.clear();
+  if (std::exchange(in_lost_transaction_, false)) return;
+  if (inTransaction()) (void)runText("ROLLBACK");
+  in_lost_transaction_ = false;
+}
+
+Status PostgresConnection::savepoint() {
+  return runText("SAVEPOINT item");
+}
+
+Status PostgresConnection::releaseSavepoint() {
+  return runText("RELEASE item");
+}
+
+Status PostgresConnection::undoSavepoint() {
+  if (in_lost_transaction_ || !inTransaction()) return {};
+  return runText("ROLLBACK TO item; RELEASE item");
+}
+
+const std::atomic<bool>* PostgresConnection::setCancelled(const std::atomic<bool>* cancelled) {
+  return std::exchange(cancelled_, cancelled);
+}
+
+Result<std::unique_ptr<EngineConnection>> openPostgres(const PostgresOptions& options) {
+  ASSIGN_OR_RETURN(auto connection, PostgresConnection::open(options));
+  return std::unique_ptr<EngineConnection>(std::move(connection));
+}
+
+}  // namespace needlelab

@@ -1,0 +1,110 @@
+/// The engine PostgreSQL (15 or later), through libpq: prepared statements, binary values.
+#pragma once
+
+#include <libpq-fe.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+#include "db/engine/engine.h"
+#include "db/engine/open_postgres.h"
+
+namespace needlelab {
+
+/// The schema that all of needlelab's tables are in.
+inline constexpr const char* kPostgresSchema = "needlelab";
+
+/// A lock of PostgreSQL's (pg_advisory_xact_lock) that each write transaction holds to its end, so that
+/// whatever it looks at before it writes stays so, whichever server writes: as with SQLite's single writer.
+inline constexpr std::int64_t kWriterLock = 0x6e6c6162;
+
+/// One connection. A result is read whole before the first row is given, so several statements may be under
+/// way at a time. What is lost with its server is connected again at the next begin of a transaction, or
+/// statement outside one; until then every call fails with kUnavailable. Thread: not thread-safe; one thread
+/// at a time.
+class PostgresConnection final : public EngineConnection {
+ public:
+  /// As openPostgres().
+  static Result<std::unique_ptr<PostgresConnection>> open(const PostgresOptions& options);
+  ~PostgresConnection() override;
+
+  Result<std::unique_ptr<EngineStatement>> prepare(const std::string& sql) override;
+  Status script(const std::string& sql) override;
+  [[nodiscard]] std::int64_t changes() const override { return changes_; }
+  [[nodiscard]] bool inTransaction() const override;
+  [[nodiscard]] bool damaged() const override { return damaged_; }
+  void setDamaged() override { damaged_ = true; }
+  [[nodiscard]] bool isLost() const override { return in_lost_transaction_; }
+  Status begin(Begin kind) override;
+  /// kUnavailable when PostgreSQL reports success with a warning: a wait for the standby was cancelled, and
+  /// the data is at the primary only. When the connection is lost meanwhile, the outcome is asked for
+  /// (pg_xact_status) at the next connection, within answer_timeout; if that cannot be had, the message says
+  /// that it is unknown.
+  Status commit() override;
+  void rollback() override;
+  Status savepoint() override;
+  Status releaseSavepoint() override;
+  Status undoSavepoint() override;
+  const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
+
+  /// The URL without a password, for messages.
+  [[nodiscard]] const std::string& shownUrl() const { return shown_url_; }
+  [[nodiscard]] bool isConnected() const;
+
+  /// A value of a statement, as it is sent.
+  struct Value {
+    std::uint32_t type = 0;  ///< PostgresType
+    bool is_null = true;
+    std::string bytes;
+  };
+  struct ResultCloser {
+    void operator()(PGresult* result) const { PQclear(result); }
+  };
+  using ResultPtr = std::unique_ptr<PGresult, ResultCloser>;
+
+  // for its statements
+  /// Counts the connections that were made: what was prepared on another one is gone.
+  [[nodiscard]] std::uint64_t epoch() const { return epoch_; }
+  /// Prepares `sql`, in PostgreSQL's form; returns the name.
+  Result<std::string> prepareNow(const std::string& sql, const std::vector<Value>& values);
+  Result<ResultPtr> execute(const std::string& prepared, const std::vector<Value>& values,
+                            std::string_view what);
+  /// Connects again where the connection is lost, and there is no transaction that went with it.
+  Status requireConnected();
+
+ private:
+  struct ConnectionCloser {
+    void operator()(PGconn* connection) const { PQfinish(connection); }
+  };
+  explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)) {}
+  Status connect();
+  /// Waits for the results of what was sent; the last one is returned. Ends early with kUnavailable when
+  /// cancelled, or when no answer comes.
+  Result<ResultPtr> wait(std::string_view what);
+  Status runText(const char* sql);
+  Error errorOf(const PGresult* result, std::string_view what);
+  Error lost(std::string_view what);
+  static void noteNotice(void* self, const PGresult* notice);
+  /// What became of the transaction `xid`, whose COMMIT had no answer.
+  Status askOutcome(const std::string& xid);
+
+  const PostgresOptions options_;
+  std::string shown_url_;
+  std::unique_ptr<PGconn, ConnectionCloser> connection_;
+  const std::atomic<bool>* cancelled_ = nullptr;
+  std::int64_t changes_ = 0;
+  std::uint64_t epoch_ = 0, prepared_ = 0;
+  bool damaged_ = false;
+  bool in_lost_transaction_ = false;    ///< the connection was lost within one that has not been rolled back
+  std::string write_xid_;               ///< of the write transaction under way
+  std::optional<std::string> warning_;  ///< since the last commit began
+};
+
+}  // namespace needlelab

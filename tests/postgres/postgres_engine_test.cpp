@@ -1,0 +1,308 @@
+// The engine on a cluster that tests/postgres/cluster has started; NEEDLELAB_TEST_POSTGRES names it.
+#include "db/engine/postgres.h"
+
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "db/engine/open_postgres.h"
+
+namespace needlelab {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+std::string urlOf(const std::string& database) {
+  const char* cluster = std::getenv("NEEDLELAB_TEST_POSTGRES");
+  if (cluster == nullptr) throw std::runtime_error("NEEDLELAB_TEST_POSTGRES is not set");
+  return std::string(cluster) + " dbname=" + database;
+}
+
+/// A database of its own, with the table `kinds`.
+class PostgresEngine : public testing::Test {
+ protected:
+  PostgresEngine() : control_(connect("postgres")) {
+    must(control_->script("DROP DATABASE IF EXISTS " + name_));
+    must(control_->script("CREATE DATABASE " + name_));
+    db = connect(name_);
+    must(db->script(
+        "CREATE SCHEMA needlelab;"
+        "CREATE TABLE kinds (id BIGINT PRIMARY KEY CHECK (id <> 13), real DOUBLE PRECISION, text TEXT,"
+        " bytes BYTEA, other BIGINT REFERENCES kinds (id), must TEXT NOT NULL DEFAULT '')"));
+  }
+  ~PostgresEngine() override {
+    db.reset();
+    (void)control_->script("DROP DATABASE IF EXISTS " + name_ + " WITH (FORCE)");
+  }
+  static std::unique_ptr<EngineConnection> connect(const std::string& database, bool read_only = false) {
+    auto opened = openPostgres({.url = urlOf(database), .read_only = read_only});
+    if (!opened) throw std::runtime_error(opened.error().message);
+    return std::move(*opened);
+  }
+  static void must(const Status& status) {
+    if (!status) throw std::runtime_error(status.error().message);
+  }
+  static std::unique_ptr<EngineStatement> prepared(EngineConnection& on, const std::string& sql) {
+    auto statement = on.prepare(sql);
+    if (!statement) throw std::runtime_error(statement.error().message);
+    return std::move(*statement);
+  }
+  static Status run(EngineConnection& on, const std::string& sql) {
+    auto statement = prepared(on, sql);
+    const auto stepped = statement->step();
+    return stepped ? Status() : Status(stepped.error());
+  }
+  Status add(std::int64_t id) {
+    return run(*db, "INSERT INTO kinds (id) VALUES (" + std::to_string(id) + ")");
+  }
+  static std::int64_t number(EngineConnection& on, const std::string& sql) {
+    auto statement = prepared(on, sql);
+    const auto stepped = statement->step();
+    EXPECT_TRUE(stepped && *stepped) << sql;
+    return stepped && *stepped ? statement->integer(0) : -1;
+  }
+  std::int64_t count() { return number(*db, "SELECT count(*) FROM kinds"); }
+  static std::string textOfColumn(const EngineStatement& row, int column) {
+    return std::string(textOf(row.bytes(column)));
+  }
+  std::string otherName() const { return name_; }
+
+  std::unique_ptr<EngineConnection> control_;
+  const std::string name_ = "engine" + std::to_string(::getpid());
+  std::unique_ptr<EngineConnection> db;
+};
+
+TEST_F(PostgresEngine, keepsValuesOfEveryKind) {
+  const std::string text = "Ünï ' \" ? $1 \\ \n";
+  const Bytes bytes = {0, 1, 255, 0};
+  constexpr auto kMax = std::numeric_limits<std::int64_t>::max();
+  auto insert = prepared(*db, "INSERT INTO kinds (id, real, text, bytes) VALUES (?, ?, ?, ?)");
+  ASSERT_TRUE(insert->bind(1, kMax).ok() && insert->bind(2, 0.1).ok() &&
+              insert->bind(3, std::string_view(text)).ok() && insert->bind(4, ByteView(bytes)).ok());
+  EXPECT_FALSE(*insert->step());
+  EXPECT_EQ(db->changes(), 1);
+  insert->reset();
+  ASSERT_TRUE(insert->bind(1, -kMax - 1).ok() && insert->bind(2, -1e-300).ok() &&
+              insert->bind(3, std::string_view()).ok() && insert->bind(4, ByteView()).ok());
+  EXPECT_FALSE(*insert->step());
+  insert->reset();
+  // what is not bound is NULL
+  ASSERT_TRUE(insert->bind(1, std::int64_t{1}).ok() && insert->bindNull(2).ok());
+  EXPECT_FALSE(*insert->step());
+
+  auto rows = prepared(*db, "SELECT id, real, text, bytes FROM kinds ORDER BY real IS NULL, id DESC");
+  ASSERT_TRUE(*rows->step());
+  EXPECT_EQ(rows->integer(0), kMax);
+  EXPECT_EQ(textOfColumn(*rows, 0), std::to_string(kMax));
+  EXPECT_EQ(rows->real(1), 0.1);
+  EXPECT_EQ(textOfColumn(*rows, 2), text);
+  EXPECT_EQ(Bytes(rows->bytes(3).begin(), rows->bytes(3).end()), bytes);
+  ASSERT_TRUE(*rows->step());
+  EXPECT_EQ(rows->integer(0), -kMax - 1);
+  EXPECT_EQ(rows->real(1), -1e-300);
+  EXPECT_FALSE(rows->isNull(2) || rows->isNull(3)) << "empty is not NULL";
+  EXPECT_TRUE(rows->bytes(2).empty() && rows->bytes(3).empty());
+  ASSERT_TRUE(*rows->step());
+  for (int column = 1; column < 4; ++column) EXPECT_TRUE(rows->isNull(column));
+  EXPECT_EQ(rows->integer(2), 0);
+  EXPECT_FALSE(*rows->step());
+  EXPECT_FALSE(insert->bind(3, std::string_view("a\0b", 3)).ok()) << "PostgreSQL stores no byte 0 in a text";
+}
+
+TEST_F(PostgresEngine, readsSumsAndTruthsAsWholeNumbers) {
+  for (const std::int64_t id : {3, 4}) must(add(id));
+  EXPECT_EQ(number(*db, "SELECT sum(id) FROM kinds"), 7);
+  EXPECT_EQ(number(*db, "SELECT sum(9000000000000000000::bigint) FROM kinds"),
+            std::numeric_limits<std::int64_t>::max())
+      << "held to the range";
+  EXPECT_EQ(number(*db, "SELECT -123456789012345678::numeric"), -123456789012345678);
+  EXPECT_EQ(number(*db, "SELECT EXISTS (SELECT 1 FROM kinds)"), 1);
+  EXPECT_EQ(number(*db, "SELECT length('abc')"), 3);
+}
+
+TEST_F(PostgresEngine, aParameterHasTheTypeOfItsValueWhereverItStands) {
+  auto insert = prepared(*db, "INSERT INTO kinds (id, text) SELECT ?1 + id, ?2 FROM (SELECT 1 AS id) AS one");
+  ASSERT_TRUE(insert->bind(1, std::int64_t{4}).ok() && insert->bind(2, std::string_view("a")).ok());
+  ASSERT_FALSE(*insert->step());
+  insert->reset();
+  // the same text with another type
+  ASSERT_TRUE(insert->bind(1, std::int64_t{5}).ok() && insert->bindNull(2).ok());
+  ASSERT_FALSE(*insert->step());
+  EXPECT_EQ(number(*db, "SELECT id FROM kinds WHERE text = 'a'"), 5);
+  EXPECT_EQ(number(*db, "SELECT id FROM kinds WHERE text IS NULL"), 6);
+}
+
+TEST_F(PostgresEngine, anotherStatementRunsWhileRowsAreRead) {
+  for (const std::int64_t id : {1, 2, 3}) must(add(id));
+  std::vector<std::int64_t> seen;
+  auto rows = prepared(*db, "SELECT id FROM kinds ORDER BY id");
+  while (*rows->step()) {
+    seen.push_back(rows->integer(0));
+    must(run(*db, "DELETE FROM kinds WHERE id = " + std::to_string(seen.back())));
+  }
+  EXPECT_THAT(seen, ElementsAre(1, 2, 3));
+  EXPECT_EQ(count(), 0);
+}
+
+TEST_F(PostgresEngine, errorsSayWhatKindTheyAre) {
+  must(add(1));
+  const struct {
+    const char* sql;
+    ErrorCode code;
+  } rows[] = {
+      {"INSERT INTO kinds (id) VALUES (1)", ErrorCode::kAlreadyExists},
+      {"INSERT INTO kinds (id, other) VALUES (2, 99)", ErrorCode::kNotFound},
+      {"INSERT INTO kinds (id) VALUES (13)", ErrorCode::kInvalidInput},
+      {"INSERT INTO kinds (id, must) VALUES (2, NULL)", ErrorCode::kInvalidInput},
+      {"SELECT 1 / 0", ErrorCode::kInvalidInput},
+      {"SELECT nothing FROM nowhere", ErrorCode::kFailed},
+  };
+  for (const auto& row : rows) {
+    const Status status = run(*db, row.sql);
+    ASSERT_FALSE(status.ok()) << row.sql;
+    EXPECT_EQ(status.error().code, row.code) << status.error().message;
+    EXPECT_THAT(status.error().message, HasSubstr(otherName()));
+  }
+  EXPECT_FALSE(db->damaged() || db->inTransaction());
+  EXPECT_EQ(count(), 1);
+}
+
+TEST_F(PostgresEngine, whatIsNotCommittedLeavesNothing) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  EXPECT_TRUE(db->inTransaction());
+  must(add(1));
+  db->rollback();
+  EXPECT_FALSE(db->inTransaction());
+  EXPECT_EQ(count(), 0);
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(1));
+  must(db->commit());
+  EXPECT_EQ(count(), 1);
+}
+
+TEST_F(PostgresEngine, aSavepointTakesItsPartBackAlsoAfterAnError) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(1));
+  must(db->savepoint());
+  must(add(2));
+  EXPECT_FALSE(add(1).ok());
+  must(db->undoSavepoint());
+  EXPECT_EQ(count(), 1) << "the transaction goes on";
+  must(db->savepoint());
+  must(add(3));
+  must(db->releaseSavepoint());
+  must(db->commit());
+  EXPECT_EQ(count(), 2);
+}
+
+TEST_F(PostgresEngine, aTransactionWithAnErrorIsNotReportedAsCommitted) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(1));
+  EXPECT_FALSE(add(1).ok());
+  EXPECT_FALSE(db->commit().ok()) << "PostgreSQL answers ROLLBACK, which is no error of its own";
+  EXPECT_EQ(count(), 0);
+}
+
+TEST_F(PostgresEngine, aViewDoesNotChangeAndAReaderChangesNothing) {
+  const auto reader = connect(otherName(), true);
+  must(reader->begin(EngineConnection::Begin::kView));
+  must(add(1));
+  EXPECT_EQ(number(*reader, "SELECT count(*) FROM kinds"), 0);
+  must(reader->commit());
+  EXPECT_EQ(number(*reader, "SELECT count(*) FROM kinds"), 1);
+  EXPECT_FALSE(run(*reader, "DELETE FROM kinds").ok());
+}
+
+// each adds one to the number that it has read: without the lock one of two is lost
+TEST_F(PostgresEngine, writersComeOneAfterAnother) {
+  must(add(1));
+  must(run(*db, "UPDATE kinds SET real = 0"));
+  constexpr int kTimes = 50;
+  const auto count_up = [](EngineConnection& on) {
+    for (int i = 0; i < kTimes; ++i) {
+      must(on.begin(EngineConnection::Begin::kWrite));
+      const std::int64_t before = number(on, "SELECT real FROM kinds");
+      must(run(on, "UPDATE kinds SET real = " + std::to_string(before + 1)));
+      must(on.commit());
+    }
+  };
+  const auto second = connect(otherName());
+  std::thread other([&] { count_up(*second); });
+  count_up(*db);
+  other.join();
+  EXPECT_EQ(number(*db, "SELECT real FROM kinds"), 2 * kTimes);
+}
+
+TEST_F(PostgresEngine, aCancelledStatementEndsAndTheConnectionGoesOn) {
+  std::atomic<bool> cancelled{true};
+  const auto* const before = db->setCancelled(&cancelled);
+  EXPECT_EQ(before, nullptr);
+  const Status ended = run(*db, "SELECT pg_sleep(1000)");
+  ASSERT_FALSE(ended.ok());
+  EXPECT_EQ(ended.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(db->setCancelled(nullptr), &cancelled);
+  EXPECT_EQ(count(), 0);
+}
+
+TEST_F(PostgresEngine, aLostConnectionLosesItsTransactionAndTheNextOneConnectsAgain) {
+  must(add(1));
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(2));
+  must(run(*control_,
+           "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '" + otherName() + "'"));
+  const Status lost = add(3);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(lost.error().code, ErrorCode::kUnavailable);
+  EXPECT_TRUE(db->isLost());
+  EXPECT_TRUE(db->inTransaction()) << "until it is rolled back";
+  EXPECT_FALSE(add(3).ok()) << "else half of it would be committed";
+  db->rollback();
+  EXPECT_FALSE(db->isLost());
+  EXPECT_EQ(count(), 1);
+  EXPECT_FALSE(db->damaged());
+}
+
+TEST_F(PostgresEngine, aCommitWithoutAnAnswerIsAskedForAndNeverGuessed) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(1));
+  must(run(*control_,
+           "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '" + otherName() + "'"));
+  const Status ended = db->commit();
+  ASSERT_FALSE(ended.ok());
+  EXPECT_EQ(ended.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(ended.error().message, HasSubstr("nothing was stored"));
+  EXPECT_EQ(count(), 0);
+}
+
+TEST_F(PostgresEngine, addressesAreCheckedAndShowNoPassword) {
+  const auto code = [](const std::string& url, std::string* message) {
+    const auto opened = openPostgres({.url = url});
+    EXPECT_FALSE(opened.ok()) << url;
+    *message = opened ? "" : opened.error().message;
+    return opened ? ErrorCode::kFailed : opened.error().code;
+  };
+  std::string message;
+  EXPECT_EQ(code("mysql://anna:secret@host/db", &message), ErrorCode::kInvalidInput);
+  EXPECT_THAT(message, Not(HasSubstr("secret")));
+  EXPECT_EQ(code("postgresql://anna:secret@127.0.0.1:1/db", &message), ErrorCode::kInvalidInput);
+  EXPECT_THAT(message, HasSubstr("passfile"));
+  EXPECT_THAT(message, Not(HasSubstr("secret")));
+  EXPECT_EQ(code("postgresql://anna@127.0.0.1:1/db", &message), ErrorCode::kUnavailable);
+  EXPECT_THAT(message, HasSubstr("postgresql://anna@127.0.0.1:1/db"));
+  EXPECT_EQ(code(urlOf("no_such_database"), &message), ErrorCode::kInvalidInput);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,169 @@
+// Both engines have the same schema: db/migrations on SQLite, db/migrations/postgres on PostgreSQL.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "common/base/files.h"
+#include "db/connection.h"
+#include "db/engine/open_postgres.h"
+#include "db/schema.h"
+
+namespace needlelab {
+namespace {
+
+/// Of a table's column: its type, whether NULL is refused, its place in the primary key (0: none).
+struct ColumnFacts {
+  std::string type;
+  bool not_null = false;
+  std::int64_t key = 0;
+  bool operator==(const ColumnFacts&) const = default;
+};
+using SchemaFacts = std::map<std::string, ColumnFacts>;  // by "table.column"
+
+std::ostream& operator<<(std::ostream& out, const ColumnFacts& facts) {
+  return out << facts.type << (facts.not_null ? " NOT NULL" : "") << ", key " << facts.key;
+}
+
+/// SQLite's names of types.
+std::string typeOf(const std::string& postgres) {
+  static const std::map<std::string, std::string> kTypes = {
+      {"bigint", "INTEGER"}, {"double precision", "REAL"}, {"text", "TEXT"}, {"bytea", "BLOB"}};
+  const auto found = kTypes.find(postgres);
+  return found != kTypes.end() ? found->second : "no type of needlelab: " + postgres;
+}
+
+SchemaFacts factsOfSqlite() {
+  auto opened = Connection::open(":memory:", {.mode = Connection::Mode::kReader, .create = true});
+  if (!opened || !opened->script("PRAGMA query_only=OFF").ok()) throw std::runtime_error("no database");
+  for (const EmbeddedFile& file : embeddedMigrations())
+    if (!opened->script(std::string(file.text)).ok()) throw std::runtime_error(std::string(file.name));
+  SchemaFacts facts;
+  auto rows = opened->prepare(
+      "SELECT t.name, c.name, c.type, c.\"notnull\" OR c.pk > 0, c.pk FROM sqlite_schema t, "
+      "pragma_table_info(t.name) c"
+      " WHERE t.type = 'table' AND t.name NOT LIKE 'sqlite%'");
+  while (*rows.step())
+    facts[rows.text(0) + "." + rows.text(1)] = {rows.text(2), rows.integer(3) != 0, rows.integer(4)};
+  return facts;
+}
+
+class SameSchema : public testing::Test {
+ protected:
+  SameSchema() : cluster_(std::getenv("NEEDLELAB_TEST_POSTGRES")), control_(connect("postgres")) {
+    must(control_->script("DROP DATABASE IF EXISTS " + name_));
+    must(control_->script("CREATE DATABASE " + name_));
+    db = connect(name_);
+    const auto sql =
+        readWholeFile(std::string(NEEDLELAB_SOURCE) + "/db/migrations/postgres/0008_first.sql", 1 << 20);
+    if (!sql) throw std::runtime_error(sql.error().message);
+    must(db->script("CREATE SCHEMA needlelab;" + *sql));
+  }
+  ~SameSchema() override {
+    db.reset();
+    (void)control_->script("DROP DATABASE IF EXISTS " + name_ + " WITH (FORCE)");
+  }
+  std::unique_ptr<EngineConnection> connect(const std::string& database) const {
+    auto opened = openPostgres({.url = cluster_ + " dbname=" + database});
+    if (!opened) throw std::runtime_error(opened.error().message);
+    return std::move(*opened);
+  }
+  static void must(const Status& status) {
+    if (!status) throw std::runtime_error(status.error().message);
+  }
+  std::unique_ptr<EngineStatement> asked(const std::string& sql) {
+    auto statement = db->prepare(sql);
+    if (!statement) throw std::runtime_error(statement.error().message);
+    return std::move(*statement);
+  }
+  std::int64_t number(const std::string& sql) {
+    auto statement = asked(sql);
+    const auto row = statement->step();
+    if (!row) throw std::runtime_error(row.error().message);
+    return *row ? statement->integer(0) : -1;
+  }
+
+  const std::string cluster_;
+  std::unique_ptr<EngineConnection> control_;
+  const std::string name_ = "schema" + std::to_string(::getpid());
+  std::unique_ptr<EngineConnection> db;
+};
+
+TEST_F(SameSchema, columnsTypesAndKeys) {
+  SchemaFacts facts;
+  auto rows = asked(
+      "SELECT c.table_name::text, c.column_name::text, c.data_type::text, c.is_nullable = 'NO',"
+      " coalesce((SELECT k.ordinal_position::bigint FROM information_schema.key_column_usage k"
+      "  JOIN information_schema.table_constraints t ON t.constraint_name = k.constraint_name AND "
+      "t.table_schema = k.table_schema"
+      "  WHERE t.constraint_type = 'PRIMARY KEY' AND k.table_schema = c.table_schema AND k.table_name = "
+      "c.table_name"
+      "  AND k.column_name = c.column_name), 0)"
+      " FROM information_schema.columns c JOIN information_schema.tables b USING (table_schema, table_name)"
+      " WHERE c.table_schema = 'needlelab' AND b.table_type = 'BASE TABLE' AND c.table_name <> "
+      "'last_numbers'");
+  for (;;) {
+    const auto row = rows->step();
+    ASSERT_TRUE(row.ok()) << row.error().message;
+    if (!*row) break;
+    const auto text = [&](int column) { return std::string(textOf(rows->bytes(column))); };
+    facts[text(0) + "." + text(1)] = {typeOf(text(2)), rows->integer(3) != 0, rows->integer(4)};
+  }
+  const SchemaFacts wanted = factsOfSqlite();
+  EXPECT_GT(wanted.size(), 150u);
+  for (const auto& [column, of_sqlite] : wanted) {
+    ASSERT_TRUE(facts.contains(column)) << column;
+    EXPECT_EQ(facts[column], of_sqlite) << column;
+  }
+  EXPECT_EQ(facts.size(), wanted.size());
+}
+
+TEST_F(SameSchema, textsSortByteByByte) {
+  EXPECT_EQ(number("SELECT count(*) FROM information_schema.columns WHERE table_schema = 'needlelab'"
+                   " AND data_type = 'text' AND collation_name IS DISTINCT FROM 'C' AND table_name <> "
+                   "'uncounted_sessions'"),
+            0);
+}
+
+TEST_F(SameSchema, keysAreNumberedAsInSqlite) {
+  must(db->script(
+      "INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1, '', '', '', '');"
+      "INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES (10, 1, '', '', '', '');"
+      "DELETE FROM audit WHERE id = 10;"
+      "INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1, '', '', '', '');"
+      "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 4, 1, 1);"
+      "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES ('anna', 1, 1, '', '');"
+      "DELETE FROM consents;"
+      "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES ('anna', 1, 1, '', '')"));
+  EXPECT_EQ(number("SELECT max(id) FROM audit"), 11) << "a number of the log is never used again";
+  EXPECT_EQ(number("SELECT max(id) FROM consents"), 1);
+}
+
+TEST_F(SameSchema, openSessionsCountApartAndTakeTheirSumsAtTheirEnd) {
+  must(db->script(
+      "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('s', zeroblob(32), 1);"
+      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, profile_revision, profile_json,"
+      " engine_version, rate_hz, started_unix_ns, description, state, received_unix_ns, chunks)"
+      " VALUES (zeroblob(16), 's', '', '', '', 1, '', '', 1000, 1, '', 1, 1, 5);"
+      "UPDATE session_progress SET chunks = 7, samples = 70"));
+  EXPECT_EQ(number("SELECT chunks FROM sessions"), 0);
+  must(db->script("UPDATE sessions SET state = 2"));
+  EXPECT_EQ(number("SELECT chunks FROM sessions"), 7);
+  EXPECT_EQ(number("SELECT samples FROM sessions"), 70);
+  EXPECT_EQ(number("SELECT count(*) FROM session_progress"), 0);
+}
+
+TEST_F(SameSchema, theFunctionsOfSqliteAreThere) {
+  EXPECT_EQ(number("SELECT max(3::bigint, 5::bigint)"), 5);
+  EXPECT_EQ(number("SELECT min(3::bigint, 5::bigint)"), 3);
+  EXPECT_EQ(number("SELECT instr('abcb', 'b')"), 2);
+  EXPECT_EQ(number("SELECT length(zeroblob(7))"), 7);
+  EXPECT_EQ(number("SELECT CASE hex(zeroblob(1)) WHEN '00' THEN 1 ELSE 0 END"), 1);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,94 @@
+#include "db/engine/postgres_values.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+#include <string>
+
+namespace needlelab {
+namespace {
+
+std::string bytesOf(std::initializer_list<int> values) {
+  std::string bytes;
+  for (const int value : values) bytes += static_cast<char>(value);
+  return bytes;
+}
+
+std::int64_t integer(PostgresType type, const std::string& bytes) {
+  return integerOfPostgres(type, viewOf(bytes));
+}
+
+TEST(PostgresValues, wholeNumbersHaveTheGreatestByteFirst) {
+  EXPECT_EQ(postgresInteger(0x0102030405060708), bytesOf({1, 2, 3, 4, 5, 6, 7, 8}));
+  EXPECT_EQ(postgresInteger(-2), bytesOf({255, 255, 255, 255, 255, 255, 255, 254}));
+  constexpr auto kMin = std::numeric_limits<std::int64_t>::min();
+  for (const std::int64_t value : {std::int64_t{0}, std::int64_t{-1}, kMin, ~kMin})
+    EXPECT_EQ(integer(PostgresType::kInt8, postgresInteger(value)), value);
+  EXPECT_EQ(integer(PostgresType::kInt4, bytesOf({255, 255, 255, 253})), -3);
+  EXPECT_EQ(integer(PostgresType::kOid, bytesOf({255, 255, 255, 253})), 4294967293);
+  EXPECT_EQ(integer(PostgresType::kInt2, bytesOf({128, 0})), -32768);
+  EXPECT_EQ(integer(PostgresType::kBool, bytesOf({1})), 1);
+  EXPECT_EQ(integer(PostgresType::kBool, bytesOf({0})), 0);
+}
+
+TEST(PostgresValues, realsKeepTheirBits) {
+  for (const double value : {0.0, -0.0, 0.1, -1e300, 5e-324, std::numeric_limits<double>::infinity()}) {
+    const double back = realOfPostgres(PostgresType::kFloat8, viewOf(postgresReal(value)));
+    EXPECT_EQ(back, value);
+    EXPECT_EQ(std::signbit(back), std::signbit(value));
+  }
+  EXPECT_TRUE(std::isnan(realOfPostgres(PostgresType::kFloat8, viewOf(postgresReal(std::nan(""))))));
+  // 1.5 as float4
+  EXPECT_EQ(realOfPostgres(PostgresType::kFloat4, viewOf(bytesOf({0x3f, 0xc0, 0, 0}))), 1.5);
+  // held to the range, as SQLite does
+  EXPECT_EQ(integer(PostgresType::kFloat8, postgresReal(1e300)), std::numeric_limits<std::int64_t>::max());
+  EXPECT_EQ(integer(PostgresType::kFloat8, postgresReal(-1e300)), std::numeric_limits<std::int64_t>::min());
+  EXPECT_EQ(integer(PostgresType::kFloat8, postgresReal(std::nan(""))),
+            std::numeric_limits<std::int64_t>::min());
+  EXPECT_EQ(integer(PostgresType::kFloat8, postgresReal(-2.9)), -2);
+}
+
+// sum(BIGINT) is a numeric: digits in base 10,000
+TEST(PostgresValues, sumsAreReadExactly) {
+  // 12,345,678 = 1234 · 10,000 + 5678
+  const std::string some = bytesOf({0, 2, 0, 1, 0, 0, 0, 0, 0x04, 0xd2, 0x16, 0x2e});
+  EXPECT_EQ(integer(PostgresType::kNumeric, some), 12'345'678);
+  EXPECT_EQ(realOfPostgres(PostgresType::kNumeric, viewOf(some)), 12'345'678);
+  EXPECT_EQ(*textOfPostgres(PostgresType::kNumeric, viewOf(some)), "12345678");
+  // digits that are 0 at the end are left out: 20,000 is one digit of weight 1
+  EXPECT_EQ(integer(PostgresType::kNumeric, bytesOf({0, 1, 0, 1, 0x40, 0, 0, 0, 0, 2})), -20'000);
+  // 0.5: weight −1
+  const std::string half = bytesOf({0, 1, 0xff, 0xff, 0, 0, 0, 1, 0x13, 0x88});
+  EXPECT_EQ(integer(PostgresType::kNumeric, half), 0);
+  EXPECT_DOUBLE_EQ(realOfPostgres(PostgresType::kNumeric, viewOf(half)), 0.5);
+  // 2^63 = 9·10^18 and more: 922 3372 0368 5477 5808
+  const std::string above =
+      bytesOf({0, 5, 0, 4, 0, 0, 0, 0, 3, 0x9a, 0x0d, 0x2c, 1, 0x70, 0x15, 0x65, 0x16, 0xb0});
+  EXPECT_EQ(integer(PostgresType::kNumeric, above), std::numeric_limits<std::int64_t>::max());
+  // NaN
+  EXPECT_EQ(integer(PostgresType::kNumeric, bytesOf({0, 0, 0, 0, 0xc0, 0, 0, 0})), 0);
+}
+
+TEST(PostgresValues, bytesOfAnyLengthAreReadWithoutHarm) {
+  for (const auto type : {PostgresType::kBool, PostgresType::kInt2, PostgresType::kInt4, PostgresType::kInt8,
+                          PostgresType::kFloat4, PostgresType::kFloat8, PostgresType::kNumeric,
+                          PostgresType::kText, PostgresType::kBytes, PostgresType{77}})
+    for (std::size_t length = 0; length < 20; ++length) {
+      const std::string bytes(length, '\xff');
+      (void)integerOfPostgres(type, viewOf(bytes));
+      (void)realOfPostgres(type, viewOf(bytes));
+      (void)textOfPostgres(type, viewOf(bytes));
+    }
+}
+
+TEST(PostgresValues, textsBeginWithTheirNumber) {
+  EXPECT_EQ(integer(PostgresType::kText, "-17 apples"), -17);
+  EXPECT_EQ(integer(PostgresType::kText, "apples"), 0);
+  EXPECT_EQ(realOfPostgres(PostgresType::kText, viewOf(std::string("2.5"))), 2.5);
+  EXPECT_FALSE(textOfPostgres(PostgresType::kText, viewOf(std::string("2.5"))).has_value());
+}
+
+}  // namespace
+}  // namespace needlelab
