@@ -205,7 +205,7 @@ TEST_F(ErasedWordsTest, theReplyNamesSessionsOfOthersByEachTextOfTheirDescriptio
   whole([](pb::SessionDescription& d) { d.set_profile_id("Anna-knee"); });
   whole([](pb::SessionDescription& d) { d.set_engine_version("0.1 anna"); });
   whole([](pb::SessionDescription& d) { d.add_live_effects("x, anna"); });
-  whole([](pb::SessionDescription& d) { d.add_device_notes("Östlund-Berg"); });
+  whole([](pb::SessionDescription& d) { d.add_device_notes("of Anna Östlund-Berg"); });
   // only its letters, and what an earlier version stored
   const auto letters = opened([](pb::SessionDescription& d) { d.set_profile_id("annabel"); });
   auto hidden = opened([](pb::SessionDescription&) {});

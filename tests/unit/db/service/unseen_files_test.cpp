@@ -59,7 +59,8 @@ class UnseenFilesOfErased : public test::RecordsTest {
     pb::Request request;
     request.mutable_list_audit()->set_action("person erase");
     std::vector<std::string> lines;
-    for (const auto& entry : get(admin, request).audit().entries())
+    const pb::Reply reply = get(admin, request);
+    for (const auto& entry : reply.audit().entries())
       if (entry.who() == kServerName && entry.subject() == pseudonym && entry.detail().starts_with("nobody"))
         lines.push_back(entry.detail());
     return lines;
