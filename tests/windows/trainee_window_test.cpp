@@ -301,11 +301,11 @@ TEST(TraineeWithoutADisplay, picturesAreTakenOfALessonThatEndsByItself) {
   ::unsetenv("DISPLAY");
   Process station("needlelab-station", {"--profile",    NEEDLELAB_SAMPLES "/shoulder-adult.json",
                                         "--spool",      folder.path() / "spool",
-                                        "--seconds",    "3",
+                                        "--seconds",    "6",
                                         "--screenshot", folder.path() / "start.png",
                                         "--at",         "start",
                                         "--screenshot", folder.path() / "lesson.png",
-                                        "--at",         "1.5",
+                                        "--at",         "0.5",
                                         "--screenshot", folder.path() / "end.png",
                                         "--at",         "end",
                                         "--window",     "1280x720"},

@@ -56,7 +56,11 @@ std::vector<PictureRequest> PicturePlan::due(Stage stage, double lesson_s) {
 }
 
 bool PicturePlan::done() const {
-  return std::find(taken_.begin(), taken_.end(), false) == taken_.end();
+  const auto left = missing();
+  // behind the lesson only its end can still be seen
+  return std::none_of(left.begin(), left.end(), [&](const PictureRequest& picture) {
+    return last_ != Stage::kEnd || picture.when == PictureRequest::When::kEnd;
+  });
 }
 
 std::vector<PictureRequest> PicturePlan::missing() const {
@@ -201,7 +205,7 @@ class FrameLoop {
                            frames_ / std::max(seconds, 1e-3), 1e3 * drawn_s_ / std::max(frames_, 1)));
     for (const PictureRequest& picture : plan_.missing())
       logMessage("no picture " + picture.file.string() + ": the lesson ended before it");
-    return all_saved_ && plan_.done();
+    return all_saved_ && plan_.missing().empty();
   }
 
  private:

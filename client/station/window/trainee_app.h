@@ -20,7 +20,7 @@ class PicturePlan {
   /// Returns the pictures due at a frame of `stage`, `lesson_s` into the lesson. Start and End are due at
   /// their third frame, when the layout is final.
   std::vector<PictureRequest> due(Stage stage, double lesson_s);
-  /// Returns whether all pictures are taken or have become impossible.
+  /// Returns whether all pictures are taken, or are of a lesson that has ended at the last frame.
   [[nodiscard]] bool done() const;
   /// Returns the pictures not taken.
   [[nodiscard]] std::vector<PictureRequest> missing() const;

@@ -40,5 +40,22 @@ TEST(PicturePlan, aLessonThatEndedBeforeLeavesItMissing) {
   EXPECT_TRUE(PicturePlan({}).done());
 }
 
+// a program without a display ends by it, however few frames a loaded machine drew
+TEST(PicturePlan, isDoneWithAnEndedLessonOnceItsEndIsTaken) {
+  PicturePlan plan({{"late", When::kLesson, 1}, {"end", When::kEnd, 0}});
+  EXPECT_TRUE(plan.due(Stage::kLesson, 0.5).empty());
+  EXPECT_FALSE(plan.done());
+  for (int frame = 0; frame < 2; ++frame) {
+    EXPECT_TRUE(plan.due(Stage::kEnd, 3).empty());
+    EXPECT_FALSE(plan.done()) << "its end is to come";
+  }
+  EXPECT_EQ(plan.due(Stage::kEnd, 3).size(), 1u);
+  EXPECT_TRUE(plan.done());
+  ASSERT_EQ(plan.missing().size(), 1u);
+  // a person begins another one
+  EXPECT_TRUE(plan.due(Stage::kLesson, 0).empty());
+  EXPECT_FALSE(plan.done());
+}
+
 }  // namespace
 }  // namespace needlelab
