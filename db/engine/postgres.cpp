@@ -18,6 +18,8 @@
 namespace needlelab {
 namespace {
 
+/// A program that stopped within a transaction loses it, and with it the lock of the writer.
+constexpr int kMostIdle_ms = 30'000;
 constexpr int kOldestVersion = 150'000;  // PQserverVersion
 constexpr int kBinary = 1;
 constexpr std::size_t kMostSigns = 8;  // of types of one statement's values, see PostgresStatement
@@ -203,9 +205,9 @@ Status PostgresConnection::connect() {
   const std::string timeout =
       std::to_string(std::max<std::int64_t>(1, options_.connect_timeout.count() / 1000));
   // what the URL says comes first in the list, so that these stand
-  const std::string search =
-      fmt::format("-c search_path={} -c client_min_messages=warning{}", kPostgresSchema,
-                  options_.read_only ? " -c default_transaction_read_only=on" : "");
+  const std::string search = fmt::format(
+      "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={}{}",
+      kPostgresSchema, kMostIdle_ms, options_.read_only ? " -c default_transaction_read_only=on" : "");
   const char* const names[] = {"dbname",
                                "connect_timeout",
                                "options",
