@@ -170,8 +170,9 @@ class PostgresStatement final : public EngineStatement {
     types.reserve(values_.size());
     for (const auto& value : values_) types.push_back(value.type);
     if (const auto found = names_.find(types); found != names_.end()) return found->second;
-    ASSIGN_OR_RETURN(std::string name, connection_.prepareNow(own_.text, values_));
-    if (names_.size() < kMostSigns) names_.emplace(std::move(types), name);
+    const bool kept = names_.size() < kMostSigns;
+    ASSIGN_OR_RETURN(std::string name, connection_.prepareNow(own_.text, values_, kept));
+    if (kept) names_.emplace(std::move(types), name);
     return name;
   }
 
@@ -273,9 +274,8 @@ void PostgresConnection::noteNotice(void* self, const PGresult* notice) {
 }
 
 Error PostgresConnection::lost(std::string_view what) {
-  const bool in_transaction = !write_xid_.empty() || inTransaction();
   connection_.reset();
-  in_lost_transaction_ = in_lost_transaction_ || in_transaction;
+  in_lost_transaction_ = in_lost_transaction_ || in_transaction_;
   constexpr std::size_t kShown = 120;
   return {ErrorCode::kUnavailable, fmt::format("{}: the connection was lost, or gives no answer ({})",
                                                shown_url_, what.substr(0, kShown))};
@@ -332,8 +332,9 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::wait(std::string_view 
   return last;
 }
 
-Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const std::vector<Value>& values) {
-  std::string name = "n" + std::to_string(++prepared_);
+Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const std::vector<Value>& values,
+                                                   bool kept) {
+  std::string name = kept ? "n" + std::to_string(++prepared_) : "";
   std::vector<Oid> types;
   types.reserve(values.size());
   for (const Value& value : values) types.push_back(value.type);
@@ -390,6 +391,7 @@ Status PostgresConnection::begin(Begin kind) {
     // BEGIN alone does not read; this fixes the view
     Status fixed = runText("SELECT 1");
     if (!fixed) rollback();
+    in_transaction_ = fixed.ok();
     return fixed;
   }
   // in this order: the view of each statement behind the lock has all that the holder before committed
@@ -403,6 +405,7 @@ Status PostgresConnection::begin(Begin kind) {
     return locked.error();
   }
   write_xid_ = PQgetvalue(locked->get(), 0, 1);
+  in_transaction_ = true;
   return {};
 }
 
@@ -410,6 +413,7 @@ Status PostgresConnection::commit() {
   warning_.reset();
   if (in_lost_transaction_) return requireConnected();
   const std::string xid = std::exchange(write_xid_, {});
+  in_transaction_ = false;  // what is lost from here on is asked for
   if (PQsendQuery(connection_.get(), "COMMIT") != 0) {
     const auto done = wait("commit");
     if (done && std::strcmp(PQcmdStatus(done->get()), "COMMIT") != 0)
@@ -422,7 +426,6 @@ Status PostgresConnection::commit() {
   } else {
     (void)lost("commit");
   }
-  in_lost_transaction_ = false;
   if (xid.empty()) return {};  // it only read
   return askOutcome(xid);
 }
@@ -462,9 +465,9 @@ Status PostgresConnection::askOutcome(const std::string& xid) {
 
 void PostgresConnection::rollback() {
   write_xid_.clear();
+  in_transaction_ = false;
   if (std::exchange(in_lost_transaction_, false)) return;
   if (inTransaction()) (void)runText("ROLLBACK");
-  in_lost_transaction_ = false;
 }
 
 Status PostgresConnection::savepoint() {

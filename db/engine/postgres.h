@@ -72,8 +72,8 @@ class PostgresConnection final : public EngineConnection {
   // for its statements
   /// Counts the connections that were made: what was prepared on another one is gone.
   [[nodiscard]] std::uint64_t epoch() const { return epoch_; }
-  /// Prepares `sql`, in PostgreSQL's form; returns the name.
-  Result<std::string> prepareNow(const std::string& sql, const std::vector<Value>& values);
+  /// Prepares `sql`, in PostgreSQL's form; returns the name. Not `kept`: until the next one that is not.
+  Result<std::string> prepareNow(const std::string& sql, const std::vector<Value>& values, bool kept);
   Result<ResultPtr> execute(const std::string& prepared, const std::vector<Value>& values,
                             std::string_view what);
   /// Connects again where the connection is lost, and there is no transaction that went with it.
@@ -103,6 +103,7 @@ class PostgresConnection final : public EngineConnection {
   std::uint64_t epoch_ = 0, prepared_ = 0;
   bool damaged_ = false;
   bool in_lost_transaction_ = false;    ///< the connection was lost within one that has not been rolled back
+  bool in_transaction_ = false;         ///< begin() succeeded, and neither commit() nor rollback() came
   std::string write_xid_;               ///< of the write transaction under way
   std::optional<std::string> warning_;  ///< since the last commit began
 };

@@ -279,6 +279,44 @@ TEST_F(PostgresEngine, aLostConnectionLosesItsTransactionAndTheNextOneConnectsAg
   EXPECT_FALSE(db->damaged());
 }
 
+// else its later reads would be of another time than the first
+TEST_F(PostgresEngine, aLostViewIsNotGoneOnWithOnANewConnection) {
+  must(add(1));
+  must(db->begin(EngineConnection::Begin::kView));
+  EXPECT_EQ(count(), 1);
+  must(run(*control_,
+           "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '" + otherName() + "'"));
+  for (int read = 0; read < 2; ++read) {
+    const Status lost = run(*db, "SELECT 1");
+    ASSERT_FALSE(lost.ok());
+    EXPECT_EQ(lost.error().code, ErrorCode::kUnavailable);
+    EXPECT_TRUE(db->isLost());
+  }
+  db->rollback();
+  EXPECT_EQ(count(), 1);
+}
+
+TEST_F(PostgresEngine, aStatementTakesAnyNumberOfListsOfTypes) {
+  must(add(1));
+  auto read = prepared(*db, "SELECT count(*) FROM kinds WHERE ? IS NULL OR ? IS NULL OR ? IS NULL");
+  constexpr int kKinds = 3;  // a number, a text, bytes
+  for (int round = 0; round < 2; ++round)
+    for (int types = 0; types < kKinds * kKinds * kKinds; ++types) {
+      for (int parameter = 1, kind = types; parameter <= 3; ++parameter, kind /= kKinds)
+        must(kind % kKinds == 0   ? read->bind(parameter, std::int64_t{1})
+             : kind % kKinds == 1 ? read->bind(parameter, std::string_view("a"))
+                                  : read->bind(parameter, ByteView()));
+      const auto row = read->step();
+      ASSERT_TRUE(row.ok()) << row.error().message;
+      EXPECT_EQ(read->integer(0), 0);
+      read->reset();
+    }
+  EXPECT_EQ(number(*db,
+                   "SELECT count(*) FROM pg_prepared_statements"
+                   " WHERE statement LIKE 'SELECT count(*) FROM kinds%'"),
+            8);
+}
+
 TEST_F(PostgresEngine, aCommitWithoutAnAnswerIsAskedForAndNeverGuessed) {
   must(db->begin(EngineConnection::Begin::kWrite));
   must(add(1));
