@@ -168,6 +168,7 @@ Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address) {
   config.ca_file = address.ca_file;
   config.program = programText("admin");
   config.login = personLogin(address.user, address.password);
+  config.connect_timeout = kConnectOnceTimeout;
   ASSIGN_OR_RETURN(auto client, BlockingClient::connect(config));
   return std::unique_ptr<Backend>(std::make_unique<ServerBackend>(std::move(client)));
 }

@@ -104,6 +104,7 @@ int main(int argc, char** argv) {
   if (!password.ok()) return fail(password.error());
   ClientConfig config = clientConfig(options);
   config.login = personLogin(options.user, *password);
+  config.connect_timeout = kConnectOnceTimeout;
   auto client = BlockingClient::connect(config);
   if (!client.ok()) return fail(client.error());
   if (!options.report.empty()) {

@@ -15,6 +15,12 @@
 
 namespace needlelab {
 
+/// For programs that connect once and then end, or report a failure to a person: longer than the bound of the
+/// server (ChannelLimits::handshake_timeout), so that a busy one answers, or says itself that it gives up.
+/// Whoever connects again and again gives up sooner.
+inline constexpr std::chrono::milliseconds kConnectOnceTimeout{15'000};
+static_assert(kConnectOnceTimeout > ChannelLimits{}.handshake_timeout);
+
 struct ClientConfig {
   Endpoint server;
   std::filesystem::path ca_file;  ///< the server's tls/ca.crt; not read when `tls` is given

@@ -201,6 +201,7 @@ Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesy
   config.ca_file = ca;
   config.program = programText("station");
   config.login = stationLogin(enrolment.station, enrolment.key);
+  config.connect_timeout = kConnectOnceTimeout;
   auto client = BlockingClient::connect(config);
   ::unlink(ca.c_str());
   if (!client.ok()) return client.error();

@@ -47,6 +47,7 @@ Status askServerForCurriculum(Curriculum& curriculum, const StationOptions& opti
   config.ca_file = options.ca_file;
   config.program = programText("station");
   config.login = stationLogin(options.station.empty() ? key.station : options.station, key.key);
+  config.connect_timeout = kConnectOnceTimeout;
   ASSIGN_OR_RETURN(auto client, BlockingClient::connect(config));
   auto updated = updateCurriculum(
       curriculum, [&](pb::Request request) { return client.call(std::move(request)); },

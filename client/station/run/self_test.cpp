@@ -280,6 +280,7 @@ ServerFacts measureServer(const StationOptions& options) {
   config.program = programText("station");
   config.login = stationLogin(options.station.empty() ? key->station : options.station, key->key);
   const std::int64_t from_ns = steadyNowNs();
+  config.connect_timeout = kConnectOnceTimeout;
   auto client = BlockingClient::connect(config);
   if (!client.ok()) {
     facts.trouble = client.error().message;
