@@ -55,6 +55,25 @@ Timing timingOf(std::vector<double> means_ns, std::size_t per_batch) {
   return timing;
 }
 
+Timing timingOfRuns(const std::vector<double>& means_ns, std::size_t per_batch, std::size_t runs) {
+  Timing timing = timingOf(means_ns, per_batch);
+  const std::size_t count = means_ns.size();
+  runs = std::min(runs, count);
+  std::vector<double> medians_ns, tails_ns;
+  for (std::size_t r = 0; r < runs; ++r) {
+    const auto begin = means_ns.begin() + static_cast<std::ptrdiff_t>(r * count / runs);
+    const auto end = means_ns.begin() + static_cast<std::ptrdiff_t>((r + 1) * count / runs);
+    const Timing run = timingOf({begin, end}, per_batch);
+    medians_ns.push_back(run.median_ns);
+    tails_ns.push_back(run.p99_ns);
+  }
+  std::sort(medians_ns.begin(), medians_ns.end());
+  std::sort(tails_ns.begin(), tails_ns.end());
+  timing.median_ns = quantile(medians_ns, 0.5);
+  timing.p99_ns = quantile(tails_ns, 0.5);
+  return timing;
+}
+
 double clockCost_ns() {
   static const double cost_ns = measuredClock_ns();
   return cost_ns;

@@ -46,6 +46,10 @@ class Stopwatch {
 /// Quantiles of the batches' means (ns per operation); `values` may be in any order. Zero batches give zeros.
 /// Quantile q is the least value such that at least the share q of all values is not above it.
 Timing timingOf(std::vector<double> means_ns, std::size_t per_batch);
+/// For work whose speed drifts: `means_ns`, in the order in which they were measured, are cut into `runs`
+/// equal runs (at least 1; at most one for each value). Each quantile is the median of the runs', so p99 is
+/// never below the median; of an even number of runs, the lower of the two in the middle.
+Timing timingOfRuns(const std::vector<double>& means_ns, std::size_t per_batch, std::size_t runs);
 
 /// The cost of one reading of the clock (median of 1,000), in ns; measured once per process.
 double clockCost_ns();

@@ -106,36 +106,27 @@ void measureStrain(const NeedleBox& box, const NeedleBoxSpec& spec, const Eigen:
   to.strained_near_share = near_volume > 0 ? strained_volume / near_volume : 0;
 }
 
-double quantile(std::vector<double> values, double q) {
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size()))];
-}
-
 // one right-hand side after the other, each of another station
 Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>& loads, SolveTimes& to) {
   constexpr double kFor_s = 0.5;
   constexpr std::size_t kMostSolved = 1000, kRuns = 5;
   to = {};
-  std::vector<double> times_s;
+  std::vector<double> times_ns;
   Stopwatch watch;
   do {
     const Eigen::SparseMatrix<double> load =
-        loads.middleCols(static_cast<Eigen::Index>(times_s.size()) % loads.cols(), 1);
+        loads.middleCols(static_cast<Eigen::Index>(times_ns.size()) % loads.cols(), 1);
     watch.lap();
     const auto solved = solver.solve(load);
     if (!solved.ok()) return solved.error();
-    times_s.push_back(watch.lap());
-    to.all_s += times_s.back();
-  } while (to.all_s < kFor_s && times_s.size() < kMostSolved);
-  to.solves = times_s.size();
-  const std::size_t runs = std::min(kRuns, to.solves);
-  std::vector<double> tails_s;
-  for (std::size_t r = 0; r < runs; ++r)
-    tails_s.push_back(quantile({times_s.begin() + static_cast<std::ptrdiff_t>(r * to.solves / runs),
-                                times_s.begin() + static_cast<std::ptrdiff_t>((r + 1) * to.solves / runs)},
-                               0.99));
-  to.p50_s = quantile(std::move(times_s), 0.5);
-  to.p99_s = quantile(std::move(tails_s), 0.5);
+    const double took_s = watch.lap();
+    times_ns.push_back(took_s * 1e9);
+    to.all_s += took_s;
+  } while (to.all_s < kFor_s && times_ns.size() < kMostSolved);
+  const Timing timing = timingOfRuns(times_ns, 1, kRuns);
+  to.solves = timing.batches;
+  to.p50_s = timing.median_ns * 1e-9;
+  to.p99_s = timing.p99_ns * 1e-9;
   return {};
 }
 
