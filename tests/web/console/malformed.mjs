@@ -342,4 +342,50 @@ export function malformed(t) {
     await page.getByRole('button', { name: 'Discard changes' }).click();
     await done(page);
   });
+
+  it('what the server says between press and release does not move what is pressed', async () => {
+    const page = await t.browser.as('mara');
+    // the force cannot be rendered
+    page.expected.add(400);
+    await open(page, t.lab, '#/profiles/knee-adult');
+    const problems = page.getByRole('status', { name: 'Problems of this form' });
+    const beside = page.getByRole('complementary', { name: 'What it looks and feels like' });
+    const scrolled = () => beside.evaluate((element) => element.scrollTop);
+    const link = (path) => problems.getByRole('button', { name: path, exact: true });
+    await problems.getByText('✓ No problems found').waitFor();
+    await page.getByText('The whole as JSON').click();
+    const json = page.getByLabel('JSON', { exact: true });
+    const whole = JSON.parse(await json.inputValue());
+    const last = `layers[${whole.layers.length - 1}].thickness_m`;
+    await json.fill(JSON.stringify({ ...whole, layers: whole.layers.map((l) => ({ ...l, thickness_m: 0 })) }));
+    await link(last).waitFor();
+    await page.getByText('This is the last version that could be rendered.').waitFor();
+
+    let answer;
+    const pressed = new Promise((resolve) => (answer = resolve));
+    await page.route(/\/profiles\/check$/, async (route) => {
+      await pressed;
+      await route.continue();
+    });
+    await json.fill(JSON.stringify({ ...whole, needle: 5 }));
+    // its answer makes the list shorter, and what stands beside the form cannot stay scrolled as far
+    await beside.evaluate((element) => (element.scrollTop = element.scrollHeight));
+    await link('needle').hover();
+    const before = await scrolled();
+    await page.mouse.down();
+    const answered = page.waitForEvent('requestfinished', (request) => request.url().endsWith('/profiles/check'));
+    answer();
+    await answered;
+    // the page has it, too: it has the answer to a later question, and was drawn since
+    await page.evaluate(async () => {
+      await fetch('/api/v1/session');
+      for (let frame = 0; frame < 2; frame++) await new Promise(requestAnimationFrame);
+    });
+    await page.mouse.up();
+    assert.equal(await page.evaluate(() => document.activeElement.dataset.path), 'needle.length_m');
+    await link(last).waitFor({ state: 'detached' });
+    assert.ok((await scrolled()) < before, 'the list moved when it was released');
+    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await done(page);
+  });
 }

@@ -9,7 +9,7 @@ import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
 import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
-import { useDebounced } from '../ui/hooks.js';
+import { released, useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
 import { Heading, Mark, Problem } from '../ui/widgets.js';
 import { Legend, SideView } from '../ui/section.js';
@@ -49,9 +49,10 @@ export function useCheck(doc, check) {
   useEffect(() => {
     if (!settled) return undefined;
     const abort = new AbortController();
+    const show = (state) => released().then(() => !abort.signal.aborted && setState(state));
     check(settled, abort.signal).then(
-      (problems) => setState({ problems, checked: true, error: null }),
-      (error) => error.name !== 'AbortError' && setState((before) => ({ ...before, checked: false, error })),
+      (problems) => show({ problems, checked: true, error: null }),
+      (error) => show((before) => ({ ...before, checked: false, error })),
     );
     return () => abort.abort();
   }, [settled]);

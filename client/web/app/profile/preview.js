@@ -3,7 +3,7 @@ import { kCurves, tissueColor } from '../lib/tissue.js';
 import { atStart, number, quantity, words } from '../lib/units.js';
 import { previewProfile } from '../net/requests.js';
 import { Chart } from '../ui/chart.js';
-import { useDebounced } from '../ui/hooks.js';
+import { released, useDebounced } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';
 
 /**
@@ -16,9 +16,10 @@ export function usePreview(doc) {
   useEffect(() => {
     if (!settled) return undefined;
     const abort = new AbortController();
+    const show = (state) => released().then(() => !abort.signal.aborted && setState(state));
     previewProfile(settled, abort.signal).then(
-      (preview) => setState({ preview, of: settled, error: null }),
-      (error) => error.name !== 'AbortError' && setState((before) => ({ ...before, error })),
+      (preview) => show({ preview, of: settled, error: null }),
+      (error) => show((before) => ({ ...before, error })),
     );
     return () => abort.abort();
   }, [settled]);

@@ -99,6 +99,14 @@ export function useDebounced(value, ms) {
 }
 
 /**
+ * Resolves once nothing is pressed. An answer of the server that is shown between press and release may move the page
+ * under the pointer, and the click is lost.
+ */
+export async function released() {
+  while (document.querySelector(':active')) await new Promise(requestAnimationFrame);
+}
+
+/**
  * How wide an element is, in CSS pixels, as it changes.
  * @param {number} first before it is known
  * @returns {[{current: Element|null}, number]} the first for its `ref`
