@@ -143,9 +143,11 @@ std::string withoutListed(std::string text, const std::string& name, const std::
   return text;
 }
 
-/// The detail of a line that says whose samples somebody read (db/service/session_handlers.cpp).
+/// Around the name in a line that says whose samples somebody read (db/service/session_handlers.cpp).
+constexpr std::string_view kSamplesOf = "samples of '", kSamplesEnd = "'";
+
 std::string samplesOf(std::string_view name) {
-  return fmt::format("samples of '{}'", name);
+  return std::string(kSamplesOf).append(name).append(kSamplesEnd);
 }
 
 /// The detail of a line that says that a session was given to somebody else: "from Mona to anna: reason".
@@ -331,6 +333,22 @@ Status addOthers(Connection& connection, ErasedNames& names, bool of_groups,
   }
   names.others = OtherNames(std::vector<std::string>(others.begin(), others.end()));
   return {};
+}
+
+std::vector<std::string> namesIn(const AuditRow& line) {
+  constexpr std::string_view kPerson = "person ";
+  std::vector<std::string> names{line.who};
+  const auto addSubject = [&](const std::string& name) {
+    if (isPersonSubject(line, name)) names.push_back(name);
+  };
+  addSubject(line.subject);
+  if (line.subject.starts_with(kPerson)) addSubject(line.subject.substr(kPerson.size()));
+  const std::string_view detail = line.detail;
+  if (line.action == "session export" && detail.starts_with(kSamplesOf) && detail.ends_with(kSamplesEnd) &&
+      detail.size() > kSamplesOf.size())
+    names.emplace_back(
+        detail.substr(kSamplesOf.size(), detail.size() - kSamplesOf.size() - kSamplesEnd.size()));
+  return names;
 }
 
 AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,

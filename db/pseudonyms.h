@@ -107,6 +107,10 @@ Result<std::vector<std::string>> namesOfStore(Connection& connection, bool of_gr
 Status addOthers(Connection& connection, ErasedNames& names, bool of_groups = true,
                  const std::set<std::string>& besides = {});
 
+/// Names in a line of the audit log that the program put there: who did it, the person whom it is about,
+/// whose samples were read. Some may be a station's.
+std::vector<std::string> namesIn(const AuditRow& line);
+
 /// Removes the person from a line of the audit log. Replaces who and subject only where they mean this person
 /// (the action decides for the subject), and names in the detail according to the person that it is about.
 /// Who did something had an account, so a name that was typed at a station is never that. `own_sessions`: ids

@@ -161,6 +161,8 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   // one at a time, because the file is read and written as a whole
   static std::mutex one_erasure;
   const std::scoped_lock lock(one_erasure);
+  // the asker may have been erased while this one waited; from here on nobody is
+  RETURN_IF_ERROR(checkAccess(context.reader, context.who));
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
   const auto before = lines;
   const auto hash = key.nameHash(call.name());

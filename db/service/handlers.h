@@ -49,8 +49,8 @@ struct Context {
   RequestUnderWay* under_way = nullptr;          ///< null: a function of the service asks
 };
 
-/// Whether the person is there, is not disabled and has this role; or the station is there and is not
-/// revoked.
+/// Whether the person is there, by the account that it logged in with, is not disabled and has this role; or
+/// the station is there and is not revoked.
 Result<bool> accessHolds(Connection& connection, const Principal& who);
 /// kDenied when `who` came by a log-in and its access does not hold any more.
 Status checkAccess(Connection& connection, const Principal& who);

@@ -323,7 +323,7 @@ TEST_F(ErasingInSteps, aProgramThatEndsLeavesTheOtherChunksToRetentionAndSaysSo)
   // as the next start does
   store.reset();
   store = test::openStore(data);
-  ASSERT_OK(store->service().retention("ada", false));
+  ASSERT_OK(store->service().retention({"ada"}, false));
   EXPECT_EQ(chunkRows(), 3u);
 }
 
