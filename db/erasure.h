@@ -266,6 +266,9 @@ class ErasureStore {
   Result<SessionsWithName> sessionsWithName(const ErasedNames& names, const NameSearch& search);
   /// Rows whose author has the name, where that is not replaced, for the administrator; empty: none.
   Result<std::string> doneUnder(const std::string& name);
+  /// Rows whose author, but for those of remarks, is not `name` and has the letters of one of the names
+  /// ("local:anna", "ANNA" of an import), for the administrator; empty: none.
+  Result<std::string> doersAlike(const NameSearch& search, const std::string& name);
   Connection& connection_;
   FreeRoom free_room_;
   int rows_ = 0;  ///< that were written since requireRoom()

@@ -355,7 +355,7 @@ TEST_F(ErasureStoreTest, aNameThatSomebodyTypedGoesFromItsOwnSessionsOnlyAndTheR
       *db.writer.prepare("SELECT given FROM unknown_trainees WHERE by_whom IS NOT NULL").first(firstText),
       "erased-1234");
   for (const char* left : {"The name was also replaced in: 1 lines of the audit log about others. ",
-                           "1 remarks, such as number 2", "the names of 1 groups, such as hand",
+                           "2 remarks, such as number 2, 3", "the names of 1 groups, such as hand",
                            "4 lines of the audit log, such as 1, 2, 3",
                            "wrote these rows of the database, which keep it: 1 of annotations (author). "})
     EXPECT_THAT(erased->text(), testing::HasSubstr(left));
