@@ -156,8 +156,12 @@ Result<pb::Reply> setReference(const Context& context, const pb::SetReference& c
 Result<pb::Reply> getReference(const Context& context, const pb::GetReference& call);
 
 // erasures.cpp, study_handlers.cpp, record_handlers.cpp
-/// `done`: for nameFilesOfErased().
+/// Up to the commit. `done`: for addWhatIsLeft() and nameFilesOfErased().
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
+/// After it: adds the erasure to the list beside the backups, and to the reply where the name is left. Takes
+/// some 4 s a GB of remarks and audit lines, and as long as the folder of backups does not answer.
+void addWhatIsLeft(Connection& reader, const std::atomic<bool>* cancelled, const ErasedRows& erased,
+                   pb::Erasure& erasure);
 /// Where the last backup was put; empty: there was none, or the folder is not there now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);
 /// The files that one text has.

@@ -158,6 +158,15 @@ Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_
   ErasureUnderWay& done = *under_way.erasure;
   pb::Erasure& erasure = *done.reply.mutable_erasure();
   under_way.more = true;
+  if (!done.is_reported) {
+    done.is_reported = true;
+    if (auto reader = readers_.borrow())
+      handlers::addWhatIsLeft(**reader, &cancelled_, done.erased, erasure);
+    else
+      erasure.set_text(erasure.text() + "Where else the name stands could not be looked up (" +
+                       reader.error().message + "): look for it by hand. ");
+    return done.reply;
+  }
   if (done.chunks.more) {
     done.text_on_chunks = removeErased(retention_pace_, kErasedPiecesAtOnce, done.chunks);
     return done.reply;

@@ -201,9 +201,9 @@ class Service {
                                const std::function<Result<pb::Reply>(const handlers::Context&)>& work);
   /// One backup at a time. kUnavailable: another one is in progress.
   Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
-  /// Erases a person. Further steps remove the chunks (during a run of retention, they leave them to the next
-  /// one), remove what was erased from the log, and look which files still hold the person (LookAtFiles). The
-  /// erasure is pending while readers need the log.
+  /// Erases a person. Further steps look where the name is left, remove the chunks (during a run of
+  /// retention, they leave them to the next one), remove what was erased from the log, and look which files
+  /// still hold the person (LookAtFiles). The erasure is pending while readers need the log.
   Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call,
                                 RequestUnderWay& under_way);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
