@@ -277,21 +277,20 @@ bool NameSearch::finds(std::string_view text) const {
   });
 }
 
-Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
-                                                 std::int64_t after) {
-  std::vector<std::string> full_names;
+Result<LoggedNames> loggedFullNames(Connection& connection, std::string_view name, std::int64_t after) {
+  LoggedNames logged;
   auto rows = connection.query(
-      "SELECT detail FROM audit WHERE id > ? AND subject = ? AND action IN ('user change', 'user import')"
-      " ORDER BY id",
+      "SELECT detail, imported_by FROM audit WHERE id > ? AND subject = ?"
+      " AND action IN ('user change', 'user import') ORDER BY id",
       after, name);
-  const auto add = [&](const std::string& full_name) {
-    if (full_name.empty()) return;
-    if (std::find(full_names.begin(), full_names.end(), full_name) == full_names.end())
-      full_names.push_back(full_name);
-  };
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) return full_names;
+    if (!more) return logged;
+    std::vector<std::string>& all = rows.isNull(1) ? logged.written : logged.imported;
+    const auto add = [&](const std::string& full_name) {
+      if (!full_name.empty() && std::find(all.begin(), all.end(), full_name) == all.end())
+        all.push_back(full_name);
+    };
     const std::string detail = rows.text(0);
     const std::size_t at = detail.find(kFullNameWords);
     if (at == std::string::npos) continue;
