@@ -167,6 +167,7 @@ TEST_F(WorkOfErased, isNotThatOfALaterAccountOfTheName) {
   (void)get(admin, policy(0, 100, -1));
   Principal namesake = her;
   EXPECT_TRUE(*store->service().stillAllowed(her));
+  ASSERT_OK(store->service().noteLogin(her, "192.0.2.1"));
   runRetentionOf(her, [&] {
     eraseHer();
     namesake.account_unix_ns = addNamesake(her.role);
@@ -176,7 +177,7 @@ TEST_F(WorkOfErased, isNotThatOfALaterAccountOfTheName) {
   EXPECT_EQ(count("audit WHERE who = ?", kName), 0u);
   EXPECT_FALSE(*store->service().stillAllowed(her));
   EXPECT_TRUE(*store->service().stillAllowed(namesake));
-  // what the other one does is the other one's, also once it is erased
+  // what the other one does is the other one's, also once it is erased; and has lines of its own
   const std::string first = pseudonym;
   ASSERT_OK(store->service().noteLogin(namesake, "192.0.2.1"));
   EXPECT_EQ(lineOf("log-in").who, kName);
