@@ -7,6 +7,7 @@
 
 #include "common/base/text.h"
 #include "db/audit_chain.h"
+#include "db/erasure.h"
 
 namespace needlelab {
 namespace {
@@ -26,8 +27,9 @@ std::string shown(const std::string& text) {
 
 }  // namespace
 
-Status AuditStore::add(const AuditRow& row) {
+Status AuditStore::add(const AuditRow& line) {
   RETURN_IF_ERROR(checkNumbersLeft(connection_, "audit"));
+  ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(line));
   RETURN_IF_ERROR(
       connection_.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (?,?,?,?,?)",
                       row.unix_ns, shown(row.who), shown(row.action), shown(row.subject), shown(row.detail)));

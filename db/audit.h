@@ -12,15 +12,24 @@
 
 namespace needlelab {
 
+/// Who does something: a person, a station or a program.
+struct Doer {
+  std::string name;
+  /// When the person's account was made: the name alone may be another person's later. 0: it is no person,
+  /// or whoever has the name.
+  std::int64_t account_unix_ns = 0;
+};
+
 struct AuditRow {
   std::uint64_t id = 0;
   std::int64_t unix_ns = 0;
   std::string who;
-  std::string action;           ///< e.g. "user add"
-  std::string subject;          ///< e.g. the user's name
-  std::string detail;           ///< never a secret
-  std::string imported_by{};    ///< who imported the line; empty: it was written here
-  std::string imported_from{};  ///< the import, and the line's number there
+  std::string action;                ///< e.g. "user add"
+  std::string subject;               ///< e.g. the user's name
+  std::string detail;                ///< never a secret
+  std::string imported_by{};         ///< who imported the line; empty: it was written here
+  std::string imported_from{};       ///< the import, and the line's number there
+  std::int64_t account_unix_ns = 0;  ///< of `who`, as Doer has it; not stored
 };
 
 /// Does not own the connection. Thread: as its Connection; add() needs the writer's.
@@ -28,8 +37,9 @@ class AuditStore {
  public:
   explicit AuditStore(Connection& connection) : connection_(connection) {}
 
-  /// Ignores `row.id` and the import. Truncates texts beyond 1,000 bytes, with a mark.
-  Status add(const AuditRow& row);
+  /// Ignores `line.id` and the import. Truncates texts beyond 1,000 bytes, with a mark. Whoever was erased
+  /// since the line was begun stands in it under the pseudonym (ErasureStore::withoutErased).
+  Status add(const AuditRow& line);
   /// Newest first; limit 0: 1000, at most 1000. Empty `who` and `action`: all. `action` also matches as a
   /// prefix of words: "user" matches "user add".
   Result<std::vector<AuditRow>> list(std::uint32_t limit, std::uint64_t before_id = 0,

@@ -34,24 +34,79 @@ Result<std::set<std::string>> pseudonymsOfAccounts(Connection& connection,
 
 Result<std::optional<ErasureStore::Erased>> ErasureStore::newestErasure(std::string_view name,
                                                                         bool of_an_account) {
-  {
-    auto any = connection_.prepare("SELECT 1 FROM erasures LIMIT 1");
-    ASSIGN_OR_RETURN(const bool found, any.step());
-    if (!found || name.empty()) return std::optional<Erased>();
-  }
-  const auto key = this->key();
-  if (!key && key.error().code == ErrorCode::kCorrupt) return std::optional<Erased>();
-  if (!key) return key.error();
+  ASSIGN_OR_RETURN(const auto key, keyOfErasedSince(INT64_MIN));
+  if (!key || name.empty()) return std::optional<Erased>();
   const auto hash = key->nameHash(name);
   return connection_
       .query(
-          "SELECT pseudonym, erased_unix_ns FROM erasures WHERE name_hash = ?1"
-          " AND (?2 = 0 OR ?3 || pseudonym NOT IN (SELECT key FROM meta))"
+          "SELECT pseudonym, erased_unix_ns, ?3 || pseudonym IN (SELECT key FROM meta) FROM erasures"
+          " WHERE name_hash = ?1 AND (?2 = 0 OR ?3 || pseudonym NOT IN (SELECT key FROM meta))"
           " ORDER BY erased_unix_ns DESC LIMIT 1",
           ByteView(hash), of_an_account, kWithoutAccountKey)
       .first([](const Statement& row) {
-        return Erased{row.text(0), row.integer(1)};
+        return Erased{row.text(0), row.integer(1), row.integer(2) != 0};
       });
+}
+
+Result<std::optional<PseudonymKey>> ErasureStore::keyOfErasedSince(std::int64_t unix_ns) {
+  {
+    auto any = connection_.query("SELECT 1 FROM erasures WHERE erased_unix_ns >= ? LIMIT 1", unix_ns);
+    ASSIGN_OR_RETURN(const bool found, any.step());
+    if (!found) return std::optional<PseudonymKey>();
+  }
+  const auto key = this->key();
+  if (!key && key.error().code == ErrorCode::kCorrupt) return std::optional<PseudonymKey>();
+  if (!key) return key.error();
+  return std::optional(*key);
+}
+
+Result<std::optional<std::int64_t>> ErasureStore::accountOf(std::string_view name) {
+  return connection_.query("SELECT created_unix_ns FROM people WHERE name = ?", name)
+      .first([](const Statement& row) { return row.integer(0); });
+}
+
+Result<std::string> ErasureStore::nameNow(const Doer& who, std::int64_t begun_unix_ns) {
+  ASSIGN_OR_RETURN(const auto account, accountOf(who.name));
+  const bool is_known = who.account_unix_ns != 0;
+  if (account && (!is_known || *account == who.account_unix_ns)) return who.name;
+  const std::int64_t since_unix_ns = is_known ? who.account_unix_ns : begun_unix_ns;
+  ASSIGN_OR_RETURN(const auto key, keyOfErasedSince(since_unix_ns));
+  if (!key) return who.name;
+  const auto hash = key->nameHash(who.name);
+  // the first one: accounts of the same name that came later may have been erased, too
+  ASSIGN_OR_RETURN(const auto pseudonym,
+                   connection_
+                       .query("SELECT pseudonym FROM erasures WHERE name_hash = ?1 AND erased_unix_ns >= ?2"
+                              " AND ?3 || pseudonym NOT IN (SELECT key FROM meta)"
+                              " ORDER BY erased_unix_ns LIMIT 1",
+                              ByteView(hash), since_unix_ns, kWithoutAccountKey)
+                       .first(firstText));
+  return pseudonym.value_or(who.name);
+}
+
+Result<AuditRow> ErasureStore::withoutErased(const AuditRow& line) {
+  // they are written after what they tell of, and all about accounts
+  const bool comes_later =
+      line.action == "access ended" || line.action == "code locked" || line.action == "log-in locked";
+  AuditRow without = line;
+  for (const std::string& name : namesIn(line)) {
+    ErasedNames erased;
+    erased.name = name;
+    if (name == line.who) {
+      ASSIGN_OR_RETURN(erased.in_its_place, nameNow({name, line.account_unix_ns}, line.unix_ns));
+      if (erased.in_its_place == name) continue;
+    } else {
+      ASSIGN_OR_RETURN(const auto account, accountOf(name));
+      if (account) continue;
+      ASSIGN_OR_RETURN(const auto newest, newestErasure(name, comes_later));
+      if (!newest || (!comes_later && newest->unix_ns < line.unix_ns)) continue;
+      erased.in_its_place = newest->pseudonym;
+      erased.typed = newest->without_account;
+    }
+    RETURN_IF_ERROR(addOthers(connection_, erased));
+    without = withoutNames(without, erased, {});
+  }
+  return without;
 }
 
 Result<std::optional<std::string>> ErasureStore::erasedSince(std::string_view name, std::int64_t unix_ns) {

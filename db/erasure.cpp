@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "common/base/text.h"
 #include "db/free_parts.h"
 #include "db/retention_store.h"
 #include "db/schema.h"
@@ -248,6 +249,31 @@ Result<std::string> ErasureStore::doneUnder(const std::string& name) {
   for (const NameColumn& doer : kDoers) RETURN_IF_ERROR(look(doer.table, doer.column));
   if (text.empty()) return text;
   return "Whoever has this name wrote these rows of the database, which keep it: " + text + ". ";
+}
+
+Result<std::string> ErasureStore::doersAlike(const NameSearch& search, const std::string& name) {
+  constexpr std::size_t kMostNamedDoers = 20;
+  std::size_t found = 0;
+  std::string text;
+  for (const NameColumn& doer : kDoers) {
+    auto rows = connection_.prepare(
+        fmt::format("SELECT {0}, count(*) FROM {1} WHERE {0} IS NOT NULL GROUP BY {0} ORDER BY {0}",
+                    doer.column, doer.table));
+    for (;;) {
+      ASSIGN_OR_RETURN(const bool more, rows.step());
+      if (!more) break;
+      const std::string who = rows.text(0);
+      if (who == name || !search.finds(who) || ++found > kMostNamedDoers) continue;
+      text += (text.empty() ? "" : ", ") +
+              fmt::format("'{}' in {} of {} ({})", printable(who), rows.natural(1), doer.table, doer.column);
+    }
+  }
+  if (found == 0) return text;
+  if (found > kMostNamedDoers) text += fmt::format(" and {} others", found - kMostNamedDoers);
+  return "These who made or changed something have the letters of a name of this person, and stay as they "
+         "are; "
+         "look whom they mean: " +
+         text + ". ";
 }
 
 }  // namespace needlelab

@@ -153,6 +153,15 @@ class ErasureStore {
   Result<Owner> ownerOf(std::string_view trainee, std::int64_t started_unix_ns, std::int64_t now_unix_ns);
   /// The pseudonym of the person with this name who was erased at `unix_ns` or later. Nothing: as above.
   Result<std::optional<std::string>> erasedSince(std::string_view name, std::int64_t unix_ns);
+  // What is written by work that was under way during an erasure: ask in the transaction that writes it.
+
+  /// The name that may be stored of who does something: the pseudonym, if the account is no more and was
+  /// erased since it was made or, where nobody knows when, since the work was begun. Without the key, the
+  /// name: `check` reports it.
+  Result<std::string> nameNow(const Doer& who, std::int64_t begun_unix_ns);
+  /// A line of the audit log without those of namesIn() who were erased since `line.unix_ns`, when it was
+  /// begun; its doer as nameNow(). Of others a name that somebody has again stays: it may be that account's.
+  Result<AuditRow> withoutErased(const AuditRow& line);
   /// For a session without chunks that a station opened for an erased person: closes and marks it, so that it
   /// stays empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
@@ -176,6 +185,7 @@ class ErasureStore {
   struct Erased {
     std::string pseudonym;
     std::int64_t unix_ns = 0;
+    bool without_account = false;
   };
   /// Sessions of a person, as eraseSessions() needs them.
   struct OwnSession {
@@ -218,6 +228,10 @@ class ErasureStore {
   /// Removes what only an account has, and replaces the person as who did something.
   Status eraseAccount(const ErasedNames& names);
   Status eraseDoers(const ErasedNames& names);
+  /// The key, if anybody was erased since then. Nothing: nobody was, or the key is missing.
+  Result<std::optional<PseudonymKey>> keyOfErasedSince(std::int64_t unix_ns);
+  /// When the account with this name was made; nothing: there is none.
+  Result<std::optional<std::int64_t>> accountOf(std::string_view name);
   /// The newest erasure of the name, or the newest one `of_an_account`.
   Result<std::optional<Erased>> newestErasure(std::string_view name, bool of_an_account = false);
   /// Puts the erasure into the database, or makes it newer.
@@ -252,6 +266,9 @@ class ErasureStore {
   Result<SessionsWithName> sessionsWithName(const ErasedNames& names, const NameSearch& search);
   /// Rows whose author has the name, where that is not replaced, for the administrator; empty: none.
   Result<std::string> doneUnder(const std::string& name);
+  /// Rows whose author, but for those of remarks, is not `name` and has the letters of one of the names
+  /// ("local:anna", "ANNA" of an import), for the administrator; empty: none.
+  Result<std::string> doersAlike(const NameSearch& search, const std::string& name);
   Connection& connection_;
   FreeRoom free_room_;
   int rows_ = 0;  ///< that were written since requireRoom()

@@ -72,11 +72,12 @@ Result<std::string> ErasureStore::reportOf(const ErasedRows& done) {
   ASSIGN_OR_RETURN(const auto sessions, sessionsWithName(done.names, search));
   ASSIGN_OR_RETURN(const auto left, leftOver(done.names, done.group_ids, sessions));
   ASSIGN_OR_RETURN(const auto perhaps, perhapsLeft(search, sessions));
+  ASSIGN_OR_RETURN(const auto doers, doersAlike(search, done.names.name));
   std::string authors;
   if (done.typed) {
     ASSIGN_OR_RETURN(authors, doneUnder(done.names.name));
   }
-  return alike + done.replaced.text() + left + perhaps + authors;
+  return alike + done.replaced.text() + left + perhaps + doers + authors;
 }
 
 Result<NameSearch> ErasureStore::plainSearch(ErasedNames names) {
@@ -175,11 +176,15 @@ Result<std::string> ErasureStore::perhapsLeft(const NameSearch& search, const Se
   };
   constexpr Place kTexts[] = {
       {"{} remarks, such as number {}",
-       "SELECT id, text, id FROM annotations WHERE id > ?1 AND id <= ?2 ORDER BY id", true},
+       "SELECT id, text || char(10) || author, id FROM annotations WHERE id > ?1 AND id <= ?2 ORDER BY id",
+       true},
       {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id"},
       {"{} lines of the audit log, such as {}",
        "SELECT id, who || char(10) || subject || char(10) || detail || char(10) || coalesce(imported_by, '')"
-       " || char(10) || coalesce(imported_from, ''), id FROM audit WHERE id > ?1 AND id <= ?2 ORDER BY id",
+       " || char(10) || coalesce(imported_from, '')"
+       // the server's own actions are no names
+       " || CASE WHEN imported_by IS NULL THEN '' ELSE char(10) || action END, id"
+       " FROM audit WHERE id > ?1 AND id <= ?2 ORDER BY id",
        true},
       {"the reasons of {} erasures, such as {}", "SELECT pseudonym, reason FROM erasures ORDER BY pseudonym"},
       {"the notes of {} consents, such as that of {}", "SELECT person, note FROM consents ORDER BY id"},

@@ -143,9 +143,11 @@ std::string withoutListed(std::string text, const std::string& name, const std::
   return text;
 }
 
-/// The detail of a line that says whose samples somebody read (db/service/session_handlers.cpp).
+/// Around the name in a line that says whose samples somebody read (db/service/session_handlers.cpp).
+constexpr std::string_view kSamplesOf = "samples of '", kSamplesEnd = "'";
+
 std::string samplesOf(std::string_view name) {
-  return fmt::format("samples of '{}'", name);
+  return std::string(kSamplesOf).append(name).append(kSamplesEnd);
 }
 
 /// The detail of a line that says that a session was given to somebody else: "from Mona to anna: reason".
@@ -275,21 +277,20 @@ bool NameSearch::finds(std::string_view text) const {
   });
 }
 
-Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
-                                                 std::int64_t after) {
-  std::vector<std::string> full_names;
+Result<LoggedNames> loggedFullNames(Connection& connection, std::string_view name, std::int64_t after) {
+  LoggedNames logged;
   auto rows = connection.query(
-      "SELECT detail FROM audit WHERE id > ? AND subject = ? AND action IN ('user change', 'user import')"
-      " ORDER BY id",
+      "SELECT detail, imported_by FROM audit WHERE id > ? AND subject = ?"
+      " AND action IN ('user change', 'user import') ORDER BY id",
       after, name);
-  const auto add = [&](const std::string& full_name) {
-    if (full_name.empty()) return;
-    if (std::find(full_names.begin(), full_names.end(), full_name) == full_names.end())
-      full_names.push_back(full_name);
-  };
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) return full_names;
+    if (!more) return logged;
+    std::vector<std::string>& all = rows.isNull(1) ? logged.written : logged.imported;
+    const auto add = [&](const std::string& full_name) {
+      if (!full_name.empty() && std::find(all.begin(), all.end(), full_name) == all.end())
+        all.push_back(full_name);
+    };
     const std::string detail = rows.text(0);
     const std::size_t at = detail.find(kFullNameWords);
     if (at == std::string::npos) continue;
@@ -331,6 +332,22 @@ Status addOthers(Connection& connection, ErasedNames& names, bool of_groups,
   }
   names.others = OtherNames(std::vector<std::string>(others.begin(), others.end()));
   return {};
+}
+
+std::vector<std::string> namesIn(const AuditRow& line) {
+  constexpr std::string_view kPerson = "person ";
+  std::vector<std::string> names{line.who};
+  const auto addSubject = [&](const std::string& name) {
+    if (isPersonSubject(line, name)) names.push_back(name);
+  };
+  addSubject(line.subject);
+  if (line.subject.starts_with(kPerson)) addSubject(line.subject.substr(kPerson.size()));
+  const std::string_view detail = line.detail;
+  if (line.action == "session export" && detail.starts_with(kSamplesOf) && detail.ends_with(kSamplesEnd) &&
+      detail.size() > kSamplesOf.size())
+    names.emplace_back(
+        detail.substr(kSamplesOf.size(), detail.size() - kSamplesOf.size() - kSamplesEnd.size()));
+  return names;
 }
 
 AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,

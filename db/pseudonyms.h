@@ -73,7 +73,8 @@ struct ErasedNames {
   std::vector<std::string> full_names;  ///< current and earlier ones
   OtherNames others;                    ///< names and ids of others that contain one of these
   std::string in_its_place;             ///< the pseudonym
-  std::vector<std::string> given;       ///< what people typed at stations for this person: any word
+  /// What people typed at stations for this person, or an import says as an earlier full name: any word.
+  std::vector<std::string> given;
   /// Nobody had `name`: somebody typed it at a station, as a given name. It is any word, too.
   bool typed = false;
 };
@@ -96,16 +97,24 @@ class NameSearch {
   OtherNames others_;               ///< folded
 };
 
-/// Full names of this person in the audit log, oldest first. "user change" writes them at the end of its
-/// line: "full name: 'Old' to 'New'". Reads the lines behind number `after`, all of them.
-Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
-                                                 std::int64_t after = -1);
+/// Full names of a person in the audit log, oldest first, each once.
+struct LoggedNames {
+  std::vector<std::string> written;   ///< by lines that were written here
+  std::vector<std::string> imported;  ///< by others: whoever made that file may have written any word there
+};
+/// "user change" writes them at the end of its line: "full name: 'Old' to 'New'". Reads the lines behind
+/// number `after`, all of them.
+Result<LoggedNames> loggedFullNames(Connection& connection, std::string_view name, std::int64_t after = -1);
 /// Names and ids of people, sessions, stations, profiles and courses, of groups if asked for: those that
 /// other people's names may stand in. Each once; perhaps an empty one.
 Result<std::vector<std::string>> namesOfStore(Connection& connection, bool of_groups);
 /// Fills in `others` from the store. `of_groups`: with the names and ids of groups. None of `besides` is one.
 Status addOthers(Connection& connection, ErasedNames& names, bool of_groups = true,
                  const std::set<std::string>& besides = {});
+
+/// Names in a line of the audit log that the program put there: who did it, the person whom it is about,
+/// whose samples were read. Some may be a station's.
+std::vector<std::string> namesIn(const AuditRow& line);
 
 /// Removes the person from a line of the audit log. Replaces who and subject only where they mean this person
 /// (the action decides for the subject), and names in the detail according to the person that it is about.

@@ -14,6 +14,7 @@
 #include "common/gesture/chunk.h"
 #include "common/gesture/thinning.h"
 #include "db/audit.h"
+#include "db/erasure.h"
 #include "db/seen_time.h"
 #include "db/session_rows.h"
 
@@ -57,9 +58,11 @@ Status isSafe(Connection& connection, const DueRecording& due, const SessionRow&
   return safe == 1 ? Status() : Status(changedMeanwhile(due.session, "no verified backup covers it"));
 }
 
-Status note(Connection& connection, const DueRecording& due, const char* action, const std::string& by_whom,
+Status note(Connection& connection, const DueRecording& due, const char* action, const Doer& by_whom,
             std::int64_t now_unix_ns) {
-  return AuditStore(connection).add({0, now_unix_ns, by_whom, action, uuidText(due.session), due.reason});
+  AuditRow line{0, now_unix_ns, by_whom.name, action, uuidText(due.session), due.reason};
+  line.account_unix_ns = by_whom.account_unix_ns;
+  return AuditStore(connection).add(line);
 }
 
 constexpr std::uint32_t kMostDays = 36'500;
@@ -259,7 +262,7 @@ Result<DerivedSums> RetentionStore::sums(const Uuid& session) {
 }
 
 Status RetentionStore::switchToDerived(const DueRecording& due, const DerivedSums& sums, const Bytes& crcs,
-                                       const std::string& by_whom, std::int64_t now_unix_ns) {
+                                       const Doer& by_whom, std::int64_t now_unix_ns) {
   ASSIGN_OR_RETURN(const auto row, closedSession(connection_, due.session));
   if (row.recording != StoredRecording::Kind::kOriginal)
     return changedMeanwhile(due.session, "its original is gone");
@@ -275,31 +278,33 @@ Status RetentionStore::switchToDerived(const DueRecording& due, const DerivedSum
   if (connection_.changes() != 1)
     return changedMeanwhile(due.session, "its thinned recording is not the one that was written");
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET recording = 2 WHERE number = ?", row.number));
+  ASSIGN_OR_RETURN(const auto name, ErasureStore(connection_).nameNow(by_whom, now_unix_ns));
   RETURN_IF_ERROR(
       connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, reason, by_whom,"
                       " leftover, crcs) VALUES (?, ?, ?, ?, 1, ?)",
-                      row.number, now_unix_ns, due.reason, by_whom, ByteView(crcs)));
+                      row.number, now_unix_ns, due.reason, name, ByteView(crcs)));
   return note(connection_, due, "retention thin", by_whom, now_unix_ns);
 }
 
-Status RetentionStore::markDeleted(const DueRecording& due, const Bytes& crcs, const std::string& by_whom,
+Status RetentionStore::markDeleted(const DueRecording& due, const Bytes& crcs, const Doer& by_whom,
                                    std::int64_t now_unix_ns) {
   ASSIGN_OR_RETURN(const auto row, closedSession(connection_, due.session));
   if (row.recording == StoredRecording::Kind::kDeleted)
     return changedMeanwhile(due.session, "it is deleted already");
   RETURN_IF_ERROR(isWanted(connection_, due));
   RETURN_IF_ERROR(isSafe(connection_, due, row));
+  ASSIGN_OR_RETURN(const auto name, ErasureStore(connection_).nameNow(by_whom, now_unix_ns));
   if (row.recording == StoredRecording::Kind::kOriginal) {
     if (crcs.size() != 4 * row.chunks)
       return changedMeanwhile(due.session, "its chunks are not those that were read");
     RETURN_IF_ERROR(
         connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
                         " reason, by_whom, leftover, crcs) VALUES (?, ?, ?, ?, ?, 1, ?)",
-                        row.number, now_unix_ns, now_unix_ns, due.reason, by_whom, ByteView(crcs)));
+                        row.number, now_unix_ns, now_unix_ns, due.reason, name, ByteView(crcs)));
   } else if (auto done = connection_.run(
                  "UPDATE removed_originals"
                  " SET deleted_unix_ns = ?, reason = ?, by_whom = ?, leftover = 1 WHERE session = ?",
-                 now_unix_ns, due.reason, by_whom, row.number);
+                 now_unix_ns, due.reason, name, row.number);
              !done) {
     return done;
   }

@@ -12,6 +12,7 @@
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "common/gesture/session_hash.h"
+#include "db/audit.h"
 #include "db/connection.h"
 #include "needlelab/control.pb.h"
 
@@ -78,11 +79,12 @@ class RetentionStore {
   Result<DerivedSums> sums(const Uuid& session);
   /// Makes the thinned recording the session's recording; the original will be removed. `crcs`: of the
   /// original's chunks, in order. kUnavailable when the session has changed since `due` and beginDerived(),
-  /// or its exercise's policy differs from the one in `due`.
+  /// or its exercise's policy differs from the one in `due`. `now_unix_ns`: when the run of `by_whom` began,
+  /// who is noted as ErasureStore::nameNow() says.
   Status switchToDerived(const DueRecording& due, const DerivedSums& sums, const Bytes& crcs,
-                         const std::string& by_whom, std::int64_t now_unix_ns);
+                         const Doer& by_whom, std::int64_t now_unix_ns);
   /// Marks the session as having no recording. `crcs` as above; not used when the original is already gone.
-  Status markDeleted(const DueRecording& due, const Bytes& crcs, const std::string& by_whom,
+  Status markDeleted(const DueRecording& due, const Bytes& crcs, const Doer& by_whom,
                      std::int64_t now_unix_ns);
 
   /// Sessions with rows still to remove: of replaced or deleted recordings, and of thinnings that a crash

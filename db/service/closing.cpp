@@ -308,6 +308,7 @@ Result<pb::Reply> Service::rescore(const Principal& principal, const pb::Rescore
   if (measures->empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};
   const pb::Score score = newScore(id, *measures);
   const Status written = writer_.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(handlers::checkAccess(writer, principal));
     RETURN_IF_ERROR(ScoreStore(writer).put(score));
     return AuditStore(writer).add({0, wallNowNs(), principal.name, "rescore", uuidText(id),
                                    fmt::format("definition version {}", score.definition_version())});

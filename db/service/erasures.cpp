@@ -57,6 +57,12 @@ Status checkRoomToErase(Connection& connection, const std::string& name) {
 namespace needlelab::handlers {
 namespace {
 
+/// One erasure at a time, because the lists are read and written as a whole.
+std::mutex& erasureLists() {
+  static std::mutex one_at_a_time;
+  return one_at_a_time;
+}
+
 /// What the erasure of a name that nobody had does not reach.
 std::string textOnLater(const std::string& name) {
   return fmt::format(
@@ -158,9 +164,9 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   const auto folder = context.reader.path().parent_path();
   ASSIGN_OR_RETURN(const auto key, ErasureStore(context.reader).key());
 
-  // one at a time, because the file is read and written as a whole
-  static std::mutex one_erasure;
-  const std::scoped_lock lock(one_erasure);
+  const std::scoped_lock lock(erasureLists());
+  // the asker may have been erased while this one waited; from here on nobody is
+  RETURN_IF_ERROR(checkAccess(context.reader, context.who));
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
   const auto before = lines;
   const auto hash = key.nameHash(call.name());
@@ -224,28 +230,37 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
       (void)context.writer.emptyLog(std::chrono::milliseconds::zero());
     return Error{status.error().code, status.error().message + textOnDone(found, line.pseudonym)};
   }
-  pb::Erasure erasure = done.erasure;
-  const auto left = [&] {
-    const CancelScope may_end(context.reader, context.cancelled);
-    return ErasureStore(context.reader).reportOf(done);
-  }();
+  pb::Reply reply;
+  *reply.mutable_erasure() = done.erasure;
+  reply.mutable_erasure()->set_text((keeps_later ? textOnLater(call.name()) : "") +
+                                    textOnWaiting(call.name(), done.erasure.waiting_sessions()));
+  return reply;
+}
+
+void addWhatIsLeft(Connection& reader, const std::atomic<bool>* cancelled, const ErasedRows& erased,
+                   pb::Erasure& erasure) {
   // a restore of a backup there on another machine must know, too; a stick that is not there learns it from
   // the next backup
   std::string beside;
-  const auto backups = backupsFolder(context.reader);
+  const auto folder = reader.path().parent_path(), backups = backupsFolder(reader);
   if (!backups.empty()) {
-    const auto added = addErasuresBeside(backups, lines, &key);
+    const auto added = [&]() -> Result<std::string> {
+      const std::scoped_lock lock(erasureLists());
+      ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
+      ASSIGN_OR_RETURN(const auto key, ErasureStore(reader).key());
+      return addErasuresBeside(backups, lines, &key);
+    }();
     beside =
         !added ? textOnListBeside(backups, folder, added.error()) : *added + (added->empty() ? "" : ". ");
   }
-  erasure.set_text(beside + (keeps_later ? textOnLater(call.name()) : "") +
-                   textOnWaiting(call.name(), erasure.waiting_sessions()) +
+  const auto left = [&] {
+    const CancelScope may_end(reader, cancelled);
+    return ErasureStore(reader).reportOf(erased);
+  }();
+  erasure.set_text(beside + erasure.text() +
                    (left ? *left
                          : "Where else the name stands could not be looked up (" + left.error().message +
                                "): look for it by hand. "));
-  pb::Reply reply;
-  *reply.mutable_erasure() = std::move(erasure);
-  return reply;
 }
 
 std::string nameFilesOfErased(const FilesFound& found, const ErasedRows& erased, pb::Erasure& erasure) {

@@ -23,6 +23,7 @@ struct ErasureUnderWay {
   pb::Reply reply;
   ErasedRows erased;
   std::filesystem::path folder, backups;  ///< of the database; of its backups
+  bool is_reported = false;               ///< the reply says where the name is left
   LeftoversSoFar chunks;
   std::string text_on_chunks;        ///< about those that stay; empty: none do
   std::optional<LookAtFiles> files;  ///< nothing: the log is not emptied yet

@@ -49,8 +49,8 @@ struct Context {
   RequestUnderWay* under_way = nullptr;          ///< null: a function of the service asks
 };
 
-/// Whether the person is there, is not disabled and has this role; or the station is there and is not
-/// revoked.
+/// Whether the person is there, by the account that it logged in with, is not disabled and has this role; or
+/// the station is there and is not revoked.
 Result<bool> accessHolds(Connection& connection, const Principal& who);
 /// kDenied when `who` came by a log-in and its access does not hold any more.
 Status checkAccess(Connection& connection, const Principal& who);
@@ -156,8 +156,12 @@ Result<pb::Reply> setReference(const Context& context, const pb::SetReference& c
 Result<pb::Reply> getReference(const Context& context, const pb::GetReference& call);
 
 // erasures.cpp, study_handlers.cpp, record_handlers.cpp
-/// `done`: for nameFilesOfErased().
+/// Up to the commit. `done`: for addWhatIsLeft() and nameFilesOfErased().
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
+/// After it: adds the erasure to the list beside the backups, and to the reply where the name is left. Takes
+/// some 4 s a GB of remarks and audit lines, and as long as the folder of backups does not answer.
+void addWhatIsLeft(Connection& reader, const std::atomic<bool>* cancelled, const ErasedRows& erased,
+                   pb::Erasure& erasure);
 /// Where the last backup was put; empty: there was none, or the folder is not there now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);
 /// The files that one text has.

@@ -401,6 +401,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
   auto* report = reply.mutable_import_report();
   bool dropped_before = false;
   const Status written = context.writer.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(checkAccess(writer, context.who));
     RETURN_IF_ERROR(dropOldImports(writer, context.now_unix_ns));
     auto row = writer.query(
         "SELECT count(*), coalesce(sum(length(records)), 0), coalesce(min(position), 0) FROM import_pieces"

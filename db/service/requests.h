@@ -3,11 +3,13 @@
 
 #include <google/protobuf/descriptor.h>
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
 
 #include "common/base/result.h"
+#include "db/audit.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/types.pb.h"
 
@@ -23,6 +25,10 @@ struct Principal {
   /// Came by a log-in. The account may be disabled, or change its role, while its requests wait for their
   /// turn: each is refused unless the account still holds then, and once more where a change is written.
   bool logged_in = false;
+  /// As Doer has it: of a person who came by a log-in. An account of the same name that was made later does
+  /// not hold for it.
+  std::int64_t account_unix_ns = 0;
+  [[nodiscard]] Doer doer() const { return {name, account_unix_ns}; }
 };
 
 /// The thread pool that executes a request. Separate pools keep a backup of minutes or a flood of passwords

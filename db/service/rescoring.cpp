@@ -43,7 +43,7 @@ Result<std::vector<DueScore>> dueScores(Connection& reader, const std::string& e
 }  // namespace
 
 Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::string& exercise_id,
-                                       const std::string& by_whom, bool dry_run) {
+                                       const Doer& by_whom, bool dry_run) {
   pb::RescoreReport report;
   report.set_dry_run(dry_run);
   report.set_definition_version(kScoreDefinitionVersion);
@@ -100,7 +100,9 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
                                        report.rescored(), kScoreDefinitionVersion, report.left_alone(),
                                        (report.stopped() ? "; stopped, to be gone on with" : ""));
   RETURN_IF_ERROR(tools.writer.run([&](Connection& writer) {
-    return AuditStore(writer).add({0, wallNowNs(), by_whom, "rescore all", exercise_id, what});
+    AuditRow line{0, wallNowNs(), by_whom.name, "rescore all", exercise_id, what};
+    line.account_unix_ns = by_whom.account_unix_ns;
+    return AuditStore(writer).add(line);
   }));
   return report;
 }

@@ -8,6 +8,7 @@
 
 #include "common/base/result.h"
 #include "common/base/uuid.h"
+#include "db/audit.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/service/retention.h"
@@ -30,8 +31,9 @@ struct RescoreTools {
 /// scores; keeps the older scores. Commits session by session: the next run continues where a stopped or
 /// crashed one ended. The report names each session that cannot be scored; that session stays unchanged.
 /// `exercise_id`: only this exercise; empty: all. A run that changed something adds one line to the audit
-/// log. Errors: the database failed. Thread: any but the writer's; one run at a time.
+/// log, under the pseudonym of whoever was erased meanwhile. Errors: the database failed. Thread: any but the
+/// writer's; one run at a time.
 Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::string& exercise_id,
-                                       const std::string& by_whom, bool dry_run);
+                                       const Doer& by_whom, bool dry_run);
 
 }  // namespace needlelab

@@ -31,7 +31,7 @@ struct ReadOriginal {
 
 class Run {
  public:
-  Run(const RetentionTools& tools, std::string by_whom, std::int64_t now_unix_ns)
+  Run(const RetentionTools& tools, Doer by_whom, std::int64_t now_unix_ns)
       : tools_(tools), by_whom_(std::move(by_whom)), now_unix_ns_(now_unix_ns) {}
 
   Result<pb::RetentionReport> run(bool dry_run) {
@@ -340,27 +340,29 @@ class Run {
     return piece([&](Connection& c) -> Status {
       // a run without work adds no audit line
       if (report_.steps_size() > 0) {
-        RETURN_IF_ERROR(AuditStore(c).add({0, now_unix_ns_, by_whom_, "retention run", "", what}));
+        AuditRow line{0, now_unix_ns_, by_whom_.name, "retention run", "", what};
+        line.account_unix_ns = by_whom_.account_unix_ns;
+        RETURN_IF_ERROR(AuditStore(c).add(line));
       }
       return MetaStore(c).set("retention_unix_ns", std::to_string(now_unix_ns_));
     });
   }
 
   const RetentionTools& tools_;
-  const std::string by_whom_;
+  const Doer by_whom_;
   const std::int64_t now_unix_ns_;
   pb::RetentionReport report_;
 };
 
 }  // namespace
 
-Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
+Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const Doer& by_whom,
                                          std::int64_t now_unix_ns, bool dry_run) {
   return Run(tools, by_whom, now_unix_ns).run(dry_run);
 }
 
 Status removeSomeLeftovers(const RetentionTools& tools, std::size_t most_pieces, LeftoversSoFar& so_far) {
-  return Run(tools, "erasure", 0).removeLeftovers(most_pieces, so_far);
+  return Run(tools, {"erasure"}, 0).removeLeftovers(most_pieces, so_far);
 }
 
 }  // namespace needlelab

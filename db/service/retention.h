@@ -14,6 +14,7 @@
 #include "common/base/result.h"
 #include "common/base/time_source.h"
 #include "common/base/uuid.h"
+#include "db/audit.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/retention_store.h"
@@ -56,9 +57,9 @@ struct RetentionTools {
 /// transaction, audit line included; remove the original. A crash at any instant leaves the original or the
 /// thinned recording complete, and the next run removes the remains. Deletions come first, because they free
 /// space. The run skips recordings that the disk has no space for, and damaged ones. Errors: the database
-/// failed; a problem of one session only appears in the report. Thread: any but the writer's; one run at a
-/// time.
-Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
+/// failed; a problem of one session only appears in the report. Where `by_whom` is erased meanwhile, the run
+/// goes on under the pseudonym. Thread: any but the writer's; one run at a time.
+Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const Doer& by_whom,
                                          std::int64_t now_unix_ns, bool dry_run);
 
 /// The removal of the remaining rows of recordings that were replaced or deleted before, between its steps.

@@ -42,35 +42,32 @@ class Cleared {
   std::atomic<bool>& flag_;
 };
 
-/// Permission for one run of retention; the destructor returns it. `run`, guarded by `mutex`, names the
-/// current run.
+/// Permission for one run of retention; the destructor returns it. `run`, guarded by `mutex`, is the current
+/// run.
 class RetentionTurn {
  public:
-  RetentionTurn(std::mutex& mutex, std::string& run, std::string text) : mutex_(mutex), run_(run) {
+  RetentionTurn(std::mutex& mutex, std::optional<RunUnderWay>& run, RunUnderWay wanted)
+      : mutex_(mutex), run_(run) {
     const std::lock_guard lock(mutex_);
-    mine_ = run_.empty();
-    if (mine_)
-      run_ = std::move(text);
-    else
-      other_ = run_;
+    other_ = run_;
+    if (mine()) run_ = std::move(wanted);
   }
   ~RetentionTurn() {
-    if (!mine_) return;
+    if (!mine()) return;
     const std::lock_guard lock(mutex_);
-    run_.clear();
+    run_.reset();
   }
   RetentionTurn(const RetentionTurn&) = delete;
   RetentionTurn& operator=(const RetentionTurn&) = delete;
 
-  [[nodiscard]] bool mine() const { return mine_; }
-  /// The current run's name, when another one is in progress.
-  [[nodiscard]] const std::string& other() const { return other_; }
+  [[nodiscard]] bool mine() const { return !other_; }
+  /// The current run, when another one is in progress.
+  [[nodiscard]] const std::optional<RunUnderWay>& other() const { return other_; }
 
  private:
   std::mutex& mutex_;
-  std::string& run_;
-  std::string other_;
-  bool mine_ = false;
+  std::optional<RunUnderWay>& run_;
+  std::optional<RunUnderWay> other_;
 };
 
 /// One text for every reason, so that an attacker cannot find valid names.
@@ -161,6 +158,15 @@ Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_
   ErasureUnderWay& done = *under_way.erasure;
   pb::Erasure& erasure = *done.reply.mutable_erasure();
   under_way.more = true;
+  if (!done.is_reported) {
+    done.is_reported = true;
+    if (auto reader = readers_.borrow())
+      handlers::addWhatIsLeft(**reader, &cancelled_, done.erased, erasure);
+    else
+      erasure.set_text(erasure.text() + "Where else the name stands could not be looked up (" +
+                       reader.error().message + "): look for it by hand. ");
+    return done.reply;
+  }
   if (done.chunks.more) {
     done.text_on_chunks = removeErased(retention_pace_, kErasedPiecesAtOnce, done.chunks);
     return done.reply;
@@ -179,8 +185,11 @@ Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_
     RETURN_IF_ERROR(noteFilesSeen(writer, erasure.pseudonym()));
     if (line.empty()) return {};
     // the reply may not reach anybody
-    return AuditStore(writer).add({0, wallNowNs(), who.name, std::string(callName(pb::Request::kErasePerson)),
-                                   erasure.pseudonym(), line});
+    AuditRow row{
+        0,   wallNowNs(), who.name, std::string(callName(pb::Request::kErasePerson)), erasure.pseudonym(),
+        line};
+    row.account_unix_ns = who.account_unix_ns;
+    return AuditStore(writer).add(row);
   });
   if (!noted && !line.empty())
     erasure.set_text(erasure.text() + " The audit log does not have these files (" + noted.error().message +
@@ -195,7 +204,7 @@ void Service::forgetRecordings() {
 }
 
 Result<pb::Reply> Service::rescoreAllNow(const Principal& who, const pb::RescoreAll& call) {
-  ASSIGN_OR_RETURN(auto report, rescoreAll(who.name, call));
+  ASSIGN_OR_RETURN(auto report, rescoreAll(who.doer(), call));
   pb::Reply reply;
   *reply.mutable_rescore_report() = std::move(report);
   return reply;
@@ -206,21 +215,25 @@ Result<pb::Reply> Service::runRetentionNow(const Principal& who, const pb::RunRe
   if (!call.dry_run())
     RETURN_IF_ERROR(
         writer_.run([](Connection& writer) { return SeenTimeStore(writer).confirm(wallNowNs()); }));
-  ASSIGN_OR_RETURN(auto report, retention(who.name, call.dry_run()));
+  ASSIGN_OR_RETURN(auto report, retention(who.doer(), call.dry_run()));
   pb::Reply reply;
   *reply.mutable_retention_report() = std::move(report);
   return reply;
 }
 
-Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool dry_run) {
+Result<pb::RetentionReport> Service::retention(const Doer& by_whom, bool dry_run) {
   const std::int64_t now = wallNowNs();
   std::optional<RetentionTurn> turn;
   if (!dry_run) {
-    turn.emplace(retention_mutex_, retention_run_,
-                 "since " + localTime(now, TimeForm::kZoned) + " by " + by_whom);
-    if (!turn->mine())
-      return Error{ErrorCode::kUnavailable, "a run of retention is under way " + turn->other() +
-                                                ": try again when it is done; a dry run says what is left"};
+    turn.emplace(retention_mutex_, retention_run_, RunUnderWay{by_whom, now});
+    if (const auto& other = turn->other()) {
+      ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+      ASSIGN_OR_RETURN(const auto name, ErasureStore(*reader).nameNow(other->by_whom, other->begun_unix_ns));
+      return Error{ErrorCode::kUnavailable,
+                   fmt::format("a run of retention is under way since {} by {}: try again when it is done; a "
+                               "dry run says what is left",
+                               localTime(other->begun_unix_ns, TimeForm::kZoned), name)};
+    }
   }
   auto report = runRetention(retentionTools(), by_whom, now, dry_run);
   // an original that is gone has no path, as after a restart; whoever starts runs that remove nothing must
@@ -229,7 +242,7 @@ Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool 
   return report;
 }
 
-Result<pb::RescoreReport> Service::rescoreAll(const std::string& by_whom, const pb::RescoreAll& call) {
+Result<pb::RescoreReport> Service::rescoreAll(const Doer& by_whom, const pb::RescoreAll& call) {
   std::unique_lock one_run(rescore_mutex_, std::try_to_lock);
   if (!one_run)
     return Error{ErrorCode::kUnavailable, "another run of rescoring is under way: try again when it is done"};
@@ -259,8 +272,7 @@ std::string Service::finishErasure() {
 
 std::string Service::removeErased(const RetentionPace& pace, std::size_t most_pieces,
                                   LeftoversSoFar& so_far) {
-  const RetentionTurn turn(retention_mutex_, retention_run_,
-                           "since " + localTime(wallNowNs(), TimeForm::kZoned) + " by an erasure");
+  const RetentionTurn turn(retention_mutex_, retention_run_, {{"an erasure"}, wallNowNs()});
   if (!turn.mine()) {
     so_far.more = false;
     return "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
@@ -350,7 +362,7 @@ Result<pb::RetentionReport> Service::dailyRetention() {
   if (!ahead.empty()) return Error{ErrorCode::kUnavailable, ahead};
   // in a lab where nothing is closed for weeks, the days go by, too
   RETURN_IF_ERROR(writer_.run([now](Connection& writer) { return SeenTimeStore(writer).note(now); }));
-  auto report = retention("retention", false);
+  auto report = retention({"retention"}, false);
   // once a day recordings are read again, whatever has become of them
   forgetRecordings();
   return report;
@@ -367,7 +379,7 @@ Result<Principal> Service::loginPerson(const std::string& user, const std::strin
   ASSIGN_OR_RETURN(const bool right,
                    verifyPassword(person ? person->password_hash : std::string(), password));
   if (!right || !person || person->disabled) return loginRefused();
-  return Principal{person->name, person->role, true};
+  return Principal{person->name, person->role, true, person->created_unix_ns};
 }
 
 Result<Principal> Service::loginStation(const std::string& station, const std::string& key) {
@@ -412,9 +424,11 @@ Status Service::note(const std::string& who, const std::string& action, const st
   });
 }
 
-void Service::noteSoon(const std::string& who, const std::string& action, const std::string& subject,
+void Service::noteSoon(const Doer& who, const std::string& action, const std::string& subject,
                        const std::string& detail, std::function<void(const Error&)> failed) {
-  addSoon({{0, wallNowNs(), who, action, subject, detail}, std::move(failed)});
+  SoonNoted::Line line{{0, wallNowNs(), who.name, action, subject, detail}, std::move(failed)};
+  line.row.account_unix_ns = who.account_unix_ns;
+  addSoon(std::move(line));
 }
 
 void Service::addSoon(SoonNoted::Line line) {
@@ -460,7 +474,9 @@ void Service::SoonNoted::end(const std::shared_ptr<Item>& item) {
 Status Service::noteLogin(const Principal& who, const std::string& host) {
   const std::string what = "log-in\n" + host;
   if (who.role == pb::TRAINEE || !exports_->isNew(who, what, wallNowNs())) return {};
-  Status noted = note(who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host);
+  AuditRow line{0, wallNowNs(), who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host};
+  line.account_unix_ns = who.account_unix_ns;
+  Status noted = writer_.run([&](Connection& writer) { return AuditStore(writer).add(line); });
   if (!noted.ok()) exports_->takeBack(who, what);
   return noted;
 }
@@ -479,6 +495,7 @@ void Service::noteWatching(const Principal& who, const std::string& station, con
               "watch live",
               session.empty() ? station : sessionText(session),
               session.empty() ? "a station" : "a session"};
+  line.row.account_unix_ns = who.account_unix_ns;
   line.failed = [exports = exports_, who, what, failed = std::move(failed)](const Error& error) {
     exports->takeBack(who, what);
     failed(error);

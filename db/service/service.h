@@ -39,6 +39,12 @@ struct Context;
 }
 struct ErasureUnderWay;
 
+/// A run of retention.
+struct RunUnderWay {
+  Doer by_whom;
+  std::int64_t begun_unix_ns = 0;
+};
+
 /// The outcome of a request.
 struct Outcome {
   pb::Reply reply;             ///< with the request's id
@@ -156,14 +162,14 @@ class Service {
 
   /// One run of retention (retention.h): minutes to hours. Fails at once with kUnavailable while another run
   /// is in progress; the message gives its start and user. A dry run only reads and never waits.
-  Result<pb::RetentionReport> retention(const std::string& by_whom, bool dry_run);
+  Result<pb::RetentionReport> retention(const Doer& by_whom, bool dry_run);
   /// The server's daily run, under the name "retention". Also kUnavailable when the last run, or the latest
   /// time that is known (seen_time.h), was more than 31 days ago: a clock that has jumped must not delete
   /// anything. A user who starts a run confirms that the clock is right.
   Result<pb::RetentionReport> dailyRetention();
   /// Scores the sessions without a score of the current definitions (rescoring.h): minutes to hours.
   /// kUnavailable: another run is in progress.
-  Result<pb::RescoreReport> rescoreAll(const std::string& by_whom, const pb::RescoreAll& call);
+  Result<pb::RescoreReport> rescoreAll(const Doer& by_whom, const pb::RescoreAll& call);
   /// Ends a run of retention or rescoring after its current piece of work, and prevents further runs.
   void stopRetention() { stop_retention_.store(true, std::memory_order_relaxed); }
   /// Call before the first run.
@@ -195,9 +201,9 @@ class Service {
                                const std::function<Result<pb::Reply>(const handlers::Context&)>& work);
   /// One backup at a time. kUnavailable: another one is in progress.
   Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
-  /// Erases a person. Further steps remove the chunks (during a run of retention, they leave them to the next
-  /// one), remove what was erased from the log, and look which files still hold the person (LookAtFiles). The
-  /// erasure is pending while readers need the log.
+  /// Erases a person. Further steps look where the name is left, remove the chunks (during a run of
+  /// retention, they leave them to the next one), remove what was erased from the log, and look which files
+  /// still hold the person (LookAtFiles). The erasure is pending while readers need the log.
   Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call,
                                 RequestUnderWay& under_way);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
@@ -212,7 +218,7 @@ class Service {
   /// The same for lines of which hundreds may come at once: does not wait. Lines that come before the writer
   /// gets to the first of them are one item of its queue; its end still writes them. `failed` hears of a line
   /// that was not stored, on the caller's or the writer's thread. Thread: any.
-  void noteSoon(const std::string& who, const std::string& action, const std::string& subject,
+  void noteSoon(const Doer& who, const std::string& action, const std::string& subject,
                 const std::string& detail, std::function<void(const Error&)> failed);
   /// Writes down that `who` begins to watch a station or, if `session` is not empty, a session live: for each
   /// person and what is watched once an hour. Only stations and open sessions that exist get a line, so that
@@ -280,8 +286,8 @@ class Service {
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
   std::atomic<bool> backup_running_ = false;
-  std::mutex retention_mutex_;  ///< guards the text below; held only briefly
-  std::string retention_run_;   ///< of the current run: "since … by …"; one at a time
+  std::mutex retention_mutex_;                ///< guards the text below; held only briefly
+  std::optional<RunUnderWay> retention_run_;  ///< the current one; one at a time
   std::mutex faults_mutex_;
   std::map<Uuid, std::string>
       score_faults_;  ///< of sessions closed by this process; guarded by faults_mutex_

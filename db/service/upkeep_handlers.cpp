@@ -76,7 +76,8 @@ Result<bool> accessHolds(Connection& connection, const Principal& who) {
     return station && !station->revoked;
   }
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(who.name));
-  return person && !person->disabled && person->role == who.role;
+  const bool is_same = person && (who.account_unix_ns == 0 || person->created_unix_ns == who.account_unix_ns);
+  return is_same && !person->disabled && person->role == who.role;
 }
 
 Status checkAccess(Connection& connection, const Principal& who) {

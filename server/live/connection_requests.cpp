@@ -28,7 +28,8 @@ Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request
 /// `room`: the reply's; it goes on with the reply, until that is read. `request` outlives this call, because
 /// execute waits for it.
 Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteBudget::Share room) {
-  auto refusal = co_await complete(context_, request, who_.name, outcome);
+  const Doer by = who_.doer();
+  auto refusal = co_await complete(context_, request, by, outcome);
   if (refusal) {
     if (!gone()) refuse(std::move(*refusal), request.id());
     co_return;
@@ -48,7 +49,7 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteB
     sendHolding(envelope, std::make_shared<const ByteBudget::Share>(std::move(room)));
     if (envelope.reply().has_new_code()) wipe(*envelope.mutable_reply()->mutable_new_code()->mutable_code());
   }
-  followUp(context_, request, envelope.reply(), outcome.access_changed, who_.name, this);
+  followUp(context_, request, envelope.reply(), outcome.access_changed, by, this);
 }
 
 Task<bool> PeerConnection::sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope) {

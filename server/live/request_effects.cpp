@@ -71,7 +71,7 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
 }
 
 /// Adds to the audit log, after the line with the intended delivery.
-void addToAuditLog(ServerContext& context, const std::string& who, const std::string& action,
+void addToAuditLog(ServerContext& context, const Doer& who, const std::string& action,
                    const std::string& subject, const std::string& detail) {
   context.store.service().noteSoon(who, action, subject, detail, [](const Error& error) {
     logEvent(LogLevel::kError, "audit_failed", {{"text", error.message}});
@@ -166,7 +166,7 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     if (under_way->isDone() && !std::exchange(is_ended, true)) {
       const std::string& name = request->erase_person().name();
       context.hub.forgetTrainee(name);
-      endAccess(context, name, false, who.name, nullptr, "the account is no more", under_way->erased_as);
+      endAccess(context, name, false, who.doer(), nullptr, "the account is no more", under_way->erased_as);
     }
     if (!done) {
       if (under_way->is_long && !place) place = co_await context.rescorings.take(turnNameOf(who));
@@ -220,7 +220,7 @@ std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {
           }};
 }
 
-Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Request& request, std::string by,
+Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Request& request, Doer by,
                                           Outcome& outcome) {
   if (outcome.error) co_return refusalOf(*outcome.error);
   std::optional<pb::Refusal> refusal;
@@ -231,9 +231,9 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
       context.hub.fillStations(*outcome.reply.mutable_stations());
       break;
     case ServerPart::kDeliver:
-      refusal = co_await deliver(context, request, by);
+      refusal = co_await deliver(context, request, by.name);
       if (refusal)
-        addToAuditLog(context, by, "not delivered", stationMessageOf(request, by).station,
+        addToAuditLog(context, by, "not delivered", stationMessageOf(request, by.name).station,
                       std::string(callName(request.call_case())) + ": " + refusal->text());
       break;
   }
@@ -242,7 +242,7 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
 }
 
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
-              const std::string& by, const PeerConnection* asker) {
+              const Doer& by, const PeerConnection* asker) {
   if (reply.has_backup_done()) {
     ++context.counters.backups;
     // copy: what ends a connection removes it from the map
@@ -272,7 +272,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
               "the password was changed: log in again");
 }
 
-void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
+void endAccess(ServerContext& context, const std::string& name, bool station, const Doer& by,
                const PeerConnection* except, const std::string& text, const std::string& logged_as) {
   // its log-ins in progress are checked again
   context.access.changed(name, station);
@@ -290,7 +290,7 @@ void endAccess(ServerContext& context, const std::string& name, bool station, co
   if (ended + tokens == 0) return;
   const std::string subject = logged_as.empty() ? name : logged_as;
   logEvent(LogLevel::kInfo, "access_ended",
-           {{"name", subject}, {"by", by}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
+           {{"name", subject}, {"by", by.name}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
   const std::string detail = fmt::format("{}; ended: {} connections, {} tokens", text, ended, tokens);
   addToAuditLog(context, by, "access ended", subject, detail);
 }

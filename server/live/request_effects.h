@@ -61,18 +61,18 @@ Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal 
 /// Adds data of the running server to `outcome`: online stations; a station's confirmation of a message. May
 /// return a refusal to send instead of the reply. `request` and `outcome` must outlive it. Thread: the
 /// network's.
-Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Request& request, std::string by,
+Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Request& request, Doer by,
                                           Outcome& outcome);
 
 /// After a successful request: ends the access of disabled accounts, ends log-ins with a changed password,
 /// announces backups. `access_changed`: of the Outcome. `asker` (may be null) is the requester's connection,
 /// which stays open when it changes its own password. Thread: the network's.
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
-              const std::string& by, const PeerConnection* asker);
+              const Doer& by, const PeerConnection* asker);
 
 /// Ends all connections and tokens of a name. `logged_as`: text for the logs in place of the name; empty: the
 /// name. Thread: the network's.
-void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
+void endAccess(ServerContext& context, const std::string& name, bool station, const Doer& by,
                const PeerConnection* except, const std::string& text, const std::string& logged_as = {});
 
 }  // namespace needlelab

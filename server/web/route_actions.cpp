@@ -160,9 +160,10 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   std::function<bool()> gone = asked->gone;
   const auto outcome = co_await executeRequest(context, call->who, request, std::move(gone));
   if (outcome->error) noteNoRoom(context, *call, *outcome->error);
-  if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
+  const Doer by = call->who.doer();
+  if (const auto refusal = co_await complete(context, *request, by, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
-  followUp(context, *request, outcome->reply, outcome->access_changed, call->who.name, nullptr);
+  followUp(context, *request, outcome->reply, outcome->access_changed, by, nullptr);
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };

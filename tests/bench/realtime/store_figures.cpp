@@ -156,7 +156,7 @@ Status addRetention(Figures& figures, double seconds) {
   double took_s = 0;
   std::thread retention([&] {
     Stopwatch watch;
-    report = runRetention(tools, "bench", wallNowNs(), false);
+    report = runRetention(tools, {"bench"}, wallNowNs(), false);
     took_s = watch.lap();
     done = true;
   });

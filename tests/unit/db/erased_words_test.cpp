@@ -221,6 +221,27 @@ TEST_F(ErasedWordsTest, theReplyNamesSessionsOfOthersByEachTextOfTheirDescriptio
                                                  sessionText(letters.session_id()) + ". "));
 }
 
+// The finding: who worked on the server itself, or came by an import, was neither replaced nor named.
+TEST_F(ErasedWordsTest, theReplyNamesOtherFormsOfTheNameInWhoDidSomething) {
+  (void)session("ben", 1, true);
+  ASSERT_OK(AuditStore(db.writer).add({0, 1, "zoe", "said", "x", "y"}));
+  runAll({"UPDATE audit SET action = 'NAME failed', imported_by = 'ada', imported_from = 'i, line 1'",
+          "INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
+          " SELECT number, 1, 'good', 'local:NAME', 1 FROM sessions",
+          "INSERT INTO profiles VALUES ('knee', 1, 'A knee', '{}', 'local:NAME', 1),"
+          " ('knee', 2, 'A knee', '{}', 'local:NAME', 1)",
+          "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES ('ben', 1, 1, 'NAME', '')",
+          "INSERT INTO retention_policies (exercise_id, by_whom, changed_unix_ns)"
+          " VALUES ('', 'NAME Östlund-Berg', 1)"},
+         "ANNA");
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  for (const char* named : {"1 remarks, such as number 1", "1 lines of the audit log, such as 1",
+                            "'local:ANNA' in 2 of profiles (author)", "'ANNA' in 1 of consents (recorded_by)",
+                            "'ANNA Östlund-Berg' in 1 of retention_policies (by_whom)"})
+    EXPECT_THAT(erased->text(), testing::HasSubstr(named));
+}
+
 /// Columns in which nobody writes a name: hashes and keys, ids that are made by chance, and the server's own
 /// words. Recordings (`bytes`) of the person are removed.
 const std::set<std::string> kColumnsWithoutNames{"audit.action",

@@ -355,7 +355,7 @@ TEST_F(ErasureStoreTest, aNameThatSomebodyTypedGoesFromItsOwnSessionsOnlyAndTheR
       *db.writer.prepare("SELECT given FROM unknown_trainees WHERE by_whom IS NOT NULL").first(firstText),
       "erased-1234");
   for (const char* left : {"The name was also replaced in: 1 lines of the audit log about others. ",
-                           "1 remarks, such as number 2", "the names of 1 groups, such as hand",
+                           "2 remarks, such as number 2, 3", "the names of 1 groups, such as hand",
                            "4 lines of the audit log, such as 1, 2, 3",
                            "wrote these rows of the database, which keep it: 1 of annotations (author). "})
     EXPECT_THAT(erased->text(), testing::HasSubstr(left));
@@ -392,6 +392,23 @@ TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {
             "ada|user change|erased-1234|role: trainee to instructor; full name changed");
   EXPECT_EQ(AnnotationStore(db.writer).list(other)->front().text, "as erased-1234 did; ask Neumann")
       << "a word of it in somebody else's session is not known to be the name";
+}
+
+// The finding: a line of an imported log took any word out of everybody's remarks.
+TEST_F(ErasureStoreTest, aFullNameOfAnImportedLineGoesFromThePersonsOwnTextsOnlyAndTheRestIsNamed) {
+  const Uuid own = session("ben", 1, true), other = session("anna", 1, true);
+  ASSERT_OK(AuditStore(db.writer).add({0, 1, "eve", "user change", "ben", "full name: 'needle' to 'anna'"}));
+  ASSERT_OK(db.writer.run("UPDATE audit SET imported_by = 'ada', imported_from = 'i, line 1'"));
+  for (const Uuid& id : {own, other})
+    ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "the needle, anna says, as ben held it", "ina", 1}));
+  const auto erased = erase("ben");
+  ASSERT_OK(erased);
+  EXPECT_EQ(AnnotationStore(db.writer).list(own)->front().text,
+            "the erased-1234, anna says, as erased-1234 held it");
+  EXPECT_EQ(AnnotationStore(db.writer).list(other)->front().text,
+            "the needle, anna says, as erased-1234 held it");
+  EXPECT_THAT(erased->text(), testing::HasSubstr("1 remarks, such as number 2"));
+  EXPECT_EQ(auditLines(db.writer).front(), "eve|user change|erased-1234|full name changed");
 }
 
 TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {

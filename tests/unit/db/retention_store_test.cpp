@@ -82,7 +82,7 @@ class RetentionStoreTest : public testing::Test {
     if (auto done = store.appendDerived(id, 0, chunkOf(7)); !done) return done;
     const auto sums = store.sums(id);
     if (!sums) return sums.error();
-    return store.switchToDerived(dueOf(id, false), *sums, crcsOf(3), "retention", 100 * test::kDay_ns);
+    return store.switchToDerived(dueOf(id, false), *sums, crcsOf(3), {"retention"}, 100 * test::kDay_ns);
   }
   bool sound() {
     const auto check = checkDatabase(db.writer);
@@ -129,16 +129,18 @@ TEST_F(RetentionStoreTest, openAndUncoveredSessionsAreNotTouched) {
   // nor by a caller that forgets to check
   ASSERT_OK(store.beginDerived(unsafe, 100, 1));
   ASSERT_OK(store.appendDerived(unsafe, 0, chunkOf(7)));
-  EXPECT_EQ(store.switchToDerived(dueOf(unsafe, false), *store.sums(unsafe), crcsOf(3), "x", 1).error().code,
+  EXPECT_EQ(
+      store.switchToDerived(dueOf(unsafe, false), *store.sums(unsafe), crcsOf(3), {"x"}, 1).error().code,
+      ErrorCode::kUnavailable);
+  EXPECT_EQ(store.markDeleted(dueOf(unsafe, true), crcsOf(3), {"x"}, 1).error().code,
             ErrorCode::kUnavailable);
-  EXPECT_EQ(store.markDeleted(dueOf(unsafe, true), crcsOf(3), "x", 1).error().code, ErrorCode::kUnavailable);
   auto told = policy("knee-1", 5, -1);
   told.set_without_backup(true);
   ASSERT_OK(store.setPolicy(told));
   EXPECT_EQ(dueOn(100), (std::vector<std::string>{uuidText(unsafe) + " thin"}));
   const Uuid open = add("knee-1", -1);
   EXPECT_FALSE(store.beginDerived(open, 100, 1).ok());
-  EXPECT_FALSE(store.markDeleted(dueOf(open, true), crcsOf(3), "x", 1).ok());
+  EXPECT_FALSE(store.markDeleted(dueOf(open, true), crcsOf(3), {"x"}, 1).ok());
 }
 
 // the server's clock showed day 10 when the sessions were closed; each has one witness that it was day 100
@@ -201,7 +203,7 @@ TEST_F(RetentionStoreTest, aPolicyChangedDuringTheRunStopsIt) {
   for (const auto& change : changes) {
     ASSERT_OK(change());
     for (const DueRecording& one : *due) {
-      const auto left = store.markDeleted(one, crcsOf(3), "x", 1);
+      const auto left = store.markDeleted(one, crcsOf(3), {"x"}, 1);
       ASSERT_FALSE(left.ok());
       EXPECT_EQ(left.error().code, ErrorCode::kUnavailable);
       EXPECT_NE(left.error().message.find("policy"), std::string::npos) << left.error().message;
@@ -209,11 +211,11 @@ TEST_F(RetentionStoreTest, aPolicyChangedDuringTheRunStopsIt) {
   }
   ASSERT_OK(store.beginDerived(id, 100, 1));
   ASSERT_OK(store.appendDerived(id, 0, chunkOf(7)));
-  EXPECT_FALSE(store.switchToDerived(due->front(), *store.sums(id), crcsOf(3), "x", 1).ok());
+  EXPECT_FALSE(store.switchToDerived(due->front(), *store.sums(id), crcsOf(3), {"x"}, 1).ok());
   EXPECT_EQ(sessions.readChunks(uncovered, 0, 9, 1u << 20)->size(), 3u);
   // Unchanged: it continues.
   ASSERT_OK(store.setPolicy(told));
-  EXPECT_OK(store.markDeleted(due->back(), crcsOf(3), "x", 1));
+  EXPECT_OK(store.markDeleted(due->back(), crcsOf(3), {"x"}, 1));
 }
 
 TEST_F(RetentionStoreTest, badPoliciesAreNamed) {
@@ -243,10 +245,10 @@ TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   EXPECT_EQ(sessions.info(id)->SerializeAsString(), before->SerializeAsString());
   auto wrong = *store.sums(id);
   wrong.samples += 1;
-  EXPECT_FALSE(store.switchToDerived(dueOf(id, false), wrong, crcsOf(3), "x", 1).ok());
-  EXPECT_FALSE(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(2), "x", 1).ok());
-  ASSERT_OK(
-      store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(3), "retention", 100 * test::kDay_ns));
+  EXPECT_FALSE(store.switchToDerived(dueOf(id, false), wrong, crcsOf(3), {"x"}, 1).ok());
+  EXPECT_FALSE(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(2), {"x"}, 1).ok());
+  ASSERT_OK(store.switchToDerived(dueOf(id, false), *store.sums(id), crcsOf(3), {"retention"},
+                                  100 * test::kDay_ns));
 
   EXPECT_TRUE(sound()) << "the original is still on its way out";
   const auto info = sessions.info(id);
@@ -284,11 +286,11 @@ TEST_F(RetentionStoreTest, aDeletedRecordingLeavesItsSession) {
   const Uuid original = add("knee-1", 10), second = add("knee-1", 10);
   ASSERT_OK(thin(second));
   while (*store.removeSome(second, 100)) continue;
-  ASSERT_OK(store.markDeleted(dueOf(original, true), crcsOf(3), "retention", 200 * test::kDay_ns));
+  ASSERT_OK(store.markDeleted(dueOf(original, true), crcsOf(3), {"retention"}, 200 * test::kDay_ns));
   auto due = dueOf(second, true);
   due.thinned = true;
-  ASSERT_OK(store.markDeleted(due, {}, "retention", 200 * test::kDay_ns));
-  EXPECT_FALSE(store.markDeleted(due, {}, "retention", 1).ok()) << "once";
+  ASSERT_OK(store.markDeleted(due, {}, {"retention"}, 200 * test::kDay_ns));
+  EXPECT_FALSE(store.markDeleted(due, {}, {"retention"}, 1).ok()) << "once";
   EXPECT_TRUE(sound());
   EXPECT_EQ(store.leftovers()->size(), 2u);
   const test::WithZone zone(test::kStJohns);  // midnight UTC is the evening before
@@ -317,7 +319,7 @@ TEST_F(RetentionStoreTest, aDeletedRecordingLeavesItsSession) {
 TEST_F(RetentionStoreTest, aStationThatSendsOldChunksAgainHearsTheTruth) {
   const Uuid thinned = add("knee-1", 10), deleted = add("knee-1", 10);
   ASSERT_OK(thin(thinned));
-  ASSERT_OK(store.markDeleted(dueOf(deleted, true), crcsOf(3), "retention", 1));
+  ASSERT_OK(store.markDeleted(dueOf(deleted, true), crcsOf(3), {"retention"}, 1));
   for (const Uuid& id : {thinned, deleted}) {
     while (*store.removeSome(id, 100)) continue;
     EXPECT_EQ(*sessions.open(
@@ -349,7 +351,7 @@ TEST_F(RetentionStoreTest, everyKindOfDamageIsFoundByVerify) {
   const Uuid thinned = add("knee-1", 10), deleted = add("knee-1", 10);
   const Uuid kept = add("knee-1", 10);
   ASSERT_OK(thin(thinned));
-  ASSERT_OK(store.markDeleted(dueOf(deleted, true), crcsOf(3), "retention", 1));
+  ASSERT_OK(store.markDeleted(dueOf(deleted, true), crcsOf(3), {"retention"}, 1));
   for (const Uuid& id : {thinned, deleted}) {
     while (*store.removeSome(id, 100)) continue;
   }

@@ -187,6 +187,27 @@ TEST_F(FilesOfErased, areLookedAtInStepsOnceThePersonIsErased) {
   EXPECT_THAT(outcome->reply.erasure().files(), testing::UnorderedElementsAreArray(files));
 }
 
+// The finding: what an erased person could still do ended only when everybody's remarks had been searched.
+TEST_F(FilesOfErased, thePersonsAccessEndsBeforeTheListBesideTheBackupsAndWhatIsLeftAreLookedAt) {
+  addNamed("tom", "");
+  backup("one.db");
+  // an id that has the name stays, and the reply says so
+  ASSERT_OK(change([](Connection& c) {
+    return c.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES (?,?,1,?,1)",
+                 "of-tom", "Class", "ada");
+  }));
+  const pb::Request request = erase("tom");
+  RequestUnderWay under_way;
+  ASSERT_FALSE(store->service().executeStep(admin, request, under_way));
+  EXPECT_TRUE(under_way.isDone());
+  EXPECT_FALSE(std::filesystem::exists(kept / kErasuresCopy));
+  std::optional<Outcome> outcome;
+  while (!outcome) outcome = store->service().executeStep(admin, request, under_way);
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  EXPECT_TRUE(std::filesystem::exists(kept / kErasuresCopy));
+  EXPECT_THAT(outcome->reply.erasure().text(), HasSubstr("of-tom"));
+}
+
 TEST_F(FilesOfErased, areThoseThatHaveThePersonUnderAnotherName) {
   const auto nobody = backup("nobody.db");
   const Uuid of_anna = closedSession("Anna Ohm", 1, "");

@@ -443,7 +443,7 @@ TEST_F(PeopleHandlers, linesThatComeWhileTheWriterIsBusyAreOneItemAndNobodyWaits
   begun.get_future().wait();
   constexpr int kLines = 300;
   for (int i = 0; i < kLines; ++i)
-    store->service().noteSoon("ines", "not delivered", "lab-1", std::to_string(i),
+    store->service().noteSoon({"ines"}, "not delivered", "lab-1", std::to_string(i),
                               [](const Error& error) { ADD_FAILURE() << error.message; });
   EXPECT_EQ(store->writer().counters().waiting, 1u);
   go.set_value();
@@ -459,10 +459,10 @@ TEST_F(PeopleHandlers, linesThatNobodyWaitsForAreStoredAtTheEndAndLaterOnesAreSa
   std::vector<ErrorCode> failed;
   const auto hears = [&](const Error& error) { failed.push_back(error.code); };
   for (const char* detail : {"1", "2"})
-    store->service().noteSoon("ines", "not delivered", "lab-1", detail, hears);
+    store->service().noteSoon({"ines"}, "not delivered", "lab-1", detail, hears);
   store->writer().stop();
   EXPECT_TRUE(failed.empty());
-  store->service().noteSoon("ines", "not delivered", "lab-1", "3", hears);
+  store->service().noteSoon({"ines"}, "not delivered", "lab-1", "3", hears);
   EXPECT_EQ(failed, std::vector{ErrorCode::kUnavailable});
   auto reader = store->readers().borrow();
   ASSERT_OK(reader);

@@ -61,7 +61,7 @@ TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
       [&]() -> std::optional<std::uint64_t> { return asked++ < runs_out_after ? room : 0; }};
   const auto run = [&] {
     asked = 0;
-    const auto report = runRetention(tools, "test", wallNowNs(), false);
+    const auto report = runRetention(tools, {"test"}, wallNowNs(), false);
     EXPECT_OK(report);
     return report.ok() ? *report : pb::RetentionReport();
   };

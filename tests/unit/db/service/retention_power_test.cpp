@@ -50,7 +50,7 @@ TEST(RetentionPowerCut, leavesTheOriginalOrTheThinnedRecordingWhole) {
   const auto runOn = [&](DbWriter& writer, ReaderPool& readers) {
     return runRetention(
         {writer, readers, [](const Uuid&) { return Status(); }, [] { return false; }, stop, pace},
-        "retention", now, false);
+        {"retention"}, now, false);
   };
 
   const test::TempFolder cuts;

@@ -204,7 +204,7 @@ TEST_F(RetentionTest, pausesAfterEachPieceAndLooksAgainWhileOthersNeedTheDisk) {
                                stop,
                                pace};
     const auto commits = store->writer().counters().commits;
-    const auto report = runRetention(tools, "test", wallNowNs(), false);
+    const auto report = runRetention(tools, {"test"}, wallNowNs(), false);
     EXPECT_OK(report);
     return store->writer().counters().commits - commits;
   };
@@ -246,7 +246,7 @@ TEST_F(RetentionTest, waitsWhileStationsFillTheWritersQueue) {
                              [] { return false; },
                              stop,
                              {.queue = 2, .time = &time}};
-  const auto report = runRetention(tools, "test", wallNowNs(), false);
+  const auto report = runRetention(tools, {"test"}, wallNowNs(), false);
   ASSERT_OK(report);
   EXPECT_GT(looks, 3);
   EXPECT_EQ(report->thinned(), 1u);
@@ -359,7 +359,7 @@ TEST_F(RetentionTest, aRunThatIsStoppedIsFinishedByTheNext) {
       while (store->writer().counters().commits < until && !over) std::this_thread::yield();
       stop = true;
     });
-    const auto report = runRetention(tools, "test", wallNowNs(), false);
+    const auto report = runRetention(tools, {"test"}, wallNowNs(), false);
     over = true;
     finished = report.ok() && !report->stopped();
     stopper.join();

@@ -177,7 +177,7 @@ TEST_F(Scoring, whatIsOfOlderDefinitionsIsScoredAgainAndTheOldScoreStays) {
                            [] { return false; },
                            stop,
                            {}};
-  const auto first = runRescoring(tools, "", "mia", false);
+  const auto first = runRescoring(tools, "", {"mia"}, false);
   ASSERT_OK(first);
   EXPECT_TRUE(first->stopped());
   EXPECT_EQ(first->rescored(), 1u);

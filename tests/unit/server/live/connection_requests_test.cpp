@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <future>
+#include <memory>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -204,6 +206,40 @@ TEST(Requests, whatDidNotReachAStationIsSaidAndNoted) {
   lines = auditLines(lab.server, "stop");
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_EQ(lines[0].detail(), "enough");
+}
+
+// The finding: six such lines had the name of somebody who was erased five seconds before.
+TEST(Requests, whatDidNotReachAStationBecomesALineUnderThePseudonymOfWhoIsErasedMeanwhile) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+  auto station = std::make_unique<RawPeer>(server);
+  ASSERT_TRUE(station->logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
+  RawPeer instructor(server);
+  ASSERT_TRUE(instructor.logIn(personLogin("anna", "correct horse battery")).has_welcome());
+  pb::Envelope stop;
+  stop.mutable_request()->set_id(1);
+  stop.mutable_request()->mutable_stop_lesson()->set_station("bench-1");
+  instructor.send(stop);
+  // the station hears it and does not confirm
+  for (bool heard = false; !heard;) {
+    const auto got = station->receive();
+    ASSERT_TRUE(got.has_value());
+    heard = got->has_stop_lesson();
+  }
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("anna");
+  erase.mutable_erase_person()->set_confirm("anna");
+  const std::string pseudonym = server.asAdmin(erase).erasure().pseudonym();
+  station.reset();
+  std::vector<pb::AuditEntry> lines;
+  for (int i = 0; i < 1000 && lines.empty(); ++i) {
+    lines = auditLines(server, "not delivered");
+    if (lines.empty()) std::this_thread::sleep_for(milliseconds(10));
+  }
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].who(), pseudonym);
+  for (const auto& line : auditLines(server, ""))
+    EXPECT_THAT(line.ShortDebugString(), testing::Not(HasSubstr("anna")));
 }
 
 TEST(Requests, aStationOfAnOlderMinorIsNotToldWhatItWouldPassOver) {

@@ -148,7 +148,8 @@ struct RequestThreadsTest : testing::Test {
   Task<> sayInVain(pb::Request request, std::size_t& refused) {
     Outcome outcome;
     outcome.server_part = ServerPart::kDeliver;
-    const auto refusal = co_await complete(context, request, "ines", outcome);
+    const Doer ines{"ines"};
+    const auto refusal = co_await complete(context, request, ines, outcome);
     EXPECT_TRUE(refusal.has_value());
     ++refused;
   }
