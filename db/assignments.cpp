@@ -185,6 +185,22 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
       .all([](const Statement& row) { return attemptOf(row, true); });
 }
 
+Result<std::vector<pb::Attempt>> AttemptStore::candidates(std::string_view trainee,
+                                                          std::string_view exercise_id, std::size_t most) {
+  const std::string places = fmt::format(
+      "SELECT * FROM ({}) WHERE number IN (SELECT number FROM sessions WHERE trainee = ?1 AND exercise_id = "
+      "?2"
+      " AND excused = 0 AND state <> ?4"
+      " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)"
+      " ORDER BY coalesce(passed, 0) DESC, started_unix_ns DESC, number DESC LIMIT ?5)",
+      kPlaces);
+  // the third value: as in page()
+  return connection_
+      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, std::string_view(),
+             static_cast<int>(pb::SESSION_OPEN), static_cast<std::uint64_t>(most))
+      .all([](const Statement& row) { return attemptOf(row, true); });
+}
+
 Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
   std::string trainee, exercise_id;
   {

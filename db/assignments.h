@@ -68,6 +68,10 @@ class AttemptStore {
   /// the scores of these alone. kNotFound: `after` is not among the attempts.
   Result<std::vector<pb::Attempt>> page(std::string_view trainee, std::string_view exercise_id,
                                         const std::optional<Uuid>& after, std::size_t most);
+  /// Those that may be the best at one exercise, with scores, oldest first: of the closed ones that are not
+  /// excused the newest that passed, then the newest of the others, `most` together.
+  Result<std::vector<pb::Attempt>> candidates(std::string_view trainee, std::string_view exercise_id,
+                                              std::size_t most);
   /// Returns a session's attempt with its number. kNotFound.
   Result<pb::Attempt> get(const Uuid& session);
   Result<AttemptStanding> standing(std::string_view trainee, std::string_view exercise_id);

@@ -226,9 +226,33 @@ Status AuditChain::append(std::int64_t line) {
   return {};
 }
 
-Status AuditChain::amend(std::int64_t line) {
+Result<bool> AuditChain::proves(std::int64_t line_id) {
+  auto row = connection_.query(
+      fmt::format("SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, b.mac, {} FROM audit_chain c"
+                  " JOIN audit a ON a.id = c.line LEFT JOIN audit_chain b ON b.position = c.position - 1"
+                  " WHERE c.line = ? ORDER BY c.position DESC LIMIT 1",
+                  kLineColumns),
+      line_id);
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (!found || row.isNull(1)) return false;
+  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
+  const std::uint64_t position = row.natural(0);
+  const ByteView commitment = row.bytes(2), mac = row.bytes(4);
+  const ProvenLine line = lineAt(row, 6);
+  if (!sameBytes(key.id(), row.bytes(3)) || !sameBytes(commitment, commitmentOf(row.bytes(1), line)))
+    return false;
+  const auto follows = [&](ByteView before) {
+    return sameBytes(mac, key.macOf(messageOf(position, line, commitment, before)));
+  };
+  if (position != 1) return !row.isNull(5) && follows(row.bytes(5));
+  ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
+  return follows(startOf(before_chain.value_or(""), true)) ||
+         follows(startOf(before_chain.value_or(""), false));
+}
+
+Status AuditChain::amend(std::int64_t line, bool proven) {
   RETURN_IF_ERROR(connection_.run("UPDATE audit_chain SET salt = NULL WHERE line = ?", line));
-  return connection_.changes() > 0 ? append(line) : Status();
+  return proven ? append(line) : Status();
 }
 
 Status requireAuditChain(Connection& connection) {
@@ -294,7 +318,10 @@ class ChainWalk {
                         "before it is not",
                         line.id));
       if (!amended && row.isNull(1))
-        fault(fmt::format("line {}: its salt was removed, so that nothing proves its text", line.id));
+        fault(fmt::format(
+            "line {}: its salt was removed, so that nothing proves its text (by an erasure, if it "
+            "was not as it was written then, or is of an earlier key)",
+            line.id));
       else if (!amended && !sameBytes(commitment, commitmentOf(salt, line)))
         fault(fmt::format("line {}: its who, subject, detail or importer is not as it was written", line.id));
       const bool sound = verdict_.faults == faults_before;

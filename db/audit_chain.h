@@ -68,10 +68,14 @@ class AuditChain {
   Status begin();
   /// For a line that was just inserted into `audit`. Begins the chain where it is empty.
   Status append(std::int64_t line);
+  /// Whether the line is now as its newest entry proves it by the folder's key, and that entry follows the
+  /// one before it. False: somebody changed one of both, the entry is of another key, or there is none. A
+  /// bounded time, however long the log is. Errors: the key's.
+  Result<bool> proves(std::int64_t line);
   /// After an erasure replaced texts of a line: takes the salts of its entries away, so that nobody can try
-  /// names against their commitments, and appends an entry for the new text. Does nothing for a line outside
-  /// of the chain.
-  Status amend(std::int64_t line);
+  /// names against their commitments. `proven`: what proves() said before; true: appends an entry for the new
+  /// text; false: nothing proves the line from now on, and verifyAudit() says so for good.
+  Status amend(std::int64_t line, bool proven);
   Result<AuditHead> head();
   /// The MAC of the first entry; nothing: there is none.
   Result<std::optional<AuditKey::Hash>> firstMac();

@@ -166,11 +166,14 @@ Status ErasureStore::replaceInLines(const PersonTraces& who, std::int64_t after,
     if (now->detail != row.line.detail && now->subject == row.line.subject &&
         !who.session_ids.contains(row.line.subject))
       ++replaced.lines_about_others;
+    AuditChain chain(connection_);
+    // what somebody changed keeps its fault, and does not hold up the erasure
+    ASSIGN_OR_RETURN(const bool proven, chain.proves(row.id));
     RETURN_IF_ERROR(
         connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
                         " imported_by = nullif(?4, '') WHERE id = ?5",
                         now->who, now->subject, now->detail, now->imported_by, row.id));
-    RETURN_IF_ERROR(AuditChain(connection_).amend(row.id));
+    RETURN_IF_ERROR(chain.amend(row.id, proven));
     return noteRow();
   });
 }

@@ -212,11 +212,14 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
                       " changed_unix_ns = excluded.changed_unix_ns, removed = 0",
                       group.id(), group.name(), last + 1, by, now_unix_ns));
   RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", group.id()));
+  const pb::Group present = before ? *before : pb::Group();
   for (const std::string& member : wanted) {
     ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(member));
     if (!person)
       return Error{ErrorCode::kNotFound, "group '" + group.id() + "', members: there is no person named '" +
                                              printable(member) + "'"};
+    if (!std::binary_search(present.members().begin(), present.members().end(), member))
+      RETURN_IF_ERROR(checkMayJoin(group.id(), member));
     RETURN_IF_ERROR(
         connection_.run("INSERT INTO group_members (group_id, person) VALUES (?,?)", group.id(), member));
   }
@@ -258,6 +261,17 @@ Result<pb::Group> GroupStore::withMembers(pb::Group group) {
 Result<std::vector<std::string>> GroupStore::groupsOf(std::string_view person) {
   return connection_.query("SELECT group_id FROM group_members WHERE person = ? ORDER BY group_id", person)
       .all(firstText);
+}
+
+Status GroupStore::checkMayJoin(const std::string& id, const std::string& person) {
+  auto others = connection_.query(
+      "SELECT count(*) FROM (SELECT 1 FROM group_members WHERE person = ?1 AND group_id <> ?2 LIMIT ?3)",
+      person, id, std::uint64_t{kMaxGroupsOfPerson});
+  RETURN_IF_ERROR(others.step());
+  if (others.natural(0) < kMaxGroupsOfPerson) return {};
+  return Error{ErrorCode::kInvalidInput,
+               fmt::format("group '{}', members: '{}' is in {} groups, a person is in at most as many", id,
+                           printable(person), kMaxGroupsOfPerson)};
 }
 
 Result<std::vector<std::string>> GroupStore::members(std::string_view id) {

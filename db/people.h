@@ -75,6 +75,9 @@ class PeopleStore {
 
 /// Limits a group's size so that the group fits into a message.
 inline constexpr int kMaxGroupMembers = 5000;
+/// Limits what one person's groups cost wherever they are listed. Who is in more since before stays in them,
+/// and joins no other.
+inline constexpr std::size_t kMaxGroupsOfPerson = 100;
 
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class GroupStore {
@@ -83,7 +86,8 @@ class GroupStore {
 
   /// Replaces name and members; returns the group with its revision, which stays the same when nothing
   /// differs. `base`: the revision that the change was made from (0: the group must be new), else kConflict;
-  /// absent: any. kInvalidInput: id, name, a member twice, too many; kNotFound: a member does not exist.
+  /// absent: any. kInvalidInput: id, name, a member twice, too many, or a new member is in kMaxGroupsOfPerson
+  /// groups; kNotFound: a member does not exist.
   Result<pb::Group> put(const pb::Group& group, std::optional<std::uint32_t> base, const std::string& by,
                         std::int64_t now_unix_ns);
   /// Removes the group with its members and assignments. A new group with the same id continues its revision
@@ -100,6 +104,8 @@ class GroupStore {
  private:
   Result<pb::Group> withMembers(pb::Group group);
   Result<std::vector<std::string>> members(std::string_view id);
+  /// kInvalidInput: the person is in kMaxGroupsOfPerson groups without this one.
+  Status checkMayJoin(const std::string& id, const std::string& person);
   Connection& connection_;
 };
 

@@ -43,6 +43,7 @@ Status listUsers(CommandContext& context) {
         for (const auto& user : reply.users().users()) {
           std::string groups;
           for (const auto& group : user.groups()) groups += (groups.empty() ? "" : ", ") + group;
+          if (user.more_groups() > 0) groups += fmt::format(" and {} more", user.more_groups());
           rows.push_back({{"name", user.name()},
                           {"full_name", user.full_name()},
                           {"groups", groups},

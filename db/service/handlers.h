@@ -79,6 +79,8 @@ Status mayManage(const Context& context, pb::Role role);
 /// The same for replacing one role by another: a curriculum manager cannot change the role of another
 /// curriculum manager.
 Status mayChangeRole(const Context& context, pb::Role from, pb::Role to);
+/// "a, b, c, d, e and 3 more"
+std::string someNames(const std::vector<std::string>& names);
 /// The differences between two states of a group, as text: for the audit log and for the person whose edit
 /// conflicts.
 std::string groupChange(const pb::Group& before, const pb::Group& after);

@@ -44,6 +44,11 @@ Status checkOldPassword(const Context& context, const pb::SetPassword& call) {
   return {};
 }
 
+/// Before kMaxGroupsOfPerson a person could be in any number: the reply must have room for a page of people.
+constexpr std::size_t kMostGroupsListed = 1000;
+static_assert(kMostGroupsListed >= kMaxGroupsOfPerson &&
+              kMostGroupsListed * (kMaxNameBytes + 2) < kMaxReplyBytes / 8);
+
 /// The person with groups and consent; one read for each.
 Result<pb::User> userOf(Connection& connection, const Person& person) {
   pb::User user;
@@ -58,7 +63,9 @@ Result<pb::User> userOf(Connection& connection, const Person& person) {
   user.set_changed_unix_ns(person.changed_unix_ns);
   user.set_changed_by(person.changed_by);
   ASSIGN_OR_RETURN(const auto groups, GroupStore(connection).groupsOf(person.name));
-  for (const std::string& group : groups) user.add_groups(group);
+  const std::size_t listed = std::min(groups.size(), kMostGroupsListed);
+  for (std::size_t i = 0; i < listed; ++i) user.add_groups(groups[i]);
+  user.set_more_groups(static_cast<std::uint32_t>(groups.size() - listed));
   ASSIGN_OR_RETURN(const auto consent, ConsentStore(connection).newest(person.name));
   if (consent) *user.mutable_consent() = *consent;
   return user;
@@ -295,9 +302,6 @@ Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
   return reply;
 }
 
-namespace {
-
-/// "a, b and 3 more"
 std::string someNames(const std::vector<std::string>& names) {
   constexpr std::size_t kMost = 5;
   std::string text;
@@ -305,6 +309,8 @@ std::string someNames(const std::vector<std::string>& names) {
   if (names.size() > kMost) text += fmt::format(" and {} more", names.size() - kMost);
   return text;
 }
+
+namespace {
 
 pb::Reply groupReply(pb::Group group) {
   pb::Reply reply;

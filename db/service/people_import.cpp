@@ -40,7 +40,13 @@ namespace {
 
 constexpr std::size_t kMostImportRows = 5000;
 constexpr std::size_t kMostImportSecrets = 200;  // passwords and codes; each takes 0.1 s
+/// Memberships that one table may name, and those that the groups may have together which it adds people to:
+/// the writer stores each of them again, for which others wait some 0.5 s.
+constexpr std::size_t kMostImportMemberships = 20'000;
 constexpr int kMostRowsTold = 2000;
+constexpr std::size_t kMostBytesTold = 600'000;
+static_assert(kMostBytesTold + kMostImportRows * (kMaxNameBytes + 3) <
+              kMaxReplyBytes);  // PeopleImport.roles_changed
 
 /// A row to import.
 struct ImportRow {
@@ -94,6 +100,7 @@ class PeopleTable {
       for (std::string& cell : (*rows)[i].cells) wipe(cell);
     }
     if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
+    RETURN_IF_ERROR(checkMemberships());
     std::size_t secrets = 0;
     for (const ImportRow& row : rows_) secrets += (row.password.empty() ? 0 : 1) + (row.code.empty() ? 0 : 1);
     if (secrets > kMostImportSecrets)
@@ -144,7 +151,7 @@ class PeopleTable {
 
   /// In the writer's transaction.
   Status store(Connection& writer) {
-    std::map<std::string, std::set<std::string>> joining;
+    std::map<std::string, Joining> joining;
     for (const ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::ADD) {
         Person added = row.person;
@@ -165,15 +172,27 @@ class PeopleTable {
       if (row.what != pb::PeopleImport::NOTHING) {
         RETURN_IF_ERROR(note(writer, row.person.name, "user import", row.text));
       }
-      for (const std::string& group : row.groups) joining[group].insert(row.person.name);
+      for (const std::string& group : row.groups) {
+        Joining& joins = joining.try_emplace(group, Joining{row.line, {}}).first->second;
+        joins.names.insert(row.person.name);
+      }
     }
-    for (auto& [id, names] : joining) {
+    std::size_t memberships = 0;
+    for (auto& [id, joins] : joining) {
       auto group = GroupStore(writer).get(id);
       if (!group && group.error().code != ErrorCode::kNotFound) return group.error();
       pb::Group wanted = group ? *group : pb::Group();
+      std::set<std::string>& names = joins.names;
       wanted.set_id(id);
       if (!group) wanted.set_name(id);
       names.insert(wanted.members().begin(), wanted.members().end());
+      memberships += names.size();
+      if (memberships > kMostImportMemberships)
+        return Error{
+            ErrorCode::kInvalidInput,
+            fmt::format("csv: line {}: with group '{}', the groups that people join have more than {} "
+                        "members together: split the table by groups",
+                        joins.line, id, kMostImportMemberships)};
       wanted.clear_members();
       for (const std::string& name : names) wanted.add_members(name);
       ASSIGN_OR_RETURN(const auto put,
@@ -186,15 +205,18 @@ class PeopleTable {
   }
 
   void report(pb::PeopleImport& report) const {
+    std::size_t bytes = 0;
     for (const bool faults : {true, false}) {
       for (const ImportRow& row : rows_) {
         if ((row.what == pb::PeopleImport::FAULT) != faults || report.rows_size() >= kMostRowsTold) continue;
-        auto* told = report.add_rows();
-        told->set_line(row.line);
-        told->set_name(printable(row.person.name));
-        told->set_what(row.what);
-        told->set_text(row.text);
-        told->set_column(row.column);
+        pb::PeopleImport::Row told;
+        told.set_line(row.line);
+        told.set_name(printable(row.person.name));
+        told.set_what(row.what);
+        told.set_text(row.text);
+        told.set_column(row.column);
+        bytes += told.ByteSizeLong() + 8;
+        if (bytes <= kMostBytesTold) *report.add_rows() = std::move(told);
       }
     }
     const auto count = [&](pb::PeopleImport::What what) {
@@ -215,6 +237,27 @@ class PeopleTable {
   }
 
  private:
+  /// Who joins a group, by the first line that names it.
+  struct Joining {
+    std::uint32_t line = 0;
+    std::set<std::string> names;
+  };
+
+  /// kInvalidInput: together, the rows name more groups than kMostImportMemberships.
+  [[nodiscard]] Status checkMemberships() const {
+    std::size_t named = 0;
+    for (const ImportRow& row : rows_) {
+      named += row.groups.size();
+      if (named > kMostImportMemberships)
+        return Error{
+            ErrorCode::kInvalidInput,
+            fmt::format("csv: line {}: the people up to here join {} groups, counted for each; at most {} "
+                        "are taken at once: split the table",
+                        row.line, named, kMostImportMemberships)};
+    }
+    return {};
+  }
+
   /// Adds one audit line per changed person, so that a search by name finds it.
   Status note(Connection& writer, const std::string& subject, const std::string& action,
               const std::string& detail) {
@@ -288,6 +331,9 @@ class PeopleTable {
     };
     check("name", checkName("name", row.person.name));
     check("full_name", checkNewText("full_name", row.person.full_name, 0, 200));
+    if (row.groups.size() > kMaxGroupsOfPerson)
+      row.fault("group", fmt::format("has {} groups, a person is in at most {}", row.groups.size(),
+                                     kMaxGroupsOfPerson));
     for (const std::string& group : row.groups) check("group", checkName("group", group));
     if (!row.password.empty() &&
         (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))
@@ -307,11 +353,17 @@ class PeopleTable {
     const auto there = PeopleStore(connection).find(row.person.name);
     if (!there) return there.error();
     ASSIGN_OR_RETURN(const auto groups, GroupStore(connection).groupsOf(row.person.name));
-    std::string joins;
+    std::vector<std::string> joined;
     for (const std::string& group : row.groups) {
-      if (std::find(groups.begin(), groups.end(), group) != groups.end()) continue;
-      joins += (joins.empty() ? "joins " : ", ") + group;
+      if (!std::binary_search(groups.begin(), groups.end(), group)) joined.push_back(group);
     }
+    // not all: what stands behind them must fit into the line of the audit log, too
+    const std::string joins = joined.empty() ? "" : "joins " + someNames(joined);
+    const auto checkGroups = [&] {
+      if (!joined.empty() && groups.size() + joined.size() > kMaxGroupsOfPerson)
+        row.fault("group", fmt::format("is in {} groups and joins {} more, a person is in at most {}",
+                                       groups.size(), joined.size(), kMaxGroupsOfPerson));
+    };
     row.code_taken = row.has_code && (!*there || (*there)->code_hash.empty());
     if (!*there) {
       row.what = pb::PeopleImport::ADD;
@@ -323,6 +375,7 @@ class PeopleTable {
       if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
       if (!row.has_password && row.person.role != pb::TRAINEE)
         row.fault("password", "is missing: only trainees do without");
+      checkGroups();
       return {};
     }
     const Person& before = **there;
@@ -354,6 +407,7 @@ class PeopleTable {
       addDetail("full name: '" + printable(before.full_name) + "' to '" + printable(row.person.full_name) +
                 "'");
     }
+    checkGroups();
     if (row.what == pb::PeopleImport::FAULT) return {};
     row.what = row.text.empty() ? pb::PeopleImport::NOTHING : pb::PeopleImport::CHANGE;
     if (row.text.empty()) row.text = "is there already";

@@ -55,14 +55,15 @@ class ReferencePaths::Turn {
 /// One call's use of what is known. It reads each path at most once, and only where a distance is not known.
 class ReferencePaths::Lookup {
  public:
-  /// `most_cells`: once they are spent, it begins nothing more.
-  Lookup(ReferencePaths& known, Connection& reader, std::uint64_t most_cells)
-      : known_(known), reader_(reader), most_cells_(most_cells) {
+  /// `most_cells`: once they are spent, it begins nothing more. `paths`: of the caller; it adds those that it
+  /// needs.
+  Lookup(ReferencePaths& known, Connection& reader, std::uint64_t most_cells, std::map<Uuid, TipPath>& paths)
+      : known_(known), reader_(reader), most_cells_(most_cells), paths_(paths) {
     const std::scoped_lock lock(known_.mutex_);
     forgotten_ = known_.forgotten_;
   }
 
-  /// Nullptr: it is pending. Empty: it has none. Valid while this lives.
+  /// Nullptr: it is pending. Empty: it has none. Valid while the caller keeps it.
   const TipPath* path(const Uuid& session) {
     if (const auto own = paths_.find(session); own != paths_.end()) return &own->second;
     std::unique_lock lock(known_.mutex_);
@@ -136,7 +137,7 @@ class ReferencePaths::Lookup {
   std::uint64_t spent_cells_ = 0;
   bool is_pending_ = false;
   std::uint64_t forgotten_ = 0;
-  std::map<Uuid, TipPath> paths_;
+  std::map<Uuid, TipPath>& paths_;
 };
 
 struct ReferencePaths::NearestSession {
@@ -157,14 +158,29 @@ ReferencePaths::NearestSession ReferencePaths::nearestSession(Lookup& lookup, co
 
 Result<ReferencePaths::NearestPath> ReferencePaths::nearestPath(Connection& reader,
                                                                 const std::string& exercise_id,
-                                                                const Uuid& session) {
-  ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
-  Lookup lookup(*this, reader, std::min(most_cells_, kMostClosingCells));
-  const auto found = nearestSession(lookup, session, reference);
+                                                                const Uuid& session, UnderWay& under_way) {
+  if (!under_way.references) {
+    ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
+    under_way.references = sessionsOf(reference, session);
+  }
+  const std::vector<Uuid>& references = *under_way.references;
+  Lookup lookup(*this, reader, std::min(most_cells_, kMostClosingCells), under_way.paths);
+  for (; under_way.compared < references.size(); ++under_way.compared) {
+    const Uuid& other = references[under_way.compared];
+    const auto distance_m = lookup.distance(session, other);
+    if (lookup.isPending()) return NearestPath{std::nullopt, true};
+    const bool is_nearer = distance_m && (!under_way.nearest || *distance_m < under_way.nearest_m);
+    // of all paths, only its own and the nearest one are needed further
+    if (is_nearer && under_way.nearest) under_way.paths.erase(*under_way.nearest);
+    if (!is_nearer) under_way.paths.erase(other);
+    if (!is_nearer) continue;
+    under_way.nearest = other;
+    under_way.nearest_m = *distance_m;
+  }
   NearestPath nearest;
-  // it may have been dropped since its distance was computed
-  if (found.session) {
-    if (const TipPath* const path = lookup.path(*found.session); path != nullptr && !path->empty())
+  // not there where only the distance was known
+  if (under_way.nearest) {
+    if (const TipPath* const path = lookup.path(*under_way.nearest); path != nullptr && !path->empty())
       nearest.path = *path;
   }
   nearest.is_pending = lookup.isPending();
@@ -174,7 +190,8 @@ Result<ReferencePaths::NearestPath> ReferencePaths::nearestPath(Connection& read
 std::optional<std::vector<double>> ReferencePaths::distancesAmongSessions(Connection& reader,
                                                                           const pb::Reference& reference) {
   const auto sessions = sessionsOf(reference, std::nullopt);
-  Lookup lookup(*this, reader, most_cells_);
+  std::map<Uuid, TipPath> paths;
+  Lookup lookup(*this, reader, most_cells_, paths);
   auto distances = distancesAmong(sessions.size(), [&](std::size_t i, std::size_t j) {
     return lookup.distance(sessions[i], sessions[j]);
   });
@@ -184,7 +201,8 @@ std::optional<std::vector<double>> ReferencePaths::distancesAmongSessions(Connec
 
 ReferencePaths::Nearest ReferencePaths::nearestDistance(Connection& reader, const Uuid& session,
                                                         const pb::Reference& reference) {
-  Lookup lookup(*this, reader, most_cells_);
+  std::map<Uuid, TipPath> paths;
+  Lookup lookup(*this, reader, most_cells_, paths);
   const auto found = nearestSession(lookup, session, reference);
   Nearest nearest;
   if (found.session) nearest.distance_m = found.distance_m;

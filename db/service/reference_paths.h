@@ -32,20 +32,32 @@ inline constexpr std::uint64_t kCellsOfSample = 50;
 
 /// Keeps the paths that it reads and the distances that it computes, by session: a stored recording does not
 /// change, so they hold for every revision of a reference and for every version of the scores, until the
-/// recording goes (forget). So does that a closed session has no path, whatever the reason: never in tissue,
-/// or its original is gone, damaged or too long to be scored. One call reads and computes a bounded part of
-/// what is not known, but at least one path or one distance, and the next one goes on: long references are
-/// known after some calls. Thread: every function is thread-safe; other calls continue while one reads a path
-/// or computes a distance, but for those that want the same: they wait for it.
+/// recording goes (forget), or there are too many. So does that a closed session has no path, whatever the
+/// reason: never in tissue, or its original is gone, damaged or too long to be scored. One call reads and
+/// computes a bounded part of what is not known, but at least one path or one distance, and the next one goes
+/// on: long references are known after some calls. Thread: every function is thread-safe; other calls
+/// continue while one reads a path or computes a distance, but for those that want the same: they wait for
+/// it.
 class ReferencePaths {
  public:
   struct NearestPath {
     std::optional<TipPath> path;  ///< nothing: it has no path, no other one has, or it is pending
     bool is_pending = false;      ///< not all distances are computed yet
   };
+  /// What nearestPath() has found for a session in its calls so far, whatever others make this forget between
+  /// them. Up to 430 KiB.
+  struct UnderWay {
+    std::optional<std::vector<Uuid>> references;  ///< as they were at the first call
+    std::size_t compared = 0;                     ///< of these
+    std::optional<Uuid> nearest;                  ///< of the compared ones; nothing: none has a path
+    double nearest_m = 0;
+    std::map<Uuid, TipPath> paths;  ///< its own, the nearest one, and the one that is compared next
+  };
   /// The path of the exercise's reference session, without itself, that is nearest to a closed session. One
-  /// call costs kMostClosingCells at most. Errors: the database's.
-  Result<NearestPath> nearestPath(Connection& reader, const std::string& exercise_id, const Uuid& session);
+  /// call costs kMostClosingCells at most; each ends at least one path or one distance, so at most
+  /// 2 (kMostReferencePaths + 1) are needed, whatever the references are meanwhile. Errors: the database's.
+  Result<NearestPath> nearestPath(Connection& reader, const std::string& exercise_id, const Uuid& session,
+                                  UnderWay& under_way);
   /// The distance of each reference session from the nearest other one, in m; without those that have no
   /// path, as distancesAmong() their paths (scoring/reference.h). Nothing: not all are computed yet.
   std::optional<std::vector<double>> distancesAmongSessions(Connection& reader,

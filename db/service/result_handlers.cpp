@@ -28,6 +28,10 @@ struct CourseExercise {
   pb::Exercise exercise;
 };
 
+/// Attempts at an exercise whose scores a cell of the results reads: a station's key delivers some 15 a
+/// second.
+constexpr std::size_t kMostCandidates = 50;
+
 /// The best attempt that counts: passed before not passed, then the most requirements met, then the newest.
 const pb::Attempt* bestOf(const std::vector<pb::Attempt>& attempts) {
   const pb::Attempt* best = nullptr;
@@ -44,11 +48,11 @@ const pb::Attempt* bestOf(const std::vector<pb::Attempt>& attempts) {
   return best;
 }
 
-Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, const CourseExercise& course,
-                              std::int64_t now_unix_ns, bool with_best) {
+Result<pb::ResultCell> cellOf(Connection& reader, Standings& standings, const std::string& trainee,
+                              const CourseExercise& course, std::int64_t now_unix_ns, bool with_best) {
   pb::ResultCell cell;
   cell.set_exercise_id(course.stored.id);
-  ASSIGN_OR_RETURN(const auto standing, standingOf(reader, trainee, course.stored, course.exercise));
+  ASSIGN_OR_RETURN(const auto standing, standings.of(trainee, course.stored, course.exercise));
   cell.set_attempts(standing.attempts.counted);
   if (standing.attempts.passed) cell.set_passed(*standing.attempts.passed);
   for (const std::string& id : standing.locked_by) cell.add_locked_by(id);
@@ -57,7 +61,8 @@ Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, co
   cell.set_overdue(standing.due_unix_ns != 0 && standing.due_unix_ns < now_unix_ns && !standing.done);
   cell.set_done(standing.done);
   if (standing.attempts.all == 0 || !with_best) return cell;
-  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(reader).list(trainee, course.stored.id, true));
+  ASSIGN_OR_RETURN(const auto attempts,
+                   AttemptStore(reader).candidates(trainee, course.stored.id, kMostCandidates));
   if (const pb::Attempt* best = bestOf(attempts)) {
     *cell.mutable_best() = *best;
     cell.mutable_best()->clear_score_json();
@@ -139,6 +144,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   }
   PageRoom room;
   room.take(results->ByteSizeLong() + 1);
+  Standings standings(context.reader);
   for (const std::string& name : names) {
     if (name <= call.page()) continue;
     pb::ResultRow row;
@@ -151,7 +157,8 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     if (person) row.set_full_name(person->full_name);
     for (const CourseExercise& exercise : exercises) {
       if (names_only) break;
-      ASSIGN_OR_RETURN(auto cell, cellOf(context.reader, name, exercise, context.now_unix_ns, !by_station));
+      ASSIGN_OR_RETURN(auto cell,
+                       cellOf(context.reader, standings, name, exercise, context.now_unix_ns, !by_station));
       *row.add_cells() = std::move(cell);
     }
     if (!room.take(row.ByteSizeLong())) {
@@ -330,10 +337,29 @@ Result<std::int64_t> dueOf(Connection& connection, const std::string& trainee, c
   return AssignmentStore(connection).dueOf(trainee, stored.id, stored.curriculum_id, own_due);
 }
 
-Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
-                                    const StoredExercise& stored, const pb::Exercise& exercise) {
+Result<bool> Standings::isDoneBefore(const std::string& trainee, const std::string& prerequisite) {
+  if (trainee != trainee_) done_.clear();
+  trainee_ = trainee;
+  if (const auto known = done_.find(prerequisite); known != done_.end()) return known->second;
+  auto exercise = exercises_.find(prerequisite);
+  if (exercise == exercises_.end()) {
+    const auto stored = CurriculumStore(connection_).exercise(prerequisite);
+    if (!stored && stored.error().code != ErrorCode::kNotFound) return stored.error();
+    std::optional<pb::Exercise> parsed;
+    if (stored) {
+      ASSIGN_OR_RETURN(parsed, exerciseOf(*stored));
+    }
+    exercise = exercises_.emplace(prerequisite, std::move(parsed)).first;
+  }
+  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection_).standing(trainee, prerequisite));
+  const bool done = exercise->second ? isDone(attempts, *exercise->second) : attempts.passed.value_or(false);
+  return done_.emplace(prerequisite, done).first->second;
+}
+
+Result<ExerciseStanding> Standings::of(const std::string& trainee, const StoredExercise& stored,
+                                       const pb::Exercise& exercise) {
   ExerciseStanding standing;
-  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection).standing(trainee, stored.id));
+  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection_).standing(trainee, stored.id));
   standing.attempts = attempts;
   standing.done = isDone(attempts, exercise);
   if (exercise.has_attempts()) {
@@ -341,17 +367,10 @@ Result<ExerciseStanding> standingOf(Connection& connection, const std::string& t
     standing.attempts_left = exercise.attempts() - used;
   }
   for (const std::string& before : exercise.prerequisites()) {
-    ASSIGN_OR_RETURN(const auto there, AttemptStore(connection).standing(trainee, before));
-    const auto other = CurriculumStore(connection).exercise(before);
-    if (!other && other.error().code != ErrorCode::kNotFound) return other.error();
-    bool done = there.passed.value_or(false);
-    if (other) {
-      ASSIGN_OR_RETURN(const auto text, exerciseOf(*other));
-      done = isDone(there, text);
-    }
+    ASSIGN_OR_RETURN(const bool done, isDoneBefore(trainee, before));
     if (!done) standing.locked_by.push_back(before);
   }
-  ASSIGN_OR_RETURN(const auto due, dueOf(connection, trainee, stored, exercise));
+  ASSIGN_OR_RETURN(const auto due, dueOf(connection_, trainee, stored, exercise));
   standing.due_unix_ns = due;
   return standing;
 }

@@ -12,12 +12,13 @@ namespace needlelab {
 /// False: not all distances are computed yet.
 Result<bool> SessionScore::compareStep(Connection& reader, ReferencePaths& paths) {
   ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(session_));
-  auto nearest = paths.nearestPath(reader, info.description().exercise_id(), session_);
+  auto nearest = paths.nearestPath(reader, info.description().exercise_id(), session_, comparison_);
   if (nearest && nearest->is_pending) return false;
   if (nearest)
     nearest_ = std::move(nearest->path);
   else
     json_ = nearest.error();
+  comparison_ = {};
   is_compared_ = true;
   return true;
 }

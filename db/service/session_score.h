@@ -18,9 +18,9 @@
 
 namespace needlelab {
 
-/// First the distances from the exercise's references, then the samples, then the measures. Between its steps
-/// it holds what samplesOf() and scoreGesture() hold: some 110 MB at most, so few may be under way at once.
-/// Thread: one at a time.
+/// First the distances from the exercise's references, as they are at the first step, then the samples, then
+/// the measures. Between its steps it holds what samplesOf() and scoreGesture() hold: some 110 MB at most, so
+/// few may be under way at once. Thread: one at a time.
 class SessionScore {
  public:
   explicit SessionScore(const Uuid& session) : session_(session), reading_(session) {}
@@ -48,6 +48,7 @@ class SessionScore {
   const Uuid session_;
   SessionReading reading_;
   bool has_begun_ = false, is_compared_ = false, is_read_ = false;
+  ReferencePaths::UnderWay comparison_;
   std::optional<TipPath> nearest_;  // of the references
   std::optional<pb::Exercise> exercise_;
   std::optional<GestureScore> score_;  // once all is read

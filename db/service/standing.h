@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -35,9 +36,26 @@ Result<pb::Exercise> exerciseOf(const StoredExercise& stored);
 Result<std::int64_t> dueOf(Connection& connection, const std::string& trainee, const StoredExercise& stored,
                            const pb::Exercise& exercise);
 
-/// `trainee` may be any name, known or not.
-Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
-                                    const StoredExercise& stored, const pb::Exercise& exercise);
+/// Standings of one view of the database. An exercise that others need first is read and parsed once, and a
+/// trainee's attempts at it once, as long as the same trainee is asked for. Does not own the connection.
+/// Thread: as its Connection.
+class Standings {
+ public:
+  explicit Standings(Connection& connection) : connection_(connection) {}
+
+  /// `trainee` may be any name, known or not.
+  Result<ExerciseStanding> of(const std::string& trainee, const StoredExercise& stored,
+                              const pb::Exercise& exercise);
+
+ private:
+  /// Whether the prerequisite is done; of a removed exercise: whether it was passed.
+  Result<bool> isDoneBefore(const std::string& trainee, const std::string& prerequisite);
+
+  Connection& connection_;
+  std::map<std::string, std::optional<pb::Exercise>> exercises_;  // by id; nothing: removed
+  std::string trainee_;
+  std::map<std::string, bool> done_;  // of trainee_, by exercise
+};
 
 /// Nothing when the trainee may begin; otherwise the reason, as a text for the trainee with the exercises'
 /// names.

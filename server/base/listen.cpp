@@ -1,6 +1,7 @@
 #include "server/base/listen.h"
 
 #include <fmt/core.h>
+#include <netinet/tcp.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -127,6 +128,8 @@ Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void
     auto [error, socket] = co_await acceptor.async_accept(kUseTuple);
     if (!acceptor.is_open()) co_return;
     if (!error) {
+      ::setsockopt(socket.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kMostUnsentBytes,
+                   sizeof kMostUnsentBytes);
       accepted(std::move(socket));
       continue;
     }

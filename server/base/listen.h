@@ -21,8 +21,13 @@ Result<Tcp::acceptor> listenOn(asio::io_context& io, const Tcp::endpoint& endpoi
 /// Takes over the listening socket `fd` from systemd (service_manager.h). kInvalidInput: not a TCP socket.
 Result<Tcp::acceptor> listenOnHandedOver(asio::io_context& io, int fd);
 
-/// Passes each new connection to `accepted` until the acceptor is closed. Logs a failure (e.g. no file
-/// descriptors left) as `event` and tries again. The acceptor must outlive it.
+/// What the kernel takes of a connection's bytes, at most, before they can be sent: some 50 KiB with what it
+/// takes at once. The rest of what nobody reads waits in the program, where it is counted (ByteBudget). It is
+/// no bound on what is under way to a peer that reads.
+inline constexpr int kMostUnsentBytes = 32 << 10;
+
+/// Passes each new connection, bounded by kMostUnsentBytes, to `accepted` until the acceptor is closed. Logs
+/// a failure (e.g. no file descriptors left) as `event` and tries again. The acceptor must outlive it.
 Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void(Tcp::socket)> accepted);
 
 /// The names for the server's certificate: `hosts` and the host of `listen` unless it is a wildcard; of its

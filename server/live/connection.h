@@ -83,7 +83,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     std::uint64_t committed = 0;
     std::uint64_t safe = 0;
     bool ack_due = false;
-    bool open = false;  // here: its close has not been answered on this connection
+    bool open = false;    // here: its close has not been answered on this connection
+    std::string trainee;  // in whose name the server keeps it; empty: it is closed, or nobody's
   };
 
   /// A message's parts of the budgets.
@@ -132,6 +133,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   // --- connection_session.cpp: the durable plane
   Task<> openSession(pb::OpenSession request);
+  /// Forgets the name in a status unless the server keeps its session open in this name.
+  std::optional<pb::Refusal> takeStatus(pb::StationStatus status);
   void takeChunk(pb::Chunk chunk);
   void chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended);
   void refuseChunk(const pb::Chunk& chunk, const Appended& appended);

@@ -170,7 +170,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       takeClockOffset(envelope.clock_offset());
       break;
     case pb::Envelope::kStationStatus: {
-      auto refusal = context_.hub.onStatus(who_.name, envelope.station_status(), steadyNowNs());
+      auto refusal = takeStatus(std::move(*envelope.mutable_station_status()));
       if (refusal) refuse(std::move(*refusal));
       break;
     }

@@ -115,6 +115,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   marks.safe = opened->safe;
   // also for a closed session: its station may have lost the answer to CloseSession and sends it again
   marks.open = true;
+  marks.trainee = opened->closed ? std::string() : description.trainee();
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // for a closed session, as all of erased people are, the station only asks whether the server still has it
   if (!opened->closed) context_.hub.onSession(who_.name, session_id, description.trainee());
@@ -131,6 +132,13 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   sendControl(envelope);
   marks.ack_due = true;
   sendAcks();
+}
+
+std::optional<pb::Refusal> PeerConnection::takeStatus(pb::StationStatus status) {
+  // an erased person's session is closed, also after a restart, when nobody else knows the name any more
+  const auto session = sessions_.find(status.session_id());
+  if (session == sessions_.end() || session->second.trainee != status.trainee()) status.clear_trainee();
+  return context_.hub.onStatus(who_.name, status, steadyNowNs());
 }
 
 void PeerConnection::takeChunk(pb::Chunk chunk) {

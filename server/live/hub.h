@@ -70,6 +70,8 @@ class Hub {
   /// The refusal of a status line of `bytes` bytes; nothing: it is not too long.
   [[nodiscard]] std::optional<pb::Refusal> checkStatusBytes(std::size_t bytes) const;
   /// Returns a refusal, and discards the status, when it is too large or its session_id is not valid.
+  /// `status` names a trainee only in a session that the server keeps in this name: it cannot tell whom it
+  /// erased before it started.
   std::optional<pb::Refusal> onStatus(const std::string& name, const pb::StationStatus& status,
                                       std::int64_t now_ns);
   /// Returns a refusal when the frame is too large, claims too many samples or its session_id is not valid.

@@ -236,7 +236,7 @@ TEST_F(AuditChainTest, anAcknowledgedBreakIsNoFaultAndSaysByWhomAndWhen) {
   EXPECT_EQ(verdict.breaks[0].acknowledged_by, "local:ada");
   EXPECT_EQ(verdict.breaks[0].acknowledged_unix_ns, acknowledged_unix_ns);
   // another entry of the same line, as an erasure adds it, makes no other break of it
-  ASSERT_OK(AuditChain(db.writer).amend(line));
+  ASSERT_OK(AuditChain(db.writer).amend(line, true));
   EXPECT_THAT(faults(), IsEmpty());
   EXPECT_EQ(verify().breaks.size(), 1u);
 }
@@ -338,6 +338,43 @@ TEST_F(AuditChainTest, anErasureTakesTheNameAndLeavesTheEvidence) {
       "= 3;"
       "UPDATE audit SET subject = 'erased-1234' WHERE id = 3");
   EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 3: its salt was removed")));
+}
+
+TEST_F(AuditChainTest, anErasureSignsNoLineThatSomebodyChangedAndTakesTheNameAllTheSame) {
+  ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1}));
+  add("mona", "user passwd", "root");
+  add("ada", "user add", "anna", "trainee");
+  add("ada", "user add", "ben", "trainee");
+  const ErasureLine line{"erased-1234", PseudonymKey::ofFolder(db.folder.path())->nameHash("anna"), 5};
+  for (const char* change :
+       {"UPDATE audit SET who = 'ina', subject = 'anna' WHERE id = 1",
+        "UPDATE audit SET detail = 'anna, administrator' WHERE id = 2",
+        "UPDATE audit SET unix_ns = unix_ns + 1 WHERE id = 2",
+        "UPDATE audit SET action = 'user change' WHERE id = 2",
+        "UPDATE audit SET imported_from = 'i, line 1' WHERE id = 2",
+        "UPDATE audit_chain SET mac = zeroblob(32) WHERE position = 1",
+        "UPDATE audit_chain SET key_id = zeroblob(8) WHERE position = 2",
+        "UPDATE audit_chain SET salt = NULL WHERE position = 2",
+        "UPDATE audit SET subject = 'anna' WHERE id = 1; DELETE FROM audit_chain WHERE position = 1",
+        "UPDATE audit_chain SET position = position + 1 WHERE position = 3;"
+        "UPDATE audit_chain SET position = 3 WHERE position = 2"}) {
+    SCOPED_TRACE(change);
+    tamper(std::string("SAVEPOINT change; ") + change);
+    EXPECT_FALSE(verify().ok());
+    ASSERT_OK(ErasureStore(db.writer).erase("anna", line, "ada", "", 5));
+    EXPECT_FALSE(verify().ok());
+    EXPECT_EQ(test::dump(db.writer).find("anna"), std::string::npos);
+    tamper("ROLLBACK TO change; RELEASE change");
+  }
+  // nor does a second one
+  ASSERT_OK(PeopleStore(db.writer).add({"zoe", pb::TRAINEE, "", false, 1}));
+  tamper("UPDATE audit SET who = 'zoe', subject = 'anna' WHERE id = 1");
+  ASSERT_OK(ErasureStore(db.writer).erase("anna", line, "ada", "", 5));
+  EXPECT_EQ(AuditChain(db.writer).head()->position, 4u) << "one more for line 2";
+  const ErasureLine other{"erased-5678", PseudonymKey::ofFolder(db.folder.path())->nameHash("zoe"), 5};
+  ASSERT_OK(ErasureStore(db.writer).erase("zoe", other, "ada", "", 5));
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 1: its salt was removed")));
+  EXPECT_EQ(AuditChain(db.writer).head()->position, 4u);
 }
 
 TEST_F(AuditChainTest, aBackupIsAnAnchorAndARestoredOneIsSound) {

@@ -25,6 +25,7 @@ const withoutPassword = (lab, { password, code, ...person }) => ({
   ...person,
   has_code: !!code,
   groups: [...lab.groups.values()].filter((g) => g.members.includes(person.name)).map((g) => g.id),
+  more_groups: 0,
 });
 
 const changedBy = (who) => ({ changed_unix_ms: Date.now(), changed_by: who });

@@ -90,7 +90,7 @@ export function PeoplePage({ person, query }) {
           <th scope="row"><a href=${href(['people', p.name])}>${p.name}</a></th>
           <td>${p.full_name}</td>
           <td>${words(p.role)}</td>
-          <td>${p.groups.join(', ')}</td>
+          <td>${p.groups.join(', ')}${p.more_groups ? ` and ${p.more_groups} more` : ''}</td>
           <td>${
             p.disabled
               ? html`<${Mark} kind="locked">disabled<//>`

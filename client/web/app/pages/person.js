@@ -249,7 +249,7 @@ export function PersonPage({ params, person: me }) {
           shown.groups.length
             ? shown.groups.map((id, i) => html`${i > 0 && ', '}<a href=${href(['groups', id])}>${id}</a>`)
             : 'none'
-        }</dd>
+        }${shown.more_groups ? ` and ${shown.more_groups} more` : ''}</dd>
         ${
           shown.role === 'trainee' &&
           html`

@@ -384,6 +384,41 @@ TEST_F(Scoring, aCloseComputesItsDistancesInStepsAndReadsAnUndecodableReferenceO
   EXPECT_NEAR(nearest_m(second.outcome), 0.020, 1e-9);
 }
 
+TEST_F(Scoring, aCloseNeedsAsManyStepsWhateverOthersMakeTheServerForgetBetweenThem) {
+  const std::vector<Uuid> experts = {closed(gestureAside(0)), closed(gestureAside(0.001)),
+                                     closed(gestureAside(0.002))};
+  std::uint32_t revision = 0;
+  const auto setReference = [&](const std::vector<Uuid>& sessions) {
+    ASSERT_OK(change([&](Connection& c) {
+      const auto put = ReferenceStore(c).put("knee-recess", sessions, revision++, "ina", 1);
+      return put ? Status() : Status(put.error());
+    }));
+  };
+  setReference(experts);
+  store->service().setMostComparedCells(1);  // a step reads one path or computes one distance
+  const auto samples = gestureAside(0.012);
+  CloseUnderWay close{delivered(encodeChunk(Resolution::lossless(), samples), samples.size(), "knee-recess"),
+                      "station-1"};
+  std::size_t steps = 0;
+  std::optional<CloseOutcome> done;
+  while (!done && ++steps < 100) {
+    ASSERT_OK(store->service().dailyRetention());  // forgets all paths and distances
+    auto outcome = store->service().closeStep(close);
+    ASSERT_OK(outcome);
+    done = *std::move(outcome);
+    // the references of the first step hold: the nearest one stays
+    setReference({experts[steps % 2]});
+  }
+  EXPECT_EQ(steps, 1u + 3u + 3u) << "its path, those of 3 references, and 3 distances";
+  ASSERT_TRUE(done);
+  const auto rows = parseScore(done->score_json);
+  ASSERT_OK(rows);
+  const auto row =
+      std::find_if(rows->begin(), rows->end(), [](const Measure& m) { return m.name == "dtw_distance_m"; });
+  ASSERT_NE(row, rows->end());
+  EXPECT_NEAR(row->value, 0.010, 1e-9);
+}
+
 TEST_F(Scoring, aCloseThatWasGivenUpBetweenItsStepsGoesOnWhenItIsAskedForAgain) {
   const std::vector<Uuid> experts = {closed(gestureAside(0)), closed(gestureAside(0.001))};
   ASSERT_OK(change([&](Connection& c) {

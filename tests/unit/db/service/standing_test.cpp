@@ -256,6 +256,37 @@ TEST_F(ManyAttempts, progressIsReadByPagesOfAttemptsAndAnExerciseOnce) {
   EXPECT_EQ(refusal(trainee, other), ErrorCode::kInvalidInput);
 }
 
+TEST_F(ManyAttempts, aPrerequisiteIsLookedAtOnceForATraineeHoweverManyExercisesNeedIt) {
+  constexpr int kExercises = 40;
+  const auto statements = [&](bool with_prerequisites) {
+    nlohmann::json course{{"id", "course"}, {"name", "A course"}, {"exercises", nlohmann::json::array()}};
+    for (int i = 0; i < kExercises; ++i) {
+      nlohmann::json exercise{
+          {"id", "e" + std::to_string(i)}, {"name", "An exercise"}, {"profile_id", "knee-adult"}};
+      exercise["requirements"] = {{{"measure", "peak_force_n"}, {"max", 5}}};
+      exercise["prerequisites"] = nlohmann::json::array();
+      for (int before = 0; with_prerequisites && before < i; ++before)
+        exercise["prerequisites"].push_back("e" + std::to_string(before));
+      course["exercises"].push_back(exercise);
+    }
+    pb::Request put;
+    put.mutable_import_curriculum()->set_json(course.dump());
+    get(manager, put);
+    pb::Request request;
+    request.mutable_get_results()->set_course_id("course");
+    request.mutable_get_results()->set_trainee("anna");
+    return statementsOf(trainee, request);
+  };
+  addPerson("anna", pb::TRAINEE);
+  const int without = statements(false);
+  const int with = statements(true);
+  EXPECT_GT(with, without);
+  EXPECT_LE(with, without + 2 * kExercises) << "its text and her attempts, once each";
+  const auto row = results(trainee).rows(0);
+  EXPECT_EQ(row.cells(0).locked_by_size(), 0);
+  EXPECT_EQ(row.cells(kExercises - 1).locked_by_size(), kExercises - 1);
+}
+
 // whoever has a station's key adds as many as they like
 TEST_F(ManyAttempts, resultsCostTheSameHoweverManySessionsWait) {
   addStation();

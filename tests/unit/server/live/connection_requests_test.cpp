@@ -30,7 +30,11 @@ struct Lab {
 TEST(Requests, stationsAreListedWithTheirStateNow) {
   Lab lab;
   lab.server.addStation("bench-2");
+  const FakeSession session("bench-1");
+  ASSERT_TRUE(lab.station.send(session.open()).ok());
+  (void)waitFor(lab.station, [](const pb::Envelope& e) { return e.has_session_opened(); });
   pb::Envelope status;
+  status.mutable_station_status()->set_session_id(session.id());
   status.mutable_station_status()->set_trainee("tina");
   ASSERT_TRUE(lab.station.send(status).ok());
   (void)lab.station.receive(milliseconds(100));
@@ -42,6 +46,57 @@ TEST(Requests, stationsAreListedWithTheirStateNow) {
   EXPECT_TRUE(reply->stations().stations(0).online());
   EXPECT_EQ(reply->stations().stations(0).status().trainee(), "tina");
   EXPECT_FALSE(reply->stations().stations(1).online());
+}
+
+TEST(Requests, aStatusNamesATraineeOnlyInASessionThatTheServerKeepsInThisNameAlsoAfterARestart) {
+  RunningServer server;
+  const std::string key = server.addStation("bench-1");
+  server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+  server.addUser("tina", pb::TRAINEE, "");
+  const FakeSession session("bench-1");
+  std::uint64_t said = 0;
+  const auto shown = [&](BlockingClient& station, BlockingClient& instructor, const std::string& id,
+                         const std::string& trainee) -> std::string {
+    pb::Envelope status;
+    status.mutable_station_status()->set_session_id(id);
+    status.mutable_station_status()->set_trainee(trainee);
+    status.mutable_station_status()->set_samples(++said);
+    EXPECT_TRUE(station.send(status).ok());
+    pb::Request list;
+    list.mutable_list_stations();
+    for (int i = 0; i < 500; ++i) {
+      (void)station.receive(milliseconds(20));  // it sends while it waits
+      const auto reply = instructor.call(list);
+      if (!reply.ok()) break;
+      const pb::StationStatus& now = reply->stations().stations(0).status();
+      if (now.samples() == said) return now.trainee();
+    }
+    return "(the status did not come)";
+  };
+  const auto open = [&](BlockingClient& station) {
+    EXPECT_TRUE(station.send(session.open()).ok());
+    (void)waitFor(station, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  };
+  {
+    BlockingClient station = std::move(*server.connect(stationLogin("bench-1", key)));
+    BlockingClient anna = std::move(*server.connect(personLogin("anna", "correct horse battery")));
+    EXPECT_EQ(shown(station, anna, "", "tina"), "");
+    EXPECT_EQ(shown(station, anna, session.id(), "tina"), "") << "not opened yet";
+    open(station);
+    EXPECT_EQ(shown(station, anna, session.id(), "tina"), "tina");
+    EXPECT_EQ(shown(station, anna, session.id(), "tom"), "");
+  }
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("tina");
+  erase.mutable_erase_person()->set_confirm("tina");
+  erase.mutable_erase_person()->set_with_open_sessions(true);
+  server.asAdmin(erase);
+  EXPECT_EQ(server.restart(), 0);
+  // the station goes on with its lesson
+  BlockingClient station = std::move(*server.connect(stationLogin("bench-1", key)));
+  BlockingClient anna = std::move(*server.connect(personLogin("anna", "correct horse battery")));
+  open(station);
+  EXPECT_EQ(shown(station, anna, session.id(), "tina"), "");
 }
 
 TEST(Requests, aLessonBeginsWithTheTraineesCodeOnly) {

@@ -32,6 +32,9 @@ TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
   WebLab lab;
   auto station = lab.server().connect(ofStation(lab.stationKey()));
   ASSERT_TRUE(station.ok());
+  const FakeSession session("bench");
+  ASSERT_TRUE(station->send(session.open()).ok());
+  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened(); });
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
   const auto first = ines.live(), second = mara.live(), silent = ines.live();
   ASSERT_TRUE(first && second && silent);
@@ -39,7 +42,7 @@ TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
   auto& status = *envelope.mutable_station_status();
   status.set_trainee("tina");
   status.set_exercise_id("knee");
-  status.set_session_id(std::string(16, 'x'));
+  status.set_session_id(session.id());
   status.set_insertion_m(0.012);
   status.set_phase(1);
   for (const double force : {1.5, 2.5, 0.5}) {

@@ -1,0 +1,124 @@
+// Tests what a class list (CSV) may cost: the groups that it names, those that it adds to, and its report.
+#include <string>
+#include <vector>
+
+#include "common/base/text.h"
+#include "db/people.h"
+#include "db/service/handlers.h"
+#include "tests/unit/db/service/teaching_fixture.h"
+
+namespace needlelab {
+namespace {
+
+class ClassLists : public test::TeachingTest {
+ protected:
+  /// "PREFIX0;PREFIX1;…"
+  static std::string groupCell(const std::string& prefix, std::size_t count) {
+    std::string cell;
+    for (std::size_t i = 0; i < count; ++i) cell += (i == 0 ? "" : ";") + prefix + std::to_string(i);
+    return cell;
+  }
+  Error refusedTable(const std::string& csv) {
+    pb::Request request;
+    request.mutable_import_people()->set_csv(csv);
+    return ask(manager, request).error.value_or(Error{ErrorCode::kFailed, "it was taken"});
+  }
+};
+
+TEST_F(ClassLists, aPersonIsInAHundredGroupsAtMostAndTheFaultHasTheLine) {
+  const std::string full = groupCell("g", kMaxGroupsOfPerson);
+  const auto refused = importPeople("name,group\nben,a\nanna," + full + ";one-more\n");
+  EXPECT_FALSE(refused.done());
+  ASSERT_EQ(refused.faults(), 1u);
+  EXPECT_EQ(refused.rows(0).line(), 3u);
+  EXPECT_EQ(refused.rows(0).column(), "group");
+  EXPECT_EQ(refused.rows(0).text(), "has 101 groups, a person is in at most 100");
+  EXPECT_EQ(count("SELECT count(*) FROM people"), 0);
+
+  const auto taken = importPeople("name,group\nanna," + full + "\n");
+  ASSERT_TRUE(taken.done()) << taken.DebugString();
+  EXPECT_EQ(taken.rows(0).text(), "added as trainee, joins g0, g1, g2, g3, g4 and 95 more");
+  const auto later = importPeople("name,group\nanna,one-more\n");
+  EXPECT_FALSE(later.done());
+  EXPECT_EQ(later.rows(0).text(), "is in 100 groups and joins 1 more, a person is in at most 100");
+  EXPECT_TRUE(importPeople("name,group\nanna,g7;g8\n").done()) << "she is in them already";
+  EXPECT_EQ(refusal(manager, putGroup("one-more", {"anna"}, 0)), ErrorCode::kInvalidInput);
+  EXPECT_EQ(count("SELECT count(*) FROM group_members"), 100);
+}
+
+TEST_F(ClassLists, aTableThatNamesTooManyGroupsInAllIsRefusedAtTheLineWhereItDoes) {
+  std::string csv = "name,group\n";
+  for (int i = 0; i < 201; ++i) csv += "s" + std::to_string(i) + "," + groupCell("g", 100) + "\n";
+  const Error refused = refusedTable(csv);
+  EXPECT_EQ(refused.code, ErrorCode::kInvalidInput);
+  EXPECT_TRUE(refused.message.starts_with("csv: line 202: ")) << refused.message;
+  EXPECT_EQ(count("SELECT count(*) FROM people"), 0);
+}
+
+TEST_F(ClassLists, aTableThatAddsToGroupsWithTooManyMembersTogetherIsRefusedAtALineThatDoes) {
+  ASSERT_OK(change([](Connection& c) -> Status {
+    for (int i = 0; i < kMaxGroupMembers - 1; ++i)
+      RETURN_IF_ERROR(PeopleStore(c).add({"p" + std::to_string(i), pb::TRAINEE, "", false, 1}));
+    for (int group = 0; group < 5; ++group) {
+      const std::string id = "g" + std::to_string(group);
+      RETURN_IF_ERROR(
+          c.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns)"
+                " VALUES (?1, ?1, 1, 'mia', 1)",
+                id));
+      RETURN_IF_ERROR(c.run("INSERT INTO group_members (group_id, person) SELECT ?, name FROM people", id));
+    }
+    return {};
+  }));
+  const Error refused = refusedTable("name,group\nben,g0;g1\nanna,g2;g3;g4\n");
+  EXPECT_EQ(refused.code, ErrorCode::kInvalidInput);
+  EXPECT_TRUE(refused.message.starts_with("csv: line 3: with group 'g4', ")) << refused.message;
+  EXPECT_EQ(count("SELECT count(*) FROM people WHERE name IN ('anna', 'ben')"), 0);
+  EXPECT_TRUE(importPeople("name,group\nben,g0;g1\n").done());
+}
+
+TEST_F(ClassLists, theReportOfALongTableFitsIntoAMessage) {
+  std::string csv = "name,group\n";
+  for (int i = 0; i < 2000; ++i) {
+    csv += std::to_string(10'000 + i) + std::string(kMaxNameBytes - 5, 'n') + ",";
+    for (int group = 0; group < 10; ++group)
+      csv += (group == 0 ? "" : ";") + std::to_string(group) + std::string(kMaxNameBytes - 1, 'g');
+    csv += "\n";
+  }
+  const auto report = importPeople(csv, true);
+  EXPECT_EQ(report.added(), 2000u);
+  EXPECT_GT(report.rows_size(), 1000);
+  EXPECT_LE(report.ByteSizeLong(), handlers::kMaxReplyBytes - 5000 * (kMaxNameBytes + 3));
+}
+
+TEST_F(ClassLists, whoIsInVeryManyGroupsFromBeforeIsListedWithSomeOfThem) {
+  constexpr int kGroups = 20'000;
+  addPerson("anna", pb::TRAINEE);
+  addPerson("ben", pb::TRAINEE);
+  ASSERT_OK(change([](Connection& c) -> Status {
+    for (int i = 0; i < kGroups; ++i) {
+      const std::string id = std::to_string(10'000 + i) + std::string(kMaxNameBytes - 5, 'g');
+      RETURN_IF_ERROR(
+          c.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns)"
+                " VALUES (?1, ?1, 1, 'mia', 1)",
+                id));
+      RETURN_IF_ERROR(c.run("INSERT INTO group_members (group_id, person) VALUES (?, 'anna')", id));
+    }
+    return {};
+  }));
+  pb::Request request;
+  request.mutable_list_users();
+  const pb::Reply listed = get(manager, request);
+  ASSERT_EQ(listed.users().users_size(), 2);
+  EXPECT_LE(listed.ByteSizeLong(), handlers::kMaxReplyBytes);
+  EXPECT_EQ(listed.users().users(0).groups_size(), 1000);
+  EXPECT_EQ(listed.users().users(0).more_groups(), kGroups - 1000u);
+  EXPECT_EQ(listed.users().users(1).more_groups(), 0u);
+  // she leaves groups, and joins none
+  const std::string first = "10000" + std::string(kMaxNameBytes - 5, 'g');
+  EXPECT_FALSE(ask(manager, putGroup(first, {"anna", "ben"}, 1)).error) << "she stays in it";
+  EXPECT_FALSE(ask(manager, putGroup(first, {"ben"}, 2)).error);
+  EXPECT_EQ(refusal(manager, putGroup(first, {"anna", "ben"}, 3)), ErrorCode::kInvalidInput);
+}
+
+}  // namespace
+}  // namespace needlelab
