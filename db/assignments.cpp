@@ -109,14 +109,15 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
     return stored;
   }
   RETURN_IF_ERROR(checkNumbersLeft(connection_, "assignments"));
-  RETURN_IF_ERROR(
-      connection_.run("INSERT INTO assignments (course_id, exercise_id, group_id, trainee,"
-                      " due_unix_ns, by_whom, created_unix_ns)"
-                      " VALUES (nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, ''),"
-                      " nullif(?, 0), ?, ?)",
-                      given.course_id(), given.exercise_id(), given.group_id(), given.trainee(),
-                      given.due_unix_ns(), given.by(), given.created_unix_ns()));
-  stored.set_id(static_cast<std::uint64_t>(connection_.lastRowId()));
+  ASSIGN_OR_RETURN(
+      const auto id,
+      connection_.insert("INSERT INTO assignments (course_id, exercise_id, group_id, trainee,"
+                         " due_unix_ns, by_whom, created_unix_ns)"
+                         " VALUES (nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, ''),"
+                         " nullif(?, 0), ?, ?) RETURNING id",
+                         given.course_id(), given.exercise_id(), given.group_id(), given.trainee(),
+                         given.due_unix_ns(), given.by(), given.created_unix_ns()));
+  stored.set_id(static_cast<std::uint64_t>(id));
   return stored;
 }
 
@@ -147,7 +148,7 @@ Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::strin
       "SELECT due_unix_ns FROM assignments WHERE due_unix_ns IS NOT NULL"
       " AND (exercise_id = ?2 OR course_id = ?3) AND (trainee = ?1"
       " OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))"
-      " ORDER BY (trainee IS NULL) * 2 + (exercise_id IS NULL), due_unix_ns DESC"
+      " ORDER BY trainee IS NULL, exercise_id IS NULL, due_unix_ns DESC"
       " LIMIT 1",
       trainee, exercise_id, course_id);
   ASSIGN_OR_RETURN(const bool found, row.step());
@@ -175,12 +176,12 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
     number = row.integer(1);
   }
   const std::string places = fmt::format(
-      "SELECT * FROM ({}) WHERE (started_unix_ns, number) > (?4, ?5)"
+      "SELECT * FROM ({}) AS places WHERE (started_unix_ns, number) > (?4, ?5)"
       " ORDER BY started_unix_ns, number LIMIT ?6",
       kPlaces);
   // the third value: nothing is wanted all the same
   return connection_
-      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, std::string_view(), started_ns, number,
+      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, ByteView(), started_ns, number,
              static_cast<std::uint64_t>(most))
       .all([](const Statement& row) { return attemptOf(row, true); });
 }
@@ -220,7 +221,7 @@ Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
 Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::string_view exercise_id) {
   AttemptStanding standing;
   auto row = connection_.query(
-      "SELECT count(*), coalesce(sum(excused = 0), 0),"
+      "SELECT count(*), coalesce(sum(CASE excused WHEN 0 THEN 1 ELSE 0 END), 0),"
       " max(CASE excused WHEN 0 THEN passed END) FROM sessions WHERE trainee = ?1 AND exercise_id = ?2"
       " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)",
       trainee, exercise_id);

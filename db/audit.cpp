@@ -30,10 +30,12 @@ std::string shown(const std::string& text) {
 Status AuditStore::add(const AuditRow& line) {
   RETURN_IF_ERROR(checkNumbersLeft(connection_, "audit"));
   ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(line));
-  RETURN_IF_ERROR(
-      connection_.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (?,?,?,?,?)",
-                      row.unix_ns, shown(row.who), shown(row.action), shown(row.subject), shown(row.detail)));
-  return AuditChain(connection_).append(connection_.lastRowId());
+  ASSIGN_OR_RETURN(
+      const auto id,
+      connection_.insert(
+          "INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (?,?,?,?,?) RETURNING id",
+          row.unix_ns, shown(row.who), shown(row.action), shown(row.subject), shown(row.detail)));
+  return AuditChain(connection_).append(id);
 }
 
 Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id,

@@ -130,8 +130,8 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy,
   auto rows = copy.query(
       "SELECT id, covered, safe_chunks"
       " FROM (SELECT s.id, s.safe_chunks, coalesce(p.chunks,"
-      " s.chunks) - (s.state = ?) AS covered FROM sessions s"
-      " LEFT JOIN session_progress p ON p.session = s.number)"
+      " s.chunks) - CASE s.state WHEN ? THEN 1 ELSE 0 END AS covered FROM sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number) AS sums"
       " WHERE covered > safe_chunks",
       static_cast<int>(pb::SESSION_OPEN));
   for (;;) {

@@ -219,9 +219,12 @@ Result<std::optional<SessionCheck>> SessionStore::verifyOn(const Uuid& session, 
 Result<DatabaseCheck> checkDatabase(Connection& connection) {
   DatabaseCheck check;
   ASSIGN_OR_RETURN(auto view, Transaction::begin(connection, Transaction::Kind::kRead));
-  RETURN_IF_ERROR(collect(connection, "PRAGMA integrity_check", "integrity: ", check.faults));
-  RETURN_IF_ERROR(
-      collect(connection, "PRAGMA foreign_key_check", "foreign key broken in table ", check.faults));
+  // PostgreSQL holds its constraints itself; its own pages are for its own tools (pg_amcheck)
+  if (connection.sqlite() != nullptr) {
+    RETURN_IF_ERROR(collect(connection, "PRAGMA integrity_check", "integrity: ", check.faults));
+    RETURN_IF_ERROR(
+        collect(connection, "PRAGMA foreign_key_check", "foreign key broken in table ", check.faults));
+  }
   auto foreign = schemaFaults(connection);
   if (!foreign && foreign.error().code != ErrorCode::kCorrupt) return foreign.error();
   if (!foreign) check.faults.push_back(foreign.error().message);

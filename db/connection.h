@@ -1,8 +1,7 @@
-/// RAII wrappers of SQLite: Statement, Connection, transactions and savepoints that roll back unless
-/// committed, and CancelScope, which interrupts long reads. Errors are values.
+/// What stores are written on, whichever engine the database has: Statement, Connection, transactions and
+/// savepoints that roll back unless committed, and CancelScope, which interrupts long reads. Errors are
+/// values.
 #pragma once
-
-#include <sqlite3.h>
 
 #include <atomic>
 #include <cstdint>
@@ -18,7 +17,8 @@
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
-#include "common/base/time_source.h"
+#include "db/engine/engine.h"
+#include "db/engine/sqlite.h"
 
 namespace needlelab {
 
@@ -69,6 +69,9 @@ class Statement {
   Result<bool> step();
   /// Steps to the end and drops the rows.
   Status run();
+  /// Of an INSERT of one row that ends with RETURNING and a whole number: runs it to its end, and returns
+  /// that.
+  Result<std::int64_t> runReturning();
 
   /// Reads all remaining rows. `make` takes this statement at each row and returns a value or a Result. Stops
   /// at the first error of either.
@@ -106,11 +109,13 @@ class Statement {
 
  private:
   friend class Connection;
-  Statement(Connection* connection, sqlite3_stmt* handle, std::optional<Error> failed);
-  void check(int rc);
+  Statement(Connection* connection, std::unique_ptr<EngineStatement> statement);
+  Statement(Connection* connection, Error failed);
+  template <typename Value>
+  Statement& bindNext(Value value);
 
   Connection* connection_;
-  sqlite3_stmt* handle_;  ///< null when preparing failed
+  std::unique_ptr<EngineStatement> statement_;  ///< null when preparing failed
   std::optional<Error> failed_;
   int bound_ = 0;
 };
@@ -120,46 +125,17 @@ inline std::string firstText(const Statement& row) {
   return row.text(0);
 }
 
-/// A log beside the database above this has long reads given up, because they keep it from being emptied. It
-/// is some ten minutes of a thousand stations: smaller, no check of a large database would end; greater, it
-/// takes room that others lack.
-inline constexpr std::uint64_t kMostLogBytesOfReaders = std::uint64_t{4} << 30;
-
-/// An open database with the settings of db/README.md: WAL, synchronous=FULL, foreign keys on,
-/// wal_autocheckpoint=0, no checkpoint on close. Only the writer checkpoints: SQLite before
-/// 3.51.3 can destroy the database when one connection checkpoints while another commits. Thread: not
-/// thread-safe; one thread at a time (SQLite runs without its own mutex). Must outlive its statements.
+/// An open database. Thread: not thread-safe; one thread at a time. Must outlive its statements.
 class Connection {
  public:
-  enum class Mode {
-    kWriter,   ///< reads, writes, checkpoints; one per process, and one process per database (lock in
-               ///< bootstrap.h)
-    kReader,   ///< query_only
-    kFrozen,   ///< query_only, of a file that nobody writes to: writes nothing itself, no lock and no
-               ///< shared memory beside the file, so that it opens on a full disk; includes the log
-    kForeign,  ///< for openForeign() (foreign_database.h): query_only, the file alone, as it is: without what
-               ///< a log or a journal beside it says
-  };
-  struct Options {
-    Mode mode = Mode::kReader;
-    bool create = false;        ///< writer only: create a missing file
-    const char* vfs = nullptr;  ///< a VFS registered by a test; null = the system's
-    int busy_timeout_ms = 5000;
-    /// Readers only: above this a long read fails with kUnavailable (noteShortRead()).
-    std::uint64_t most_log_bytes = kMostLogBytesOfReaders;
-    std::filesystem::path copy_of = {};  ///< the file that `path` is a copy of, which messages about its
-                                         ///< contents name; empty: none
-    /// Foreign files only: reads fail with kUnavailable once `time` is past `until_ns`. `time` may be null:
-    /// no bound; it must outlive the connection.
-    TimeSource* time = nullptr;
-    std::int64_t until_ns = 0;
-    /// Foreign files only: as CancelScope, from the opening on. May be null; must outlive the connection.
-    const std::atomic<bool>* cancelled = nullptr;
-  };
+  using Mode = SqliteConnection::Mode;
+  using Options = SqliteConnection::Options;
+  using WalProgress = SqliteConnection::WalProgress;
 
-  /// Opens and configures the database. Errors: kNotFound (no file), kInvalidInput (a pipe, device, socket or
-  /// folder in its place, or in that of its log or journal), kCorrupt (not a database), kFailed.
+  /// Opens an SQLite database, as SqliteConnection::open().
   static Result<Connection> open(const std::filesystem::path& path, const Options& options);
+  /// Takes a connection of any engine. `folder_file`: what path() returns.
+  Connection(std::unique_ptr<EngineConnection> engine, std::filesystem::path folder_file);
 
   Connection(Connection&& other) noexcept;
   Connection& operator=(Connection&& other) noexcept;
@@ -181,19 +157,20 @@ class Connection {
   Status run(std::string_view sql, const Values&... values) {
     return query(sql, values...).run();
   }
+  /// The same with Statement::runReturning().
+  template <typename... Values>
+  Result<std::int64_t> insert(std::string_view sql, const Values&... values) {
+    return query(sql, values...).runReturning();
+  }
   /// Runs several statements without parameters, e.g. a migration.
   Status script(const std::string& sql);
 
-  [[nodiscard]] std::int64_t lastRowId() const;
   /// Number of rows that the last INSERT, UPDATE or DELETE changed.
   [[nodiscard]] std::int64_t changes() const;
   [[nodiscard]] bool inTransaction() const;
 
-  /// The result of a checkpoint: pages in the log, and how many of them are already in the database. 0 when
-  /// the database was busy.
-  struct WalProgress {
-    std::uint64_t pages = 0, moved = 0;
-  };
+  // Of SQLite's log, which other engines do not have: there they do nothing.
+
   /// Moves pages from the WAL into the database, as far as readers allow. Writer only, outside a transaction.
   /// A busy database is not an error.
   Status checkpointPassive(WalProgress* progress = nullptr);
@@ -208,50 +185,46 @@ class Connection {
 
   /// Begins to count the steps of a read anew: one of up to a million steps of SQLite's virtual machine, some
   /// 0.1 s, is never given up because of the log's size. Each kRead transaction does so, and each borrowing.
-  void noteShortRead() { limits_->looks = 0; }
+  void noteShortRead();
 
   /// Foreign files only: in the place of Options::until_ns from now on.
-  void readUntil(std::int64_t until_ns) { limits_->until_ns = until_ns; }
+  void readUntil(std::int64_t until_ns);
 
   /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, a part of a
   /// transaction that could not be undone. Want of memory is none: SQLite
   /// undoes the statement, or the transaction.
   /// Never reset: the writer stops for good.
-  [[nodiscard]] bool damaged() const { return damaged_; }
+  [[nodiscard]] bool damaged() const { return engine_->damaged(); }
 
+  /// True when the engine's server is gone, and with it the transaction: it must be rolled back, and the next
+  /// one connects again. Never with SQLite.
+  [[nodiscard]] bool isLost() const { return engine_->isLost(); }
+
+  /// What an ack survives, as far as is known (engine.h), and the settings that it follows from.
+  [[nodiscard]] Durability durability() const { return engine_->durability(); }
+  [[nodiscard]] std::string durabilityReason() const { return engine_->durabilityReason(); }
+
+  /// The database's file. Of another engine: a file of that name in the lab's folder, where its keys are.
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   /// What messages about the contents name: Options::copy_of, or path(). A disk's fault names path().
-  [[nodiscard]] const std::filesystem::path& origin() const { return origin_; }
-  [[nodiscard]] sqlite3* handle() { return handle_; }
+  [[nodiscard]] const std::filesystem::path& origin() const;
+  /// What only SQLite has; null: this is another engine.
+  [[nodiscard]] SqliteConnection* sqlite() { return engine_->sqlite(); }
+  /// SQLite's own; null: this is another engine.
+  [[nodiscard]] sqlite3* handle() { return sqlite() != nullptr ? sqlite()->handle() : nullptr; }
 
  private:
   friend class Statement;
   friend class CancelScope;
   friend class Savepoint;
-  /// What interrupts statements that run, by SQLite's progress handler.
-  struct Limits {
-    sqlite3* handle = nullptr;
-    const std::atomic<bool>* cancelled = nullptr;  ///< null: nothing cancels
-    std::uint64_t most_log_bytes = 0;              ///< 0: any size
-    std::uint64_t looks = 0;                       ///< calls of the handler since noteShortRead()
-    std::uint64_t log_bytes = 0;                   ///< for which the last interruption was; 0: cancelled
-    TimeSource* time = nullptr;                    ///< null: no bound of time
-    std::int64_t until_ns = 0;
-    bool is_late = false;  ///< the last interruption was because of `until_ns`
-  };
-  static int goesOn(void* limits);
-  Connection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle);
+  friend class Transaction;
   void close();
-  void giveBack(sqlite3_stmt* statement);
-  /// Converts the last call's error; sets `damaged_` for failures that put stored data in doubt.
-  Error errorOf(int rc, std::string_view what);
+  void giveBack(std::unique_ptr<EngineStatement> statement);
 
-  std::filesystem::path path_, origin_;
-  sqlite3* handle_ = nullptr;
-  bool damaged_ = false;
-  int busy_timeout_ms_ = 0;
-  std::unique_ptr<Limits> limits_;  ///< SQLite has its address, which stays when the connection moves
-  std::unordered_map<std::string, sqlite3_stmt*> idle_;  ///< prepared statements not in use, by their SQL
+  std::filesystem::path path_;
+  std::unique_ptr<EngineConnection> engine_;  ///< null after a move
+  /// Prepared statements not in use, by their SQL; null: it is in use.
+  std::unordered_map<std::string, std::unique_ptr<EngineStatement>> idle_;
 };
 
 /// BEGIN … COMMIT. Rolls back on destruction unless commit() returned success.
@@ -302,16 +275,18 @@ class Savepoint {
 class CancelScope {
  public:
   CancelScope(Connection& connection, const std::atomic<bool>* cancelled)
-      : limits_(*connection.limits_), before_(limits_.cancelled) {
-    if (cancelled != nullptr) limits_.cancelled = cancelled;
+      : engine_(cancelled != nullptr ? connection.engine_.get() : nullptr) {
+    if (engine_ != nullptr) before_ = engine_->setCancelled(cancelled);
   }
-  ~CancelScope() { limits_.cancelled = before_; }
+  ~CancelScope() {
+    if (engine_ != nullptr) engine_->setCancelled(before_);
+  }
   CancelScope(const CancelScope&) = delete;
   CancelScope& operator=(const CancelScope&) = delete;
 
  private:
-  Connection::Limits& limits_;
-  const std::atomic<bool>* before_;
+  EngineConnection* engine_;  ///< null: without effect
+  const std::atomic<bool>* before_ = nullptr;
 };
 
 /// For a table of AUTOINCREMENT, before a row without a number is added: kFailed when its numbers are used

@@ -28,13 +28,18 @@ DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fat
     : connection_(std::move(connection)),
       options_(options),
       time_(*options.time),
-      on_fatal_(std::move(on_fatal)) {
+      on_fatal_(std::move(on_fatal)),
+      durability_(connection_.durability()) {
   next_checkpoint_ns_ = time_.nowNs() + nanoseconds(options_.checkpoint_every);
   thread_ = std::thread([this] { loop(); });
 }
 
 DbWriter::DbWriter(Connection connection, Error refuses)
-    : connection_(std::move(connection)), time_(machineTime()), refuses_(true), failed_(std::move(refuses)) {}
+    : connection_(std::move(connection)),
+      time_(machineTime()),
+      refuses_(true),
+      failed_(std::move(refuses)),
+      durability_(connection_.durability()) {}
 
 DbWriter::~DbWriter() {
   stop();
@@ -241,6 +246,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     return true;
   };
   auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
+  noteDurability();
   if (!transaction) {
     if (connection_.damaged()) return fail(transaction.error(), group), false;
     // another process holds the write lock (e.g. an SQLite shell)
@@ -255,10 +261,13 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     Status result;
     {
       auto savepoint = Savepoint::begin(connection_);
+      if (!savepoint && connection_.isLost()) return refuse(savepoint.error());
       if (!savepoint) return fail(savepoint.error(), group), false;
       result = runWork(item);
       if (result.ok()) result = savepoint->release();
     }
+    // the transaction went with the connection
+    if (!result.ok() && connection_.isLost()) return refuse(result.error());
     // for want of memory SQLite rolls back the whole transaction
     if (!result.ok() && !connection_.damaged() && !connection_.inTransaction()) return refuse(result.error());
     // an error that puts the disk in doubt concerns all items, too
@@ -278,8 +287,11 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   };
   if (planted(PlantedBug::kAckBeforeCommit)) report();
   const std::int64_t before_ns = time_.nowNs();
-  if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored))
+  if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored)) {
+    // another program keeps the data, and is in no doubt about it
+    if (connection_.sqlite() == nullptr && !connection_.damaged()) return refuse(done.error());
     return fail(done.error(), group), false;
+  }
   const std::int64_t took = time_.nowNs() - before_ns;
   log_bytes_ = connection_.walBytes();
   uncheckpointed_ = true;
@@ -299,6 +311,13 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   // only now is the data on disk
   if (!planted(PlantedBug::kAckBeforeCommit)) report();
   return true;
+}
+
+void DbWriter::noteDurability() {
+  const Durability now = connection_.durability();
+  if (std::exchange(told_durability_, true) && now == durability_.load(std::memory_order_relaxed)) return;
+  durability_.store(now, std::memory_order_relaxed);
+  if (options_.on_durability) options_.on_durability(now, connection_.durabilityReason());
 }
 
 void DbWriter::fail(const Error& error, std::vector<Item>& group) {

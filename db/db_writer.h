@@ -1,6 +1,7 @@
 /// The database's only writing thread. It collects work for some milliseconds and commits it together.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
@@ -48,6 +49,9 @@ class DbWriter {
     /// Receives the text of an exception from an item, after the item was rolled back and refused like any
     /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};
+    /// At the first transaction, and whenever an ack survives more or less than before; may be empty. Thread:
+    /// the writer's.
+    std::function<void(Durability, const std::string& reason)> on_durability{};
     TimeSource* time = &machineTime();  ///< must outlive the writer
   };
 
@@ -103,6 +107,8 @@ class DbWriter {
   /// The error that stopped the writer for good, if any.
   [[nodiscard]] std::optional<Error> failed() const;
   [[nodiscard]] Counters counters() const;
+  /// What an ack survives, as of the last transaction's begin.
+  [[nodiscard]] Durability durability() const { return durability_.load(std::memory_order_relaxed); }
 
  private:
   static constexpr int kEmptyingPatience_ms = 50;
@@ -127,6 +133,8 @@ class DbWriter {
   /// Runs one transaction. False: the writer must stop.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);
+  /// Tells what an ack survives, if that is new.
+  void noteDurability();
 
   Connection connection_;  ///< the writer's thread only
   const Options options_;
@@ -149,6 +157,8 @@ class DbWriter {
   std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
   std::int64_t next_emptying_ns_ = 0;    ///< the writer's thread only
   std::uint64_t log_bytes_ = 0;          ///< the writer's thread only
+  bool told_durability_ = false;         ///< the writer's thread only
+  std::atomic<Durability> durability_;   ///< written by the writer's thread
   FreeParts free_parts_;                 ///< the writer's thread only
   std::uint64_t clearing_for_ = 0;       ///< calls of emptyLog() before free_parts_ began; its thread only
 

@@ -145,7 +145,7 @@ Status ErasureStore::emptySession(const Uuid& session, std::int64_t now_unix_ns)
       "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
       " reason, by_whom, leftover, crcs)"
       " SELECT number, ?1, ?1, 'the data of its person was erased before it came',"
-      " 'erasure', 0, x'' FROM sessions WHERE id = ?2",
+      " 'erasure', 0, zeroblob(0) FROM sessions WHERE id = ?2",
       now_unix_ns, ByteView(session));
 }
 
@@ -200,15 +200,16 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   for (const ErasureLine& line : lines) by_hash.emplace(line.name_hash, &line);
   // of each name the first trace that is not a session that waits; its account; its first session
   auto names = connection_.prepare(fmt::format(
-      "SELECT name, min(CASE WHEN waits THEN NULL ELSE made END), min(account), min(received) FROM"
+      "SELECT name, min(CASE WHEN waits = 1 THEN NULL ELSE made END), min(account), min(received) FROM"
       " (SELECT name, created_unix_ns AS made, 0 AS waits, created_unix_ns AS account,"
       " NULL AS received FROM people"
       // those of an account are as new as it: the clock may have been ahead when it was added
       " UNION ALL SELECT s.trainee, max(s.received_unix_ns, coalesce(p.created_unix_ns, 0)),"
-      " s.number IN {}, NULL, s.received_unix_ns"
+      " CASE WHEN s.number IN {} THEN 1 ELSE 0 END, NULL, s.received_unix_ns"
       " FROM sessions s LEFT JOIN people p ON p.name = s.trainee WHERE s.erased = 0"
-      " UNION ALL SELECT u.given, s.received_unix_ns, u.by_whom IS NULL, NULL, s.received_unix_ns"
-      " FROM unknown_trainees u JOIN sessions s ON s.number = u.session)"
+      " UNION ALL SELECT u.given, s.received_unix_ns, CASE WHEN u.by_whom IS NULL THEN 1 ELSE 0 END, NULL, "
+      "s.received_unix_ns"
+      " FROM unknown_trainees u JOIN sessions s ON s.number = u.session) AS traces"
       " GROUP BY name",
       kWaitingSessions));
   for (;;) {

@@ -55,6 +55,17 @@ Status eraseAccess(Connection& connection, const std::string& name) {
   return left == text ? Status() : meta.set(kKey, left);
 }
 
+/// An ANALYZE by a SQLite with STAT4 leaves samples of the indexes, names among them; PostgreSQL's, too.
+Status removeSamplesOfIndexes(Connection& connection) {
+  // what it samples now has no more of the person
+  if (connection.sqlite() == nullptr) return connection.script("ANALYZE");
+  ASSIGN_OR_RETURN(
+      const auto samples,
+      connection.prepare("SELECT name FROM sqlite_schema WHERE type = 'table' AND name = 'sqlite_stat4'")
+          .first(firstText));
+  return samples ? connection.run("DELETE FROM sqlite_stat4") : Status();
+}
+
 /// In why recordings were removed: a policy's author stands at the end (RetentionStore).
 Status eraseInReasons(Connection& connection, const std::string& name, const std::string& pseudonym) {
   return connection.run(
@@ -79,6 +90,7 @@ Result<std::uint64_t> ErasureStore::pragma(std::string_view name) {
 
 Status ErasureStore::requireRoom(std::uint64_t bytes) {
   rows_ = 0;
+  if (connection_.sqlite() == nullptr) return {};  // its disk is PostgreSQL's own
   ASSIGN_OR_RETURN(const auto pages, pragma("page_count"));
   ASSIGN_OR_RETURN(const auto page_bytes, pragma("page_size"));
   const auto& path = connection_.path();
@@ -142,7 +154,7 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
       connection_.run("INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
                       " SELECT import_id, ?1, '', '', ?2 FROM import_pieces"
                       " WHERE instr(lower(import_id), lower(?3)) = 0"
-                      " OR (length(import_id) = 36 AND import_id NOT GLOB '*[^0-9a-f-]*')"
+                      " OR (length(import_id) = 36 AND ltrim(import_id, '0123456789abcdef-') = '')"
                       " GROUP BY import_id HAVING min(position) > ?1",
                       kDroppedPieces, now_unix_ns, name));
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces WHERE position <> ?", kDroppedPieces));
@@ -150,12 +162,7 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
   RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
   RETURN_IF_ERROR(MetaStore(connection_)
                       .set(std::string(kFilesUnseenKey) + line.pseudonym, std::to_string(line.unix_ns)));
-  // an ANALYZE by a SQLite with STAT4 left samples of the indexes, names among them
-  ASSIGN_OR_RETURN(
-      const auto samples,
-      connection_.prepare("SELECT name FROM sqlite_schema WHERE type = 'table' AND name = 'sqlite_stat4'")
-          .first(firstText));
-  if (samples) RETURN_IF_ERROR(connection_.run("DELETE FROM sqlite_stat4"));
+  RETURN_IF_ERROR(removeSamplesOfIndexes(connection_));
   // what the stations gave for sessions that were assigned; those that wait keep it
   RETURN_IF_ERROR(connection_.run(
       "UPDATE unknown_trainees SET given = ?1 WHERE given = ?2 AND by_whom IS NOT NULL"

@@ -23,7 +23,8 @@ namespace {
 /// too. ?3: untilOf() its line.
 std::string isTaken() {
   return fmt::format(
-      "s.trainee = ?1 AND CASE WHEN ?3 IS NULL THEN ?2 OR s.number NOT IN {0} OR NOT EXISTS ({1})"
+      "s.trainee = ?1 AND CASE WHEN CAST(?3 AS BIGINT) IS NULL THEN ?2 = 1 OR s.number NOT IN {0} OR NOT "
+      "EXISTS ({1})"
       " ELSE s.received_unix_ns <= ?3 AND NOT EXISTS ({1} AND created_unix_ns <= ?3)"
       " AND (s.number IN {0} OR NOT EXISTS ({1})) END",
       kWaitingSessions, "SELECT 1 FROM people WHERE name = ?1");
@@ -59,7 +60,7 @@ Result<std::int64_t> ErasureStore::erasedAt(std::string_view name, std::int64_t 
                               " WHERE name = ?1 UNION ALL SELECT received_unix_ns FROM sessions"
                               " WHERE trainee = ?1 UNION ALL SELECT s.received_unix_ns"
                               " FROM unknown_trainees u JOIN sessions s ON s.number = u.session"
-                              " WHERE u.given = ?1)",
+                              " WHERE u.given = ?1) AS traces",
                               name)
                        .first([](const Statement& row) { return row.integer(0); }));
   return std::max(now_unix_ns, newest.value_or(0));
@@ -73,7 +74,7 @@ Status ErasureStore::mayErase(const std::string& name, const ErasureLine& line, 
   auto some = connection_.query(
       "SELECT 1 FROM sessions s WHERE " + isTaken() +
           " UNION ALL SELECT 1 FROM unknown_trainees u JOIN sessions s ON s.number = u.session"
-          " WHERE u.given = ?1 AND (?3 IS NULL OR (s.received_unix_ns <= ?3"
+          " WHERE u.given = ?1 AND (CAST(?3 AS BIGINT) IS NULL OR (s.received_unix_ns <= ?3"
           " AND NOT EXISTS (SELECT 1 FROM people WHERE name = ?1))) LIMIT 1",
       name, with_waiting, untilOf(line));
   ASSIGN_OR_RETURN(const bool found, some.step());
@@ -101,12 +102,12 @@ Result<PersonTraces> ErasureStore::tracesOf(const std::string& name, const Erasu
   // names that its stations gave for this person: a misspelt one names it in its sessions' remarks and lines,
   // unless somebody has it by now
   ASSIGN_OR_RETURN(who.names.given, connection_
-                                        .query("SELECT DISTINCT u.given FROM unknown_trainees u"
+                                        .query("SELECT u.given FROM unknown_trainees u"
                                                " JOIN sessions s ON s.number = u.session WHERE " +
                                                    isTaken() +
                                                    " AND u.given <> ?1"
                                                    " AND u.given NOT IN (SELECT name FROM people)"
-                                                   " ORDER BY length(u.given) DESC, u.given",
+                                                   " GROUP BY u.given ORDER BY length(u.given) DESC, u.given",
                                                name, with_waiting, untilOf(line))
                                         .all(firstText));
   for (const std::string& full_name : logged.imported) {

@@ -235,6 +235,7 @@ Status clearFreePartsOfCopy(sqlite3* copy, const std::filesystem::path& path) {
 }
 
 Result<bool> FreeParts::clearSome(Connection& writer, std::size_t most_pages) {
+  if (writer.sqlite() == nullptr) return true;  // PostgreSQL's pages are its own (deploy/OPERATIONS.md)
   bool all = true, wrote = false;
   {
     // nobody else writes meanwhile: what the file has is the database

@@ -22,7 +22,7 @@ Result<ReaderPool::Lease> ReaderPool::borrow() {
       return Lease(*this, std::move(connection));
     }
   }
-  ASSIGN_OR_RETURN(auto opened, Connection::open(path_, {.mode = mode_}));
+  ASSIGN_OR_RETURN(auto opened, openAt(address_, mode_));
   if (planted(PlantedBug::kSecondCheckpointer)) (void)opened.checkpointPassive();
   return Lease(*this, std::make_unique<Connection>(std::move(opened)));
 }

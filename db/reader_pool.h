@@ -8,6 +8,7 @@
 
 #include "common/base/result.h"
 #include "db/connection.h"
+#include "db/store_address.h"
 
 namespace needlelab {
 
@@ -33,15 +34,15 @@ class ReaderPool {
   };
 
   /// `mode`: kReader, or kFrozen when there is no writer.
-  explicit ReaderPool(std::filesystem::path path, std::size_t max_idle = 8,
+  explicit ReaderPool(StoreAddress address, std::size_t max_idle = 8,
                       Connection::Mode mode = Connection::Mode::kReader)
-      : path_(std::move(path)), max_idle_(max_idle), mode_(mode) {}
+      : address_(std::move(address)), max_idle_(max_idle), mode_(mode) {}
 
   Result<Lease> borrow();
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] const std::filesystem::path& path() const { return address_.path; }
 
  private:
-  const std::filesystem::path path_;
+  const StoreAddress address_;
   const std::size_t max_idle_;
   const Connection::Mode mode_;
   std::mutex mutex_;

@@ -125,7 +125,7 @@ class KnownTimes {
     known.now_unix_ns_ = now_unix_ns;
     ASSIGN_OR_RETURN(known.created_unix_ns_,
                      oneNumber(connection.prepare(
-                         "SELECT CAST(value AS INTEGER) FROM meta WHERE key = 'created_unix_ns'")));
+                         "SELECT CAST(value AS BIGINT) FROM meta WHERE key = 'created_unix_ns'")));
     ASSIGN_OR_RETURN(known.closed_behind_, SeenTimeStore(connection).closedBehind());
     return known;
   }
@@ -376,6 +376,12 @@ Result<bool> RetentionStore::removeSome(const Uuid& session, std::uint32_t rows)
 
 Result<RetentionStore::Space> RetentionStore::space() {
   Space space;
+  if (connection_.sqlite() == nullptr) {
+    ASSIGN_OR_RETURN(const auto bytes,
+                     oneNumber(connection_.prepare("SELECT pg_database_size(current_database())")));
+    space.database_bytes = static_cast<std::uint64_t>(bytes);
+    return space;
+  }
   const auto page = oneNumber(connection_.prepare("PRAGMA page_size"));
   const auto pages = oneNumber(connection_.prepare("PRAGMA page_count"));
   const auto free = oneNumber(connection_.prepare("PRAGMA freelist_count"));
@@ -420,10 +426,12 @@ Status RetentionStore::setPolicy(const pb::RetentionPolicy& policy) {
   const auto optional = [](bool there, auto value) { return there ? std::optional(value) : std::nullopt; };
   const bool thins = policy.has_thin_after_days();
   return connection_.run(
-      "INSERT"
-      " OR REPLACE INTO retention_policies (exercise_id, thin_after_days,"
-      " thin_rate_hz, thin_coarser, delete_after_days, without_backup, by_whom,"
-      " changed_unix_ns) VALUES (?,?,?,?,?,?,?,?)",
+      "INSERT INTO retention_policies (exercise_id, thin_after_days, thin_rate_hz, thin_coarser,"
+      " delete_after_days, without_backup, by_whom, changed_unix_ns) VALUES (?,?,?,?,?,?,?,?)"
+      " ON CONFLICT (exercise_id) DO UPDATE SET thin_after_days = excluded.thin_after_days,"
+      " thin_rate_hz = excluded.thin_rate_hz, thin_coarser = excluded.thin_coarser,"
+      " delete_after_days = excluded.delete_after_days, without_backup = excluded.without_backup,"
+      " by_whom = excluded.by_whom, changed_unix_ns = excluded.changed_unix_ns",
       policy.exercise_id(), optional(thins, policy.thin_after_days()), optional(thins, policy.thin_rate_hz()),
       policy.thin_coarser() == 0 ? 1.0 : policy.thin_coarser(),
       optional(policy.has_delete_after_days(), policy.delete_after_days()), policy.without_backup(),

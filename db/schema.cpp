@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "db/connection.h"
+#include "db/postgres_schema.h"
 
 namespace needlelab {
 namespace {
@@ -114,6 +115,7 @@ int newestSchemaVersion() {
 }
 
 Result<int> schemaVersion(Connection& connection) {
+  if (connection.sqlite() == nullptr) return postgresSchemaVersion(connection);
   ASSIGN_OR_RETURN(const auto version, oneInteger(connection, "PRAGMA user_version"));
   if (version < 0)
     return Error{ErrorCode::kCorrupt,
@@ -126,11 +128,16 @@ Result<int> schemaVersion(Connection& connection) {
 Result<std::vector<std::string>> schemaFaults(Connection& connection) {
   ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
+  // whoever may change a schema of PostgreSQL is its administrator, whom nothing here binds
+  if (connection.sqlite() == nullptr) return std::vector<std::string>();
   return faultsBeside(connection, embeddedMigrations().first(static_cast<std::size_t>(found)));
 }
 
 Status migrate(Connection& connection) {
-  return migrate(connection, embeddedMigrations());
+  if (connection.sqlite() != nullptr) return migrate(connection, embeddedMigrations());
+  ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
+  if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
+  return migratePostgres(connection, found, newestSchemaVersion());
 }
 
 Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations) {

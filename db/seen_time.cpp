@@ -23,9 +23,9 @@ bool isAhead(std::int64_t seen_unix_ns, std::int64_t now_unix_ns) {
 
 Result<std::int64_t> SeenTimeStore::latest() {
   auto rows = connection_.query(
-      "SELECT coalesce((SELECT CAST(value AS INTEGER) FROM meta WHERE key = ?),"
+      "SELECT coalesce((SELECT CAST(value AS BIGINT) FROM meta WHERE key = ?),"
       " max(coalesce((SELECT max(closed_unix_ns) FROM sessions), 0),"
-      " coalesce((SELECT CAST(value AS INTEGER) FROM meta WHERE key = 'created_unix_ns'), 0)))",
+      " coalesce((SELECT CAST(value AS BIGINT) FROM meta WHERE key = 'created_unix_ns'), 0)))",
       kLatest);
   ASSIGN_OR_RETURN(const bool there, rows.step());
   return there ? rows.integer(0) : 0;
@@ -51,7 +51,7 @@ Status SeenTimeStore::confirm(std::int64_t now_unix_ns) {
 Result<std::map<Uuid, std::int64_t>> SeenTimeStore::closedBehind() {
   std::map<Uuid, std::int64_t> times;
   auto rows = connection_.query(
-      "SELECT substr(key, 1 + length(?1)), CAST(value AS INTEGER) FROM meta"
+      "SELECT substr(key, 1 + length(?1)), CAST(value AS BIGINT) FROM meta"
       " WHERE substr(key, 1, length(?1)) = ?1",
       kClosedBehind);
   for (;;) {

@@ -23,7 +23,7 @@ constexpr std::string_view kInfoColumns =
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
     " s.profile_json, s.score_json, s.passed, u.given, u.by_whom,"
-    " u.code_unchecked AND EXISTS (SELECT 1 FROM people WHERE name = s.trainee),"
+    " u.code_unchecked = 1 AND EXISTS (SELECT 1 FROM people WHERE name = s.trainee),"
     " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number) FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN unknown_trainees u ON u.session = s.number"
@@ -286,6 +286,16 @@ Result<std::uint64_t> SessionStore::safeSeqs(const Uuid& session) {
   ASSIGN_OR_RETURN(const bool found, query.step());
   if (!found) return unknownSession(session);
   return query.natural(0);
+}
+
+Result<std::uint64_t> SessionStore::mostSafeSeqs(const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto first,
+                   connection_
+                       .query("SELECT q.seq FROM quarantined_chunks q JOIN sessions s ON s.number = q.session"
+                              " WHERE s.id = ? ORDER BY q.seq LIMIT 1",
+                              ByteView(session))
+                       .first([](const Statement& row) { return row.natural(0); }));
+  return first.value_or(UINT64_MAX);
 }
 
 Result<std::vector<pb::Welcome::OpenSession>> SessionStore::openSessions(std::string_view station) {

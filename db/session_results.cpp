@@ -141,7 +141,7 @@ Status ScoreStore::put(const pb::Score& score) {
                       " ON CONFLICT (session, definition_version) DO UPDATE"
                       " SET measures = excluded.measures, passed = excluded.passed,"
                       " engine_version = excluded.engine_version,"
-                      " made_unix_ns = excluded.made_unix_ns WHERE first = 0",
+                      " made_unix_ns = excluded.made_unix_ns WHERE scores.first = 0",
                       number, score.definition_version(), score.measures_json(), passed, !has_first,
                       score.engine_version(), score.made_unix_ns()));
   return connection_.run(
@@ -253,10 +253,13 @@ Result<std::uint64_t> AnnotationStore::add(const StoredAnnotation& annotation) {
   RETURN_IF_ERROR(checkNote("annotation, text", annotation.text, 1, kMaxNoteBytes));
   ASSIGN_OR_RETURN(const auto session, findSession(connection_, annotation.session));
   if (!session) return unknownSession(annotation.session);
-  RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO annotations (session, tick, text, author, created_unix_ns) VALUES (?,?,?,?,?)",
-      session->number, annotation.tick, annotation.text, annotation.author, annotation.created_unix_ns));
-  return static_cast<std::uint64_t>(connection_.lastRowId());
+  ASSIGN_OR_RETURN(
+      const auto id,
+      connection_.insert(
+          "INSERT INTO annotations (session, tick, text, author, created_unix_ns) VALUES (?,?,?,?,?)"
+          " RETURNING id",
+          session->number, annotation.tick, annotation.text, annotation.author, annotation.created_unix_ns));
+  return static_cast<std::uint64_t>(id);
 }
 
 Result<std::vector<StoredAnnotation>> AnnotationStore::list(const Uuid& session) {

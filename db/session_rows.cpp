@@ -144,15 +144,16 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
   };
 
   if (!rows_) {
-    // compare with the row itself: a damaged index could return another chunk's row
+    // compare with the row itself: a damaged index of SQLite could return another chunk's row
     const std::string table(recording_.table());
-    rows_.emplace(
-        connection_.query("SELECT k.seq, c.samples, c.crc, c.bytes, c.session = k.session"
-                          " AND c.seq = k.seq FROM " +
-                              table + " AS k CROSS JOIN " + table +
-                              " AS c ON c.rowid = k.rowid"
-                              " WHERE k.session = ? AND k.seq >= ? AND k.seq < ? ORDER BY k.seq",
-                          recording_.session, next_, to_));
+    const std::string columns = connection_.sqlite() != nullptr
+                                    ? "k.seq, c.samples, c.crc, c.bytes, c.session = k.session AND"
+                                      " c.seq = k.seq FROM " +
+                                          table + " AS k CROSS JOIN " + table + " AS c ON c.rowid = k.rowid"
+                                    : "k.seq, k.samples, k.crc, k.bytes, 1 FROM " + table + " AS k";
+    rows_.emplace(connection_.query(
+        "SELECT " + columns + " WHERE k.session = ? AND k.seq >= ? AND k.seq < ? ORDER BY k.seq",
+        recording_.session, next_, to_));
     row_there_ = at_end_ = false;
   }
   if (!row_there_ && !at_end_) {

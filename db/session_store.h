@@ -200,6 +200,9 @@ class SessionStore {
   Result<std::uint64_t> nextSeq(const Uuid& session);
   /// Returns n: a verified backup covers chunks 0 … n−1.
   Result<std::uint64_t> safeSeqs(const Uuid& session);
+  /// How many of its chunks are Safe where an ack survives the loss of a disk: those before the first that
+  /// cannot be decoded, which stays with its station. UINT64_MAX: there is none.
+  Result<std::uint64_t> mostSafeSeqs(const Uuid& session);
   /// A station's newest kMaxWelcomed open sessions, oldest of them first. The station asks for others by
   /// OpenSession.
   Result<std::vector<pb::Welcome::OpenSession>> openSessions(std::string_view station);

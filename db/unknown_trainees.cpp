@@ -15,7 +15,7 @@ Status UnknownTraineeStore::flag(const Uuid& session, bool code_checked, bool ma
   ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection_).codesRequired());
   return connection_.run(
       "INSERT INTO unknown_trainees (session, given, code_unchecked)"
-      " SELECT s.number, s.trainee, p.name IS NOT NULL"
+      " SELECT s.number, s.trainee, CASE WHEN p.name IS NULL THEN 0 ELSE 1 END"
       " FROM sessions s LEFT JOIN people p ON p.name = s.trainee"
       " WHERE s.id = ?1 AND s.trainee NOT IN ('', ?2)"
       " AND (p.name IS NULL OR ?5 = 1 OR (?3 = 0 AND (?4 = 1 OR p.code_hash IS NOT NULL)))",

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -47,6 +48,21 @@ int main(int argc, char** argv) try {
   app.set_version_flag("--version", "needlelab-server " NEEDLELAB_VERSION);
   app.add_option("--data", options.data, "Folder of the database and of tls/; made at the first start")
       ->required();
+  app.add_option(
+         "--store", options.store_url,
+         "At the first start: the database is on PostgreSQL, at postgresql://USER@HOST/DATABASE, and DIR "
+         "has keys and lists only (DIR/store remembers it). Without it: DIR/needlelab.db")
+      ->type_name("URL");
+  const std::map<std::string, needlelab::Durability> levels = {
+      {"any", needlelab::Durability::kNothing},
+      {"power-cut", needlelab::Durability::kPowerCut},
+      {"two-disks", needlelab::Durability::kDiskLoss}};
+  app.add_option(
+         "--durability", options.least_durability,
+         "What an ack must survive, or nothing is stored: any, power-cut or two-disks (PostgreSQL with "
+         "a synchronous standby by name; an ack then makes a recording Safe)")
+      ->transform(CLI::CheckedTransformer(levels))
+      ->default_str("any");
   app.add_option("--listen", options.listen, "HOST:PORT to listen on; port 0 picks a free one")
       ->capture_default_str();
   app.add_option("--port-file", options.port_file, "Write the port to this file once the server listens");

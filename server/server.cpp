@@ -38,6 +38,12 @@ void logThrown(const std::string& text) {
   logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
 }
 
+void logDurability(Durability durability, const std::string& reason) {
+  const bool weak = durability < Durability::kPowerCut;
+  logEvent(weak ? LogLevel::kWarning : LogLevel::kInfo, "durability",
+           {{"text", fmt::format("an ack survives {} ({})", durabilityText(durability), reason)}});
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
@@ -59,8 +65,11 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   p.port = p.acceptor->local_endpoint().port();
 
   Store::Options store_options;
+  store_options.store_url = p.options.store_url;
+  store_options.least_durability = p.options.least_durability;
   store_options.writer = p.options.writer;
   store_options.writer.on_thrown = logThrown;
+  store_options.writer.on_durability = logDurability;
   store_options.backup_key = p.options.backup_key;
   store_options.on_fatal = [raw = parts.get()](const Error& error) {
     logEvent(LogLevel::kError, "store_failed", {{"text", error.message}});
@@ -129,6 +138,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .quotas = StationQuotas(p.options.quotas),
                                   .shares = PeopleShares(p.options.shares),
                                   .handshakes = HandshakeTurns(p.options.handshakes),
+                                  .acks_are_safe = p.options.least_durability >= Durability::kDiskLoss,
                                   .connections = {}});
   p.noteRoom(p.lookAtRoom());
   RETURN_IF_ERROR(p.startMonitor());

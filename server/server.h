@@ -18,7 +18,10 @@
 namespace needlelab {
 
 struct ServerOptions {
-  std::filesystem::path data;             ///< DIR: database, tls/, lock
+  std::filesystem::path data;  ///< DIR: database, tls/, lock
+  std::string store_url;       ///< as Store::Options
+  /// What an ack must survive. kDiskLoss: an ack makes a chunk Safe, too.
+  Durability least_durability = Durability::kNothing;
   std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
   int listen_fd = -1;                     ///< use this listening socket instead of `listen`; takes ownership
   std::string metrics;                    ///< HOST:PORT for GET /metrics and /healthz; empty: none

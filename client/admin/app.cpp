@@ -29,7 +29,9 @@ Result<std::unique_ptr<Backend>> openBackend(const GlobalOptions& global, const 
     return usage(
         "give either --data DIR (a stopped server's folder) or --server HOST:PORT --ca FILE --user NAME");
   }
-  if (!global.data.empty()) return openFolder(global.data, chosen.may_create, chosen.encrypt_with);
+  if (!global.data.empty())
+    return openFolder(global.data, chosen.may_create, chosen.encrypt_with, global.store);
+  if (!global.store.empty()) return usage("--store goes with --data: a server that runs has its own");
   if (!chosen.encrypt_with.empty())
     return usage(
         "--encrypt-with goes with --data: a server that runs encrypts with a key of its own "
@@ -85,6 +87,10 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   GlobalOptions global;
   std::optional<std::string> json;
   app.add_option("--data", global.data, "folder of a stopped server")->type_name("DIR");
+  app.add_option("--store", global.store,
+                 "with --data, at the first use of DIR: its database is on PostgreSQL, at "
+                 "postgresql://USER@HOST/DATABASE (DIR/store remembers it)")
+      ->type_name("URL");
   app.add_option("--server", global.server, "a running server")->type_name("HOST:PORT");
   app.add_option("--ca", global.ca, "the server's certificate authority, its tls/ca.crt")->type_name("FILE");
   app.add_option("--user", global.user, "who logs in")->type_name("NAME");

@@ -20,6 +20,7 @@
 #include "db/schema.h"
 #include "db/service/audit_anchor.h"
 #include "db/service/bootstrap.h"
+#include "db/store_address.h"
 
 namespace needlelab {
 namespace {
@@ -142,8 +143,8 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
   } else if (found.error().code != ErrorCode::kNotFound) {
     return found.error();
   }
-  ASSIGN_OR_RETURN(auto reader,
-                   Connection::open(folder / "needlelab.db", {.mode = Connection::Mode::kReader}));
+  ASSIGN_OR_RETURN(const auto address, addressOf(folder, ""));
+  ASSIGN_OR_RETURN(auto reader, openAt(address, Connection::Mode::kReader));
   std::string no_backup;
   if (anchor_files.empty()) {
     ASSIGN_OR_RETURN(no_backup, addNewestBackup(reader, anchors));

@@ -17,6 +17,7 @@
 #include "common/wire/protocol.h"
 #include "db/audit_head.h"
 #include "db/service/bootstrap.h"
+#include "db/store_address.h"
 
 namespace needlelab {
 namespace {
@@ -35,7 +36,7 @@ class NewFolder {
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
       // a database, the rest of one, or a restore that Store::open completes
       const std::string name = entry.path().filename();
-      has_data_ |= name.starts_with("needlelab.db") || name == "restore.pending";
+      has_data_ |= name.starts_with("needlelab.db") || name == "restore.pending" || name == kStoreFile;
     }
     database_ = folder / "needlelab.db";
     lock_ = folder / "lock";
@@ -44,7 +45,8 @@ class NewFolder {
          {database_, std::filesystem::path(database_.string() + "-wal"),
           std::filesystem::path(database_.string() + "-shm"),
           std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate, tls.ca_key,
-          tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile, folder / kAuditHeadFile, lock_})
+          tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile, folder / kAuditHeadFile,
+          folder / kStoreFile, lock_})
       if (!std::filesystem::exists(file, error)) files_.push_back(file);
   }
   [[nodiscard]] bool hasData() const { return has_data_; }
@@ -142,7 +144,8 @@ Status checkFolderUser(const std::filesystem::path& folder, uid_t user) {
 }
 
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create,
-                                            const std::filesystem::path& backup_key) {
+                                            const std::filesystem::path& backup_key,
+                                            const std::string& store_url) {
   const NewFolder made(folder);
   // also when an exception leaves this function
   const auto clean = [](const NewFolder* of) { of->removeUnopened(); };
@@ -151,6 +154,7 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
   options.holder = "needlelab-admin";
   options.create = create;
   options.backup_key = backup_key;
+  options.store_url = store_url;
   options.writer.window = std::chrono::milliseconds(0);  // no other writer: no need to wait
   auto store = Store::open(folder, options);
   if (!store) {

@@ -37,10 +37,11 @@ Status checkFolderUser(const std::filesystem::path& folder, uid_t user);
 std::string localName();
 
 /// Opens DIR of a stopped server, as administrator. `create`: creates a missing folder. `backup_key`: the
-/// file of the key that encrypts its backups; empty: none. Errors: as Store::open; kUnavailable when a server
-/// is running there.
+/// file of the key that encrypts its backups; empty: none. `store_url`: as Store::Options. Errors: as
+/// Store::open; kUnavailable when a server is running there.
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create,
-                                            const std::filesystem::path& backup_key = {});
+                                            const std::filesystem::path& backup_key = {},
+                                            const std::string& store_url = {});
 
 struct ServerAddress {
   Endpoint endpoint;

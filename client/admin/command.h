@@ -20,6 +20,7 @@ namespace needlelab {
 /// Options before or after the subcommand.
 struct GlobalOptions {
   std::string data;    ///< --data DIR
+  std::string store;   ///< --store URL, of a new folder
   std::string server;  ///< --server HOST:PORT
   std::string ca;
   std::string user;

@@ -1,5 +1,5 @@
-/// What an engine of databases does for the stores. PostgreSQL's is in postgres.h. SQLite's is still
-/// db/connection.h itself, on which the stores are written (CONTRIBUTING.md, "Left over").
+/// What an engine (SQLite, PostgreSQL) does for Connection and Statement (db/connection.h). Nobody else calls
+/// it: stores are written once, on Connection.
 #pragma once
 
 #include <atomic>
@@ -10,8 +10,11 @@
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
+#include "db/engine/durability.h"
 
 namespace needlelab {
+
+class SqliteConnection;
 
 /// One prepared statement, for one execution at a time. Parameters count from 1, columns from 0. Thread: as
 /// its connection, which must outlive it.
@@ -77,9 +80,18 @@ class EngineConnection {
   /// Undoes what came since savepoint(), and releases it.
   virtual Status undoSavepoint() = 0;
 
+  /// What a commit() that returns success survives, as far as is known: it may change while this runs, and is
+  /// looked at again at each begin of a write transaction.
+  [[nodiscard]] virtual Durability durability() const = 0;
+  /// The settings that it follows from.
+  [[nodiscard]] virtual std::string durabilityReason() const = 0;
+
   /// Statements end with kUnavailable soon after `cancelled`, which may be null, became true. Returns the one
   /// of before.
   virtual const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) = 0;
+
+  /// What only SQLite has; null: this is another engine.
+  [[nodiscard]] virtual SqliteConnection* sqlite() { return nullptr; }
 };
 
 }  // namespace needlelab

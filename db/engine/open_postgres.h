@@ -13,15 +13,19 @@ namespace needlelab {
 struct PostgresOptions {
   std::string url;         ///< postgresql://user@host:port/database?parameters, or "host=… user=…"
   bool read_only = false;  ///< refuses changes
+  /// Nobody else opens the database so until this connection ends; held again after each reconnection.
+  bool alone = false;
   std::chrono::milliseconds connect_timeout{5000};
   /// A statement whose answer does not come within this time loses the connection: the server may be stopped,
   /// or the network gone.
   std::chrono::milliseconds answer_timeout{30'000};
+  /// Write transactions are refused with kUnavailable while an ack would survive less than this.
+  Durability least = Durability::kNothing;
 };
 
 /// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database), kVersion
 /// (an engine before version 15), kDenied (user or password), kUnavailable (nobody answers, or refuses for
-/// now). No message has a password.
+/// now; `alone`: another one has it). No message has a password.
 Result<std::unique_ptr<EngineConnection>> openPostgres(const PostgresOptions& options);
 
 }  // namespace needlelab

@@ -22,6 +22,10 @@ namespace {
 constexpr int kMostIdle_ms = 30'000;
 constexpr int kOldestVersion = 150'000;  // PQserverVersion
 constexpr int kBinary = 1;
+/// What PostgresSettings has, in its order.
+constexpr const char* kSettingsQuery =
+    "current_setting('fsync'), current_setting('full_page_writes'), current_setting('synchronous_commit'),"
+    " current_setting('synchronous_standby_names')";
 constexpr std::size_t kMostSigns = 8;  // of types of one statement's values, see PostgresStatement
 
 using Steady = std::chrono::steady_clock;
@@ -255,7 +259,41 @@ Status PostgresConnection::connect() {
     return Error{ErrorCode::kVersion, fmt::format("{}: is PostgreSQL {}, needlelab needs 15 or later",
                                                   shown_url_, version / 10'000)};
   }
-  return {};
+  if (options_.alone) RETURN_IF_ERROR(becomeAlone());
+  if (options_.read_only) return {};
+  const auto asked = askWithSettings(fmt::format("SELECT {}", kSettingsQuery), 0, "read its settings");
+  return asked ? Status() : Status(asked.error());
+}
+
+Result<PostgresConnection::ResultPtr> PostgresConnection::askWithSettings(const std::string& sql, int column,
+                                                                          std::string_view what) {
+  if (PQsendQuery(connection_.get(), sql.c_str()) == 0) return lost(what);
+  ASSIGN_OR_RETURN(auto row, wait(what));
+  const auto text = [&](int at) { return PQgetvalue(row.get(), 0, column + at); };
+  settings_ = {text(0), text(1), text(2), text(3)};
+  return row;
+}
+
+Status PostgresConnection::requireDurable() const {
+  if (durability() >= options_.least) return {};
+  return Error{
+      ErrorCode::kUnavailable,
+      fmt::format("{}: nothing is stored: an ack must survive {} (--durability), and would survive {}: {}",
+                  shown_url_, durabilityText(options_.least), durabilityText(durability()),
+                  settings_.text())};
+}
+
+Status PostgresConnection::becomeAlone() {
+  const std::string lock = fmt::format("SELECT pg_try_advisory_lock({})", kAloneLock);
+  if (PQsendQuery(connection_.get(), lock.c_str()) == 0) return lost("take the lock of the store");
+  const auto taken = wait("take the lock of the store");
+  if (!taken) return taken.error();
+  if (std::string_view(PQgetvalue(taken->get(), 0, 0)) == "t") return {};
+  connection_.reset();
+  return Error{ErrorCode::kUnavailable,
+               shown_url_ +
+                   ": another needlelab-server or needlelab-admin works on this database: end it, or "
+                   "use needlelab-admin --server"};
 }
 
 Status PostgresConnection::requireConnected() {
@@ -396,13 +434,16 @@ Status PostgresConnection::begin(Begin kind) {
   }
   // in this order: the view of each statement behind the lock has all that the holder before committed
   RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL READ COMMITTED"));
-  const std::string lock =
-      fmt::format("SELECT pg_advisory_xact_lock({}), pg_current_xact_id()::text", kWriterLock);
-  if (PQsendQuery(connection_.get(), lock.c_str()) == 0) return lost("begin a transaction");
-  const auto locked = wait("begin a transaction");
-  if (!locked) {
+  // The message makes COMMIT wait for disk and standby also where nothing is changed: else it would
+  // acknowledge what an earlier transaction left at the primary only (RecordTransactionCommit, wrote_xlog).
+  const std::string ask = fmt::format(
+      "SELECT pg_advisory_xact_lock({}), pg_current_xact_id()::text, {},"
+      " pg_logical_emit_message(true, 'needlelab', '')",
+      kWriterLock, kSettingsQuery);
+  const auto locked = askWithSettings(ask, 2, "begin a transaction");
+  if (const Status durable = locked ? requireDurable() : locked.error(); !durable) {
     rollback();
-    return locked.error();
+    return durable;
   }
   write_xid_ = PQgetvalue(locked->get(), 0, 1);
   in_transaction_ = true;

@@ -24,6 +24,8 @@ inline constexpr const char* kPostgresSchema = "needlelab";
 /// A lock of PostgreSQL's (pg_advisory_xact_lock) that each write transaction holds to its end, so that
 /// whatever it looks at before it writes stays so, whichever server writes: as with SQLite's single writer.
 inline constexpr std::int64_t kWriterLock = 0x6e6c6162;
+/// The lock of PostgresOptions::alone (pg_try_advisory_lock).
+inline constexpr std::int64_t kAloneLock = 0x6e6c6163;
 
 /// One connection. A result is read whole before the first row is given, so several statements may be under
 /// way at a time. What is lost with its server is connected again at the next begin of a transaction, or
@@ -52,6 +54,8 @@ class PostgresConnection final : public EngineConnection {
   Status savepoint() override;
   Status releaseSavepoint() override;
   Status undoSavepoint() override;
+  [[nodiscard]] Durability durability() const override { return durabilityOf(settings_); }
+  [[nodiscard]] std::string durabilityReason() const override { return settings_.text(); }
   const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
 
   /// The URL without a password, for messages.
@@ -85,6 +89,12 @@ class PostgresConnection final : public EngineConnection {
   };
   explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)) {}
   Status connect();
+  /// Takes kAloneLock.
+  Status becomeAlone();
+  /// Runs a query of one row and notes the settings in its columns, from `column` on (kSettingsQuery).
+  Result<ResultPtr> askWithSettings(const std::string& sql, int column, std::string_view what);
+  /// kUnavailable when an ack would survive less than it must.
+  Status requireDurable() const;
   /// Waits for the results of what was sent; the last one is returned. Ends early with kUnavailable when
   /// cancelled, or when no answer comes.
   Result<ResultPtr> wait(std::string_view what);
@@ -97,6 +107,7 @@ class PostgresConnection final : public EngineConnection {
 
   const PostgresOptions options_;
   std::string shown_url_;
+  PostgresSettings settings_;  ///< of the last write transaction, or connection
   std::unique_ptr<PGconn, ConnectionCloser> connection_;
   const std::atomic<bool>* cancelled_ = nullptr;
   std::int64_t changes_ = 0;

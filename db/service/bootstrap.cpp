@@ -24,6 +24,7 @@
 #include "db/service/record_tables.h"
 #include "db/service/restore.h"
 #include "db/service/unseen_files.h"
+#include "db/store_address.h"
 
 namespace needlelab {
 namespace {
@@ -81,12 +82,12 @@ Status fillNewDatabase(Connection& connection) {
 }
 
 /// The writer's connection, with the newest schema.
-Result<Connection> openToWrite(const std::filesystem::path& path) {
-  ASSIGN_OR_RETURN(auto connection,
-                   Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
+Result<Connection> openToWrite(const StoreAddress& address, Durability least) {
+  ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
   // a change that was killed may have left a log that holds the room for what comes now
   (void)connection.emptyLog(0);
   RETURN_IF_ERROR(migrate(connection));
+  if (address.isPostgres()) RETURN_IF_ERROR(claimStore(connection, address));
   RETURN_IF_ERROR(fillNewDatabase(connection));
   // a key that is no key is refused here, and not by the first change
   RETURN_IF_ERROR(beginAuditHead(connection, wallNowNs()));
@@ -202,9 +203,9 @@ Status Store::keepAuditHead() {
 
 Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, const Options& options) {
   const auto path = folder / "needlelab.db";
-  if (!options.create) {
+  if (!options.create && options.store_url.empty()) {
     std::error_code ignored;
-    if (!std::filesystem::exists(path, ignored)) {
+    if (!std::filesystem::exists(path, ignored) && !std::filesystem::exists(folder / kStoreFile, ignored)) {
       return Error{ErrorCode::kNotFound,
                    folder.string() +
                        ": there is no needlelab.db here; start needlelab-server on it, or "
@@ -220,17 +221,21 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   RETURN_IF_ERROR(makeFolder(folder));
   RETURN_IF_ERROR(checkOwnFiles(folder));
   ASSIGN_OR_RETURN(auto lock, FolderLock::take(folder, options.holder));
+  ASSIGN_OR_RETURN(const auto address, addressOf(folder, options.store_url));
   // before the database is opened: a half-replaced database would be opened with the old one's log
-  RETURN_IF_ERROR(finishRestore(folder));
+  if (!address.isPostgres()) RETURN_IF_ERROR(finishRestore(folder));
   // also before a database is opened that is only read: it gives room back
   auto leftovers = removeFolderLeftovers(folder);
-  RETURN_IF_ERROR(makeDatabaseFile(path));
+  if (!address.isPostgres()) RETURN_IF_ERROR(makeDatabaseFile(path));
 
   std::unique_ptr<Store> store(new Store(std::move(lock)));
   store->leftovers_ = std::move(leftovers);
-  ASSIGN_OR_RETURN(const auto read_only_because, whyReadOnly(path, options));
+  std::string read_only_because;
+  if (!address.isPostgres()) {
+    ASSIGN_OR_RETURN(read_only_because, whyReadOnly(path, options));
+  }
   auto connection = read_only_because.empty()
-                        ? openToWrite(path)
+                        ? openToWrite(address, options.least_durability)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, read_only_because});
   bool unfinished = false;
   if (connection) {
@@ -250,10 +255,10 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     ASSIGN_OR_RETURN(const auto pending, MetaStore(*connection).get(kFreePartsKey));
     unfinished = pending.has_value();
     store->erasures_repeated_ = *repeated;
-    store->readers_ = std::make_unique<ReaderPool>(path);
+    store->readers_ = std::make_unique<ReaderPool>(address);
     store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
   } else {
-    if (connection.error().code != ErrorCode::kNoRoom) return connection.error();
+    if (connection.error().code != ErrorCode::kNoRoom || address.isPostgres()) return connection.error();
     store->read_only_ = connection.error();
     ASSIGN_OR_RETURN(auto frozen, openFrozen(path, connection.error()));
     RETURN_IF_ERROR(requireNoneToErase(frozen, connection.error()));

@@ -32,13 +32,17 @@ class FolderLock {
   int fd_;
 };
 
-/// The open database DIR/needlelab.db. The destructor drains the writer and releases the lock. Thread: open
-/// and destroy on one thread; its parts as each says.
+/// The open database of DIR: DIR/needlelab.db, or one on PostgreSQL (store_address.h). The destructor drains
+/// the writer and releases the lock. Thread: open and destroy on one thread; its parts as each says.
 class Store {
  public:
   struct Options {
     std::string holder = "needlelab-server";  ///< the lock's holder, for other processes' error messages
     bool create = true;                       ///< false: kNotFound when DIR has no database
+    /// The database is there, on PostgreSQL, and DIR has only the keys and lists; empty: it is where
+    /// DIR/store says, else DIR/needlelab.db.
+    std::string store_url = {};
+    Durability least_durability = Durability::kNothing;  ///< what an ack must survive; else nothing is stored
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
     /// Says why the database must not be written to; empty: it may be. Called on the thread that opens, also
@@ -52,8 +56,8 @@ class Store {
   /// what a killed program left in DIR. An existing database whose disk is full, or which must not be written
   /// to, is opened read-only: its log is read, and nothing is written, neither into it nor beside it. Errors:
   /// kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database is new or
-  /// has an older schema), kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place),
-  /// kCorrupt, kFailed.
+  /// has an older schema), kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place;
+  /// addressOf() and claimStore()), kCorrupt, kFailed, and those of openPostgres().
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   Store(const Store&) = delete;

@@ -15,6 +15,7 @@
 #include "db/erasure_list.h"
 #include "db/old_backups.h"
 #include "db/service/restore.h"
+#include "db/store_address.h"
 
 namespace needlelab {
 namespace {
@@ -23,8 +24,8 @@ namespace fs = std::filesystem;
 
 /// Files beside the database that a start reads or writes.
 constexpr std::string_view kOwnFiles[] = {
-    "lock",         "pseudonym.key", kErasuresFile,         kAuditKeyFile,
-    kAuditHeadFile, kRestorePending, kReplacedAuditHeadFile};
+    "lock",         "pseudonym.key", kErasuresFile,          kAuditKeyFile,
+    kAuditHeadFile, kRestorePending, kReplacedAuditHeadFile, kStoreFile};
 
 /// What else lies there: SQLite's, and what an undone restore leaves (deploy/OPERATIONS.md).
 constexpr std::string_view kOthersOwnFiles[] = {"needlelab.db-wal", "needlelab.db-shm",

@@ -83,7 +83,8 @@ std::string conditionOf(const RecordTable& table, const RecordPage& page) {
   if (table.only.empty() || table.kind == "lab_setting") return std::string(table.only);
   std::string open;
   for (const std::int64_t number : page.open) open += (open.empty() ? "" : ",") + std::to_string(number);
-  const std::string then = fmt::format("number <= {} AND number NOT IN ({})", page.last_session, open);
+  std::string then = fmt::format("number <= {}", page.last_session);
+  if (!open.empty()) then += fmt::format(" AND number NOT IN ({})", open);
   if (table.kind == "session") return std::string(table.only) + " AND " + then;
   return std::string(table.only) + " AND session IN (SELECT number FROM sessions WHERE " + then + ")";
 }
@@ -232,11 +233,12 @@ class Import {
       RETURN_IF_ERROR(removeRecord(writer_, table, record));
     }
     RETURN_IF_ERROR(checkRecord(table, record));
-    RETURN_IF_ERROR(insertRecord(writer_, table, record));
+    const bool session = table.kind == "session";
+    ASSIGN_OR_RETURN(const auto number, insertRecord(writer_, table, record, session ? "number" : ""));
     RETURN_IF_ERROR(rules_.noteStored(table, record));
-    if (table.kind == "session") {
-      new_sessions_.push_back({writer_.lastRowId(), record["trainee"].get<std::string>()});
-      RETURN_IF_ERROR(withoutRecording(record));
+    if (session) {
+      new_sessions_.push_back({number, record["trainee"].get<std::string>()});
+      RETURN_IF_ERROR(withoutRecording(number));
     }
     count(table.kind).set_added(count(table.kind).added() + 1);
     return {};
@@ -255,9 +257,9 @@ class Import {
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, false));
     record["imported_by"] = importer_;
     record["imported_from"] = import_id_ + ", line " + record["id"].dump();
-    if (!there.is_null()) record["id"] = nullptr;  // SQLite gives it the next one
-    RETURN_IF_ERROR(insertRecord(writer_, table, record));
-    RETURN_IF_ERROR(AuditChain(writer_).append(writer_.lastRowId()));
+    if (!there.is_null()) record["id"] = nullptr;  // it gets the next one
+    ASSIGN_OR_RETURN(const auto id, insertRecord(writer_, table, record, "id"));
+    RETURN_IF_ERROR(AuditChain(writer_).append(id));
     lines_->insert(text);
     count(table.kind).set_added(count(table.kind).added() + 1);
     return {};
@@ -292,14 +294,13 @@ class Import {
   }
 
   /// Chunks are not imported: the session becomes one whose recording was removed.
-  Status withoutRecording(const RecordJson& record) {
-    RETURN_IF_ERROR(writer_.run("UPDATE sessions SET recording = 3 WHERE number = ?", writer_.lastRowId()));
+  Status withoutRecording(std::int64_t number) {
+    RETURN_IF_ERROR(writer_.run("UPDATE sessions SET recording = 3 WHERE number = ?", number));
     return writer_.run(
         "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason, by_whom, "
         "leftover, crcs)"
-        " SELECT number, ?1, ?1, ?2, 'import', 0, zeroblob(4 * chunks) FROM sessions WHERE lower(hex(id)) = "
-        "?3",
-        now_unix_ns_, kNotHere, record["id"].get<std::string>());
+        " SELECT number, ?1, ?1, ?2, 'import', 0, zeroblob(4 * chunks) FROM sessions WHERE number = ?3",
+        now_unix_ns_, kNotHere, number);
   }
 
   struct NewSession {

@@ -339,7 +339,9 @@ std::string selectRecords(const RecordTable& table, std::string_view where, bool
   std::string columns, keys;
   for (const RecordColumn& column : table.columns) {
     if (isWritten(column, secrets)) columns += (columns.empty() ? "" : ", ") + expressionOf(column);
-    if (column.is_key) keys += (keys.empty() ? "" : ", ") + std::string(column.name);
+    // an expression of the SELECT may have the column's name
+    if (column.is_key)
+      keys += (keys.empty() ? "" : ", ") + std::string(table.table) + "." + std::string(column.name);
   }
   // revision numbers ascend: a row never refers to a later one
   return "SELECT " + columns + " FROM " + std::string(table.table) +
@@ -399,7 +401,8 @@ Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table
   return found ? recordOf(table, row, secrets) : RecordJson(nullptr);
 }
 
-Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record) {
+Result<std::int64_t> insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record,
+                                  std::string_view number) {
   for (const auto& [name, value] : record.items()) {
     const bool known =
         name == "kind" || std::any_of(table.columns.begin(), table.columns.end(),
@@ -414,17 +417,21 @@ Status insertRecord(Connection& writer, const RecordTable& table, const RecordJs
     places += places.empty() ? "?" : ", ?";
   }
   auto insert = writer.prepare("INSERT INTO " + std::string(table.table) + " (" + columns + ") VALUES (" +
-                               places + ")");
+                               places + ")" + (number.empty() ? "" : " RETURNING " + std::string(number)));
   for (const RecordColumn& column : table.columns) {
     if (column.kind == K::kMark) continue;
     const auto value = record.find(fieldOf(column));
     auto bound =
         value == record.end() ? bindMissing(insert, column) : bindValue(writer, insert, column, *value);
-    if (!bound) return bound;
+    if (!bound) return bound.error();
   }
-  const auto done = insert.run();
-  if (done || writer.damaged()) return done;
-  return Error{ErrorCode::kInvalidInput, "the schema refuses it: " + done.error().message};
+  const auto stored = [&]() -> Result<std::int64_t> {
+    if (!number.empty()) return insert.runReturning();
+    RETURN_IF_ERROR(insert.run());
+    return 0;
+  }();
+  if (stored || writer.damaged()) return stored;
+  return Error{ErrorCode::kInvalidInput, "the schema refuses it: " + stored.error().message};
 }
 
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record) {

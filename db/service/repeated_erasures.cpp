@@ -64,10 +64,13 @@ Result<std::size_t> repeatErasures(Connection& writer, std::int64_t now_unix_ns,
 }
 
 /// Numbers and descriptions of the sessions that were erased and have their profile.
-Result<std::vector<std::pair<std::int64_t, std::string>>> keepingProfiles(
-    const std::filesystem::path& database) {
-  ASSIGN_OR_RETURN(auto reader, Connection::open(database, {.mode = Connection::Mode::kReader}));
-  return reader
+Result<std::vector<std::pair<std::int64_t, std::string>>> keepingProfiles(Connection& writer) {
+  // with a connection of its own: a page that cannot be read must not stop the writer, and `check` says it
+  std::optional<Connection> opened;
+  if (writer.sqlite() != nullptr) {
+    ASSIGN_OR_RETURN(opened, Connection::open(writer.path(), {.mode = Connection::Mode::kReader}));
+  }
+  return (opened ? *opened : writer)
       .query("SELECT number, description FROM sessions WHERE erased = 1 AND profile_json <> ?",
              kErasedProfile)
       .all([](const Statement& row) {
@@ -82,8 +85,7 @@ Status clearOlderErasures(Connection& writer, std::int64_t now_unix_ns) {
   constexpr std::string_view kCleared = "erased_profiles_cleared";
   ASSIGN_OR_RETURN(const auto cleared, MetaStore(writer).get(kCleared));
   if (cleared) return {};
-  // with a connection of its own: a page that cannot be read must not stop the writer, and `check` says it
-  const auto sessions = keepingProfiles(writer.path());
+  const auto sessions = keepingProfiles(writer);
   if (!sessions) return {};
   ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
   for (const auto& [number, stored] : *sessions) {

@@ -28,6 +28,7 @@
 #include "db/foreign_database.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
+#include "db/store_address.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
@@ -242,6 +243,11 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
                      ": is no folder; for a machine of its own make it first (mkdir -m 700)"};
   if (!fs::is_regular_file(from, error))
     return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": there is no such file"};
+  if (fs::exists(folder / kStoreFile, error))
+    return Error{ErrorCode::kInvalidInput,
+                 "--data " + folder.string() +
+                     ": its database is on PostgreSQL, whose backups its own tools make and restore: see "
+                     "deploy/OPERATIONS.md, PostgreSQL"};
   const fs::path database = folder / kDatabase, copy = folder / kRestoringCopy;
   if (fs::equivalent(from, database, error))
     return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": this is the database itself"};

@@ -133,6 +133,10 @@ pb::Reply doneReply() {
 }
 
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
+  if (context.reader.sqlite() == nullptr)
+    return Error{ErrorCode::kInvalidInput,
+                 "this lab's database is on PostgreSQL, whose own tools make its backups: pg_dump, or "
+                 "pg_basebackup with the archive of its log (deploy/OPERATIONS.md, PostgreSQL)"};
   const BackupKey* const key = context.backup_key;
   ASSIGN_OR_RETURN(const auto target, backupTarget(context, call));
   ASSIGN_OR_RETURN(auto result, key != nullptr

@@ -82,9 +82,15 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   struct Watermarks {
     std::uint64_t committed = 0;
     std::uint64_t safe = 0;
+    std::uint64_t most_safe = UINT64_MAX;  // of what acks make Safe, SessionStore::mostSafeSeqs()
     bool ack_due = false;
     bool open = false;    // here: its close has not been answered on this connection
     std::string trainee;  // in whose name the server keeps it; empty: it is closed, or nobody's
+
+    void noteCommitted(std::uint64_t seqs, bool acks_are_safe) {
+      committed = std::max(committed, seqs);
+      if (acks_are_safe) safe = std::max(safe, std::min(committed, most_safe));
+    }
   };
 
   /// A message's parts of the budgets.

@@ -66,7 +66,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
 
   // commit before answering: a session announced to a station survives the server
   struct Opened {
-    std::uint64_t next_seq = 0, safe = 0;
+    std::uint64_t next_seq = 0, safe = 0, most_safe = 0;
     bool is_new = false, closed = false;
   };
   auto opened = std::make_shared<Opened>();
@@ -96,6 +96,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     opened->next_seq = next;
     ASSIGN_OR_RETURN(auto safe, store.safeSeqs(id));
     opened->safe = safe;
+    ASSIGN_OR_RETURN(opened->most_safe, store.mostSafeSeqs(id));
     auto state = writer.query("SELECT state FROM sessions WHERE id = ?", ByteView(id));
     ASSIGN_OR_RETURN(const auto found, state.step());
     opened->closed = found && state.integer(0) != pb::SESSION_OPEN;
@@ -111,8 +112,10 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     co_return;
   }
   Watermarks& marks = watermarks(session_id);
-  marks.committed = opened->next_seq;
+  marks.committed = 0;  // a store that was restored may have fewer than it had
   marks.safe = opened->safe;
+  marks.most_safe = opened->most_safe;
+  marks.noteCommitted(opened->next_seq, context_.acks_are_safe);
   // also for a closed session: its station may have lost the answer to CloseSession and sends it again
   marks.open = true;
   marks.trainee = opened->closed ? std::string() : description.trainee();
@@ -230,7 +233,8 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
                                        {"text", appended.text}});
   }
   Watermarks& marks = watermarks(chunk.session_id());
-  marks.committed = std::max(marks.committed, appended.next_seq);
+  if (appended.quarantined) marks.most_safe = std::min(marks.most_safe, chunk.seq());
+  marks.noteCommitted(appended.next_seq, context_.acks_are_safe);
   marks.ack_due = true;
   scheduleAcks();
 }

@@ -190,6 +190,7 @@ struct ServerContext {
   PeopleShares shares{};
   HandshakeTurns handshakes{};
   asio::steady_timer handshakes_due{io};  ///< the next place of a handshake becomes free by itself
+  const bool acks_are_safe = false;       ///< they survive the loss of a disk (--durability two-disks)
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end
 };

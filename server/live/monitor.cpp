@@ -17,6 +17,7 @@
 #include "common/base/clock.h"
 #include "common/base/text.h"
 #include "common/wire/certificates.h"
+#include "db/retention_store.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
 #include "server/base/log.h"
@@ -97,7 +98,7 @@ StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate
     const auto bytes = std::filesystem::file_size(file, error);
     return error ? 0 : static_cast<std::uint64_t>(bytes);
   };
-  facts.database_bytes = size(path);
+  facts.database_bytes = size(path);  // 0: it is on PostgreSQL, which is asked below
   facts.wal_bytes = size(path.string() + "-wal");
   const auto space = std::filesystem::space(path.parent_path(), error);
   if (error) {
@@ -107,6 +108,7 @@ StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate
     facts.disk_bytes = space.capacity;
   }
   facts.process = processFacts();
+  facts.durability = store.writer().durability();
   if (const auto read = readCertificate(certificate); read.ok())
     facts.certificate_end_unix_s = read->not_after_unix_s;
 
@@ -114,6 +116,11 @@ StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate
   if (!reader.ok()) {
     facts.fault = reader.error().message;
     return facts;
+  }
+  if ((*reader)->sqlite() == nullptr) {
+    const auto room = RetentionStore(**reader).space();
+    if (room.ok()) facts.database_bytes = room->database_bytes;
+    if (!room.ok()) facts.fault = room.error().message;
   }
   facts.sessions_open = oneNumber(**reader, "SELECT count(*) FROM sessions WHERE state = 1", facts.fault);
   facts.unsafe_chunks = oneNumber(
@@ -140,6 +147,7 @@ HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int6
   json["database_writable"] = health.writable;
   json["last_commit_age_s"] = nullptr;
   if (health.last_commit_age_s >= 0) json["last_commit_age_s"] = tenths(health.last_commit_age_s);
+  json["ack_survives"] = durabilityText(facts.durability);
   json["disk_free_bytes"] = facts.free_bytes;
   json["backup_age_s"] = nullptr;
   if (facts.backup_unix_ns)

@@ -43,10 +43,11 @@ struct StoreFacts {
   std::uint64_t database_bytes = 0, wal_bytes = 0;
   std::uint64_t free_bytes = 0, disk_bytes = 0;
   std::uint64_t sessions_open = 0;
-  std::uint64_t unsafe_chunks = 0;             ///< committed but in no verified backup
-  std::optional<std::int64_t> backup_unix_ns;  ///< of the last verified backup
-  bool clock_ahead = false;                    ///< of the latest time that is known (db/seen_time.h)
-  std::int64_t certificate_end_unix_s = 0;     ///< 0: unknown
+  std::uint64_t unsafe_chunks = 0;               ///< committed but in no verified backup
+  std::optional<std::int64_t> backup_unix_ns;    ///< of the last verified backup
+  Durability durability = Durability::kNothing;  ///< what an ack survives
+  bool clock_ahead = false;                      ///< of the latest time that is known (db/seen_time.h)
+  std::int64_t certificate_end_unix_s = 0;       ///< 0: unknown
   ProcessFacts process;
   std::string fault;     ///< the reason when the database could not be read; empty: it could
   bool answered = true;  ///< false: the disk does not answer; the other values are from the last answer

@@ -13,7 +13,9 @@
 #include "db/credentials.h"
 #include "db/schema.h"
 #include "db/session_store.h"
+#include "db/store_address.h"
 #include "needlelab/teaching.pb.h"
+#include "tests/support/postgres_database.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -36,15 +38,18 @@ class TestDb {
  public:
   explicit TestDb(const char* vfs = nullptr)
       : path(folder.path() / "needlelab.db"),
-        writer(
-            must(Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true, .vfs = vfs}))) {
+        address(path, vfs == nullptr && onPostgres() ? postgresUrlOf(folder.path()) : ""),
+        writer(must(
+            address.isPostgres()
+                ? openAt(address, Connection::Mode::kWriter)
+                : Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true, .vfs = vfs}))) {
     // Store tests do not wait for the disk; durability tests use their own VFS.
-    if (vfs == nullptr) EXPECT_OK(writer.script("PRAGMA synchronous=OFF"));
+    if (vfs == nullptr && !address.isPostgres()) EXPECT_OK(writer.script("PRAGMA synchronous=OFF"));
     EXPECT_OK(migrate(writer));
     EXPECT_OK(StationStore(writer).add("station-1", StationKeyBytes{}, 1));
   }
 
-  [[nodiscard]] Connection reader() const { return must(Connection::open(path, {})); }
+  [[nodiscard]] Connection reader() const { return must(openAt(address, Connection::Mode::kReader)); }
 
   template <typename T>
   static T must(Result<T> result) {
@@ -54,6 +59,8 @@ class TestDb {
 
   TempFolder folder;
   std::filesystem::path path;
+  PostgresBelow dropped_at_end{folder.path()};
+  StoreAddress address;
   Connection writer;
 };
 

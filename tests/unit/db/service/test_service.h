@@ -14,6 +14,7 @@ inline std::unique_ptr<Store> openStore(const std::filesystem::path& folder,
                                         TimeSource& time = machineTime()) {
   Store::Options options;
   options.time = &time;
+  if (onPostgres()) options.store_url = postgresUrlOf(folder);
   options.writer.window = std::chrono::milliseconds(1);
   auto store = Store::open(folder, options);
   if (!store) throw std::runtime_error(store.error().message);
@@ -65,6 +66,7 @@ class ServiceTest : public testing::Test {
   }
 
   TempFolder folder;
+  PostgresBelow dropped_at_end{folder.path()};
   std::unique_ptr<Store> store = openStore(folder.path() / "data");
   const Principal admin{"ada", pb::ADMINISTRATOR};
   const Principal manager{"mia", pb::CURRICULUM_MANAGER};

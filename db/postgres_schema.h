@@ -1,0 +1,23 @@
+/// The schema's versions on PostgreSQL (db/migrations/postgres). Private to schema.cpp, which chooses by the
+/// connection's engine.
+#pragma once
+
+#include <span>
+
+#include "common/base/program.h"
+#include "common/base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+/// db/migrations/postgres/*.sql, in order of their numbers: the first is that of a whole schema.
+std::span<const EmbeddedFile> embeddedPostgresMigrations();
+
+/// 0: the database has no schema of needlelab.
+Result<int> postgresSchemaVersion(Connection& connection);
+
+/// Makes the schema, or brings it to `newest`; one transaction a migration. kDenied: the user may not; the
+/// message has what an administrator of PostgreSQL types.
+Status migratePostgres(Connection& connection, int found, int newest);
+
+}  // namespace needlelab

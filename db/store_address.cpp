@@ -1,0 +1,136 @@
+#include "db/store_address.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "common/base/files.h"
+#include "common/base/uuid.h"
+#include "db/engine/open_postgres.h"
+#include "db/schema.h"
+
+namespace needlelab {
+namespace {
+
+constexpr const char* kLabKey = "lab_id";
+constexpr std::size_t kMostStoreFileBytes = 16'384;
+
+Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const char* what) {
+  return {ErrorCode::kInvalidInput,
+          fmt::format("{}, line {}: {}; write the two lines url = postgresql://USER@HOST/DATABASE and lab = "
+                      "ID, or remove the file and start with --store",
+                      path.string(), line, what)};
+}
+
+}  // namespace
+
+Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create) {
+  if (!address.isPostgres()) return Connection::open(address.path, {.mode = mode, .create = create});
+  ASSIGN_OR_RETURN(auto engine,
+                   openPostgres({.url = address.url, .read_only = mode != Connection::Mode::kWriter}));
+  return Connection(std::move(engine), address.path);
+}
+
+Result<Connection> openToServe(const StoreAddress& address, Durability least) {
+  const auto enough = [&](const Connection& opened) {
+    if (opened.durability() >= least) return Status();
+    return Status(Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("--durability: an ack must survive {}, and would survive {} ({})", durabilityText(least),
+                    durabilityText(opened.durability()), opened.durabilityReason())});
+  };
+  if (!address.isPostgres()) {
+    ASSIGN_OR_RETURN(auto opened,
+                     Connection::open(address.path, {.mode = Connection::Mode::kWriter, .create = true}));
+    RETURN_IF_ERROR(enough(opened));
+    return opened;
+  }
+  ASSIGN_OR_RETURN(auto engine, openPostgres({.url = address.url, .alone = true, .least = least}));
+  Connection opened(std::move(engine), address.path);
+  RETURN_IF_ERROR(enough(opened));
+  return opened;
+}
+
+Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder) {
+  const auto path = folder / kStoreFile;
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return std::optional<StoreFile>();
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMostStoreFileBytes));
+  StoreFile file;
+  std::size_t number = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    const std::string_view line = std::string_view(text).substr(at, end - at);
+    at = end + 1;
+    ++number;
+    if (line.empty() || line.starts_with('#')) continue;
+    constexpr std::string_view kUrl = "url = ", kLab = "lab = ";
+    if (line.starts_with(kUrl) && file.url.empty()) {
+      file.url = line.substr(kUrl.size());
+    } else if (line.starts_with(kLab) && file.lab.empty()) {
+      file.lab = line.substr(kLab.size());
+    } else {
+      return wrongStoreFile(path, number, "is not understood");
+    }
+  }
+  if (file.url.empty()) return wrongStoreFile(path, number, "url is missing");
+  if (file.lab.empty()) return wrongStoreFile(path, number, "lab is missing");
+  return std::optional(std::move(file));
+}
+
+Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file) {
+  const std::string text = fmt::format(
+      "# The database of this folder is not in it. needlelab-server --store wrote this.\n"
+      "url = {}\nlab = {}\n",
+      file.url, file.lab);
+  return replaceFileAtomically(folder / kStoreFile, viewOf(text));
+}
+
+Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::string& url) {
+  const auto path = folder / "needlelab.db";
+  ASSIGN_OR_RETURN(const auto file, readStoreFile(folder));
+  const std::string& chosen = !url.empty() ? url : file ? file->url : url;
+  if (chosen.empty()) return StoreAddress(path);
+  if (chosen.find('\n') != std::string::npos)
+    return Error{ErrorCode::kInvalidInput, "--store: has a line's end in it"};
+  std::error_code error;
+  if (std::filesystem::exists(path, error))
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{}: this folder has a database of its own: start without --store{}, or give "
+                             "--data another folder",
+                             path.string(), file ? ", and without the file store beside it" : "")};
+  return StoreAddress(path, chosen);
+}
+
+Status claimStore(Connection& connection, const StoreAddress& address) {
+  const auto folder = address.path.parent_path();
+  ASSIGN_OR_RETURN(const auto file, readStoreFile(folder));
+  std::string lab;
+  {
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
+    MetaStore meta(connection);
+    ASSIGN_OR_RETURN(const auto found, meta.get(kLabKey));
+    ASSIGN_OR_RETURN(const auto created, meta.get("created_unix_ns"));
+    lab = found.value_or("");
+    if (!lab.empty() && !file && created)
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("--store: this database is in use by a lab whose keys are in another folder: "
+                               "start with that folder as --data. If it is lost, write into {} the lines "
+                               "\"url = {}\" and \"lab = {}\"",
+                               (folder / kStoreFile).string(), address.url, lab)};
+    if (file && file->lab != lab)
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("--store: {} belongs to the lab {}, and this database {}{}: check the address",
+                               folder.string(), file->lab, lab.empty() ? "is new" : "to the lab ", lab)};
+    if (lab.empty()) {
+      lab = uuidText(makeUuidV7());
+      RETURN_IF_ERROR(meta.set(kLabKey, lab));
+    }
+    RETURN_IF_ERROR(transaction.commit());
+  }
+  if (file && file->url == address.url) return {};
+  return writeStoreFile(folder, {address.url, lab});
+}
+
+}  // namespace needlelab

@@ -1,0 +1,54 @@
+/// Where the lab's database is, and the file DIR/store, by which a folder knows a database elsewhere.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "common/base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+struct StoreAddress {
+  /// DIR/needlelab.db. Beside it are the lab's keys and lists, also where the database is elsewhere.
+  std::filesystem::path path;
+  std::string url = {};  ///< of PostgreSQL; empty: the database is the SQLite file `path`
+
+  // a path alone is an SQLite file's address
+  StoreAddress(std::filesystem::path file) : path(std::move(file)) {}  // NOLINT(google-explicit-constructor)
+  StoreAddress(std::filesystem::path file, std::string postgres_url)
+      : path(std::move(file)), url(std::move(postgres_url)) {}
+  [[nodiscard]] bool isPostgres() const { return !url.empty(); }
+};
+
+/// Opens it. Modes other than kWriter only read. `create`: of an SQLite file. Errors: as Connection::open()
+/// and openPostgres().
+Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create = false);
+
+/// Opens it for the only program that writes: makes an SQLite file; nobody else opens a database of
+/// PostgreSQL so. `least`: what an ack must survive. Errors: as openAt(); kInvalidInput when it survives
+/// less.
+Result<Connection> openToServe(const StoreAddress& address, Durability least);
+
+/// What DIR/store says.
+struct StoreFile {
+  std::string url;
+  std::string lab;  ///< the id of the lab whose database is there
+};
+inline constexpr const char* kStoreFile = "store";
+
+/// Nothing: the folder has no such file. kInvalidInput: it has something else; names the line.
+Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder);
+Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file);
+
+/// Where the database of `folder` is. `url`: what --store says; empty: what DIR/store says, or the folder
+/// itself. Errors: kInvalidInput (--store, and the folder has a database of its own; DIR/store).
+Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::string& url);
+
+/// Each lab has an id in its database, which DIR/store repeats: compares the two, and writes DIR/store where
+/// it is not there and the database is new, or has another URL now. For a connection that may write, to a
+/// database on PostgreSQL. kInvalidInput: it is another lab's.
+Status claimStore(Connection& connection, const StoreAddress& address);
+
+}  // namespace needlelab

@@ -1,0 +1,123 @@
+// What a commit that returned success survives, on a cluster that waits for a standby which never answers.
+#include <gmock/gmock.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "db/engine/open_postgres.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+class PostgresDurability : public testing::Test {
+ protected:
+  PostgresDurability() {
+    must(control_->script("DROP TABLE IF EXISTS kept; CREATE TABLE kept (id BIGINT PRIMARY KEY)"));
+  }
+  ~PostgresDurability() override { setStandbys(""); }
+
+  static std::unique_ptr<EngineConnection> open(Durability least = Durability::kNothing) {
+    const char* cluster = std::getenv("NEEDLELAB_TEST_POSTGRES");
+    if (cluster == nullptr) throw std::runtime_error("NEEDLELAB_TEST_POSTGRES is not set");
+    auto opened = openPostgres({.url = std::string(cluster) + " dbname=postgres",
+                                .answer_timeout = std::chrono::milliseconds(1500),
+                                .least = least});
+    if (!opened) throw std::runtime_error(opened.error().message);
+    must((*opened)->script("SET search_path TO public"));
+    return std::move(*opened);
+  }
+  static void must(const Status& status) {
+    if (!status) throw std::runtime_error(status.error().message);
+  }
+  static std::string textOf1(EngineConnection& on, const std::string& sql) {
+    auto statement = on.prepare(sql);
+    if (!statement) throw std::runtime_error(statement.error().message);
+    const auto stepped = (*statement)->step();
+    if (!stepped) throw std::runtime_error(stepped.error().message);
+    return *stepped ? std::string(textOf((*statement)->bytes(0))) : "";
+  }
+  /// Of the whole cluster, at once.
+  void setStandbys(const std::string& names) {
+    must(control_->script("ALTER SYSTEM SET synchronous_standby_names = '" + names + "'"));
+    must(control_->script("SELECT pg_reload_conf()"));
+    while (textOf1(*control_, "SELECT current_setting('synchronous_standby_names')") != names)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  /// Once a commit waits for the standby: lets it wait no more, as an administrator may.
+  void cancelTheWait() {
+    for (;;) {
+      if (textOf1(*control_,
+                  "SELECT count(*)::text FROM (SELECT pg_cancel_backend(pid) FROM pg_stat_activity"
+                  " WHERE wait_event = 'SyncRep') AS waits") != "0")
+        return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }
+  static Status put(EngineConnection& on, const std::string& sql) {
+    if (Status begun = on.begin(EngineConnection::Begin::kWrite); !begun) return begun;
+    if (Status done = on.script(sql); !done) return done;
+    return on.commit();
+  }
+
+  std::unique_ptr<EngineConnection> control_ = open();
+};
+
+TEST_F(PostgresDurability, aCommitWithoutAStandbySurvivesAPowerCut) {
+  const auto db = open();
+  ASSERT_TRUE(put(*db, "INSERT INTO kept VALUES (1)").ok());
+  EXPECT_EQ(db->durability(), Durability::kPowerCut);
+  EXPECT_THAT(db->durabilityReason(), HasSubstr("fsync = on"));
+  ASSERT_TRUE(db->script("SET synchronous_commit = off").ok());
+  ASSERT_TRUE(put(*db, "INSERT INTO kept VALUES (2)").ok());
+  EXPECT_EQ(db->durability(), Durability::kNothing);
+}
+
+TEST_F(PostgresDurability, aWaitForTheStandbyThatSomebodyCancelsIsNoSuccess) {
+  const auto db = open();
+  setStandbys("ANY 1 (b)");
+  std::thread canceller([this] { cancelTheWait(); });
+  const Status stored = put(*db, "INSERT INTO kept VALUES (1)");
+  canceller.join();
+  ASSERT_FALSE(stored.ok());
+  EXPECT_EQ(stored.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(stored.error().message, HasSubstr("at the primary only"));
+  EXPECT_EQ(db->durability(), Durability::kDiskLoss);
+  EXPECT_EQ(textOf1(*control_, "SELECT id::text FROM kept"), "1") << "it is there all the same";
+}
+
+TEST_F(PostgresDurability, aTransactionThatChangesNothingWaitsForWhatIsAtThePrimaryOnly) {
+  const auto db = open();
+  setStandbys("ANY 1 (b)");
+  std::thread canceller([this] { cancelTheWait(); });
+  EXPECT_FALSE(put(*db, "INSERT INTO kept VALUES (1)").ok());
+  canceller.join();
+  // as a chunk that its station sends again: it is there, nothing is written, and an ack would be a promise
+  const Status again = put(*db, "INSERT INTO kept VALUES (1) ON CONFLICT DO NOTHING");
+  ASSERT_FALSE(again.ok());
+  EXPECT_EQ(again.error().code, ErrorCode::kUnavailable);
+}
+
+TEST_F(PostgresDurability, nothingIsStoredWhileAnAckWouldSurviveLessThanItMust) {
+  setStandbys("ANY 1 (b)");
+  const auto db = open(Durability::kDiskLoss);
+  setStandbys("");
+  const Status refused = put(*db, "INSERT INTO kept VALUES (1)");
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(refused.error().message, HasSubstr("must survive the loss of a disk"));
+  EXPECT_FALSE(db->inTransaction());
+  EXPECT_EQ(textOf1(*control_, "SELECT count(*)::text FROM kept"), "0");
+  // any standby that connects, perhaps beside the primary's disk
+  setStandbys("*");
+  EXPECT_FALSE(put(*db, "INSERT INTO kept VALUES (1)").ok());
+  EXPECT_EQ(db->durability(), Durability::kPowerCut);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,28 @@
+/// Databases for tests of what works on both engines. The environment variable NEEDLELAB_TEST_POSTGRES names
+/// a cluster (tests/postgres/cluster starts one); without it such tests work on SQLite files.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace needlelab::test {
+
+/// Whether this process tests on PostgreSQL.
+bool onPostgres();
+
+/// The URL of the database that stands for `folder`'s in this process: made empty, from a template with the
+/// newest schema, at the first call; removed at the program's end. Throws when the cluster does not answer.
+std::string postgresUrlOf(const std::filesystem::path& folder);
+
+/// Removes the databases of `folder` and of what is below it. At the end of what holds their connections.
+void dropPostgresBelow(const std::filesystem::path& folder);
+
+/// Does that at its destruction: a member before all that has connections.
+struct PostgresBelow {
+  std::filesystem::path folder;
+  ~PostgresBelow() {
+    if (onPostgres()) dropPostgresBelow(folder);
+  }
+};
+
+}  // namespace needlelab::test
