@@ -160,6 +160,25 @@ Statement& Statement::bindNull() {
   return *this;
 }
 
+template <typename Value>
+Statement& Statement::bindNextList(std::span<const Value> values) {
+  if (statement_ == nullptr) return *this;
+  if (Status bound = statement_->bindList(++bound_, values); !bound && !failed_) failed_ = bound.error();
+  return *this;
+}
+
+Statement& Statement::bindList(std::span<const std::int64_t> values) {
+  return bindNextList(values);
+}
+
+Statement& Statement::bindList(std::span<const std::string_view> values) {
+  return bindNextList(values);
+}
+
+Statement& Statement::bindList(std::span<const ByteView> values) {
+  return bindNextList(values);
+}
+
 Result<bool> Statement::step() {
   if (failed_) return *failed_;
   auto stepped = statement_->step();

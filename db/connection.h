@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -60,6 +61,10 @@ class Statement {
   Statement& bind(const char* value) { return bind(std::string_view(value)); }
   Statement& bind(ByteView value);
   Statement& bindNull();
+  /// A list as one parameter, as EngineStatement::bindList(): PostgreSQL only. Copies texts and bytes.
+  Statement& bindList(std::span<const std::int64_t> values);
+  Statement& bindList(std::span<const std::string_view> values);
+  Statement& bindList(std::span<const ByteView> values);
   template <typename T>
   Statement& bind(const std::optional<T>& value) {
     return value ? bind(*value) : bindNull();
@@ -113,6 +118,8 @@ class Statement {
   Statement(Connection* connection, Error failed);
   template <typename Value>
   Statement& bindNext(Value value);
+  template <typename Value>
+  Statement& bindNextList(std::span<const Value> values);
 
   Connection* connection_;
   std::unique_ptr<EngineStatement> statement_;  ///< null when preparing failed

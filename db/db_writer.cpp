@@ -9,6 +9,7 @@
 
 #include "common/base/planted_bug.h"
 #include "db/connection.h"
+#include "db/session_store.h"
 
 namespace needlelab {
 namespace {
@@ -46,6 +47,14 @@ DbWriter::~DbWriter() {
 }
 
 Status DbWriter::post(Work work, Done done, Places places) {
+  return put({std::move(work), std::move(done)}, places);
+}
+
+Status DbWriter::postChunk(ArrivedChunk chunk, Done done) {
+  return put({std::move(chunk), std::move(done)}, Places::kCommon);
+}
+
+Status DbWriter::put(Item item, Places places) {
   bool wakes = false;
   {
     const std::lock_guard lock(mutex_);
@@ -56,7 +65,7 @@ Status DbWriter::post(Work work, Done done, Places places) {
           ErrorCode::kUnavailable,
           fmt::format("the database writer's queue is full with {} items: try again later", queue_.size())};
     }
-    queue_.push_back({std::move(work), std::move(done)});
+    queue_.push_back(std::move(item));
     // Wake the writer only for a group's first item and for the item that fills it: in between, it would only
     // wake to wait again.
     wakes = queue_.size() == 1 || queue_.size() == options_.max_group;
@@ -220,11 +229,12 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
   return group;
 }
 
-Status DbWriter::runWork(const Item& item) {
+template <typename Call>
+auto DbWriter::guarded(const Call& call) -> decltype(call()) {
   // Safe: stack unwinding releases statements and savepoints, so the item is rolled back like a failed one;
   // other items continue.
   try {
-    return item.work(connection_);
+    return call();
   } catch (const std::exception& thrown) {
     const std::string text = thrown.what();
     if (options_.on_thrown) options_.on_thrown(text);
@@ -232,6 +242,30 @@ Status DbWriter::runWork(const Item& item) {
                  "a piece of work for the database failed inside (" + text +
                      "): nothing of it was stored; please report this as a fault of the program"};
   }
+}
+
+Status DbWriter::runWork(const Item& item) {
+  return guarded([&]() -> Status {
+    if (const auto* const chunk = std::get_if<ArrivedChunk>(&item.work))
+      return SessionStore(connection_).append(*chunk);
+    return std::get<Work>(item.work)(connection_);
+  });
+}
+
+std::size_t DbWriter::storeTogether(const std::vector<Item>& group, std::size_t from,
+                                    std::vector<std::optional<Status>>& results) {
+  std::vector<const ArrivedChunk*> chunks;
+  for (std::size_t i = from; i < group.size() && chunks.size() < SessionStore::kMostTogether; ++i) {
+    const auto* const chunk = std::get_if<ArrivedChunk>(&group[i].work);
+    if (chunk == nullptr) break;
+    chunks.push_back(chunk);
+  }
+  if (chunks.empty()) return from + 1;
+  auto stored = guarded([&] { return SessionStore(connection_).appendMany(chunks); });
+  // each of them fails alone, or does not
+  if (!stored) return from + chunks.size();
+  std::move(stored->begin(), stored->end(), results.begin() + static_cast<std::ptrdiff_t>(from));
+  return from + stored->size();
 }
 
 bool DbWriter::commitGroup(std::vector<Item>& group) {
@@ -254,16 +288,23 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   }
 
   // each item in its own savepoint: a failed item is rolled back, the others continue
-  std::vector<Status> results;
-  results.reserve(group.size());
-  std::uint64_t refused = 0;
-  for (const Item& item : group) {
+  const bool is_sqlite = connection_.sqlite() != nullptr;
+  std::vector<std::optional<Status>> results(group.size());
+  std::uint64_t refused = 0, together = 0;
+  std::size_t looked_at = is_sqlite ? group.size() : 0;  // up to here for what can be stored together
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    if (i >= looked_at) looked_at = storeTogether(group, i, results);
     Status result;
-    {
+    if (results[i]) {
+      result = *std::exchange(results[i], std::nullopt);
+      if (result.ok()) ++together;
+    } else {
       auto savepoint = Savepoint::begin(connection_);
-      if (!savepoint && connection_.isLost()) return refuse(savepoint.error());
+      // another program keeps the data, and is in no doubt about it
+      if (!savepoint && (connection_.isLost() || (!is_sqlite && !connection_.damaged())))
+        return refuse(savepoint.error());
       if (!savepoint) return fail(savepoint.error(), group), false;
-      result = runWork(item);
+      result = runWork(group[i]);
       if (result.ok()) result = savepoint->release();
     }
     // the transaction went with the connection
@@ -277,19 +318,19 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
       return fail(cause, group), false;
     }
     if (!result.ok()) ++refused;
-    results.push_back(std::move(result));
+    results[i] = std::move(result);
   }
 
   const auto report = [&] {
     for (std::size_t i = 0; i < group.size(); ++i) {
-      if (group[i].done) group[i].done(results[i]);
+      if (group[i].done) group[i].done(*results[i]);
     }
   };
   if (planted(PlantedBug::kAckBeforeCommit)) report();
   const std::int64_t before_ns = time_.nowNs();
   if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored)) {
     // another program keeps the data, and is in no doubt about it
-    if (connection_.sqlite() == nullptr && !connection_.damaged()) return refuse(done.error());
+    if (!is_sqlite && !connection_.damaged()) return refuse(done.error());
     return fail(done.error(), group), false;
   }
   const std::int64_t took = time_.nowNs() - before_ns;
@@ -299,6 +340,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     const std::lock_guard lock(mutex_);
     counters_.items += group.size() - refused;
     counters_.refused += refused;
+    counters_.together += together;
     ++counters_.commits;
     counters_.last_commit_ns = took;
     counters_.max_commit_ns = std::max<std::int64_t>(counters_.max_commit_ns, took);

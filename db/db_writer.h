@@ -12,11 +12,13 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <variant>
 #include <vector>
 
 #include "common/base/histogram.h"
 #include "common/base/result.h"
 #include "common/base/time_source.h"
+#include "db/arrived_chunk.h"
 #include "db/connection.h"
 #include "db/free_parts.h"
 
@@ -25,7 +27,8 @@ namespace needlelab {
 /// Group commit. Runs all work posted within `window` in one transaction, each item in its own savepoint.
 /// Calls `done` on the writer's thread, with success only after COMMIT, i.e. after fsync, returned. An item
 /// that fails or throws is rolled back and reported alone. A failed COMMIT, write or fsync stops the writer
-/// for good: every item of that group and every later one fails, then `on_fatal` is called once. Thread:
+/// for good: every item of that group and every later one fails, then `on_fatal` is called once. Chunks that
+/// follow each other go to the engine together where that is faster (SessionStore::appendMany). Thread:
 /// post(), run(), emptyLog(), stop(), failed(), counters() may be called from any thread. `work`, `done` and
 /// `on_fatal` run on the writer's thread, must not call run(), emptyLog() or stop(), and should be short.
 class DbWriter {
@@ -57,8 +60,9 @@ class DbWriter {
 
   /// Totals since the start. `commit_ns` times COMMIT alone (with its fsync), without the work before it.
   struct Counters {
-    std::uint64_t items = 0;    ///< committed
-    std::uint64_t refused = 0;  ///< items that failed alone
+    std::uint64_t items = 0;     ///< committed
+    std::uint64_t refused = 0;   ///< items that failed alone
+    std::uint64_t together = 0;  ///< of the items: chunks that were stored with others in one statement
     std::uint64_t commits = 0;
     std::uint64_t checkpoints = 0;
     std::uint64_t waiting = 0;  ///< items in the queue now
@@ -91,6 +95,10 @@ class DbWriter {
   /// writer is stopping or has failed. `done` may be empty.
   Status post(Work work, Done done, Places places = Places::kCommon);
 
+  /// The same with an item that appends a chunk, as SessionStore::append(); the outcome is in its `appended`
+  /// when `done` is called with success.
+  Status postChunk(ArrivedChunk chunk, Done done);
+
   /// Posts an item and waits for its result. Not from the writer's thread.
   Status run(Work work);
 
@@ -114,9 +122,10 @@ class DbWriter {
   static constexpr int kEmptyingPatience_ms = 50;
   static constexpr std::size_t kPagesAtOnce = 4096;  ///< cleared between two commits: some 16 MiB
   struct Item {
-    Work work;
+    std::variant<Work, ArrivedChunk> work;
     Done done;
   };
+  Status put(Item item, Places places);
   void loop();
   std::vector<Item> takeGroup();
   /// Checkpoints or empties the log when that is due. An error: the writer must stop.
@@ -128,8 +137,15 @@ class DbWriter {
   /// When the log is to be tended next; nothing: only after the next commit or call of emptyLog(). Call with
   /// mutex_ held.
   [[nodiscard]] std::optional<std::int64_t> nextTendNs() const;
-  /// Runs the item's work; converts an exception into an error.
+  /// Calls it; converts an exception into an error.
+  template <typename Call>
+  auto guarded(const Call& call) -> decltype(call());
+  /// Runs the item's work.
   Status runWork(const Item& item);
+  /// Stores the chunks that begin at group[from] together, as far as they can be, and puts their results.
+  /// Returns the first one that it has not looked at.
+  std::size_t storeTogether(const std::vector<Item>& group, std::size_t from,
+                            std::vector<std::optional<Status>>& results);
   /// Runs one transaction. False: the writer must stop.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);

@@ -267,6 +267,11 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
       if (planted(PlantedBug::kRepeatedChunkStoredTwice)) return append(session, row.chunks, bytes, station);
       return Appended{Appended::Kind::kRepeated, row.chunks, {}};
     }
+    if (planted(PlantedBug::kRepeatedChunkOverwrites)) {
+      RETURN_IF_ERROR(connection_.run("UPDATE chunks SET bytes = ?, crc = ? WHERE session = ? AND seq = ?",
+                                      bytes, stationCrcOf(bytes), row.number, seq));
+      return Appended{Appended::Kind::kRepeated, row.chunks, {}};
+    }
     return refuseContradicting(connection_, row, session, station,
                                chunk + " is stored with other bytes: it stays as it was");
   }
@@ -287,6 +292,14 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   ASSIGN_OR_RETURN(auto taken, takeNext(connection_, {row.number, row.chunks}, session, seq, bytes, station));
   if (taken) return *std::move(taken);
   return Appended{Appended::Kind::kCorrupt, row.chunks, chunk + ": " + checkChunk(bytes).error().message};
+}
+
+Status SessionStore::append(const ArrivedChunk& chunk) {
+  ASSIGN_OR_RETURN(auto appended, append(chunk.session, chunk.seq, chunk.bytes, chunk.station));
+  // last: one that was not stored costs its station nothing
+  if (appended.kind == Appended::Kind::kStored && chunk.admit) RETURN_IF_ERROR(chunk.admit(appended));
+  *chunk.appended = std::move(appended);
+  return {};
 }
 
 Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t now_unix_ns,

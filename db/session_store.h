@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "common/gesture/session_hash.h"
+#include "db/arrived_chunk.h"
 #include "db/connection.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
@@ -39,24 +41,6 @@ struct SessionArrival {
   // for new ones only
   std::uint64_t open_sessions = 0;  ///< that its station has
   bool unknown_name = false;        ///< its trainee's name is nobody's, and no stored session has it
-};
-
-/// The outcome of append(). Only kStored and kRepeated may be acknowledged, and only after the commit.
-struct Appended {
-  enum class Kind {
-    kStored,
-    kRepeated,        ///< the same bytes are already stored: acknowledge again
-    kGap,             ///< seq is beyond `next_seq`
-    kContradiction,   ///< other bytes are stored under this seq, or the session is closed and has no such
-                      ///< chunk
-    kCorrupt,         ///< not a chunk of our version, or its CRC is wrong: not as its station sealed it
-    kUnknownSession,  ///< never opened here, or opened by another station
-  };
-  Kind kind = Kind::kStored;
-  std::uint64_t next_seq = 0;  ///< first missing seq after this call
-  std::string text;            ///< for a refusal: the problem and what to do
-  bool quarantined = false;    ///< kStored, but the chunk cannot be decoded; `text` says why
-  [[nodiscard]] bool taken() const { return kind == Kind::kStored || kind == Kind::kRepeated; }
 };
 
 /// The outcome of close().
@@ -178,6 +162,22 @@ class SessionStore {
   /// empty = any.
   Result<Appended> append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                           std::string_view station = {});
+
+  /// The same, with the chunk's admit() behind it; puts the result to its `appended`. An error takes the
+  /// chunk back, if the caller undoes its savepoint.
+  Status append(const ArrivedChunk& chunk);
+
+  /// Stores many chunks at once, where a statement costs a round trip (PostgreSQL; on SQLite it takes none).
+  /// Looks at the first of `chunks`, at most kMostTogether and, but for the first one, kMostTogetherBytes in
+  /// all: as many as it returns. For each: nothing - append() is to take or refuse it, with the others that
+  /// are left, in their order; success - it is stored, and its `appended` is what append() would have said;
+  /// an error - of its admit(), it is not stored. Takes a chunk when it is sound and the next one of an open
+  /// session, and so is each one of that session before it: so nothing comes out otherwise than one by one.
+  /// admit() is called once a chunk, in their order. Within a savepoint of its own. Errors: nothing is
+  /// stored, and no `appended` counts.
+  Result<std::vector<std::optional<Status>>> appendMany(std::span<const ArrivedChunk* const> chunks);
+  static constexpr std::size_t kMostTogether = 512;
+  static constexpr std::size_t kMostTogetherBytes = std::size_t{4} << 20;
 
   /// Closes a session whose chunks a reader has hashed (hashOn); reads none itself, however long it is.
   /// kNotHashed: the hash is needed, and `known` is of other chunks than are stored: chunks came meanwhile.

@@ -25,8 +25,9 @@ enum class PlantedBug {
   kRetryNeverDoubles,         ///< a lost Virtuose is looked for every half second for ever
   kNoKeepAlive,               ///< nothing is sent to the Virtuose while a lesson is prepared
   kOldConnectionKept,         ///< a Virtuose is opened anew without closing the old connection
+  kRepeatedChunkOverwrites,   ///< a chunk that is stored already takes the stored one's place
 };
-inline constexpr int kPlantedBugs = 18;
+inline constexpr int kPlantedBugs = 19;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
@@ -37,6 +38,7 @@ constexpr std::string_view nameOf(PlantedBug bug) noexcept {
       "sample-lost-at-reconnection", "device-watchdog-twice", "torque-without-zero",
       "request-outlives-link",       "no-last-command",       "look-again-twice",
       "retry-never-doubles",         "no-keep-alive",         "old-connection-kept",
+      "repeated-chunk-overwrites",
   };
   return kNames[static_cast<int>(bug)];
 }

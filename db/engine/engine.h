@@ -3,8 +3,10 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -33,6 +35,16 @@ class EngineStatement {
   virtual Status bind(int parameter, std::string_view value) = 0;
   virtual Status bind(int parameter, ByteView value) = 0;
   virtual Status bindNull(int parameter) = 0;
+  /// A list, without NULLs, as one parameter (an array). kFailed: the engine has none (SQLite).
+  virtual Status bindList(int parameter, std::span<const std::int64_t> values) {
+    return noLists(parameter, values.size());
+  }
+  virtual Status bindList(int parameter, std::span<const std::string_view> values) {
+    return noLists(parameter, values.size());
+  }
+  virtual Status bindList(int parameter, std::span<const ByteView> values) {
+    return noLists(parameter, values.size());
+  }
   /// True: a row is there. False: done.
   virtual Result<bool> step() = 0;
   /// Back to before the first step, without parameters and rows.
@@ -43,6 +55,12 @@ class EngineStatement {
   [[nodiscard]] virtual double real(int column) const = 0;
   [[nodiscard]] virtual ByteView bytes(int column) const = 0;
   [[nodiscard]] virtual bool isNull(int column) const = 0;
+
+ private:
+  static Status noLists(int parameter, std::size_t count) {
+    return Error{ErrorCode::kFailed, "parameter " + std::to_string(parameter) + " is a list of " +
+                                         std::to_string(count) + " values, and the engine takes none"};
+  }
 };
 
 /// A connection to a database. Thread: not thread-safe; one thread at a time.

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <map>
+#include <span>
 #include <thread>
 #include <utility>
 
@@ -93,8 +94,7 @@ class PostgresStatement final : public EngineStatement {
     return put(parameter, PostgresType::kFloat8, postgresReal(value));
   }
   Status bind(int parameter, std::string_view value) override {
-    if (value.find('\0') != std::string_view::npos)
-      return Error{ErrorCode::kInvalidInput, "a text has a byte 0, which PostgreSQL does not store"};
+    if (value.find('\0') != std::string_view::npos) return byteZero();
     return put(parameter, PostgresType::kText, std::string(value));
   }
   Status bind(int parameter, ByteView value) override {
@@ -103,6 +103,17 @@ class PostgresStatement final : public EngineStatement {
   Status bindNull(int parameter) override {
     at(parameter) = {};
     return {};
+  }
+  Status bindList(int parameter, std::span<const std::int64_t> values) override {
+    return putList(parameter, PostgresType::kInt8List, postgresList(values));
+  }
+  Status bindList(int parameter, std::span<const std::string_view> values) override {
+    for (const std::string_view value : values)
+      if (value.find('\0') != std::string_view::npos) return byteZero();
+    return putList(parameter, PostgresType::kTextList, postgresList(values));
+  }
+  Status bindList(int parameter, std::span<const ByteView> values) override {
+    return putList(parameter, PostgresType::kBytesList, postgresList(values));
   }
 
   Result<bool> step() override {
@@ -154,6 +165,14 @@ class PostgresStatement final : public EngineStatement {
   Status put(int parameter, PostgresType type, std::string bytes) {
     at(parameter) = {static_cast<std::uint32_t>(type), false, std::move(bytes)};
     return {};
+  }
+  Status putList(int parameter, PostgresType type, std::optional<std::string> bytes) {
+    if (!bytes)
+      return Error{ErrorCode::kInvalidInput, "a list of 1 GiB or more, which PostgreSQL does not take"};
+    return put(parameter, type, *std::move(bytes));
+  }
+  static Error byteZero() {
+    return {ErrorCode::kInvalidInput, "a text has a byte 0, which PostgreSQL does not store"};
   }
   [[nodiscard]] bool isThere(int column) const {
     return result_ != nullptr && row_ >= 0 && column >= 0 && column < PQnfields(result_.get());
@@ -313,6 +332,7 @@ void PostgresConnection::noteNotice(void* self, const PGresult* notice) {
 
 Error PostgresConnection::lost(std::string_view what) {
   connection_.reset();
+  dropDue();
   in_lost_transaction_ = in_lost_transaction_ || in_transaction_;
   constexpr std::size_t kShown = 120;
   return {ErrorCode::kUnavailable, fmt::format("{}: the connection was lost, or gives no answer ({})",
@@ -332,30 +352,38 @@ Error PostgresConnection::errorOf(const PGresult* result, std::string_view what)
                             state != nullptr ? state : "?")};
 }
 
-Result<PostgresConnection::ResultPtr> PostgresConnection::wait(std::string_view what) {
+Result<PostgresConnection::ResultPtr> PostgresConnection::nextResult(Waiting& waiting,
+                                                                     std::string_view what) {
   constexpr int kLook_ms = 50;
-  auto until = Steady::now() + options_.answer_timeout;
-  ResultPtr last;
-  bool asked_to_end = false;
-  for (;;) {
-    while (PQisBusy(connection_.get()) != 0) {
-      pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
-      const int found = ::poll(&ready, 1, kLook_ms);
-      if (found < 0 && errno != EINTR) return lost(what);
-      if (found > 0 && PQconsumeInput(connection_.get()) == 0) return lost(what);
-      if (!asked_to_end && cancelled_ != nullptr && cancelled_->load()) {
-        asked_to_end = true;
-        const std::unique_ptr<PGcancel, void (*)(PGcancel*)> cancel(PQgetCancel(connection_.get()),
-                                                                    &PQfreeCancel);
-        char error[256];
-        if (cancel == nullptr || PQcancel(cancel.get(), error, sizeof error) == 0) return lost(what);
-      }
-      if (Steady::now() > until) return lost(what);
+  while (PQisBusy(connection_.get()) != 0) {
+    pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
+    const int found = ::poll(&ready, 1, kLook_ms);
+    if (found < 0 && errno != EINTR) return lost(what);
+    if (found > 0 && PQconsumeInput(connection_.get()) == 0) return lost(what);
+    if (!waiting.asked_to_end && cancelled_ != nullptr && cancelled_->load()) {
+      waiting.asked_to_end = true;
+      const std::unique_ptr<PGcancel, void (*)(PGcancel*)> cancel(PQgetCancel(connection_.get()),
+                                                                  &PQfreeCancel);
+      char error[256];
+      if (cancel == nullptr || PQcancel(cancel.get(), error, sizeof error) == 0) return lost(what);
     }
-    ResultPtr next(PQgetResult(connection_.get()));
+    if (Steady::now() > waiting.until) return lost(what);
+  }
+  return ResultPtr(PQgetResult(connection_.get()));
+}
+
+Result<PostgresConnection::ResultPtr> PostgresConnection::wait(std::string_view what) {
+  Waiting waiting{Steady::now() + options_.answer_timeout};
+  ResultPtr last;
+  for (;;) {
+    ASSIGN_OR_RETURN(ResultPtr next, nextResult(waiting, what));
     if (next == nullptr) break;
     last = std::move(next);
   }
+  return checked(std::move(last), what);
+}
+
+Result<PostgresConnection::ResultPtr> PostgresConnection::checked(ResultPtr last, std::string_view what) {
   if (last == nullptr) return errorOf(nullptr, what);
   switch (PQresultStatus(last.get())) {
     case PGRES_COMMAND_OK:
@@ -376,10 +404,12 @@ Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const
   std::vector<Oid> types;
   types.reserve(values.size());
   for (const Value& value : values) types.push_back(value.type);
-  if (PQsendPrepare(connection_.get(), name.c_str(), sql.c_str(), static_cast<int>(types.size()),
-                    types.data()) == 0)
-    return lost(sql);
-  RETURN_IF_ERROR(wait(sql));
+  RETURN_IF_ERROR(behindDue(
+      [&] {
+        return PQsendPrepare(connection_.get(), name.c_str(), sql.c_str(), static_cast<int>(types.size()),
+                             types.data());
+      },
+      sql));
   return name;
 }
 
@@ -394,10 +424,12 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::execute(const std::str
     texts.push_back(value.is_null ? nullptr : value.bytes.data());
     lengths.push_back(static_cast<int>(value.bytes.size()));
   }
-  if (PQsendQueryPrepared(connection_.get(), prepared.c_str(), static_cast<int>(values.size()), texts.data(),
-                          lengths.data(), forms.data(), kBinary) == 0)
-    return lost(what);
-  return wait(what);
+  return behindDue(
+      [&] {
+        return PQsendQueryPrepared(connection_.get(), prepared.c_str(), static_cast<int>(values.size()),
+                                   texts.data(), lengths.data(), forms.data(), kBinary);
+      },
+      what);
 }
 
 Result<std::unique_ptr<EngineStatement>> PostgresConnection::prepare(const std::string& sql) {
@@ -412,6 +444,7 @@ Status PostgresConnection::runText(const char* sql) {
 
 Status PostgresConnection::script(const std::string& sql) {
   RETURN_IF_ERROR(requireConnected());
+  RETURN_IF_ERROR(sendDue());
   return runText(sql.c_str());
 }
 
@@ -433,11 +466,11 @@ Status PostgresConnection::begin(Begin kind) {
     return fixed;
   }
   // in this order: the view of each statement behind the lock has all that the holder before committed
-  RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL READ COMMITTED"));
   // The message makes COMMIT wait for disk and standby also where nothing is changed: else it would
   // acknowledge what an earlier transaction left at the primary only (RecordTransactionCommit, wrote_xlog).
   const std::string ask = fmt::format(
-      "SELECT pg_advisory_xact_lock({}), pg_current_xact_id()::text, {},"
+      "BEGIN ISOLATION LEVEL READ COMMITTED;"
+      " SELECT pg_advisory_xact_lock({}), pg_current_xact_id()::text, {},"
       " pg_logical_emit_message(true, 'needlelab', '')",
       kWriterLock, kSettingsQuery);
   const auto locked = askWithSettings(ask, 2, "begin a transaction");
@@ -452,6 +485,7 @@ Status PostgresConnection::begin(Begin kind) {
 
 Status PostgresConnection::commit() {
   warning_.reset();
+  dropDue();  // COMMIT ends the savepoints, too
   if (in_lost_transaction_) return requireConnected();
   const std::string xid = std::exchange(write_xid_, {});
   in_transaction_ = false;  // what is lost from here on is asked for
@@ -506,22 +540,10 @@ Status PostgresConnection::askOutcome(const std::string& xid) {
 
 void PostgresConnection::rollback() {
   write_xid_.clear();
+  dropDue();
   in_transaction_ = false;
   if (std::exchange(in_lost_transaction_, false)) return;
   if (inTransaction()) (void)runText("ROLLBACK");
-}
-
-Status PostgresConnection::savepoint() {
-  return runText("SAVEPOINT item");
-}
-
-Status PostgresConnection::releaseSavepoint() {
-  return runText("RELEASE item");
-}
-
-Status PostgresConnection::undoSavepoint() {
-  if (in_lost_transaction_ || !inTransaction()) return {};
-  return runText("ROLLBACK TO item; RELEASE item");
 }
 
 const std::atomic<bool>* PostgresConnection::setCancelled(const std::atomic<bool>* cancelled) {

@@ -4,7 +4,9 @@
 #include <libpq-fe.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -51,6 +53,8 @@ class PostgresConnection final : public EngineConnection {
   /// that it is unknown.
   Status commit() override;
   void rollback() override;
+  // Savepoints are made and released together with the next statement, in one round trip
+  // (postgres_savepoints.cpp); one without a statement costs none.
   Status savepoint() override;
   Status releaseSavepoint() override;
   Status undoSavepoint() override;
@@ -95,9 +99,23 @@ class PostgresConnection final : public EngineConnection {
   Result<ResultPtr> askWithSettings(const std::string& sql, int column, std::string_view what);
   /// kUnavailable when an ack would survive less than it must.
   Status requireDurable() const;
-  /// Waits for the results of what was sent; the last one is returned. Ends early with kUnavailable when
+  struct Waiting {
+    std::chrono::steady_clock::time_point until;
+    bool asked_to_end = false;
+  };
+  /// Waits for the next result of what was sent; null: there is none. Ends early with kUnavailable when
   /// cancelled, or when no answer comes.
+  Result<ResultPtr> nextResult(Waiting& waiting, std::string_view what);
+  /// Waits for all results of what was sent; the last one is returned.
   Result<ResultPtr> wait(std::string_view what);
+  /// The result unless it is an error; notes changes().
+  Result<ResultPtr> checked(ResultPtr last, std::string_view what);
+  /// Sends what is due, and behind it what `send` sends (a call of libpq that is 0 when it fails); returns
+  /// that one's result.
+  Result<ResultPtr> behindDue(const std::function<int()>& send, std::string_view what);
+  Status sendDue();
+  void dropDue();
+  Status requireSound(const char* what);
   Status runText(const char* sql);
   Error errorOf(const PGresult* result, std::string_view what);
   Error lost(std::string_view what);
@@ -117,6 +135,9 @@ class PostgresConnection final : public EngineConnection {
   bool in_transaction_ = false;         ///< begin() succeeded, and neither commit() nor rollback() came
   std::string write_xid_;               ///< of the write transaction under way
   std::optional<std::string> warning_;  ///< since the last commit began
+  enum class AtSavepoint { kNone, kDue, kMade };
+  AtSavepoint savepoint_ = AtSavepoint::kNone;
+  std::vector<const char*> due_;  ///< statements without results that go with the next one
 };
 
 }  // namespace needlelab

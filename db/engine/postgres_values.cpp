@@ -86,7 +86,48 @@ std::int64_t wholeNumberIn(std::string_view text) {
   return value;
 }
 
+void putBigEndian32(std::string& into, std::size_t value) {
+  for (int shift = 24; shift >= 0; shift -= 8) into += static_cast<char>((value >> shift) & 0xff);
+}
+
+/// array_recv: dimensions, whether there are NULLs, the elements' type; length and first index of the
+/// dimension; each element behind its length. `bytes_of` gives an element's bytes.
+template <typename Value, typename BytesOf>
+std::optional<std::string> listOf(PostgresType element, std::span<const Value> values,
+                                  const BytesOf& bytes_of) {
+  constexpr std::size_t kMostBytes = (std::size_t{1} << 30) - 1024;
+  std::size_t bytes = 20;
+  for (const Value& value : values) bytes += 4 + bytes_of(value).size();
+  if (bytes > kMostBytes) return std::nullopt;
+  std::string list;
+  list.reserve(bytes);
+  putBigEndian32(list, values.empty() ? 0 : 1);
+  putBigEndian32(list, 0);
+  putBigEndian32(list, static_cast<std::size_t>(element));
+  if (values.empty()) return list;
+  putBigEndian32(list, values.size());
+  putBigEndian32(list, 1);
+  for (const Value& value : values) {
+    const auto& of = bytes_of(value);
+    putBigEndian32(list, of.size());
+    list.append(reinterpret_cast<const char*>(of.data()), of.size());
+  }
+  return list;
+}
+
 }  // namespace
+
+std::optional<std::string> postgresList(std::span<const std::int64_t> values) {
+  return listOf(PostgresType::kInt8, values, [](std::int64_t value) { return postgresInteger(value); });
+}
+
+std::optional<std::string> postgresList(std::span<const std::string_view> values) {
+  return listOf(PostgresType::kText, values, [](std::string_view value) { return value; });
+}
+
+std::optional<std::string> postgresList(std::span<const ByteView> values) {
+  return listOf(PostgresType::kBytes, values, [](ByteView value) { return value; });
+}
 
 std::string postgresInteger(std::int64_t value) {
   return bigEndianBytes(static_cast<std::uint64_t>(value));

@@ -3,7 +3,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 
 #include "common/base/bytes.h"
 
@@ -24,11 +26,18 @@ enum class PostgresType : std::uint32_t {
   kFloat8 = 701,
   kVarchar = 1043,
   kNumeric = 1700,
+  kBytesList = 1001,  // arrays
+  kTextList = 1009,
+  kInt8List = 1016,
 };
 
 /// 8 bytes, greatest first.
 std::string postgresInteger(std::int64_t value);
 std::string postgresReal(double value);
+/// An array of one dimension (array_send). Nothing: it would have more than the 1 GiB that PostgreSQL takes.
+std::optional<std::string> postgresList(std::span<const std::int64_t> values);
+std::optional<std::string> postgresList(std::span<const std::string_view> values);
+std::optional<std::string> postgresList(std::span<const ByteView> values);
 
 /// The value as a whole number, as SQLite would give it: of a text what it begins with; of a numeric and a
 /// real what is before the point, held to the range of 64 bits; of anything else 0. `bytes` come from a

@@ -161,31 +161,32 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   context_.disk_room.take(chunk.data().size());
   ++chunks_in_flight_;
   context_.chunks_in_flight.add(who_.name, chunk.data().size());
+  struct Waiting {
+    pb::Chunk chunk;
+    std::string station;
+    Appended appended;
+  };
   // without what else stood in it, which nothing counts while it waits
-  const auto known = std::make_shared<pb::Chunk>();
-  known->set_session_id(chunk.session_id());
-  known->set_seq(chunk.seq());
-  known->set_data(std::move(*chunk.mutable_data()));
-  const std::shared_ptr<const pb::Chunk> shared = known;
-  auto appended = std::make_shared<Appended>();
-  DbWriter::Work work = [shared, appended, id = *id, station = who_.name,
-                         &quotas = context_.quotas](Connection& writer) -> Status {
-    ASSIGN_OR_RETURN(auto result,
-                     SessionStore(writer).append(id, shared->seq(), viewOf(shared->data()), station));
-    // last: an error takes the chunk back, and one that was not stored costs its station nothing
-    if (result.kind == Appended::Kind::kStored)
-      RETURN_IF_ERROR(quotas.admitChunk(
-          station, {.bytes = shared->data().size(), .undecodable = result.quarantined}, steadyNowNs()));
-    *appended = std::move(result);
-    return {};
+  const auto waiting = std::make_shared<Waiting>();
+  waiting->chunk.set_session_id(chunk.session_id());
+  waiting->chunk.set_seq(chunk.seq());
+  waiting->chunk.set_data(std::move(*chunk.mutable_data()));
+  waiting->station = who_.name;
+  const pb::Chunk& known = waiting->chunk;
+  ArrivedChunk arrived{*id, known.seq(), viewOf(known.data()), waiting->station, &waiting->appended};
+  arrived.admit = [kept = waiting.get(), &quotas = context_.quotas](const Appended& appended) {
+    return quotas.admitChunk(kept->station,
+                             {.bytes = kept->chunk.data().size(), .undecodable = appended.quarantined},
+                             steadyNowNs());
   };
   // called on the writer's thread, after the commit
-  DbWriter::Done done = [self = shared_from_this(), shared, appended](const Status& status) {
+  DbWriter::Done done = [self = shared_from_this(), waiting](const Status& status) {
     self->context_.committed->put(
-        [self, shared, appended, status] { self->chunkDone(*shared, status, *appended); });
+        [self, waiting, status] { self->chunkDone(waiting->chunk, status, waiting->appended); });
   };
-  if (const Status posted = context_.store.writer().post(std::move(work), std::move(done)); !posted.ok()) {
-    chunkDone(*shared, posted, *appended);
+  if (const Status posted = context_.store.writer().postChunk(std::move(arrived), std::move(done));
+      !posted.ok()) {
+    chunkDone(waiting->chunk, posted, waiting->appended);
   }
 }
 

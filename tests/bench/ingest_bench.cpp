@@ -1,58 +1,28 @@
-/// The store's ingest rate compared with raw SQLite (goal: at least 70 % of raw SQLite with the same rows,
-/// the same groups and synchronous=FULL): the writer thread with SessionStore::append (checks, counters, one
-/// savepoint per chunk) and a bare loop of INSERTs, in turns, each with its own database on the same disk.
+/// The store's ingest rate compared with the engine's own (goal: at least 70 % of it with the same rows, the
+/// same groups and the same durability), on SQLite, and where clusters are given on PostgreSQL, alone and
+/// with a synchronous standby: the writer thread with the store's checks and counters, and bare INSERTs, in
+/// turns, each with its own database on the same disk.
 #include <fmt/core.h>
-#include <sqlite3.h>
 
 #include <algorithm>
-#include <chrono>
-#include <condition_variable>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
-#include <filesystem>
-#include <mutex>
+#include <ctime>
+#include <fstream>
+#include <random>
+#include <span>
 #include <sstream>
-#include <string>
-#include <vector>
 
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/gesture/chunk.h"
-#include "db/credentials.h"
-#include "db/db_writer.h"
-#include "db/schema.h"
-#include "db/session_rows.h"
-#include "db/session_store.h"
+#include "tests/bench/ingest_stores.h"
 #include "tests/bench/result_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 #include "tests/unit/common/gesture/recorded_gestures.h"
 
 namespace needlelab::test {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-struct Settings {
-  std::filesystem::path folder = std::filesystem::current_path();  ///< databases go here: a real disk
-  std::filesystem::path results;
-  std::string commit;
-  std::size_t rounds = 12, groups = 20;
-  std::size_t sessions = 1000, profile_bytes = 4000;
-};
-
-[[noreturn]] void die(const std::string& text) {
-  std::fprintf(stderr, "ingest_bench: %s\n", text.c_str());
-  std::_Exit(1);
-}
-void must(const Status& status) {
-  if (!status.ok()) die(status.error().message);
-}
-template <typename T>
-T must(Result<T> result) {
-  if (!result.ok()) die(result.error().message);
-  return std::move(*result);
-}
 
 /// Chunks of a second at 1 kHz with jittering clocks; from the recorded hands if available.
 struct Material {
@@ -78,148 +48,6 @@ struct Material {
   }
 };
 
-struct Row {
-  std::size_t session = 0;
-  std::uint64_t seq = 0;
-  const Bytes* bytes = nullptr;
-};
-
-/// One database with all sessions open.
-struct Database {
-  std::filesystem::path path;
-  std::vector<Uuid> ids;
-  explicit Database(const Settings& settings, const std::string& name) : path(settings.folder / name) {
-    remove();
-    Connection writer = must(Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
-    must(migrate(writer));
-    must(writer.script("BEGIN"));
-    must(StationStore(writer).add("station-1", StationKeyBytes{}, 1));
-    for (std::size_t i = 0; i < settings.sessions; ++i) {
-      ids.push_back(makeUuidV7());
-      pb::SessionDescription d;
-      d.set_session_id(std::string(ids.back().begin(), ids.back().end()));
-      d.set_station("station-1");
-      d.set_trainee("anna");
-      d.set_exercise_id("knee-1");
-      d.set_profile_id("knee-adult");
-      d.set_profile_json("{\"text\":\"" + std::string(settings.profile_bytes, 'x') + "\"}");
-      d.set_engine_version("bench");
-      d.set_rate_hz(1000);
-      d.set_started_unix_ns(1'700'000'000'000'000'000);
-      d.mutable_resolution()->set_length_m(1e-6);
-      must(SessionStore(writer).open(d, 1));
-    }
-    must(writer.script("COMMIT"));
-    must(writer.checkpointPassive());
-  }
-  ~Database() { remove(); }
-  void remove() const {
-    for (const char* suffix : {"", "-wal", "-shm"}) {
-      std::error_code ignored;
-      std::filesystem::remove(path.string() + suffix, ignored);
-    }
-  }
-};
-
-/// The store, as in the server, with the queue kept full so that each group has exactly `group` chunks.
-class Ours {
- public:
-  Ours(const Settings& settings, std::size_t group)
-      : database_(settings, "ingest-ours.db"),
-        group_(group),
-        writer_(must(Connection::open(database_.path, {.mode = Connection::Mode::kWriter})),
-                {.window = std::chrono::seconds(10), .max_items = 4 * group, .max_group = group},
-                [](const Error& error) { die(error.message); }) {}
-  double run(const std::vector<Row>& rows) {
-    const auto begin = Clock::now();
-    for (const Row& row : rows) {
-      {
-        std::unique_lock lock(mutex_);
-        room_.wait(lock, [&] { return under_way_ < 3 * group_; });
-        ++under_way_;
-      }
-      must(writer_.post(
-          [&row, id = database_.ids[row.session]](Connection& connection) -> Status {
-            auto appended = SessionStore(connection).append(id, row.seq, *row.bytes, "station-1");
-            if (!appended.ok()) return appended.error();
-            if (appended->kind != Appended::Kind::kStored) die(appended->text);
-            return {};
-          },
-          [this](const Status& status) {
-            must(status);
-            const std::lock_guard lock(mutex_);
-            if (--under_way_ <= 2 * group_) room_.notify_one();
-          }));
-    }
-    std::unique_lock lock(mutex_);
-    room_.wait(lock, [&] { return under_way_ == 0; });
-    return std::chrono::duration<double>(Clock::now() - begin).count();
-  }
-  [[nodiscard]] DbWriter::Counters counters() const { return writer_.counters(); }
-
- private:
-  Database database_;
-  std::size_t group_;
-  std::mutex mutex_;
-  std::condition_variable room_;
-  std::size_t under_way_ = 0;
-  DbWriter writer_;
-};
-
-/// SQLite alone: one prepared INSERT of the same rows into the same table, with the same durability and
-/// memory settings and the same number of checkpoints; no checks, no counters, no foreign keys.
-class Raw {
- public:
-  Raw(const Settings& settings, std::size_t group) : database_(settings, "ingest-raw.db"), group_(group) {
-    ok(sqlite3_open_v2(database_.path.c_str(), &db_, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, nullptr));
-    exec(
-        "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0; PRAGMA "
-        "foreign_keys=OFF; PRAGMA cache_size=-16384");
-    ok(sqlite3_prepare_v2(db_, "INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
-                          -1, &insert_, nullptr));
-  }
-  ~Raw() {
-    sqlite3_finalize(insert_);
-    sqlite3_close(db_);
-  }
-  Raw(const Raw&) = delete;
-  Raw& operator=(const Raw&) = delete;
-  double run(const std::vector<Row>& rows) {
-    const auto begin = Clock::now();
-    for (std::size_t at = 0; at < rows.size(); at += group_) {
-      exec("BEGIN IMMEDIATE");
-      for (std::size_t i = at; i < std::min(rows.size(), at + group_); ++i) {
-        const Row& row = rows[i];
-        sqlite3_bind_int64(insert_, 1, static_cast<sqlite3_int64>(row.session + 1));
-        sqlite3_bind_int64(insert_, 2, static_cast<sqlite3_int64>(row.seq));
-        sqlite3_bind_int64(insert_, 3, 1000);
-        sqlite3_bind_int64(insert_, 4, stationCrcOf(*row.bytes));
-        sqlite3_bind_blob64(insert_, 5, row.bytes->data(), row.bytes->size(), SQLITE_STATIC);
-        if (sqlite3_step(insert_) != SQLITE_DONE) die(sqlite3_errmsg(db_));
-        sqlite3_reset(insert_);
-      }
-      exec("COMMIT");
-      if (const auto now = Clock::now(); now - checkpointed_ >= std::chrono::milliseconds(100)) {
-        checkpointed_ = now;
-        ok(sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr));
-      }
-    }
-    return std::chrono::duration<double>(Clock::now() - begin).count();
-  }
-
- private:
-  void ok(int rc) {
-    if (rc != SQLITE_OK) die(sqlite3_errmsg(db_));
-  }
-  void exec(const char* sql) { ok(sqlite3_exec(db_, sql, nullptr, nullptr, nullptr)); }
-
-  Database database_;
-  std::size_t group_;
-  sqlite3* db_ = nullptr;
-  sqlite3_stmt* insert_ = nullptr;
-  Clock::time_point checkpointed_ = Clock::now();
-};
-
 double quantile(std::vector<double> values, double q) {
   std::sort(values.begin(), values.end());
   const double at = q * static_cast<double>(values.size() - 1);
@@ -230,17 +58,39 @@ double quantile(std::vector<double> values, double q) {
 
 constexpr double kGoal = 0.7;
 
-/// Prints a line of the table; sets `met` to false when the goal was missed.
-std::string measure(const Settings& settings, const Material& material, std::size_t group, bool& met) {
-  Ours ours(settings, group);
-  Raw raw(settings, group);
+/// One engine, and what the store is compared with there.
+struct Engine {
+  std::string title, text, cluster;
+  std::vector<std::string> raw_names;
+};
+
+std::unique_ptr<IngestContender> rawOf(const IngestSettings& settings, const Engine& engine,
+                                       std::size_t group, std::size_t which) {
+  if (engine.cluster.empty()) return ingestRawSqlite(settings, group);
+  return ingestRawPostgres(settings, engine.cluster, group,
+                           which == 0 ? RawPostgresForm::kPipeline : RawPostgresForm::kArrays);
+}
+
+/// Of this program, without PostgreSQL's own.
+double processorSeconds() {
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+}
+
+/// Returns a line of the table; sets `met` to false when the goal was missed.
+std::string measure(const IngestSettings& settings, const Material& material, const Engine& engine,
+                    std::size_t group, bool& met) {
+  std::vector<std::unique_ptr<IngestContender>> contenders;
+  contenders.push_back(ingestOurs(settings, engine.cluster, group));
+  for (std::size_t i = 0; i < engine.raw_names.size(); ++i)
+    contenders.push_back(rawOf(settings, engine, group, i));
   std::vector<std::uint64_t> next(settings.sessions, 0);
   std::size_t session = 0, chunk = 0;
-  std::vector<double> our_rate, raw_rate, ratio;
-  double bytes_per_row = 0;
-  // the first round warms both up and is not counted
+  std::vector<std::vector<double>> seconds(contenders.size());
+  std::vector<double> processor_s(contenders.size());
+  double count = 0, bytes_per_row = 0;
+  // the first round warms all up and is not counted
   for (std::size_t round = 0; round <= settings.rounds; ++round) {
-    std::vector<Row> rows;
+    IngestRows rows;
     double bytes = 0;
     for (std::size_t i = 0; i < group * settings.groups; ++i) {
       const Bytes& data = material.chunks[chunk++ % material.chunks.size()];
@@ -248,73 +98,124 @@ std::string measure(const Settings& settings, const Material& material, std::siz
       bytes += static_cast<double>(data.size());
       session = (session + 1) % settings.sessions;
     }
-    bytes_per_row = bytes / static_cast<double>(rows.size());
-    double our_s = 0, raw_s = 0;
-    if (round % 2 == 0) our_s = ours.run(rows);
-    raw_s = raw.run(rows);
-    if (round % 2 == 1) our_s = ours.run(rows);
-    if (round == 0) continue;
-    const auto count = static_cast<double>(rows.size());
-    our_rate.push_back(count / our_s);
-    raw_rate.push_back(count / raw_s);
-    ratio.push_back(raw_s / our_s);
-    std::fprintf(stderr, "\rgroups of %zu: round %zu of %zu  ", group, round, settings.rounds);
+    count = static_cast<double>(rows.size());
+    bytes_per_row = bytes / count;
+    for (std::size_t turn = 0; turn < contenders.size(); ++turn) {
+      const std::size_t which = (turn + round) % contenders.size();
+      const double before_s = processorSeconds();
+      const double took = contenders[which]->run(rows);
+      if (round == 0) continue;
+      seconds[which].push_back(took);
+      processor_s[which] += processorSeconds() - before_s;
+    }
+    std::fprintf(stderr, "\r%s, groups of %zu: round %zu of %zu  ", engine.title.c_str(), group, round,
+                 settings.rounds);
   }
-  std::fprintf(stderr, "\r%50s\r", "");
+  std::fprintf(stderr, "\r%70s\r", "");
+
+  // compared with the fastest of the others
+  std::vector<double> rates;
+  for (const auto& of : seconds) rates.push_back(count / quantile(of, 0.5));
+  const auto fastest = static_cast<std::size_t>(
+      std::distance(rates.begin(), std::max_element(rates.begin() + 1, rates.end())));
+  std::vector<double> ratio;
+  for (std::size_t i = 0; i < settings.rounds; ++i) ratio.push_back(seconds[fastest][i] / seconds[0][i]);
   const double median = quantile(ratio, 0.5);
   const bool here = median >= kGoal;
   met = met && here;
-  const auto counters = ours.counters();
-  std::printf(
-      "groups of %4zu: ours %6.0f rows/s (%.1f MB/s), raw %6.0f rows/s (%.1f MB/s), ratio %.3f (quartiles "
-      "%.3f-%.3f, all %.3f-%.3f) %s; "
-      "%.1f items a commit, COMMIT p50 %.2f ms, work p50 %.2f ms\n",
-      group, quantile(our_rate, 0.5), quantile(our_rate, 0.5) * bytes_per_row * 1e-6, quantile(raw_rate, 0.5),
-      quantile(raw_rate, 0.5) * bytes_per_row * 1e-6, median, quantile(ratio, 0.25), quantile(ratio, 0.75),
-      quantile(ratio, 0), quantile(ratio, 1), here ? "PASS" : "FAIL",
-      static_cast<double>(counters.group_items.sum()) / static_cast<double>(counters.group_items.count()),
-      counters.commit_ns.quantile(0.5) * 1e-6, counters.work_ns.quantile(0.5) * 1e-6);
-  return fmt::format(
-      "| {} | {:.0f} | {:.1f} | {:.0f} | {:.1f} | **{:.2f}** | {:.2f}–{:.2f} | {:.2f}–{:.2f} | {} |\n", group,
-      quantile(our_rate, 0.5), quantile(our_rate, 0.5) * bytes_per_row * 1e-6, quantile(raw_rate, 0.5),
-      quantile(raw_rate, 0.5) * bytes_per_row * 1e-6, median, quantile(ratio, 0.25), quantile(ratio, 0.75),
-      quantile(ratio, 0), quantile(ratio, 1), here ? "PASS" : "**FAIL**");
+  std::string line = fmt::format("| {} |", group);
+  for (const double rate : rates)
+    line += fmt::format(" {:.0f} | {:.1f} |", rate, rate * bytes_per_row * 1e-6);
+  line +=
+      fmt::format(" **{:.2f}** | {:.2f}–{:.2f} | {:.2f}–{:.2f} | {} |\n", median, quantile(ratio, 0.25),
+                  quantile(ratio, 0.75), quantile(ratio, 0), quantile(ratio, 1), here ? "PASS" : "**FAIL**");
+  std::printf("%s: %s%s; processor time here, µs a row:", engine.title.c_str(), line.c_str(),
+              contenders.front()->remark().c_str());
+  for (const double s : processor_s)
+    std::printf(" %.1f", s * 1e6 / (count * static_cast<double>(settings.rounds)));
+  std::printf("\n");
+  std::fflush(stdout);
+  return line;
 }
 
-int run(const Settings& settings) {
+std::string tableOf(const IngestSettings& settings, const Material& material, const Engine& engine,
+                    bool& met) {
+  std::string head = "| group | ours rows/s | MB/s |", rule = "|---:|---:|---:|";
+  for (const std::string& name : engine.raw_names) {
+    head += " " + name + " rows/s | MB/s |";
+    rule += "---:|---:|";
+  }
+  std::string text = "## " + engine.title + "\n" + engine.text + "\n\n" + head +
+                     " ratio | quartiles | all rounds | goal ≥ 0.7 |\n" + rule + "---:|---|---|---|\n";
+  for (const std::size_t group : {16, 32, 64, 256}) text += measure(settings, material, engine, group, met);
+  return text + "\n";
+}
+
+std::vector<Engine> enginesOf(const IngestSettings& settings) {
+  std::vector<Engine> engines = {
+      {"SQLite",
+       "Ours: each chunk in a savepoint. Raw: one prepared INSERT of the same rows. Both: WAL, "
+       "synchronous=FULL, a PASSIVE checkpoint every 100 ms.",
+       "",
+       {"raw"}}};
+  const auto add = [&](const std::string& title, const std::string& cluster, bool standby) {
+    if (cluster.empty()) return;
+    engines.push_back(
+        {title,
+         "Ours: BEGIN with the writer's lock, the group's chunks in one statement, COMMIT: three round "
+         "trips. Pipeline: a prepared, binary INSERT … ON CONFLICT DO NOTHING a row, in libpq's pipeline "
+         "mode. Arrays: one such INSERT of arrays. Both send BEGIN, rows and COMMIT together, and wait "
+         "once. The ratio is to the faster of them. " +
+             textOfCluster(cluster, standby) + ".",
+         cluster,
+         {"pipeline", "arrays"}});
+  };
+  add("PostgreSQL", settings.postgres, false);
+  add("PostgreSQL with a synchronous standby on the same machine", settings.standby, true);
+  return engines;
+}
+
+std::string loadText() {
+  std::ifstream in("/proc/loadavg");
+  std::string one, five;
+  in >> one >> five;
+  return "load " + one + " and " + five + " (1 and 5 min) at the beginning";
+}
+
+int run(const IngestSettings& settings) {
   const Material material;
   double bytes = 0;
   for (const Bytes& chunk : material.chunks) bytes += static_cast<double>(chunk.size());
   std::ostringstream text;
   text << "# What the store takes in\n\n"
        << machineText() << "; " << nowText() << (settings.commit.empty() ? "" : "; commit " + settings.commit)
-       << ".\n\n"
+       << "; " << loadText() << ".\n\n"
        << "Written by `cmake --build build/release --target record_ingest_bench`. Rows are chunks of 1000 "
           "samples of "
        << material.source
        << fmt::format(" ({:.0f} bytes each on average) over {} open sessions with a profile of {} bytes. ",
                       bytes / static_cast<double>(material.chunks.size()), settings.sessions,
                       settings.profile_bytes)
-       << "Ours: DbWriter and SessionStore::append, which checks each chunk's CRC, seq and owner, keeps the "
-          "session's counters and gives each chunk a "
-          "savepoint. Raw: one prepared INSERT of the same rows, without checks, counters or foreign keys. "
-          "Both: WAL, synchronous=FULL, a PASSIVE "
-          "checkpoint every 100 ms, the same group in one transaction. "
+       << "Ours: DbWriter and SessionStore, which check each chunk's CRC, columns, seq and owner, and keep "
+          "the "
+          "session's counters. The others: the same rows into the same table, the same number in a "
+          "transaction, without checks, counters or foreign keys. "
        << fmt::format(
-              "{} rounds of {} groups, in turns, the order swapped from round to round; rates are medians, "
+              "{} rounds of {} groups, in turns, the order changed from round to round; rates are medians, "
               "the ratio is taken round by round. ",
               settings.rounds, settings.groups)
-       << "A thousand stations send 1000 rows/s, which come in groups of about 35.\n\n"
-       << "| group | ours rows/s | MB/s | raw rows/s | MB/s | ratio | quartiles | all rounds | goal ≥ 0.7 "
-          "|\n|---:|---:|---:|---:|---:|---:|---|---|---|\n";
+       << "A thousand stations send 1000 rows/s, which come in groups of about 35.\n\n";
   bool met = true;
-  for (const std::size_t group : {16, 32, 64, 256}) text << measure(settings, material, group, met);
+  for (const Engine& engine : enginesOf(settings))
+    if (settings.only.empty() || settings.only == engine.title)
+      text << tableOf(settings, material, engine, met);
   if (!settings.results.empty()) {
     const auto folder = settings.results / folderName(machineText());
     std::error_code ignored;
     std::filesystem::create_directories(folder, ignored);
-    const std::string out = text.str();
-    must(writeFileAtomically(folder / "ingest.md", viewOf(out)));
+    std::string out = text.str();
+    out.pop_back();
+    mustIngest(writeFileAtomically(folder / "ingest.md", viewOf(out)));
     std::printf("written: %s\n", (folder / "ingest.md").c_str());
   }
   return met ? 0 : 1;
@@ -324,12 +225,18 @@ int run(const Settings& settings) {
 }  // namespace needlelab::test
 
 int main(int argc, char** argv) {
-  needlelab::test::Settings settings;
+  needlelab::test::IngestSettings settings;
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string name = argv[i], value = argv[i + 1];
     const auto number = static_cast<std::size_t>(std::strtoul(value.c_str(), nullptr, 10));
     if (name == "--folder")
       settings.folder = value;
+    else if (name == "--postgres")
+      settings.postgres = value;
+    else if (name == "--standby")
+      settings.standby = value;
+    else if (name == "--only")
+      settings.only = value;
     else if (name == "--results")
       settings.results = value;
     else if (name == "--commit")

@@ -9,6 +9,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -205,6 +206,108 @@ TEST_F(PostgresEngine, aSavepointTakesItsPartBackAlsoAfterAnError) {
   must(db->releaseSavepoint());
   must(db->commit());
   EXPECT_EQ(count(), 2);
+}
+
+TEST_F(PostgresEngine, savepointsThatGoWithTheNextStatementTakeBackWhatCameSinceThem) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(db->savepoint());  // without a statement
+  must(db->releaseSavepoint());
+  must(db->savepoint());
+  must(add(1));
+  must(db->releaseSavepoint());
+  must(db->savepoint());  // goes with the release before it
+  must(add(2));
+  EXPECT_FALSE(add(1).ok());
+  EXPECT_FALSE(db->releaseSavepoint().ok()) << "its statement has failed";
+  must(db->undoSavepoint());
+  must(db->savepoint());
+  EXPECT_FALSE(run(*db, "SELECT nothing FROM nowhere").ok()) << "which cannot be prepared";
+  must(db->undoSavepoint());
+  must(db->savepoint());
+  must(db->script("INSERT INTO kinds (id) VALUES (3); INSERT INTO kinds (id) VALUES (4)"));
+  must(db->undoSavepoint());
+  must(db->savepoint());
+  must(add(5));
+  EXPECT_EQ(db->changes(), 1);
+  must(db->releaseSavepoint());
+  must(db->savepoint());
+  must(db->undoSavepoint());
+  EXPECT_EQ(count(), 2);
+  must(db->commit());
+  EXPECT_EQ(count(), 2);
+  // a transaction that has failed, or is gone, takes none
+  must(db->begin(EngineConnection::Begin::kWrite));
+  EXPECT_FALSE(add(1).ok());
+  EXPECT_FALSE(db->savepoint().ok());
+  EXPECT_FALSE(db->isLost());
+  db->rollback();
+  EXPECT_FALSE(db->savepoint().ok());
+  db->rollback();
+  EXPECT_EQ(count(), 2);
+}
+
+TEST_F(PostgresEngine, aConnectionThatIsLostBehindASavepointLosesItsTransaction) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(1));
+  must(db->savepoint());
+  must(run(*control_,
+           "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '" + otherName() + "'"));
+  const Status lost = add(2);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(lost.error().code, ErrorCode::kUnavailable);
+  EXPECT_TRUE(db->isLost());
+  must(db->undoSavepoint());
+  EXPECT_FALSE(db->savepoint().ok());
+  db->rollback();
+  EXPECT_EQ(count(), 0);
+  EXPECT_FALSE(db->damaged());
+}
+
+TEST_F(PostgresEngine, aStatementBehindASavepointIsCancelledToo) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(1));
+  must(db->savepoint());
+  std::atomic<bool> cancelled{true};
+  db->setCancelled(&cancelled);
+  const Status ended = run(*db, "SELECT pg_sleep(1000)");
+  db->setCancelled(nullptr);
+  ASSERT_FALSE(ended.ok());
+  EXPECT_EQ(ended.error().code, ErrorCode::kUnavailable);
+  must(db->undoSavepoint());
+  must(db->commit());
+  EXPECT_EQ(count(), 1);
+}
+
+TEST_F(PostgresEngine, aListIsOneParameter) {
+  constexpr auto kMin = std::numeric_limits<std::int64_t>::min();
+  const std::vector<std::int64_t> ids = {7, kMin, -1};
+  const std::vector<std::string_view> texts = {"Ünï '{},\"\\", "", "NULL"};
+  const Bytes some = {0, 1, 255, 0};
+  const std::vector<ByteView> bytes = {some, {}, ByteView(some).first(1)};
+  auto insert = prepared(*db,
+                         "INSERT INTO kinds (id, text, bytes)"
+                         " SELECT l.id, l.text, l.bytes FROM unnest(?, ?, ?) AS l (id, text, bytes)");
+  must(insert->bindList(1, std::span<const std::int64_t>(ids)));
+  must(insert->bindList(2, std::span<const std::string_view>(texts)));
+  must(insert->bindList(3, std::span<const ByteView>(bytes)));
+  EXPECT_FALSE(*insert->step());
+  EXPECT_EQ(db->changes(), 3);
+  auto rows = prepared(*db, "SELECT id, text, bytes FROM kinds ORDER BY id DESC");
+  for (const std::size_t i : {0, 2, 1}) {
+    ASSERT_TRUE(*rows->step());
+    EXPECT_EQ(rows->integer(0), ids[i]);
+    EXPECT_EQ(textOfColumn(*rows, 1), texts[i]);
+    EXPECT_EQ(textOf(rows->bytes(2)), textOf(bytes[i]));
+    EXPECT_FALSE(rows->isNull(1) || rows->isNull(2));
+  }
+  insert->reset();
+  must(insert->bindList(1, std::span<const std::int64_t>()));
+  must(insert->bindList(2, std::span<const std::string_view>()));
+  must(insert->bindList(3, std::span<const ByteView>()));
+  EXPECT_FALSE(*insert->step());
+  EXPECT_EQ(count(), 3) << "empty lists are no error";
+  const std::vector<std::string_view> zero = {"a", std::string_view("a\0b", 3)};
+  EXPECT_FALSE(insert->bindList(2, std::span<const std::string_view>(zero)).ok());
 }
 
 TEST_F(PostgresEngine, aTransactionWithAnErrorIsNotReportedAsCommitted) {

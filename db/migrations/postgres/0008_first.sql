@@ -137,6 +137,8 @@ CREATE TABLE chunks (
   bytes   BYTEA NOT NULL,
   PRIMARY KEY (session, seq)
 );
+-- Chunks are compressed already.
+ALTER TABLE chunks ALTER COLUMN bytes SET STORAGE EXTERNAL;
 
 CREATE TABLE annotations (
   id              BIGINT PRIMARY KEY,
@@ -231,6 +233,7 @@ CREATE TABLE derived_chunks (
   bytes   BYTEA NOT NULL,
   PRIMARY KEY (session, seq)
 );
+ALTER TABLE derived_chunks ALTER COLUMN bytes SET STORAGE EXTERNAL;
 
 CREATE TABLE removed_originals (
   session         BIGINT PRIMARY KEY REFERENCES sessions (number),
@@ -331,7 +334,7 @@ CREATE TABLE session_progress (
   chunks       BIGINT NOT NULL DEFAULT 0 CHECK (chunks >= 0),
   samples      BIGINT NOT NULL DEFAULT 0 CHECK (samples >= 0),
   stored_bytes BIGINT NOT NULL DEFAULT 0 CHECK (stored_bytes >= 0)
-);
+) WITH (fillfactor = 40);  -- rewritten with each group: room for it in the same page, so that the index stays
 
 CREATE TABLE unknown_trainees (
   session          BIGINT PRIMARY KEY REFERENCES sessions (number),

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,15 @@ class BothEngines : public testing::Test {
   }
   TestDb db;
 };
+
+TEST_F(BothEngines, takeAListWhereTheEngineHasArraysAndSayItElsewhere) {
+  const std::vector<std::int64_t> numbers = {3, 4};
+  auto rows = db.writer.prepare("SELECT ?");
+  const auto stepped = rows.bindList(std::span<const std::int64_t>(numbers)).step();
+  EXPECT_EQ(stepped.ok(), onPostgres());
+  if (onPostgres()) return;
+  EXPECT_THAT(stepped.error().message, HasSubstr("a list of 2 values"));
+}
 
 TEST_F(BothEngines, keepValuesOfEveryKind) {
   const std::string text = "Ünï ' \" ? $1 \\ \n";

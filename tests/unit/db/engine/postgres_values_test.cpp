@@ -5,7 +5,10 @@
 #include <cmath>
 #include <initializer_list>
 #include <limits>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 namespace needlelab {
 namespace {
@@ -31,6 +34,24 @@ TEST(PostgresValues, wholeNumbersHaveTheGreatestByteFirst) {
   EXPECT_EQ(integer(PostgresType::kInt2, bytesOf({128, 0})), -32768);
   EXPECT_EQ(integer(PostgresType::kBool, bytesOf({1})), 1);
   EXPECT_EQ(integer(PostgresType::kBool, bytesOf({0})), 0);
+}
+
+// array_recv: dimensions, NULLs, type, length, first index; each element behind its length
+TEST(PostgresValues, listsAreArraysOfOneDimension) {
+  const std::vector<std::int64_t> numbers = {1, -1};
+  const std::string list = *postgresList(std::span<const std::int64_t>(numbers));
+  EXPECT_EQ(list,
+            bytesOf({0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 20, 0, 0, 0,   2,   0,   0,   0,   1,   0,   0,
+                     0, 8, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0,  0, 8, 255, 255, 255, 255, 255, 255, 255, 255}));
+  const std::vector<std::string_view> texts = {"", "ab"};
+  EXPECT_EQ(*postgresList(std::span<const std::string_view>(texts)),
+            bytesOf({0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 25, 0, 0,   0,
+                     2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0,  2, 'a', 'b'}));
+  EXPECT_EQ(*postgresList(std::span<const ByteView>()), bytesOf({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 17}));
+  // more than PostgreSQL takes is not even copied
+  const Bytes some(1 << 20);
+  const std::vector<ByteView> many(1024, ByteView(some));
+  EXPECT_FALSE(postgresList(std::span<const ByteView>(many)).has_value());
 }
 
 TEST(PostgresValues, realsKeepTheirBits) {

@@ -1,0 +1,89 @@
+// Savepoints of PostgreSQL: SAVEPOINT and RELEASE have no result that anybody waits for, so they are sent in
+// one go with the statement behind them (libpq's pipeline mode).
+#include <cstddef>
+#include <utility>
+
+#include "db/engine/postgres.h"
+
+namespace needlelab {
+
+void PostgresConnection::dropDue() {
+  due_.clear();
+  savepoint_ = AtSavepoint::kNone;
+}
+
+/// Whether a savepoint could be made or released: PostgreSQL refuses both in a transaction that has failed.
+Status PostgresConnection::requireSound(const char* what) {
+  if (in_lost_transaction_ || !isConnected()) return lost(what);
+  if (PQtransactionStatus(connection_.get()) == PQTRANS_INTRANS) return {};
+  return Error{ErrorCode::kFailed, shown_url_ + ": cannot " + what + ": the transaction has failed"};
+}
+
+Status PostgresConnection::savepoint() {
+  constexpr const char* kMake = "SAVEPOINT item";
+  RETURN_IF_ERROR(requireSound(kMake));
+  due_.push_back(kMake);
+  savepoint_ = AtSavepoint::kDue;
+  return {};
+}
+
+Status PostgresConnection::releaseSavepoint() {
+  constexpr const char* kRelease = "RELEASE item";
+  RETURN_IF_ERROR(requireSound(kRelease));
+  if (savepoint_ == AtSavepoint::kDue) due_.pop_back();
+  if (savepoint_ == AtSavepoint::kMade) due_.push_back(kRelease);
+  savepoint_ = AtSavepoint::kNone;
+  return {};
+}
+
+Status PostgresConnection::undoSavepoint() {
+  const AtSavepoint at = std::exchange(savepoint_, AtSavepoint::kNone);
+  if (at == AtSavepoint::kDue && !due_.empty()) due_.pop_back();
+  // without one a failed transaction stays so, and its end says it
+  if (at != AtSavepoint::kMade || in_lost_transaction_ || !inTransaction()) return {};
+  return runText("ROLLBACK TO item; RELEASE item");
+}
+
+Status PostgresConnection::sendDue() {
+  if (due_.empty()) return {};
+  const auto sent = behindDue({}, due_.back());
+  return sent ? Status() : Status(sent.error());
+}
+
+Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::function<int()>& send,
+                                                                    std::string_view what) {
+  PGconn* const connection = connection_.get();
+  if (due_.empty()) {
+    if (send() == 0) return lost(what);
+    return wait(what);
+  }
+  if (PQenterPipelineMode(connection) == 0) return lost(what);
+  const std::size_t due = due_.size();
+  for (const char* const sql : due_)
+    if (PQsendQueryParams(connection, sql, 0, nullptr, nullptr, nullptr, nullptr, 0) == 0) return lost(what);
+  due_.clear();
+  if ((send && send() == 0) || PQpipelineSync(connection) == 0) return lost(what);
+
+  // of each one its result and an end; behind one that fails the others are not run
+  Waiting waiting{std::chrono::steady_clock::now() + options_.answer_timeout};
+  ResultPtr last;
+  std::size_t done = 0;
+  for (;;) {
+    ASSIGN_OR_RETURN(ResultPtr next, nextResult(waiting, what));
+    if (next == nullptr) {
+      if (!isConnected()) return lost(what);
+      continue;
+    }
+    const ExecStatusType status = PQresultStatus(next.get());
+    if (status == PGRES_PIPELINE_SYNC) break;
+    if (status == PGRES_PIPELINE_ABORTED) continue;
+    if (status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) ++done;
+    last = std::move(next);
+  }
+  if (PQexitPipelineMode(connection) == 0) return lost(what);
+  // the savepoint is the last of what was due
+  if (savepoint_ == AtSavepoint::kDue) savepoint_ = done >= due ? AtSavepoint::kMade : AtSavepoint::kNone;
+  return checked(std::move(last), what);
+}
+
+}  // namespace needlelab

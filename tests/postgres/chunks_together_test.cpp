@@ -1,0 +1,60 @@
+// What only PostgreSQL does with chunks. That they are stored as on SQLite:
+// tests/unit/db/append_many_test.cpp.
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <string>
+
+#include "db/db_writer.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(ChunksTogether, theirBytesAreNotTriedToBeCompressed) {
+  test::TestDb db;
+  auto rows = db.writer.prepare(
+      "SELECT attrelid::regclass::text || ' ' || attstorage::text FROM pg_attribute"
+      " WHERE attname = 'bytes' AND attrelid IN ('chunks'::regclass, 'derived_chunks'::regclass) ORDER BY 1");
+  const auto storage = rows.all(firstText);
+  ASSERT_OK(storage);
+  EXPECT_EQ(*storage, (std::vector<std::string>{"chunks e", "derived_chunks e"}));
+}
+
+TEST(ChunksTogether, aGroupWhoseConnectionIsLostIsRefusedAndStoredWhenItComesAgain) {
+  test::TestDb db;
+  auto reader = db.reader();
+  const Uuid id = makeUuidV7();
+  ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));
+  std::deque<Bytes> bytes;
+  for (std::uint64_t seq = 0; seq < 20; ++seq) bytes.push_back(test::chunkOf(seq, 5));
+  std::deque<Appended> outcomes(20);
+  int stored = 0, refused = 0;  // the writer's thread's
+  const auto post = [&](DbWriter& writer) {
+    for (std::uint64_t seq = 0; seq < 20; ++seq)
+      ASSERT_OK(writer.postChunk({id, seq, bytes[seq], "station-1", &outcomes[seq]},
+                                 [&](const Status& status) { ++(status.ok() ? stored : refused); }));
+  };
+  DbWriter writer(std::move(db.writer), {.window = 1h, .max_group = 21}, {});
+  post(writer);
+  ASSERT_OK(writer.post(
+      [](Connection& connection) {
+        // it ends this connection's own server, behind what has been stored in the transaction
+        (void)connection.run("SELECT pg_terminate_backend(pg_backend_pid())");
+        return Status();
+      },
+      [](const Status& status) { EXPECT_FALSE(status.ok()); }));
+  post(writer);
+  ASSERT_OK(writer.post([](Connection&) { return Status(); }, {}));
+  writer.stop();
+  EXPECT_EQ(refused, 20);
+  EXPECT_EQ(stored, 20);
+  EXPECT_EQ(writer.counters().together, 20u);
+  EXPECT_FALSE(writer.failed().has_value());
+  EXPECT_EQ(*SessionStore(reader).nextSeq(id), 20u);
+}
+
+}  // namespace
+}  // namespace needlelab
