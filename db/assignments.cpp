@@ -3,7 +3,9 @@
 #include <fmt/core.h>
 
 #include <cstdint>
+#include <iterator>
 #include <optional>
+#include <utility>
 
 #include "db/documents.h"
 #include "db/people.h"
@@ -55,6 +57,33 @@ std::string attemptsAt(std::string_view places, std::string_view rest, bool with
       with_score ? "s.score_json" : "NULL", places, rest);
 }
 constexpr std::string_view kInOrder = "ORDER BY s.started_unix_ns, s.number";
+
+/// The best attempt of trainee ?1 at each exercise of course ?2: the last entry of sessions_by_verdict, whose
+/// terms these are (migrations/0009_attempt_sums.sql).
+constexpr std::string_view kBest =
+    "SELECT s.id, s.trainee, s.exercise_id, (SELECT count(*) FROM sessions e WHERE e.trainee = s.trainee"
+    " AND e.exercise_id = s.exercise_id AND (e.started_unix_ns, e.number) <= (s.started_unix_ns, s.number)"
+    " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = e.number)),"
+    " s.started_unix_ns, s.passed, s.state, s.excused, s.profile_revision, s.engine_version"
+    " FROM attempt_sums a JOIN sessions s ON s.number = (SELECT b.number FROM sessions b"
+    " WHERE b.trainee = a.trainee AND b.exercise_id = a.exercise_id AND b.excused = 0 AND b.state <> 1"
+    " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = b.number)"
+    " ORDER BY coalesce(b.passed, 0) DESC, (length(replace(coalesce(b.score_json, ''), ' ', '')) -"
+    " length(replace(replace(coalesce(b.score_json, ''), ' ', ''), '\"passed\":true', ''))) / 13 DESC,"
+    " b.started_unix_ns DESC, b.number DESC LIMIT 1)"
+    " WHERE a.trainee = ?1 AND a.counted > 0"
+    " AND a.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?2)";
+
+constexpr std::string_view kStanding =
+    "SELECT exercise_id, attempts, counted, judged, passed FROM attempt_sums ";
+
+std::pair<std::string, AttemptStanding> standingOfRow(const Statement& row) {
+  AttemptStanding standing;
+  standing.all = row.natural32(1);
+  standing.counted = row.natural32(2);
+  if (row.integer(3) > 0) standing.passed = row.integer(4) > 0;
+  return {row.text(0), standing};
+}
 
 pb::Attempt attemptOf(const Statement& row, bool with_score) {
   pb::Attempt attempt;
@@ -141,18 +170,38 @@ Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) 
       .all(assignmentOf);
 }
 
+Result<std::vector<DueRule>> AssignmentStore::dueRules(std::string_view trainee) {
+  return connection_
+      .query(
+          "SELECT course_id, exercise_id, CASE WHEN trainee IS NULL THEN 1 ELSE 0 END, due_unix_ns"
+          " FROM assignments WHERE due_unix_ns IS NOT NULL AND (trainee = ?1"
+          " OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))",
+          trainee)
+      .all([](const Statement& row) {
+        return DueRule{row.text(0), row.text(1), row.integer(2) != 0, row.integer(3)};
+      });
+}
+
 Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::string_view exercise_id,
                                             std::string_view course_id, std::int64_t otherwise) {
-  // the order of precedence as a number; skips assignments without a due date
-  auto row = connection_.query(
-      "SELECT due_unix_ns FROM assignments WHERE due_unix_ns IS NOT NULL"
-      " AND (exercise_id = ?2 OR course_id = ?3) AND (trainee = ?1"
-      " OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))"
-      " ORDER BY trainee IS NULL, exercise_id IS NULL, due_unix_ns DESC"
-      " LIMIT 1",
-      trainee, exercise_id, course_id);
-  ASSIGN_OR_RETURN(const bool found, row.step());
-  return found ? row.integer(0) : otherwise;
+  ASSIGN_OR_RETURN(const auto rules, dueRules(trainee));
+  return dueBy(rules, exercise_id, course_id, otherwise);
+}
+
+std::int64_t dueBy(std::span<const DueRule> rules, std::string_view exercise_id, std::string_view course_id,
+                   std::int64_t otherwise) {
+  const DueRule* best = nullptr;
+  // the order of precedence as a number: the least counts, of equal ones the latest date
+  const auto rank = [](const DueRule& rule) {
+    return (rule.of_group ? 2 : 0) + (rule.exercise_id.empty() ? 1 : 0);
+  };
+  for (const DueRule& rule : rules) {
+    if (rule.exercise_id.empty() ? rule.course_id != course_id : rule.exercise_id != exercise_id) continue;
+    if (best == nullptr || rank(rule) < rank(*best) ||
+        (rank(rule) == rank(*best) && rule.due_unix_ns > best->due_unix_ns))
+      best = &rule;
+  }
+  return best == nullptr ? otherwise : best->due_unix_ns;
 }
 
 Result<std::vector<pb::Attempt>> AttemptStore::list(std::string_view trainee, std::string_view exercise_id,
@@ -186,22 +235,6 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
       .all([](const Statement& row) { return attemptOf(row, true); });
 }
 
-Result<std::vector<pb::Attempt>> AttemptStore::candidates(std::string_view trainee,
-                                                          std::string_view exercise_id, std::size_t most) {
-  const std::string places = fmt::format(
-      "SELECT * FROM ({}) WHERE number IN (SELECT number FROM sessions WHERE trainee = ?1 AND exercise_id = "
-      "?2"
-      " AND excused = 0 AND state <> ?4"
-      " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)"
-      " ORDER BY coalesce(passed, 0) DESC, started_unix_ns DESC, number DESC LIMIT ?5)",
-      kPlaces);
-  // the third value: as in page()
-  return connection_
-      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, std::string_view(),
-             static_cast<int>(pb::SESSION_OPEN), static_cast<std::uint64_t>(most))
-      .all([](const Statement& row) { return attemptOf(row, true); });
-}
-
 Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
   std::string trainee, exercise_id;
   {
@@ -219,27 +252,32 @@ Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
 }
 
 Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::string_view exercise_id) {
-  AttemptStanding standing;
-  auto row = connection_.query(
-      "SELECT count(*), coalesce(sum(CASE excused WHEN 0 THEN 1 ELSE 0 END), 0),"
-      " max(CASE excused WHEN 0 THEN passed END) FROM sessions WHERE trainee = ?1 AND exercise_id = ?2"
-      " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)",
-      trainee, exercise_id);
-  RETURN_IF_ERROR(row.step());
-  standing.all = row.natural32(0);
-  standing.counted = row.natural32(1);
-  if (!row.isNull(2)) standing.passed = row.integer(2) != 0;
-  return standing;
+  ASSIGN_OR_RETURN(
+      const auto found,
+      connection_
+          .query(std::string(kStanding) + "WHERE trainee = ? AND exercise_id = ?", trainee, exercise_id)
+          .first(standingOfRow));
+  return found ? found->second : AttemptStanding{};
 }
 
-Result<std::vector<std::string>> AttemptStore::trainees(std::string_view course_id) {
-  return connection_
-      .query(
-          "SELECT DISTINCT trainee FROM sessions WHERE trainee <> '' AND erased = 0"
-          " AND exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?)"
-          " ORDER BY trainee",
-          course_id)
-      .all(firstText);
+Result<std::map<std::string, AttemptStanding>> AttemptStore::standings(std::string_view trainee) {
+  ASSIGN_OR_RETURN(
+      auto rows, connection_.query(std::string(kStanding) + "WHERE trainee = ?", trainee).all(standingOfRow));
+  return std::map<std::string, AttemptStanding>(std::make_move_iterator(rows.begin()),
+                                                std::make_move_iterator(rows.end()));
+}
+
+Result<std::map<std::string, pb::Attempt>> AttemptStore::best(std::string_view trainee,
+                                                              std::string_view course_id) {
+  ASSIGN_OR_RETURN(auto attempts, connection_.query(kBest, trainee, course_id).all([](const Statement& row) {
+    return attemptOf(row, false);
+  }));
+  std::map<std::string, pb::Attempt> best;
+  for (pb::Attempt& attempt : attempts) {
+    std::string exercise = attempt.exercise_id();
+    best.emplace(std::move(exercise), std::move(attempt));
+  }
+  return best;
 }
 
 Result<bool> AttemptStore::excuse(const Uuid& session, bool excused) {

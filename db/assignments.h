@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,6 +16,17 @@
 #include "needlelab/teaching.pb.h"
 
 namespace needlelab {
+
+/// A date that an assignment sets: of a course or an exercise, for the trainee alone or a group.
+struct DueRule {
+  std::string course_id, exercise_id;  ///< one of them
+  bool of_group = false;
+  std::int64_t due_unix_ns = 0;
+};
+
+/// The date that counts for an exercise (AssignmentStore::dueOf()); `otherwise` when no rule is for it.
+std::int64_t dueBy(std::span<const DueRule> rules, std::string_view exercise_id, std::string_view course_id,
+                   std::int64_t otherwise);
 
 /// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AssignmentStore {
@@ -36,6 +49,8 @@ class AssignmentStore {
   /// Newest first; empty filters mean all.
   Result<std::vector<pb::Assignment>> list(const Filter& filter);
 
+  /// Dates that apply to a trainee, own and of groups, of any course.
+  Result<std::vector<DueRule>> dueRules(std::string_view trainee);
   /// Returns the due date of an exercise for a trainee; 0: never due. Order of precedence: the exercise
   /// assigned to the trainee, the course assigned to the trainee, the exercise assigned to a group, the
   /// course assigned to a group, `otherwise`. With several groups the latest date counts. A date for one
@@ -68,15 +83,16 @@ class AttemptStore {
   /// the scores of these alone. kNotFound: `after` is not among the attempts.
   Result<std::vector<pb::Attempt>> page(std::string_view trainee, std::string_view exercise_id,
                                         const std::optional<Uuid>& after, std::size_t most);
-  /// Those that may be the best at one exercise, with scores, oldest first: of the closed ones that are not
-  /// excused the newest that passed, then the newest of the others, `most` together.
-  Result<std::vector<pb::Attempt>> candidates(std::string_view trainee, std::string_view exercise_id,
-                                              std::size_t most);
   /// Returns a session's attempt with its number. kNotFound.
   Result<pb::Attempt> get(const Uuid& session);
+  /// Reads sums (attempt_sums.h), however many attempts there are; and so do the next ones.
   Result<AttemptStanding> standing(std::string_view trainee, std::string_view exercise_id);
-  /// Names of trainees who have an attempt at any of a course's exercises.
-  Result<std::vector<std::string>> trainees(std::string_view course_id);
+  /// In all exercises with a session under this name; in others: none.
+  Result<std::map<std::string, AttemptStanding>> standings(std::string_view trainee);
+  /// The best attempt that counts at each exercise of the course: passed before not passed, then the most
+  /// requirements met, then the newest; closed ones, without their scores. Its number counts the attempts
+  /// before it; all else looks at one entry of an index an exercise.
+  Result<std::map<std::string, pb::Attempt>> best(std::string_view trainee, std::string_view course_id);
   /// Returns true when this changed something. kNotFound.
   Result<bool> excuse(const Uuid& session, bool excused);
 

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <utility>
 
+#include "db/attempt_sums.h"
 #include "db/connection.h"
 #include "db/schema.h"
 #include "db/session_rows.h"
@@ -13,6 +14,8 @@
 
 namespace needlelab {
 namespace {
+
+constexpr int kVersionWithSums = 9;
 
 /// Stored facts about the session's recording.
 struct Noted {
@@ -229,6 +232,15 @@ Result<DatabaseCheck> checkDatabase(Connection& connection) {
   if (!foreign && foreign.error().code != ErrorCode::kCorrupt) return foreign.error();
   if (!foreign) check.faults.push_back(foreign.error().message);
   if (foreign) std::move(foreign->begin(), foreign->end(), std::back_inserter(check.faults));
+  // an older backup's schema has no sums
+  ASSIGN_OR_RETURN(const int version, schemaVersion(connection));
+  if (foreign && version >= kVersionWithSums) {
+    const auto sums = AttemptSums(connection).faults(kMaxFaults);
+    if (!sums && sums.error().code != ErrorCode::kCorrupt) return sums.error();
+    if (!sums) check.faults.push_back(sums.error().message);
+    if (sums)
+      for (const SumFault& fault : *sums) check.sums.push_back(fault.text);
+  }
   const auto ids = allSessions(connection, check);
   if (!ids) {
     if (ids.error().code != ErrorCode::kCorrupt) return ids.error();

@@ -23,6 +23,9 @@ struct DatabaseCheck {
   std::vector<std::string> undecodable;
   std::map<Uuid, std::uint64_t> decodable_before;
   std::uint64_t undecodable_chunks = 0;
+  /// Sums of attempts that differ from the sessions (attempt_sums.h), at most kMaxFaults. They are made of
+  /// what is stored: a copy with them is as good as its original.
+  std::vector<std::string> sums;
   /// No damage: a copy is as good as its original. Undecodable chunks are none.
   [[nodiscard]] bool ok() const { return faults.empty(); }
 };

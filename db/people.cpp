@@ -18,6 +18,12 @@ constexpr std::string_view kSelectPeople =
     "SELECT name, role, password_hash, disabled, created_unix_ns, full_name,"
     " revision, changed_unix_ns, changed_by, code_hash FROM people ";
 
+/// PeopleStore::Filter: the search ?1, the role ?2 (0: any).
+constexpr std::string_view kFiltered =
+    "(?2 = 0 OR role = ?2) AND (?1 = '' OR instr(lower(name), lower(?1)) > 0"
+    " OR instr(lower(full_name), lower(?1)) > 0 OR name IN"
+    " (SELECT person FROM group_members WHERE instr(lower(group_id), lower(?1)) > 0))";
+
 Person personOf(const Statement& row) {
   return {row.text(0),      static_cast<pb::Role>(row.integer(1)),
           row.text(2),      row.integer(3) != 0,
@@ -174,6 +180,21 @@ Result<std::optional<Person>> PeopleStore::find(std::string_view name) {
 
 Result<std::vector<Person>> PeopleStore::list() {
   return connection_.prepare(std::string(kSelectPeople) + "ORDER BY name").all(personOf);
+}
+
+Result<std::vector<Person>> PeopleStore::page(const Filter& filter, std::string_view after,
+                                              std::uint64_t most) {
+  return connection_
+      .query(fmt::format("{}WHERE name > ?3 AND {} ORDER BY name LIMIT ?4", kSelectPeople, kFiltered),
+             filter.search, static_cast<int>(filter.role.value_or(pb::ROLE_UNSPECIFIED)), after, most)
+      .all(personOf);
+}
+
+Result<std::uint32_t> PeopleStore::count(const Filter& filter) {
+  auto row = connection_.query(fmt::format("SELECT count(*) FROM people WHERE {}", kFiltered), filter.search,
+                               static_cast<int>(filter.role.value_or(pb::ROLE_UNSPECIFIED)));
+  ASSIGN_OR_RETURN(const bool there, row.step());
+  return there ? row.natural32(0) : 0;
 }
 
 Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uint32_t> base,

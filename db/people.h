@@ -68,6 +68,16 @@ class PeopleStore {
   Result<std::optional<Person>> find(std::string_view name);
   /// Sorted by name.
   Result<std::vector<Person>> list();
+  /// Empty or absent fields do not filter.
+  struct Filter {
+    std::string
+        search;  ///< a part of the name, the full name or a group's id; case of ASCII letters is ignored
+    std::optional<pb::Role> role;
+  };
+  /// Those behind `after`, by name, `most` at most.
+  Result<std::vector<Person>> page(const Filter& filter, std::string_view after, std::uint64_t most);
+  /// How many there are on all pages.
+  Result<std::uint32_t> count(const Filter& filter);
 
  private:
   Connection& connection_;

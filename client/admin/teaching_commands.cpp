@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <set>
 
@@ -93,26 +94,41 @@ std::string cellText(const pb::ResultCell& cell) {
   return text;
 }
 
-Status showResults(CommandContext& context, const std::string& course, const std::string& group) {
+/// Whose results are wanted; `most` 0: all.
+struct ResultChoice {
+  std::string course, group, trainee;
+  std::uint32_t most = 0;
+};
+
+Status showResults(CommandContext& context, const ResultChoice& choice) {
   Json rows = Json::array();
   std::vector<std::string> exercises;
+  std::uint32_t trainees = 0;
+  constexpr std::uint32_t kAtOnce = 250;
+  const auto shown = [&] { return static_cast<std::uint32_t>(rows.size()); };
   const auto done = eachPage(
       context.backend,
       [&](pb::Request& request, const std::string& page) {
-        request.mutable_get_results()->set_course_id(course);
-        request.mutable_get_results()->set_group_id(group);
-        request.mutable_get_results()->set_page(page);
+        auto& ask = *request.mutable_get_results();
+        ask.set_course_id(choice.course);
+        ask.set_group_id(choice.group);
+        ask.set_trainee(choice.trainee);
+        ask.set_limit(choice.most == 0 ? kAtOnce : std::min(kAtOnce, choice.most - shown()));
+        ask.set_page(page);
       },
       [&](const pb::Reply& reply) {
+        if (reply.results().has_trainees()) trainees = reply.results().trainees();
         exercises.assign(reply.results().exercise_ids().begin(), reply.results().exercise_ids().end());
         for (const auto& row : reply.results().rows()) {
           Json line{{"trainee", row.trainee()}, {"full_name", row.full_name()}};
           for (const auto& cell : row.cells()) line[cell.exercise_id()] = cellText(cell);
           rows.push_back(std::move(line));
         }
-        return reply.results().next_page();
+        return choice.most != 0 && shown() >= choice.most ? std::string() : reply.results().next_page();
       });
   if (!done) return done;
+  if (shown() < trainees)
+    context.output.remark(fmt::format("the first {} of {} trainees, by name", shown(), trainees));
   std::vector<Column> columns{{"trainee", "TRAINEE"}};
   for (const std::string& exercise : exercises) columns.push_back({exercise, exercise});
   return context.output.list(columns, rows, "nobody has this course yet");
@@ -208,16 +224,19 @@ void addGroupCommands(CLI::App& app, ChosenCommand& chosen) {
 void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
   addGroupCommands(app, chosen);
   struct Values {
-    std::string course, group, trainee, exercise, session, reason;
+    std::string trainee, exercise, session, reason;
     bool undo = false;
+    ResultChoice results;
   };
   const auto values = std::make_shared<Values>();
   auto* results = app.add_subcommand("results", "who passed what in a course");
-  results->add_option("course", values->course)->required();
-  results->add_option("--group", values->group,
+  results->add_option("course", values->results.course)->required();
+  results->add_option("--group", values->results.group,
                       "default: all who have the course, or tried an exercise of it");
-  runs(results, chosen,
-       [values](CommandContext& context) { return showResults(context, values->course, values->group); });
+  results->add_option("--trainee", values->results.trainee, "this one alone");
+  results->add_option("--limit", values->results.most, "so many trainees at most, by name")
+      ->check(CLI::Range(1u, 1'000'000u));
+  runs(results, chosen, [values](CommandContext& context) { return showResults(context, values->results); });
   auto* progress = app.add_subcommand("progress", "the attempts of a trainee; with --json, their measures");
   progress->add_option("trainee", values->trainee)->required();
   progress->add_option("--exercise", values->exercise, "default: all");

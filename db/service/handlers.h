@@ -133,7 +133,7 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
 Result<pb::Reply> assign(const Context& context, const pb::Assign& call);
 Result<pb::Reply> removeAssignment(const Context& context, const pb::RemoveAssignment& call);
 Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call);
-Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call);
+Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call);  ///< course_results.cpp
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call);
 Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call);
 

@@ -173,7 +173,7 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   auto* lesson = reply.mutable_lesson();
   lesson->set_code_checked(code_checked);
   if (!call.trainee().empty()) {
-    ASSIGN_OR_RETURN(const auto standing, Standings(context.reader).of(call.trainee(), exercise, parsed));
+    ASSIGN_OR_RETURN(const auto standing, standingOf(context.reader, call.trainee(), exercise, parsed));
     ASSIGN_OR_RETURN(const auto why_not, whyNot(context.reader, parsed, standing));
     if (why_not) return Error{ErrorCode::kDenied, *why_not};
     lesson->set_attempt(standing.attempts.all + 1);

@@ -286,20 +286,37 @@ Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& c
 }
 
 Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
-  ASSIGN_OR_RETURN(const auto people, PeopleStore(context.reader).list());
+  constexpr std::uint64_t kMost = 500, kReadAtOnce = 500;
+  if (!call.search().empty()) RETURN_IF_ERROR(checkText("search", call.search(), 1, kMaxNameBytes));
+  PeopleStore::Filter filter{call.search(), std::nullopt};
+  if (call.role() != pb::ROLE_UNSPECIFIED) filter.role = call.role();
+  PeopleStore store(context.reader);
+  const std::uint64_t most = call.limit() == 0 ? UINT32_MAX : std::min<std::uint64_t>(call.limit(), kMost);
   pb::Reply reply;
   auto* users = reply.mutable_users();
-  PageRoom room;
-  for (const Person& person : people) {
-    if (person.name <= call.page()) continue;
-    ASSIGN_OR_RETURN(auto user, userOf(context.reader, person));
-    if (!room.take(user.ByteSizeLong())) {
-      users->set_next_page(users->users().rbegin()->name());
-      break;
-    }
-    *users->add_users() = std::move(user);
+  if (call.page().empty()) {
+    ASSIGN_OR_RETURN(const auto total, store.count(filter));
+    users->set_total(total);
   }
-  return reply;
+  PageRoom room;
+  std::string after = call.page();
+  for (;;) {
+    // one more than the page takes tells whether there is a next one
+    const auto left = most - static_cast<std::uint64_t>(users->users_size());
+    const std::uint64_t wanted = std::min(left + 1, kReadAtOnce);
+    ASSIGN_OR_RETURN(const auto people, store.page(filter, after, wanted));
+    for (const Person& person : people) {
+      ASSIGN_OR_RETURN(auto user, userOf(context.reader, person));
+      const bool is_full = static_cast<std::uint64_t>(users->users_size()) == most;
+      if (is_full || !room.take(user.ByteSizeLong())) {
+        users->set_next_page(after);
+        return reply;
+      }
+      after = person.name;
+      *users->add_users() = std::move(user);
+    }
+    if (people.size() < wanted) return reply;
+  }
 }
 
 std::string someNames(const std::vector<std::string>& names) {

@@ -77,8 +77,8 @@ RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets
 /// missing or has a wrong type.
 Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
                                 bool secrets);
-/// Stores the record, but for marks. Returns the new row's `number`, a whole-number column of the table; empty:
-/// 0. kInvalidInput: an unknown field, a wrong type, a violation of the schema.
+/// Stores the record, but for marks. Returns the new row's `number`, a whole-number column of the table;
+/// empty: 0. kInvalidInput: an unknown field, a wrong type, a violation of the schema.
 Result<std::int64_t> insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record,
                                   std::string_view number = {});
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record);

@@ -97,7 +97,7 @@ constexpr RequestHandler to = {
 constexpr RequestRow kRows[] = {
   // --- people. A trainee or a researcher gets only its own data; the handlers check that
   {Call::kListUsers,               "user list",            kStaff,                to<listUsers>,                 Reply::kUsers, kWorkers,
-   {{"GET /people?page", "People"}}},
+   {{"GET /people?search&role&limit&page", "People, by name"}}},
   // a manager: no role above its own
   {Call::kAddUser,                 "user add",             kManagers,             to<addUser, kStores>,          Reply::kDone, kPasswords,
    {{"POST /people", "A new person"}}},
@@ -188,7 +188,7 @@ constexpr RequestRow kRows[] = {
   {Call::kCheckTrainee,            "check trainee",        kStation,              to<checkTrainee>,              Reply::kTraineeChecked},
   // a station: names, and the cells of the trainee that it names; the handler checks that
   {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
-   {{"GET /results?course&group&page", "Trainee by exercise"}}},
+   {{"GET /results?course&group&limit&page", "Trainee by exercise, by name"}}},
   {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kViews,
    {{"GET /people/{name}/progress?exercise&page", "Attempts in order of time"}}},
   {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt, kStores>,    Reply::kAttempt, kWorkers,

@@ -5,6 +5,7 @@
 
 #include "common/base/clock.h"
 #include "common/scoring/measures.h"
+#include "db/attempt_sums.h"
 #include "db/audit.h"
 #include "db/service/score_rows.h"
 #include "db/session_results.h"
@@ -15,6 +16,7 @@ namespace {
 
 constexpr int kRescoreFaultsListed = 100;
 constexpr int kRescoreAtOnce = 64;
+constexpr std::size_t kMostSumsMended = 100'000;
 
 struct DueScore {
   std::int64_t number = 0;
@@ -38,6 +40,23 @@ Result<std::vector<DueScore>> dueScores(Connection& reader, const std::string& e
     const auto id = uuidOf(rows.text(1));
     if (id) due.push_back({rows.integer(0), *id});
   }
+}
+
+/// Sums of attempts that differ from the sessions are counted anew; returns how many.
+Result<std::size_t> mendSums(const RescoreTools& tools) {
+  std::vector<SumFault> wrong;
+  {
+    ASSIGN_OR_RETURN(auto reader, tools.readers.borrow());
+    ASSIGN_OR_RETURN(wrong, AttemptSums(*reader).faults(kMostSumsMended));
+  }
+  if (wrong.empty()) return wrong.size();
+  const auto mend = [&](Connection& writer) -> Status {
+    for (const SumFault& pair : wrong)
+      RETURN_IF_ERROR(AttemptSums(writer).recount(pair.exercise_id, pair.trainee));
+    return {};
+  };
+  RETURN_IF_ERROR(tools.writer.run(mend));
+  return wrong.size();
 }
 
 }  // namespace
@@ -95,10 +114,17 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
     }
   }
   report.set_stopped(stopped());
-  if (dry_run || report.rescored() + report.left_alone() == 0) return report;
-  const std::string what = fmt::format("{} sessions scored by definition version {}, {} left alone{}",
-                                       report.rescored(), kScoreDefinitionVersion, report.left_alone(),
-                                       (report.stopped() ? "; stopped, to be gone on with" : ""));
+  if (dry_run) return report;
+  std::size_t mended = 0;
+  if (!report.stopped()) {
+    ASSIGN_OR_RETURN(mended, mendSums(tools));
+  }
+  if (report.rescored() + report.left_alone() + mended == 0) return report;
+  const std::string what =
+      fmt::format("{} sessions scored by definition version {}, {} left alone{}{}", report.rescored(),
+                  kScoreDefinitionVersion, report.left_alone(),
+                  (mended == 0 ? "" : fmt::format("; {} sums of attempts counted anew", mended)),
+                  (report.stopped() ? "; stopped, to be gone on with" : ""));
   RETURN_IF_ERROR(tools.writer.run([&](Connection& writer) {
     AuditRow line{0, wallNowNs(), by_whom.name, "rescore all", exercise_id, what};
     line.account_unix_ns = by_whom.account_unix_ns;

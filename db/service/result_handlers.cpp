@@ -1,10 +1,9 @@
-// Assignments and progress: a course's matrix, a trainee's attempts, a trainee's standing in an exercise.
+// Assignments and progress: a trainee's attempts, a trainee's standing in an exercise.
 #include <fmt/core.h>
 #include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -16,61 +15,11 @@
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/service/handlers.h"
-#include "db/service/score_rows.h"
 #include "db/service/standing.h"
 #include "db/session_results.h"
 
 namespace needlelab::handlers {
 namespace {
-
-struct CourseExercise {
-  StoredExercise stored;
-  pb::Exercise exercise;
-};
-
-/// Attempts at an exercise whose scores a cell of the results reads: a station's key delivers some 15 a
-/// second.
-constexpr std::size_t kMostCandidates = 50;
-
-/// The best attempt that counts: passed before not passed, then the most requirements met, then the newest.
-const pb::Attempt* bestOf(const std::vector<pb::Attempt>& attempts) {
-  const pb::Attempt* best = nullptr;
-  std::uint32_t best_met = 0;
-  for (const pb::Attempt& attempt : attempts) {
-    if (attempt.state() == pb::SESSION_OPEN || attempt.excused()) continue;
-    const std::uint32_t met = verdictsOf(attempt.score_json()).met;
-    const bool better = best == nullptr || attempt.passed() > best->passed() ||
-                        (attempt.passed() == best->passed() && met >= best_met);
-    if (!better) continue;
-    best = &attempt;
-    best_met = met;
-  }
-  return best;
-}
-
-Result<pb::ResultCell> cellOf(Connection& reader, Standings& standings, const std::string& trainee,
-                              const CourseExercise& course, std::int64_t now_unix_ns, bool with_best) {
-  pb::ResultCell cell;
-  cell.set_exercise_id(course.stored.id);
-  ASSIGN_OR_RETURN(const auto standing, standings.of(trainee, course.stored, course.exercise));
-  cell.set_attempts(standing.attempts.counted);
-  if (standing.attempts.passed) cell.set_passed(*standing.attempts.passed);
-  for (const std::string& id : standing.locked_by) cell.add_locked_by(id);
-  if (standing.attempts_left) cell.set_attempts_left(*standing.attempts_left);
-  cell.set_due_unix_ns(standing.due_unix_ns);
-  cell.set_overdue(standing.due_unix_ns != 0 && standing.due_unix_ns < now_unix_ns && !standing.done);
-  cell.set_done(standing.done);
-  if (standing.attempts.all == 0 || !with_best) return cell;
-  ASSIGN_OR_RETURN(const auto attempts,
-                   AttemptStore(reader).candidates(trainee, course.stored.id, kMostCandidates));
-  if (const pb::Attempt* best = bestOf(attempts)) {
-    *cell.mutable_best() = *best;
-    cell.mutable_best()->clear_score_json();
-    cell.mutable_best()->set_late(standing.due_unix_ns != 0 &&
-                                  best->started_unix_ns() > standing.due_unix_ns);
-  }
-  return cell;
-}
 
 /// The measures of one exercise over these attempts, as JSON. Gaps for attempts that do not count, or lack a
 /// score of the newest version among them.
@@ -115,63 +64,6 @@ Result<std::int64_t> dueOf(Connection& reader, const std::string& trainee, const
 }
 
 }  // namespace
-
-Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call) {
-  if (!call.trainee().empty()) RETURN_IF_ERROR(ownOnly(context, call.trainee(), "results"));
-  // a station shows one trainee's standing, and a list of names to choose from
-  const bool by_station = context.who.role == pb::STATION;
-  const bool names_only = by_station && call.trainee().empty();
-  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
-  const auto course = CurriculumStore(context.reader).get(call.course_id());
-  if (!course) return course.error();
-  pb::Reply reply;
-  auto* results = reply.mutable_results();
-  std::vector<CourseExercise> exercises;
-  for (const StoredExercise& stored : course->exercises) {
-    ASSIGN_OR_RETURN(auto exercise, exerciseOf(stored));
-    results->add_exercise_ids(stored.id);
-    results->add_exercise_names(stored.name);
-    exercises.push_back({stored, std::move(exercise)});
-  }
-  std::set<std::string> names;
-  if (context.who.role == pb::TRAINEE) {
-    names.insert(context.who.name);
-  } else if (!call.trainee().empty()) {
-    names.insert(call.trainee());
-  } else {
-    ASSIGN_OR_RETURN(auto found, traineesOf(context.reader, call.course_id(), call.group_id()));
-    names = std::move(found);
-  }
-  PageRoom room;
-  room.take(results->ByteSizeLong() + 1);
-  Standings standings(context.reader);
-  for (const std::string& name : names) {
-    if (name <= call.page()) continue;
-    pb::ResultRow row;
-    row.set_trainee(name);
-    ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
-    if (by_station) {
-      ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, name));
-      if (!known) continue;
-    }
-    if (person) row.set_full_name(person->full_name);
-    for (const CourseExercise& exercise : exercises) {
-      if (names_only) break;
-      ASSIGN_OR_RETURN(auto cell,
-                       cellOf(context.reader, standings, name, exercise, context.now_unix_ns, !by_station));
-      *row.add_cells() = std::move(cell);
-    }
-    if (!room.take(row.ByteSizeLong())) {
-      if (results->rows().empty())
-        return Error{ErrorCode::kInvalidInput,
-                     "course '" + call.course_id() + "' has too many exercises for one message"};
-      results->set_next_page(results->rows().rbegin()->trainee());
-      break;
-    }
-    *results->add_rows() = std::move(row);
-  }
-  return reply;
-}
 
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call) {
   RETURN_IF_ERROR(ownOnly(context, call.trainee(), "progress"));
@@ -325,54 +217,79 @@ Result<pb::Exercise> exerciseOf(const StoredExercise& stored) {
   return exercise;
 }
 
-bool isDone(const AttemptStanding& attempts, const pb::Exercise& exercise) {
-  const bool asks_nothing = exercise.requirements().empty() && !exercise.has_time_limit_s();
+namespace {
+
+bool asksNothing(const pb::Exercise& exercise) {
+  return exercise.requirements().empty() && !exercise.has_time_limit_s();
+}
+
+bool isDoneBy(const AttemptStanding& attempts, bool asks_nothing) {
   return asks_nothing ? attempts.counted > 0 : attempts.passed.value_or(false);
+}
+
+/// The exercise's own date; 0: none.
+std::int64_t ownDue(const pb::Exercise& exercise) {
+  return exercise.has_due_unix_ms() ? static_cast<std::int64_t>(exercise.due_unix_ms()) * 1'000'000 : 0;
+}
+
+}  // namespace
+
+bool isDone(const AttemptStanding& attempts, const pb::Exercise& exercise) {
+  return isDoneBy(attempts, asksNothing(exercise));
 }
 
 Result<std::int64_t> dueOf(Connection& connection, const std::string& trainee, const StoredExercise& stored,
                            const pb::Exercise& exercise) {
-  const auto own_due =
-      exercise.has_due_unix_ms() ? static_cast<std::int64_t>(exercise.due_unix_ms()) * 1'000'000 : 0;
-  return AssignmentStore(connection).dueOf(trainee, stored.id, stored.curriculum_id, own_due);
+  return AssignmentStore(connection).dueOf(trainee, stored.id, stored.curriculum_id, ownDue(exercise));
 }
 
-Result<bool> Standings::isDoneBefore(const std::string& trainee, const std::string& prerequisite) {
-  if (trainee != trainee_) done_.clear();
-  trainee_ = trainee;
-  if (const auto known = done_.find(prerequisite); known != done_.end()) return known->second;
-  auto exercise = exercises_.find(prerequisite);
-  if (exercise == exercises_.end()) {
-    const auto stored = CurriculumStore(connection_).exercise(prerequisite);
-    if (!stored && stored.error().code != ErrorCode::kNotFound) return stored.error();
-    std::optional<pb::Exercise> parsed;
-    if (stored) {
-      ASSIGN_OR_RETURN(parsed, exerciseOf(*stored));
-    }
-    exercise = exercises_.emplace(prerequisite, std::move(parsed)).first;
-  }
-  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection_).standing(trainee, prerequisite));
-  const bool done = exercise->second ? isDone(attempts, *exercise->second) : attempts.passed.value_or(false);
-  return done_.emplace(prerequisite, done).first->second;
-}
-
-Result<ExerciseStanding> Standings::of(const std::string& trainee, const StoredExercise& stored,
-                                       const pb::Exercise& exercise) {
-  ExerciseStanding standing;
-  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection_).standing(trainee, stored.id));
-  standing.attempts = attempts;
-  standing.done = isDone(attempts, exercise);
-  if (exercise.has_attempts()) {
-    const std::uint32_t used = std::min(exercise.attempts(), attempts.counted);
-    standing.attempts_left = exercise.attempts() - used;
-  }
+Result<ReadExercise> readExercise(Connection& connection, const StoredExercise& stored,
+                                  const pb::Exercise& exercise, KnownPrerequisites& known) {
+  ReadExercise read{stored, exercise, {}};
   for (const std::string& before : exercise.prerequisites()) {
-    ASSIGN_OR_RETURN(const bool done, isDoneBefore(trainee, before));
-    if (!done) standing.locked_by.push_back(before);
+    auto found = known.find(before);
+    if (found == known.end()) {
+      const auto other = CurriculumStore(connection).exercise(before);
+      if (!other && other.error().code != ErrorCode::kNotFound) return other.error();
+      bool asks_nothing = false;
+      if (other) {
+        ASSIGN_OR_RETURN(const auto text, exerciseOf(*other));
+        asks_nothing = asksNothing(text);
+      }
+      found = known.emplace(before, asks_nothing).first;
+    }
+    read.prerequisites.push_back({before, found->second});
   }
-  ASSIGN_OR_RETURN(const auto due, dueOf(connection_, trainee, stored, exercise));
-  standing.due_unix_ns = due;
+  return read;
+}
+
+ExerciseStanding standingBy(const ReadExercise& read, const std::map<std::string, AttemptStanding>& attempts,
+                            std::span<const DueRule> dues) {
+  const auto attemptsAt = [&](const std::string& id) {
+    const auto found = attempts.find(id);
+    return found == attempts.end() ? AttemptStanding{} : found->second;
+  };
+  ExerciseStanding standing;
+  standing.attempts = attemptsAt(read.stored.id);
+  standing.done = isDone(standing.attempts, read.exercise);
+  if (read.exercise.has_attempts()) {
+    const std::uint32_t used = std::min(read.exercise.attempts(), standing.attempts.counted);
+    standing.attempts_left = read.exercise.attempts() - used;
+  }
+  for (const ReadExercise::Before& before : read.prerequisites) {
+    if (!isDoneBy(attemptsAt(before.id), before.asks_nothing)) standing.locked_by.push_back(before.id);
+  }
+  standing.due_unix_ns = dueBy(dues, read.stored.id, read.stored.curriculum_id, ownDue(read.exercise));
   return standing;
+}
+
+Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
+                                    const StoredExercise& stored, const pb::Exercise& exercise) {
+  KnownPrerequisites known;
+  ASSIGN_OR_RETURN(const auto read, readExercise(connection, stored, exercise, known));
+  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection).standings(trainee));
+  ASSIGN_OR_RETURN(const auto dues, AssignmentStore(connection).dueRules(trainee));
+  return standingBy(read, attempts, dues);
 }
 
 Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exercise& exercise,

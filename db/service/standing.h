@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -29,6 +29,27 @@ struct ExerciseStanding {
   std::int64_t due_unix_ns = 0;                ///< 0: never
 };
 
+/// An exercise with what a trainee's standing in it needs.
+struct ReadExercise {
+  StoredExercise stored;
+  pb::Exercise exercise;
+  struct Before {
+    std::string id;
+    bool asks_nothing = false;  ///< an attempt is enough; of a removed one only a pass counts
+  };
+  std::vector<Before> prerequisites;
+};
+/// Of the exercises that were looked up so far, by id: Before::asks_nothing.
+using KnownPrerequisites = std::map<std::string, bool>;
+/// Reads and parses the prerequisites that are not `known` yet. kCorrupt: this program cannot read a stored
+/// text.
+Result<ReadExercise> readExercise(Connection& connection, const StoredExercise& stored,
+                                  const pb::Exercise& exercise, KnownPrerequisites& known);
+/// The trainee's standing by its sums (AttemptStore::standings()) and dates (AssignmentStore::dueRules()).
+ExerciseStanding standingBy(const ReadExercise& exercise,
+                            const std::map<std::string, AttemptStanding>& attempts,
+                            std::span<const DueRule> dues);
+
 /// Parses an exercise's text. kCorrupt: this program cannot read the stored text.
 Result<pb::Exercise> exerciseOf(const StoredExercise& stored);
 
@@ -36,26 +57,9 @@ Result<pb::Exercise> exerciseOf(const StoredExercise& stored);
 Result<std::int64_t> dueOf(Connection& connection, const std::string& trainee, const StoredExercise& stored,
                            const pb::Exercise& exercise);
 
-/// Standings of one view of the database. An exercise that others need first is read and parsed once, and a
-/// trainee's attempts at it once, as long as the same trainee is asked for. Does not own the connection.
-/// Thread: as its Connection.
-class Standings {
- public:
-  explicit Standings(Connection& connection) : connection_(connection) {}
-
-  /// `trainee` may be any name, known or not.
-  Result<ExerciseStanding> of(const std::string& trainee, const StoredExercise& stored,
-                              const pb::Exercise& exercise);
-
- private:
-  /// Whether the prerequisite is done; of a removed exercise: whether it was passed.
-  Result<bool> isDoneBefore(const std::string& trainee, const std::string& prerequisite);
-
-  Connection& connection_;
-  std::map<std::string, std::optional<pb::Exercise>> exercises_;  // by id; nothing: removed
-  std::string trainee_;
-  std::map<std::string, bool> done_;  // of trainee_, by exercise
-};
+/// `trainee` may be any name, known or not.
+Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
+                                    const StoredExercise& stored, const pb::Exercise& exercise);
 
 /// Nothing when the trainee may begin; otherwise the reason, as a text for the trainee with the exercises'
 /// names.
@@ -64,10 +68,6 @@ Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exer
 
 // who practises: trainee_handlers.cpp
 
-/// Members of the group; or all trainees with an assignment of the course or one of its exercises, or with an
-/// attempt.
-Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& course_id,
-                                         const std::string& group_id);
 /// Whether a station hears of `name` (`person`: its account): kGuestName; an enabled trainee; enabled staff
 /// to whom somebody assigned a lesson, such as an expert who records a reference. All others look like names
 /// that nobody has. A session under a name is no reason: whoever has a station's key can send one under any

@@ -1,6 +1,7 @@
 // Whose lessons a station may begin: people that the server knows. Names that a station may list, and similar
 // ones for a name that nobody has.
 #include <fmt/core.h>
+#include <cstdint>
 #include <optional>
 #include <set>
 #include <string>
@@ -9,6 +10,7 @@
 #include "common/base/near_names.h"
 #include "common/base/text.h"
 #include "db/assignments.h"
+#include "db/attempt_sums.h"
 #include "db/connection.h"
 #include "db/documents.h"
 #include "db/people.h"
@@ -23,7 +25,7 @@ Result<std::vector<KnownName>> listedPeople(Connection& reader) {
   std::set<std::string> names;
   ASSIGN_OR_RETURN(const auto courses, CurriculumStore(reader).list());
   for (const StoredCurriculum& course : courses) {
-    ASSIGN_OR_RETURN(const auto found, traineesOf(reader, course.id, ""));
+    ASSIGN_OR_RETURN(const auto found, CourseTrainees(reader, course.id, "").page("", INT64_MAX));
     names.insert(found.begin(), found.end());
   }
   std::vector<KnownName> people;
@@ -48,26 +50,6 @@ std::string orList(const std::vector<KnownName>& people) {
 }
 
 }  // namespace
-
-Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& course_id,
-                                         const std::string& group_id) {
-  std::set<std::string> names;
-  if (!group_id.empty()) {
-    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(group_id));
-    names.insert(group.members().begin(), group.members().end());
-    return names;
-  }
-  ASSIGN_OR_RETURN(const auto tried, AttemptStore(reader).trainees(course_id));
-  names.insert(tried.begin(), tried.end());
-  ASSIGN_OR_RETURN(const auto assignments, AssignmentStore(reader).list({"", course_id, ""}));
-  for (const auto& assignment : assignments) {
-    if (!assignment.trainee().empty()) names.insert(assignment.trainee());
-    if (assignment.group_id().empty()) continue;
-    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(assignment.group_id()));
-    names.insert(group.members().begin(), group.members().end());
-  }
-  return names;
-}
 
 Result<bool> stationMayKnow(Connection& reader, const std::optional<Person>& person,
                             const std::string& name) {

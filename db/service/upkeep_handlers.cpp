@@ -198,11 +198,12 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   ASSIGN_OR_RETURN(const auto result, checkDatabase(context.reader));
   pb::Reply reply;
   auto* report = reply.mutable_check_report();
-  report->set_ok(result.ok() && result.undecodable.empty());
+  report->set_ok(result.ok() && result.undecodable.empty() && result.sums.empty());
   report->set_sessions(result.sessions);
   report->set_chunks(result.chunks);
   for (const std::string& fault : result.faults) report->add_faults(fault);
   for (const std::string& fault : result.undecodable) report->add_faults(fault);
+  for (const std::string& fault : result.sums) report->add_faults(fault);
   if (context.writer.counters().log_pending) {
     report->set_ok(false);
     report->add_faults(

@@ -208,13 +208,14 @@ class Description {
     WebJson properties = {
         {"items", {{"type", "array"}, {"items", valueSchema(rows)}}},
         {"next_page", {{"type", "string"}, {"description", "for ?page=; empty: this was the last"}}}};
+    WebJson required = WebJson::array({"items", "next_page"});
     const Descriptor& message = *rows.containing_type();
     for (int i = 0; i < message.field_count(); ++i) {
       const FieldDescriptor& field = *message.field(i);
-      if (&field != &rows && field.name() != "next_page") properties[keyOf(field)] = fieldSchema(field);
+      if (&field == &rows || field.name() == "next_page") continue;
+      properties[keyOf(field)] = fieldSchema(field);
+      if (!field.has_presence()) required.push_back(keyOf(field));
     }
-    WebJson required = WebJson::array();
-    for (const auto& [key, schema] : properties.items()) required.push_back(key);
     return {{"type", "object"},
             {"properties", std::move(properties)},
             {"required", std::move(required)},

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/csv.h"
+#include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/profile/strict_json.h"
 #include "server/web/routes.h"
@@ -19,6 +20,34 @@ namespace needlelab {
 namespace {
 
 // --- people, groups
+
+constexpr std::uint32_t kListedByDefault = 100;
+constexpr std::uint64_t kMostListedSessions = 1000, kMostListedPeople = 500, kMostListedResults = 250;
+
+/// `?limit=`; 100 when it is not given. kInvalidInput.
+Result<std::uint32_t> limitOf(const WebCall& call, std::uint64_t most) {
+  const std::string text = call.query("limit");
+  if (text.empty()) return kListedByDefault;
+  ASSIGN_OR_RETURN(const auto number, wholeOf("limit", text, 1, most));
+  return static_cast<std::uint32_t>(number);
+}
+
+Result<pb::Request> listPeople(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  auto& list = *request.mutable_list_users();
+  list.set_search(call.query("search"));
+  if (std::string role = lowerCase(call.query("role")); !role.empty()) {
+    std::replace(role.begin(), role.end(), '_', '-');
+    list.set_role(roleOfName(role));
+    if (list.role() == pb::ROLE_UNSPECIFIED || list.role() == pb::STATION)
+      return Error{ErrorCode::kInvalidInput,
+                   "role: must be trainee, instructor, curriculum-manager, administrator or researcher"};
+  }
+  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMostListedPeople));
+  list.set_limit(limit);
+  RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
+  return request;
+}
 
 WebJson addedPerson(const WebCall& call, const pb::Reply& reply) {
   if (reply.has_user()) return jsonOf(reply.user());
@@ -180,7 +209,14 @@ Result<pb::Request> setReference(const WebRoute&, const WebCall& call) {
   return request;
 }
 
-// --- assignments
+// --- assignments and results
+
+Result<pb::Request> listResults(const WebRoute& route, const WebCall& call) {
+  ASSIGN_OR_RETURN(auto request, plainRequest(route, call));
+  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMostListedResults));
+  request.mutable_get_results()->set_limit(limit);
+  return request;
+}
 
 WebJson addedAssignment(const WebCall&, const pb::Reply& reply) {
   return reply.assignments().assignments_size() > 0 ? jsonOf(reply.assignments().assignments(0))
@@ -232,11 +268,8 @@ Result<pb::Request> listSessions(const WebRoute&, const WebCall& call) {
     ASSIGN_OR_RETURN(const auto moment_ms, wholeOf(name, text, 0, kLatest_ms));
     (list.*set)(static_cast<std::int64_t>(moment_ms) * 1'000'000);
   }
-  list.set_limit(100);
-  if (const std::string limit = call.query("limit"); !limit.empty()) {
-    ASSIGN_OR_RETURN(const auto number, wholeOf("limit", limit, 1, 1000));
-    list.set_limit(static_cast<std::uint32_t>(number));
-  }
+  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMostListedSessions));
+  list.set_limit(limit);
   RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
   return request;
 }
@@ -245,7 +278,7 @@ Result<pb::Request> listUnknownTrainees(const WebRoute&, const WebCall& call) {
   pb::Request request;
   auto& list = *request.mutable_list_sessions();
   list.set_unknown_trainee(true);
-  list.set_limit(100);
+  list.set_limit(kListedByDefault);
   RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
   return request;
 }
@@ -414,6 +447,7 @@ Result<pb::Request> listAudit(const WebRoute& route, const WebCall& call) {
 }
 
 constexpr RouteAdapter kAdapters[] = {
+    {.line = "GET /people", .build = listPeople},
     {.line = "POST /people", .shape = addedPerson, .status = 201},
     {.line = "PATCH /people/{name}", .build = changePerson},
     {.line = "GET /people/{name}/export", .action = WebAction::kStream, .stream = personRecords},
@@ -428,6 +462,7 @@ constexpr RouteAdapter kAdapters[] = {
     {.line = "PUT /exercises/{id}/reference", .build = setReference},
     {.line = "POST /assignments", .shape = addedAssignment, .status = 201},
     {.line = "DELETE /assignments/{id}", .build = removeAssignment},
+    {.line = "GET /results", .build = listResults},
     {.line = "GET /sessions", .build = listSessions, .shape = sessionsJson},
     {.line = "GET /unknown-trainees", .build = listUnknownTrainees, .shape = sessionsJson},
     {.line = "GET /sessions/{id}/samples", .action = WebAction::kSteps, .steps = samplePlot},

@@ -8,9 +8,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "common/base/files.h"
 #include "db/connection.h"
 #include "db/engine/open_postgres.h"
+#include "db/postgres_schema.h"
 #include "db/schema.h"
 
 namespace needlelab {
@@ -58,10 +58,8 @@ class SameSchema : public testing::Test {
     must(control_->script("DROP DATABASE IF EXISTS " + name_));
     must(control_->script("CREATE DATABASE " + name_));
     db = connect(name_);
-    const auto sql =
-        readWholeFile(std::string(NEEDLELAB_SOURCE) + "/db/migrations/postgres/0008_first.sql", 1 << 20);
-    if (!sql) throw std::runtime_error(sql.error().message);
-    must(db->script("CREATE SCHEMA needlelab;" + *sql));
+    must(db->script("CREATE SCHEMA needlelab"));
+    for (const EmbeddedFile& file : embeddedPostgresMigrations()) must(db->script(std::string(file.text)));
   }
   ~SameSchema() override {
     db.reset();
@@ -155,6 +153,32 @@ TEST_F(SameSchema, openSessionsCountApartAndTakeTheirSumsAtTheirEnd) {
   EXPECT_EQ(number("SELECT chunks FROM sessions"), 7);
   EXPECT_EQ(number("SELECT samples FROM sessions"), 70);
   EXPECT_EQ(number("SELECT count(*) FROM session_progress"), 0);
+}
+
+TEST_F(SameSchema, theSumsOfAttemptsFollowTheSessions) {
+  must(db->script(
+      "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('s', zeroblob(32), 1);"
+      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, profile_revision, profile_json,"
+      " engine_version, rate_hz, started_unix_ns, description, state, received_unix_ns, passed)"
+      " VALUES (zeroblob(16), 's', 'anna', 'knee', '', 1, '', '', 1000, 1, '', 2, 1, 1);"
+      "INSERT INTO unknown_trainees (session, given) VALUES (1, 'anna')"));
+  const auto sums = [&] {
+    return number(
+        "SELECT coalesce(sum(1000 * sessions + 100 * attempts + 10 * counted + passed), 0)::bigint"
+        " FROM attempt_sums");
+  };
+  EXPECT_EQ(sums(), 1111) << "nobody has the name";
+  must(db->script(
+      "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 1, 1, 1)"));
+  EXPECT_EQ(sums(), 1000) << "it waits: it counts for nobody";
+  must(db->script("INSERT INTO unknown_trainees (session, given) VALUES (1, 'x') ON CONFLICT DO NOTHING"));
+  EXPECT_EQ(sums(), 1000);
+  must(db->script("UPDATE unknown_trainees SET by_whom = 'mia', assigned_unix_ns = 1"));
+  EXPECT_EQ(sums(), 1111);
+  must(db->script("UPDATE sessions SET excused = 1"));
+  EXPECT_EQ(sums(), 1100);
+  must(db->script("UPDATE sessions SET trainee = 'erased-1', erased = 1"));
+  EXPECT_EQ(number("SELECT count(*) FROM attempt_sums"), 0);
 }
 
 TEST_F(SameSchema, theFunctionsOfSqliteAreThere) {

@@ -366,6 +366,9 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
       {"assignments.course_id", of_ids},
       {"assignments.exercise_id", of_ids},
       {"assignments.group_id", of_group},
+      // as the sessions that they sum up
+      {"attempt_sums.exercise_id", of_words},
+      {"attempt_sums.trainee", "like this person's stay with their recordings: 'qzxcarls friend' (1)"},
       {"audit.detail", of_log},
       {"audit.imported_by", of_log},
       {"audit.imported_from", of_log},

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "db/assignments.h"
+#include "db/attempt_sums.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/session_results.h"
@@ -200,7 +201,7 @@ TEST_F(TeachingStores, attemptsAreNumberedByWhenTheyWereBegunEachExerciseForItse
   EXPECT_EQ(attempts.standing("anna", "a")->counted, 2u);
   EXPECT_EQ(attempts.standing("anna", "a")->all, 3u);
   EXPECT_EQ(attempts.excuse(makeUuidV7(), true).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(*attempts.trainees("basics"), (std::vector<std::string>{"anna", "ben"}));
+  EXPECT_EQ(*CourseTrainees(db.writer, "basics", "").page("", 10), (std::vector<std::string>{"anna", "ben"}));
 }
 
 TEST_F(TeachingStores, theFirstScoreStaysWhateverComesAfterIt) {
@@ -360,32 +361,6 @@ TEST_F(TeachingStores, profilesAndCoursesRefuseAnEditOfAnOldRevision) {
   EXPECT_EQ(courses.revisions("basics")->size(), 2u);
   EXPECT_EQ(courses.get("basics", 1)->json, "{}");
   EXPECT_EQ(courses.get("basics", 9).error().code, ErrorCode::kNotFound);
-}
-
-TEST_F(TeachingStores, theAttemptsThatMayBeTheBestAreAFewOfAllAndThosePassedStayAmongThem) {
-  constexpr int kAttempts = 60;
-  std::vector<Uuid> ids;
-  for (int i = 0; i < kAttempts; ++i) {
-    ids.push_back(session("anna", "a", 1000 + i));
-    if (i != kAttempts - 1) ASSERT_OK(SessionStore(db.writer).close(test::closeOf(ids.back(), 0), 2));
-  }
-  session("anna", "b", 5000);
-  session("ben", "a", 5000);
-  for (const int passed : {2, 4})
-    ASSERT_OK(db.writer.run("UPDATE sessions SET passed = 1, score_json = '[]' WHERE id = ?",
-                            ByteView(ids[static_cast<std::size_t>(passed)])));
-  AttemptStore attempts(db.writer);
-  ASSERT_OK(attempts.excuse(ids[4], true));
-  ASSERT_OK(attempts.excuse(ids[58], true));
-  const auto found = attempts.candidates("anna", "a", 10);
-  ASSERT_OK(found);
-  std::vector<std::uint32_t> numbers;
-  for (const pb::Attempt& attempt : *found) numbers.push_back(attempt.number());
-  // from 1; the sixtieth is open, the fifth and the fifty-ninth are excused
-  EXPECT_EQ(numbers, (std::vector<std::uint32_t>{3, 50, 51, 52, 53, 54, 55, 56, 57, 58}));
-  EXPECT_TRUE(found->front().passed());
-  EXPECT_EQ(found->front().score_json(), "[]");
-  EXPECT_TRUE(attempts.candidates("zoe", "a", 10)->empty());
 }
 
 }  // namespace

@@ -214,11 +214,16 @@ function resultsOf(lab, query, who) {
       });
       return { trainee, full_name: lab.people.get(trainee)?.full_name ?? '', cells };
     });
+  const { items, next_page } = paged(rows, query);
+  const passed = course.exercises.map((_, i) => rows.filter((r) => r.cells[i].passed).length);
+  const totals = !query.page && who.role !== 'TRAINEE';
   return {
     exercise_ids: course.exercises.map((e) => e.id),
     exercise_names: course.exercises.map((e) => e.name),
-    rows,
-    next_page: '',
+    rows: items,
+    next_page,
+    trainees_passed: totals ? passed : [],
+    ...(totals && { trainees: rows.length }),
   };
 }
 
@@ -328,13 +333,14 @@ const remove = (path, roles, reply) => route('DELETE', path, roles, reply);
 
 /** @type {[string, string, string[], (c: any) => any, number?][]} c: {lab, who, params, query, body, base}; the status where it is not 200 */
 export const kTable = [
-  get('people', kStaff, ({ lab, query }) =>
-    paged(
-      [...lab.people.values()].map((p) => withoutPassword(lab, p)),
-      query,
-      8,
-    ),
-  ),
+  get('people', kStaff, ({ lab, query }) => {
+    const has = (p) => `${p.name}\n${p.full_name}\n${p.groups.join('\n')}`.toLowerCase();
+    const all = [...lab.people.values()]
+      .map((p) => withoutPassword(lab, p))
+      .filter((p) => !query.role || p.role === query.role.toUpperCase().replaceAll('-', '_'))
+      .filter((p) => has(p).includes((query.search ?? '').toLowerCase()));
+    return { ...paged(all, query, 8), ...(!query.page && { total: all.length }) };
+  }),
   create('people', kManagers, ({ lab, body, who }) => {
     if (!/^[a-z0-9._-]{1,64}$/.test(body.name ?? ''))
       throw new Refusal(400, 'invalid_input', `name: '${body.name}' may hold small letters, digits, '.', '-' and '_'`, {

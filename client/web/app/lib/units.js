@@ -135,6 +135,10 @@ export const counted = (n, one, many = `${one}s`) => `${n} ${n === 1 ? one : man
 export const newest = (n, more, one, many) =>
   more ? `The newest ${counted(n, one, many)}` : `${counted(n, one, many)}, newest first`;
 
+/** "25 trainees"; "25 of 3000 trainees" of a list that shows a part. */
+export const shownOf = (n, total, one, many) =>
+  total === undefined || n >= total ? counted(n, one, many) : `${n} of ${counted(total, one, many)}`;
+
 /** "epidural space" at the beginning of a line: "Epidural space" */
 export const atStart = (text) => String(text ?? '').replace(/^./u, (first) => first.toUpperCase());
 

@@ -6,7 +6,13 @@ const person = (p) => ({ ...p, role: roleName(p.role), full_name: p.full_name ??
 const group = (g) => ({ ...g, members: g.members ?? [] });
 
 export const people = {
-  all: async (signal) => (await getAll(['people'], { signal })).map(person),
+  /** Everybody to choose from, in few pages. */
+  all: async (signal) => (await getAll(['people'], { signal, query: { limit: 500 } })).map(person),
+  /** `query`: search, role, page. @returns {Promise<{items: any[], next_page: string, total?: number}>} `total` with the first page */
+  page: async (query, signal) => {
+    const reply = await get(['people'], { signal, query });
+    return { ...reply, items: reply.items.map(person) };
+  },
   one: async (name, signal) => person(await get(['people', name], { signal })),
   add: (body) => post(['people'], { ...body, role: body.role.toUpperCase().replaceAll('-', '_') }),
   change: async (p, changes) => {
@@ -79,21 +85,22 @@ export const assignments = {
   remove: (id) => remove(['assignments', String(id)]),
 };
 
-/** @returns {Promise<{exercises: {id: string, name: string}[], rows: any[]}>} all pages */
-export async function results(course, group_id, signal) {
-  const whole = { exercises: [], rows: [] };
-  for (let page = ''; ;) {
-    const reply = await get(['results'], { signal, query: { course, group: group_id, page } });
-    whole.exercises = (reply.exercise_ids ?? []).map((id, i) => ({ id, name: reply.exercise_names?.[i] ?? id }));
-    whole.rows.push(
-      ...(reply.rows ?? []).map((row) => ({
-        ...row,
-        cells: (row.cells ?? []).map((c) => ({ ...c, locked_by: c.locked_by ?? [] })),
-      })),
-    );
-    page = reply.next_page ?? '';
-    if (!page) return whole;
-  }
+/**
+ * A page of trainees; their number and how many of them passed each exercise come with the first one.
+ * @returns {Promise<{exercises: {id: string, name: string}[], items: any[], next_page: string, trainees?: number, passed: number[]}>}
+ */
+export async function results({ course, group, page }, signal) {
+  const reply = await get(['results'], { signal, query: { course, group, page } });
+  return {
+    exercises: (reply.exercise_ids ?? []).map((id, i) => ({ id, name: reply.exercise_names?.[i] ?? id })),
+    items: (reply.rows ?? []).map((row) => ({
+      ...row,
+      cells: (row.cells ?? []).map((c) => ({ ...c, locked_by: c.locked_by ?? [] })),
+    })),
+    next_page: reply.next_page ?? '',
+    trainees: reply.trainees,
+    passed: reply.trainees_passed ?? [],
+  };
 }
 
 export const sessions = {

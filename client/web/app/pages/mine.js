@@ -19,8 +19,8 @@ async function ownCourses(person, signal) {
   // show a course if it or one of its exercises is assigned, or if it was tried
   const rows = await Promise.all(
     courses.map(async (course) => {
-      const reply = await results(course.id, undefined, signal);
-      const cells = reply.rows.find((r) => r.trainee === person.name)?.cells ?? [];
+      const reply = await results({ course: course.id }, signal);
+      const cells = reply.items.find((r) => r.trainee === person.name)?.cells ?? [];
       const mine = given.filter(
         (a) => a.course_id === course.id || reply.exercises.some((e) => e.id === a.exercise_id),
       );

@@ -1,11 +1,11 @@
 // The people: a list with a filter, and a form to add one.
 import { grantable, kRoles, may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { words } from '../lib/units.js';
+import { shownOf, words } from '../lib/units.js';
 import { people } from '../net/requests.js';
-import { announce, Dialog, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
+import { announce, Dialog, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../ui/widgets.js';
 import { SelectField, TextField } from '../ui/fields.js';
-import { useAction, useLoad } from '../ui/hooks.js';
+import { useAction, useDebounced } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
 export function AddPerson({ role, close, done }) {
@@ -52,13 +52,11 @@ export function AddPerson({ role, close, done }) {
 }
 
 export function PeoplePage({ person, query }) {
-  const load = useLoad((signal) => people.all(signal), []);
   const [adding, setAdding] = useState(false);
   const [text, setText] = useState(query.find ?? '');
   const [role, setRole] = useState('');
-  const wanted = (p) =>
-    (!role || p.role === role) &&
-    `${p.name} ${p.full_name} ${p.groups.join(' ')}`.toLowerCase().includes(text.trim().toLowerCase());
+  const search = useDebounced(text.trim(), 300);
+  const pages = usePages((page, signal) => people.page({ search, role, page }, signal), [search, role]);
   return html`
     <${Heading} title="People">${
       may(person.role, 'edit people') &&
@@ -76,14 +74,14 @@ export function PeoplePage({ person, query }) {
         options=${[['', 'All roles'], ...kRoles.map((r) => [r, words(r)])]}
       />
     </form>
-    <${Loaded} load=${load}>${(all) => {
-      const shown = all.filter(wanted);
+    <${Loaded} load=${pages.load}>${() => {
+      const shown = pages.items;
       if (shown.length === 0)
         return html`<${Empty} title="Nobody fits">${
-          all.length ? 'Change what is looked for above.' : 'Add a person, or import a class from a CSV file.'
+          search || role ? 'Change what is looked for above.' : 'Add a person, or import a class from a CSV file.'
         }<//>`;
       return html`<${Table}
-        caption=${`${shown.length} of ${all.length} people`}
+        caption=${shownOf(shown.length, pages.first?.total, 'person', 'people')}
         head=${['Name', 'Full name', 'Role', 'Groups', 'State', 'Code', 'Studies']}
       >${shown.map(
         (p) => html`<tr key=${p.name}>
@@ -107,7 +105,7 @@ export function PeoplePage({ person, query }) {
                 : html`<${Mark} kind="open">not asked<//>`
           }</td>
         </tr>`,
-      )}<//>`;
+      )}<//>${pages.button}`;
     }}<//>
     ${
       adding &&
@@ -117,7 +115,7 @@ export function PeoplePage({ person, query }) {
         done=${(name) => {
           setAdding(false);
           announce(`${name} was added.`);
-          load.reload();
+          pages.load.reload();
         }}
       />`
     }

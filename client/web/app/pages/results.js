@@ -3,13 +3,13 @@ import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { day } from '../lib/time.js';
 import { verdictOf } from '../lib/verdict.js';
-import { counted } from '../lib/units.js';
+import { counted, shownOf } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { documents, groups, results } from '../net/requests.js';
 import { SelectField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark } from '../ui/widgets.js';
+import { Empty, Heading, Loaded, Mark, usePages } from '../ui/widgets.js';
 
 /** The mark of a cell: [kind of mark, word]. */
 export function cellState(cell) {
@@ -59,17 +59,21 @@ export function Cell({ cell, trainee, nameOf }) {
 }
 
 function Matrix({ course, group }) {
-  const load = useLoad((signal) => results(course, group, signal), [course, group]);
-  return html`<${Loaded} load=${load}>${({ exercises, rows }) => {
+  const pages = usePages((page, signal) => results({ course, group, page }, signal), [course, group]);
+  return html`<${Loaded} load=${pages.load}>${() => {
+    const rows = pages.items,
+      { exercises, trainees, passed } = pages.first;
     if (rows.length === 0)
       return html`<${Empty} title="Nobody has this course yet">
         <a href="#/assignments">Assign it</a> to a group or a trainee.
       <//>`;
     const nameOf = (id) => exercises.find((e) => e.id === id)?.name ?? id;
-    const passed = (id) => rows.filter((r) => r.cells.find((c) => c.exercise_id === id)?.passed === true).length;
-    return html`<div class="table-frame matrix" role="region" aria-label="Results" tabindex="0">
+    return html`
+    <div class="table-frame matrix" role="region" aria-label="Results" tabindex="0">
       <table>
-        <caption>${counted(rows.length, 'trainee')}, ${counted(exercises.length, 'exercise')}</caption>
+        <caption>
+          ${shownOf(rows.length, trainees, 'trainee')}, ${counted(exercises.length, 'exercise')}
+        </caption>
         <thead>
           <tr>
             <th scope="col">Trainee</th>
@@ -78,7 +82,7 @@ function Matrix({ course, group }) {
                 html`<th scope="col">
                   ${numbered(i, e.name)}
                   <br />
-                  <span class="unit">${passed(e.id)} of ${rows.length} passed</span>
+                  <span class="unit">${passed[i] ?? 0} of ${trainees ?? rows.length} passed</span>
                 </th>`,
             )}
           </tr>
@@ -101,7 +105,8 @@ function Matrix({ course, group }) {
           </tr>`,
         )}</tbody>
       </table>
-    </div>`;
+    </div>
+    ${pages.button}`;
   }}<//>`;
 }
 

@@ -134,10 +134,10 @@ export function announce(text) {
  * @param {any[]} inputs
  */
 export function usePages(ask, inputs) {
-  const [more, setMore] = useState({ items: [], next_page: null });
+  const [more, setMore] = useState({ items: [], next_page: null, first: null });
   const load = useLoad(async (signal) => {
     const first = await ask('', signal);
-    setMore({ items: [], next_page: first.next_page ?? '' });
+    setMore({ items: [], next_page: first.next_page ?? '', first });
     return first.items ?? [];
   }, inputs);
   const action = useAction();
@@ -145,7 +145,7 @@ export function usePages(ask, inputs) {
     () =>
       action.run(async () => {
         const reply = await ask(more.next_page);
-        setMore({ items: [...more.items, ...(reply.items ?? [])], next_page: reply.next_page ?? '' });
+        setMore({ ...more, items: [...more.items, ...(reply.items ?? [])], next_page: reply.next_page ?? '' });
       }),
     [more],
   );
@@ -162,7 +162,7 @@ export function usePages(ask, inputs) {
   `;
   const items = [...(load.data ?? []), ...more.items];
   const caption = (one, many) => newest(items.length, !!more.next_page, one, many);
-  return { load, items, button, caption };
+  return { load, items, button, caption, first: more.first };
 }
 
 export function saveAs(file, text, type) {

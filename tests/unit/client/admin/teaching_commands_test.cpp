@@ -66,6 +66,13 @@ TEST_F(TeachingCommands, aWeekOfAManagerOnAFolderAndOnAServer) {
     ok("mia", {"unassign", std::to_string(assignments[0].at("id").get<int>())});
     EXPECT_EQ(either(on_server, "mia", {"unassign", "77"}).code, 1);
     EXPECT_EQ(ok("mia", {"results", "rheumatology-basics", "--json"}).rows().size(), 1u);
+    ok("mia", {"assign", "ben", "knee-recess"});
+    EXPECT_EQ(ok("mia", {"results", "rheumatology-basics", "--json"}).rows().size(), 2u);
+    const Run first = ok("mia", {"results", "rheumatology-basics", "--limit", "1", "--json"});
+    EXPECT_EQ(first.rows().size(), 1u);
+    EXPECT_NE(first.err.find("the first 1 of 2 trainees"), std::string::npos) << first.err;
+    EXPECT_EQ(ok("mia", {"results", "rheumatology-basics", "--trainee", "ben", "--json"}).rows().size(), 1u);
+    ok("mia", {"unassign", std::to_string(ok("mia", {"assignments", "--json"}).rows()[0].at("id").get<int>())});
     ok("mia", {"progress", "anna"});
     ok("mia", {"consent", "give", "anna", "--note", "paper 7"});
     ok("mia", {"consent", "withdraw", "anna"});

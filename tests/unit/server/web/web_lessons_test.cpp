@@ -180,6 +180,35 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   const json results = done("GET", "/results?course=autumn-course&group=autumn", "");
   EXPECT_EQ(results["rows"].size(), 2u);
   EXPECT_EQ(results["exercise_ids"], json({"autumn-1"}));
+  // a page at a time; the first one says how many there are
+  const json first = done("GET", "/results?course=autumn-course&group=autumn&limit=1", "");
+  EXPECT_EQ(first["rows"].size(), 1u);
+  EXPECT_EQ(first["trainees"], 2);
+  EXPECT_EQ(first["trainees_passed"], json({0}));
+  const json second = done(
+      "GET",
+      "/results?course=autumn-course&group=autumn&limit=1&page=" + first["next_page"].get<std::string>(), "");
+  EXPECT_EQ(second["rows"].size(), 1u);
+  EXPECT_NE(second["rows"][0]["trainee"], first["rows"][0]["trainee"]);
+  EXPECT_EQ(second["next_page"], "");
+  EXPECT_FALSE(second.contains("trainees"));
+  const json everybody = done("GET", "/people", "");
+  EXPECT_EQ(everybody["total"], everybody["items"].size());
+  json names = json::array();
+  std::string page;
+  do {
+    const json people = done("GET", "/people?limit=2&page=" + page, "");
+    EXPECT_LE(people["items"].size(), 2u);
+    EXPECT_EQ(people.contains("total"), page.empty());
+    for (const json& person : people["items"]) names.push_back(person["name"]);
+    page = people["next_page"];
+  } while (!page.empty() && names.size() < 50);
+  EXPECT_EQ(names.size(), everybody["items"].size());
+  const json found = done("GET", "/people?search=AUTUMN&role=trainee", "");
+  EXPECT_EQ(found["total"], 2) << "by their group";
+  EXPECT_EQ(done("GET", "/people?search=anna", "")["items"][0]["name"], "anna");
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/people?role=wizard").status, 400);
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/people?limit=501").status, 400);
   EXPECT_EQ(done("GET", "/people/anna/progress", "")["items"].size(), 0u);
   EXPECT_EQ(done("PATCH", "/people/anna", R"({"consent": true})")["consent"]["given"], true);
   EXPECT_EQ(done("GET", "/people/anna/consents", "")["items"].size(), 1u);

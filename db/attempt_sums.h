@@ -1,0 +1,60 @@
+/// Sums of trainees' attempts (migrations/0009_attempt_sums.sql), and who takes a course: work that grows
+/// with what is asked for, not with the sessions that are stored. The schema's triggers keep the sums.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+/// Who takes a course: the group's members; or, of an empty group, all with an attempt at one of its
+/// exercises (also one that counts for nobody), all to whom it or one of its exercises is assigned, and
+/// members of such groups. Does not own the connection. Thread: as its Connection; several calls belong
+/// into one view.
+class CourseTrainees {
+ public:
+  /// The group must exist.
+  CourseTrainees(Connection& connection, std::string course_id, std::string group_id)
+      : connection_(connection), course_id_(std::move(course_id)), group_id_(std::move(group_id)) {}
+
+  /// Names behind `after`, sorted, `most` of them at most. Looks at `most` entries of each exercise and each
+  /// assigned group.
+  Result<std::vector<std::string>> page(std::string_view after, std::size_t most);
+  /// How many there are. Looks at each name once an exercise and group, not at sessions.
+  Result<std::uint32_t> count();
+  /// How many of them passed, by exercise of the course; exercises that nobody passed are left out.
+  Result<std::map<std::string, std::uint32_t>> passed();
+
+ private:
+  Connection& connection_;
+  const std::string course_id_, group_id_;
+};
+
+/// A trainee's sums at an exercise that are not what a full count of the sessions gives.
+struct SumFault {
+  std::string exercise_id, trainee;
+  std::string text;  ///< for a person: by how much they differ
+};
+
+/// Does not own the connection. Thread: as its Connection.
+class AttemptSums {
+ public:
+  explicit AttemptSums(Connection& connection) : connection_(connection) {}
+
+  /// Compares all sums with the sessions; `most` at most, by exercise and trainee. Reads all sessions' rows.
+  Result<std::vector<SumFault>> faults(std::size_t most);
+  /// Counts the trainee's sessions at the exercise anew. Wants the writer's connection and a transaction.
+  Status recount(std::string_view exercise_id, std::string_view trainee);
+
+ private:
+  Connection& connection_;
+};
+
+}  // namespace needlelab
