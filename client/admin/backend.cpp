@@ -41,12 +41,11 @@ class NewFolder {
     database_ = folder / "needlelab.db";
     lock_ = folder / "lock";
     const TlsFiles tls = tlsFilesIn(folder / "tls");
-    for (const auto& file :
-         {database_, std::filesystem::path(database_.string() + "-wal"),
-          std::filesystem::path(database_.string() + "-shm"),
-          std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate, tls.ca_key,
-          tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile, folder / kAuditHeadFile,
-          folder / kStoreFile, lock_})
+    for (const auto& file : {database_, std::filesystem::path(database_.string() + "-wal"),
+                             std::filesystem::path(database_.string() + "-shm"),
+                             std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate,
+                             tls.ca_key, tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile,
+                             folder / kAuditHeadFile, folder / kStoreFile, lock_})
       if (!std::filesystem::exists(file, error)) files_.push_back(file);
   }
   [[nodiscard]] bool hasData() const { return has_data_; }

@@ -8,9 +8,9 @@
 #include "common/base/files.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
-#include "tests/unit/db/test_db.h"
 #include "tests/support/postgres_database.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {

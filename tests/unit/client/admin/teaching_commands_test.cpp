@@ -72,7 +72,8 @@ TEST_F(TeachingCommands, aWeekOfAManagerOnAFolderAndOnAServer) {
     EXPECT_EQ(first.rows().size(), 1u);
     EXPECT_NE(first.err.find("the first 1 of 2 trainees"), std::string::npos) << first.err;
     EXPECT_EQ(ok("mia", {"results", "rheumatology-basics", "--trainee", "ben", "--json"}).rows().size(), 1u);
-    ok("mia", {"unassign", std::to_string(ok("mia", {"assignments", "--json"}).rows()[0].at("id").get<int>())});
+    ok("mia",
+       {"unassign", std::to_string(ok("mia", {"assignments", "--json"}).rows()[0].at("id").get<int>())});
     ok("mia", {"progress", "anna"});
     ok("mia", {"consent", "give", "anna", "--note", "paper 7"});
     ok("mia", {"consent", "withdraw", "anna"});

@@ -159,7 +159,8 @@ TEST_F(RetentionTest, anOriginalStaysWhileItsScoreCanStillBeMade) {
   ASSERT_OK(change([](Connection& c) {
     return c.script(
         "UPDATE sessions SET events = NULL, score_json = NULL; DELETE FROM session_events;"
-        "DELETE FROM exercises WHERE id = 'knee-1'; INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json)"
+        "DELETE FROM exercises WHERE id = 'knee-1'; INSERT INTO exercises (id, curriculum_id, position, "
+        "name, profile_id, json)"
         " VALUES ('knee-1', 'c', 0, 'n', 'knee-adult', '{\"broken')");
   }));
   for (const auto& what : {policy(0, 100, -1), policy(-1, 0, 0)}) {
@@ -383,9 +384,8 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
   (void)get(manager, policy(-1, 0, 0));
   const std::int64_t months = 90LL * 86'400 * 1'000'000'000;
   for (const std::int64_t last : {wallNowNs() - months, wallNowNs() + months}) {
-    ASSERT_OK(change([&](Connection& c) {
-      return MetaStore(c).set("retention_unix_ns", std::to_string(last));
-    }));
+    ASSERT_OK(
+        change([&](Connection& c) { return MetaStore(c).set("retention_unix_ns", std::to_string(last)); }));
     EXPECT_EQ(store->service().dailyRetention().error().code, ErrorCode::kUnavailable);
     EXPECT_FALSE(info(id).has_removed_original());
   }
