@@ -19,7 +19,7 @@ def packages():
     for line in (ROOT / "deploy" / "packages.txt").read_text(encoding="utf-8").splitlines():
         if line.startswith("#"):
             continue
-        words = re.fullmatch(r"([a-z0-9.+-]+) +(demo|test|nightly)( +#.*)?", line)
+        words = re.fullmatch(r"([a-z0-9.+-]+) +(demo|faculty|test|nightly)( +#.*)?", line)
         assert words, line
         assert words[1] not in found, f"{words[1]} stands twice"
         found[words[1]] = words[2]
@@ -58,6 +58,7 @@ class Setup(unittest.TestCase):
         self.assertEqual(listed("--nightly"), list(wanted))
         self.assertEqual(listed(), [name for name, group in wanted.items() if group != "nightly"])
         self.assertEqual(listed("--demo"), [name for name, group in wanted.items() if group == "demo"])
+        self.assertEqual(listed("--faculty"), [name for name, group in wanted.items() if group in ("demo", "faculty")])
 
     def test_the_tests_need_no_compiler_of_the_fuzzers(self):
         self.assertIn("clang", packages())
@@ -67,6 +68,7 @@ class Setup(unittest.TestCase):
         heavy = {"chromium", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
         self.assertLessEqual(heavy, set(packages()))
         self.assertFalse(heavy & set(listed("--demo")))
+        self.assertFalse(heavy & set(listed("--faculty")))
 
     def test_on_another_system_it_installs_nothing_and_the_check_names_what_is_missing(self):
         bare = OtherSystem(self)
