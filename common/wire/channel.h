@@ -73,6 +73,9 @@ std::chrono::milliseconds watchPeriod(const ChannelTimes& times, const ChannelLi
 /// close.
 class Channel : public std::enable_shared_from_this<Channel> {
  public:
+  /// One turn decrypts at most so many TLS records; then others of the thread have their turns.
+  static constexpr int kRecordsATurn = 256;
+
   static std::shared_ptr<Channel> make(TlsStream stream, ChannelLimits limits);
   ~Channel();
   Channel(const Channel&) = delete;
@@ -98,7 +101,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// (valid until the next call of any of these functions), nothing when more bytes must be read, or an error
   /// as receive().
   Result<std::optional<ByteView>> next();
-  /// Waits until more bytes arrive. Errors: kUnavailable as receive().
+  /// Waits until more bytes arrive, of at most kRecordsATurn records. Errors: kUnavailable as receive().
   Task<Status> readMore();
 
   /// Queues a control message; it is never dropped. Returns false when the channel is closing, or when this
@@ -145,6 +148,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   static Task<> discardUntilPeerCloses(std::shared_ptr<Channel> self);
   Task<Status> shake(bool as_server, const std::function<void()>& waits);
   bool takeBytes();
+  bool takeRecords();
   void delayAcks();
   TlsStep decrypt();
   void flush();

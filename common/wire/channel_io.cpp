@@ -136,6 +136,13 @@ void Channel::delayAcks() {
 Task<Status> Channel::readMore() {
   auto self = shared_from_this();
   while (!closing()) {
+    // the last turn left records: others have their turns before the next
+    if (tls_.hasInput()) {
+      co_await asio::post(socket_.get_executor(), asio::use_awaitable);
+      if (closing()) break;
+      if (takeRecords()) co_return Status{};
+      continue;
+    }
     // a peer is idle only if it sends nothing while we read; while the owner is busy we do not read
     times_.last_received_ns = steadyNowNs();
     times_.reading = true;
@@ -151,7 +158,8 @@ Task<Status> Channel::readMore() {
   co_return closedError();
 }
 
-/// True: new plaintext is available. False: wait again, unless the channel was closed.
+/// Call without input of TLS. True: new plaintext is available. False: wait again, unless the channel was
+/// closed.
 bool Channel::takeBytes() {
   // never more than the splitter can take together with the bytes kept by TLS
   const auto room =
@@ -167,6 +175,11 @@ bool Channel::takeBytes() {
   delayAcks();
   times_.last_received_ns = steadyNowNs();
   tls_.feed(room.first(static_cast<std::size_t>(count)));
+  return takeRecords();
+}
+
+/// Decrypts one turn's records; returns as takeBytes().
+bool Channel::takeRecords() {
   const std::size_t before = splitter_.pending();
   const TlsStep step = decrypt();
   // TLS may have produced an answer
@@ -181,8 +194,15 @@ bool Channel::takeBytes() {
   return more;
 }
 
+/// Decrypts the input, at most kRecordsATurn records; keeps the rest, since the landing buffer is
+/// everybody's.
 TlsStep Channel::decrypt() {
-  while (tls_.hasInput()) {
+  // one read takes at most one record with data; OpenSSL bounds the empty ones before it
+  for (int records = 0; tls_.hasInput(); ++records) {
+    if (records == kRecordsATurn) {
+      tls_.keepInput();
+      break;
+    }
     const auto room = splitter_.writable();
     std::size_t count = 0;
     const TlsStep step = tls_.read(room, count);

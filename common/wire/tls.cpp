@@ -11,6 +11,7 @@
 #include <boost/asio/ip/address.hpp>
 #include <cassert>
 #include <filesystem>
+#include <memory>
 #include <utility>
 
 #include "common/base/clock.h"
@@ -35,6 +36,44 @@ bool hasAesInstructions() {
 #endif
 }
 
+/// What a connection has carried, and how often its peer has changed keys.
+struct KeyUse {
+  std::uint64_t bytes = 0;  // of records, in both directions
+  std::uint64_t updates = 0;
+  [[nodiscard]] bool tooMany() const { return updates > kMostKeyUpdates + bytes / kBytesOfKeys; }
+};
+
+/// Where each SSL that is made after the first call has its KeyUse. One for the program.
+int keyUseIndex() {
+  static const int index = SSL_get_ex_new_index(
+      0, nullptr,
+      [](void*, void*, CRYPTO_EX_DATA* data, int at, long, void*) {
+        auto use = std::make_unique<KeyUse>();
+        if (CRYPTO_set_ex_data(data, at, use.get()) == 1) (void)use.release();
+      },
+      nullptr, [](void*, void* use, CRYPTO_EX_DATA*, int, long, void*) { delete static_cast<KeyUse*>(use); });
+  return index;
+}
+
+KeyUse* keyUseOf(const SSL* ssl) {
+  return static_cast<KeyUse*>(SSL_get_ex_data(ssl, keyUseIndex()));
+}
+
+/// OpenSSL calls this for each record's header and for each message of a handshake. A KeyUpdate has 27 bytes
+/// and costs new keys, and one SSL_read takes all that are there. As if the peer had ended its data, TLS
+/// reads nothing after one too many.
+void countKeyUse(int is_sent, int /*version*/, int type, const void* bytes, std::size_t size, SSL* ssl,
+                 void* /*argument*/) {
+  KeyUse* const use = keyUseOf(ssl);
+  const auto* const seen = static_cast<const std::uint8_t*>(bytes);
+  if (use == nullptr) return;
+  if (type == SSL3_RT_HEADER && size == SSL3_RT_HEADER_LENGTH)
+    use->bytes += static_cast<std::uint64_t>(seen[3] << 8 | seen[4]);
+  if (is_sent != 0 || type != SSL3_RT_HANDSHAKE || size == 0 || seen[0] != SSL3_MT_KEY_UPDATE) return;
+  ++use->updates;
+  if (use->tooMany()) SSL_set_shutdown(ssl, SSL_get_shutdown(ssl) | SSL_RECEIVED_SHUTDOWN);
+}
+
 Result<TlsContext> newContext(asio::ssl::context::method method) {
   auto context = std::make_shared<asio::ssl::context>(method);
   SSL_CTX* const raw = context->native_handle();
@@ -55,6 +94,8 @@ Result<TlsContext> newContext(asio::ssl::context::method method) {
   // both are defaults; set explicitly because our safety depends on them: early data could be replayed
   SSL_CTX_set_max_early_data(raw, 0);
   SSL_CTX_set_options(raw, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET | SSL_OP_NO_COMPRESSION);
+  (void)keyUseIndex();  // before the first SSL
+  SSL_CTX_set_msg_callback(raw, countKeyUse);
   return context;
 }
 
@@ -105,6 +146,11 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca) {
   (*context)->set_verify_mode(asio::ssl::verify_peer | asio::ssl::verify_fail_if_no_peer_cert, error);
   if (error) return fileError("the CA's certificate", ca, error);
   return context;
+}
+
+std::uint64_t keyUpdatesOf(const SSL* ssl) {
+  const KeyUse* const use = keyUseOf(ssl);
+  return use == nullptr ? 0 : use->updates;
 }
 
 Status requireHost(TlsStream& stream, const std::string& host) {
@@ -189,12 +235,22 @@ TlsEngine::TlsEngine(SSL* ssl) {
 
 TlsEngine::~TlsEngine() = default;
 
+void TlsEngine::keepInput() {
+  Bytes rest(input_.begin(), input_.end());
+  kept_.swap(rest);
+  input_ = kept_;
+}
+
 TlsStep TlsEngine::stepOf(int result) {
   switch (SSL_get_error(ssl_.get(), result)) {
     case SSL_ERROR_WANT_READ:
       return TlsStep::kWantsInput;
-    case SSL_ERROR_ZERO_RETURN:
-      return TlsStep::kEnded;
+    case SSL_ERROR_ZERO_RETURN: {
+      const KeyUse* const use = keyUseOf(ssl_.get());
+      if (use == nullptr || !use->tooMany()) return TlsStep::kEnded;
+      failure_ = "the peer changes its keys too often";
+      return TlsStep::kFailed;
+    }
     default: {
       const unsigned long code = ERR_peek_error();
       const char* const reason = code != 0 ? ERR_reason_error_string(code) : nullptr;

@@ -35,6 +35,16 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca);
 /// or an IP address).
 Status requireHost(TlsStream& stream, const std::string& host);
 
+/// A connection's peer may change its keys this often, and once more for each kBytesOfKeys that the
+/// connection carries in both directions. The next change ends the connection on either port: TLS reads
+/// nothing more from it. Our programs never change keys; other TLS libraries do after gigabytes.
+inline constexpr std::uint64_t kMostKeyUpdates = 4;
+inline constexpr std::uint64_t kBytesOfKeys = 1u << 20;
+
+/// How often the peer has changed its keys: TLS has read so many KeyUpdates (RFC 8446, 4.6.3). `ssl` is of a
+/// TlsContext.
+std::uint64_t keyUpdatesOf(const SSL* ssl);
+
 /// Describes the last TLS failure, e.g. "certificate verify failed (self-signed certificate)".
 std::string tlsErrorText(const SSL* ssl, std::string text);
 
@@ -43,7 +53,7 @@ enum class TlsStep : std::uint8_t {
   kDone,        ///< the handshake is complete, or bytes were read or written
   kWantsInput,  ///< all fed bytes are consumed
   kEnded,       ///< the peer announced the end of its data
-  kFailed,      ///< TLS failed: hostile or damaged bytes, an untrusted certificate
+  kFailed,      ///< TLS failed: hostile or damaged bytes, an untrusted certificate, too many new keys
 };
 
 /// TLS without a socket. The next handshake(), or read() until it returns kWantsInput, consumes all fed
@@ -57,7 +67,12 @@ class TlsEngine {
   ~TlsEngine();
 
   /// Feeds bytes from the network; they must stay valid until they are consumed.
-  void feed(ByteView bytes) { input_ = bytes; }
+  void feed(ByteView bytes) {
+    input_ = bytes;
+    Bytes().swap(kept_);
+  }
+  /// Copies the fed bytes that are not consumed yet (at most what was fed): the caller's need not stay valid.
+  void keepInput();
   /// True while read() has input to process.
   [[nodiscard]] bool hasInput() const { return !input_.empty() || SSL_pending(ssl_.get()) > 0; }
 
@@ -84,6 +99,7 @@ class TlsEngine {
 
   std::unique_ptr<SSL, Free> ssl_;
   ByteView input_;
+  Bytes kept_;  // what input_ sees after keepInput()
   std::string output_;
   std::size_t sent_ = 0;  // of output_
   std::string failure_;

@@ -65,6 +65,11 @@ bool WebWire::send(const std::string& bytes) {
   return true;
 }
 
+bool WebWire::changeKeys() {
+  return ssl_ != nullptr && SSL_key_update(ssl_, SSL_KEY_UPDATE_NOT_REQUESTED) == 1 &&
+         SSL_do_handshake(ssl_) == 1;
+}
+
 void WebWire::keepLittle() {
   const int bytes = 4096;
   ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);

@@ -38,6 +38,8 @@ class WebWire {
   [[nodiscard]] bool connected() const { return fd_ >= 0 && ssl_ != nullptr; }
   bool send(const std::string& bytes);
   bool sendPlain(const std::string& bytes);  ///< sends outside TLS
+  /// Sends a KeyUpdate of TLS. False: there is no connection any more.
+  bool changeKeys();
   /// From now on the kernel keeps only some kilobytes that were not read, so that the peer's writes soon
   /// wait.
   void keepLittle();

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/wire/tls.h"
 #include "tests/unit/server/live/log_lines.h"
 #include "tests/unit/server/web/web_lab.h"
 
@@ -190,6 +191,28 @@ TEST(WebLimits, whatIsNoHttpIsEnded) {
   EXPECT_EQ(nameless.read().status, 400);
   Browser browser = lab.browser();
   EXPECT_EQ(browser.get("/").status, 200);
+}
+
+TEST(WebLimits, whoChangesKeysOfTlsAFewTimesIsServedAndIsEndedAtTheNext) {
+  WebLab lab;
+  WebWire wire(lab.port());
+  for (std::uint64_t change = 0; change < kMostKeyUpdates; ++change) {
+    ASSERT_TRUE(wire.changeKeys());
+    (void)wire.send(requestText("GET", "/"));
+    ASSERT_EQ(wire.read().status, 200) << change;
+  }
+  (void)wire.changeKeys();
+  (void)wire.send(requestText("GET", "/"));
+  EXPECT_EQ(wire.read().status, 0);
+  EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
+  // on a WebSocket, too
+  Browser ada = lab.browserOf("ada");
+  const auto live = ada.live();
+  ASSERT_NE(live, nullptr);
+  for (std::uint64_t change = 0; change <= kMostKeyUpdates; ++change) (void)live->changeKeys();
+  (void)live->sendFrame(9, "");
+  EXPECT_TRUE(live->endsWithin(milliseconds(5000)));
+  EXPECT_EQ(lab.browser().get("/").status, 200) << "the server goes on";
 }
 
 TEST(WebLimits, aBodyThatIsCodedInAnotherWayIsNotTakenForTheNextRequest) {
