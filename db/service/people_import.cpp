@@ -255,6 +255,8 @@ class PeopleTable {
     report.set_changed(count(pb::PeopleImport::CHANGE));
     report.set_unchanged(count(pb::PeopleImport::NOTHING));
     report.set_faults(count(pb::PeopleImport::FAULT));
+    report.set_rights_given(static_cast<std::uint32_t>(
+        std::count_if(rows_.begin(), rows_.end(), [](const auto& row) { return row.givesRights(); })));
   }
 
   /// Lists the people whose connections must end after the import.
@@ -471,8 +473,8 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
       return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
     pb::PeopleImport counts;
     table.report(counts);
-    detail = fmt::format("{} added, {} changed, {} as they were", counts.added(), counts.changed(),
-                         counts.unchanged());
+    detail = fmt::format("{} added, {} changed, {} as they were; {} with a role, a password or a code",
+                         counts.added(), counts.changed(), counts.unchanged(), counts.rights_given());
     return table.store(writer);
   });
   if (!written) return written.error();

@@ -53,6 +53,11 @@ function Report({ report }) {
           : html`<p role="status">${counts}. Nothing has been changed yet.</p>`
     }
     ${
+      !report.faults &&
+      report.rights_given > 0 &&
+      html`<p>Rows that give a role, a password or a code come first: ${report.rights_given}.</p>`
+    }
+    ${
       report.rows_left_out > 0 &&
       html`<p>
         ${report.rows_left_out} more rows are not shown:

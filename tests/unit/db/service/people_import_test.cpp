@@ -107,6 +107,7 @@ TEST_F(ClassLists, rowsThatGiveRightsAreToldFirstAndTheRestIsCounted) {
     EXPECT_EQ(report.added(), 2092u);
     ASSERT_EQ(report.rows_size(), 2000);
     EXPECT_EQ(report.rows_left_out(), 94u);
+    EXPECT_EQ(report.rights_given(), 4u);
     EXPECT_EQ(report.rows(0).line(), 2052u);
     EXPECT_EQ(report.rows(0).text(), "added as administrator, with a password");
     EXPECT_EQ(report.rows(1).text(), "role: instructor to trainee");
