@@ -93,12 +93,21 @@ Status importPeople(CommandContext& context, const std::string& file, const std:
           "no rows");
       !done)
     return done;
+  if (report.rows_left_out() > 0)
+    context.output.remark(fmt::format("{} more rows are not shown: {}", report.rows_left_out(),
+                                      report.faults() > 0 ? "rows with faults come first"
+                                                          : "none gives a role other than trainee, another "
+                                                            "role, a password or a code"));
   if (report.faults() > 0)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("{}: {} rows cannot be taken: nothing was changed", file, report.faults())};
-  context.output.done(fmt::format("{}{} added, {} changed, {} as they were",
-                                  report.done() ? "" : "a dry run: ", report.added(), report.changed(),
-                                  report.unchanged()));
+  // a long table scrolls away with its first rows
+  context.output.done(fmt::format(
+      "{}{} added, {} changed, {} as they were{}", report.done() ? "" : "a dry run: ", report.added(),
+      report.changed(), report.unchanged(),
+      report.rights_given() == 0
+          ? ""
+          : fmt::format("; the first {} rows give a role, a password or a code", report.rights_given())));
   return {};
 }
 

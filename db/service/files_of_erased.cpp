@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstddef>
 #include <iterator>
 #include <string>
@@ -199,6 +200,9 @@ bool LookAtFiles::listOn(std::int64_t until_ns) {
       if (!entry) break;
       const File file{entry->owner != ::geteuid(), entry->path};
       if (entry->kind == FolderWalk::Kind::kFile) sortIn(file);
+      // the server's own are written and renamed all the time
+      if (entry->kind == FolderWalk::Kind::kVanished && !isOwnFile(in_use_.parent_path(), entry->path))
+        walk_->noteVanished();
       if (entry->kind == FolderWalk::Kind::kUnread && !isForOldOnes()) name(Kind::kUnread, file);
     }
   }
@@ -220,6 +224,12 @@ void LookAtFiles::sortIn(const File& file) {
   // the one in use is not even opened: closing it again would give up SQLite's locks
   if (isOwnFile(in_use_.parent_path(), path) || std::filesystem::equivalent(path, in_use_, ignored)) return;
   const auto identity = identityOf(path);
+  if (!identity && errno == ENOENT) {
+    walk_->noteVanished();
+    return;
+  }
+  // nobody can tell: its path may be too long
+  if (!identity && !isForOldOnes()) name(Kind::kUntold, file);
   if (!identity || std::get<3>(*identity) > newest_unix_ns_) return;
   if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return last.ends_with(end); })) {
     name(Kind::kLog, file);

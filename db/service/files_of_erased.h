@@ -41,7 +41,8 @@ struct FilesFound {
   /// unfinished copies, folders that could not be read, and files that are no databases; of each the server's
   /// own first, then by path.
   std::vector<std::filesystem::path> named;
-  /// How many more, by folder. Where there are many folders, by the one that was looked through.
+  /// How many more, by folder; one that was read again may count its files again. Where there are many
+  /// folders, by the one that was looked through.
   std::map<std::filesystem::path, std::uint64_t> others;
 };
 
@@ -52,8 +53,9 @@ class RowsOfFile;
 /// the names that the erasure replaced, or have one of the erased sessions. Also found is each of which this
 /// cannot be told: it is encrypted, has a log beside it, is no database of needlelab, somebody changed its
 /// schema, a text in it is longer than needlelab stores, or kMostTimeOfForeign is up; what is left when
-/// `most_time` was used for reading; logs; unfinished copies of backups; folders that cannot be read, or lie
-/// more than 16 levels below; and each file that is no database (a compressed copy, a text), but those of
+/// `most_time` was used for reading; a path is too long to open; logs; unfinished copies of backups; folders
+/// that cannot be read, go on changing while they are read again (FolderWalk), or lie more than 16 levels
+/// below; and each file that is no database (a compressed copy, a text), but those of
 /// isOwnFile() and kErasuresCopy. Not found: what a link below these folders leads to, and folders in
 /// `backups` where this lies elsewhere. Files are read as openForeign() does, one that has several names
 /// (hard links) once; the server's own come first. Memory: for kMostFilesRead paths, whatever lies there.

@@ -18,19 +18,29 @@ FolderWalk::FolderWalk(const std::filesystem::path& root, int deepest) : deepest
 std::optional<FolderWalk::Entry> FolderWalk::next() {
   if (root_not_read_) return std::exchange(root_not_read_, std::nullopt);
   while (!open_.empty()) {
-    const Folder& folder = open_.back();
+    Folder& folder = open_.back();
     errno = 0;
     const dirent* const entry = ::readdir(folder.entries.get());
-    if (entry == nullptr) {
-      Entry end{errno == 0 ? Kind::kPassed : Kind::kUnread, folder.path, ::geteuid()};
-      open_.pop_back();
-      return end;
-    }
+    if (entry == nullptr) return end(folder);
     const std::string_view name = entry->d_name;
     if (name != "." && name != "..")
       return look(::dirfd(folder.entries.get()), entry->d_name, folder.path / name);
   }
   return std::nullopt;
+}
+
+FolderWalk::Entry FolderWalk::end(Folder& folder) {
+  const bool failed = errno != 0;
+  if (!failed && folder.vanished && folder.read_again < kMostReadAgain && left_to_read_again_ > 0) {
+    ::rewinddir(folder.entries.get());
+    folder.vanished = false;
+    ++folder.read_again;
+    --left_to_read_again_;
+    return {Kind::kPassed, folder.path, ::geteuid()};
+  }
+  Entry told{failed || folder.vanished ? Kind::kUnread : Kind::kPassed, folder.path, ::geteuid()};
+  open_.pop_back();
+  return told;
 }
 
 bool FolderWalk::enter(int in, const char* name, const std::filesystem::path& path, int flags) {
@@ -50,7 +60,7 @@ bool FolderWalk::enter(int in, const char* name, const std::filesystem::path& pa
 
 FolderWalk::Entry FolderWalk::look(int in, const char* name, const std::filesystem::path& path) {
   const auto not_read = [&](uid_t owner) {
-    return Entry{errno == ENOENT ? Kind::kPassed : Kind::kUnread, path, owner};
+    return Entry{errno == ENOENT ? Kind::kVanished : Kind::kUnread, path, owner};
   };
   struct stat info {};
   if (::fstatat(in, name, &info, AT_SYMLINK_NOFOLLOW) != 0) return not_read(::geteuid());

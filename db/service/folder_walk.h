@@ -16,9 +16,10 @@ namespace needlelab {
 class FolderWalk {
  public:
   enum class Kind {
-    kFile,    ///< a regular one that is not empty
-    kUnread,  ///< a folder that cannot be read, or is too deep; an entry that stat(2) refuses
-    kPassed,  ///< a folder of which the entries follow, its end, a link, a pipe; what is empty, or vanished
+    kFile,      ///< a regular one that is not empty
+    kUnread,    ///< a folder that cannot be read, is too deep, or changes; an entry that stat(2) refuses
+    kVanished,  ///< a name that its folder had when it was read
+    kPassed,    ///< a folder of which the entries follow, its end, a link, a pipe; what is empty
   };
   struct Entry {
     Kind kind = Kind::kPassed;
@@ -32,6 +33,12 @@ class FolderWalk {
 
   /// Reads one entry; nothing: there are no more. A folder that vanishes meanwhile ends nothing but itself.
   std::optional<Entry> next();
+  /// What next() told last, a kFile or kVanished, is gone: it may have another name now. The walk reads its
+  /// folder again, with those below it, so that entries come again: up to kMostReadAgain times, and
+  /// kMostReadAgainInAll times in all folders together. A folder of which a name is gone then is kUnread.
+  void noteVanished() { open_.back().vanished = true; }
+
+  static constexpr int kMostReadAgain = 3, kMostReadAgainInAll = 16;
 
  private:
   struct Close {
@@ -40,12 +47,17 @@ class FolderWalk {
   struct Folder {
     std::filesystem::path path;
     std::unique_ptr<DIR, Close> entries;
+    bool vanished = false;  ///< noteVanished(), since it was read last
+    int read_again = 0;
   };
   /// Goes on with the entries of the folder `name` in `in`, a descriptor. False: see errno.
   bool enter(int in, const char* name, const std::filesystem::path& path, int flags);
   Entry look(int in, const char* name, const std::filesystem::path& path);
+  /// What follows the last name of a folder.
+  Entry end(Folder& folder);
 
   int deepest_;
+  int left_to_read_again_ = kMostReadAgainInAll;
   std::vector<Folder> open_;            ///< each lies in the one before
   std::optional<Entry> root_not_read_;  ///< to be told first
 };

@@ -43,8 +43,14 @@ constexpr std::size_t kMostImportSecrets = 200;  // passwords and codes; each ta
 /// Memberships that one table may name, and those that the groups may have together which it adds people to:
 /// the writer stores each of them again, for which others wait some 0.5 s.
 constexpr std::size_t kMostImportMemberships = 20'000;
+/// Rows that give somebody rights: a role other than trainee, another role, a password, a code. All of them
+/// are told, before rows that give none.
+constexpr std::size_t kMostRightsGiven = 300;
 constexpr int kMostRowsTold = 2000;
 constexpr std::size_t kMostBytesTold = 600'000;
+static_assert(kMostRightsGiven >= kMostImportSecrets);
+// a row has two full names of 200 bytes, some names of groups, and words
+static_assert(kMostRightsGiven * (2 * 200 + 10 * kMaxNameBytes + 500) < kMostBytesTold);
 static_assert(kMostBytesTold + kMostImportRows * (kMaxNameBytes + 3) <
               kMaxReplyBytes);  // PeopleImport.roles_changed
 
@@ -59,6 +65,13 @@ struct ImportRow {
   bool role_given = false, full_name_given = false, has_password = false, has_code = false;
   bool role_changes = false;
   bool code_taken = false;  ///< the code becomes the person's
+
+  /// Compared rows: see kMostRightsGiven.
+  [[nodiscard]] bool givesRights() const {
+    const bool is_new = what == pb::PeopleImport::ADD;
+    return (is_new && (person.role != pb::TRAINEE || has_password)) ||
+           ((is_new || what == pb::PeopleImport::CHANGE) && (role_changes || code_taken));
+  }
 
   void fault(const std::string& in_column, const std::string& words) {
     if (what == pb::PeopleImport::FAULT) return;
@@ -112,11 +125,19 @@ class PeopleTable {
     return {};
   }
 
-  /// Compares with the stored people. Reader or writer.
+  /// Compares with the stored people. Reader or writer. kInvalidInput: more than kMostRightsGiven rows.
   Status compare(Connection& connection) {
+    std::size_t giving = 0;
     for (ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::FAULT) continue;
       RETURN_IF_ERROR(compareRow(connection, row));
+      giving += row.givesRights() ? 1 : 0;
+      if (giving > kMostRightsGiven)
+        return at(row, Error{ErrorCode::kInvalidInput,
+                             fmt::format("up to here {} rows give a role other than trainee, another role, a "
+                                         "password or a code; at most {} are taken at once, because the "
+                                         "report names each of them: split the table",
+                                         giving, kMostRightsGiven)});
     }
     return {};
   }
@@ -204,11 +225,16 @@ class PeopleTable {
     return {};
   }
 
+  /// Tells faults, then rows that give rights, then the others. Without faults all rows that give rights fit.
   void report(pb::PeopleImport& report) const {
+    enum class Told { kFault, kRights, kOther };
     std::size_t bytes = 0;
-    for (const bool faults : {true, false}) {
+    for (const Told turn : {Told::kFault, Told::kRights, Told::kOther}) {
       for (const ImportRow& row : rows_) {
-        if ((row.what == pb::PeopleImport::FAULT) != faults || report.rows_size() >= kMostRowsTold) continue;
+        const Told kind = row.what == pb::PeopleImport::FAULT ? Told::kFault
+                          : row.givesRights()                 ? Told::kRights
+                                                              : Told::kOther;
+        if (kind != turn || report.rows_size() >= kMostRowsTold) continue;
         pb::PeopleImport::Row told;
         told.set_line(row.line);
         told.set_name(printable(row.person.name));
@@ -219,6 +245,8 @@ class PeopleTable {
         if (bytes <= kMostBytesTold) *report.add_rows() = std::move(told);
       }
     }
+    report.set_rows_left_out(static_cast<std::uint32_t>(rows_.size()) -
+                             static_cast<std::uint32_t>(report.rows_size()));
     const auto count = [&](pb::PeopleImport::What what) {
       return static_cast<std::uint32_t>(
           std::count_if(rows_.begin(), rows_.end(), [&](const auto& row) { return row.what == what; }));
@@ -227,6 +255,8 @@ class PeopleTable {
     report.set_changed(count(pb::PeopleImport::CHANGE));
     report.set_unchanged(count(pb::PeopleImport::NOTHING));
     report.set_faults(count(pb::PeopleImport::FAULT));
+    report.set_rights_given(static_cast<std::uint32_t>(
+        std::count_if(rows_.begin(), rows_.end(), [](const auto& row) { return row.givesRights(); })));
   }
 
   /// Lists the people whose connections must end after the import.
@@ -368,7 +398,7 @@ class PeopleTable {
     if (!*there) {
       row.what = pb::PeopleImport::ADD;
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
-                 (row.has_code ? ", with a code" : "");
+                 (row.has_password ? ", with a password" : "") + (row.has_code ? ", with a code" : "");
       for (const auto& valid :
            {checkNewName("name", row.person.name), checkNotReserved("name", row.person.name)})
         if (!valid) row.fault("name", valid.error().message);
@@ -443,8 +473,8 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
       return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
     pb::PeopleImport counts;
     table.report(counts);
-    detail = fmt::format("{} added, {} changed, {} as they were", counts.added(), counts.changed(),
-                         counts.unchanged());
+    detail = fmt::format("{} added, {} changed, {} as they were; {} with a role, a password or a code",
+                         counts.added(), counts.changed(), counts.unchanged(), counts.rights_given());
     return table.store(writer);
   });
   if (!written) return written.error();

@@ -283,7 +283,14 @@ function importPeople(lab, { csv, dry_run }) {
   });
   const done = !dry_run && count.faults === 0;
   if (done) doing.forEach((act) => act());
-  return { rows: rows.sort((a, b) => (b.what === 'FAULT') - (a.what === 'FAULT')), ...count, done, roles_changed: [] };
+  return {
+    rows: rows.sort((a, b) => (b.what === 'FAULT') - (a.what === 'FAULT')),
+    ...count,
+    done,
+    roles_changed: [],
+    rows_left_out: 0,
+    rights_given: 0,
+  };
 }
 
 function samplesOf(session, query) {

@@ -52,6 +52,22 @@ function Report({ report }) {
             </div>`
           : html`<p role="status">${counts}. Nothing has been changed yet.</p>`
     }
+    ${
+      !report.faults &&
+      report.rights_given > 0 &&
+      html`<p>Rows that give a role, a password or a code come first: ${report.rights_given}.</p>`
+    }
+    ${
+      report.rows_left_out > 0 &&
+      html`<p>
+        ${report.rows_left_out} more rows are not shown:
+        ${
+          report.faults
+            ? ' rows with faults come first.'
+            : ' none of them gives a role other than trainee, another role, a password or a code.'
+        }
+      </p>`
+    }
     <${Table} caption=${counts} head=${['Line', 'Name', 'What', 'Words', 'Column']}>${(report.rows ?? []).map((row) => {
       const [kind, word] = kWhat[row.what] ?? ['info', row.what];
       return html`<tr class=${row.what === 'FAULT' ? 'row-bad' : ''}>

@@ -329,8 +329,8 @@ TEST_F(Codes, comeWithATableOfPeopleForThoseWhoHaveNone) {
   const auto done = importPeople(csv);
   ASSERT_TRUE(done.done()) << done.DebugString();
   EXPECT_EQ(done.rows(0).text(), "added as trainee, with a code");
-  EXPECT_EQ(done.rows(2).what(), pb::PeopleImport::CHANGE);
-  EXPECT_EQ(done.rows(2).text(), "given the code; full name: '' to 'Tom T'");
+  EXPECT_EQ(done.rows(1).what(), pb::PeopleImport::CHANGE) << "before ben, who gets no code";
+  EXPECT_EQ(done.rows(1).text(), "given the code; full name: '' to 'Tom T'");
   EXPECT_EQ(done.rows(3).what(), pb::PeopleImport::NOTHING);
   EXPECT_EQ(done.rows(3).text(), "is there already; has a code, which is left as it is");
   for (const auto& [who, right] :

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <functional>
 #include <set>
@@ -30,15 +31,19 @@ class FolderWalkTest : public testing::Test {
       FolderWalk& through, const std::function<void()>& meanwhile = [] {}) {
     files.clear();
     unread.clear();
+    entries = 0;
     while (const auto entry = through.next()) {
       if (entry->kind == FolderWalk::Kind::kFile) files.insert(entry->path.lexically_relative(top));
       if (entry->kind == FolderWalk::Kind::kUnread) unread.insert(entry->path.lexically_relative(top));
+      if (entry->kind == FolderWalk::Kind::kVanished) through.noteVanished();
+      ++entries;
       meanwhile();
     }
   }
   test::TempFolder folder;
   const fs::path top = folder.path();
   std::set<std::string> files, unread;
+  int entries = 0;
 };
 
 TEST_F(FolderWalkTest, readsFilesOfAllLevelsThatAreNotEmptyAndFollowsNoLink) {
@@ -101,14 +106,56 @@ TEST_F(FolderWalkTest, goesOnWithTheSiblingsOfAFolderThatVanishes) {
     stay.insert(put("stays" + std::to_string(i) + "/file").lexically_relative(top));
   }
   FolderWalk all(top, 16);
-  int entries = 0;
   walk(all, [&] {
     // within some of them, too
-    if (++entries != 3) return;
+    if (entries != 3) return;
     for (int i = 0; i < 50; ++i) fs::remove_all(top / ("goes" + std::to_string(i)));
   });
   EXPECT_EQ(files, stay);
   EXPECT_THAT(unread, IsEmpty());
+}
+
+TEST_F(FolderWalkTest, readsAFolderAgainOfWhichNamesVanish) {
+  constexpr int kFiles = 10;
+  std::set<std::string> later;
+  for (int i = 0; i < kFiles; ++i) {
+    put("below/b" + std::to_string(i));
+    later.insert("below/c" + std::to_string(i));
+  }
+  FolderWalk all(top, 16);
+  walk(all, [&] {
+    // the folder, and one of its names
+    if (entries != 2) return;
+    for (int i = 0; i < kFiles; ++i)
+      fs::rename(top / "below" / ("b" + std::to_string(i)), top / "below" / ("c" + std::to_string(i)));
+  });
+  EXPECT_TRUE(std::includes(files.begin(), files.end(), later.begin(), later.end()));
+  EXPECT_THAT(unread, IsEmpty());
+  EXPECT_EQ(entries, 1 + 2 * (kFiles + 1) + 1) << "the folder's own and its end, and each file twice";
+}
+
+TEST_F(FolderWalkTest, tellsFoldersThatGoOnChangingAndReadsThemABoundedNumberOfTimes) {
+  constexpr int kFolders = 10, kFiles = 4;
+  std::set<std::string> changing;
+  const auto file = [&](int in, bool first, int i) {
+    return top / std::to_string(in) / ((first ? "b" : "c") + std::to_string(i));
+  };
+  for (int in = 0; in < kFolders; ++in) {
+    changing.insert(std::to_string(in));
+    for (int i = 0; i < kFiles; ++i) put(std::to_string(in) + "/b" + std::to_string(i));
+  }
+  put("stays");
+  bool first = true;
+  FolderWalk all(top, 16);
+  walk(all, [&] {
+    for (int in = 0; in < kFolders; ++in)
+      for (int i = 0; i < kFiles; ++i) fs::rename(file(in, first, i), file(in, !first, i));
+    first = !first;
+  });
+  EXPECT_EQ(unread, changing);
+  EXPECT_TRUE(files.contains("stays"));
+  constexpr int kReadings = kFolders + FolderWalk::kMostReadAgainInAll;
+  EXPECT_EQ(entries, kFolders + kReadings * (kFiles + 1) + 2);
 }
 
 }  // namespace

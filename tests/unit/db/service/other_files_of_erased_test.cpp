@@ -1,6 +1,11 @@
 // What an erasure says of files that are no databases, and of folders.
+#include <fcntl.h>
 #include <gmock/gmock.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -10,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/files.h"
 #include "db/erasure_list.h"
 #include "tests/support/fake_time.h"
 #include "tests/unit/db/service/files_of_erased_fixture.h"
@@ -63,6 +69,56 @@ TEST_F(OtherFilesOfErased, areFoundThoughFoldersBesideThemVanishMeanwhile) {
     EXPECT_THAT(look(rowsOf("tom"), kMostTimeOfFiles, time), testing::UnorderedElementsAreArray(copies))
         << "gone at entry " << first;
   }
+}
+
+// Somebody renamed backups to and fro: the erasure named some of them only.
+TEST_F(OtherFilesOfErased, areFoundThoughTheyAreRenamedMeanwhile) {
+  addNamed("tom", "");
+  const fs::path one = backup("one.db"), backups = folder.path() / "data" / "backups";
+  constexpr int kCopies = 6;
+  for (int reading = 1; reading <= 30; ++reading) {
+    fs::remove_all(backups);
+    fs::create_directory(backups);
+    std::vector<std::string> before, after;
+    for (int i = 0; i < kCopies; ++i) {
+      before.push_back((backups / ("b" + std::to_string(i) + ".db")).string());
+      after.push_back((backups / ("c" + std::to_string(i) + ".db")).string());
+      fs::create_hard_link(one, before.back());
+    }
+    MeanwhileTime time(reading, [&] {
+      for (std::size_t i = 0; i < kCopies; ++i) fs::rename(before[i], after[i]);
+    });
+    const auto found = look(rowsOf("tom"), kMostTimeOfFiles, time);
+    for (std::size_t i = 0; i < kCopies; ++i)
+      EXPECT_TRUE(std::count(found.begin(), found.end(), before[i]) +
+                      std::count(found.begin(), found.end(), after[i]) >
+                  0)
+          << "backup " << i << ", renamed at reading " << reading;
+  }
+}
+
+TEST_F(OtherFilesOfErased, areFoundWhereNoPathReaches) {
+  addNamed("tom", "");
+  const std::string copy = *readWholeFile(backup("one.db"));
+  fs::path deep = folder.path() / "data";
+  int in = ::open(deep.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  for (int level = 0; level < 16; ++level) {
+    const std::string name(255, 'd');
+    deep /= name;
+    ASSERT_EQ(::mkdirat(in, name.c_str(), 0700), 0);
+    const int below = ::openat(in, name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    ::close(in);
+    in = below;
+  }
+  for (const char* name : {"copy.db", "people.txt"}) {
+    const int file = ::openat(in, name, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+    EXPECT_EQ(::write(file, copy.data(), copy.size()), static_cast<ssize_t>(copy.size()));
+    ::close(file);
+  }
+  ::close(in);
+  EXPECT_THAT(filesOf("tom"),
+              testing::UnorderedElementsAre((kept / "one.db").string(), (deep / "copy.db").string(),
+                                            (deep / "people.txt").string()));
 }
 
 TEST_F(OtherFilesOfErased, areAlsoCompressedCopiesTextsAndFoldersThatNobodyLooksInto) {

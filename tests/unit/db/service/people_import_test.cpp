@@ -90,6 +90,58 @@ TEST_F(ClassLists, theReportOfALongTableFitsIntoAMessage) {
   EXPECT_LE(report.ByteSizeLong(), handlers::kMaxReplyBytes - 5000 * (kMaxNameBytes + 3));
 }
 
+TEST_F(ClassLists, rowsThatGiveRightsAreToldFirstAndTheRestIsCounted) {
+  std::string csv = "name,role,password,code\n";
+  const auto addTrainees = [&](int from, int to) {
+    for (int i = from; i < to; ++i) csv += "s" + std::to_string(i) + ",trainee,,\n";
+  };
+  addPerson("tom", pb::TRAINEE);
+  addPerson("ina", pb::INSTRUCTOR);
+  addTrainees(0, 2050);
+  csv += "zoe,administrator,correct horse,\nina,trainee,,\ntom,,,1234\nkim,,correct horse,\n";
+  addTrainees(2050, 2090);
+  for (const bool dry_run : {true, false}) {
+    const auto report = importPeople(csv, dry_run, &admin);
+    ASSERT_EQ(report.faults(), 0u) << report.rows(0).text();
+    EXPECT_EQ(report.done(), !dry_run);
+    EXPECT_EQ(report.added(), 2092u);
+    ASSERT_EQ(report.rows_size(), 2000);
+    EXPECT_EQ(report.rows_left_out(), 94u);
+    EXPECT_EQ(report.rights_given(), 4u);
+    EXPECT_EQ(report.rows(0).line(), 2052u);
+    EXPECT_EQ(report.rows(0).text(), "added as administrator, with a password");
+    EXPECT_EQ(report.rows(1).text(), "role: instructor to trainee");
+    EXPECT_EQ(report.rows(2).text(), "given the code");
+    EXPECT_EQ(report.rows(3).text(), "added as trainee, with a password");
+    EXPECT_EQ(report.rows(4).line(), 2u) << "then the others, in order";
+  }
+}
+
+TEST_F(ClassLists, aTableThatGivesRightsToMoreThanTheReportNamesIsRefusedAtTheLine) {
+  constexpr int kMost = 300;
+  std::string csv = "name,full_name,role\n", one_more;
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    for (int i = 0; i <= kMost; ++i) {
+      const std::string name = std::to_string(10'000 + i) + std::string(kMaxNameBytes - 5, 'n');
+      Person person{name, pb::INSTRUCTOR, "", false, 1};
+      person.full_name = std::string(200, 'a');
+      RETURN_IF_ERROR(PeopleStore(c).add(person));
+      (i < kMost ? csv : one_more) += name + "," + std::string(200, 'b') + ",trainee\n";
+    }
+    return {};
+  }));
+  const auto taken = importPeople(csv, true, &admin);
+  EXPECT_EQ(taken.rows_size(), kMost) << "none is left out for its length";
+  EXPECT_EQ(taken.rows_left_out(), 0u);
+  pb::Request request;
+  request.mutable_import_people()->set_csv(csv + one_more);
+  const auto refused = ask(admin, request).error;
+  ASSERT_TRUE(refused.has_value());
+  EXPECT_EQ(refused->code, ErrorCode::kInvalidInput);
+  EXPECT_TRUE(refused->message.starts_with("line 302, '10300n")) << refused->message;
+  EXPECT_EQ(count("SELECT count(*) FROM people WHERE role = 2"), kMost + 1);
+}
+
 TEST_F(ClassLists, whoIsInVeryManyGroupsFromBeforeIsListedWithSomeOfThem) {
   constexpr int kGroups = 20'000;
   addPerson("anna", pb::TRAINEE);
