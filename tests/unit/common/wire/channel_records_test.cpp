@@ -29,13 +29,13 @@ void changeKeys(Channel& channel) {
   ASSERT_EQ(SSL_do_handshake(channel.ssl()), 1);
 }
 
-struct Ends {
+struct SendingEnds {
   std::shared_ptr<Channel> from, to;
 };
 
 /// The ends of `loop`: first the client sends, then the server.
-Ends endsOf(const Loopback& loop, bool client_sends) {
-  return client_sends ? Ends{loop.client, loop.server} : Ends{loop.server, loop.client};
+SendingEnds endsOf(const Loopback& loop, bool client_sends) {
+  return client_sends ? SendingEnds{loop.client, loop.server} : SendingEnds{loop.server, loop.client};
 }
 
 class ChannelKeys : public testing::TestWithParam<bool> {
@@ -54,7 +54,7 @@ class ChannelKeys : public testing::TestWithParam<bool> {
   }
 
   Loopback loop_;
-  Ends ends_;
+  SendingEnds ends_;
   std::uint64_t seq_ = 0;
 };
 
@@ -104,14 +104,14 @@ INSTANTIATE_TEST_SUITE_P(BothEnds, ChannelKeys, testing::Bool(), [](const auto& 
   return std::string(of.param ? "ofTheClient" : "ofTheServer");
 });
 
-struct Turns {
+struct ReadTurns {
   std::vector<std::uint64_t> bytes;       // that each turn of the reader took
   std::vector<std::uint64_t> neighbours;  // turns of the neighbour until then
   std::uint64_t neighbour = 0;
   bool over = false;
 };
 
-Task<> readInTurns(std::shared_ptr<Channel> channel, std::uint64_t bytes, std::shared_ptr<Turns> turns) {
+Task<> readInTurns(std::shared_ptr<Channel> channel, std::uint64_t bytes, std::shared_ptr<ReadTurns> turns) {
   while (channel->bytesReceived() < bytes) {
     const std::uint64_t before = channel->bytesReceived();
     const Status more = co_await channel->readMore();
@@ -122,7 +122,7 @@ Task<> readInTurns(std::shared_ptr<Channel> channel, std::uint64_t bytes, std::s
   turns->over = true;
 }
 
-Task<> takeTurnsBeside(asio::io_context& io, std::shared_ptr<Turns> turns) {
+Task<> takeTurnsBeside(asio::io_context& io, std::shared_ptr<ReadTurns> turns) {
   while (!turns->over) {
     co_await asio::post(io, asio::use_awaitable);
     ++turns->neighbour;
@@ -145,7 +145,7 @@ TEST(ChannelRecords, ofTheOnesThatAreThereATurnTakesABoundedNumberAndOthersHaveT
   ASSERT_TRUE(loop.client->send(numberedChunk(6)));
   ASSERT_TRUE(loop.runUntil([&] { return loop.client->bytesSent() > 0; }));
 
-  const auto turns = std::make_shared<Turns>();
+  const auto turns = std::make_shared<ReadTurns>();
   asio::co_spawn(loop.io, takeTurnsBeside(loop.io, turns), rethrow);
   asio::co_spawn(loop.io, readInTurns(loop.server, bytes.size(), turns), rethrow);
   ASSERT_TRUE(loop.runUntil([&] { return turns->over; }));
