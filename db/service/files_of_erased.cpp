@@ -229,16 +229,18 @@ void LookAtFiles::sortIn(const File& file) {
     return;
   }
   // nobody can tell: its path may be too long
-  if (!identity && !isForOldOnes()) name(Kind::kUntold, file);
-  if (!identity || std::get<3>(*identity) > newest_unix_ns_) return;
+  if (!identity) {
+    name(Kind::kUntold, file);
+    return;
+  }
+  if (std::get<3>(*identity) > newest_unix_ns_) return;
   if (std::any_of(kLogs.begin(), kLogs.end(), [&](std::string_view end) { return last.ends_with(end); })) {
     name(Kind::kLog, file);
   } else if (isUnfinishedCopy(last)) {
     name(Kind::kUnfinished, file);
   } else if (!isDatabase(path)) {
     // a list beside backups has no names
-    if (!isForOldOnes() && last != kErasuresCopy && !isTemporaryNameOf(kErasuresCopy, last))
-      name(Kind::kOther, file);
+    if (last != kErasuresCopy && !isTemporaryNameOf(kErasuresCopy, last)) name(Kind::kOther, file);
   } else if (files_.insert(file).second && files_.size() > kMostFilesRead) {
     const auto least = std::prev(files_.end());
     countOther(least->second);

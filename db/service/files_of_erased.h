@@ -59,9 +59,9 @@ class RowsOfFile;
 /// isOwnFile() and kErasuresCopy. Not found: what a link below these folders leads to, and folders in
 /// `backups` where this lies elsewhere. Files are read as openForeign() does, one that has several names
 /// (hard links) once; the server's own come first. Memory: for kMostFilesRead paths, whatever lies there.
-/// `newest_unix_ns`: leaves out what was changed later, files that are no databases, and folders that cannot
-/// be read. Without `most_time` all are listed unread. Takes no lock. `erased`, `cancelled` (may be null) and
-/// `time` must outlive it. Thread: one at a time.
+/// `newest_unix_ns`: leaves out what was changed later, and folders that cannot be read. Without `most_time`
+/// all are listed unread. Takes no lock. `erased`, `cancelled` (may be null) and `time` must outlive it.
+/// Thread: one at a time.
 class LookAtFiles {
  public:
   LookAtFiles(const std::filesystem::path& folder, const std::filesystem::path& backups,

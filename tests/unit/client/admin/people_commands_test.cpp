@@ -302,6 +302,16 @@ TEST_F(PeopleCommands, aSpreadsheetsTableIsTakenAndTheSameAgainChangesNothing) {
   EXPECT_EQ(good({"user", "list", "--json"}).rows().size(), 3u);
 }
 
+TEST_F(PeopleCommands, aLongTableTellsWhoGetsRightsAndHowManyRowsAreLeftOut) {
+  std::string table = "name,role,password\n";
+  for (int i = 0; i < 2000; ++i) table += "s" + std::to_string(i) + ",,\n";
+  const auto csv = folder.write("class.csv", table + "zoe,administrator,correct horse\n").string();
+  const Run dry = good({"user", "import", csv, "--dry-run"});
+  EXPECT_THAT(dry.out, HasSubstr("added as administrator, with a password"));
+  EXPECT_THAT(dry.out, HasSubstr("; the first 1 rows give a role, a password or a code"));
+  EXPECT_THAT(dry.err, HasSubstr("1 more rows are not shown: none gives a role"));
+}
+
 TEST_F(PeopleCommands, anImportOfAFileThatCannotBeReadMakesNoFolder) {
   const auto other = file("other");
   const auto bad = folder.write("bad.json", "{\"id\": 5}").string();

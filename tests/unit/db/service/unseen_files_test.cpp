@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -106,6 +107,22 @@ TEST_F(UnseenFilesOfErased, areSaidByCheckAfterAKillUntilTheyAreGone) {
   EXPECT_EQ(notes(), 1u) << "`check` writes nothing";
   restart();
   EXPECT_EQ(notes(), 0u);
+}
+
+TEST_F(UnseenFilesOfErased, areCompressedCopiesAndTextsToo) {
+  const auto one = backup("one.db");
+  const fs::path compressed = kept / "old.db.gz", list = data / "class.csv";
+  for (const fs::path& file : {compressed, list}) std::ofstream(file) << "tom";
+  const std::string pseudonym = eraseUpToTheFiles();
+  restart();
+  EXPECT_THAT(linesOn(pseudonym), ElementsAre(HasSubstr("person: 3 from before may")));
+  EXPECT_THAT(faults(),
+              ElementsAre(AllOf(HasSubstr(compressed.string() + " (20"), HasSubstr(list.string() + " (20"))));
+  fs::remove(one);
+  fs::remove(list);
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr(compressed.string())));
+  fs::remove(compressed);
+  EXPECT_THAT(faults(), IsEmpty());
 }
 
 TEST_F(UnseenFilesOfErased, areNotForgottenWhileTheDiskOfTheBackupsIsNotThere) {
