@@ -307,7 +307,8 @@ Result<std::vector<std::string>> namesOfStore(Connection& connection, bool of_gr
       .query(
           "SELECT name FROM people UNION SELECT full_name FROM people"
           " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
-          " UNION SELECT id FROM groups WHERE ?1 UNION SELECT name FROM groups WHERE ?1 UNION SELECT id"
+          " UNION SELECT id FROM groups WHERE ?1 = 1 UNION SELECT name FROM groups WHERE ?1 = 1 UNION SELECT "
+          "id"
           " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises",
           of_groups)
       .all(firstText);

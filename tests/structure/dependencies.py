@@ -98,6 +98,7 @@ def compiled(source, build):
         if not target.startswith(PRODUCT) or not target.endswith(".o"):
             continue
         sources, folders, libraries = set(), set(), set()
+        generated = False
         for line in lines[1:]:
             path = os.path.realpath(os.path.join(build, line.strip()))
             libraries |= {name for name, start in LIBRARIES.items() if path.startswith(start)}
@@ -106,10 +107,11 @@ def compiled(source, build):
             if path.startswith(build + os.sep):
                 if path.endswith(".pb.h"):
                     folders.add("proto")
+                generated |= path.endswith(".cpp")
                 continue
             folder = os.path.dirname(os.path.relpath(path, source))
             (sources if path.endswith(".cpp") else folders).add(folder)
-        if sources:
+        if sources or generated:
             yield target, sources, folders, libraries
 
 
