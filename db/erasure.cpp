@@ -81,6 +81,7 @@ Status ErasureStore::noteRow() {
 }
 
 Result<std::uint64_t> ErasureStore::pragma(std::string_view name) {
+  if (connection_.sqlite() == nullptr) return 0u;
   ASSIGN_OR_RETURN(const auto value,
                    connection_.prepare("PRAGMA " + std::string(name)).first([](const Statement& row) {
                      return row.natural(0);

@@ -219,6 +219,7 @@ class ErasureStore {
   /// kNoRoom unless the disk has room to write `bytes` more, to commit and to empty the log. SQLite itself
   /// must not find it full: that would end the server.
   Status requireRoom(std::uint64_t bytes = 0);
+  /// 0 on PostgreSQL.
   Result<std::uint64_t> pragma(std::string_view name);
   /// kNotFound, kDenied as erase().
   Status mayErase(const std::string& name, const ErasureLine& line, bool with_waiting);
