@@ -12,6 +12,7 @@ import json
 import os
 import pathlib
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -90,6 +91,13 @@ def health(port):
         return json.load(refused)
 
 
+def streams(port):
+    """whether the server has stored chunks: before that the load makes its stations, which it does not try twice"""
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+        found = re.search(r'^needlelab_chunks_total\{result="stored"\} (\S+)$', answer.read().decode(), re.MULTILINE)
+    return float(found[1]) > 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bin", type=pathlib.Path)
@@ -127,8 +135,11 @@ def main():
                                  "--server", f"127.0.0.1:{port}", "--ca", data / "tls/ca.crt", "--user", "ada", "--password-file", scratch / "password",
                                  "--quiet", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         faults = []
-        end = time.monotonic() + given.seconds
-        time.sleep(given.seconds * 0.2)
+        while not streams(metrics):
+            if load.poll() is not None:
+                sys.exit(f"faults_test: the load ended: {load.communicate()}")
+            time.sleep(0.05)
+        end = time.monotonic() + given.seconds * 0.8
         while time.monotonic() < end and load.poll() is None:
             fault = ["kill", "restart", "pause"][len(faults) % 3]
             if fault == "kill":
