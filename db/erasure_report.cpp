@@ -35,7 +35,7 @@ struct SessionRowOfText {
 // the columns have what the description has, but where an import or damage made them differ
 constexpr std::string_view kSessionRows =
     "SELECT number, id, description, profile_json,"
-    " exercise_id || char(10) || profile_id || char(10) || engine_version, erased"
+    " exercise_id || '\n' || profile_id || '\n' || engine_version, erased"
     " FROM sessions WHERE number > ?1 AND number <= ?2 ORDER BY number";
 SessionRowOfText sessionRowOf(const Statement& row) {
   return {row.integer(0), row.text(1), row.text(2), row.text(3), row.text(4), row.integer(5) != 0};
@@ -176,14 +176,13 @@ Result<std::string> ErasureStore::perhapsLeft(const NameSearch& search, const Se
   };
   constexpr Place kTexts[] = {
       {"{} remarks, such as number {}",
-       "SELECT id, text || char(10) || author, id FROM annotations WHERE id > ?1 AND id <= ?2 ORDER BY id",
-       true},
+       "SELECT id, text || '\n' || author, id FROM annotations WHERE id > ?1 AND id <= ?2 ORDER BY id", true},
       {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id"},
       {"{} lines of the audit log, such as {}",
-       "SELECT id, who || char(10) || subject || char(10) || detail || char(10) || coalesce(imported_by, '')"
-       " || char(10) || coalesce(imported_from, '')"
+       "SELECT id, who || '\n' || subject || '\n' || detail || '\n' || coalesce(imported_by, '')"
+       " || '\n' || coalesce(imported_from, '')"
        // the server's own actions are no names
-       " || CASE WHEN imported_by IS NULL THEN '' ELSE char(10) || action END, id"
+       " || CASE WHEN imported_by IS NULL THEN '' ELSE '\n' || action END, id"
        " FROM audit WHERE id > ?1 AND id <= ?2 ORDER BY id",
        true},
       {"the reasons of {} erasures, such as {}", "SELECT pseudonym, reason FROM erasures ORDER BY pseudonym"},
