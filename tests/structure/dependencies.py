@@ -111,7 +111,9 @@ def compiled(source, build):
                 continue
             folder = os.path.dirname(os.path.relpath(path, source))
             (sources if path.endswith(".cpp") else folders).add(folder)
-        if sources or generated:
+        if generated and not sources:
+            sources.add(target.split("/CMakeFiles/")[0])
+        if sources:
             yield target, sources, folders, libraries
 
 
