@@ -286,7 +286,8 @@ Result<std::vector<std::string>> GroupStore::groupsOf(std::string_view person) {
 
 Status GroupStore::checkMayJoin(const std::string& id, const std::string& person) {
   auto others = connection_.query(
-      "SELECT count(*) FROM (SELECT 1 FROM group_members WHERE person = ?1 AND group_id <> ?2 LIMIT ?3) AS others",
+      "SELECT count(*) FROM (SELECT 1 FROM group_members WHERE person = ?1 AND group_id <> ?2 LIMIT ?3) AS "
+      "others",
       person, id, std::uint64_t{kMaxGroupsOfPerson});
   RETURN_IF_ERROR(others.step());
   if (others.natural(0) < kMaxGroupsOfPerson) return {};
