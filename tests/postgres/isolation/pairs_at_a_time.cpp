@@ -249,6 +249,20 @@ ServerWork closing(std::uint64_t chunks) {
 
 }  // namespace
 
+Indivisible indivisibleOf(pb::Request::CallCase call) {
+  switch (call) {
+    case pb::Request::kExportPerson:
+    case pb::Request::kExportAll:
+    case pb::Request::kExportStudy:
+      return Indivisible::kStored;
+    case pb::Request::kRescoreAll:
+    case pb::Request::kRunRetention:
+      return Indivisible::kSteps;
+    default:
+      return Indivisible::kWhole;
+  }
+}
+
 std::vector<PairAtATime> pairsAtATime(const SharedWorld& world) {
   const auto texts = textsOf(world);
   std::vector<PairAtATime> pairs;

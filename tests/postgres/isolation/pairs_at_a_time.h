@@ -10,6 +10,14 @@
 
 namespace needlelab::test {
 
+/// What a request promises to be as if nobody had come between.
+enum class Indivisible {
+  kWhole,   ///< its answer, and what it stores
+  kStored,  ///< what it stores: the answer is a view of one moment, which may be before or behind its line
+  kSteps,   ///< each of its steps: what it counts, for its answer and its line, may be others' work, too
+};
+Indivisible indivisibleOf(pb::Request::CallCase call);
+
 struct PairAtATime {
   std::string name;  ///< "user add, user add"
   ServerWork first, second;

@@ -1,7 +1,9 @@
 /// A lab on PostgreSQL that two servers share: filled once, and put back after each run.
 #pragma once
 
+#include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,9 +38,9 @@ class SharedWorld {
   /// Throws when it cannot be made.
   SharedWorld();
 
-  /// Of all tables: a line a row, without what two runs do not have in common.
-  std::string contents();
-  /// Puts tables and files back as they were.
+  /// Of all tables, or all but the audit log's: a line a row, without what two runs do not have in common.
+  std::string contents(bool with_audit_log);
+  /// Puts tables and files back as they were; trusts the last contents(), if nothing was changed since.
   void putBack();
   /// What is wrong with the audit log's chain; empty: nothing.
   std::string faultOfAuditChain();
@@ -61,11 +63,13 @@ class SharedWorld {
   TempFolder folder_;
   PostgresBelow dropped_at_end_{folder_.path()};
   StoreAddress address_;
-  std::string profile_json_, person_record_, all_rows_;
+  std::string profile_json_, person_record_, all_rows_, all_tables_;
+  std::uint64_t times_put_back_ = 0;
   std::unique_ptr<Connection> control_;
   std::vector<std::string> tables_;
-  std::map<std::string, std::string> rows_;  ///< at the beginning, by table
-  std::map<std::string, Bytes> files_;       ///< at the beginning, by path
+  std::map<std::string, std::string> rows_;                 ///< at the beginning, by table
+  std::optional<std::map<std::string, std::string>> seen_;  ///< by contents()
+  std::map<std::string, Bytes> files_;                      ///< at the beginning, by path
   std::unique_ptr<OneServer> one_, other_;
 };
 
