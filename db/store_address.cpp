@@ -27,8 +27,9 @@ Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const 
 
 Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create) {
   if (!address.isPostgres()) return Connection::open(address.path, {.mode = mode, .create = create});
-  ASSIGN_OR_RETURN(auto engine,
-                   openPostgres({.url = address.url, .read_only = mode != Connection::Mode::kWriter}));
+  ASSIGN_OR_RETURN(auto engine, openPostgres({.url = address.url,
+                                              .read_only = mode != Connection::Mode::kWriter,
+                                              .before_statement = address.before_statement}));
   return Connection(std::move(engine), address.path);
 }
 
@@ -46,7 +47,10 @@ Result<Connection> openToServe(const StoreAddress& address, Durability least) {
     RETURN_IF_ERROR(enough(opened));
     return opened;
   }
-  ASSIGN_OR_RETURN(auto engine, openPostgres({.url = address.url, .alone = true, .least = least}));
+  ASSIGN_OR_RETURN(
+      auto engine,
+      openPostgres(
+          {.url = address.url, .alone = true, .least = least, .before_statement = address.before_statement}));
   Connection opened(std::move(engine), address.path);
   RETURN_IF_ERROR(enough(opened));
   return opened;

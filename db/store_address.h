@@ -2,8 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "common/base/result.h"
 #include "db/connection.h"
@@ -14,6 +16,8 @@ struct StoreAddress {
   /// DIR/needlelab.db. Beside it are the lab's keys and lists, also where the database is elsewhere.
   std::filesystem::path path;
   std::string url = {};  ///< of PostgreSQL; empty: the database is the SQLite file `path`
+  /// As PostgresOptions::before_statement. Thread: any connection's, several at a time.
+  std::function<void(std::string_view sql)> before_statement = {};
 
   // a path alone is an SQLite file's address
   StoreAddress(std::filesystem::path file) : path(std::move(file)) {}  // NOLINT(google-explicit-constructor)

@@ -26,8 +26,9 @@ enum class PlantedBug {
   kNoKeepAlive,               ///< nothing is sent to the Virtuose while a lesson is prepared
   kOldConnectionKept,         ///< a Virtuose is opened anew without closing the old connection
   kRepeatedChunkOverwrites,   ///< a chunk that is stored already takes the stored one's place
+  kWritersTogether,           ///< on PostgreSQL write transactions hold no lock of the store
 };
-inline constexpr int kPlantedBugs = 19;
+inline constexpr int kPlantedBugs = 20;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
@@ -38,7 +39,7 @@ constexpr std::string_view nameOf(PlantedBug bug) noexcept {
       "sample-lost-at-reconnection", "device-watchdog-twice", "torque-without-zero",
       "request-outlives-link",       "no-last-command",       "look-again-twice",
       "retry-never-doubles",         "no-keep-alive",         "old-connection-kept",
-      "repeated-chunk-overwrites",
+      "repeated-chunk-overwrites",   "writers-together",
   };
   return kNames[static_cast<int>(bug)];
 }

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "common/base/result.h"
 #include "db/engine/engine.h"
@@ -21,6 +23,9 @@ struct PostgresOptions {
   std::chrono::milliseconds answer_timeout{30'000};
   /// Write transactions are refused with kUnavailable while an ack would survive less than this.
   Durability least = Durability::kNothing;
+  /// Called with its text before each statement is sent, BEGIN and COMMIT too; may block; may be empty. For
+  /// tests that decide in which order two connections go on. Thread: the connection's.
+  std::function<void(std::string_view sql)> before_statement = {};
 };
 
 /// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database), kVersion

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "common/base/bytes.h"
+#include "common/base/planted_bug.h"
 #include "db/engine/postgres_sql.h"
 #include "db/engine/postgres_values.h"
 
@@ -416,6 +417,7 @@ Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const
 Result<PostgresConnection::ResultPtr> PostgresConnection::execute(const std::string& prepared,
                                                                   const std::vector<Value>& values,
                                                                   std::string_view what) {
+  tellBefore(what);
   std::vector<const char*> texts;
   std::vector<int> lengths, forms(values.size(), kBinary);
   texts.reserve(values.size());
@@ -444,6 +446,7 @@ Status PostgresConnection::runText(const char* sql) {
 
 Status PostgresConnection::script(const std::string& sql) {
   RETURN_IF_ERROR(requireConnected());
+  tellBefore(sql);
   RETURN_IF_ERROR(sendDue());
   return runText(sql.c_str());
 }
@@ -457,6 +460,7 @@ bool PostgresConnection::inTransaction() const {
 
 Status PostgresConnection::begin(Begin kind) {
   RETURN_IF_ERROR(requireConnected());
+  tellBefore("BEGIN");
   if (kind == Begin::kView) {
     RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"));
     // BEGIN alone does not read; this fixes the view
@@ -470,9 +474,9 @@ Status PostgresConnection::begin(Begin kind) {
   // acknowledge what an earlier transaction left at the primary only (RecordTransactionCommit, wrote_xlog).
   const std::string ask = fmt::format(
       "BEGIN ISOLATION LEVEL READ COMMITTED;"
-      " SELECT pg_advisory_xact_lock({}), pg_current_xact_id()::text, {},"
-      " pg_logical_emit_message(true, 'needlelab', '')",
-      kWriterLock, kSettingsQuery);
+      " SELECT {}, pg_current_xact_id()::text, {}, pg_logical_emit_message(true, 'needlelab', '')",
+      planted(PlantedBug::kWritersTogether) ? "NULL" : fmt::format("pg_advisory_xact_lock({})", kWriterLock),
+      kSettingsQuery);
   const auto locked = askWithSettings(ask, 2, "begin a transaction");
   if (const Status durable = locked ? requireDurable() : locked.error(); !durable) {
     rollback();
@@ -487,6 +491,7 @@ Status PostgresConnection::commit() {
   warning_.reset();
   dropDue();  // COMMIT ends the savepoints, too
   if (in_lost_transaction_) return requireConnected();
+  tellBefore("COMMIT");
   const std::string xid = std::exchange(write_xid_, {});
   in_transaction_ = false;  // what is lost from here on is asked for
   if (PQsendQuery(connection_.get(), "COMMIT") != 0) {

@@ -93,6 +93,9 @@ class PostgresConnection final : public EngineConnection {
   };
   explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)) {}
   Status connect();
+  void tellBefore(std::string_view sql) const {
+    if (options_.before_statement) options_.before_statement(sql);
+  }
   /// Takes kAloneLock.
   Status becomeAlone();
   /// Runs a query of one row and notes the settings in its columns, from `column` on (kSettingsQuery).

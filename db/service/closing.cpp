@@ -292,17 +292,22 @@ Result<pb::Reply> Service::rescore(const Principal& principal, const pb::Rescore
   if (info.state() == pb::SESSION_OPEN)
     return Error{ErrorCode::kUnavailable, name + " is still open: it is scored when it is closed"};
   // a thinned recording does not give the original's measures (README of common/gesture, thinning)
-  if (info.has_removed_original())
-    return Error{ErrorCode::kUnavailable,
-                 name + ": its original recording is gone, its scores stay as they are"};
+  const Error gone{ErrorCode::kUnavailable,
+                   name + ": its original recording is gone, its scores stay as they are"};
+  if (info.has_removed_original()) return gone;
   if (!under_way.is_long && info.samples() > kShortScoreSamples) {
     under_way.is_long = under_way.more = true;
     return pb::Reply();
   }
   if (!under_way.score) under_way.score = std::make_shared<SessionScore>(id);
-  ASSIGN_OR_RETURN(const auto measures,
-                   scoreSome(*reader, id, *under_way.score,
-                             under_way.is_long ? StepWork(kScoredAtOnce) : StepWork::all()));
+  const auto scored =
+      scoreSome(*reader, id, *under_way.score, under_way.is_long ? StepWork(kScoredAtOnce) : StepWork::all());
+  if (!scored) {
+    // a run of retention may have removed it meanwhile
+    const auto now = SessionStore(*reader).info(id);
+    return now && now->has_removed_original() ? gone : scored.error();
+  }
+  const auto& measures = *scored;
   under_way.more = !measures;
   if (!measures) return pb::Reply();
   if (measures->empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};

@@ -62,11 +62,15 @@ Result<pb::Reply> setCode(const Context& context, const pb::SetCode& call) {
     if (person && person->code_hash.empty()) return reply;  // nothing to take away
   }
   const std::string_view detail = code.empty() ? "removed" : call.make() ? "made" : "set";
-  const Status written = write(context, call.name(), std::string(detail), [&](Connection& writer) -> Status {
-    // check again: hashing took a while
-    RETURN_IF_ERROR(maySetCode(context, writer, call.name()));
-    return PeopleStore(writer).setCodeHash(call.name(), hash);
-  });
+  const Status written =
+      writeIfChanged(context, call.name(), std::string(detail), [&](Connection& writer) -> Result<bool> {
+        // check again: hashing took a while
+        RETURN_IF_ERROR(maySetCode(context, writer, call.name()));
+        ASSIGN_OR_RETURN(const auto person, PeopleStore(writer).find(call.name()));
+        if (code.empty() && person && person->code_hash.empty()) return false;
+        RETURN_IF_ERROR(PeopleStore(writer).setCodeHash(call.name(), hash));
+        return true;
+      });
   if (!written) return written.error();
   context.codes.forget(call.name());
   if (call.make()) reply.mutable_new_code()->set_code(code);
@@ -81,10 +85,15 @@ Result<pb::Reply> changeLabSettings(const Context& context, const pb::ChangeLabS
   ASSIGN_OR_RETURN(const bool required, LabSettingsStore(context.reader).codesRequired());
   if (!call.has_codes_required() || call.codes_required() == required) return settingsReply(context.reader);
   const std::string detail = call.codes_required() ? "codes required" : "codes optional";
-  RETURN_IF_ERROR(write(context, "", detail, [&](Connection& writer) {
-    return LabSettingsStore(writer).setCodesRequired(call.codes_required());
-  }));
-  return settingsReply(context.reader);
+  pb::Reply reply;
+  const Status written = writeIfChanged(context, "", detail, [&](Connection& writer) -> Result<bool> {
+    ASSIGN_OR_RETURN(const bool before, LabSettingsStore(writer).codesRequired());
+    RETURN_IF_ERROR(LabSettingsStore(writer).setCodesRequired(call.codes_required()));
+    ASSIGN_OR_RETURN(reply, settingsReply(writer));
+    return before != call.codes_required();
+  });
+  if (!written) return written.error();
+  return reply;
 }
 
 Result<bool> checkCodeOf(const Context& context, const std::string& name, const std::string& code) {

@@ -59,6 +59,10 @@ Status checkAccess(Connection& connection, const Principal& who);
 /// returns after the commit.
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work);
+/// The same, without a line when `work` finds on the writer that everything is so already, and returns false:
+/// somebody else may have come first since a reader looked.
+Status writeIfChanged(const Context& context, const std::string& subject, const std::string& detail,
+                      const std::function<Result<bool>(Connection&)>& work);
 
 /// The same for an edit: a conflict's message describes the earlier change as in the audit log.
 Status edit(const Context& context, const std::string& subject, const std::string& detail,

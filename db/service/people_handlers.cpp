@@ -78,9 +78,10 @@ Result<Person> knownPerson(Connection& connection, const std::string& name) {
   return std::move(**person);
 }
 
-Result<pb::Reply> userReply(const Context& context, const std::string& name) {
-  ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, name));
-  ASSIGN_OR_RETURN(auto user, userOf(context.reader, person));
+/// After a change: on the writer, so that the reply has that change and no later one.
+Result<pb::Reply> userReply(Connection& connection, const std::string& name) {
+  ASSIGN_OR_RETURN(const auto person, knownPerson(connection, name));
+  ASSIGN_OR_RETURN(auto user, userOf(connection, person));
   pb::Reply reply;
   *reply.mutable_user() = std::move(user);
   return reply;
@@ -183,21 +184,26 @@ Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& cal
     RETURN_IF_ERROR(mayEndAccess(context, person));
     if (person.disabled != call.enable()) return doneReply();  // as it is already
   }
-  const Status written = write(context, call.name(), call.enable() ? "enabled again" : "disabled",
-                               [&](Connection& writer) -> Status {
-                                 ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
-                                 RETURN_IF_ERROR(mayEndAccess(context, person));
-                                 return PeopleStore(writer).setDisabled(
-                                     call.name(), !call.enable(), context.who.name, context.now_unix_ns);
-                               });
+  bool changed = false;
+  const Status written =
+      writeIfChanged(context, call.name(), call.enable() ? "enabled again" : "disabled",
+                     [&](Connection& writer) -> Result<bool> {
+                       ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
+                       RETURN_IF_ERROR(mayEndAccess(context, person));
+                       changed = person.disabled == call.enable();
+                       if (!changed) return false;
+                       RETURN_IF_ERROR(PeopleStore(writer).setDisabled(
+                           call.name(), !call.enable(), context.who.name, context.now_unix_ns));
+                       return true;
+                     });
   if (!written) return written.error();
-  if (!call.enable()) noteAccessChanged(context);
+  if (changed && !call.enable()) noteAccessChanged(context);
   return doneReply();
 }
 
 Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call) {
   RETURN_IF_ERROR(ownOnly(context, call.name(), "data"));
-  return userReply(context, call.name());
+  return userReply(context.reader, call.name());
 }
 
 Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call) {
@@ -205,8 +211,9 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
     ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, call.name()));
     RETURN_IF_ERROR(mayManage(context, person.role));
     if (call.base_revision() == person.revision && changesNothing(person, call))
-      return userReply(context, call.name());
+      return userReply(context.reader, call.name());
   }
+  pb::Reply reply;
   std::string detail;
   bool access_changed = false;
   const auto addDetail = [&](const std::string& text) { detail += (detail.empty() ? "" : "; ") + text; };
@@ -236,13 +243,14 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
       addDetail("full name: '" + printable(person.full_name) + "' to '" + printable(call.full_name()) + "'");
       change.full_name = call.full_name();
     }
-    const auto changed = PeopleStore(writer).change(call.name(), call.base_revision(), change,
-                                                    context.who.name, context.now_unix_ns);
-    return changed ? Status() : Status(changed.error());
+    RETURN_IF_ERROR(PeopleStore(writer).change(call.name(), call.base_revision(), change, context.who.name,
+                                               context.now_unix_ns));
+    ASSIGN_OR_RETURN(reply, userReply(writer, call.name()));
+    return {};
   });
   if (!written) return written.error();
   if (access_changed) noteAccessChanged(context);
-  return userReply(context, call.name());
+  return reply;
 }
 
 namespace {
@@ -263,10 +271,18 @@ Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call)
   consent.set_recorded_by(context.who.name);
   consent.set_unix_ns(context.now_unix_ns);
   ASSIGN_OR_RETURN(const auto newest, ConsentStore(context.reader).newest(call.name()));
-  if (newest && sameWords(*newest, consent)) return userReply(context, call.name());
-  RETURN_IF_ERROR(write(context, call.name(), call.given() ? "given" : "withdrawn",
-                        [&](Connection& writer) { return ConsentStore(writer).add(call.name(), consent); }));
-  return userReply(context, call.name());
+  if (newest && sameWords(*newest, consent)) return userReply(context.reader, call.name());
+  pb::Reply reply;
+  const Status written = writeIfChanged(
+      context, call.name(), call.given() ? "given" : "withdrawn", [&](Connection& writer) -> Result<bool> {
+        ASSIGN_OR_RETURN(const auto before, ConsentStore(writer).newest(call.name()));
+        const bool is_new = !before || !sameWords(*before, consent);
+        if (is_new) RETURN_IF_ERROR(ConsentStore(writer).add(call.name(), consent));
+        ASSIGN_OR_RETURN(reply, userReply(writer, call.name()));
+        return is_new;
+      });
+  if (!written) return written.error();
+  return reply;
 }
 
 Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call) {

@@ -109,15 +109,15 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
 
 Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call) {
   ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
-  RETURN_IF_ERROR(write(context, uuidText(id),
-                        (call.excused() ? "does not count: " : "counts again: ") + call.reason(),
-                        [&](Connection& writer) {
-                          const auto changed = AttemptStore(writer).excuse(id, call.excused());
-                          return changed ? Status() : Status(changed.error());
-                        }));
-  ASSIGN_OR_RETURN(auto attempt, AttemptStore(context.reader).get(id));
   pb::Reply reply;
-  *reply.mutable_attempt() = std::move(attempt);
+  const Status written =
+      write(context, uuidText(id), (call.excused() ? "does not count: " : "counts again: ") + call.reason(),
+            [&](Connection& writer) -> Status {
+              RETURN_IF_ERROR(AttemptStore(writer).excuse(id, call.excused()));
+              ASSIGN_OR_RETURN(*reply.mutable_attempt(), AttemptStore(writer).get(id));
+              return {};
+            });
+  if (!written) return written.error();
   return reply;
 }
 

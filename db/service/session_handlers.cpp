@@ -118,16 +118,15 @@ Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession&
   RETURN_IF_ERROR(checkName("trainee", call.trainee()));
   RETURN_IF_ERROR(checkNote("reason", call.reason(), 0, kMaxNoteBytes));
   const auto seen = call.has_was() ? std::optional(call.was()) : std::nullopt;
+  pb::Reply reply;
   std::string detail;
   RETURN_IF_ERROR(write(context, uuidText(id), detail, [&](Connection& writer) -> Status {
     ASSIGN_OR_RETURN(const auto was, UnknownTraineeStore(writer).assign(
                                          id, call.trainee(), seen, context.who.name, context.now_unix_ns));
     detail = "from " + was + " to " + call.trainee() + (call.reason().empty() ? "" : ": " + call.reason());
+    ASSIGN_OR_RETURN(*reply.mutable_session(), SessionStore(writer).info(id));
     return {};
   }));
-  ASSIGN_OR_RETURN(auto info, SessionStore(context.reader).info(id));
-  pb::Reply reply;
-  *reply.mutable_session() = std::move(info);
   return reply;
 }
 

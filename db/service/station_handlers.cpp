@@ -82,9 +82,15 @@ Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call)
 Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call) {
   ASSIGN_OR_RETURN(const auto station, StationStore(context.reader).find(call.name()));
   if (station && station->revoked) return doneReply();  // as it is already
-  RETURN_IF_ERROR(write(context, call.name(), "",
-                        [&](Connection& writer) { return StationStore(writer).revoke(call.name()); }));
-  noteAccessChanged(context);
+  bool changed = false;
+  const Status written = writeIfChanged(context, call.name(), "", [&](Connection& writer) -> Result<bool> {
+    ASSIGN_OR_RETURN(const auto now, StationStore(writer).find(call.name()));
+    changed = !now || !now->revoked;
+    if (changed) RETURN_IF_ERROR(StationStore(writer).revoke(call.name()));
+    return changed;
+  });
+  if (!written) return written.error();
+  if (changed) noteAccessChanged(context);
   return doneReply();
 }
 

@@ -90,9 +90,18 @@ Status checkAccess(Connection& connection, const Principal& who) {
 
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work) {
+  return writeIfChanged(context, subject, detail, [&](Connection& writer) -> Result<bool> {
+    RETURN_IF_ERROR(work(writer));
+    return true;
+  });
+}
+
+Status writeIfChanged(const Context& context, const std::string& subject, const std::string& detail,
+                      const std::function<Result<bool>(Connection&)>& work) {
   return context.writer.run([&](Connection& writer) -> Status {
     RETURN_IF_ERROR(checkAccess(writer, context.who));
-    RETURN_IF_ERROR(work(writer));
+    ASSIGN_OR_RETURN(const bool changed, work(writer));
+    if (!changed) return {};
     return AuditStore(writer).add(
         {0, context.now_unix_ns, context.who.name, std::string(context.action), subject, detail});
   });
@@ -100,17 +109,20 @@ Status write(const Context& context, const std::string& subject, const std::stri
 
 Status edit(const Context& context, const std::string& subject, const std::string& detail,
             const std::function<Status(Connection&)>& work) {
-  auto done = write(context, subject, detail, work);
-  if (done || done.error().code != ErrorCode::kConflict || done.error().current_revision == 0) return done;
-  Error conflict = done.error();
-  // an import of a class table may also have changed the person
-  const std::string_view other = context.action == "user change" ? "user import" : context.action;
-  auto row = context.reader.query(
-      "SELECT detail FROM audit WHERE subject = ? AND action IN (?, ?) ORDER BY id DESC LIMIT 1", subject,
-      context.action, other);
-  const auto found = row.step();
-  if (found && *found && !row.text(0).empty()) conflict.message += ". What came first: " + row.text(0);
-  return conflict;
+  return write(context, subject, detail, [&](Connection& writer) -> Status {
+    const Status done = work(writer);
+    if (done || done.error().code != ErrorCode::kConflict || done.error().current_revision == 0) return done;
+    Error conflict = done.error();
+    // an import of a class table may also have changed the person
+    const std::string_view other = context.action == "user change" ? "user import" : context.action;
+    // on the writer: a later change was not the one that came first
+    auto row = writer.query(
+        "SELECT detail FROM audit WHERE subject = ? AND action IN (?, ?) ORDER BY id DESC LIMIT 1", subject,
+        context.action, other);
+    const auto found = row.step();
+    if (found && *found && !row.text(0).empty()) conflict.message += ". What came first: " + row.text(0);
+    return conflict;
+  });
 }
 
 Status noteRead(const Context& context, const std::string& subject, const std::string& detail) {

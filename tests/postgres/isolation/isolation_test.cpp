@@ -1,0 +1,167 @@
+// What two servers do on one database at a time comes out as if one had come after the other: every request
+// that has something stored, and what stations send, in forced interleavings.
+// NEEDLELAB_ISOLATION_ONLY=TEXT: only the pairs whose name has this text.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "db/service/requests.h"
+#include "tests/postgres/isolation/interleaving.h"
+#include "tests/postgres/isolation/pairs_at_a_time.h"
+#include "tests/postgres/isolation/shared_world.h"
+#include "tests/unit/db/planted_here.h"
+
+namespace needlelab::test {
+namespace {
+
+/// Where the first one is held: before each of its statements, if there are not more.
+constexpr std::size_t kMostHolds = 8;
+
+struct RunOutcome {
+  std::string first, second, contents;
+  bool operator==(const RunOutcome&) const = default;
+};
+
+/// The first line that one text has, and the other has not.
+std::string firstDifference(const std::string& found, const std::string& wanted) {
+  std::size_t at = 0, line = 0;
+  while (at < found.size() && at < wanted.size() && found[at] == wanted[at]) {
+    if (found[at] == '\n') line = at + 1;
+    ++at;
+  }
+  const auto shown = [line](const std::string& text) {
+    constexpr std::size_t kMost = 900;
+    return text.substr(std::min(line, text.size()), std::min(text.find('\n', line), line + kMost) - line);
+  };
+  return found == wanted ? "as there" : "\n      found  " + shown(found) + "\n      wanted " + shown(wanted);
+}
+
+std::string differences(const RunOutcome& found, const RunOutcome& wanted) {
+  return "\n    first answer: " + firstDifference(found.first, wanted.first) +
+         "\n    second answer: " + firstDifference(found.second, wanted.second) +
+         "\n    database: " + firstDifference(found.contents, wanted.contents);
+}
+
+class Isolation : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    world = std::make_unique<SharedWorld>();
+    pairs = pairsAtATime(*world);
+    if (const char* only = std::getenv("NEEDLELAB_ISOLATION_ONLY"))
+      std::erase_if(pairs,
+                    [&](const PairAtATime& pair) { return pair.name.find(only) == std::string::npos; });
+  }
+  static void TearDownTestSuite() {
+    pairs.clear();
+    world.reset();
+  }
+  void TearDown() override {
+    bugPlantedHere().reset();
+    world->putBack();
+  }
+
+  /// What came out, as far as the two requests promise it; puts the world back.
+  static RunOutcome outcomeOf(const PairAtATime& pair, const TwoAnswers& answers) {
+    const Indivisible first = indivisibleOf(pair.first_call), second = indivisibleOf(pair.second_call);
+    RunOutcome outcome;
+    if (first == Indivisible::kWhole) outcome.first = withoutTimes(answers.first);
+    if (second == Indivisible::kWhole) outcome.second = withoutTimes(answers.second);
+    outcome.contents = world->contents(first != Indivisible::kSteps && second != Indivisible::kSteps);
+    world->putBack();
+    return outcome;
+  }
+
+  struct PairVerdict {
+    std::optional<std::string> fault;  ///< the first interleaving that is as none of the two orders
+    std::size_t runs = 0, waited = 0;
+  };
+
+  /// Holds the first one before its statements, one after another, up to the first fault.
+  static PairVerdict lookAt(const PairAtATime& pair) {
+    PairVerdict verdict;
+    const auto turned = runInTurn(world->other(), pair.second, world->one(), pair.first);
+    const RunOutcome other_order = outcomeOf(pair, {turned.second, turned.first});
+    const auto in_turn = runInTurn(world->one(), pair.first, world->other(), pair.second);
+    const std::size_t statements = world->one().gate().count();
+    const RunOutcome one_order = outcomeOf(pair, in_turn);
+    // before the first statement it would be the other order
+    const std::size_t step = statements / (kMostHolds + 1) + 1;
+    for (std::size_t held = 1; held < statements && !verdict.fault; held += step) {
+      const auto answers =
+          runInterleaved(world->one(), pair.first, world->other(), pair.second, held, world->control());
+      verdict.waited += answers.second_waited ? 1 : 0;
+      ++verdict.runs;
+      const std::string chain = world->faultOfAuditChain();
+      const RunOutcome found = outcomeOf(pair, answers);
+      if (chain.empty() && (found == one_order || found == other_order)) continue;
+      verdict.fault = "held before statement " + std::to_string(held) + " of " + std::to_string(statements) +
+                      "; beside first, then second:" + differences(found, one_order) +
+                      "\n  beside second, then first:" + differences(found, other_order) +
+                      (chain.empty() ? "" : "\n  audit log: " + chain);
+    }
+    return verdict;
+  }
+
+  static inline std::unique_ptr<SharedWorld> world;
+  static inline std::vector<PairAtATime> pairs;
+};
+
+TEST_F(Isolation, everyRequestThatHasSomethingStoredIsAPairWithItself) {
+  if (std::getenv("NEEDLELAB_ISOLATION_ONLY") != nullptr) GTEST_SKIP() << "some pairs only";
+  std::set<pb::Request::CallCase> with_itself, with_others;
+  for (const PairAtATime& pair : pairs) {
+    if (pair.first_call == pair.second_call) with_itself.insert(pair.first_call);
+    with_others.insert({pair.first_call, pair.second_call});
+  }
+  for (const RequestRow& row : requestRows()) {
+    if (row.handler.storing == Storing::kNothing) continue;
+    // of one program only one erasure is under way (erasures.cpp): it would wait where nobody sees it
+    const bool is_there = row.call == pb::Request::kErasePerson ? with_others.contains(row.call)
+                                                                : with_itself.contains(row.call);
+    EXPECT_TRUE(is_there) << row.action << ": add it to pairs_at_a_time.cpp, from two people";
+  }
+}
+
+TEST_F(Isolation, twoServersAtATimeAreAsOneAfterTheOther) {
+  const std::int64_t deadlocks_before = world->deadlocks();
+  std::size_t runs = 0, waited = 0;
+  const auto look = [&](const PairAtATime& pair) {
+    const PairVerdict verdict = lookAt(pair);
+    EXPECT_FALSE(verdict.fault.has_value()) << pair.name << "\n  " << *verdict.fault;
+    runs += verdict.runs;
+    waited += verdict.waited;
+  };
+  for (const PairAtATime& pair : pairs) {
+    look(pair);
+    // of the same request the mirrored order is the same but for names
+    if (pair.first_call != pair.second_call || pair.first_call == pb::Request::CALL_NOT_SET)
+      look({"mirrored: " + pair.name, pair.second, pair.first, pair.second_call, pair.first_call});
+  }
+  // one waits for the other, and PostgreSQL ends none: there is nothing to repeat
+  EXPECT_EQ(world->deadlocks(), deadlocks_before);
+  EXPECT_GT(waited, runs / 4);
+  std::printf("%zu interleavings; in %zu one waited for the other\n", runs, waited);
+}
+
+TEST_F(Isolation, withoutTheLockOfTheStoreManyPairsComeOutOtherwise) {
+  bugPlantedHere() = PlantedBug::kWritersTogether;
+  std::set<std::string> caught;
+  std::size_t looked_at = 0;
+  for (const PairAtATime& pair : pairs) {
+    if (pair.first_call != pair.second_call) continue;
+    ++looked_at;
+    if (lookAt(pair).fault) caught.insert(pair.name);
+  }
+  std::printf("%zu of %zu pairs come out otherwise\n", caught.size(), looked_at);
+  EXPECT_GT(caught.size(), looked_at / 2);
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,314 @@
+#include "tests/postgres/isolation/shared_world.h"
+
+#include <sodium.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/files.h"
+#include "db/audit_chain.h"
+#include "db/credentials.h"
+#include "db/documents.h"
+#include "db/engine/open_postgres.h"
+#include "db/people.h"
+#include "db/session_rows.h"
+#include "tests/unit/db/service/test_service.h"
+
+namespace needlelab::test {
+namespace {
+
+template <typename T>
+T orThrow(Result<T> result) {
+  if (!result) throw std::runtime_error(result.error().message);
+  return std::move(*result);
+}
+void orThrow(const Status& status) {
+  if (!status) throw std::runtime_error(status.error().message);
+}
+
+/// In place of libsodium's: keys, salts and pseudonyms are the same whoever makes them, and when.
+const char* constantName() {
+  return "constant";
+}
+std::uint32_t constantNumber() {
+  return 0x5a5a5a5a;
+}
+void constantBytes(void* to, std::size_t count) {
+  std::memset(to, 0x5a, count);
+}
+randombytes_implementation constant_randomness{constantName, constantNumber, nullptr,
+                                               nullptr,      constantBytes,  nullptr};
+
+bool isDigit(char c) {
+  return std::isdigit(static_cast<unsigned char>(c)) != 0;
+}
+bool isHexDigit(char c) {
+  return std::isxdigit(static_cast<unsigned char>(c)) != 0;
+}
+
+/// 2026-11-24 00:01:23, or as much of it as there is; 0: no date begins here.
+std::size_t lengthOfDate(std::string_view text) {
+  constexpr std::string_view kForm = "dddd-dd-dd dd:dd:dd";
+  constexpr std::size_t kDay = 10, kMinute = 16;
+  std::size_t same = 0;
+  while (same < kForm.size() && same < text.size() &&
+         (kForm[same] == 'd' ? isDigit(text[same]) : kForm[same] == text[same]))
+    ++same;
+  return same == kForm.size() ? same : same >= kMinute ? kMinute : same >= kDay ? kDay : 0;
+}
+
+Uuid idOf(const char* text) {
+  const auto id = uuidOf(text);
+  if (!id) throw std::runtime_error(std::string(text) + ": an id has 16 bytes");
+  return *id;
+}
+
+constexpr std::uint64_t kChunksOfSession = 3;
+constexpr std::size_t kSamplesOfChunk = 60;
+
+}  // namespace
+
+std::string withoutTimes(const std::string& text) {
+  static const std::int64_t began_ns = wallNowNs();
+  constexpr std::size_t kDigitsOfTime = 19, kDigitsOfMac = 64;
+  std::string kept;
+  for (std::size_t at = 0; at < text.size();) {
+    std::size_t end = at;
+    while (end < text.size() && isHexDigit(text[end])) ++end;
+    std::size_t digits = at;
+    while (digits < text.size() && isDigit(text[digits])) ++digits;
+    const bool begins_word = at == 0 || std::isalnum(static_cast<unsigned char>(text[at - 1])) == 0;
+    if (const std::size_t date = begins_word ? lengthOfDate(std::string_view(text).substr(at)) : 0;
+        date > 0) {
+      kept += "(date)";
+      at += date;
+    } else if (begins_word && digits - at == kDigitsOfTime && text[at] < '9' &&
+               std::stoll(text.substr(at, kDigitsOfTime)) >= began_ns) {
+      kept += "(time)";
+      at = digits;
+    } else if (begins_word && end - at == kDigitsOfMac && text.substr(0, at).ends_with(':')) {
+      kept += "(mac)";
+      at = end;
+    } else {
+      const std::size_t next = std::max(end, at + 1);
+      kept.append(text, at, next - at);
+      at = next;
+    }
+  }
+  return kept;
+}
+
+SharedWorld::SharedWorld()
+    : address_(folder_.path() / "data" / "needlelab.db", postgresUrlOf(folder_.path() / "data")) {
+  if (randombytes_set_implementation(&constant_randomness) != 0)
+    throw std::runtime_error("libsodium keeps its random numbers");
+  (void)withoutTimes("");
+  fill();
+  control_ = std::make_unique<Connection>(orThrow(openPostgres({.url = address_.url})), address_.path);
+  tables_ = orThrow(control_
+                        ->prepare("SELECT tablename::text FROM pg_tables WHERE schemaname = 'needlelab'"
+                                  " ORDER BY 1")
+                        .all(firstText));
+  orThrow(control_->script("CREATE SCHEMA kept"));
+  for (const std::string& table : tables_) {
+    // salts and MACs depend on times; what they prove is looked at by faultOfAuditChain()
+    const std::string row = table == "audit_chain" ? "(x.position, x.line, x.key_id)" : "x";
+    all_rows_ += (all_rows_.empty() ? "" : " UNION ALL ") + ("SELECT '" + table + "', " + row) +
+                 "::text FROM needlelab." + table + " x";
+    all_tables_ += (all_tables_.empty() ? "needlelab." : ", needlelab.") + table;
+    orThrow(control_->script("CREATE TABLE kept." + table + " AS TABLE needlelab." + table));
+  }
+  all_rows_ += " ORDER BY 1, 2";
+  rows_ = rowsByTable();
+  files_ = filesNow();
+  one_ = std::make_unique<OneServer>(address_);
+  other_ = std::make_unique<OneServer>(address_);
+}
+
+void SharedWorld::fill() {
+  const auto store = openStore(folder_.path() / "data");
+  const auto ask = [&](const Principal& who, const pb::Request& request) {
+    const Outcome outcome = store->service().execute(who, request);
+    if (outcome.error) throw std::runtime_error(outcome.error->message);
+    return outcome.reply;
+  };
+  const Principal ada{"ada", pb::ADMINISTRATOR};
+  {
+    pb::Request request;
+    request.mutable_get_profile()->set_id("knee-adult");
+    profile_json_ = ask(ada, request).profile().json();
+  }
+  {
+    pb::Request request;
+    request.mutable_import_curriculum()->set_json(
+        R"({"id":"course","name":"A course","exercises":[)"
+        R"({"id":"first","name":"The first","profile_id":"knee-adult"},)"
+        R"({"id":"second","name":"The second","profile_id":"knee-adult"}]})");
+    ask(ada, request);
+  }
+  const auto open = [&](Connection& c, const char* id, const char* trainee, const char* exercise,
+                        std::uint64_t chunks) -> Status {
+    auto d = describe(idOf(id));
+    d.set_trainee(trainee);
+    d.set_exercise_id(exercise);
+    d.set_profile_json(profile_json_);
+    if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+    for (std::uint64_t seq = 0; seq < chunks; ++seq) {
+      auto appended = SessionStore(c).append(idOf(id), seq, chunkOf(seq, kSamplesOfChunk));
+      if (!appended) return appended.error();
+    }
+    return {};
+  };
+  orThrow(store->writer().run([&](Connection& c) -> Status {
+    constexpr std::pair<const char*, pb::Role> kPeople[] = {
+        {"ada", pb::ADMINISTRATOR}, {"abe", pb::ADMINISTRATOR}, {"mia", pb::CURRICULUM_MANAGER},
+        {"ina", pb::INSTRUCTOR},    {"rea", pb::RESEARCHER},    {"anna", pb::TRAINEE},
+        {"bob", pb::TRAINEE},       {"carl", pb::TRAINEE},      {"cora", pb::TRAINEE}};
+    for (const auto& [name, role] : kPeople) {
+      // staff has some password, or none of them could log in
+      std::string hash = role == pb::TRAINEE ? "" : "$hash";
+      RETURN_IF_ERROR(PeopleStore(c).add({name, role, hash, false, 1, std::string("Full ") + name}));
+    }
+    ASSIGN_OR_RETURN(const auto code, hashCode("4711"));
+    RETURN_IF_ERROR(PeopleStore(c).setCodeHash("cora", code));
+    for (const char* station : {"station-1", "station-2"})
+      RETURN_IF_ERROR(StationStore(c).add(station, StationKeyBytes{}, 1));
+    RETURN_IF_ERROR(open(c, kScoredSession, "anna", "first", kChunksOfSession));
+    RETURN_IF_ERROR(open(c, kOtherSession, "bob", "first", kChunksOfSession));
+    RETURN_IF_ERROR(open(c, kOpenSession, "carl", "first", 2));
+    RETURN_IF_ERROR(open(c, kWaitingSession, "nobody", "first", kChunksOfSession));
+    RETURN_IF_ERROR(open(c, kOldSession, "bob", "second", kChunksOfSession));
+    return open(c, kErasedSession, "carl", "first", kChunksOfSession);
+  }));
+  for (const char* id : {kScoredSession, kOtherSession, kWaitingSession, kOldSession, kErasedSession})
+    orThrow(store->service().closeSession(closeOf(idOf(id), kChunksOfSession, kSamplesOfChunk), "station-1"));
+  {
+    pb::Request request;
+    auto* group = request.mutable_put_group()->mutable_group();
+    group->set_id("g1");
+    group->set_name("Group one");
+    group->add_members("anna");
+    group->add_members("bob");
+    ask(ada, request);
+  }
+  {
+    pb::Request request;
+    request.mutable_assign()->set_trainee("bob");
+    request.mutable_assign()->set_exercise_id("first");
+    ask(ada, request);
+  }
+  {
+    pb::Request request;
+    request.mutable_set_consent()->set_name("anna");
+    request.mutable_set_consent()->set_given(true);
+    ask(ada, request);
+  }
+  {
+    pb::Request request;
+    request.mutable_annotate()->set_session_id(kScoredSession);
+    request.mutable_annotate()->set_text("as carl did it");
+    ask({"ina", pb::INSTRUCTOR}, request);
+  }
+  {
+    pb::Request request;
+    request.mutable_set_retention()->mutable_policy()->set_exercise_id("second");
+    request.mutable_set_retention()->mutable_policy()->set_delete_after_days(1);
+    ask(ada, request);
+  }
+  orThrow(store->writer().run([&](Connection& c) -> Status {
+    RETURN_IF_ERROR(SessionStore(c).markSafe(idOf(kOldSession), kChunksOfSession));
+    // long ago
+    RETURN_IF_ERROR(
+        c.run("UPDATE sessions SET closed_unix_ns = 2 WHERE id = ?", ByteView(idOf(kOldSession))));
+    RETURN_IF_ERROR(c.run("UPDATE meta SET value = '1' WHERE key = 'created_unix_ns'"));
+    // samples that nothing here uses: each run reads everything
+    for (const char* remove :
+         {"DELETE FROM exercises WHERE curriculum_id <> 'course'",
+          "DELETE FROM curricula WHERE id <> 'course'", "DELETE FROM profiles WHERE id <> 'knee-adult'"})
+      RETURN_IF_ERROR(c.run(remove));
+    // of older definitions than the program's
+    return c.run("UPDATE scores SET definition_version = 1");
+  }));
+  pb::Request request;
+  request.mutable_export_all();
+  const pb::Reply exported = ask(ada, request);
+  for (const std::string& text : exported.records().records()) {
+    const auto record = nlohmann::json::parse(text);
+    if (record["kind"] == "person" && record["name"] == "anna") person_record_ = text;
+  }
+  if (person_record_.empty()) throw std::runtime_error("the export lacks anna");
+}
+
+std::map<std::string, std::string> SharedWorld::rowsByTable() {
+  std::map<std::string, std::string> rows;
+  auto all = control_->prepare(all_rows_);
+  while (orThrow(all.step())) rows[all.text(0)] += all.text(1) + "\n";
+  return rows;
+}
+
+std::string SharedWorld::contents(bool with_audit_log) {
+  seen_ = rowsByTable();
+  std::string text;
+  for (const auto& [table, rows] : *seen_) {
+    const bool is_log = table == "audit" || table == "audit_chain" || table == "last_numbers";
+    if (with_audit_log || !is_log) text += "== " + table + "\n" + rows;
+  }
+  return withoutTimes(text);
+}
+
+std::map<std::string, Bytes> SharedWorld::filesNow() const {
+  std::map<std::string, Bytes> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path() / "data")) {
+    if (!entry.is_regular_file()) continue;
+    const std::string text = orThrow(readWholeFile(entry.path()));
+    files[entry.path().string()] = Bytes(text.begin(), text.end());
+  }
+  return files;
+}
+
+void SharedWorld::putBack() {
+  const auto rows = seen_ ? *std::exchange(seen_, std::nullopt) : rowsByTable();
+  std::string script;
+  for (const std::string& table : tables_) {
+    const auto now = rows.find(table);
+    const auto before = std::as_const(rows_).find(table);
+    const bool same =
+        now == rows.end() ? before == rows_.end() : before != rows_.end() && now->second == before->second;
+    if (!same)
+      script += "DELETE FROM needlelab." + table + "; INSERT INTO needlelab." + table +
+                " SELECT * FROM kept." + table + ";";
+  }
+  // without triggers and foreign keys
+  if (!script.empty())
+    orThrow(control_->script("SET session_replication_role = replica;" + script +
+                             "SET session_replication_role = origin"));
+  // the rows that were put back leave dead ones, which each statement would read
+  constexpr std::uint64_t kVacuumEvery = 16;
+  if (++times_put_back_ % kVacuumEvery == 0) orThrow(control_->script("VACUUM " + all_tables_));
+  const auto files = filesNow();
+  for (const auto& [path, bytes] : files)
+    if (!files_.contains(path)) std::filesystem::remove(path);
+  for (const auto& [path, bytes] : files_) {
+    const auto now = files.find(path);
+    if (now == files.end() || now->second != bytes) orThrow(writeFileAtomically(path, bytes));
+  }
+}
+
+std::string SharedWorld::faultOfAuditChain() {
+  const std::array keys{orThrow(AuditKey::ofFile(address_.path.parent_path() / kAuditKeyFile))};
+  const auto verdict = orThrow(verifyAudit(*control_, keys, {}));
+  return verdict.ok() ? "" : verdict.texts.front();
+}
+
+std::int64_t SharedWorld::deadlocks() {
+  auto row = control_->prepare("SELECT deadlocks FROM pg_stat_database WHERE datname = current_database()");
+  return orThrow(row.step()) ? row.integer(0) : 0;
+}
+
+}  // namespace needlelab::test
