@@ -94,6 +94,10 @@ class Heads {
       const ArrivedChunk& before = *chunks_[head.chunks.back()];
       if (chunk.seq != before.seq + 1 || chunk.station != before.station) return false;
     }
+    if (chunk.samples) {
+      samples_[i] = *chunk.samples;
+      return true;
+    }
     const auto info = checkChunk(chunk.bytes);
     if (info) samples_[i] = info->count;
     return info.ok();
