@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/bytes.h"
+#include "common/base/histogram.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
@@ -41,6 +42,9 @@ T mustIngest(Result<T> result) {
   if (!result.ok()) dieOfIngest(result.error().message);
   return std::move(*result);
 }
+
+/// "p50 1.23 ms, p99 4.56 ms".
+std::string quantilesText(const DurationHistogram& times);
 
 struct IngestRow {
   std::size_t session = 0;
@@ -76,8 +80,8 @@ class IngestContender {
   IngestContender& operator=(const IngestContender&) = delete;
   /// Seconds until the last of them is committed.
   virtual double run(const IngestRows& rows) = 0;
-  /// For a person; empty: nothing.
-  [[nodiscard]] virtual std::string remark() const { return {}; }
+  /// How long its transactions took, and what else it has to say.
+  [[nodiscard]] virtual std::string remark() const = 0;
 };
 
 /// The store as in the server (DbWriter), with the queue kept full so that each group has exactly `group`
