@@ -352,11 +352,12 @@ Error PostgresConnection::errorOf(const PGresult* result, std::string_view what)
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::nextResult(Waiting& waiting,
                                                                      std::string_view what) {
-  constexpr int kLook_ms = 50;
+  constexpr int kLook_ms = 50, kLookForFlag_ms = 10;
+  const int look_ms = cancelled_ != nullptr ? kLookForFlag_ms : kLook_ms;
   bool has_work = static_cast<bool>(while_waiting_);
   while (PQisBusy(connection_.get()) != 0) {
     pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
-    const int found = ::poll(&ready, 1, has_work ? 0 : kLook_ms);
+    const int found = ::poll(&ready, 1, has_work ? 0 : look_ms);
     if (found < 0 && errno != EINTR) return lost(what);
     if (found > 0 && PQconsumeInput(connection_.get()) == 0) return lost(what);
     if (found == 0 && has_work) has_work = while_waiting_();
