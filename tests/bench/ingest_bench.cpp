@@ -153,7 +153,7 @@ std::string tableOf(const IngestSettings& settings, const Material& material, co
   std::string remarks;
   for (const std::size_t group : {16, 32, 64, 256})
     text += measure(settings, material, engine, group, remarks, met);
-  return text + "\nThe first round, which warms up, included:\n" + remarks + "\n";
+  return text + "\nFrom one commit to the next, with the round that warms up:\n" + remarks + "\n";
 }
 
 std::vector<Engine> enginesOf(const IngestSettings& settings) {

@@ -39,14 +39,14 @@ class RawPostgres final : public IngestContender {
 
   double run(const IngestRows& rows) override {
     const auto begin = std::chrono::steady_clock::now();
+    times_.begin();
     for (std::size_t at = 0; at < rows.size(); at += group_) {
-      const auto began = std::chrono::steady_clock::now();
       transact(std::span(rows).subspan(at, std::min(group_, rows.size() - at)));
-      times_.add(std::chrono::nanoseconds(std::chrono::steady_clock::now() - began).count());
+      times_.committed();
     }
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
-  [[nodiscard]] std::string remark() const override { return "transactions " + quantilesText(times_); }
+  [[nodiscard]] std::string remark() const override { return times_.text(); }
 
  private:
   void command(const std::string& sql) {
@@ -138,7 +138,7 @@ class RawPostgres final : public IngestContender {
   const std::size_t group_;
   PGconn* const connection_;
   bool prepared_ = false;
-  DurationHistogram times_;
+  IngestTimes times_;
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 /// What ingest_bench compares: the store as the server uses it, and the engines without it.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -12,7 +13,6 @@
 #include <vector>
 
 #include "common/base/bytes.h"
-#include "common/base/histogram.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
@@ -43,8 +43,19 @@ T mustIngest(Result<T> result) {
   return std::move(*result);
 }
 
-/// "p50 1.23 ms, p99 4.56 ms".
-std::string quantilesText(const DurationHistogram& times);
+/// From one commit to the next, while there is always something to store.
+class IngestTimes {
+ public:
+  /// Rows come from now on.
+  void begin() { last_ = std::chrono::steady_clock::now(); }
+  void committed();
+  /// "1.23 ms (p50), 4.56 ms (p99)".
+  [[nodiscard]] std::string text() const;
+
+ private:
+  std::chrono::steady_clock::time_point last_;
+  std::vector<double> ms_;
+};
 
 struct IngestRow {
   std::size_t session = 0;
