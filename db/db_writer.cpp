@@ -242,11 +242,15 @@ bool DbWriter::checkWaiting() {
   if (chunk == nullptr) return false;
   // only this thread takes items out of the queue, and those that come do not move it
   if (chunk->bytes.size() > kMaxStoredChunkBytes) return true;
-  if (const auto info = checkChunk(chunk->bytes)) {
+  try {
+    const auto info = checkChunk(chunk->bytes);
+    if (!info) return true;
     chunk->samples = info->count;
-    const std::lock_guard lock(mutex_);
-    ++counters_.checked_ahead;
+  } catch (const std::exception&) {
+    return false;  // for want of memory: its group checks it, and says so
   }
+  const std::lock_guard lock(mutex_);
+  ++counters_.checked_ahead;
   return true;
 }
 
