@@ -153,7 +153,7 @@ def main():
         assert server.poll() is None, "the server ended"
         check = json.loads(run(given.bin / "needlelab-admin", "--server", f"127.0.0.1:{port}", "--ca", data / "tls/ca.crt", "--user", "ada",
                                "--password-file", scratch / "password", "check", "--json"))
-        assert check["ok"], check
+        assert check["rows"][0]["ok"], check
         server.send_signal(signal.SIGTERM)
         assert server.wait(timeout=60) == 0, "the server did not end in order"
         return 0
