@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -42,6 +43,8 @@ struct ArrivedChunk {
   /// Asked once the chunk is kStored, before the commit; an error takes the chunk back. May be empty. Must
   /// not throw: those that come with it would be asked again. On the thread that appends.
   std::function<Status(const Appended&)> admit{};
+  /// The samples of `bytes`, where they were checked already (checkChunk), and are sound.
+  std::optional<std::uint32_t> samples{};
 };
 
 }  // namespace needlelab

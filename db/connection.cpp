@@ -227,8 +227,10 @@ bool Statement::isNull(int column) const {
 }
 
 Result<Transaction> Transaction::begin(Connection& connection, Kind kind) {
-  RETURN_IF_ERROR(connection.engine_->begin(kind == Kind::kWrite ? EngineConnection::Begin::kWrite
-                                                                 : EngineConnection::Begin::kView));
+  using Begin = EngineConnection::Begin;
+  RETURN_IF_ERROR(connection.engine_->begin(kind == Kind::kRead    ? Begin::kView
+                                            : kind == Kind::kWrite ? Begin::kWrite
+                                                                   : Begin::kWriteSoon));
   return Transaction(connection);
 }
 

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -211,6 +212,12 @@ class Connection {
   [[nodiscard]] Durability durability() const { return engine_->durability(); }
   [[nodiscard]] std::string durabilityReason() const { return engine_->durabilityReason(); }
 
+  /// What this thread does while it waits for the engine's server (EngineConnection::setWhileWaiting).
+  void setWhileWaiting(std::function<bool()> piece) { engine_->setWhileWaiting(std::move(piece)); }
+
+  /// How often it has waited for the engine's server; 0 with SQLite.
+  [[nodiscard]] std::uint64_t roundTrips() const { return engine_->roundTrips(); }
+
   /// The database's file. Of another engine: a file of that name in the lab's folder, where its keys are.
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   /// What messages about the contents name: Options::copy_of, or path(). A disk's fault names path().
@@ -242,6 +249,9 @@ class Transaction {
   enum class Kind {
     kRead,   ///< one unchanging view of the database
     kWrite,  ///< takes the write lock at once
+    /// As kWrite, but on PostgreSQL together with the first statement (EngineConnection::Begin::kWriteSoon):
+    /// that one's errors are begin()'s, then.
+    kWriteSoon,
   };
   static Result<Transaction> begin(Connection& connection, Kind kind);
   /// Begins a kRead transaction, or returns nothing inside an existing transaction, which already gives a

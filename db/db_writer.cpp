@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/planted_bug.h"
+#include "common/gesture/chunk.h"
 #include "db/connection.h"
 #include "db/session_store.h"
 
@@ -32,6 +33,7 @@ DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fat
       on_fatal_(std::move(on_fatal)),
       durability_(connection_.durability()) {
   next_checkpoint_ns_ = time_.nowNs() + nanoseconds(options_.checkpoint_every);
+  connection_.setWhileWaiting([this] { return checkWaiting(); });
   thread_ = std::thread([this] { loop(); });
 }
 
@@ -226,7 +228,30 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
   std::vector<Item> group(std::make_move_iterator(queue_.begin()),
                           std::make_move_iterator(queue_.begin() + static_cast<std::ptrdiff_t>(count)));
   queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(count));
+  looked_at_ -= std::min(looked_at_, count);
   return group;
+}
+
+bool DbWriter::checkWaiting() {
+  ArrivedChunk* chunk = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    while (chunk == nullptr && looked_at_ < queue_.size())
+      chunk = std::get_if<ArrivedChunk>(&queue_[looked_at_++].work);
+  }
+  if (chunk == nullptr) return false;
+  // only this thread takes items out of the queue, and those that come do not move it
+  if (chunk->bytes.size() > kMaxStoredChunkBytes) return true;
+  try {
+    const auto info = checkChunk(chunk->bytes);
+    if (!info) return true;
+    chunk->samples = info->count;
+  } catch (const std::exception&) {
+    return false;  // for want of memory: its group checks it, and says so
+  }
+  const std::lock_guard lock(mutex_);
+  ++counters_.checked_ahead;
+  return true;
 }
 
 template <typename Call>
@@ -272,6 +297,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   const std::int64_t began_ns = time_.nowNs();
   // nothing is in doubt, nothing was stored
   const auto refuse = [&](const Error& error) {
+    noteDurability();
     for (const Item& item : group) {
       if (item.done) item.done(error);
     }
@@ -279,8 +305,10 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.refused += group.size();
     return true;
   };
-  auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
-  noteDurability();
+  // chunks have no effect but what they write: they can go with BEGIN, and have its errors
+  const bool begins_soon = std::holds_alternative<ArrivedChunk>(group.front().work);
+  auto transaction = Transaction::begin(
+      connection_, begins_soon ? Transaction::Kind::kWriteSoon : Transaction::Kind::kWrite);
   if (!transaction) {
     if (connection_.damaged()) return fail(transaction.error(), group), false;
     // another process holds the write lock (e.g. an SQLite shell)
@@ -326,6 +354,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
       if (group[i].done) group[i].done(*results[i]);
     }
   };
+  noteDurability();
   if (planted(PlantedBug::kAckBeforeCommit)) report();
   const std::int64_t before_ns = time_.nowNs();
   if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored)) {
@@ -368,6 +397,7 @@ void DbWriter::fail(const Error& error, std::vector<Item>& group) {
     const std::lock_guard lock(mutex_);
     failed_ = error;
     waiting.swap(queue_);
+    looked_at_ = 0;
   }
   const Status status = stoppedError(error);
   for (const Item& item : group) {

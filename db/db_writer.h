@@ -63,6 +63,8 @@ class DbWriter {
     std::uint64_t items = 0;     ///< committed
     std::uint64_t refused = 0;   ///< items that failed alone
     std::uint64_t together = 0;  ///< of the items: chunks that were stored with others in one statement
+    /// Of the chunks: those that were checked while the thread waited for the engine's server (PostgreSQL).
+    std::uint64_t checked_ahead = 0;
     std::uint64_t commits = 0;
     std::uint64_t checkpoints = 0;
     std::uint64_t waiting = 0;  ///< items in the queue now
@@ -128,6 +130,8 @@ class DbWriter {
   Status put(Item item, Places places);
   void loop();
   std::vector<Item> takeGroup();
+  /// Checks the next chunk in the queue, so that its group need not. False: none is left to look at.
+  bool checkWaiting();
   /// Checkpoints or empties the log when that is due. An error: the writer must stop.
   Status tendLog();
   Status tryToEmptyLog();
@@ -169,6 +173,7 @@ class DbWriter {
   std::uint64_t emptying_tried_ = 0;     ///< of these, those with a try after them; guarded by mutex_
   std::uint64_t emptying_done_ = 0;      ///< of these, those that are done; guarded by mutex_
   bool ended_ = false;                   ///< the thread tends the log no more; guarded by mutex_
+  std::size_t looked_at_ = 0;            ///< of the queue, by checkWaiting(); guarded by mutex_
   bool uncheckpointed_ = false;          ///< the writer's thread only
   std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
   std::int64_t next_emptying_ns_ = 0;    ///< the writer's thread only

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -87,6 +88,10 @@ class EngineConnection {
   enum class Begin {
     kView,   ///< one unchanging view of the database
     kWrite,  ///< nobody else writes until its end
+    /// The same, but an engine whose statements cost round trips begins with the first statement (or
+    /// commit()), and in one round trip with it: that one has begin()'s errors, and so has all that comes
+    /// behind it until rollback(); durability() is as before until then.
+    kWriteSoon,
   };
   virtual Status begin(Begin kind) = 0;
   /// Returns once what was written is as safe as the engine makes it.
@@ -107,6 +112,14 @@ class EngineConnection {
   /// Statements end with kUnavailable soon after `cancelled`, which may be null, became true. Returns the one
   /// of before.
   virtual const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) = 0;
+
+  /// What the thread does while it waits for the engine's server, in pieces of some µs; a piece returns false
+  /// when there is nothing (more) to do in this wait. It may not use the connection, nor throw. Never called
+  /// by an engine without a server. Empty: nothing.
+  virtual void setWhileWaiting(std::function<bool()> /*piece*/) {}
+
+  /// How often it has waited for the engine's server.
+  [[nodiscard]] virtual std::uint64_t roundTrips() const { return 0; }
 
   /// What only SQLite has; null: this is another engine.
   [[nodiscard]] virtual SqliteConnection* sqlite() { return nullptr; }

@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "common/base/bytes.h"
-#include "common/base/planted_bug.h"
 #include "db/engine/postgres_sql.h"
 #include "db/engine/postgres_values.h"
 
@@ -24,10 +23,6 @@ namespace {
 constexpr int kMostIdle_ms = 30'000;
 constexpr int kOldestVersion = 150'000;  // PQserverVersion
 constexpr int kBinary = 1;
-/// What PostgresSettings has, in its order.
-constexpr const char* kSettingsQuery =
-    "current_setting('fsync'), current_setting('full_page_writes'), current_setting('synchronous_commit'),"
-    " current_setting('synchronous_standby_names')";
 constexpr std::size_t kMostSigns = 8;  // of types of one statement's values, see PostgresStatement
 
 using Steady = std::chrono::steady_clock;
@@ -281,17 +276,17 @@ Status PostgresConnection::connect() {
   }
   if (options_.alone) RETURN_IF_ERROR(becomeAlone());
   if (options_.read_only) return {};
-  const auto asked = askWithSettings(fmt::format("SELECT {}", kSettingsQuery), 0, "read its settings");
-  return asked ? Status() : Status(asked.error());
+  constexpr const char* kAsk = "read its settings";
+  if (PQsendQuery(connection_.get(), fmt::format("SELECT {}", kSettingsQuery).c_str()) == 0)
+    return lost(kAsk);
+  ASSIGN_OR_RETURN(const auto row, wait(kAsk));
+  noteSettings(row.get(), 0);
+  return {};
 }
 
-Result<PostgresConnection::ResultPtr> PostgresConnection::askWithSettings(const std::string& sql, int column,
-                                                                          std::string_view what) {
-  if (PQsendQuery(connection_.get(), sql.c_str()) == 0) return lost(what);
-  ASSIGN_OR_RETURN(auto row, wait(what));
-  const auto text = [&](int at) { return PQgetvalue(row.get(), 0, column + at); };
+void PostgresConnection::noteSettings(const PGresult* row, int column) {
+  const auto text = [&](int at) { return PQgetvalue(row, 0, column + at); };
   settings_ = {text(0), text(1), text(2), text(3)};
-  return row;
 }
 
 Status PostgresConnection::requireDurable() const {
@@ -317,6 +312,7 @@ Status PostgresConnection::becomeAlone() {
 }
 
 Status PostgresConnection::requireConnected() {
+  if (not_begun_) return *not_begun_;
   if (in_lost_transaction_)
     return Error{ErrorCode::kUnavailable,
                  shown_url_ + ": the connection was lost, and the transaction with it"};
@@ -334,6 +330,7 @@ void PostgresConnection::noteNotice(void* self, const PGresult* notice) {
 Error PostgresConnection::lost(std::string_view what) {
   connection_.reset();
   dropDue();
+  begin_due_ = false;
   in_lost_transaction_ = in_lost_transaction_ || in_transaction_;
   constexpr std::size_t kShown = 120;
   return {ErrorCode::kUnavailable, fmt::format("{}: the connection was lost, or gives no answer ({})",
@@ -355,12 +352,15 @@ Error PostgresConnection::errorOf(const PGresult* result, std::string_view what)
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::nextResult(Waiting& waiting,
                                                                      std::string_view what) {
-  constexpr int kLook_ms = 50;
+  constexpr int kLook_ms = 50, kLookForFlag_ms = 10;
+  const int look_ms = cancelled_ != nullptr ? kLookForFlag_ms : kLook_ms;
+  bool has_work = static_cast<bool>(while_waiting_);
   while (PQisBusy(connection_.get()) != 0) {
     pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
-    const int found = ::poll(&ready, 1, kLook_ms);
+    const int found = ::poll(&ready, 1, has_work ? 0 : look_ms);
     if (found < 0 && errno != EINTR) return lost(what);
     if (found > 0 && PQconsumeInput(connection_.get()) == 0) return lost(what);
+    if (found == 0 && has_work) has_work = while_waiting_();
     if (!waiting.asked_to_end && cancelled_ != nullptr && cancelled_->load()) {
       waiting.asked_to_end = true;
       const std::unique_ptr<PGcancel, void (*)(PGcancel*)> cancel(PQgetCancel(connection_.get()),
@@ -375,6 +375,7 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::nextResult(Waiting& wa
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::wait(std::string_view what) {
   Waiting waiting{Steady::now() + options_.answer_timeout};
+  ++round_trips_;
   ResultPtr last;
   for (;;) {
     ASSIGN_OR_RETURN(ResultPtr next, nextResult(waiting, what));
@@ -451,104 +452,8 @@ Status PostgresConnection::script(const std::string& sql) {
   return runText(sql.c_str());
 }
 
-bool PostgresConnection::inTransaction() const {
-  if (in_lost_transaction_) return true;
-  if (!isConnected()) return false;
-  const auto status = PQtransactionStatus(connection_.get());
-  return status == PQTRANS_INTRANS || status == PQTRANS_INERROR;
-}
-
-Status PostgresConnection::begin(Begin kind) {
-  RETURN_IF_ERROR(requireConnected());
-  tellBefore("BEGIN");
-  if (kind == Begin::kView) {
-    RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"));
-    // BEGIN alone does not read; this fixes the view
-    Status fixed = runText("SELECT 1");
-    if (!fixed) rollback();
-    in_transaction_ = fixed.ok();
-    return fixed;
-  }
-  // in this order: the view of each statement behind the lock has all that the holder before committed
-  // The message makes COMMIT wait for disk and standby also where nothing is changed: else it would
-  // acknowledge what an earlier transaction left at the primary only (RecordTransactionCommit, wrote_xlog).
-  const std::string ask = fmt::format(
-      "BEGIN ISOLATION LEVEL READ COMMITTED;"
-      " SELECT {}, pg_current_xact_id()::text, {}, pg_logical_emit_message(true, 'needlelab', '')",
-      planted(PlantedBug::kWritersTogether) ? "NULL" : fmt::format("pg_advisory_xact_lock({})", kWriterLock),
-      kSettingsQuery);
-  const auto locked = askWithSettings(ask, 2, "begin a transaction");
-  if (const Status durable = locked ? requireDurable() : locked.error(); !durable) {
-    rollback();
-    return durable;
-  }
-  write_xid_ = PQgetvalue(locked->get(), 0, 1);
-  in_transaction_ = true;
-  return {};
-}
-
-Status PostgresConnection::commit() {
-  warning_.reset();
-  dropDue();  // COMMIT ends the savepoints, too
-  if (in_lost_transaction_) return requireConnected();
-  tellBefore("COMMIT");
-  const std::string xid = std::exchange(write_xid_, {});
-  in_transaction_ = false;  // what is lost from here on is asked for
-  if (PQsendQuery(connection_.get(), "COMMIT") != 0) {
-    const auto done = wait("commit");
-    if (done && std::strcmp(PQcmdStatus(done->get()), "COMMIT") != 0)
-      return Error{ErrorCode::kFailed, shown_url_ + ": the transaction had failed, and was rolled back"};
-    if (done && warning_)
-      return Error{ErrorCode::kUnavailable,
-                   fmt::format("{}: stored at the primary only: {}", shown_url_, *warning_)};
-    if (done) return {};
-    if (isConnected()) return done.error();
-  } else {
-    (void)lost("commit");
-  }
-  if (xid.empty()) return {};  // it only read
-  return askOutcome(xid);
-}
-
-Status PostgresConnection::askOutcome(const std::string& xid) {
-  const auto until = Steady::now() + options_.answer_timeout;
-  const std::string ask = fmt::format("SELECT pg_xact_status('{}'::xid8)", xid);
-  std::string why;
-  while (Steady::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {
-    if (const auto connected = connect(); !connected) {
-      why = connected.error().message;
-    } else if (PQsendQuery(connection_.get(), ask.c_str()) != 0) {
-      const auto answer = wait("ask what became of a transaction");
-      if (!answer) {
-        why = answer.error().message;
-      } else {
-        const std::string_view status = PQgetvalue(answer->get(), 0, 0);
-        // of a transaction that waited for a standby nobody can tell whether the standby has it
-        if (status == "committed")
-          return Error{ErrorCode::kUnavailable,
-                       shown_url_ +
-                           ": the connection was lost while it was stored; it is stored at this server "
-                           "of PostgreSQL, and nobody can tell whether at its standby, too"};
-        if (status == "aborted")
-          return Error{ErrorCode::kUnavailable, shown_url_ + ": the connection was lost; nothing was stored"};
-        why = "it is still under way";
-      }
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  }
-  return Error{
-      ErrorCode::kUnavailable,
-      fmt::format("{}: the connection was lost while it was stored, and nobody can tell whether it was "
-                  "({}): look before you try again",
-                  shown_url_, why)};
-}
-
-void PostgresConnection::rollback() {
-  write_xid_.clear();
-  dropDue();
-  in_transaction_ = false;
-  if (std::exchange(in_lost_transaction_, false)) return;
-  if (inTransaction()) (void)runText("ROLLBACK");
+void PostgresConnection::setWhileWaiting(std::function<bool()> piece) {
+  while_waiting_ = std::move(piece);
 }
 
 const std::atomic<bool>* PostgresConnection::setCancelled(const std::atomic<bool>* cancelled) {

@@ -23,6 +23,11 @@ namespace needlelab {
 /// The schema that all of needlelab's tables are in.
 inline constexpr const char* kPostgresSchema = "needlelab";
 
+/// What PostgresSettings has, in its order.
+inline constexpr const char* kSettingsQuery =
+    "current_setting('fsync'), current_setting('full_page_writes'), current_setting('synchronous_commit'),"
+    " current_setting('synchronous_standby_names')";
+
 /// A lock of PostgreSQL's (pg_advisory_xact_lock) that each write transaction holds to its end, so that
 /// whatever it looks at before it writes stays so, whichever server writes: as with SQLite's single writer.
 inline constexpr std::int64_t kWriterLock = 0x6e6c6162;
@@ -46,6 +51,8 @@ class PostgresConnection final : public EngineConnection {
   [[nodiscard]] bool damaged() const override { return damaged_; }
   void setDamaged() override { damaged_ = true; }
   [[nodiscard]] bool isLost() const override { return in_lost_transaction_; }
+  /// A write transaction begins with one round trip, kWriteSoon with none of its own
+  /// (postgres_transactions.cpp).
   Status begin(Begin kind) override;
   /// kUnavailable when PostgreSQL reports success with a warning: a wait for the standby was cancelled, and
   /// the data is at the primary only. When the connection is lost meanwhile, the outcome is asked for
@@ -54,13 +61,16 @@ class PostgresConnection final : public EngineConnection {
   Status commit() override;
   void rollback() override;
   // Savepoints are made and released together with the next statement, in one round trip
-  // (postgres_savepoints.cpp); one without a statement costs none.
+  // (postgres_savepoints.cpp); one without a statement costs none. The one at the very beginning of a
+  // kWriteSoon is the transaction itself: to undo it, that is rolled back and begun once more.
   Status savepoint() override;
   Status releaseSavepoint() override;
   Status undoSavepoint() override;
   [[nodiscard]] Durability durability() const override { return durabilityOf(settings_); }
   [[nodiscard]] std::string durabilityReason() const override { return settings_.text(); }
   const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
+  void setWhileWaiting(std::function<bool()> piece) override;
+  [[nodiscard]] std::uint64_t roundTrips() const override { return round_trips_; }
 
   /// The URL without a password, for messages.
   [[nodiscard]] const std::string& shownUrl() const { return shown_url_; }
@@ -98,8 +108,8 @@ class PostgresConnection final : public EngineConnection {
   }
   /// Takes kAloneLock.
   Status becomeAlone();
-  /// Runs a query of one row and notes the settings in its columns, from `column` on (kSettingsQuery).
-  Result<ResultPtr> askWithSettings(const std::string& sql, int column, std::string_view what);
+  /// Notes the settings in a row's columns, from `column` on (kSettingsQuery).
+  void noteSettings(const PGresult* row, int column);
   /// kUnavailable when an ack would survive less than it must.
   Status requireDurable() const;
   struct Waiting {
@@ -119,6 +129,13 @@ class PostgresConnection final : public EngineConnection {
   Status sendDue();
   void dropDue();
   Status requireSound(const char* what);
+  /// Sends BEGIN and the statement that takes the lock, in pipeline mode. Returns how many results these
+  /// have; 0: it could not.
+  int sendBegin();
+  /// Takes the result of one of these, which succeeded.
+  void noteBegin(std::size_t step, std::size_t steps, const PGresult* result);
+  /// Rolls back; whatever is asked until the caller rolls back, too, has this error.
+  Error notBegun(Error why);
   Status runText(const char* sql);
   Error errorOf(const PGresult* result, std::string_view what);
   Error lost(std::string_view what);
@@ -132,13 +149,18 @@ class PostgresConnection final : public EngineConnection {
   std::unique_ptr<PGconn, ConnectionCloser> connection_;
   const std::atomic<bool>* cancelled_ = nullptr;
   std::int64_t changes_ = 0;
+  std::function<bool()> while_waiting_;
   std::uint64_t epoch_ = 0, prepared_ = 0;
+  std::uint64_t round_trips_ = 0;  ///< without those of connecting
+  std::uint64_t lock_epoch_ = 0;   ///< the statement that takes the lock is prepared there
   bool damaged_ = false;
   bool in_lost_transaction_ = false;    ///< the connection was lost within one that has not been rolled back
   bool in_transaction_ = false;         ///< begin() succeeded, and neither commit() nor rollback() came
+  bool begin_due_ = false;              ///< BEGIN goes with the next statement
+  std::optional<Error> not_begun_;      ///< of a BEGIN that went so, until rollback()
   std::string write_xid_;               ///< of the write transaction under way
   std::optional<std::string> warning_;  ///< since the last commit began
-  enum class AtSavepoint { kNone, kDue, kMade };
+  enum class AtSavepoint { kNone, kDue, kMade, kBegin };
   AtSavepoint savepoint_ = AtSavepoint::kNone;
   std::vector<const char*> due_;  ///< statements without results that go with the next one
 };

@@ -14,7 +14,9 @@ void PostgresConnection::dropDue() {
 
 /// Whether a savepoint could be made or released: PostgreSQL refuses both in a transaction that has failed.
 Status PostgresConnection::requireSound(const char* what) {
+  if (not_begun_) return *not_begun_;
   if (in_lost_transaction_ || !isConnected()) return lost(what);
+  if (begin_due_) return {};
   if (PQtransactionStatus(connection_.get()) == PQTRANS_INTRANS) return {};
   return Error{ErrorCode::kFailed, shown_url_ + ": cannot " + what + ": the transaction has failed"};
 }
@@ -22,6 +24,10 @@ Status PostgresConnection::requireSound(const char* what) {
 Status PostgresConnection::savepoint() {
   constexpr const char* kMake = "SAVEPOINT item";
   RETURN_IF_ERROR(requireSound(kMake));
+  if (begin_due_) {
+    savepoint_ = AtSavepoint::kBegin;
+    return {};
+  }
   due_.push_back(kMake);
   savepoint_ = AtSavepoint::kDue;
   return {};
@@ -39,26 +45,39 @@ Status PostgresConnection::releaseSavepoint() {
 Status PostgresConnection::undoSavepoint() {
   const AtSavepoint at = std::exchange(savepoint_, AtSavepoint::kNone);
   if (at == AtSavepoint::kDue && !due_.empty()) due_.pop_back();
+  const bool goes_back = at == AtSavepoint::kMade || (at == AtSavepoint::kBegin && !begin_due_);
   // without one a failed transaction stays so, and its end says it
-  if (at != AtSavepoint::kMade || in_lost_transaction_ || !inTransaction()) return {};
-  return runText("ROLLBACK TO item; RELEASE item");
+  if (!goes_back || in_lost_transaction_ || !inTransaction()) return {};
+  const bool whole = at == AtSavepoint::kBegin;
+  const Status undone = runText(whole ? "ROLLBACK" : "ROLLBACK TO item; RELEASE item");
+  if (in_lost_transaction_) return {};  // it went with the connection
+  RETURN_IF_ERROR(undone);
+  if (!whole) return {};
+  write_xid_.clear();
+  begin_due_ = true;
+  return {};
 }
 
 Status PostgresConnection::sendDue() {
-  if (due_.empty()) return {};
-  const auto sent = behindDue({}, due_.back());
+  if (due_.empty() && !begin_due_) return {};
+  const auto sent = behindDue({}, begin_due_ ? "begin a transaction" : due_.back());
   return sent ? Status() : Status(sent.error());
 }
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::function<int()>& send,
                                                                     std::string_view what) {
   PGconn* const connection = connection_.get();
-  if (due_.empty()) {
+  if (due_.empty() && !begin_due_) {
     if (send() == 0) return lost(what);
     return wait(what);
   }
   if (PQenterPipelineMode(connection) == 0) return lost(what);
-  const std::size_t due = due_.size();
+  std::size_t begins = 0;  // results before those of what is due
+  if (std::exchange(begin_due_, false)) {
+    begins = static_cast<std::size_t>(sendBegin());
+    if (begins == 0) return lost(what);
+  }
+  const std::size_t due = begins + due_.size();
   for (const char* const sql : due_)
     if (PQsendQueryParams(connection, sql, 0, nullptr, nullptr, nullptr, nullptr, 0) == 0) return lost(what);
   due_.clear();
@@ -66,6 +85,7 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::f
 
   // of each one its result and an end; behind one that fails the others are not run
   Waiting waiting{std::chrono::steady_clock::now() + options_.answer_timeout};
+  ++round_trips_;
   ResultPtr last;
   std::size_t done = 0;
   for (;;) {
@@ -77,10 +97,16 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::f
     const ExecStatusType status = PQresultStatus(next.get());
     if (status == PGRES_PIPELINE_SYNC) break;
     if (status == PGRES_PIPELINE_ABORTED) continue;
-    if (status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) ++done;
+    if (status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) {
+      if (done < begins) noteBegin(done, begins, next.get());
+      ++done;
+    }
     last = std::move(next);
   }
   if (PQexitPipelineMode(connection) == 0) return lost(what);
+  if (done < begins) return notBegun(errorOf(last.get(), "begin a transaction"));
+  if (begins > 0)
+    if (const Status durable = requireDurable(); !durable) return notBegun(durable.error());
   // the savepoint is the last of what was due
   if (savepoint_ == AtSavepoint::kDue) savepoint_ = done >= due ? AtSavepoint::kMade : AtSavepoint::kNone;
   return checked(std::move(last), what);

@@ -234,7 +234,7 @@ Status SqliteConnection::run(Fixed fixed) {
 }
 
 Status SqliteConnection::begin(Begin kind) {
-  if (kind == Begin::kWrite) return run(kBeginWrite);
+  if (kind != Begin::kView) return run(kBeginWrite);
   RETURN_IF_ERROR(run(kBegin));
   noteShortRead();
   // BEGIN alone does not read; this query fixes the view

@@ -39,10 +39,14 @@ class RawPostgres final : public IngestContender {
 
   double run(const IngestRows& rows) override {
     const auto begin = std::chrono::steady_clock::now();
-    for (std::size_t at = 0; at < rows.size(); at += group_)
+    times_.begin();
+    for (std::size_t at = 0; at < rows.size(); at += group_) {
       transact(std::span(rows).subspan(at, std::min(group_, rows.size() - at)));
+      times_.committed();
+    }
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
+  [[nodiscard]] std::string remark() const override { return times_.text(); }
 
  private:
   void command(const std::string& sql) {
@@ -134,6 +138,7 @@ class RawPostgres final : public IngestContender {
   const std::size_t group_;
   PGconn* const connection_;
   bool prepared_ = false;
+  IngestTimes times_;
 };
 
 }  // namespace

@@ -97,6 +97,8 @@ TEST_F(PostgresDurability, aTransactionThatChangesNothingWaitsForWhatIsAtThePrim
   std::thread canceller([this] { cancelTheWait(); });
   EXPECT_FALSE(put(*db, "INSERT INTO kept VALUES (1)").ok());
   canceller.join();
+  must(db->begin(EngineConnection::Begin::kWriteSoon));
+  EXPECT_EQ(db->commit().ok(), false) << "that asks nothing, either";
   // as a chunk that its station sends again: it is there, nothing is written, and an ack would be a promise
   const Status again = put(*db, "INSERT INTO kept VALUES (1) ON CONFLICT DO NOTHING");
   ASSERT_FALSE(again.ok());
@@ -112,6 +114,16 @@ TEST_F(PostgresDurability, nothingIsStoredWhileAnAckWouldSurviveLessThanItMust) 
   EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(refused.error().message, HasSubstr("must survive the loss of a disk"));
   EXPECT_FALSE(db->inTransaction());
+  EXPECT_EQ(textOf1(*control_, "SELECT count(*)::text FROM kept"), "0");
+  // also where that is known only together with the statement
+  must(db->begin(EngineConnection::Begin::kWriteSoon));
+  auto insert = db->prepare("INSERT INTO kept VALUES (1)");
+  ASSERT_TRUE(insert.ok());
+  const auto stored = (*insert)->step();
+  ASSERT_FALSE(stored.ok());
+  EXPECT_THAT(stored.error().message, HasSubstr("must survive the loss of a disk"));
+  EXPECT_FALSE(db->inTransaction() || db->commit().ok());
+  db->rollback();
   EXPECT_EQ(textOf1(*control_, "SELECT count(*)::text FROM kept"), "0");
   // any standby that connects, perhaps beside the primary's disk
   setStandbys("*");

@@ -278,6 +278,134 @@ TEST_F(PostgresEngine, aStatementBehindASavepointIsCancelledToo) {
   EXPECT_EQ(count(), 1);
 }
 
+TEST_F(PostgresEngine, aTransactionThatBeginsSoonBeginsWithItsFirstStatementInOneRoundTrip) {
+  const auto soon = EngineConnection::Begin::kWriteSoon;
+  const auto insert = prepared(*db, "INSERT INTO kinds (id) VALUES (?)");
+  const auto addSoon = [&](std::int64_t id) {
+    insert->reset();
+    must(insert->bind(1, id));
+    const auto stepped = insert->step();
+    return stepped ? Status() : Status(stepped.error());
+  };
+  for (std::int64_t id = 1; id <= 3; ++id) {
+    must(db->begin(soon));
+    EXPECT_TRUE(db->inTransaction());
+    must(db->savepoint());
+    const std::uint64_t before = db->roundTrips();
+    must(addSoon(id));
+    must(db->releaseSavepoint());
+    must(db->commit());
+    // the first time, the statements are prepared
+    EXPECT_EQ(db->roundTrips() - before, id == 1 ? 3u : 2u);
+  }
+  EXPECT_EQ(count(), 3);
+
+  // nobody else writes meanwhile
+  must(db->begin(soon));
+  must(addSoon(4));
+  const std::string held =
+      "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND objid = " + std::to_string(kWriterLock);
+  EXPECT_EQ(number(*control_, held), 1);
+  db->rollback();
+  EXPECT_EQ(number(*control_, held), 0);
+  EXPECT_FALSE(db->inTransaction());
+  EXPECT_EQ(count(), 3);
+  // one that asks nothing begins with its end, and is safe then
+  must(db->begin(soon));
+  must(db->commit());
+  must(db->begin(soon));
+  db->rollback();
+  EXPECT_FALSE(db->inTransaction());
+}
+
+TEST_F(PostgresEngine, theSavepointAtItsBeginningTakesBackTheTransactionAndItGoesOn) {
+  must(db->begin(EngineConnection::Begin::kWriteSoon));
+  must(db->savepoint());  // without a statement
+  must(db->undoSavepoint());
+  must(db->savepoint());
+  must(add(1));
+  must(db->undoSavepoint());
+  EXPECT_TRUE(db->inTransaction());
+  must(db->savepoint());
+  must(add(2));
+  EXPECT_FALSE(add(2).ok());
+  EXPECT_FALSE(db->releaseSavepoint().ok()) << "its statement has failed";
+  must(db->undoSavepoint());
+  must(db->savepoint());
+  must(add(3));
+  must(db->releaseSavepoint());
+  must(db->savepoint());  // one like any other
+  must(add(4));
+  must(db->undoSavepoint());
+  EXPECT_EQ(count(), 1);
+  must(db->commit());
+  EXPECT_EQ(count(), 1);
+  EXPECT_EQ(number(*db, "SELECT id FROM kinds"), 3);
+}
+
+TEST_F(PostgresEngine, aTransactionThatCannotBeginSaysSoWhateverIsAskedUntilItIsRolledBack) {
+  must(db->script("SET lock_timeout = 50"));
+  const auto other = connect(otherName());
+  must(other->begin(EngineConnection::Begin::kWrite));
+  for (const auto kind : {EngineConnection::Begin::kWrite, EngineConnection::Begin::kWriteSoon}) {
+    Status begun = db->begin(kind);
+    if (kind == EngineConnection::Begin::kWriteSoon) {
+      must(begun);
+      must(db->savepoint());
+      begun = add(1);
+      EXPECT_FALSE(db->savepoint().ok() || db->script("SELECT 1").ok() || db->commit().ok());
+      EXPECT_EQ(add(2).error().message, begun.error().message);
+      must(db->undoSavepoint());
+    }
+    ASSERT_FALSE(begun.ok());
+    EXPECT_EQ(begun.error().code, ErrorCode::kUnavailable);
+    EXPECT_THAT(begun.error().message, HasSubstr("begin a transaction"));
+    EXPECT_FALSE(db->inTransaction() || db->isLost() || db->damaged());
+    if (kind == EngineConnection::Begin::kWriteSoon) db->rollback();
+    EXPECT_EQ(count(), 0) << "the next statement is none of it";
+  }
+  other->rollback();
+  must(db->begin(EngineConnection::Begin::kWriteSoon));
+  must(add(1));
+  must(db->commit());
+  EXPECT_EQ(count(), 1);
+}
+
+TEST_F(PostgresEngine, aConnectionThatIsGoneAtTheBeginningLosesTheTransactionOnly) {
+  must(db->begin(EngineConnection::Begin::kWriteSoon));
+  must(db->savepoint());
+  must(run(*control_,
+           "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '" + otherName() + "'"));
+  const Status lost = add(1);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(lost.error().code, ErrorCode::kUnavailable);
+  must(db->undoSavepoint());
+  EXPECT_FALSE(db->savepoint().ok() || db->commit().ok());
+  db->rollback();
+  EXPECT_FALSE(db->inTransaction() || db->isLost() || db->damaged());
+  must(db->begin(EngineConnection::Begin::kWriteSoon));
+  must(add(1));
+  must(db->commit());
+  EXPECT_EQ(count(), 1);
+}
+
+TEST_F(PostgresEngine, whileItWaitsTheThreadDoesWhatItIsGiven) {
+  const auto sleep = prepared(*db, "SELECT pg_sleep(0.1)");
+  int pieces = 0;
+  const auto piecesOfOneWait = [&] {
+    sleep->reset();
+    pieces = 0;
+    EXPECT_TRUE(sleep->step().ok());
+    return pieces;
+  };
+  piecesOfOneWait();  // it is prepared now
+  db->setWhileWaiting([&] { return ++pieces < 20; });
+  EXPECT_EQ(piecesOfOneWait(), 20) << "and is not asked again in this wait";
+  EXPECT_EQ(piecesOfOneWait(), 20);
+  db->setWhileWaiting({});
+  EXPECT_EQ(piecesOfOneWait(), 0);
+}
+
 TEST_F(PostgresEngine, aListIsOneParameter) {
   constexpr auto kMin = std::numeric_limits<std::int64_t>::min();
   const std::vector<std::int64_t> ids = {7, kMin, -1};

@@ -1,0 +1,151 @@
+// Transactions of PostgreSQL: BEGIN with the writer's lock, COMMIT and what became of one without an answer.
+#include <fmt/core.h>
+
+#include <chrono>
+#include <cstring>
+#include <thread>
+#include <utility>
+
+#include "common/base/planted_bug.h"
+#include "db/engine/postgres.h"
+
+namespace needlelab {
+namespace {
+
+/// The name of the prepared statement that takes the lock.
+constexpr const char* kLockStatement = "lock";
+
+}  // namespace
+
+bool PostgresConnection::inTransaction() const {
+  if (in_lost_transaction_ || begin_due_) return true;
+  if (!isConnected()) return false;
+  const auto status = PQtransactionStatus(connection_.get());
+  return status == PQTRANS_INTRANS || status == PQTRANS_INERROR;
+}
+
+Status PostgresConnection::begin(Begin kind) {
+  not_begun_.reset();
+  RETURN_IF_ERROR(requireConnected());
+  tellBefore("BEGIN");
+  if (kind == Begin::kView) {
+    RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"));
+    // BEGIN alone does not read; this fixes the view
+    Status fixed = runText("SELECT 1");
+    if (!fixed) rollback();
+    in_transaction_ = fixed.ok();
+    return fixed;
+  }
+  begin_due_ = true;
+  if (kind == Begin::kWrite) {
+    const Status begun = sendDue();
+    not_begun_.reset();  // the caller has no transaction to roll back
+    if (!begun) return begun;
+  }
+  in_transaction_ = true;
+  return {};
+}
+
+int PostgresConnection::sendBegin() {
+  PGconn* const connection = connection_.get();
+  // in this order: the view of each statement behind the lock has all that the holder before committed
+  if (PQsendQueryParams(connection, "BEGIN ISOLATION LEVEL READ COMMITTED", 0, nullptr, nullptr, nullptr,
+                        nullptr, 0) == 0)
+    return 0;
+  const bool prepares = lock_epoch_ != epoch_;
+  // The message makes COMMIT wait for disk and standby also where nothing is changed: else it would
+  // acknowledge what an earlier transaction left at the primary only (RecordTransactionCommit, wrote_xlog).
+  const std::string lock = fmt::format(
+      "SELECT {}, pg_current_xact_id()::text, {}, pg_logical_emit_message(true, 'needlelab', '')",
+      planted(PlantedBug::kWritersTogether) ? "NULL" : fmt::format("pg_advisory_xact_lock({})", kWriterLock),
+      kSettingsQuery);
+  if (prepares && PQsendPrepare(connection, kLockStatement, lock.c_str(), 0, nullptr) == 0) return 0;
+  if (PQsendQueryPrepared(connection, kLockStatement, 0, nullptr, nullptr, nullptr, 0) == 0) return 0;
+  return prepares ? 3 : 2;
+}
+
+void PostgresConnection::noteBegin(std::size_t step, std::size_t steps, const PGresult* result) {
+  if (step + 1 == steps) {
+    noteSettings(result, 2);
+    write_xid_ = PQgetvalue(result, 0, 1);
+  } else if (step > 0) {
+    lock_epoch_ = epoch_;
+  }
+}
+
+Error PostgresConnection::notBegun(Error why) {
+  rollback();
+  not_begun_ = why;
+  return why;
+}
+
+Status PostgresConnection::commit() {
+  if (not_begun_) return *not_begun_;
+  dropDue();  // COMMIT ends the savepoints, too
+  // nothing was asked: what is committed before must be safe all the same
+  if (begin_due_) RETURN_IF_ERROR(sendDue());
+  warning_.reset();
+  if (in_lost_transaction_) return requireConnected();
+  tellBefore("COMMIT");
+  const std::string xid = std::exchange(write_xid_, {});
+  in_transaction_ = false;  // what is lost from here on is asked for
+  if (PQsendQuery(connection_.get(), "COMMIT") != 0) {
+    const auto done = wait("commit");
+    if (done && std::strcmp(PQcmdStatus(done->get()), "COMMIT") != 0)
+      return Error{ErrorCode::kFailed, shown_url_ + ": the transaction had failed, and was rolled back"};
+    if (done && warning_)
+      return Error{ErrorCode::kUnavailable,
+                   fmt::format("{}: stored at the primary only: {}", shown_url_, *warning_)};
+    if (done) return {};
+    if (isConnected()) return done.error();
+  } else {
+    (void)lost("commit");
+  }
+  if (xid.empty()) return {};  // it only read
+  return askOutcome(xid);
+}
+
+Status PostgresConnection::askOutcome(const std::string& xid) {
+  const auto until = std::chrono::steady_clock::now() + options_.answer_timeout;
+  const std::string ask = fmt::format("SELECT pg_xact_status('{}'::xid8)", xid);
+  std::string why;
+  while (std::chrono::steady_clock::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {
+    if (const auto connected = connect(); !connected) {
+      why = connected.error().message;
+    } else if (PQsendQuery(connection_.get(), ask.c_str()) != 0) {
+      const auto answer = wait("ask what became of a transaction");
+      if (!answer) {
+        why = answer.error().message;
+      } else {
+        const std::string_view status = PQgetvalue(answer->get(), 0, 0);
+        // of a transaction that waited for a standby nobody can tell whether the standby has it
+        if (status == "committed")
+          return Error{ErrorCode::kUnavailable,
+                       shown_url_ +
+                           ": the connection was lost while it was stored; it is stored at this server "
+                           "of PostgreSQL, and nobody can tell whether at its standby, too"};
+        if (status == "aborted")
+          return Error{ErrorCode::kUnavailable, shown_url_ + ": the connection was lost; nothing was stored"};
+        why = "it is still under way";
+      }
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  return Error{
+      ErrorCode::kUnavailable,
+      fmt::format("{}: the connection was lost while it was stored, and nobody can tell whether it was "
+                  "({}): look before you try again",
+                  shown_url_, why)};
+}
+
+void PostgresConnection::rollback() {
+  write_xid_.clear();
+  not_begun_.reset();
+  begin_due_ = false;
+  dropDue();
+  in_transaction_ = false;
+  if (std::exchange(in_lost_transaction_, false)) return;
+  if (inTransaction()) (void)runText("ROLLBACK");
+}
+
+}  // namespace needlelab
