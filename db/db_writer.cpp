@@ -115,6 +115,11 @@ DbWriter::Counters DbWriter::counters() const {
   return counters;
 }
 
+DbWriter::Standing DbWriter::standing() const {
+  const std::lock_guard lock(mutex_);
+  return standing_;
+}
+
 void DbWriter::loop() {
   for (;;) {
     std::vector<Item> group = takeGroup();
@@ -272,13 +277,21 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   const std::int64_t began_ns = time_.nowNs();
   // nothing is in doubt, nothing was stored
   const auto refuse = [&](const Error& error) {
+    {
+      const std::lock_guard lock(mutex_);
+      counters_.refused += group.size();
+      standing_.began_ns = 0;
+      standing_.refused = error.message;
+    }
     for (const Item& item : group) {
       if (item.done) item.done(error);
     }
-    const std::lock_guard lock(mutex_);
-    counters_.refused += group.size();
     return true;
   };
+  {
+    const std::lock_guard lock(mutex_);
+    standing_.began_ns = began_ns;
+  }
   auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
   noteDurability();
   if (!transaction) {
@@ -349,6 +362,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.work_ns.add(before_ns - began_ns);
     counters_.group_items.add(static_cast<std::int64_t>(group.size()));
     counters_.wal_bytes = log_bytes_;
+    standing_ = {.committed_ns = before_ns + took};
   }
   // only now is the data on disk
   if (!planted(PlantedBug::kAckBeforeCommit)) report();
@@ -367,6 +381,8 @@ void DbWriter::fail(const Error& error, std::vector<Item>& group) {
   {
     const std::lock_guard lock(mutex_);
     failed_ = error;
+    standing_.began_ns = 0;
+    standing_.refused = error.message;
     waiting.swap(queue_);
   }
   const Status status = stoppedError(error);
