@@ -95,6 +95,7 @@ class PostgresConnection final : public EngineConnection {
   Status connect();
   /// Takes kAloneLock.
   Status becomeAlone();
+  Status becomeReadOnly();
   /// Runs a query of one row and notes the settings in its columns, from `column` on (kSettingsQuery).
   Result<ResultPtr> askWithSettings(const std::string& sql, int column, std::string_view what);
   /// kUnavailable when an ack would survive less than it must.
