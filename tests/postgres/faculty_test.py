@@ -238,7 +238,7 @@ def lesson(lab, scratch, a, b):
     assert a.sql("SELECT rolsuper OR rolcreaterole OR rolcreatedb OR rolreplication FROM pg_roles WHERE rolname = 'needlelab'") == "f"
 
     load = lab.load(4)
-    time.sleep(1.5)
+    until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
     said = make_backup(lab, a, scratch)  # while stations send
     assert "made and verified" in said and "Safe" in said, said
     lab.judge(load)
@@ -267,12 +267,14 @@ def standby_lost(lab, a, b):
 def promoted(lab, a, b):
     """deploy/OPERATIONS.md, "The primary is lost", step by step, while stations send."""
     load = lab.load(8)
-    time.sleep(2)
+    until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
     a.stop("immediate")
     as_postgres(f"{PG}/pg_ctl", "-D", b.data, "-w", "promote")
-    b.sql("SELECT pg_create_physical_replication_slot('a')")
+    # before its first checkpoint pg_rewind finds nothing to do
+    b.sql("CHECKPOINT; SELECT pg_create_physical_replication_slot('a')")
     # the old primary may have what nobody acknowledged
-    as_postgres(f"{PG}/pg_rewind", "--target-pgdata", a.data, "--source-server", b.standby_conninfo() + " dbname=postgres", "--restore-target-wal")
+    said = as_postgres(f"{PG}/pg_rewind", "--target-pgdata", a.data, "--source-server", b.standby_conninfo() + " dbname=postgres")
+    assert "no rewind required" not in said, said
     a.configure()
     a.follow(b)
     a.start()
