@@ -10,6 +10,8 @@ SET synchronous_commit = local;
 CREATE ROLE needlelab LOGIN NOSUPERUSER NOCREATEDB NOCREATEROLE NOREPLICATION NOBYPASSRLS CONNECTION LIMIT 60;
 -- The standbys' and base backups': reads the whole cluster's files and log, and no tables.
 CREATE ROLE needlelab_standby LOGIN REPLICATION NOSUPERUSER NOCREATEDB NOCREATEROLE CONNECTION LIMIT 10;
+-- What tells backup on which disks the cluster and its primary are.
+GRANT pg_monitor TO needlelab_standby;
 -- What pg_rewind calls, without being a superuser (PostgreSQL's documentation of pg_rewind).
 GRANT EXECUTE ON FUNCTION pg_catalog.pg_ls_dir(text, boolean, boolean) TO needlelab_standby;
 GRANT EXECUTE ON FUNCTION pg_catalog.pg_stat_file(text, boolean) TO needlelab_standby;
