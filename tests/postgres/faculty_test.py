@@ -289,6 +289,28 @@ def promoted(lab, a, b):
     lab.admin("check")
 
 
+def restored(b, scratch):
+    """deploy/OPERATIONS.md, "Restore": the base backup from before the promotion, and the archive across it."""
+    wal = b.sql("SELECT pg_walfile_name(pg_switch_wal())")
+    until(lambda: b.sql(f"SELECT coalesce(max(last_archived_wal), '') >= '{wal}' FROM pg_stat_archiver") == "t", "the log is archived")
+    r = Machine("r", scratch)
+    base, = (scratch / "backups").glob("base-*")
+    as_postgres("cp", "-a", base, r.data)
+    r.configure()
+    (r.data / "conf.d/b-standby.conf").unlink(missing_ok=True)
+    (r.data / "standby.signal").unlink(missing_ok=True)
+    r.write("conf.d/restore.conf", f"restore_command = 'cp {scratch}/backups/wal/%f %p'\narchive_mode = off\n")
+    r.write("recovery.signal", "")
+    try:
+        r.start()
+        until(lambda: r.sql("SELECT pg_is_in_recovery()") == "f", "the restored machine has read the archive")
+        everything = "\\connect needlelab\nSELECT count(*), sum(length(bytes)), sum(crc) FROM needlelab.chunks"
+        found = r.sql(everything)
+        assert found == b.sql(everything) and not found.startswith("0|"), found
+    finally:
+        r.stop("immediate")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bin", type=pathlib.Path)
@@ -306,7 +328,8 @@ def main():
         machines = Machine("a", scratch), Machine("b", scratch)
         start_both(*machines)
         lab = Lab(given.bin.resolve(), scratch, machines)
-        for step in (lambda: lesson(lab, scratch, *machines), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines)):
+        for step in (lambda: lesson(lab, scratch, *machines), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines),
+                     lambda: restored(machines[1], scratch)):
             begun = time.monotonic()
             step()
             print(f"{time.monotonic() - begun:.1f} s")
