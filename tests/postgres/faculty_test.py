@@ -234,8 +234,10 @@ def start_both(a, b):
 
 
 def lesson(lab, scratch, a, b):
+    # a busy machine may take longer for the first trial write than /healthz waits
+    until(lambda: lab.health()["healthy"], "/healthz is content")
     found = lab.health()
-    assert found["healthy"] and found["ack_survives"] == "the loss of a disk", found
+    assert found["ack_survives"] == "the loss of a disk", found
     assert lab.metric("needlelab_ack_survives") == 3
     # neither without a password nor without TLS, and the server's role is not more than it must be
     for conninfo in (f"host=127.0.0.1 port={a.port} user=needlelab dbname=needlelab sslmode=disable",
