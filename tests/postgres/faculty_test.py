@@ -156,12 +156,16 @@ class Lab:
         self.password.chmod(0o644)
         run(bin_folder / "needlelab-admin", "--data", self.data, "--store", self.url, "user", "add", "ada", "--role", "administrator",
             "--password-file", self.password, environment=self.environment)
+        self.server = None
+
+    def start(self):
+        scratch = self.scratch
         self.log = open(scratch / "server.log", "w", encoding="utf-8")
         self.server = subprocess.Popen(
-            [bin_folder / "needlelab-server", "--data", self.data, "--store", self.url, "--durability", self.durability, "--listen", "127.0.0.1:0",
+            [self.bin / "needlelab-server", "--data", self.data, "--store", self.url, "--durability", self.durability, "--listen", "127.0.0.1:0",
              "--port-file", scratch / "port", "--metrics", "0", "--metrics-port-file", scratch / "metrics", "--web", "off"],
             stdout=self.log, stderr=self.log, env={**os.environ, **self.environment})
-        until(lambda: (scratch / "metrics").exists() or self.server.poll() is not None, "the server starts")
+        until(lambda: all((scratch / name).exists() for name in ("port", "metrics")) or self.server.poll() is not None, "the server starts")
         assert self.server.poll() is None, (scratch / "server.log").read_text()
         self.port, self.metrics = (scratch / "port").read_text().strip(), (scratch / "metrics").read_text().strip()
         shutil.copy(self.data / "tls/ca.crt", scratch / "ca.crt")
@@ -336,6 +340,7 @@ def main():
         machines = Machine("a", scratch), Machine("b", scratch)
         start_both(*machines)
         lab = Lab(given.bin.resolve(), scratch, machines)
+        lab.start()
         for step in (lambda: lesson(lab, scratch, *machines), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines),
                      lambda: restored(machines[1], scratch)):
             begun = time.monotonic()
@@ -349,7 +354,7 @@ def main():
             print(f"--- {log.name}\n" + log.read_text()[-3000:], file=sys.stderr)
         raise
     finally:
-        if lab is not None and lab.server.poll() is None:
+        if lab is not None and lab.server is not None and lab.server.poll() is None:
             lab.server.kill()
             lab.server.wait()
         for machine in machines:
