@@ -117,6 +117,13 @@ class DbWriter {
   /// The error that stopped the writer for good, if any.
   [[nodiscard]] std::optional<Error> failed() const;
   [[nodiscard]] Counters counters() const;
+  /// How the last transactions went. Times are of Options::time.
+  struct Standing {
+    std::int64_t began_ns = 0;      ///< of the transaction that is under way; 0: none is
+    std::int64_t committed_ns = 0;  ///< when one was committed last; 0: never
+    std::string refused = {};       ///< why the last one was not committed; empty: it was, or none ended
+  };
+  [[nodiscard]] Standing standing() const;
   /// What an ack survives, as of the last transaction's begin.
   [[nodiscard]] Durability durability() const { return durability_.load(std::memory_order_relaxed); }
 
@@ -168,6 +175,7 @@ class DbWriter {
   bool stopping_ = false;        ///< guarded by mutex_
   std::optional<Error> failed_;  ///< guarded by mutex_
   Counters counters_;            ///< guarded by mutex_
+  Standing standing_;            ///< guarded by mutex_
   std::condition_variable emptied_;
   std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_
   std::uint64_t emptying_tried_ = 0;     ///< of these, those with a try after them; guarded by mutex_

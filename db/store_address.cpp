@@ -13,7 +13,6 @@
 namespace needlelab {
 namespace {
 
-constexpr const char* kLabKey = "lab_id";
 constexpr std::size_t kMostStoreFileBytes = 16'384;
 
 Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const char* what) {

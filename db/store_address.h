@@ -50,6 +50,9 @@ Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file
 /// itself. Errors: kInvalidInput (--store, and the folder has a database of its own; DIR/store).
 Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::string& url);
 
+/// The lab's id, in `meta` of a database on PostgreSQL.
+inline constexpr const char* kLabKey = "lab_id";
+
 /// Each lab has an id in its database, which DIR/store repeats: compares the two, and writes DIR/store where
 /// it is not there and the database is new, or has another URL now. For a connection that may write, to a
 /// database on PostgreSQL. kInvalidInput: it is another lab's.

@@ -108,6 +108,7 @@ class PostgresConnection final : public EngineConnection {
   }
   /// Takes kAloneLock.
   Status becomeAlone();
+  Status becomeReadOnly();
   /// Notes the settings in a row's columns, from `column` on (kSettingsQuery).
   void noteSettings(const PGresult* row, int column);
   /// kUnavailable when an ack would survive less than it must.
