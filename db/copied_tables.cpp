@@ -265,7 +265,10 @@ Status addRows(Connection& connection, const CopiedTable& table, std::span<const
   };
   if (connection.sqlite() == nullptr && fitIntoLists(table, rows)) {
     const Status added = addRowsAsLists(connection, table, rows);
-    return added ? added : Status(named(rows.front(), added.error()));
+    if (added) return added;
+    return Error{added.error().code, fmt::format("table {}, or one of the {} rows behind it: {}",
+                                                 rowText(table, keyOf(table, rows.front())), rows.size() - 1,
+                                                 added.error().message)};
   }
   const std::string sql = fmt::format("INSERT INTO \"{}\" ({}) VALUES ({})", table.name, namesOfAll(table),
                                       marksOf(table.columns.size()));

@@ -49,7 +49,8 @@ Result<std::vector<CopiedRow>> rowsBehind(Connection& connection, const CopiedTa
 /// The greatest key; empty: the table has no row.
 Result<CopiedRow> lastKeyOf(Connection& connection, const CopiedTable& table);
 
-/// Errors name table and key of the row that the database does not take.
+/// Errors name table and key of the row that the database does not take; where they are added by one
+/// statement, of the first, and how many there are.
 Status addRows(Connection& connection, const CopiedTable& table, std::span<const CopiedRow> rows);
 
 CopiedRow keyOf(const CopiedTable& table, const CopiedRow& row);

@@ -7,7 +7,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <fstream>
+#include <map>
+#include <utility>
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
@@ -15,6 +16,7 @@
 #include "db/service/store_switch.h"
 #include "tests/support/postgres_database.h"
 #include "tests/unit/client/admin/run_admin.h"
+#include "tests/unit/db/dump.h"
 
 namespace needlelab::test {
 namespace {
@@ -106,6 +108,43 @@ TEST_F(StoreMoveTest, aLabGoesToPostgresAndBackWithItsKeysAndItsLog) {
   EXPECT_THAT(audit.out, HasSubstr("from SQLite to PostgreSQL"));
   EXPECT_THAT(audit.out, HasSubstr("from PostgreSQL to SQLite"));
   EXPECT_THAT(copyBack().out, HasSubstr("nothing to do"));
+}
+
+/// The rows of each table in a dump, but of those in which the starts in between write.
+std::map<std::string, std::string> tablesOf(const std::string& dump) {
+  std::map<std::string, std::string> tables;
+  for (std::size_t at = dump.find("== "); at != std::string::npos;) {
+    const std::size_t next = dump.find("\n== ", at);
+    const std::string part = dump.substr(at, next == std::string::npos ? next : next + 1 - at);
+    tables[part.substr(3, part.find(':') - 3)] = part;
+    at = next == std::string::npos ? next : next + 1;
+  }
+  for (const char* log : {"audit", "audit_chain", "meta"}) EXPECT_EQ(tables.erase(log), 1u) << log;
+  return tables;
+}
+
+TEST_F(StoreMoveTest, aFolderOfAnOldVersionGoesToPostgresAndBackAsItIsAfterItsMigration) {
+  for (const int version : {1, 4, newestSchemaVersion()}) {
+    SCOPED_TRACE(version);
+    const std::string name = "v" + std::to_string(version);
+    const std::string at = postgresUrlOf(folder.path() / name);
+    std::filesystem::create_directory(file(name));
+    {
+      auto old = TestDb::must(Connection::open(folder.path() / name / "needlelab.db",
+                                               {.mode = Connection::Mode::kWriter, .create = true}));
+      ASSERT_OK(old.script(
+          TestDb::must(readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / (name + ".sql")))));
+    }
+    const auto moved = moveStore({.folder = file(name), .url = at, .by = "local:tess", .now_unix_ns = 1});
+    ASSERT_OK(moved);
+    const Run back = run({"store", "copy", "--from", at, "--to", file(name)});
+    ASSERT_EQ(back.code, 0) << back.err;
+    auto before = TestDb::must(Connection::open(moved->kept, {}));
+    auto after = TestDb::must(Connection::open(folder.path() / name / "needlelab.db", {}));
+    const auto tables = tablesOf(dump(before));
+    EXPECT_EQ(tables.size(), 25u);
+    EXPECT_EQ(tablesOf(dump(after)), tables);
+  }
 }
 
 TEST_F(StoreMoveTest, killedWithSignalNineItGoesOn) {
