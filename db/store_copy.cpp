@@ -144,7 +144,7 @@ Status copyTable(Connection& from, Connection& to, const CopiedTable& table, con
     for (const CopiedRow& row : rows) copied.bytes += chunkBytesOf(table, row);
     copied.rows += rows.size();
     progress.rows += rows.size();
-    progress.bytes = copied.bytes;
+    if (table.hasChunks()) progress.bytes = copied.bytes;
     RETURN_IF_ERROR(tell(options, progress));
   }
   progress.table_ended = true;
@@ -241,7 +241,7 @@ Status compareTable(Connection& from, Connection& to, const CopiedTable& table, 
                      fmt::format("has another value in the column {}", *column).c_str());
     if (table.hasChunks()) RETURN_IF_ERROR(lookAtChunk(to, table, *copy, compared));
     ++compared.rows;
-    progress.bytes = compared.bytes;
+    if (table.hasChunks()) progress.bytes = compared.bytes;
     if (++progress.rows % kComparedRowsOfStep == 0) RETURN_IF_ERROR(tell(options, progress));
   }
   progress.table_ended = true;

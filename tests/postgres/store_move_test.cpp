@@ -1,81 +1,17 @@
-// A lab moves to PostgreSQL and back with `needlelab-admin store copy`: which database its folder works with,
-// whatever is killed, damaged or in the way.
-#include "db/service/store_move.h"
-
-#include <gmock/gmock.h>
+// A lab moves to PostgreSQL and back with `needlelab-admin store copy`, whatever is killed in between.
 #include <signal.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <map>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
-#include "db/schema.h"
-#include "db/service/store_switch.h"
-#include "tests/support/postgres_database.h"
-#include "tests/unit/client/admin/run_admin.h"
+#include "tests/postgres/store_move_fixture.h"
 #include "tests/unit/db/dump.h"
 
 namespace needlelab::test {
 namespace {
 
 using testing::HasSubstr;
-using testing::Not;
-
-class StoreMoveTest : public AdminTest {
- protected:
-  [[nodiscard]] std::filesystem::path lab(const std::string& name) const {
-    return folder.path() / "data" / name;
-  }
-  [[nodiscard]] StoreMove toPostgres() const {
-    return {.folder = data(), .url = url, .by = "local:tess", .now_unix_ns = wallNowNs()};
-  }
-  [[nodiscard]] Run copyTo(std::vector<std::string> more = {}) const {
-    std::vector<std::string> all{"store", "copy", "--from", data(), "--to", url};
-    all.insert(all.end(), more.begin(), more.end());
-    return run(all);
-  }
-  [[nodiscard]] Run copyBack(std::vector<std::string> more = {}) const {
-    std::vector<std::string> all{"store", "copy", "--from", url, "--to", data()};
-    all.insert(all.end(), more.begin(), more.end());
-    return run(all);
-  }
-  /// Whether the lab works, on which engine, and has what it had.
-  void expectSound(bool on_postgres, std::uint64_t sessions) const {
-    {
-      const auto store = Store::open(data(), {.create = false});
-      ASSERT_OK(store);
-      auto reader = TestDb::must((*store)->readers().borrow());
-      EXPECT_EQ(reader->sqlite() == nullptr, on_postgres);
-      for (const char* key : {"copy_under_way", "copied_to"})
-        EXPECT_FALSE(TestDb::must(MetaStore(*reader).get(key)).has_value()) << key;
-    }
-    const Run check = onData({"check", "--json"});
-    EXPECT_EQ(check.code, 0) << check.err << check.out;
-    if (check.code == 0) {
-      EXPECT_EQ(check.rows()[0]["sessions"], sessions);
-    }
-    const Run verify = onData({"audit", "verify"});
-    EXPECT_EQ(verify.code, 0) << verify.err << verify.out;
-  }
-  /// A copy that ended before it was compared: `pages` pages of a row each are there.
-  void leaveUnfinished(int pages) const {
-    StoreMove move = toPostgres();
-    move.copy = {.on_progress = [pages](const CopyProgress& progress) mutable -> Status {
-                   if (progress.table_ended || --pages > 0) return {};
-                   return Error{ErrorCode::kUnavailable, "killed"};
-                 },
-                 .most_rows = 1};
-    const auto moved = moveStore(move);
-    ASSERT_FALSE(moved.ok());
-    EXPECT_EQ(moved.error().message, "killed");
-  }
-
-  PostgresBelow dropped_at_end{folder.path()};
-  const std::string url = postgresUrlOf(folder.path() / "one");
-};
 
 TEST_F(StoreMoveTest, aLabGoesToPostgresAndBackWithItsKeysAndItsLog) {
   addSession(5);
@@ -190,109 +126,26 @@ TEST_F(StoreMoveTest, killedWithSignalNineItGoesOn) {
   }
 }
 
-TEST_F(StoreMoveTest, nobodyWorksWithAnUnfinishedCopy) {
-  addSession(4);
-  leaveUnfinished(5);
-  EXPECT_TRUE(std::filesystem::exists(lab("needlelab.db")));
-  const auto refused = Store::open(folder.path() / "other", {.store_url = url});
-  ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
-  EXPECT_THAT(refused.error().message, HasSubstr("unfinished copy"));
-  // the command goes on
-  const Run there = copyTo();
-  ASSERT_EQ(there.code, 0) << there.err;
-  expectSound(true, 1);
-}
-
-TEST_F(StoreMoveTest, aCopyDoesNotGoOnOnceSomebodyWorkedWithTheSource) {
-  addSession(4);
-  leaveUnfinished(5);
-  addSession(1);
-  const Run refused = copyTo();
-  EXPECT_EQ(refused.code, 2);
-  EXPECT_THAT(refused.err, HasSubstr("--begin-again"));
-  const Run again = copyTo({"--begin-again"});
-  ASSERT_EQ(again.code, 0) << again.err;
-  expectSound(true, 2);
-}
-
-TEST_F(StoreMoveTest, theWayBackBeginsAgainAndRefusesInTheSameWay) {
-  addSession(4);
-  ASSERT_EQ(copyTo().code, 0);
+TEST_F(StoreMoveTest, afterALostConnectionItGoesOn) {
+  addSession(20);
   StoreMove move = toPostgres();
-  move.to_postgres = false;
-  int pages = 5;
-  move.copy.on_progress = [&](const CopyProgress&) -> Status {
-    return --pages > 0 ? Status() : Status(Error{ErrorCode::kUnavailable, "killed"});
-  };
-  ASSERT_FALSE(moveStore(move).ok());
-  EXPECT_TRUE(std::filesystem::exists(lab(kCopyingDatabase)));
-  expectSound(true, 1);  // the lab works with the source meanwhile
-  EXPECT_EQ(copyBack().code, 2);
-  const Run again = copyBack({"--begin-again"});
-  ASSERT_EQ(again.code, 0) << again.err;
-  expectSound(false, 1);
-}
-
-TEST_F(StoreMoveTest, aDatabaseThatIsNotEmptyIsRefusedAndLeftAlone) {
-  addSession(1);
-  { ASSERT_OK(Store::open(folder.path() / "other", {.store_url = url})); }
-  const Run refused = copyTo();
-  EXPECT_EQ(refused.code, 2);
-  EXPECT_THAT(refused.err, HasSubstr("is not empty"));
-  EXPECT_EQ(copyTo({"--begin-again"}).code, 2) << "it is no unfinished copy";
-  expectSound(false, 1);
-  ASSERT_OK(Store::open(folder.path() / "other", {}));
-}
-
-TEST_F(StoreMoveTest, aRowThatIsChangedBehindTheCopysBackKeepsTheLabWhereItWas) {
-  addSession(2);
-  StoreMove move = toPostgres();
-  bool changed = false;
+  move.copy.most_rows = 3;
+  bool ended = false;
   move.copy.on_progress = [&](const CopyProgress& progress) -> Status {
-    if (!progress.comparing || std::exchange(changed, true)) return {};
+    if (progress.table != "chunks" || std::exchange(ended, true)) return {};
     ASSIGN_OR_RETURN(auto other, openAt(StoreAddress(lab("needlelab.db"), url), Connection::Mode::kWriter));
-    return other.run("UPDATE sessions SET exercise_id = 'other'");
+    return other.script(
+        "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
+        " WHERE datname = current_database() AND pid <> pg_backend_pid()");
   };
+  const auto lost = moveStore(move);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(lost.error().code, ErrorCode::kUnavailable) << lost.error().message;
   const auto moved = moveStore(move);
-  ASSERT_FALSE(moved.ok());
-  EXPECT_EQ(moved.error().code, ErrorCode::kCorrupt);
-  EXPECT_THAT(moved.error().message,
-              HasSubstr("sessions, number 1 has another value in the column exercise_id"));
-  expectSound(false, 1);
-}
-
-TEST_F(StoreMoveTest, damagedChunksAreNamedAndTheLabStaysUnlessItIsAskedToGo) {
-  addSession(3, false, "UPDATE chunks SET bytes = zeroblob(length(bytes)) WHERE seq = 1");
-  const Run refused = copyTo();
-  EXPECT_EQ(refused.code, 1);
-  EXPECT_THAT(refused.out, HasSubstr("damaged: chunks, session 1, chunk 1"));
-  EXPECT_THAT(refused.err, HasSubstr("a chunk is damaged in the source"));
-  EXPECT_TRUE(std::filesystem::exists(lab("needlelab.db")));
-  EXPECT_FALSE(std::filesystem::exists(lab("store")));
-  const Run moved = copyTo({"--with-damaged"});
-  EXPECT_EQ(moved.code, 0) << moved.err;
-  EXPECT_FALSE(std::filesystem::exists(lab("needlelab.db")));
-  const Run check = onData({"check"});
-  EXPECT_EQ(check.code, 1) << "the copy is as good as its original";
-}
-
-TEST_F(StoreMoveTest, whoWorksWithOneOfTheTwoKeepsTheCopyFromBeginning) {
-  addSession(1);
-  {
-    const auto server = Store::open(data(), {});
-    ASSERT_OK(server);
-    const Run refused = copyTo();
-    EXPECT_EQ(refused.code, 1);
-    EXPECT_THAT(refused.err, HasSubstr("a server is running"));
-  }
-  {
-    const auto server = Store::open(folder.path() / "other", {.store_url = url});
-    ASSERT_OK(server);
-    const Run refused = copyTo();
-    EXPECT_EQ(refused.code, 1);
-    EXPECT_THAT(refused.err, HasSubstr("works on this database"));
-  }
+  ASSERT_OK(moved);
+  EXPECT_TRUE(moved->went_on);
+  EXPECT_EQ(moved->compared.chunks, 20u);
+  expectSound(true, 1);
 }
 
 TEST_F(StoreMoveTest, aSwitchThatWasKilledIsCompletedByTheNextStart) {
@@ -340,47 +193,6 @@ TEST_F(StoreMoveTest, aSwitchThatWasKilledIsCompletedByTheNextStart) {
   EXPECT_FALSE(std::filesystem::exists(lab("needlelab.db")));
 }
 
-/// A user of PostgreSQL who may nothing but log in, and a database.
-class PlainUser {
- public:
-  /// `owns`: the database is the user's, and empty; else it has the tables of another user, which this one
-  /// may change.
-  explicit PlainUser(bool owns)
-      : cluster_(std::getenv("NEEDLELAB_TEST_POSTGRES")),
-        control_(connect("postgres")),
-        name_("plain" + std::to_string(::getpid()) + (owns ? "a" : "b")) {
-    run(control_, "CREATE ROLE " + name_ + " LOGIN");
-    run(control_, "CREATE DATABASE " + name_ +
-                      " TEMPLATE template0 ENCODING 'UTF8' LC_COLLATE 'C' LC_CTYPE 'C'" +
-                      (owns ? " OWNER " + name_ : ""));
-    if (owns) return;
-    Connection made = connect(name_);
-    EXPECT_OK(migrate(made));
-    run(made, "GRANT USAGE ON SCHEMA needlelab TO " + name_ +
-                  "; GRANT ALL ON ALL TABLES IN SCHEMA needlelab TO " + name_);
-  }
-  ~PlainUser() {
-    (void)control_.script("DROP DATABASE IF EXISTS " + name_ + " WITH (FORCE)");
-    (void)control_.script("DROP ROLE IF EXISTS " + name_);
-  }
-  PlainUser(const PlainUser&) = delete;
-  PlainUser& operator=(const PlainUser&) = delete;
-  [[nodiscard]] std::string url() const {
-    return cluster_.substr(0, cluster_.find(" user=")) + " user=" + name_ + " dbname=" + name_;
-  }
-
- private:
-  [[nodiscard]] Connection connect(const std::string& database) const {
-    return TestDb::must(
-        openAt(StoreAddress("needlelab.db", cluster_ + " dbname=" + database), Connection::Mode::kWriter));
-  }
-  static void run(Connection& connection, const std::string& sql) { EXPECT_OK(connection.script(sql)); }
-
-  const std::string cluster_;
-  Connection control_;
-  const std::string name_;
-};
-
 TEST_F(StoreMoveTest, aUserWhoOwnsTheDatabaseAndNothingElseIsEnough) {
   addSession(3);
   const PlainUser user(true);
@@ -391,42 +203,6 @@ TEST_F(StoreMoveTest, aUserWhoOwnsTheDatabaseAndNothingElseIsEnough) {
   const Run back = run({"store", "copy", "--from", user.url(), "--to", data()});
   ASSERT_EQ(back.code, 0) << back.err;
   expectSound(false, 2);
-}
-
-TEST_F(StoreMoveTest, aUserWhoDoesNotOwnTheTablesIsRefusedBeforeAnythingIsCopied) {
-  addSession(3);
-  const PlainUser user(false);
-  const Run refused = run({"store", "copy", "--from", data(), "--to", user.url()});
-  EXPECT_EQ(refused.code, 1);
-  EXPECT_THAT(refused.err, HasSubstr("must be owner of table"));
-  EXPECT_THAT(refused.err, HasSubstr("needs the user who owns the tables"));
-  expectSound(false, 1);
-}
-
-TEST_F(StoreMoveTest, wrongFoldersAndAddressesAreNamed) {
-  addSession(1);
-  const auto refusal = [&](const std::string& from, const std::string& to) {
-    const Run refused = run({"store", "copy", "--from", from, "--to", to});
-    EXPECT_EQ(refused.code, 2) << refused.err;
-    return refused.err;
-  };
-  EXPECT_THAT(refusal(data(), data()), HasSubstr("one of --from and --to"));
-  EXPECT_THAT(refusal(url, url), HasSubstr("one of --from and --to"));
-  EXPECT_THAT(refusal(file("none"), url), HasSubstr("is no folder"));
-  std::filesystem::create_directory(file("empty"));
-  EXPECT_THAT(refusal(file("empty"), url), HasSubstr("no needlelab.db"));
-  EXPECT_THAT(refusal(url, file("empty")), HasSubstr("The lab's keys lie in that folder"));
-  EXPECT_THAT(refusal(url, data()), HasSubstr("has a database of its own"));
-  const std::string hush = refusal(data(), "postgresql://anna:hush@127.0.0.1:1/lab");
-  EXPECT_THAT(hush, HasSubstr("has a password"));
-  EXPECT_THAT(hush, Not(HasSubstr("hush")));
-  // another lab's database
-  ASSERT_EQ(copyTo().code, 0);
-  const std::string other = postgresUrlOf(folder.path() / "two");
-  { ASSERT_OK(Store::open(folder.path() / "other", {.store_url = other})); }
-  EXPECT_THAT(refusal(other, data()), HasSubstr("check the address"));
-  EXPECT_THAT(refusal(data(), other), HasSubstr("is on PostgreSQL"));
-  expectSound(true, 1);
 }
 
 }  // namespace
