@@ -43,7 +43,7 @@ struct StoreFile {
   std::string kept = {};
 };
 inline constexpr const char* kStoreFile = "store";
-/// The lab's id in `meta`.
+/// The lab's id, in `meta` of a database on PostgreSQL.
 inline constexpr const char* kLabKey = "lab_id";
 
 /// Nothing: the folder has no such file. kInvalidInput: it has something else; names the line.
@@ -53,9 +53,6 @@ Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file
 /// Where the database of `folder` is. `url`: what --store says; empty: what DIR/store says, or the folder
 /// itself. Errors: kInvalidInput (--store, and the folder has a database of its own; DIR/store).
 Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::string& url);
-
-/// The lab's id, in `meta` of a database on PostgreSQL.
-inline constexpr const char* kLabKey = "lab_id";
 
 /// Each lab has an id in its database, which DIR/store repeats: compares the two, and writes DIR/store where
 /// it is not there and the database is new, or has another URL now. For a connection that may write, to a
