@@ -147,8 +147,15 @@ Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
   // read and hash here: the writer's thread never does
   std::optional<HashedChunks> known;
   if (const auto info = sessions.info(id); info && needsHash(*info, close)) {
-    ASSIGN_OR_RETURN(known, running_hashes_.goOn(sessions, id, request.chunks()));
-    if (!known) return std::optional<CloseOutcome>();
+    auto hashed = running_hashes_.goOn(sessions, id, request.chunks());
+    if (hashed) {
+      if (!*hashed) return std::optional<CloseOutcome>();
+      known = **hashed;
+    } else {
+      // an erasure may have taken its recording, and closed it, meanwhile: then nobody asks for a hash
+      const auto now = sessions.info(id);
+      if (!now || needsHash(*now, close)) return hashed.error();
+    }
   }
   std::optional<CloseOutcome> done(std::in_place);
   CloseOutcome& outcome = *done;
@@ -213,7 +220,15 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
                                          StepWork work) {
   // what it throws (no memory) is a fault of this session alone
   try {
-    return settleOrThrow(reader, session, score, work);
+    auto settled = settleOrThrow(reader, session, score, work);
+    if (settled && (!settled->fault || settled->final)) return settled;
+    // an erasure may have taken it meanwhile: as if that had come before
+    const auto now = SessionStore(reader).info(session);
+    if (!now || !now->has_removed_original()) return settled;
+    Settled gone;
+    gone.fault = originalRemoved(session, *now);
+    gone.final = true;
+    return gone;
   } catch (const std::exception& thrown) {
     Settled settled;
     settled.fault = Error{ErrorCode::kFailed, fmt::format("scoring failed inside: {}", thrown.what())};

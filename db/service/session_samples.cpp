@@ -56,12 +56,7 @@ Result<std::vector<GestureSample>> samplesOfChunk(Connection& reader, const Uuid
 Status SessionReading::begin(Connection& reader) {
   ASSIGN_OR_RETURN(all_.info, SessionStore(reader).info(session_));
   const pb::SessionInfo& info = all_.info;
-  if (info.has_removed_original()) {
-    return Error{ErrorCode::kInvalidInput,
-                 "session " + uuidText(session_) + ": its original was removed (" +
-                     info.removed_original().reason() +
-                     "); scores and events are made from originals only, those stored stay"};
-  }
+  if (info.has_removed_original()) return originalRemoved(session_, info);
   if (info.samples() == 0) return {};
   if (info.samples() > kMaxScoredSamples) {
     return Error{ErrorCode::kInvalidInput,
@@ -106,6 +101,12 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
   StepWork all = StepWork::all();
   RETURN_IF_ERROR(reading.step(reader, all));
   return std::move(reading.samples());
+}
+
+Error originalRemoved(const Uuid& session, const pb::SessionInfo& info) {
+  return {ErrorCode::kInvalidInput,
+          "session " + uuidText(session) + ": its original was removed (" + info.removed_original().reason() +
+              "); scores and events are made from originals only, those stored stay"};
 }
 
 bool isLasting(const Error& error) {

@@ -71,6 +71,9 @@ class SessionReading {
   std::optional<MotionCheck> motion_{};  // once all chunks are
 };
 
+/// The error of samplesOf() for a session whose original was removed.
+Error originalRemoved(const Uuid& session, const pb::SessionInfo& info);
+
 /// Whether this error of samplesOf() comes again each time, until the recording is removed: so it need not be
 /// read again only to find the same.
 bool isLasting(const Error& error);
