@@ -57,8 +57,15 @@ Status eraseAccess(Connection& connection, const std::string& name) {
 
 /// An ANALYZE by a SQLite with STAT4 leaves samples of the indexes, names among them; PostgreSQL's, too.
 Status removeSamplesOfIndexes(Connection& connection) {
-  // what it samples now has no more of the person
-  if (connection.sqlite() == nullptr) return connection.script("ANALYZE");
+  if (connection.sqlite() == nullptr) {
+    // what it samples now has no more of the person; PostgreSQL's own tables never had it
+    ASSIGN_OR_RETURN(const auto tables,
+                     connection
+                         .prepare("SELECT string_agg(quote_ident(tablename), ', ') FROM pg_tables"
+                                  " WHERE schemaname = current_schema()")
+                         .first(firstText));
+    return tables && !tables->empty() ? connection.script("ANALYZE " + *tables) : Status();
+  }
   ASSIGN_OR_RETURN(
       const auto samples,
       connection.prepare("SELECT name FROM sqlite_schema WHERE type = 'table' AND name = 'sqlite_stat4'")
