@@ -13,7 +13,8 @@ constexpr std::chrono::seconds kMostPatience{20};
 /// Whether a program waits for a lock that another one has. The one that is held waits for none.
 bool somebodyWaits(Connection& control) {
   auto waiting = control.prepare(
-      "SELECT 1 FROM pg_stat_activity WHERE datname = current_database() AND wait_event_type = 'Lock'");
+      "SELECT 1 FROM pg_stat_activity WHERE datname = current_database() AND wait_event_type = 'Lock'"
+      " AND backend_type = 'client backend'");
   const auto found = waiting.step();
   if (!found) throw std::runtime_error(found.error().message);
   return *found;
@@ -25,11 +26,13 @@ void StatementGate::arm(std::optional<std::size_t> held_before) {
   const std::lock_guard lock(mutex_);
   held_before_ = held_before;
   count_ = 0;
+  edges_.clear();
   held_ = ended_ = false;
 }
 
-void StatementGate::pass() {
+void StatementGate::pass(std::string_view sql) {
   std::unique_lock lock(mutex_);
+  if (sql == "BEGIN" || sql == "COMMIT") edges_.push_back(count_);
   if (count_++ != held_before_) return;
   held_ = true;
   changed_.notify_all();
@@ -63,8 +66,13 @@ std::size_t StatementGate::count() const {
   return count_;
 }
 
+std::vector<std::size_t> StatementGate::edges() const {
+  const std::lock_guard lock(mutex_);
+  return edges_;
+}
+
 OneServer::OneServer(StoreAddress address) : address_(std::move(address)) {
-  address_.before_statement = [this](std::string_view) { gate_.pass(); };
+  address_.before_statement = [this](std::string_view sql) { gate_.pass(sql); };
   auto connection = openAt(address_, Connection::Mode::kWriter);
   if (!connection) throw std::runtime_error(connection.error().message);
   DbWriter::Options options;

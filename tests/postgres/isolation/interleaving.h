@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "db/connection.h"
 #include "db/db_writer.h"
@@ -26,7 +27,7 @@ class StatementGate {
   /// release(); nothing: none.
   void arm(std::optional<std::size_t> held_before);
   /// Before each statement: see StoreAddress::before_statement.
-  void pass();
+  void pass(std::string_view sql);
   /// Its work is done.
   void end();
   /// Waits until it is held, or done. False: neither within the time.
@@ -36,12 +37,15 @@ class StatementGate {
   void release();
   /// Statements since arm().
   [[nodiscard]] std::size_t count() const;
+  /// Numbers of those that begin or commit a transaction.
+  [[nodiscard]] std::vector<std::size_t> edges() const;
 
  private:
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<std::size_t> held_before_;
   std::size_t count_ = 0;
+  std::vector<std::size_t> edges_;
   bool held_ = false, ended_ = false;
 };
 

@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/base/clock.h"
+#include "db/seen_time.h"
 #include "db/service/requests.h"
 #include "db/session_rows.h"
 #include "tests/unit/db/test_db.h"
@@ -22,7 +24,12 @@ struct TwoRequests {
   const char* first;
   const char* second_by;
   const char* second;
+  const char* told_later = "";  ///< PairAtATime
 };
+
+/// Of an erasure: it looks where the name still stands behind its transaction, and somebody of this name may
+/// be there by then. That is true when the administrator reads it.
+constexpr const char* kWhoElseHasTheName = "These have the letters of a name of this person";
 
 // clang-format off
 /// Each request that has something stored beside itself.
@@ -118,7 +125,7 @@ constexpr TwoRequests kOtherRequests[] = {
   {"ada", "add_user { name: 'nobody' role: TRAINEE }", "mia", "assign_session { session_id: 'waits--session-4' trainee: 'anna' }"},
   // an erasure; in one program only one at a time (erasures.cpp)
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "change_user { name: 'carl' base_revision: 1 full_name: 'Carl Two' }"},
-  {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "add_user { name: 'carl' role: TRAINEE }"},
+  {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "add_user { name: 'carl' role: TRAINEE }", kWhoElseHasTheName},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "disable_user { name: 'carl' }"},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "ina", "assign { trainee: 'carl' exercise_id: 'first' }"},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "assign_session { session_id: 'waits--session-4' trainee: 'carl' }"},
@@ -234,17 +241,37 @@ ServerWork appending(std::uint64_t seq, std::size_t samples) {
   };
 }
 
+pb::CloseSession closeOfOpen(std::uint64_t chunks) {
+  constexpr std::size_t kSamples = 60;
+  return closeOf(*uuidOf(kOpenSession), chunks, kSamples);
+}
+
+std::string closedText(const Closed& closed) {
+  return "closed " + std::to_string(static_cast<int>(closed.kind)) + ", next " +
+         std::to_string(closed.next_seq) + ", state " + std::to_string(static_cast<int>(closed.state)) +
+         ", " + closed.text + ", ";
+}
+
 ServerWork closing(std::uint64_t chunks) {
   return [=](OneServer& server) {
-    constexpr std::size_t kSamples = 60;
-    const auto closed =
-        server.service().closeSession(closeOf(*uuidOf(kOpenSession), chunks, kSamples), "station-1");
+    const auto closed = server.service().closeSession(closeOfOpen(chunks), "station-1");
     if (!closed) return "refused: " + closed.error().message;
-    return "closed " + std::to_string(static_cast<int>(closed->closed.kind)) + ", next " +
-           std::to_string(closed->closed.next_seq) + ", state " +
-           std::to_string(static_cast<int>(closed->closed.state)) + ", " + closed->closed.text + ", " +
-           closed->score_json + closed->score_fault;
+    return closedText(closed->closed) + closed->score_json + closed->score_fault;
   };
+}
+
+/// The score of a long session takes a while, in which its person may be erased.
+InTwoCommits closingInTwoCommits(std::uint64_t chunks) {
+  const auto close = onWriter([=](Connection& c) -> Result<std::string> {
+    const std::int64_t now_unix_ns = wallNowNs();
+    ASSIGN_OR_RETURN(const auto closed, SessionStore(c).close(closeOfOpen(chunks), now_unix_ns, "station-1"));
+    RETURN_IF_ERROR(SeenTimeStore(c).noteClose(*uuidOf(kOpenSession), now_unix_ns));
+    return closedText(closed);
+  });
+  return {close, [=](OneServer& server) -> std::string {
+            const auto again = server.service().closeSession(closeOfOpen(chunks), "station-1");
+            return again ? again->score_json + again->score_fault : "refused: " + again.error().message;
+          }};
 }
 
 }  // namespace
@@ -270,7 +297,7 @@ std::vector<PairAtATime> pairsAtATime(const SharedWorld& world) {
     MadeRequest first = requestOf(two.first_by, two.first, texts);
     MadeRequest second = requestOf(two.second_by, two.second, texts);
     pairs.push_back({std::string(two.first_by) + ": " + two.first + " | " + two.second_by + ": " + two.second,
-                     std::move(first.work), std::move(second.work), first.call, second.call});
+                     std::move(first.work), std::move(second.work), first.call, second.call, two.told_later});
   };
   for (const TwoRequests& two : kSameRequests) add(two);
   for (const TwoRequests& two : kOtherRequests) add(two);
@@ -297,6 +324,7 @@ std::vector<PairAtATime> pairsAtATime(const SharedWorld& world) {
   addOfStation("a close | and one with more chunks", closing(2), closing(3));
   addOfStation("a chunk | and the erasure of its trainee", appending(2, kSame), erase.work, erase.call);
   addOfStation("a close | and the erasure of its trainee", closing(2), erase.work, erase.call);
+  pairs.back().first_commits = closingInTwoCommits(2);
   addOfStation("a session is opened | and its trainee is erased", opening("new----session-9", "carl", "one"),
                erase.work, erase.call);
   const auto added = request("mia", "add_user { name: 'zoe' role: TRAINEE }");

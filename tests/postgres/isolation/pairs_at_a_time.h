@@ -1,6 +1,7 @@
 /// Which pieces of work two servers do at a time in the tests of isolation.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,12 +19,20 @@ enum class Indivisible {
 };
 Indivisible indivisibleOf(pb::Request::CallCase call);
 
+/// The two commits of a piece of work that promises no more than that each is as if nobody had come between.
+struct InTwoCommits {
+  ServerWork begins, ends;  ///< their answers, one behind the other, are the whole one's
+};
+
 struct PairAtATime {
   std::string name;  ///< "user add, user add"
   ServerWork first, second;
   /// Of requests; CALL_NOT_SET: what a station sends.
   pb::Request::CallCase first_call = pb::Request::CALL_NOT_SET;
   pb::Request::CallCase second_call = pb::Request::CALL_NOT_SET;
+  /// A sentence of an answer that begins so is a look at a moment behind what was stored, and not compared.
+  std::string told_later = {};
+  std::optional<InTwoCommits> first_commits = {}, second_commits = {};
 };
 
 /// Each request that has something stored, from two people; and different ones, and stations' chunks, that

@@ -92,7 +92,7 @@ std::string withoutTimes(const std::string& text) {
                std::stoll(text.substr(at, kDigitsOfTime)) >= began_ns) {
       kept += "(time)";
       at = digits;
-    } else if (begins_word && end - at == kDigitsOfMac && text.substr(0, at).ends_with(':')) {
+    } else if (at > 0 && begins_word && end - at == kDigitsOfMac && text[at - 1] == ':') {
       kept += "(mac)";
       at = end;
     } else {
@@ -111,22 +111,32 @@ SharedWorld::SharedWorld()
   (void)withoutTimes("");
   fill();
   control_ = std::make_unique<Connection>(orThrow(openPostgres({.url = address_.url})), address_.path);
-  tables_ = orThrow(control_
-                        ->prepare("SELECT tablename::text FROM pg_tables WHERE schemaname = 'needlelab'"
-                                  " ORDER BY 1")
-                        .all(firstText));
+  const auto tables = orThrow(control_
+                                  ->prepare("SELECT tablename::text FROM pg_tables"
+                                            " WHERE schemaname = 'needlelab' ORDER BY 1")
+                                  .all(firstText));
+  // each erasure has all tables analyzed; small ones need no statistics
+  orThrow(control_->script(
+      "DO $$ DECLARE one record; BEGIN FOR one IN SELECT attrelid::regclass AS named, attname FROM "
+      "pg_attribute"
+      " JOIN pg_class c ON c.oid = attrelid WHERE relnamespace = 'needlelab'::regnamespace AND relkind = 'r'"
+      " AND attnum > 0 AND NOT attisdropped LOOP"
+      " EXECUTE format('ALTER TABLE %s ALTER %I SET STATISTICS 0', one.named, one.attname);"
+      " END LOOP; END $$"));
   orThrow(control_->script("CREATE SCHEMA kept"));
-  for (const std::string& table : tables_) {
-    // salts and MACs depend on times; what they prove is looked at by faultOfAuditChain()
-    const std::string row = table == "audit_chain" ? "(x.position, x.line, x.key_id)" : "x";
-    all_rows_ += (all_rows_.empty() ? "" : " UNION ALL ") + ("SELECT '" + table + "', " + row) +
-                 "::text FROM needlelab." + table + " x";
-    all_tables_ += (all_tables_.empty() ? "needlelab." : ", needlelab.") + table;
+  for (const std::string& table : tables) {
+    // a row that is inserted or updated has a transaction of its own
+    all_stamps_ += (all_stamps_.empty() ? "" : " UNION ALL ") + ("SELECT '" + table) +
+                   "', concat(count(*), ' ', max(xmin::text::bigint)) FROM needlelab." + table;
     orThrow(control_->script("CREATE TABLE kept." + table + " AS TABLE needlelab." + table));
   }
-  all_rows_ += " ORDER BY 1, 2";
-  rows_ = rowsByTable();
+  rows_ = rowsOf({tables.begin(), tables.end()});
+  stamps_ = stampsNow();
   files_ = filesNow();
+  connectAnew();
+}
+
+void SharedWorld::connectAnew() {
   one_ = std::make_unique<OneServer>(address_);
   other_ = std::make_unique<OneServer>(address_);
 }
@@ -245,21 +255,46 @@ void SharedWorld::fill() {
   if (person_record_.empty()) throw std::runtime_error("the export lacks anna");
 }
 
-std::map<std::string, std::string> SharedWorld::rowsByTable() {
+std::map<std::string, std::string> SharedWorld::stampsNow() {
+  std::map<std::string, std::string> stamps;
+  auto all = control_->prepare(all_stamps_);
+  while (orThrow(all.step())) stamps[all.text(0)] = all.text(1);
+  return stamps;
+}
+
+std::set<std::string> SharedWorld::changedTables() {
+  std::set<std::string> changed;
+  for (const auto& [table, stamp] : stampsNow())
+    if (stamp != stamps_.at(table)) changed.insert(table);
+  return changed;
+}
+
+std::map<std::string, std::string> SharedWorld::rowsOf(const std::set<std::string>& tables) {
+  std::string select;
+  for (const std::string& table : tables) {
+    // salts and MACs depend on times; what they prove is looked at by faultOfAuditChain()
+    const std::string row = table == "audit_chain" ? "(x.position, x.line, x.key_id)" : "x";
+    select += (select.empty() ? "" : " UNION ALL ") + ("SELECT '" + table) + "', " + row +
+              "::text FROM needlelab." + table + " x";
+  }
+  std::map<std::string, std::multiset<std::string>> sorted;
+  if (!select.empty()) {
+    auto all = control_->prepare(select);
+    while (orThrow(all.step())) sorted[all.text(0)].insert(withoutTimes(all.text(1)));
+  }
   std::map<std::string, std::string> rows;
-  auto all = control_->prepare(all_rows_);
-  while (orThrow(all.step())) rows[all.text(0)] += all.text(1) + "\n";
+  for (const std::string& table : tables)
+    for (const std::string& row : sorted[table]) rows[table] += row + "\n";
   return rows;
 }
 
 std::string SharedWorld::contents(bool with_audit_log) {
-  seen_ = rowsByTable();
   std::string text;
-  for (const auto& [table, rows] : *seen_) {
+  for (const auto& [table, rows] : rowsOf(changedTables())) {
     const bool is_log = table == "audit" || table == "audit_chain" || table == "last_numbers";
-    if (with_audit_log || !is_log) text += "== " + table + "\n" + rows;
+    if ((with_audit_log || !is_log) && rows != rows_[table]) text += "== " + table + "\n" + rows;
   }
-  return withoutTimes(text);
+  return text;
 }
 
 std::map<std::string, Bytes> SharedWorld::filesNow() const {
@@ -273,24 +308,24 @@ std::map<std::string, Bytes> SharedWorld::filesNow() const {
 }
 
 void SharedWorld::putBack() {
-  const auto rows = seen_ ? *std::exchange(seen_, std::nullopt) : rowsByTable();
   std::string script;
-  for (const std::string& table : tables_) {
-    const auto now = rows.find(table);
-    const auto before = std::as_const(rows_).find(table);
-    const bool same =
-        now == rows.end() ? before == rows_.end() : before != rows_.end() && now->second == before->second;
-    if (!same)
-      script += "DELETE FROM needlelab." + table + "; INSERT INTO needlelab." + table +
-                " SELECT * FROM kept." + table + ";";
+  for (const std::string& table : changedTables()) {
+    script += "DELETE FROM needlelab." + table + "; INSERT INTO needlelab." + table + " SELECT * FROM kept." +
+              table + ";";
+    bloated_.insert(table);
   }
-  // without triggers and foreign keys
-  if (!script.empty())
+  if (!script.empty()) {
+    // without triggers and foreign keys
     orThrow(control_->script("SET session_replication_role = replica;" + script +
                              "SET session_replication_role = origin"));
-  // the rows that were put back leave dead ones, which each statement would read
-  constexpr std::uint64_t kVacuumEvery = 16;
-  if (++times_put_back_ % kVacuumEvery == 0) orThrow(control_->script("VACUUM " + all_tables_));
+    // the rows that were put back leave dead ones, which each statement would read
+    constexpr std::uint64_t kVacuumEvery = 16;
+    if (++times_put_back_ % kVacuumEvery == 0) {
+      for (const std::string& table : bloated_) orThrow(control_->script("VACUUM needlelab." + table));
+      bloated_.clear();
+    }
+    stamps_ = stampsNow();
+  }
   const auto files = filesNow();
   for (const auto& [path, bytes] : files)
     if (!files_.contains(path)) std::filesystem::remove(path);

@@ -3,7 +3,9 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -38,10 +40,13 @@ class SharedWorld {
   /// Throws when it cannot be made.
   SharedWorld();
 
-  /// Of all tables, or all but the audit log's: a line a row, without what two runs do not have in common.
+  /// Of the tables that are not as at the beginning, or all of these but the audit log's: a line a row,
+  /// without what two runs do not have in common.
   std::string contents(bool with_audit_log);
-  /// Puts tables and files back as they were; trusts the last contents(), if nothing was changed since.
+  /// Puts tables and files back as they were.
   void putBack();
+  /// Makes the two servers' connections anew: a bug that was planted before is in what they prepare.
+  void connectAnew();
   /// What is wrong with the audit log's chain; empty: nothing.
   std::string faultOfAuditChain();
   /// Transactions that PostgreSQL ended because of a deadlock.
@@ -57,19 +62,23 @@ class SharedWorld {
 
  private:
   void fill();
-  std::map<std::string, std::string> rowsByTable();
+  /// By table: another text once a transaction has changed it.
+  std::map<std::string, std::string> stampsNow();
+  [[nodiscard]] std::set<std::string> changedTables();
+  /// Lines of rows by table, without what two runs do not have in common.
+  std::map<std::string, std::string> rowsOf(const std::set<std::string>& tables);
   std::map<std::string, Bytes> filesNow() const;
 
   TempFolder folder_;
   PostgresBelow dropped_at_end_{folder_.path()};
   StoreAddress address_;
-  std::string profile_json_, person_record_, all_rows_, all_tables_;
-  std::uint64_t times_put_back_ = 0;
+  std::string profile_json_, person_record_, all_stamps_;
   std::unique_ptr<Connection> control_;
-  std::vector<std::string> tables_;
-  std::map<std::string, std::string> rows_;                 ///< at the beginning, by table
-  std::optional<std::map<std::string, std::string>> seen_;  ///< by contents()
-  std::map<std::string, Bytes> files_;                      ///< at the beginning, by path
+  std::map<std::string, std::string> stamps_;  ///< since the beginning, or putBack()
+  std::map<std::string, std::string> rows_;    ///< at the beginning
+  std::set<std::string> bloated_;              ///< tables with rows that were put back
+  std::uint64_t times_put_back_ = 0;
+  std::map<std::string, Bytes> files_;  ///< at the beginning, by path
   std::unique_ptr<OneServer> one_, other_;
 };
 
