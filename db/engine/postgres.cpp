@@ -226,8 +226,8 @@ Status PostgresConnection::connect() {
       std::to_string(std::max<std::int64_t>(1, options_.connect_timeout.count() / 1000));
   // what the URL says comes first in the list, so that these stand
   const std::string search = fmt::format(
-      "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={}{}",
-      kPostgresSchema, kMostIdle_ms, options_.read_only ? " -c default_transaction_read_only=on" : "");
+      "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={}",
+      kPostgresSchema, kMostIdle_ms);
   const char* const names[] = {"dbname",
                                "connect_timeout",
                                "options",
@@ -275,7 +275,12 @@ Status PostgresConnection::connect() {
                                                   shown_url_, version / 10'000)};
   }
   if (options_.alone) RETURN_IF_ERROR(becomeAlone());
-  if (options_.read_only) return {};
+  if (options_.read_only) return becomeReadOnly();
+  RETURN_IF_ERROR(readSettings());
+  return lookBack();
+}
+
+Status PostgresConnection::readSettings() {
   constexpr const char* kAsk = "read its settings";
   if (PQsendQuery(connection_.get(), fmt::format("SELECT {}", kSettingsQuery).c_str()) == 0)
     return lost(kAsk);
@@ -296,6 +301,14 @@ Status PostgresConnection::requireDurable() const {
       fmt::format("{}: nothing is stored: an ack must survive {} (--durability), and would survive {}: {}",
                   shown_url_, durabilityText(options_.least), durabilityText(durability()),
                   settings_.text())};
+}
+
+Status PostgresConnection::becomeReadOnly() {
+  constexpr const char* kReadOnly = "SET default_transaction_read_only = on";
+  // not among the options: libpq would take each server for a standby, by target_session_attrs=read-write
+  if (PQsendQuery(connection_.get(), kReadOnly) == 0) return lost(kReadOnly);
+  const auto set = wait(kReadOnly);
+  return set ? Status() : Status(set.error());
 }
 
 Status PostgresConnection::becomeAlone() {
@@ -343,11 +356,14 @@ Error PostgresConnection::errorOf(const PGresult* result, std::string_view what)
   const ErrorCode code = state != nullptr ? codeOfState(state) : ErrorCode::kFailed;
   if (code == ErrorCode::kCorrupt) damaged_ = true;
   constexpr std::size_t kShown = 120;
-  return {code, fmt::format("{}: cannot {}{}: {} (PostgreSQL {})", shown_url_, what.substr(0, kShown),
-                            what.size() > kShown ? "…" : "",
-                            firstLine(result != nullptr ? PQresultErrorField(result, PG_DIAG_MESSAGE_PRIMARY)
-                                                        : PQerrorMessage(connection_.get())),
-                            state != nullptr ? state : "?")};
+  Error error{code,
+              fmt::format("{}: cannot {}{}: {} (PostgreSQL {})", shown_url_, what.substr(0, kShown),
+                          what.size() > kShown ? "…" : "",
+                          firstLine(result != nullptr ? PQresultErrorField(result, PG_DIAG_MESSAGE_PRIMARY)
+                                                      : PQerrorMessage(connection_.get())),
+                          state != nullptr ? state : "?")};
+  if (code == ErrorCode::kNoRoom) full_ = error.message;
+  return error;
 }
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::nextResult(Waiting& waiting,
