@@ -16,7 +16,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parents[1] / "durability" / part) for part in ("judge", "harness")]
 from database import Database  # noqa: E402
 from ledger import Ledgers  # noqa: E402
-from verdict import judge_all  # noqa: E402
+from verdict import Judgement, judge_all  # noqa: E402,F401  pylint: disable=unused-import
 from clusters import AS_POSTGRES, PG, Cluster, Failed, run, until  # noqa: E402
 
 PASSWORD = "correct horse battery 15"
@@ -226,6 +226,12 @@ class FaultLab:
             for name, process in self.stations.items():
                 if (code := process.wait(120)) not in (0, -signal.SIGTERM):
                     raise Failed(f"{name} ended with {code}")
+
+    def start_load(self, stations, seconds):
+        return subprocess.Popen(
+            [self.template_of.bin / "needlelab-load", "--stations", str(stations), "--seconds", str(seconds), "--viewers", "0", "--server",
+             f"127.0.0.1:{self.port}", "--ca", self.folder / "data/tls/ca.crt", "--user", "ada", "--password-file", self.template / "password",
+             "--quiet", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     # --- ledgers ---
     def note(self, **event):

@@ -68,7 +68,7 @@ def cut(cluster, dice, outcome):
 
 
 def cluster_on_such_a_disk(lab):
-    shim = lab.template_of.bin / "needlelab_cut_shim.so"
+    shim = lab.template_of.bin / "needlelab_cut_shim"
     if not shim.exists():
         raise CannotPlay(f"{shim} is not built")
     return lab.cluster("a", {"LD_PRELOAD": str(shim), "NEEDLELAB_CUT_LOG": str(lab.folder / "a" / "cut.log")})

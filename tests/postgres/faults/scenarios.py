@@ -1,5 +1,6 @@
 """What happens to PostgreSQL while stations send. Each scenario plays in a lab of its own and returns the judge's last judgement; the judge has found
 nothing until then. A number from `dice` decides whatever a seed is to repeat."""
+import json
 import os
 import shutil
 import signal
@@ -7,6 +8,7 @@ import time
 
 from clusters import MOST_CONNECTIONS, Failed, Session, until
 from commit_proxy import CommitProxy
+from fault_lab import Judgement
 
 MISSING = "acknowledged-but-missing"
 
@@ -112,6 +114,32 @@ def disk_full(lab, dice, rounds):
         # a station whose server had no room asks again after 15 s
         lab.wait_for_more("ack", dice.randrange(3, 20))
     return lab.finish(a)
+
+
+def load(lab, dice, rounds):
+    """needlelab-load is the judge: it reads all samples back through the server, and ends with 0 when they are those that it has made."""
+    a = lab.cluster("a")
+    lab.start_server(lab.url(a))
+    made = lab.start_load(12, 8 * rounds)
+    until(lambda: made.poll() is not None or lab.metric('needlelab_chunks_total{result="stored"}') > 0, "the load sends")
+    for round_number in range(rounds):
+        if made.poll() is not None:
+            break
+        time.sleep(dice.uniform(0.3, 2))
+        if round_number % 3 == 2:
+            a.signal_all(signal.SIGSTOP)
+            time.sleep(dice.uniform(0.5, 2))
+            a.signal_all(signal.SIGCONT)
+            continue
+        a.kill() if round_number % 3 == 0 else a.stop()  # pylint: disable=expression-not-assigned
+        a.start()
+    out, err = made.communicate(timeout=300)
+    if made.returncode != 0:
+        raise Failed(f"needlelab-load: exit code {made.returncode}\n{out[-2000:]}\n{err[-2000:]}")
+    judgement, said = Judgement(), json.loads(out)
+    judgement.samples, judgement.sessions = said["samples_made"], said["sessions_closed"]
+    lab.stop_server()
+    return judgement
 
 
 # --- the network between
